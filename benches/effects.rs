@@ -10,7 +10,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use hbot_config::scene::kinds;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::effects::Motion;
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::mode::Mode;
 use hbot_core::render::Renderer;
 use hbot_core::rig::Limits;
@@ -92,7 +92,7 @@ fn whole_ticks(c: &mut Criterion) {
             let complaints = Complaints::default();
             let mut inputs = Inputs::quiet(tick);
             inputs.feedback =
-                Some(JointFeedback { sequence: tick as u32, counts, rates, index_seen: 0, complaints });
+                Some(JointReadings { sequence: tick as u32, counts, rates, index_seen: 0, complaints });
             if tick == 1 {
                 let _ = inputs.commands.push(Command::Enable);
             }

@@ -13,7 +13,7 @@ macro_rules! width {
             use $core::allocation::{JointLimits, allocate};
             use $core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
             use $core::impedance::{geodesic_law, quaternion_law};
-            use $core::inputs::{Command, Complaints, Inputs, JointFeedback};
+            use $core::inputs::{Command, Complaints, Inputs, JointReadings};
             use $core::kinematics::Posture;
             use $core::outputs::Outputs;
             use $core::path::Trail;
@@ -69,10 +69,10 @@ macro_rules! width {
 
             /// Returns joint feedback that swings sinusoidally over the ticks, so that every tick
             /// differs.
-            fn feedback(rig: &Rig, tick: u64) -> JointFeedback {
+            fn feedback(rig: &Rig, tick: u64) -> JointReadings {
                 let n = rig.device.joints();
                 let phase = tick as $real * 0.006;
-                let mut feedback = JointFeedback {
+                let mut feedback = JointReadings {
                     sequence: tick as u32,
                     counts: [0; MAX_JOINTS],
                     rates: [0.0; MAX_JOINTS],

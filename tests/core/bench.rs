@@ -3,7 +3,7 @@
 
 use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
 use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, Stamp};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::Mode;
 use hbot_core::outputs::{Outputs, Reply};
@@ -103,14 +103,14 @@ impl Sphere {
 }
 
 /// Returns what the encoders of `rig` read of `sphere`, as the answer to the command `sequence`.
-pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointFeedback {
+pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointReadings {
     let mut counts = [0; MAX_JOINTS];
     for j in 0..rig.device.joints() {
         // Counts wrap as in the encoder. Counts and rates have the joint's sign, regardless of
         // `reversed`.
         counts[j] = (sphere.angle[j] / rig.joints[j].radians_per_count().abs()).round() as i64 as i32;
     }
-    JointFeedback {
+    JointReadings {
         sequence,
         counts,
         rates: sphere.rates(sphere.omega),
@@ -178,7 +178,7 @@ impl Bench {
     }
 
     /// Returns what the encoders read now, as the answer to the last command.
-    pub fn feedback(&self) -> JointFeedback {
+    pub fn feedback(&self) -> JointReadings {
         let mut feedback = reading(&self.rig, &self.sphere, self.sent as u32);
         for (count, offset) in feedback.counts.iter_mut().zip(self.offset) {
             *count = offset.wrapping_add(*count);

@@ -5,7 +5,7 @@ use crate::bench::{altered, assert_finite, effect, rig, spring};
 use crate::rng::Rng;
 use hbot_core::device::MAX_JOINTS;
 use hbot_core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, OnClientLost, Stamp};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, OnClientLost, Stamp};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::{Outputs, Refusal, Reply};
 use hbot_core::rig::{
@@ -95,7 +95,7 @@ impl Weather {
         }
         let mut inputs = Inputs::quiet(*tick);
         if !rng.once_in(50) {
-            inputs.feedback = Some(JointFeedback {
+            inputs.feedback = Some(JointReadings {
                 sequence: (*tick as u32).wrapping_sub(1 + rng.once_in(30) as u32),
                 counts: *counts,
                 rates: *rates,

@@ -3,7 +3,7 @@
 
 use crate::bench::{Bench, DT, effect, rig, spring_scene};
 use hbot_core::effects::{Damper, Kind};
-use hbot_core::inputs::{Command, JointFeedback};
+use hbot_core::inputs::{Command, JointReadings};
 use hbot_core::{CompiledScene, Mat3, Vec3, rotation};
 
 /// Moves the sphere along a closed path in `ticks` ticks. Returns the sum of the squared turns of
@@ -90,7 +90,7 @@ fn on_a_slow_line_the_torque_that_was_held_is_the_one_that_counts() {
         let outputs = bench.step_with(|inputs| inputs.feedback = reading);
         commands.push_back((bench.sent(), outputs.state.torque));
         let (sequence, held) = commands.pop_front().unwrap();
-        reading = Some(JointFeedback { sequence, ..bench.feedback() });
+        reading = Some(JointReadings { sequence, ..bench.feedback() });
         let omega = if k < 390 { Vec3::new(3.0 * (0.1 * f64::from(k)).sin(), 1.0, 0.0) } else { Vec3::ZERO };
         truth += held.dot(omega * DT);
         bench.sphere.turn(omega, DT);

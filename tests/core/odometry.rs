@@ -2,7 +2,7 @@
 
 use crate::bench;
 use crate::rng::Rng;
-use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Complaints, Inputs, JointReadings};
 use hbot_core::mode::Mode;
 use hbot_core::odometry::{advance, turn, turn_along};
 use hbot_core::path::Trail;
@@ -294,7 +294,7 @@ fn the_controller_follows_a_curved_path_over_lost_readings() {
                 for j in 0..4 {
                     counts[j] = (now.joints[j] * unit).round() as i64 as i32;
                 }
-                inputs.feedback = Some(JointFeedback {
+                inputs.feedback = Some(JointReadings {
                     sequence: ms as u32,
                     counts,
                     rates: [0.0; hbot_core::MAX_JOINTS],

@@ -4,7 +4,7 @@
 use crate::bench::{altered, effect, rig, spring};
 use hbot_core::device::MAX_JOINTS;
 use hbot_core::effects::{Anchor, Damper, Kind};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::State;
 use hbot_core::rig::{PassivityLimit, RateEstimate, Rig};
@@ -75,7 +75,7 @@ impl Loop {
 
     fn step(&mut self, command: Option<Command>) -> State {
         let angles = self.motion.joints();
-        let mut reading = JointFeedback {
+        let mut reading = JointReadings {
             sequence: (self.tick - 1) as u32,
             counts: [0; MAX_JOINTS],
             rates: self.plant.joint_rates(&self.motion),

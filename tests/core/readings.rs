@@ -1,7 +1,7 @@
 //! Readings and ticks that are late, repeated, out of order or far ahead.
 
 use crate::bench::{Bench, DT, FirstReply, active, rig, spring_scene};
-use hbot_core::inputs::{Command, JointFeedback};
+use hbot_core::inputs::{Command, JointReadings};
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
 use hbot_core::{Vec3, rotation};
@@ -68,7 +68,7 @@ fn feedback_that_is_old_or_comes_twice_is_left_out() {
     let newest = bench.feedback();
     let taken = bench.step().state;
     assert!(taken.fresh);
-    let elsewhere = |feedback: JointFeedback| JointFeedback { counts: [7; 16], rates: [0.1; 16], ..feedback };
+    let elsewhere = |feedback: JointReadings| JointReadings { counts: [7; 16], rates: [0.1; 16], ..feedback };
     for stale in [newest, elsewhere(newest), old, elsewhere(old)] {
         let state = bench.step_with(|inputs| inputs.feedback = Some(stale)).state;
         assert!(!state.fresh);
@@ -84,7 +84,7 @@ fn feedback_that_is_old_or_comes_twice_is_left_out() {
 #[test]
 fn feedback_to_a_command_of_the_future_is_left_out_and_does_not_make_the_rest_look_old() {
     let mut bench = active();
-    let ahead = JointFeedback { sequence: bench.sent().wrapping_add(1000), ..bench.feedback() };
+    let ahead = JointReadings { sequence: bench.sent().wrapping_add(1000), ..bench.feedback() };
     assert!(!bench.step_with(|inputs| inputs.feedback = Some(ahead)).state.fresh);
     assert!(bench.step().state.fresh);
 }

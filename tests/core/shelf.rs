@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::device::MAX_JOINTS;
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::Reply;
 use hbot_core::rig::{Joint, Zero};
@@ -61,7 +61,7 @@ fn run(config: &RigConfig, file: &SceneFile, seconds: f64) -> Seen {
     let (mut tau, mut last) = ([0.0; MAX_JOINTS], Vec3::ZERO);
     for tick in 1..=(seconds / h) as u64 {
         let (angles, speeds) = (state.joints(), plant.joint_rates(&state));
-        let mut feedback = JointFeedback {
+        let mut feedback = JointReadings {
             sequence: (tick - 1) as u32,
             counts: [0; MAX_JOINTS],
             rates: [0.0; MAX_JOINTS],

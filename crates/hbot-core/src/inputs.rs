@@ -16,7 +16,7 @@ pub struct Inputs {
     pub lateness_ns: u64,
     /// The newest reading of all joints that has arrived since the last tick, or `None` if none has
     /// arrived.
-    pub feedback: Option<JointFeedback>,
+    pub feedback: Option<JointReadings>,
     /// Number of damaged frames received since the last tick.
     pub corrupt_frames: u16,
     /// True if a motor controller has rebooted and has not described itself to the host again yet.
@@ -44,7 +44,7 @@ impl Inputs {
 /// One reading of all joints, in the order steer, drive of each wheel. All signs follow the motor
 /// controllers' directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointFeedback {
+pub struct JointReadings {
     /// Number of the command that this reading answers: the low 32 bits of the number of the tick
     /// that sent the command.
     pub sequence: u32,

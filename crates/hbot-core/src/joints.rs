@@ -3,7 +3,7 @@
 
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::encoder::Encoder;
-use crate::inputs::JointFeedback;
+use crate::inputs::JointReadings;
 use crate::kinematics::{self, Posture};
 use crate::mode::Cause;
 use crate::odometry;
@@ -67,7 +67,7 @@ impl Joints {
     /// later than `tick`. A reading with a number from the future is refused, because all correct
     /// readings after it would look old.
     #[inline]
-    pub(crate) fn is_news(&self, feedback: &JointFeedback, tick: u64) -> bool {
+    pub(crate) fn is_news(&self, feedback: &JointReadings, tick: u64) -> bool {
         (tick as u32).wrapping_sub(feedback.sequence) as i32 >= 0
             && self.sequence.is_none_or(|last| feedback.sequence.wrapping_sub(last) as i32 > 0)
     }
@@ -81,7 +81,7 @@ impl Joints {
 
     /// Returns true if the zeros of all steer joints are known. `first` is true if no motor
     /// controller has rebooted since the start.
-    pub(crate) fn zeros_known(rig: &Rig, feedback: &JointFeedback, first: bool) -> bool {
+    pub(crate) fn zeros_known(rig: &Rig, feedback: &JointReadings, first: bool) -> bool {
         (0..rig.device.joints()).step_by(2).all(|i| match rig.joints[i].zero {
             Zero::Assume => first,
             Zero::Absolute => true,
@@ -92,7 +92,7 @@ impl Joints {
 
     /// Takes the first reading. Angles are measured from the motor controllers' zeros, and the
     /// sphere has not turned yet.
-    pub(crate) fn start(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
+    pub(crate) fn start(&mut self, rig: &Rig, feedback: &JointReadings) -> Result<(), Cause> {
         for i in 0..rig.device.joints() {
             self.encoders[i].take(feedback.counts[i]);
         }
@@ -101,7 +101,7 @@ impl Joints {
 
     /// Starts measuring anew at the present joint angles, because the path of the joints up to now
     /// is not known.
-    fn begin(&mut self, rig: &Rig, feedback: &JointFeedback) -> Result<(), Cause> {
+    fn begin(&mut self, rig: &Rig, feedback: &JointReadings) -> Result<(), Cause> {
         self.sequence = Some(feedback.sequence);
         self.trail = Trail::START;
         self.estimator.restart();
@@ -120,7 +120,7 @@ impl Joints {
     pub(crate) fn advance(
         &mut self,
         rig: &Rig,
-        feedback: &JointFeedback,
+        feedback: &JointReadings,
         late: u32,
         judged: bool,
     ) -> Result<Step, Cause> {
@@ -192,7 +192,7 @@ impl Joints {
     fn update_rates(
         &mut self,
         rig: &Rig,
-        feedback: &JointFeedback,
+        feedback: &JointReadings,
         moved: Option<(&[Real; MAX_JOINTS], u32)>,
     ) -> Result<(), Cause> {
         let mut rate = [0.0; MAX_JOINTS];
@@ -220,7 +220,7 @@ impl Joints {
     fn estimate_rates(
         &mut self,
         rig: &Rig,
-        feedback: &JointFeedback,
+        feedback: &JointReadings,
         moved: Option<(&[Real; MAX_JOINTS], u32)>,
         rate: &mut [Real; MAX_JOINTS],
     ) {

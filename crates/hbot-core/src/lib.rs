@@ -38,7 +38,7 @@
 //!
 //! ```
 //! use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
-//! use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+//! use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 //! use hbot_core::mode::Mode;
 //! use hbot_core::rig::{Joint, RigParts, Zero};
 //! use hbot_core::{
@@ -66,7 +66,7 @@
 //! let mut controller = Controller::new(rig);
 //! for tick in 1..=600 {
 //!     // Encoders at rest. Their reading answers the command of the last tick.
-//!     let feedback = JointFeedback {
+//!     let feedback = JointReadings {
 //!         sequence: tick as u32 - 1,
 //!         counts: [0; MAX_JOINTS],
 //!         rates: [0.0; MAX_JOINTS],

@@ -98,7 +98,7 @@ impl Renderer {
     /// rests, rad. Returns `None` for kinds of effects without such a distance.
     fn distance(&self, scene: &CompiledScene, effect: &Effect, q: Quat) -> Option<Real> {
         let goal = self.states[usize::from(effect.slot)].reference.goal;
-        effect.kind.excess(goal, q, scene.figures(effect.figures))
+        effect.kind.excess(goal, q, scene.numbers(effect.numbers))
     }
 
     /// Restarts all effects of `scene` when the rig is enabled. References with the anchor
@@ -195,7 +195,7 @@ impl Renderer {
                 motion,
                 dt,
                 reference: &state.reference,
-                figures: scene.figures(effect.figures),
+                numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
             };
             torque += effect.kind.render(&mut now, &mut state.memory) * gain;
@@ -218,7 +218,7 @@ impl Renderer {
                 motion: &motion,
                 dt: 0.0,
                 reference: &state.reference,
-                figures: scene.figures(effect.figures),
+                numbers: scene.numbers(effect.numbers),
                 shared: &mut shared,
             };
             if let Some(energy) = effect.kind.energy(&mut now, &state.memory) {

@@ -8,7 +8,7 @@ pub const MAX_EFFECTS: usize = 32;
 
 /// Largest count of numbers in a scene's table of numbers. The table holds positions, orientations
 /// and way-points for all effects of the scene.
-pub const MAX_FIGURES: usize = 4096;
+pub const MAX_NUMBERS: usize = 4096;
 
 /// A scene in the form that a tick needs: its effects and a table of numbers for them. It is
 /// compiled outside the loop and never changed.
@@ -17,7 +17,7 @@ pub struct CompiledScene {
     revision: u64,
     len: usize,
     effects: [Effect; MAX_EFFECTS],
-    figures: [Real; MAX_FIGURES],
+    numbers: [Real; MAX_NUMBERS],
 }
 
 /// The reason why a list of effects is not a valid scene.
@@ -28,9 +28,9 @@ pub enum SceneError {
     /// Two effects have the same slot, or a slot is not below [`MAX_EFFECTS`]. The value is this
     /// slot.
     Slot(u8),
-    /// There are more than [`MAX_FIGURES`] numbers in the table, or an effect refers to numbers
+    /// There are more than [`MAX_NUMBERS`] numbers in the table, or an effect refers to numbers
     /// that are not in it. The value is the count of numbers.
-    Figures(usize),
+    Numbers(usize),
 }
 
 impl core::fmt::Display for SceneError {
@@ -38,7 +38,7 @@ impl core::fmt::Display for SceneError {
         match self {
             Self::TooMany(n) => write!(f, "{n} effects: a scene has at most {MAX_EFFECTS}"),
             Self::Slot(slot) => write!(f, "slot {slot} is taken twice or not below {MAX_EFFECTS}"),
-            Self::Figures(n) => write!(f, "{n} figures: a scene has at most {MAX_FIGURES}"),
+            Self::Numbers(n) => write!(f, "{n} numbers: a scene has at most {MAX_NUMBERS}"),
         }
     }
 }
@@ -54,7 +54,7 @@ impl CompiledScene {
     /// Fails if there are too many effects, if their slots are not unique, or if an effect refers
     /// to a table of numbers.
     pub fn new(revision: u64, effects: &[Effect]) -> Result<Self, SceneError> {
-        Self::with_figures(revision, effects, &[])
+        Self::with_numbers(revision, effects, &[])
     }
 
     /// Creates a scene from `effects` and a table of numbers, `figures`. The [`Span`] of each
@@ -63,7 +63,7 @@ impl CompiledScene {
     /// # Errors
     /// Fails if there are too many effects or numbers, if slots are not unique, or if a span is not
     /// within the table.
-    pub fn with_figures(revision: u64, effects: &[Effect], figures: &[Real]) -> Result<Self, SceneError> {
+    pub fn with_numbers(revision: u64, effects: &[Effect], numbers: &[Real]) -> Result<Self, SceneError> {
         if effects.len() > MAX_EFFECTS {
             return Err(SceneError::TooMany(effects.len()));
         }
@@ -74,17 +74,17 @@ impl CompiledScene {
                 return Err(SceneError::Slot(effect.slot));
             }
             taken |= bit;
-            let end = usize::from(effect.figures.start) + usize::from(effect.figures.len);
-            if end > figures.len() {
-                return Err(SceneError::Figures(end));
+            let end = usize::from(effect.numbers.start) + usize::from(effect.numbers.len);
+            if end > numbers.len() {
+                return Err(SceneError::Numbers(end));
             }
         }
-        if figures.len() > MAX_FIGURES {
-            return Err(SceneError::Figures(figures.len()));
+        if numbers.len() > MAX_NUMBERS {
+            return Err(SceneError::Numbers(numbers.len()));
         }
         let mut scene = Self::empty();
         scene.revision = revision;
-        scene.figures[..figures.len()].copy_from_slice(figures);
+        scene.numbers[..numbers.len()].copy_from_slice(numbers);
         scene.len = effects.len();
         scene.effects[..effects.len()].copy_from_slice(effects);
         Ok(scene)
@@ -95,7 +95,7 @@ impl CompiledScene {
     pub fn empty() -> Self {
         let nothing = Kind::Constant(Constant { torque: Vec3::ZERO, frame: Frame::World });
         let unused = Effect::new(0, 0, nothing);
-        Self { revision: 0, len: 0, effects: [unused; MAX_EFFECTS], figures: [0.0; MAX_FIGURES] }
+        Self { revision: 0, len: 0, effects: [unused; MAX_EFFECTS], numbers: [0.0; MAX_NUMBERS] }
     }
 
     /// Returns the revision of the scene: a number by which the controller recognises a change of
@@ -115,12 +115,12 @@ impl CompiledScene {
     /// Returns the part `span` of the scene's table of numbers.
     ///
     /// # Panics
-    /// Panics if `span` is not within the largest possible table, [`MAX_FIGURES`].
+    /// Panics if `span` is not within the largest possible table, [`MAX_NUMBERS`].
     #[inline]
     #[must_use]
-    pub fn figures(&self, span: Span) -> &[Real] {
+    pub fn numbers(&self, span: Span) -> &[Real] {
         let start = usize::from(span.start);
-        &self.figures[start..start + usize::from(span.len)]
+        &self.numbers[start..start + usize::from(span.len)]
     }
 
     /// Returns a scene that contains only the effect with the index `effect` in this scene.

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use hbot_core::inputs::Command::{Disable, Enable, Estop};
-use hbot_core::inputs::{Commands, Inputs, JointFeedback, MAX_COMMANDS};
+use hbot_core::inputs::{Commands, Inputs, JointReadings, MAX_COMMANDS};
 use hbot_core::mode::Mode;
 use hbot_core::{CompiledScene, Controller};
 
@@ -158,7 +158,7 @@ impl Engine {
                 awake_ns: moment.awake_ns,
                 lateness_ns: moment.lateness_ns,
                 compute_ns: computed - computing,
-                link_ns: (computing - started) + (sent - computed),
+                line_ns: (computing - started) + (sent - computed),
                 age_ns,
             },
             counters: self.counters,
@@ -176,7 +176,7 @@ impl Engine {
     #[inline(never)]
     pub fn rehearse(&self, tick: u64) {
         let readings = self.motors.readings();
-        let feedback = JointFeedback { sequence: readings.sequence.wrapping_add(1), ..*readings };
+        let feedback = JointReadings { sequence: readings.sequence.wrapping_add(1), ..*readings };
         let inputs = Inputs {
             tick,
             lateness_ns: 0,

@@ -11,7 +11,7 @@
 
 use std::time::Instant;
 
-use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Complaints, Inputs, JointReadings};
 use hbot_core::kinematics::Posture;
 use hbot_core::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
@@ -205,7 +205,7 @@ fn reading<const N: usize>(rig: &Rig, tick: usize, h: f64, y: &[f64; N]) -> Inpu
         counts[j] = (y[4 + j] / joint.radians_per_count()).round() as i64 as i32;
         rates[j] = if joint.reversed { -rates[j] } else { rates[j] };
     }
-    let feedback = JointFeedback {
+    let feedback = JointReadings {
         sequence: tick as u32,
         counts,
         rates,

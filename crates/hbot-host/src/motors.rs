@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use hbot_core::MAX_JOINTS;
-use hbot_core::inputs::{Complaints, JointFeedback};
+use hbot_core::inputs::{Complaints, JointReadings};
 use hbot_core::outputs::Drive;
 
 use crate::bus::{BusCommand, Heard, MotorBus, Reading};
@@ -13,7 +13,7 @@ use crate::layout::Layout;
 pub(crate) const OFF: Drive = Drive { enable: false, torque: [0.0; MAX_JOINTS] };
 
 /// The joint readings before the first one has arrived: all values are zero.
-const NO_READINGS: JointFeedback = JointFeedback {
+const NO_READINGS: JointReadings = JointReadings {
     sequence: 0,
     counts: [0; MAX_JOINTS],
     rates: [0.0; MAX_JOINTS],
@@ -37,7 +37,7 @@ pub struct Motors {
     watchdog_ms: u16,
     /// The newest readings of the joints on all buses. Readings from different buses can differ in
     /// age.
-    readings: JointFeedback,
+    readings: JointReadings,
 }
 
 /// One motor bus of a rig, with its joints and its state.
@@ -60,7 +60,7 @@ struct Attached {
 pub struct News {
     /// The newest readings of all joints, with the sequence number of the oldest of them. `None` if
     /// nothing new has arrived.
-    pub feedback: Option<JointFeedback>,
+    pub feedback: Option<JointReadings>,
     /// Number of buses that have delivered a reading.
     pub buses_with_reading: usize,
     /// Number of damaged frames received.
@@ -110,7 +110,7 @@ impl Motors {
     }
 
     /// Returns the newest readings of all joints. Readings from different buses can differ in age.
-    pub(crate) fn readings(&self) -> &JointFeedback {
+    pub(crate) fn readings(&self) -> &JointReadings {
         &self.readings
     }
 
@@ -142,7 +142,7 @@ impl Motors {
             oldest.filter(|_| news.buses_with_reading > 0 || complaints != Complaints::default())
         {
             self.readings.sequence = sequence;
-            news.feedback = Some(JointFeedback { complaints, ..self.readings });
+            news.feedback = Some(JointReadings { complaints, ..self.readings });
         }
         news
     }
@@ -197,7 +197,7 @@ impl Attached {
 
     /// Copies a reading of this bus to the places of its joints in the rig, and adds the zero
     /// offsets.
-    fn place(&self, reading: &Reading, offsets: &[i32; MAX_JOINTS], readings: &mut JointFeedback) {
+    fn place(&self, reading: &Reading, offsets: &[i32; MAX_JOINTS], readings: &mut JointReadings) {
         for (joint, at) in &self.joints {
             let read = &reading.joints[*at];
             readings.counts[*joint] = read.count.wrapping_add(offsets[*joint]);

@@ -39,7 +39,7 @@ pub struct TickTiming {
     /// Time spent in the control law, ns.
     pub compute_ns: u64,
     /// Time spent on the serial line, ns: reading, decoding, encoding and writing.
-    pub link_ns: u64,
+    pub line_ns: u64,
     /// Age of the torque, ns: the time from the measurement of the newest reading to sending this
     /// tick's torque. A motor controller reads its encoders when it receives a command, so the send
     /// time of the command that the reading answers is taken as the time of the measurement. `None`

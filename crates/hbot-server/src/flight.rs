@@ -226,7 +226,7 @@ fn fields(sample: &Sample, joints: usize, row: &mut Vec<String>) {
     row.push(optional(state.client.and_then(|client| client.seq)));
     row.push(optional(state.client.map(|client| client.age_ticks)));
     row.extend([state.fresh.to_string(), sample.scene.to_string()]);
-    row.extend([us(timing.lateness_ns), us(timing.compute_ns), us(timing.link_ns)]);
+    row.extend([us(timing.lateness_ns), us(timing.compute_ns), us(timing.line_ns)]);
     row.push(timing.age_ns.map(us).unwrap_or_default());
     row.extend(
         [

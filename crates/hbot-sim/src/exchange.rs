@@ -2,7 +2,7 @@
 //! readings cross the line as the same bytes that a serial port would carry.
 
 use hbot_core::device::MAX_JOINTS;
-use hbot_core::inputs::{Complaints, JointFeedback};
+use hbot_core::inputs::{Complaints, JointReadings};
 use hbot_core::outputs::Drive;
 use hbot_link::{Command, Decoder, FromController, MAX_COMMAND_FRAME, ToController, encode};
 
@@ -54,7 +54,7 @@ impl Exchange {
     /// returns the newest reading that the rig answered.
     ///
     /// Returns `None` if no reading has arrived.
-    pub fn tick(&mut self, now_ns: u64, sequence: u32, drive: &Drive) -> Option<JointFeedback> {
+    pub fn tick(&mut self, now_ns: u64, sequence: u32, drive: &Drive) -> Option<JointReadings> {
         let mut command =
             Command { sequence, enable: drive.enable, watchdog_ms: WATCHDOG_MS, ..Command::default() };
         for torque in &drive.torque[..self.joints] {
@@ -65,7 +65,7 @@ impl Exchange {
         let mut newest = None;
         self.decoder.feed(&self.reply, |frame| {
             if let Ok(FromController::Feedback(feedback)) = frame {
-                let mut reading = JointFeedback {
+                let mut reading = JointReadings {
                     sequence: feedback.sequence,
                     counts: [0; MAX_JOINTS],
                     rates: [0.0; MAX_JOINTS],

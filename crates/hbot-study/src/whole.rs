@@ -1,7 +1,7 @@
 //! The whole loop in virtual time: a controller, its line and its simulated rig in lock-step.
 
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
-use hbot_core::inputs::{Command, Commands, Inputs, JointFeedback};
+use hbot_core::inputs::{Command, Commands, Inputs, JointReadings};
 use hbot_core::outputs::{Drive, Outputs};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
 use hbot_sim::exchange::Exchange;
@@ -30,7 +30,7 @@ pub(crate) struct Whole {
     scene: CompiledScene,
     exchange: Exchange,
     drive: Drive,
-    feedback: Option<JointFeedback>,
+    feedback: Option<JointReadings>,
     tick: u32,
     period_ns: u64,
 }

@@ -14,7 +14,7 @@ fn every_kind_gives_the_same_bits_on_every_machine() {
     let mut hash = 0xCBF2_9CE4_8422_2325_u64;
     let mut rng = Rng(60);
     for (kind, figures) in all() {
-        let mut felt = Felt::with_figures(kind, &figures);
+        let mut felt = Felt::with_numbers(kind, &figures);
         let (mut q, mut omega) = (Quat::IDENTITY, Vec3::ZERO);
         let mut felt_something = false;
         for _ in 0..3000 {

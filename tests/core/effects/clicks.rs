@@ -76,7 +76,7 @@ fn a_pulse_that_is_set_clicks_in_the_controller() {
 
 fn track(path: TrackPath, figures: &[f64]) -> Felt {
     let track = Track { target: askew(), path, stiffness: 2.0, damping: 0.0, deadband: 0.0 };
-    Felt::with_figures(Kind::Track(track), figures)
+    Felt::with_numbers(Kind::Track(track), figures)
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn a_sphere_that_goes_along_with_a_track_feels_nothing() {
             damping: 0.5,
             deadband: 0.0,
         };
-        let mut felt = Felt::with_figures(Kind::Track(track), &points);
+        let mut felt = Felt::with_numbers(Kind::Track(track), &points);
         let angle = 2.0 * 0.6_f64.asin();
         for k in 0..1000 {
             let u = f64::from(k) * DT;
@@ -169,12 +169,12 @@ fn each_effect_finds_its_own_figures() {
         let path = TrackPath::Points { rest: false, repeat: false };
         let kind =
             Kind::Track(Track { target: Target::N, path, stiffness: 1.0, damping: 0.0, deadband: 0.0 });
-        Effect { figures: Span { start, len: 5 }, ..effect(start as u8, 1, kind) }
+        Effect { numbers: Span { start, len: 5 }, ..effect(start as u8, 1, kind) }
     };
-    let scene = CompiledScene::with_figures(1, &[still(0), still(5)], &figures).unwrap();
-    assert_eq!(scene.figures(scene.effects()[1].figures), &figures[5..10]);
-    assert!(CompiledScene::with_figures(1, &[still(7)], &figures).is_err());
-    assert!(CompiledScene::with_figures(1, &[], &[0.0; 5000]).is_err());
+    let scene = CompiledScene::with_numbers(1, &[still(0), still(5)], &figures).unwrap();
+    assert_eq!(scene.numbers(scene.effects()[1].numbers), &figures[5..10]);
+    assert!(CompiledScene::with_numbers(1, &[still(7)], &figures).is_err());
+    assert!(CompiledScene::with_numbers(1, &[], &[0.0; 5000]).is_err());
     // Only the second effect has its reference half a turn away.
     let rig = altered(&rig(), |rig| rig.limits.enable_max_angle = std::f64::consts::PI);
     let torque = Bench::active(rig, scene).step().state.torque;

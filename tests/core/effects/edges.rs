@@ -48,7 +48,7 @@ fn every_kind_is_finite_wherever_it_is_asked() {
         for x in corners() {
             for omega in [Vec3::ZERO, Vec3::X * 1e-300, rng.vector(30.0), Vec3::Y * 1e6] {
                 // The effect is evaluated first at this place, and again after it was elsewhere.
-                let mut felt = Felt::with_figures(kind, &figures);
+                let mut felt = Felt::with_numbers(kind, &figures);
                 felt.moving(base * x, omega);
                 felt.moving(anywhere(&mut rng), rng.vector(5.0));
                 felt.moving(base * x, omega);
@@ -69,7 +69,7 @@ fn no_conservative_torque_jumps_anywhere_but_a_spring_s_at_a_half_turn() {
         }
         let anywhere = (0..2000).map(|_| anywhere(&mut rng)).collect::<Vec<_>>();
         for x in corners().into_iter().map(|x| base * x).chain(anywhere) {
-            let mut felt = Felt::with_figures(case.kind, &case.figures);
+            let mut felt = Felt::with_numbers(case.kind, &case.figures);
             let here = felt.at(x);
             for direction in [Vec3::X, Vec3::Y, Vec3::Z, axis(), pointer()] {
                 let mut felt = felt.clone();

@@ -24,7 +24,7 @@ fn every_conservative_torque_is_the_gradient_of_its_energy() {
         let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
         for _ in 0..3000 {
             // The effect is new each time, because turns are counted from here.
-            let mut felt = Felt::with_figures(case.kind, &case.figures);
+            let mut felt = Felt::with_numbers(case.kind, &case.figures);
             let q = somewhere(&mut rng, case.everywhere);
             let torque = felt.at(q);
             let slope = |axis: Vec3, felt: &mut Felt| {
@@ -99,7 +99,7 @@ fn around_a_thousand_closed_paths_no_conservative_effect_does_net_work() {
         for _ in 0..1000 {
             let start = somewhere(&mut rng, case.everywhere);
             let path = ClosedPath::random(&mut rng, start, if case.everywhere { 0.8 } else { 0.12 });
-            let mut felt = Felt::with_figures(case.kind, &case.figures);
+            let mut felt = Felt::with_numbers(case.kind, &case.figures);
             let (mut net, size) = path.work(&mut felt.clone(), 1500);
             if net.abs() > SMALL {
                 // The error of the rule at a corner decreases with the square of the step, and work
@@ -121,7 +121,7 @@ fn what_damps_never_pushes_along() {
     for (kind, figures) in dissipative() {
         let mut taken = 0.0_f64;
         for _ in 0..20_000 {
-            let mut felt = Felt::with_figures(kind, &figures);
+            let mut felt = Felt::with_numbers(kind, &figures);
             let q = anywhere(&mut rng);
             let omega = rng.vector(10.0);
             let still = felt.at(q);

@@ -10,9 +10,9 @@ use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 fn scene(revision: u64, kind: Kind, figures: &[f64]) -> CompiledScene {
     let span = Span { start: 0, len: figures.len() as u16 };
-    CompiledScene::with_figures(
+    CompiledScene::with_numbers(
         revision,
-        &[Effect { figures: span, ..effect(0, revision as u32, kind) }],
+        &[Effect { numbers: span, ..effect(0, revision as u32, kind) }],
         figures,
     )
     .unwrap()
@@ -30,8 +30,8 @@ fn from_any_still_kind_to_any_other_torque_goes_without_a_step() {
     // The effects are so soft that no limit of the motors affects the blend.
     let soft = |revision, kind, figures: &[f64]| {
         let span = Span { start: 0, len: figures.len() as u16 };
-        let effect = Effect { figures: span, gain: 0.05, ..effect(0, revision as u32, kind) };
-        CompiledScene::with_figures(revision, &[effect], figures).unwrap()
+        let effect = Effect { numbers: span, gain: 0.05, ..effect(0, revision as u32, kind) };
+        CompiledScene::with_numbers(revision, &[effect], figures).unwrap()
     };
     let mut rng = Rng(50);
     let mut bench = Bench::active(rig, soft(1, kinds[0].0, &kinds[0].1));

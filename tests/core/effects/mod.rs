@@ -30,14 +30,14 @@ pub struct Felt {
 
 impl Felt {
     pub fn new(kind: Kind) -> Self {
-        Self::with_figures(kind, &[])
+        Self::with_numbers(kind, &[])
     }
 
-    pub fn with_figures(kind: Kind, figures: &[f64]) -> Self {
+    pub fn with_numbers(kind: Kind, figures: &[f64]) -> Self {
         let span = Span { start: 0, len: figures.len() as u16 };
-        let effect = Effect { figures: span, ..effect(0, 1, kind) };
+        let effect = Effect { numbers: span, ..effect(0, 1, kind) };
         Self {
-            scene: CompiledScene::with_figures(1, &[effect], figures).unwrap(),
+            scene: CompiledScene::with_numbers(1, &[effect], figures).unwrap(),
             renderer: Renderer::new(&rig()),
             tick: 0,
         }

@@ -6,7 +6,7 @@ use hbot_core::effects::{Detents, Kind};
 use hbot_core::{Quat, Vec3, rotation};
 
 fn felt(detents: Detents, positions: &[f64]) -> Felt {
-    Felt::with_figures(Kind::Detents(detents), positions)
+    Felt::with_numbers(Kind::Detents(detents), positions)
 }
 
 /// Returns the orientation of the dial at the angle `psi`, with its axis tilted by `tilt`, rad.

@@ -69,7 +69,7 @@ fn from_ten_thousand_orientations_it_settles_in_the_nearest_well() {
         assert_eq!(wells.len(), order);
         let figures: &[f64] = if set == SnapSet::Own { &figures } else { &[] };
         let snaps = snaps(set, figures);
-        let mut felt = Felt::with_figures(Kind::Snaps(snaps), figures);
+        let mut felt = Felt::with_numbers(Kind::Snaps(snaps), figures);
         let mut rng = Rng(30);
         let (mut contested, mut missed) = (0, 0);
         for _ in 0..10_000 {

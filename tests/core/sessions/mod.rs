@@ -12,7 +12,7 @@ mod scenes;
 use std::collections::VecDeque;
 
 use hbot_config::{RunningScene, SceneFile};
-use hbot_core::inputs::{Command, Inputs, JointFeedback, OnClientLost, Stamp};
+use hbot_core::inputs::{Command, Inputs, JointReadings, OnClientLost, Stamp};
 use hbot_core::mode::Mode;
 use hbot_core::rig::{AllocationMethod, PassivityLimit, Rig, Traction};
 use hbot_core::{CompiledScene, Controller, Vec3, rotation};
@@ -122,7 +122,7 @@ struct Session {
     sphere: Sphere,
     omega: Vec3,
     /// Readings on the line, each with the tick in which it arrives.
-    line: VecDeque<(u64, JointFeedback)>,
+    line: VecDeque<(u64, JointReadings)>,
     /// Delay of readings, ticks.
     delay: u64,
     tick: u64,

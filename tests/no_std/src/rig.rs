@@ -7,7 +7,7 @@
 
 use hbot_core::device::{Device, MAX_JOINTS, WheelSpec};
 use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::mode::Mode;
 use hbot_core::rig::{Joint, Methods, PassivityLimit, RateEstimate, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, Mat3, Vec3, rotation};
@@ -79,7 +79,7 @@ struct Controllers {
 
 impl Controllers {
     /// Sends the command over the line and returns the reading that comes back.
-    fn answer(&mut self, command: &hbot_link::Command) -> Result<JointFeedback, i32> {
+    fn answer(&mut self, command: &hbot_link::Command) -> Result<JointReadings, i32> {
         let mut line = [0; MAX_COMMAND_FRAME];
         let length = encode(&ToController::Command(command.clone()), &mut line).map_err(|_| 20)?;
         let mut arrived = None;
@@ -110,7 +110,7 @@ impl Controllers {
         if refused == 0 || back != feedback {
             return Err(26);
         }
-        let mut heard = JointFeedback {
+        let mut heard = JointReadings {
             sequence: back.sequence,
             counts: [0; MAX_JOINTS],
             rates: [0.0; MAX_JOINTS],

@@ -10,7 +10,7 @@ use hbot_core::rig as core;
 
 use super::file::{self, RigFile};
 use super::settings::{self, Protocol};
-use super::{ApiConfig, LinkConfig, Port, RigConfig, TlsFiles};
+use super::{ApiConfig, LineConfig, Port, RigConfig, TlsFiles};
 use crate::document::Report;
 
 /// Default watchdog time on a serial port, ms: motor controllers switch their motors off if no
@@ -246,7 +246,7 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
     (ports, order)
 }
 
-fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LinkConfig {
+fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LineConfig {
     let port = match &file.link.port {
         settings::Ports::One(name) => Port::from(name.as_str()),
         settings::Ports::Several(names) if names.as_slice() == ["sim"] => Port::Sim,
@@ -260,7 +260,7 @@ fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LinkConfi
         let message = format!("{watchdog_ms} ms is less than two loop periods at {rate_hz} Hz");
         report.push("link.watchdog_ms", message, format!("{least_ms} to 1000 ms"));
     }
-    LinkConfig {
+    LineConfig {
         port,
         protocol: file.link.protocol,
         baud: file.link.baud,

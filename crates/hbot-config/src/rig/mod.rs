@@ -62,14 +62,14 @@ pub struct RigConfig {
     /// the rig file names each method.
     pub accuracy: &'static str,
     /// Settings of the serial line to the motor controllers.
-    pub link: LinkConfig,
+    pub link: LineConfig,
     /// Settings of the TCP service to which clients connect.
     pub api: ApiConfig,
 }
 
 /// Settings of the serial line to the motor controllers.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LinkConfig {
+pub struct LineConfig {
     /// Where the motor controllers are connected: in the simulated rig, or at serial devices.
     pub port: Port,
     /// Protocol that the motor controllers use.
@@ -84,7 +84,7 @@ pub struct LinkConfig {
     pub timeout_ticks: u32,
 }
 
-impl LinkConfig {
+impl LineConfig {
     /// Returns the share of the line's capacity that is used in one direction if each tick sends a
     /// frame of `frame_bytes` bytes. A value above 1 means that the frames do not fit.
     #[must_use]

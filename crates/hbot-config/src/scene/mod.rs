@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use hbot_core::effects::Kind;
-use hbot_core::scene::{MAX_EFFECTS, MAX_FIGURES};
+use hbot_core::scene::{MAX_EFFECTS, MAX_NUMBERS};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -49,7 +49,7 @@ pub struct SceneEffect {
     kind: Kind,
     /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
     /// stores these lists of all effects in one table, its figures.
-    figures: Vec<f64>,
+    numbers: Vec<f64>,
 }
 
 /// Describes something that a scene can contain: a kind of effect, or a phenomenon of the simulated
@@ -246,12 +246,12 @@ fn is_visible(c: char) -> bool {
 }
 
 /// Checks that the positions, orientations and points of all effects together have at most
-/// [`MAX_FIGURES`] numbers. If they have more, adds a mistake at `path` to the report.
+/// [`MAX_NUMBERS`] numbers. If they have more, adds a mistake at `path` to the report.
 fn check_figures(effects: &[SceneEffect], path: &str, report: &mut Report) {
-    let figures: usize = effects.iter().map(|effect| effect.figures.len()).sum();
-    if figures > MAX_FIGURES {
-        let message = format!("positions, orientations and points take {figures} figures");
-        report.push(path, message, format!("at most {MAX_FIGURES} in a scene (a point takes 5)"));
+    let numbers: usize = effects.iter().map(|effect| effect.numbers.len()).sum();
+    if numbers > MAX_NUMBERS {
+        let message = format!("positions, orientations and points take {numbers} numbers");
+        report.push(path, message, format!("at most {MAX_NUMBERS} in a scene (a point takes 5)"));
     }
 }
 
@@ -345,7 +345,7 @@ impl SceneEffect {
         report: &mut Report,
     ) -> Option<Self> {
         let common = decode(value, path, report)?;
-        let Compiled { parameters, kind, figures } = (entry.compile)(value, path, report)?;
-        Some(Self { id: id.to_owned(), kind_name: entry.name, common, parameters, kind, figures })
+        let Compiled { parameters, kind, numbers } = (entry.compile)(value, path, report)?;
+        Some(Self { id: id.to_owned(), kind_name: entry.name, common, parameters, kind, numbers })
     }
 }

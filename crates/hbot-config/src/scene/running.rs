@@ -2,7 +2,7 @@
 //! and the memory slot of each effect.
 
 use hbot_core::effects::{Effect, Span};
-use hbot_core::scene::{CompiledScene, MAX_EFFECTS, MAX_FIGURES};
+use hbot_core::scene::{CompiledScene, MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value};
 
 use super::{KindEntry, SceneEffect, SceneFile, check_figures};
@@ -81,12 +81,12 @@ impl RunningScene {
     /// old scene that have a fade-out time fade out, if slots and figures are free for them.
     pub fn load(&mut self, file: SceneFile) -> CompiledScene {
         let old = std::mem::take(&mut self.file.effects).into_iter().zip(std::mem::take(&mut self.memories));
-        let mut figures: usize = file.effects.iter().map(|effect| effect.figures.len()).sum();
+        let mut numbers: usize = file.effects.iter().map(|effect| effect.numbers.len()).sum();
         self.leaving = old
             .filter(|(effect, _)| effect.common.fade_out_s > 0.0)
             .filter(|(effect, _)| {
-                figures += effect.figures.len();
-                figures <= MAX_FIGURES
+                numbers += effect.numbers.len();
+                numbers <= MAX_NUMBERS
             })
             .take(MAX_EFFECTS - file.effects.len())
             .collect();
@@ -171,12 +171,12 @@ impl RunningScene {
         let staying =
             self.file.effects.iter().zip(&self.memories).map(|(effect, memory)| (effect, memory, false));
         let leaving = self.leaving.iter().map(|(effect, memory)| (effect, memory, true));
-        let mut figures = Vec::new();
+        let mut numbers = Vec::new();
         let mut effects = Vec::new();
         for (effect, memory, leaving) in staying.chain(leaving) {
             // The effects of the running scene take precedence over those that fade out: `set` can
             // need their room.
-            if leaving && figures.len() + effect.figures.len() > MAX_FIGURES {
+            if leaving && numbers.len() + effect.numbers.len() > MAX_NUMBERS {
                 continue;
             }
             effects.push(Effect {
@@ -187,12 +187,12 @@ impl RunningScene {
                 fade_s: effect.common.fade_s,
                 fade_out_s: effect.common.fade_out_s,
                 leaving,
-                figures: Span { start: figures.len() as u16, len: effect.figures.len() as u16 },
+                numbers: Span { start: numbers.len() as u16, len: effect.numbers.len() as u16 },
                 kind: effect.kind,
             });
-            figures.extend_from_slice(&effect.figures);
+            numbers.extend_from_slice(&effect.numbers);
         }
-        CompiledScene::with_figures(self.revision, &effects, &figures)
+        CompiledScene::with_numbers(self.revision, &effects, &numbers)
             .unwrap_or_else(|error| unreachable!("a legal scene file fits a compiled scene: {error}"))
     }
 }

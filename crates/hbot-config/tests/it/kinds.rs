@@ -2,7 +2,7 @@
 
 use hbot_config::{RunningScene, SceneFile};
 use hbot_core::effects::{Kind, MAX_OWN};
-use hbot_core::scene::{MAX_EFFECTS, MAX_FIGURES};
+use hbot_core::scene::{MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value, json};
 
 /// Reads an illegal scene with one effect of `kind`, whose fourth line is `line`, and returns the
@@ -173,14 +173,14 @@ fn figures_have_room_or_the_scene_is_refused_and_set_changes_nothing() {
         SceneFile::from_json(json!({"effect": [track("a", 800), track("b", 20)]})).unwrap_err().to_string();
     assert_eq!(
         said,
-        "effect: positions, orientations and points take 4100 figures; legal: at most 4096 in a scene (a point takes 5)"
+        "effect: positions, orientations and points take 4100 numbers; legal: at most 4096 in a scene (a point takes 5)"
     );
     let file = SceneFile::from_json(json!({"effect": [track("a", 800), track("b", 10)]})).unwrap();
     let mut running = RunningScene::new();
     running.load(file);
     let before = running.clone();
     let error = running.set("b", &map(json!({"points": points(20)}))).unwrap_err();
-    assert!(error.to_string().contains("take 4100 figures"), "{error}");
+    assert!(error.to_string().contains("take 4100 numbers"), "{error}");
     assert_eq!(running, before);
     running.set("b", &map(json!({"points": points(19)}))).unwrap();
 }
@@ -227,5 +227,5 @@ fn an_effect_with_a_time_to_fade_out_stays_for_it_beside_the_next_scene() {
     let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
     let full = running.load(scene(&ids, 2.0));
     assert!(full.effects().len() == MAX_EFFECTS && full.effects().iter().all(|effect| !effect.leaving));
-    assert!(full.effects().iter().map(|e| usize::from(e.figures.len)).sum::<usize>() <= MAX_FIGURES);
+    assert!(full.effects().iter().map(|e| usize::from(e.figures.len)).sum::<usize>() <= MAX_NUMBERS);
 }

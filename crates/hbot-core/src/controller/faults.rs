@@ -2,7 +2,7 @@
 
 use super::Controller;
 use crate::heat::Heat;
-use crate::inputs::{Complaints, Inputs, JointFeedback};
+use crate::inputs::{Complaints, Inputs, JointReadings};
 use crate::joints::Joints;
 use crate::mode::{Cause, Mode};
 use crate::real::Real;
@@ -165,7 +165,7 @@ impl Controller {
     /// Ends homing, and with it the mode `unreferenced`, if the zeros of all steer joints are
     /// known.
     #[inline]
-    pub(super) fn home(&mut self, feedback: Option<&JointFeedback>) {
+    pub(super) fn home(&mut self, feedback: Option<&JointReadings>) {
         if self.homed || self.machine.mode != Mode::Unreferenced {
             return;
         }

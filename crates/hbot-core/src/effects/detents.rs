@@ -40,13 +40,13 @@ impl Detents {
     /// Returns the dial's energy (J) and its slope (N m) at the angle `psi`. `figures` are the
     /// angles of the notches if they are given one by one, rad.
     #[inline]
-    fn profile(&self, psi: Real, figures: &[Real]) -> (Real, Real) {
+    fn profile(&self, psi: Real, numbers: &[Real]) -> (Real, Real) {
         if self.count > 0 {
             let step = TURN / Real::from(self.count);
             return self.notch(psi - step * round(psi / step), 0.5 * step);
         }
-        let right = figures.partition_point(|position| *position <= psi);
-        match (right.checked_sub(1).map(|left| figures[left]), figures.get(right)) {
+        let right = numbers.partition_point(|position| *position <= psi);
+        match (right.checked_sub(1).map(|left| numbers[left]), numbers.get(right)) {
             (None, None) => (0.0, 0.0),
             (None, Some(&first)) => self.beyond(psi - first),
             (Some(last), None) => self.beyond(psi - last),
@@ -89,7 +89,7 @@ impl Law for Detents {
     #[inline]
     fn render(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
         let dial = now.dial(self.axis);
-        let (energy, slope) = self.profile(turns.follow(dial.psi), now.figures);
+        let (energy, slope) = self.profile(turns.follow(dial.psi), now.numbers);
         let mut torque = dial.torque(energy, slope);
         if self.damping > 0.0 {
             torque += dial.resist(now.rate(), self.damping);
@@ -99,7 +99,7 @@ impl Law for Detents {
 
     fn energy(&self, now: &mut Now<'_>, turns: &Turns) -> Option<Real> {
         let dial = now.dial(self.axis);
-        let (energy, _) = self.profile(turns.unwrap(dial.psi), now.figures);
+        let (energy, _) = self.profile(turns.unwrap(dial.psi), now.numbers);
         Some(energy * dial.fade().0)
     }
 
@@ -107,8 +107,8 @@ impl Law for Detents {
         Some(self.target.reference())
     }
 
-    fn excess(&self, desired: Quat, q: Quat, figures: &[Real]) -> Option<Real> {
-        let (first, last) = (figures.first()?, figures.last()?);
+    fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
+        let (first, last) = (numbers.first()?, numbers.last()?);
         let psi = Dial::new(shortest(desired.conjugate() * q), self.axis).psi;
         (self.end_stiffness > 0.0).then(|| (first - psi).max(psi - last).max(0.0))
     }

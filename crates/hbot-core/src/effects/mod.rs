@@ -112,7 +112,7 @@ pub struct Effect {
     /// True if the effect has been removed from the scene. It fades out and then makes no torque.
     pub leaving: bool,
     /// The effect's part of the scene's table of numbers, such as the angles of notches.
-    pub figures: Span,
+    pub numbers: Span,
     /// The kind of the effect and its parameters.
     pub kind: Kind,
 }
@@ -130,7 +130,7 @@ impl Effect {
             fade_s: 0.0,
             fade_out_s: 0.0,
             leaving: false,
-            figures: Span::EMPTY,
+            numbers: Span::EMPTY,
             kind,
         }
     }
@@ -231,9 +231,9 @@ macro_rules! kinds {
                 }
             }
 
-            pub(crate) fn excess(&self, desired: Quat, q: Quat, figures: &[Real]) -> Option<Real> {
+            pub(crate) fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
                 match self {
-                    $(Self::$name(law) => law.excess(desired, q, figures)),*
+                    $(Self::$name(law) => law.excess(desired, q, numbers)),*
                 }
             }
 
@@ -381,7 +381,7 @@ mod tests {
                     motion: &motion,
                     dt: 0.001,
                     reference: &Reference::STILL,
-                    figures: &[],
+                    numbers: &[],
                     shared: &mut shared,
                 };
                 let torque = kind.render(&mut now, &mut memory);

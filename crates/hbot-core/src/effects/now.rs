@@ -26,7 +26,7 @@ pub(crate) struct Now<'a> {
     /// The orientation from which the effect is measured, and its rate.
     pub(crate) reference: &'a Reference,
     /// The effect's part of the scene's table of numbers.
-    pub(crate) figures: &'a [Real],
+    pub(crate) numbers: &'a [Real],
     pub(crate) shared: &'a mut Shared,
 }
 

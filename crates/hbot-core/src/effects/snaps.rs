@@ -69,8 +69,8 @@ impl Snaps {
     /// of half the angle between them). It is so small that the energy near the orientations
     /// themselves does not change. For the cube, the rounded ridges are 2 degrees wide.
     #[must_use]
-    pub fn rounding(set: SnapSet, figures: &[Real]) -> Real {
-        let wells = Wells::new(set, figures);
+    pub fn rounding(set: SnapSet, numbers: &[Real]) -> Real {
+        let wells = Wells::new(set, numbers);
         let mut nearest: Real = 1.0;
         for i in 0..wells.all.len() {
             for j in 0..i {
@@ -84,8 +84,8 @@ impl Snaps {
     /// Returns a smooth measure U of the distance from the orientation `x` to the nearest
     /// orientation of the set, and the gradient of U. U is 0 at each orientation of the set.
     #[inline]
-    fn ground(&self, x: Quat, figures: &[Real]) -> (Real, Vec3) {
-        let wells = Wells::new(self.set, figures);
+    fn ground(&self, x: Quat, numbers: &[Real]) -> (Real, Vec3) {
+        let wells = Wells::new(self.set, numbers);
         let at = [x.w, x.x, x.y, x.z];
         let mut c = [0.0; MAX_WELLS];
         let mut most: Real = 0.0;
@@ -137,12 +137,12 @@ struct Wells<'a> {
 }
 
 impl<'a> Wells<'a> {
-    fn new(set: SnapSet, figures: &'a [Real]) -> Self {
+    fn new(set: SnapSet, numbers: &'a [Real]) -> Self {
         let all: &[[Real; 4]] = match set {
             SnapSet::Tetrahedron => &CUBE_TURNS[..12],
             SnapSet::Cube => &CUBE_TURNS,
             SnapSet::Icosahedron => &ICOSAHEDRON,
-            SnapSet::Own => figures.as_chunks().0,
+            SnapSet::Own => numbers.as_chunks().0,
         };
         Self { all: &all[..all.len().min(MAX_WELLS)] }
     }
@@ -236,7 +236,7 @@ impl Law for Snaps {
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let x = now.relative();
-        let (u, gradient) = self.ground(x, now.figures);
+        let (u, gradient) = self.ground(x, now.numbers);
         let slope = 2.0 * self.strength / (self.width * sqrt(1.0 + 4.0 * u / (self.width * self.width)));
         let mut torque = gradient * -slope;
         if self.damping > 0.0 {
@@ -247,7 +247,7 @@ impl Law for Snaps {
 
     fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {
         let x = now.relative();
-        let (u, _) = self.ground(x, now.figures);
+        let (u, _) = self.ground(x, now.numbers);
         Some(self.strength * self.width * (sqrt(1.0 + 4.0 * u / (self.width * self.width)) - 1.0))
     }
 

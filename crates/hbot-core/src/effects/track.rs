@@ -86,14 +86,14 @@ impl TrackPath {
     /// Returns how far the path has turned the reference at `place`, and the angular velocity of
     /// this turn (rad/s). Both are in frame N.
     #[inline]
-    fn at(&self, place: &TrackPlace, figures: &[Real]) -> (Quat, Vec3) {
+    fn at(&self, place: &TrackPlace, numbers: &[Real]) -> (Quat, Vec3) {
         match *self {
             Self::Swing { axis, amplitude, .. } => {
                 let (sine, cosine) = sincos(TURN * place.phase);
                 let rate = amplitude * TURN * self.frequency(place.time) * cosine;
                 (rotation::exp(axis * (amplitude * sine)), axis * rate)
             }
-            Self::Points { rest, .. } => along(figures, place.time, rest),
+            Self::Points { rest, .. } => along(numbers, place.time, rest),
         }
     }
 
@@ -111,7 +111,7 @@ impl TrackPath {
     }
 
     #[inline]
-    fn advance(&self, place: &mut TrackPlace, figures: &[Real], dt: Real) {
+    fn advance(&self, place: &mut TrackPlace, numbers: &[Real], dt: Real) {
         match *self {
             Self::Swing { sweep, repeat, .. } => {
                 let before = self.frequency(place.time);
@@ -125,7 +125,7 @@ impl TrackPath {
                 place.phase -= floor(place.phase);
             }
             Self::Points { repeat, .. } => {
-                let end = figures.len().checked_sub(POINT).map_or(0.0, |last| figures[last]);
+                let end = numbers.len().checked_sub(POINT).map_or(0.0, |last| numbers[last]);
                 place.time += dt;
                 if place.time > end {
                     place.time = if repeat && end > 0.0 { place.time - end } else { end };
@@ -137,9 +137,9 @@ impl TrackPath {
 
 /// Returns how far a path through points has turned the reference at `time`, and the angular
 /// velocity of this turn (rad/s). `rest` is true if the reference rests at each point.
-fn along(figures: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
-    let count = figures.len() / POINT;
-    let point = |i: usize| &figures[i * POINT..(i + 1) * POINT];
+fn along(numbers: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
+    let count = numbers.len() / POINT;
+    let point = |i: usize| &numbers[i * POINT..(i + 1) * POINT];
     // Finds the first point after `time`.
     let (mut low, mut high) = (0, count);
     while low < high {
@@ -174,7 +174,7 @@ impl Law for Track {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, place: &mut TrackPlace) -> Vec3 {
-        let (turn, rate) = self.path.at(place, now.figures);
+        let (turn, rate) = self.path.at(place, now.numbers);
         let desired = turn * now.reference.q;
         let mut x = rotation::shortest(now.motion.q * desired.conjugate());
         if x.w == 0.0 && vector_part(x).dot(place.branch) < 0.0 {
@@ -186,7 +186,7 @@ impl Law for Track {
         if self.damping > 0.0 {
             torque -= (now.motion.omega - now.reference.omega - rate) * self.damping;
         }
-        self.path.advance(place, now.figures, now.dt);
+        self.path.advance(place, now.numbers, now.dt);
         torque
     }
 
@@ -194,8 +194,8 @@ impl Law for Track {
         Some(self.target.reference())
     }
 
-    fn excess(&self, desired: Quat, q: Quat, figures: &[Real]) -> Option<Real> {
-        let (start, _) = self.path.at(&TrackPlace::default(), figures);
+    fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
+        let (start, _) = self.path.at(&TrackPlace::default(), numbers);
         Some(rotation::angle_between(start * desired, q))
     }
 }

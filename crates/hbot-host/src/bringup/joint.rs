@@ -4,7 +4,7 @@
 use std::fmt;
 
 use hbot_core::MAX_JOINTS;
-use hbot_core::inputs::{Complaints, JointFeedback};
+use hbot_core::inputs::{Complaints, JointReadings};
 
 use super::{Bench, Interrupted};
 
@@ -130,7 +130,7 @@ fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outc
     let period = bench.period_s();
     let before = bench.exchange(None)?;
     let joints = bench.rig().device.joints();
-    let moved = |bench: &Bench, reading: &JointFeedback, j: usize| {
+    let moved = |bench: &Bench, reading: &JointReadings, j: usize| {
         bench.turned(j, reading.counts[j].wrapping_sub(before.counts[j]))
     };
     let mut outcome =

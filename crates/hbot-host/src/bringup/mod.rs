@@ -12,7 +12,7 @@ mod tests;
 use std::time::Duration;
 
 use hbot_config::{RigConfig, rig as config};
-use hbot_core::inputs::{Complaints, JointFeedback};
+use hbot_core::inputs::{Complaints, JointReadings};
 use hbot_core::outputs::Drive;
 use hbot_core::{MAX_JOINTS, Rig};
 use hbot_sim::phenomena::Hand;
@@ -125,7 +125,7 @@ impl Bench {
     /// # Errors
     /// Fails if no reading arrives for many periods, or if a stop was requested. In the second case
     /// the command was not written.
-    pub fn exchange(&mut self, torque: Option<&[f64; MAX_JOINTS]>) -> Result<JointFeedback, Interrupted> {
+    pub fn exchange(&mut self, torque: Option<&[f64; MAX_JOINTS]>) -> Result<JointReadings, Interrupted> {
         let drive = Drive { enable: torque.is_some(), torque: torque.copied().unwrap_or([0.0; MAX_JOINTS]) };
         let stop = self.stop.clone();
         self.converse(&drive, || stop.is_set())
@@ -141,7 +141,7 @@ impl Bench {
 
     /// Sends `drive` in every period until each line has answered, at most [`PATIENCE`] times.
     /// Gives up if `stop` returns true.
-    fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointFeedback, Interrupted> {
+    fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointReadings, Interrupted> {
         let mut complaints = Complaints::default();
         for _ in 0..PATIENCE {
             if stop() {
@@ -160,7 +160,7 @@ impl Bench {
             // A controller that has lost power counts from another zero.
             complaints.fault |= news.zeros_lost;
             if let Some(feedback) = news.feedback.filter(|_| news.buses_with_reading == self.motors.buses()) {
-                return Ok(JointFeedback { complaints, ..feedback });
+                return Ok(JointReadings { complaints, ..feedback });
             }
         }
         Err(Interrupted::Silent)

@@ -80,7 +80,7 @@ pub(super) fn fill(event: &mut StateEvent, sample: &Sample) {
     event.timing = StateTiming {
         lateness_us: microseconds(sample.timing.lateness_ns),
         compute_us: microseconds(sample.timing.compute_ns),
-        link_us: microseconds(sample.timing.link_ns),
+        link_us: microseconds(sample.timing.line_ns),
         // Before the first reading the age is reported as zero.
         age_us: sample.timing.age_ns.map_or(0.0, microseconds),
     };

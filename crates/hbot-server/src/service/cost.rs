@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback, Stamp};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
 use hbot_core::kinematics::Posture;
 use hbot_core::rig::{RigParts, Zero, legal};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, MAX_WHEELS, Rig, Vec3};
@@ -81,7 +81,7 @@ fn inputs(rig: &Rig) -> Vec<Inputs> {
                 *th = angles[2 * wheel];
             }
             let rates = Posture::new(&rig.device, &steering[..joints / 2]).inverse(OMEGA);
-            let mut feedback = JointFeedback {
+            let mut feedback = JointReadings {
                 sequence: i as u32,
                 counts: [0; MAX_JOINTS],
                 rates: [0.0; MAX_JOINTS],

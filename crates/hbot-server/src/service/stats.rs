@@ -54,7 +54,7 @@ impl Stats {
         self.awake.saturating_record(timing.awake_ns);
         self.lateness.saturating_record(timing.lateness_ns);
         self.compute.saturating_record(timing.compute_ns);
-        self.link.saturating_record(timing.link_ns);
+        self.link.saturating_record(timing.line_ns);
         if let Some(age) = timing.age_ns {
             self.age.saturating_record(age);
         }

@@ -11,8 +11,8 @@ use super::machine::rig;
 /// turn.
 fn felt(kind: Kind, figures: &[Real], way: &[Quat]) -> Vec<Vec3> {
     let span = Span { start: 0, len: figures.len() as u16 };
-    let effect = Effect { figures: span, ..Effect::new(0, 1, kind) };
-    let scene = CompiledScene::with_figures(1, &[effect], figures).unwrap();
+    let effect = Effect { numbers: span, ..Effect::new(0, 1, kind) };
+    let scene = CompiledScene::with_numbers(1, &[effect], figures).unwrap();
     let mut renderer = Renderer::new(&rig());
     way.iter()
         .enumerate()

@@ -3,7 +3,7 @@
 use super::super::core::allocation::JointLimits;
 use super::super::core::device::MAX_JOINTS;
 use super::super::core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
-use super::super::core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use super::super::core::inputs::{Command, Complaints, Inputs, JointReadings};
 use super::super::core::mode::Mode;
 use super::super::core::outputs::{Outputs, Reply};
 use super::super::core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
@@ -89,7 +89,7 @@ impl ReadRig {
 
     /// Runs a tick whose inputs `alter` changes.
     pub fn step(&mut self, alter: impl FnOnce(&mut Inputs)) -> Outputs {
-        let feedback = JointFeedback {
+        let feedback = JointReadings {
             sequence: (self.tick as u32).wrapping_sub(1),
             counts: self.counts,
             rates: self.rates,

@@ -102,7 +102,7 @@ impl EffectKind for Detents {
         }))
     }
 
-    fn figures(&self) -> Vec<f64> {
+    fn numbers(&self) -> Vec<f64> {
         self.positions.clone()
     }
 }

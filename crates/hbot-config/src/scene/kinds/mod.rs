@@ -70,7 +70,7 @@ pub(super) trait EffectKind: Serialize + DeserializeOwned + JsonSchema {
     /// Returns the positions, orientations or points of the effect as a list of numbers. A compiled
     /// scene stores these lists of all effects in one table, its figures. Called only after
     /// [`compile`](Self::compile) has succeeded.
-    fn figures(&self) -> Vec<f64> {
+    fn numbers(&self) -> Vec<f64> {
         Vec::new()
     }
 }
@@ -105,7 +105,7 @@ pub(super) struct Compiled {
     pub(super) kind: Kind,
     /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
     /// stores these lists of all effects in one table, its figures.
-    pub(super) figures: Vec<f64>,
+    pub(super) numbers: Vec<f64>,
 }
 
 /// Describes one kind of effect: its name, its schemas and the function that compiles it.
@@ -159,7 +159,7 @@ fn compile<K: EffectKind>(value: &Value, path: &str, report: &mut Report) -> Opt
     let parameters: K = decode(&Value::Object(parameters), path, report)?;
     let kind = parameters.compile(path, report)?;
     let Ok(Value::Object(written)) = serde_json::to_value(&parameters) else { return None };
-    Some(Compiled { parameters: written, kind, figures: parameters.figures() })
+    Some(Compiled { parameters: written, kind, numbers: parameters.numbers() })
 }
 
 /// Largest number of characters in an effect's id.

@@ -124,12 +124,12 @@ impl EffectKind for Snaps {
             set: self.set.into(),
             strength: self.strength,
             width: self.width,
-            rounding: effects::Snaps::rounding(self.set.into(), &self.figures()),
+            rounding: effects::Snaps::rounding(self.set.into(), &self.numbers()),
             damping: self.damping,
         }))
     }
 
-    fn figures(&self) -> Vec<f64> {
+    fn numbers(&self) -> Vec<f64> {
         let unit = |[w, x, y, z]: &[f64; 4]| to_wxyz(Quat::from_xyzw(*x, *y, *z, *w).normalize());
         self.orientations.iter().flat_map(unit).collect()
     }

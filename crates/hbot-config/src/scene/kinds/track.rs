@@ -184,13 +184,13 @@ impl EffectKind for Track {
         }))
     }
 
-    fn figures(&self) -> Vec<f64> {
-        let figures = |point: &[f64; 5]| {
+    fn numbers(&self) -> Vec<f64> {
+        let numbers = |point: &[f64; 5]| {
             let [w, x, y, z] = to_wxyz(orientation(point));
             [point[0], w, x, y, z]
         };
         match self.path {
-            Path::Waypoints | Path::Record => self.points.iter().flat_map(figures).collect(),
+            Path::Waypoints | Path::Record => self.points.iter().flat_map(numbers).collect(),
             Path::Sine | Path::Chirp => Vec::new(),
         }
     }

@@ -1,7 +1,7 @@
 //! Accuracy and computing time of the whole tick under each preset of the rig file.
 
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::Mode;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, rotation};
@@ -46,7 +46,7 @@ fn scene() -> CompiledScene {
 }
 
 /// Returns the readings that motor controllers would send in each tick of a motion.
-fn feedbacks(config: &RigConfig, motion: &TrueMotion, moments: &[MotionSample]) -> Vec<JointFeedback> {
+fn feedbacks(config: &RigConfig, motion: &TrueMotion, moments: &[MotionSample]) -> Vec<JointReadings> {
     let rig = &config.rig;
     let each = |(k, moment): (usize, &MotionSample)| {
         let omega = motion.omega(k as f64 / f64::from(RATE));
@@ -55,13 +55,13 @@ fn feedbacks(config: &RigConfig, motion: &TrueMotion, moments: &[MotionSample]) 
         for (j, angle) in moment.joints.iter().enumerate() {
             counts[j] = (angle / rig.joints[j].radians_per_count()).round() as i64 as i32;
         }
-        JointFeedback { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
+        JointReadings { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
     };
     moments.iter().enumerate().map(each).collect()
 }
 
 /// Runs one tick of the controller with one reading. In tick 1, torque is also enabled.
-fn tick(controller: &mut Controller, scene: &CompiledScene, feedback: &JointFeedback) -> hbot_core::Outputs {
+fn tick(controller: &mut Controller, scene: &CompiledScene, feedback: &JointReadings) -> hbot_core::Outputs {
     let mut inputs = Inputs::quiet(u64::from(feedback.sequence));
     inputs.feedback = Some(*feedback);
     if feedback.sequence == 1 {
@@ -114,7 +114,7 @@ fn introduce(report: &mut Report) {
 fn followed(
     config: &RigConfig,
     scene: &CompiledScene,
-    feedbacks: &[JointFeedback],
+    feedbacks: &[JointReadings],
     moments: &[MotionSample],
 ) -> (f64, Mode, Controller) {
     let mut controller = Controller::new(config.rig);

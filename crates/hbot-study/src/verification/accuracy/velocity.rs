@@ -3,7 +3,7 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::inputs::{Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Complaints, Inputs, JointReadings};
 use hbot_core::kinematics::Posture;
 use hbot_core::rig::{RateEstimate, Rig};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Vec3};
@@ -86,9 +86,9 @@ impl Motion {
 
 /// Returns the readings that motor controllers would send during a motion, with the encoders of
 /// `rig`. Angles are rounded down to whole encoder counts.
-fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointFeedback> {
+fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointReadings> {
     let reading = |(tick, (angles, rates, _)): (usize, &Truth)| {
-        let mut feedback = JointFeedback {
+        let mut feedback = JointReadings {
             sequence: tick as u32,
             counts: [0; MAX_JOINTS],
             rates: [0.0; MAX_JOINTS],
@@ -105,7 +105,7 @@ fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointFeedback> {
 }
 
 /// Runs a controller on `readings` and returns the state that it reports for each of them.
-fn states(rig: &Rig, readings: &[JointFeedback]) -> impl Iterator<Item = hbot_core::outputs::State> {
+fn states(rig: &Rig, readings: &[JointReadings]) -> impl Iterator<Item = hbot_core::outputs::State> {
     let mut controller = Controller::new(*rig);
     readings.iter().map(move |feedback| {
         let inputs = Inputs { feedback: Some(*feedback), ..Inputs::quiet(u64::from(feedback.sequence)) };

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use hbot_config::scene::{self, kinds};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointFeedback};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::Mode;
 use hbot_core::outputs::Drive;
@@ -100,7 +100,7 @@ pub(super) struct Desk {
     controller: Controller,
     running: RunningScene,
     scene: Rc<CompiledScene>,
-    readings: Rc<Vec<JointFeedback>>,
+    readings: Rc<Vec<JointReadings>>,
     exchange: Exchange,
     /// Number of the tick that runs next.
     tick: usize,
@@ -189,7 +189,7 @@ fn drive(k: usize) -> Drive {
 }
 
 /// Returns recorded encoder readings of a brisk motion back and forth, one per tick.
-fn readings(config: &RigConfig) -> Vec<JointFeedback> {
+fn readings(config: &RigConfig) -> Vec<JointReadings> {
     let (motion, device) = (&MOTIONS[4], &config.rig.device);
     let moments = motion.moments(device, 1000, RECORDED, 0);
     let each = |(k, moment): (usize, &hbot_sim::motion::MotionSample)| {
@@ -199,7 +199,7 @@ fn readings(config: &RigConfig) -> Vec<JointFeedback> {
         for (j, angle) in moment.joints.iter().enumerate() {
             counts[j] = (angle / config.rig.joints[j].radians_per_count()).round() as i64 as i32;
         }
-        JointFeedback { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
+        JointReadings { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
     };
     moments.iter().enumerate().map(each).collect()
 }
