@@ -2,15 +2,17 @@
 
 use super::registers::{ACCELERATION, CURRENT, Mapping, POSITION, PWM, TIME, TORQUE, VELOCITY, VOLTAGE};
 
-/// The registers of a command, from this one on.
+/// Number of the first register of a servo's command. All registers of the command follow each
+/// other.
 pub(super) const COMMAND: u32 = 0x020;
 pub(super) const COMMANDS: usize = 14;
-/// Of these: feedforward torque, largest torque, watchdog time, bounds that are ignored.
+/// Positions of some registers in the command, counted from its first register: feedforward torque,
+/// largest torque, watchdog time, and whether the position bounds are ignored.
 pub(super) const FEEDFORWARD: usize = 2;
 pub(super) const MAX_TORQUE: usize = 5;
 pub(super) const WATCHDOG: usize = 7;
 pub(super) const IGNORE_BOUNDS: usize = 13;
-/// How the registers of a command are mapped.
+/// For each register of a command: how its value is scaled if it is sent as an integer.
 pub(super) const MAPPINGS: [Mapping; COMMANDS] = [
     POSITION,
     VELOCITY,
@@ -27,13 +29,15 @@ pub(super) const MAPPINGS: [Mapping; COMMANDS] = [
     CURRENT,
     Mapping::Plain,
 ];
-/// What they hold once a mode has been written.
+/// Values of the command registers after a new mode has been written. They apply unless the frame
+/// also writes other values.
 pub(super) const DEFAULTS: [f32; COMMANDS] = {
     let nan = f32::NAN;
     [0.0, 0.0, 0.0, 1.0, 1.0, nan, nan, 0.0, nan, nan, nan, 1.0, nan, 0.0]
 };
 
-/// How a register is mapped when it is written.
+/// Returns how the value of a register is scaled if it is written as an integer: in steps of a
+/// physical quantity, or without scaling.
 pub(super) fn mapping(register: u32) -> Mapping {
     let at = register.checked_sub(COMMAND).map(|at| at as usize);
     match (register, at.and_then(|at| MAPPINGS.get(at))) {
