@@ -154,8 +154,8 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
 }
 
 /// Plots gain and phase of the position loop over frequency. Each name in `names` is a case, such
-/// as the linear model. `found` holds the gain and phase of each case, one entry for each sine
-/// period in `ticks`.
+/// as "n1, with friction". `found` holds the gain and phase of the first case for each sine period
+/// in `ticks`, then those of the second case, and so on.
 fn draw(report: &mut Report, names: &[&str], ticks: &[u32], found: &[[f64; 2]]) {
     let hertz = |ticks: u32| 1.0e3 / f64::from(ticks);
     let decibel = |size: f64| 20.0 * libm::log10(size);
