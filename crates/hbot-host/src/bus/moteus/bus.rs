@@ -22,8 +22,8 @@ const FAR: i32 = 100 * STEPS as i32;
 /// Largest position of any servo, in steps: 20,000 turns. A servo beyond it is in a fault, because
 /// a position that is sent as a 32-bit integer saturates at 21,474 turns.
 const TOO_FAR: i32 = 20_000 * STEPS as i32;
-/// While a servo's motor is off and its position is large, the driver asks it to subtract whole
-/// turns from the position once in this many ticks.
+/// Ticks between two requests to subtract whole turns from a servo's position. The driver sends
+/// them while the motor is off and the position is large.
 const EVERY: u32 = 100;
 /// After a servo has restarted, its zero counts as lost until the servo has reported its motor off
 /// in this many answers.

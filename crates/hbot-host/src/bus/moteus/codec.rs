@@ -14,8 +14,8 @@ use super::BROADCAST;
 /// Mask of the lowest 12 bits of a tick number. These bits replace the lowest bits of the watchdog
 /// time in each command, so that an answer shows which command it belongs to.
 const TICK_BITS: u32 = 0xfff;
-/// Numbers of two registers of a servo: the watchdog time of a command in s, and the time since
-/// power-on in ms.
+/// Numbers of two registers of a servo. The first holds the watchdog time of a command (s), the
+/// second the time since power-on (ms).
 const WATCHDOG: u16 = 0x027;
 const UPTIME: u16 = 0x070;
 

@@ -18,11 +18,12 @@ const PAPER: f64 = 5.5;
 /// so that the bandwidth is near the paper's.
 const STATED: Setting =
     Setting { gain: 50.0, inner_hz: 20.0, amplitude: 0.05, axis: Vec3::X, friction: false };
-/// Corner frequencies of the drives' rate loops that are tried, Hz.
+/// Corner frequencies of the drives' rate loops for which the bandwidth is measured, Hz.
 const INNER: [f64; 4] = [5.0, 10.0, 20.0, 40.0];
-/// Gains K_O of the position loop that are tried, 1/s. The position loop surrounds the rate loops.
+/// Gains K_O of the position loop for which the bandwidth is measured, 1/s. The position loop
+/// surrounds the rate loops.
 const GAINS: [f64; 6] = [20.0, 35.0, 50.0, 70.0, 100.0, 140.0];
-/// Amplitudes of the desired sinusoidal motion that are tried, rad.
+/// Amplitudes of the desired sinusoidal motion for which the bandwidth is measured, rad.
 const AMPLITUDES: [f64; 7] = [0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6];
 /// Gains K_O for which the amplitude is varied, 1/s.
 const AMPLITUDE_GAINS: [f64; 3] = [35.0, 50.0, 100.0];

@@ -80,7 +80,7 @@ pub(super) fn alone() -> Vec<Effect> {
     ]
 }
 
-/// Returns all phenomena of a real rig together, without a hand on the sphere.
+/// Returns the phenomena of a real rig all together. No simulated hand holds the sphere.
 pub(super) fn together() -> Phenomena {
     Phenomena {
         joint_friction: Some(JointFriction::default()),

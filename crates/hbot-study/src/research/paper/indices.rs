@@ -15,9 +15,11 @@ use crate::report::{Report, head, row};
 /// Steer angles at which the paper's turns begin, rad. The paper gives none. We use zero, because
 /// the paper sets up its rig with both wheels at zero.
 pub(super) const START: [f64; 2] = [0.0; 2];
-/// The mean conditioning index (GCI) that the paper reports (section V.D).
+/// The global conditioning index (GCI) that the paper reports, which is a mean over the workspace
+/// (section V.D).
 pub(super) const PAPER_GCI: f64 = 0.41;
-/// The mean relative manipulability (GMI) that the paper reports (section V.D).
+/// The global manipulability index (GMI) that the paper reports, which is a mean over the workspace
+/// relative to the largest value (section V.D).
 pub(super) const PAPER_GMI: f64 = 0.5;
 
 /// Conditioning and manipulability of the rig for one choice of motors, either at one posture or as

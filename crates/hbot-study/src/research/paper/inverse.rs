@@ -18,7 +18,7 @@ use crate::report::{Report, row};
 const PAPER: [f64; 3] = [0.0354, 0.0368, 0.0312];
 /// Period of the control loop, s.
 const PERIOD_S: f64 = 1.0e-3;
-/// Duration of a run of the control loop in our reading of the paper, s.
+/// Duration of a run of the control loop, s. The paper gives none; this is our interpretation.
 const TIME_S: f64 = 1.0;
 /// Gain K_O of the position loop in the runs whose errors are plotted, 1/s. The error depends only
 /// on the product of gain and time.

@@ -23,7 +23,7 @@ const FADE_S: f64 = 0.5;
 /// Smallest number of ticks for the response to settle, and again for its observation. At 1 kHz
 /// each takes 1 s.
 const LEAST: u32 = 1000;
-/// A gain of -3 dB, at which the bandwidth is read.
+/// A gain of -3 dB. The bandwidth is the frequency at which the gain has fallen to this value.
 const DOWN: f64 = core::f64::consts::FRAC_1_SQRT_2;
 /// Longest sine period in the search for a bandwidth, ticks.
 const LONGEST: f64 = 2000.0;

@@ -59,10 +59,9 @@ mod tests {
     use super::*;
     use hbot_core::Vec3;
 
-    /// Returns, for some fixed quaternions, the mean square and the mean fourth power of the
-    /// projections of all orientations onto each. They are 1/4 and 1/8 if the orientations are
-    /// spread evenly over SO(3), as they are for a coordinate on the unit sphere in four
-    /// dimensions.
+    /// Returns the mean square and the mean fourth power of the projections of all orientations
+    /// onto each of some fixed quaternions. If the orientations are spread evenly over SO(3), these
+    /// means are 1/4 and 1/8, the values for a coordinate of the unit sphere in four dimensions.
     fn moments(weighted: impl Iterator<Item = (Quat, f64)>) -> Vec<[f64; 2]> {
         let weighted: Vec<(Quat, f64)> = weighted.collect();
         let looks =

@@ -114,7 +114,8 @@ fn states(rig: &Rig, readings: &[JointFeedback]) -> impl Iterator<Item = hbot_co
     })
 }
 
-/// Quality of a rate estimate on one motion: its noise, lag and false slip.
+/// Quality of a rate estimate on one motion: the noise and the lag of the sphere's angular
+/// velocity, and the slip that is reported although the wheels do not slip.
 struct Quality {
     /// Root mean square of the error of the sphere's angular velocity after the lag is removed,
     /// rad/s.

@@ -15,8 +15,8 @@ const COULOMB: [f64; 4] = [0.0, 0.5e-3, 2.0e-3, 8.0e-3];
 /// with 16384, 2048 and 256 counts per turn of the steer joint, whose angle is 5.7 times the
 /// sphere's.
 const STEPS: [f64; 3] = [6.7e-5, 5.4e-4, 4.3e-3];
-/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
-/// s/rad.
+/// Values of the viscous damping of the mechanics that are simulated, N m s/rad. The damping that
+/// the virtual wall renders is separate.
 const OWN: [f64; 2] = [0.001, 0.003];
 /// Period of the simulated loop, s.
 const PERIOD: f64 = 1.0e-3;

@@ -25,9 +25,11 @@ const STRETCHES: u32 = 8;
 /// Smallest share of its energy that a swing must lose from one interval to the next to count as
 /// decaying.
 const LOSES: f64 = 1.0e-3;
-/// Lowest stiffness that is tried, relative to the stability limit of the linear theory.
+/// Lowest stiffness at which the search for the largest stable stiffness begins, relative to the
+/// stability limit of the linear theory.
 const FROM: f64 = 0.25;
-/// Highest stiffness that is tried, relative to the stability limit of the linear theory.
+/// Highest stiffness in the search for the largest stable stiffness, relative to the stability
+/// limit of the linear theory.
 const UP_TO: f64 = 32.0;
 /// Factor between two successive stiffnesses that are tried.
 const RATIO: f64 = core::f64::consts::SQRT_2;

@@ -11,8 +11,8 @@ use crate::report::Report;
 const RATES: [u32; 4] = [500, 1000, 2000, 4000];
 /// Delays from a reading to the torque computed from it that are compared, in ticks.
 const DELAYS: [usize; 3] = [0, 1, 2];
-/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
-/// s/rad.
+/// Values of the viscous damping of the mechanics that are simulated, N m s/rad. The damping that
+/// the virtual wall renders is separate.
 const OWN: [f64; 3] = [0.001, 0.003, 0.01];
 /// Values of the damping that the virtual wall renders, N m s/rad.
 const DAMPING: [f64; 3] = [0.0, 0.003, 0.01];

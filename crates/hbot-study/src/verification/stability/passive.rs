@@ -11,8 +11,8 @@ use crate::report::Report;
 
 /// Loop rates at which the largest passive stiffness is measured, Hz.
 const RATES: [u32; 3] = [500, 1000, 4000];
-/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
-/// s/rad.
+/// Values of the viscous damping of the mechanics that are simulated, N m s/rad. The damping that
+/// the virtual wall renders is separate.
 const OWN: [f64; 2] = [0.01, 0.03];
 /// Values of the damping that the virtual wall renders, N m s/rad. They can be negative.
 const DAMPING: [f64; 3] = [0.0, 0.005, -0.005];
