@@ -26,7 +26,8 @@ pub(super) struct Motors {
 }
 
 impl Motors {
-    /// Creates cold motors whose currents give the torques `acting`, N m.
+    /// Creates cold motors. Their currents are those with which the motor controllers expect the
+    /// torques `acting`, N m.
     pub(super) fn new(motor: Motor, acting: &JointTorques) -> Self {
         let mut motors = Self { motor, current: *acting, heat: [0.0; MAX_JOINTS], acting: [0.0; MAX_JOINTS] };
         motors.act();

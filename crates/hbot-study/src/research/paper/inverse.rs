@@ -28,9 +28,9 @@ const GAIN: f64 = 14.0;
 const BETTER: f64 = 30.0;
 /// Number of ticks between two samples of the error.
 const EVERY: usize = 10;
-/// Largest allowed difference between the errors of the simulated control loop and of its closed
-/// form, rad. The loop holds the joint rates constant for a tick. Its error therefore differs by
-/// K_O h/4 of the change of the error, which is 1 % of an error that starts at 0.5.
+/// Largest allowed difference between the orientation error in the simulated control loop and the
+/// error by its closed form, rad. The two differ because the loop holds the joint rates constant
+/// for a tick: by K_O h/4 of the change of the error, which is 1 % of an error that starts at 0.5.
 const WITHIN: f64 = 5.0e-3;
 
 /// The course of the error over time: the root mean square of the error e_O over all orientations,

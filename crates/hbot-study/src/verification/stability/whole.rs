@@ -32,8 +32,8 @@ pub(super) struct Wanted {
 /// sphere starts at rest at the centre of the spring.
 pub(super) struct Loop {
     whole: Whole,
-    /// Energy that the motors have delivered since the last tap, J: the sum over all joints and
-    /// ticks of torque times turn.
+    /// Energy that the motors have delivered since the last tap, J. It is the sum over all joints
+    /// and ticks of the joint torque times the angle by which the joint turned.
     given: f64,
 }
 
