@@ -25,7 +25,7 @@ pub enum AttachError {
     /// A serial port could not be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The motor controllers do not answer, or are not those of the rig.
+    /// The motor controllers do not answer, or are not those that the rig file names.
     #[error(transparent)]
     Meet(#[from] MeetError),
     /// The simulated rig could not be created.
@@ -63,15 +63,16 @@ impl Simulator {
         }
     }
 
-    /// Replaces the phenomena, such as play, that are switched on in the simulated rig.
+    /// Replaces the phenomena of a real rig, such as play in the gears, that the simulated rig
+    /// shows.
     pub fn show(&self, phenomena: Phenomena) {
         self.post(Box::new(move |rig| rig.set_phenomena(phenomena)));
     }
 }
 
-/// Creates a simulated rig with the given phenomena, checks its motor controllers, and returns its
-/// bus with a handle to the rig. In virtual time the bus uses a line in memory. In real time it
-/// uses a pseudo-terminal.
+/// Creates a simulated rig with the given phenomena and checks its motor controllers. Returns the
+/// motor bus for it and a handle to the rig. The bus uses a line in memory in virtual time, and a
+/// pseudo-terminal in real time.
 pub(crate) fn simulated(
     rig: &RigConfig,
     layout: &Layout,
@@ -104,8 +105,8 @@ pub(crate) fn simulated(
     Ok((bus, simulator))
 }
 
-/// Creates the simulated rig that a rig file describes. Its controllers use the protocol that the
-/// file names.
+/// Creates the simulated rig that a rig file describes. Its motor controllers use the protocol that
+/// the rig file names.
 pub(crate) fn simulated_rig(
     rig: &RigConfig,
     phenomena: Phenomena,
@@ -114,8 +115,8 @@ pub(crate) fn simulated_rig(
     SimulatedRig::new(&SimulatedConfig { line, phenomena, ..SimulatedConfig::new(&rig.rig) })
 }
 
-/// Checks the simulated motor controllers at the far end of `line`, and returns the bus for them.
-/// They use the protocol that the rig file names.
+/// Checks the simulated motor controllers at the other end of `line`, and returns the motor bus
+/// through which they are commanded. They use the protocol that the rig file names.
 pub(crate) fn met(
     rig: &RigConfig,
     layout: &Layout,
@@ -135,9 +136,9 @@ fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {
     spawn_pty(rig, PtyOptions { on_start: Box::new(on_start), ..PtyOptions::default() })
 }
 
-/// Opens the rig's serial ports and checks the motor controllers on them. Starts a process of
-/// `helper` for each port, which switches the motors off if this program dies. If `reopened` is
-/// true, lines that are lost are reopened. Adds notices for the user to `notices`.
+/// Opens the rig's serial ports, and checks the motor controllers on them. For each port, starts a
+/// process of the program `helper`, which switches the motors off if this program dies. If
+/// `reopened` is true, lost lines are reopened later. Adds notices for the user to `notices`.
 pub(crate) fn serial(
     rig: &RigConfig,
     devices: &[String],

@@ -22,16 +22,16 @@ use crate::sample::Sample;
 /// Number of samples that can wait for the service. At 8 kHz they last for half a second, in case
 /// the service is busy.
 const SAMPLES: usize = 4096;
-/// The loop wakes the service after this many samples, even if the service asked to be woken only
-/// for notable samples, such as a change of mode.
+/// Number of samples since the last wake-up after which the loop wakes the service, even if the
+/// service asked to be woken only for notable samples, such as a change of mode.
 const UNHEARD: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;
 
-/// The command that is sent through the ring after an emergency stop, so that the stop gets an
-/// answer. The answer comes with the tick of the stop or a later one. The command itself does
-/// nothing: a second stop a few ticks after the first would undo a reset that was ordered in
-/// between.
+/// The command that is sent through the ring after an emergency stop, so that the client gets an
+/// answer to the stop. The stop itself does not pass through the ring, and takes effect in the tick
+/// of this answer or an earlier one. The command has no effect of its own. A second stop in its
+/// place, a few ticks after the first, would undo a reset that was ordered in between.
 pub const CONFIRMED: Command = Command::ClientLost(OnClientLost::Keep);
 
 /// A command on its way to the loop, with the number that identifies its answer.
@@ -108,8 +108,8 @@ struct Waker {
 
 /// Value of [`Waker::ear`]: the service is awake and needs no wake-up.
 const AWAKE: u8 = 0;
-/// Value of [`Waker::ear`]: the service sleeps until a notable sample is published, such as a
-/// change of mode, or many samples wait.
+/// Value of [`Waker::ear`]: the service sleeps until a notable sample is published, such as one
+/// with a change of mode, or until many samples wait.
 const NOTABLE: u8 = 1;
 /// Value of [`Waker::ear`]: the service sleeps until the next sample is published.
 const EVERY: u8 = 2;
@@ -162,8 +162,8 @@ impl LoopEnd {
         self.orders.pop().ok()
     }
 
-    /// Replaces `scene` by the newest waiting scene, if any. Sends the replaced scenes back to the
-    /// service, so that their memory is freed outside the loop.
+    /// Replaces `scene` by the newest scene that waits in the ring, if any. Sends the old scenes
+    /// back to the service, so that their memory is not freed in the control loop.
     #[inline]
     pub fn adopt_scene(&mut self, scene: &mut Box<CompiledScene>) {
         while let Ok(newer) = self.scenes.pop() {
@@ -173,8 +173,8 @@ impl LoopEnd {
         }
     }
 
-    /// Sends a sample to the service. Returns false if the ring was full and the sample was
-    /// dropped. Makes at most one system call, a non-blocking write to the event.
+    /// Sends a sample to the service. Returns false if the ring was full, so that the sample was
+    /// dropped. Makes at most one system call, a non-blocking write that wakes the service.
     #[inline]
     pub fn publish(&mut self, sample: Sample) -> bool {
         let situation = Some((sample.state.mode, sample.state.cause, sample.scene));
@@ -209,7 +209,7 @@ impl LoopEnd {
         self.waker.estop.load(Ordering::Acquire) && self.waker.estop.swap(false, Ordering::AcqRel)
     }
 
-    /// Returns whether no more samples can wait for the service, so that the next one would be
+    /// Returns whether the ring of samples to the service is full, so that the next sample would be
     /// dropped.
     #[must_use]
     pub fn is_full(&self) -> bool {
@@ -315,9 +315,10 @@ impl EmergencyStop {
 
 impl Bell {
     /// Requests the next notification. If `every` is true, the next sample triggers it. Otherwise
-    /// only a notable sample does: one whose mode, fault cause or scene has changed, or that
-    /// contains an answer. Many waiting samples and the end of the loop trigger it as well. After
-    /// this call, check again for samples, because only later ones trigger the notification.
+    /// only a notable sample triggers it: one with a new mode, fault cause or scene, or one that
+    /// contains an answer. A large number of waiting samples and the end of the loop always trigger
+    /// it. After this call, the caller must check for samples again, because samples that already
+    /// wait trigger no notification.
     pub fn set(&self, every: bool) {
         self.0.ear.store(if every { EVERY } else { NOTABLE }, Ordering::SeqCst);
         fence(Ordering::SeqCst);

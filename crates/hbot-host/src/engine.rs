@@ -14,8 +14,8 @@ use crate::clock::now_ns;
 use crate::motors::Motors;
 use crate::sample::{Answer, Counters, Sample, TickTiming};
 
-/// Number of recent commands whose send time is remembered, to compute the age of a reading. A
-/// reading that answers an older command has no age.
+/// Number of recent commands whose send times are stored, to compute the age of a reading. If a
+/// reading answers an older command, its age is unknown.
 const SENT: usize = 1024;
 /// How many times the final zero-torque command is sent, in case a frame is lost.
 const STOPS: u32 = 3;
@@ -27,13 +27,13 @@ pub struct Engine {
     controller: Controller,
     scene: Box<CompiledScene>,
     bridge: LoopEnd,
-    /// Sequence number and send time (ns) of each of the last commands, from which the age of a
-    /// reading is computed.
+    /// Tick number and send time (ns) of each of the last commands, from which the age of a reading
+    /// is computed.
     sent_at: Box<[(u32, u64); SENT]>,
     counters: Counters,
     recorder: Option<Recorder>,
-    /// True if the engine must enable the rig by itself when the mode becomes `idle`. It does so at
-    /// most once.
+    /// True if the engine must itself give the command `enable` in the first tick after the mode
+    /// has become `idle`. It does so at most once.
     enable_when_idle: bool,
     /// True if the mode was `idle` after the last tick.
     idle: bool,
@@ -41,7 +41,7 @@ pub struct Engine {
     now_ns: u64,
 }
 
-/// Ticket of commands that come from the engine itself. Nobody waits for their answers.
+/// Ticket of the commands that the engine itself creates. No client waits for their answers.
 const OWN: u64 = 0;
 
 /// A callback that receives the scene, the inputs and the outputs of each tick. The scenes and
@@ -55,9 +55,9 @@ pub struct TickTime {
     pub tick: u64,
     /// Nominal time of the tick since the start of the loop, ns.
     pub t_ns: u64,
-    /// Time for which the thread was awake before the deadline, ns.
+    /// Time for which the loop's thread was already awake before the deadline, ns.
     pub awake_ns: u64,
-    /// Time from the deadline to the start of the tick, ns.
+    /// Time from the deadline of the tick to its actual start, ns.
     pub lateness_ns: u64,
     /// True if the tick began more than a quarter period after its deadline.
     pub late: bool,
@@ -66,8 +66,8 @@ pub struct TickTime {
 }
 
 impl Engine {
-    /// Creates an engine that renders `scene` with `controller` on `motors`. If `recorder` is
-    /// given, it is called in every tick.
+    /// Creates an engine that renders `scene` with `controller` on `motors`. The engine calls
+    /// `recorder`, if there is one, in every tick.
     #[must_use]
     pub fn new(
         motors: Motors,
@@ -90,8 +90,8 @@ impl Engine {
         }
     }
 
-    /// Sets whether the engine enables the rig by itself, once, in the first tick in which this is
-    /// possible. In virtual time, this tick has the same number in every run.
+    /// Sets whether the engine itself gives the command `enable`, once, in the first tick in which
+    /// this is possible. In virtual time, this tick has the same number in every run.
     #[must_use]
     pub fn enabling(mut self, enable: bool) -> Self {
         self.enable_when_idle = enable;
@@ -170,9 +170,9 @@ impl Engine {
         }
     }
 
-    /// Runs `tick` in advance on a copy of the controller and discards the result, so that the code
-    /// and data of a tick are in the processor's caches. Assumes that the motor controllers repeat
-    /// their last reading. Nothing else changes.
+    /// Computes the tick with number `tick` on a copy of the controller and discards the result, so
+    /// that code and data are in the processor's caches when the real tick runs. It assumes that
+    /// the next reading will equal the last one. The engine does not change.
     #[inline(never)]
     pub fn rehearse(&self, tick: u64) {
         let readings = self.motors.readings();
@@ -188,8 +188,9 @@ impl Engine {
         black_box(self.controller.clone().tick(&self.scene, black_box(&inputs)));
     }
 
-    /// Ends the session: sends the command for zero torque and motors off several times, `pause`
-    /// apart, in case a frame is damaged on the line. Then releases the buses.
+    /// Ends the session. Sends the command that switches the motors off several times, in case a
+    /// frame is damaged on the line, with the time `pause` between two commands. Then releases the
+    /// motor buses.
     pub fn stop(&mut self, tick: u32, pause: Duration) {
         for k in 0..STOPS {
             if k > 0 {
@@ -201,8 +202,8 @@ impl Engine {
         self.motors.release();
     }
 
-    /// Takes the commands for this tick from the bridge, at most as many as a tick can carry out.
-    /// Returns the commands and their tickets.
+    /// Takes the commands for this tick from the bridge, at most the number that one tick can carry
+    /// out. Returns the commands, and the ticket under which each is answered.
     fn orders(&mut self) -> (Commands, [u64; MAX_COMMANDS]) {
         let mut commands = Commands::default();
         let mut tickets = [OWN; MAX_COMMANDS];

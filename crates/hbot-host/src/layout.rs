@@ -9,10 +9,11 @@ use hbot_core::MAX_JOINTS;
 /// ratios are not part of the layout, because the control law of hbot-core applies them.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// The place of each joint on the motor buses, in the order steer, drive of each wheel.
+    /// The place of each joint on the motor buses, in the order of the rig: steer, then drive, of
+    /// each wheel.
     pub places: Vec<JointPlace>,
-    /// Encoder counts that are added to the count of each joint, so that the sum is zero at the
-    /// rig's zero.
+    /// Number that is added to the encoder count of each joint, so that the sum is zero at the zero
+    /// of the rig.
     pub offsets: [i32; MAX_JOINTS],
 }
 
@@ -23,8 +24,8 @@ pub struct JointPlace {
     pub bus: usize,
     /// Index of the joint among the joints of its bus, from 0.
     pub at: usize,
-    /// Id of the joint's controller on its bus. In hbot's own protocol joints have no ids, and the
-    /// index `at` is used.
+    /// Id of the joint's motor controller on its bus. hbot's own protocol has no ids and uses the
+    /// index `at` instead.
     pub id: u8,
 }
 
@@ -51,7 +52,7 @@ impl Layout {
         Self { places: all().map(place).collect(), offsets }
     }
 
-    /// Returns the layout with new ids: on each bus they are consecutive and begin at `first`.
+    /// Returns this layout with new controller ids. On each bus, the ids count up from `first`.
     #[must_use]
     pub fn numbered_from(mut self, first: u8) -> Self {
         for place in &mut self.places {
@@ -60,8 +61,8 @@ impl Layout {
         self
     }
 
-    /// Returns a layout with all joints on one bus and without offsets. `places` are in the order
-    /// steer, drive of each wheel.
+    /// Returns a layout with all joints on one bus and without zero offsets. `places` gives each
+    /// joint's index on the bus, in the order steer, drive of each wheel.
     #[must_use]
     pub fn single(places: impl IntoIterator<Item = usize>) -> Self {
         let places = places.into_iter().map(|at| JointPlace { bus: 0, at, id: at as u8 }).collect();
@@ -74,14 +75,14 @@ impl Layout {
         self.places.iter().map(|place| place.bus + 1).max().unwrap_or(0)
     }
 
-    /// Returns the joints on motor bus number `bus`: each joint's number in the rig, and its place
-    /// on the bus.
+    /// Returns the joints on motor bus number `bus` as pairs: the joint's number in the rig, and
+    /// its index on the bus.
     pub fn joints(&self, bus: usize) -> impl Iterator<Item = (usize, usize)> {
         self.on(bus).map(|(joint, place)| (joint, place.at))
     }
 
-    /// Returns the joints of the rig on motor bus number `bus`: each joint's number in the rig, and
-    /// its place.
+    /// Returns the joints on motor bus number `bus` as pairs: the joint's number in the rig, and
+    /// its place on the motor buses.
     pub fn on(&self, bus: usize) -> impl Iterator<Item = (usize, &JointPlace)> {
         self.places.iter().enumerate().filter(move |(_, place)| place.bus == bus)
     }

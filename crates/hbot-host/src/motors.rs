@@ -43,12 +43,13 @@ pub struct Motors {
 /// One motor bus of a rig, with its joints and its state.
 struct Attached {
     bus: Box<dyn MotorBus>,
-    /// The joints on this bus: each joint's number in the rig, and its place on the bus.
+    /// The joints on this bus as pairs: the joint's number in the rig, and its index on the bus.
     joints: Vec<(usize, usize)>,
-    /// The tick of the command that the newest reading of this bus answers.
+    /// The tick of the command that the newest reading of this bus answers, or `None` before the
+    /// first reading.
     answers: Option<u32>,
-    /// True if a call of the bus has panicked. It is not called again, so that its helper process,
-    /// if any, switches the motors off.
+    /// True if a call of the bus has panicked. The bus is then not called again, so that its helper
+    /// process, if it has one, switches the motors off.
     broken: bool,
     /// True if the line of this bus was reopened and no reading has followed yet. The next reading
     /// then reports an expired watchdog, so that torque returns only after `reset` and `enable`.
@@ -58,28 +59,28 @@ struct Attached {
 /// Everything that all buses have received since the previous tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct News {
-    /// The newest readings of all joints, with the sequence number of the oldest of them. `None` if
-    /// nothing new has arrived.
+    /// The newest readings of all joints, with the tick number of the oldest of them. `None` if no
+    /// new reading has arrived.
     pub feedback: Option<JointReadings>,
-    /// Number of buses that have delivered a reading.
+    /// Number of buses that have delivered a new reading.
     pub buses_with_reading: usize,
     /// Number of damaged frames received.
     pub damaged: u16,
     /// Number of intact frames that came from other controllers or answer a command that was never
     /// sent.
     pub foreign: u64,
-    /// True if the motor controllers of a bus may have lost their zeros.
+    /// True if the motor controllers of at least one bus may have lost the zeros of their joints.
     pub zeros_lost: bool,
     /// Number of lines that were lost and have been reopened.
     pub reopened: u64,
 }
 
 impl Motors {
-    /// Combines the motor buses of a rig into one set of joints. `buses` must be in the order of
-    /// the buses of `layout`. The motor controllers hold each command for `watchdog_ms`, ms.
+    /// Combines the motor buses of a rig into one set of joints. `buses` must be in the order that
+    /// `layout` gives them. If no further command arrives, the motor controllers switch their
+    /// motors off after `watchdog_ms`, ms.
     ///
-    /// # Panics
-    /// Panics if the number of buses differs from that of `layout`.
+    /// # Panics Panics if the number of buses differs from that of `layout`.
     #[must_use]
     pub fn new(buses: Vec<Box<dyn MotorBus>>, layout: &Layout, watchdog_ms: u16) -> Self {
         assert_eq!(buses.len(), layout.buses(), "a joint without a bus would never be commanded");
@@ -114,8 +115,8 @@ impl Motors {
         &self.readings
     }
 
-    /// Reads everything that has arrived on all buses. The loop calls it before it sends the
-    /// command of `tick`. Never waits.
+    /// Reads all bytes that have arrived on all buses. The control loop calls this function before
+    /// it sends the command of the tick number `tick`. Never waits.
     pub fn receive(&mut self, now_ns: u64, tick: u32) -> News {
         let mut news = News::default();
         let mut complaints = Complaints::default();
@@ -147,8 +148,8 @@ impl Motors {
         news
     }
 
-    /// Writes the command of `tick` to all buses. Returns how many buses did not accept it
-    /// completely.
+    /// Writes the command of the tick number `tick` to all buses. Returns how many buses did not
+    /// accept it completely.
     pub fn command(&mut self, now_ns: u64, tick: u32, drive: &Drive) -> u64 {
         let mut refused = 0;
         for attached in &mut self.buses {
@@ -162,8 +163,8 @@ impl Motors {
         refused
     }
 
-    /// Commands all buses to switch their motors off, even if one of the buses panics. Returns how
-    /// many did not accept the command completely.
+    /// Commands all buses to switch their motors off. If one of the buses panics, the others still
+    /// get the command. Returns how many buses did not accept it completely.
     pub fn switch_off(&mut self, now_ns: u64, tick: u32) -> u64 {
         let command =
             BusCommand { tick, enable: false, watchdog_ms: self.watchdog_ms, torque: [0.0; MAX_JOINTS] };
@@ -186,8 +187,8 @@ impl Motors {
 }
 
 impl Attached {
-    /// Returns the complaints of the motor controllers on this bus. If its line was reopened, the
-    /// first message after that counts as an expired watchdog.
+    /// Returns the complaints of the motor controllers on this bus. If the bus's line was lost and
+    /// reopened, the first reading after that also reports an expired watchdog.
     fn complaints(&mut self, heard: &Heard) -> Complaints {
         self.lost |= heard.reopened;
         let says = heard.reading.is_some() || heard.complaints != Complaints::default();
@@ -195,8 +196,8 @@ impl Attached {
         Complaints { watchdog: heard.complaints.watchdog | lost, ..heard.complaints }
     }
 
-    /// Copies a reading of this bus to the places of its joints in the rig, and adds the zero
-    /// offsets.
+    /// Copies the joints of a reading from this bus into `readings`, which has the order of the
+    /// rig, and adds the zero offset of each joint to its encoder count.
     fn place(&self, reading: &Reading, offsets: &[i32; MAX_JOINTS], readings: &mut JointReadings) {
         for (joint, at) in &self.joints {
             let read = &reading.joints[*at];
@@ -218,7 +219,8 @@ mod tests {
     use super::*;
     use crate::layout::JointPlace;
 
-    /// A motor bus that records its calls. If the second field is true, it panics at every command.
+    /// A motor bus for tests that records its calls. If the second field is true, it panics at
+    /// every command.
     struct Noted(Arc<Mutex<Vec<String>>>, bool);
 
     impl MotorBus for Noted {

@@ -33,7 +33,7 @@ impl Probe {
         // The plot shows the scene after its effects have faded in.
         let effects: Vec<Effect> =
             compiled.effects().iter().map(|effect| Effect { fade_s: 0.0, ..*effect }).collect();
-        let end = effects.iter().map(|effect| effect.figures.start + effect.figures.len).max().unwrap_or(0);
+        let end = effects.iter().map(|effect| effect.numbers.start + effect.numbers.len).max().unwrap_or(0);
         let figures = compiled.numbers(Span { start: 0, len: end });
         let scene = CompiledScene::with_numbers(compiled.revision(), &effects, figures)
             .unwrap_or_else(|error| unreachable!("the same effects and figures: {error}"));

@@ -15,28 +15,32 @@ pub type SimulatorCall = Box<dyn FnOnce(&mut SimulatedRig) + Send>;
 /// deliver at once, so that the loop never allocates memory.
 const INBOX: usize = 256 * 1024;
 
-/// A line to a simulated rig in the memory of this process, for virtual time.
+/// A line to a simulated rig that runs in the same process in virtual time. It needs no serial
+/// port.
 pub struct Memory {
     rig: SimulatedRig,
     calls: Receiver<SimulatorCall>,
     inbox: Vec<u8>,
     read: usize,
-    /// Time of the line at which its user's clock last started again from 0, in ns. A conversation
-    /// before the first tick has its own clock.
+    /// Offset from the caller's time to the line's time, ns. It grows whenever the caller's time
+    /// starts again from 0, as it does between the check of the motor controllers and the first
+    /// tick.
     base_ns: u64,
-    /// Last time of the user's clock, in ns.
+    /// The time that the caller gave in its last call, ns.
     last_ns: u64,
 }
 
 impl Memory {
-    /// Returns a line to `rig`. Functions from `calls` are run on the rig before the next bytes are
-    /// written.
+    /// Returns a line to `rig`. Functions that are sent through the channel `calls` are run on the
+    /// rig before the next bytes are written.
     #[must_use]
     pub fn new(rig: SimulatedRig, calls: Receiver<SimulatorCall>) -> Self {
         Self { rig, calls, inbox: Vec::with_capacity(INBOX), read: 0, base_ns: 0, last_ns: 0 }
     }
 
-    /// Converts the time of the user's clock to the time of the line, in ns.
+    /// Converts the caller's time `now_ns` to the line's time, in ns. The caller's time can start
+    /// again from 0; the line's time never goes back. For this, the function stores the caller's
+    /// last time.
     fn time(&mut self, now_ns: u64) -> u64 {
         if now_ns < self.last_ns {
             self.base_ns += self.last_ns;

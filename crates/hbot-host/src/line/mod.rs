@@ -9,14 +9,13 @@ use std::io;
 
 pub use self::memory::{Memory, SimulatorCall};
 
-/// Moves bytes to and from motor controllers. `now_ns` is the time since the start of the loop.
-/// Only a line in memory uses it; a serial port ignores it.
+/// A connection that carries bytes to and from motor controllers. `now_ns` is the time since the
+/// start of the control loop, in ns. Only a simulated line uses it.
 pub trait Line: Send {
-    /// Reads the bytes that have arrived into `buffer` and returns their number, 0 if there are
-    /// none. Never waits.
+    /// Reads the bytes that have arrived into `buffer` and returns their number. Returns 0 if none
+    /// have arrived. Never waits.
     ///
-    /// # Errors
-    /// Fails if the line is lost.
+    /// # Errors Fails if the line is lost.
     fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize>;
 
     /// Writes as many bytes as the line has room for and returns their number. Never waits.
@@ -25,14 +24,14 @@ pub trait Line: Send {
     /// Fails if the line is lost.
     fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize>;
 
-    /// Returns a report if the line was lost and has been reopened since the last call. Never
-    /// waits.
+    /// Returns a report if the line was lost and has been reopened since the last call. Otherwise
+    /// returns `None`. Never waits.
     fn renewed(&mut self) -> Option<Renewed> {
         None
     }
 
-    /// Waits for a millisecond, outside the loop. A line in memory does not wait, because `now_ns`
-    /// is its clock.
+    /// Waits for a millisecond; it is called only outside the control loop. A simulated line in
+    /// memory does not wait, because its time is the `now_ns` of the other calls.
     fn pause(&mut self) {
         std::thread::sleep(std::time::Duration::from_millis(1));
     }

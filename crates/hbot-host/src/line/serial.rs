@@ -32,14 +32,15 @@ use crate::line::{Line, Renewed};
 /// How often the thread that reopens a line checks whether the line is lost.
 const LOOK: Duration = Duration::from_millis(20);
 /// How long opening a port is retried while another program has it open. After a server was killed,
-/// its helper process keeps the port open until it has written the last word.
+/// its helper process keeps the port open until it has sent the command that switches the motors
+/// off.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// A serial port, or a pseudo-terminal that behaves like one.
 #[derive(Debug)]
 pub struct Serial {
-    /// The open port. It is `None` after the line was lost, so a dead line costs the loop no system
-    /// calls.
+    /// The open port, or `None` after the line was lost. A lost line therefore costs the control
+    /// loop no system calls.
     port: Option<Held>,
     reopening: Option<Reopening>,
 }
@@ -104,23 +105,21 @@ impl Serial {
         Self { port: Some(Held { line, last_word: None }), reopening: None }
     }
 
-    /// Starts a helper process that writes `off`, the bytes that switch the motors off, if this
-    /// process dies.
+    /// Starts a helper process. If this process dies, the helper writes the bytes `off` to the
+    /// port, which switch the motors off.
     ///
-    /// # Errors
-    /// Fails if the helper does not start, or if the line is lost.
+    /// # Errors Fails if the helper does not start, or if the line is lost.
     pub fn guard(&mut self, helper: &Program, off: &[u8]) -> io::Result<()> {
         let Some(port) = &mut self.port else { return Err(io::ErrorKind::BrokenPipe.into()) };
         port.last_word = Some(LastWord::start(helper, &port.line, off)?);
         Ok(())
     }
 
-    /// Starts a thread that reopens the line whenever it is lost. The thread accepts the reopened
-    /// line only if the controllers of `peer` answer on it. It then starts a new `helper` process
-    /// for the line.
+    /// Starts a thread that reopens the line whenever it is lost. The thread accepts a reopened
+    /// line only if the motor controllers that `peer` lists answer on it. It then starts a new
+    /// helper process with the program `helper`.
     ///
-    /// # Errors
-    /// Fails if the system cannot start a thread.
+    /// # Errors Fails if the system cannot start a thread.
     pub fn keep_open(
         &mut self,
         port: &str,
@@ -137,8 +136,8 @@ impl Serial {
         self.port.as_ref()?.last_word.as_ref().map(LastWord::watched)
     }
 
-    /// Converts the result of a read or write. A call that would have to wait counts as 0 bytes.
-    /// After any other error the port is handed to the thread that reopens it.
+    /// Returns the number of bytes that a read or write moved. If the call would have had to wait,
+    /// this is 0. After any other error, the port is given to the thread that reopens the line.
     fn moved(&mut self, result: Result<usize, Errno>) -> io::Result<usize> {
         match result {
             Ok(n) => Ok(n),
@@ -183,7 +182,8 @@ impl Line for Serial {
     }
 }
 
-/// Returns the notice for the user if [`Serial::guard`] could not start a helper process.
+/// Returns the notice that tells the user that [`Serial::guard`] could not start a helper process
+/// for `port`.
 #[must_use]
 pub fn unguarded(port: &impl Display, error: &io::Error) -> String {
     format!(
@@ -191,7 +191,8 @@ pub fn unguarded(port: &impl Display, error: &io::Error) -> String {
     )
 }
 
-/// Opens a port as [`open`] does, but retries for a while if another program has it open.
+/// Opens a port as [`open`] does. If another program has it open, retries for the time
+/// [`PATIENCE`].
 fn open_patiently(path: &Path, baud: u32) -> Result<OwnedFd, Errno> {
     let until = Instant::now() + PATIENCE;
     loop {

@@ -7,13 +7,13 @@ use oorandom::Rand64;
 
 use crate::phenomena::Encoder;
 
-/// The errors of one simulated encoder: coarse resolution, an off-centre disc, and a zero at a
-/// wrong angle.
+/// The errors of one simulated encoder: coarse resolution, a code disc that is mounted off centre,
+/// and a zero at a wrong angle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Disc {
     step: i64,
-    /// Amplitude of the angle error that repeats every turn of the encoder, in rad of the encoder's
-    /// shaft.
+    /// Amplitude of the error that the off-centre disc causes, in rad of the encoder's shaft. The
+    /// error repeats with every turn of the shaft.
     amplitude: f64,
     phase: f64,
     /// Angle by which the encoder's zero is wrong, in rad of the joint.
@@ -21,8 +21,8 @@ pub(super) struct Disc {
 }
 
 impl Disc {
-    /// Creates the encoder errors of all joints. The seed in `encoder` determines the phase and the
-    /// zero error of each.
+    /// Creates the errors of all joints' encoders. The seed in `encoder` determines the phase of
+    /// each disc and the error of each zero.
     pub(super) fn all(encoder: &Encoder) -> Box<[Self; MAX_JOINTS]> {
         let mut random = Rand64::new(u128::from(encoder.seed));
         Box::new(core::array::from_fn(|_| Self {

@@ -10,17 +10,18 @@ use super::joints::{Joints, Truth};
 use super::{InjectedFault, Speaks};
 use crate::plant::JointTorques;
 
-/// Temperature that the sensors of the motors report, in degrees Celsius.
+/// Temperature that the simulated motors report, in degrees Celsius.
 const TEMPERATURE: f32 = 25.0;
 
-/// The name of the firmware in its [`Description`].
+/// The name of the simulated firmware, as the controller reports it in its [`Description`].
 pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
-/// One motor controller that has all joints of a line.
+/// A simulated motor controller with hbot's own protocol, which controls all joints of a line.
 #[derive(Debug, Clone)]
 pub(super) struct Hbot {
     decoder: Decoder<ToController>,
-    /// Commanded torque of each joint, limited to its peak, N m. It has the joint's sign.
+    /// Commanded torque of each joint, limited to the joint's peak, N m. It is positive in the
+    /// joint's positive direction.
     torque: JointTorques,
     enabled: bool,
     expired: bool,
@@ -29,7 +30,7 @@ pub(super) struct Hbot {
     /// power-up.
     deadline: Option<u64>,
     failed: bool,
-    /// True if the controller receives and answers nothing.
+    /// True if a test makes the controller ignore all commands and send no answers.
     deaf: bool,
     refused: u64,
 }

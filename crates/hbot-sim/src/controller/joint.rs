@@ -7,7 +7,7 @@ use hbot_link::JointFlags;
 
 use super::disc::Disc;
 
-/// The kind of an encoder. It decides at which joint angle the encoder reads zero.
+/// The kind of an encoder. It determines at which joint angle the encoder reads zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum EncoderKind {
     /// The encoder reads zero at the angle at which it powered up. At the start of the simulation
@@ -62,11 +62,11 @@ impl From<&Joint> for SimulatedJoint {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Axis {
     pub(super) joint: SimulatedJoint,
-    /// Peak torque of the joint as a single-precision number, as in commands, N m. It is never
+    /// Peak torque of the joint, N m, in the single precision of the commands. It is never
     /// negative.
     pub(super) peak: f32,
-    /// Encoder counts per radian of the joint. Negative if the motor controller counts in the
-    /// opposite direction.
+    /// Encoder counts per radian of the joint. Negative if the motor controller counts up while the
+    /// joint turns in its negative direction.
     counts_per_rad: f64,
     /// Angle that the encoder read when its zero was set, in rad of the joint.
     origin: f64,
@@ -78,8 +78,8 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// Creates a joint whose encoder powered up at the angle zero and whose true angle is now
-    /// `angle`, rad.
+    /// Creates a joint with the true angle `angle`, rad. The encoder powered up while the joint was
+    /// at the angle zero.
     pub(super) fn new(joint: SimulatedJoint, angle: f64, disc: Option<&Disc>) -> Self {
         let sign = if joint.reversed { -1.0 } else { 1.0 };
         let mut axis = Self {
@@ -112,22 +112,22 @@ impl Axis {
         };
     }
 
-    /// Returns the value of `origin` that makes the encoder read zero at the joint angle `angle`,
-    /// rad.
+    /// Returns the value of `origin` with which the encoder reads zero while the joint is at
+    /// `angle`, rad. The error of the encoder's zero is included.
     fn marked(&self, angle: f64, disc: Option<&Disc>) -> f64 {
         disc.map_or(angle, |disc| disc.reading(angle, self.joint.gear) + disc.zero_off)
     }
 
-    /// Replaces the errors of the encoder while the joint is at `angle`, rad. The encoder count
-    /// continues from its present value, and the zero is kept.
+    /// Replaces the encoder's errors `old` by `new` while the joint is at `angle`, rad. The encoder
+    /// count does not jump, and the zero is kept.
     pub(super) fn replace_disc(&mut self, angle: f64, old: Option<&Disc>, new: Option<&Disc>) {
         let reads =
             |disc: Option<&Disc>| disc.map_or(0.0, |disc| disc.error(angle + self.slipped, self.joint.gear));
         self.origin += reads(new) - reads(old);
     }
 
-    /// Updates the encoder with the joint's present angle, rad, so that a passed index mark is
-    /// detected.
+    /// Informs the encoder of the joint's present angle, rad, so that it detects when the joint
+    /// passes an index mark.
     pub(super) fn sense(&mut self, angle: f64, disc: Option<&Disc>) {
         if let Some(before) = self.turn {
             let turn = turn_of(angle);
@@ -157,8 +157,9 @@ impl Axis {
         disc.map_or(whole, |disc| disc.coarse(whole))
     }
 
-    /// Returns the rate that the motor controller reports, in rad/s of the joint, positive in the
-    /// controller's direction. `angle` (rad) and `rate` (rad/s) are the joint's true values.
+    /// Returns the rate that the motor controller reports for a joint, in rad/s of the joint. It is
+    /// positive in the direction in which the controller counts up. `angle` (rad) and `rate`
+    /// (rad/s) are the joint's true values.
     pub(super) fn rate(&self, angle: f64, rate: f64, disc: Option<&Disc>) -> f32 {
         let rate = disc.map_or(rate, |disc| rate * disc.slope(angle + self.slipped, self.joint.gear));
         (if self.joint.reversed { -rate } else { rate }) as f32

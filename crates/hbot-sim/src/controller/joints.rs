@@ -29,8 +29,8 @@ pub(super) struct Joints {
     pub(super) axes: [Axis; MAX_JOINTS],
     discs: Option<Box<[Disc; MAX_JOINTS]>>,
     motors: Option<Box<Motors>>,
-    /// Torque that each motor must give, N m, with the joint's sign. It is within the peak, and 0
-    /// if the motor is off.
+    /// Torque that each motor must give, N m, positive in the joint's direction. It is within the
+    /// motor's peak, and 0 if the motor is off.
     asked: JointTorques,
 }
 
@@ -78,7 +78,8 @@ impl Joints {
         });
     }
 
-    /// Returns the torques that act at the joints now, N m, with the joints' signs.
+    /// Returns the torques that act at the joints now, N m. Each is positive in the joint's
+    /// direction.
     pub(super) fn torque(&self) -> &JointTorques {
         self.motors.as_ref().map_or(&self.asked, |motors| &motors.acting)
     }
@@ -90,44 +91,44 @@ impl Joints {
         }
     }
 
-    /// Updates the encoders with the present joint angles, rad, so that a passed index mark is
-    /// detected.
+    /// Informs the encoders of the present joint angles, rad, so that they detect when a joint
+    /// passes an index mark.
     pub(super) fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
         for (j, (axis, angle)) in self.axes[..self.count].iter_mut().zip(angles).enumerate() {
             axis.sense(*angle, disc(&self.discs, j));
         }
     }
 
-    /// Returns the torque that the motor of joint `j` gives if `torque` is commanded, N m. `torque`
-    /// has the controller's sign, and the result has the joint's sign. The result is limited to the
-    /// motor's peak.
+    /// Returns the torque that the motor of joint `j` gives if the controller is commanded to give
+    /// `torque`, N m. It is limited to the motor's peak. `torque` is positive in the controller's
+    /// direction, and the result in the joint's.
     pub(super) fn within_peak(&self, j: usize, torque: f32) -> f64 {
         let axis = &self.axes[j];
         let given = torque.clamp(-axis.peak, axis.peak);
         f64::from(if axis.joint.reversed { -given } else { given })
     }
 
-    /// Sets the torque that the motor of joint `j` gives, N m. It has the joint's sign and must be
-    /// within the motor's peak.
+    /// Sets the torque that the motor of joint `j` must give, N m. It is positive in the joint's
+    /// direction and must be within the motor's peak.
     pub(super) fn ask(&mut self, j: usize, torque: f64) {
         self.asked[j] = torque;
     }
 
-    /// Returns the encoder count of joint `j`, rounded down and wrapped to 32 bits. `truth` has the
-    /// joint's true angle.
+    /// Returns the encoder count of joint `j` at its true angle, which is in `truth`. The count is
+    /// rounded down and wrapped to 32 bits.
     pub(super) fn count_at(&self, j: usize, truth: &Truth<'_>) -> i32 {
         self.axes[j].count(truth.angles[j], disc(&self.discs, j))
     }
 
-    /// Returns the position of joint `j`'s encoder in turns, rounded down to a whole count.
-    /// `angles` are the true joint angles, rad.
+    /// Returns the angle that the encoder of joint `j` reads, in turns of the encoder, rounded down
+    /// to a whole encoder count. `angles` are the true joint angles, rad.
     pub(super) fn turns_at(&self, j: usize, angles: &[f64; MAX_JOINTS]) -> f64 {
         let axis = &self.axes[j];
         axis.whole_count(angles[j], disc(&self.discs, j)) as f64 / f64::from(axis.joint.counts_per_turn)
     }
 
-    /// Returns the rate of joint `j` that its controller measures, in rad/s of the joint, with the
-    /// controller's sign.
+    /// Returns the rate of joint `j` that its controller measures, in rad/s of the joint, positive
+    /// in the controller's direction.
     pub(super) fn rate_at(&self, j: usize, truth: &Truth<'_>) -> f32 {
         self.axes[j].rate(truth.angles[j], truth.rates[j], disc(&self.discs, j))
     }
@@ -154,8 +155,8 @@ impl Joints {
         }
     }
 
-    /// Simulates that the controllers of `joints` lose power and restart: the torque is 0, and the
-    /// counts start again.
+    /// Simulates that the controllers of `joints` lose power and restart. Their torques become 0,
+    /// and the encoder counts start again.
     pub(super) fn reboot(&mut self, joints: Range<usize>, angles: &[f64; MAX_JOINTS]) {
         self.asked[joints.clone()].fill(0.0);
         for j in joints.clone() {

@@ -39,51 +39,53 @@ pub enum InjectedFault {
     /// `UNDESCRIBED` is set. Counts restart, except those of absolute encoders.
     /// Other [`InjectedFault`]s stay active.
     Reboot,
-    /// Like [`InjectedFault::Reboot`], for the controller of one joint only. If one controller has
-    /// all joints, it reboots.
+    /// Like [`InjectedFault::Reboot`], but for one joint's controller. If one controller controls
+    /// all joints, it restarts with all of them.
     RebootOne(usize),
-    /// Switches the loss of all answers on or off. Commands still take effect, as if only the line
-    /// back to the host were cut.
+    /// Switches the loss of all answers on or off. Commands still take effect. This simulates a
+    /// line that is cut only in the direction to the host.
     Mute(bool),
-    /// Switches the loss of all commands and answers on or off, as if the line were cut in both
-    /// directions.
+    /// Switches the loss of all commands and answers on or off. This simulates a line that is cut
+    /// in both directions.
     Deaf(bool),
     /// Switches the loss of all commands and answers of one joint's controller on or off. If one
-    /// controller has all joints, this affects all of them.
+    /// controller controls all joints, this affects all of them.
     DeafOne {
         /// Index of the joint.
         joint: usize,
-        /// True if the controller receives and answers nothing.
+        /// True to lose all commands and answers, false to end the loss.
         on: bool,
     },
-    /// Switches a fault of the controllers on or off. While it is on, they report the fault and
-    /// give no torque.
+    /// Switches a fault of all controllers on or off. While it is on, the controllers report the
+    /// fault and give no torque.
     Failed(bool),
-    /// Like [`InjectedFault::Failed`], for the controller of one joint only. If one controller has
+    /// Like [`InjectedFault::Failed`], but for one joint's controller. If one controller controls
     /// all joints, this affects all of them.
     FailedOne {
         /// Index of the joint.
         joint: usize,
-        /// True if the controller has a fault.
+        /// True to switch the fault on, false to switch it off.
         on: bool,
     },
-    /// Switches a joint's report that it is too hot on or off. Its torque does not change.
+    /// Switches on or off that a joint's controller reports the joint's motor as too hot. The
+    /// torque does not change.
     Hot {
         /// Index of the joint.
         joint: usize,
-        /// Whether the joint reports overtemperature.
+        /// True to switch the report of overtemperature on, false to switch it off.
         on: bool,
     },
-    /// Simulates an encoder that has slipped on its shaft: its angle gets a constant error.
+    /// Simulates that an encoder has slipped on its shaft, so that its angle has a constant error.
     Slipped {
         /// Index of the joint.
         joint: usize,
-        /// Encoder angle minus true angle, in rad of the joint in its positive direction.
+        /// The constant error: encoder angle minus true angle, in rad of the joint in its positive
+        /// direction.
         angle: f64,
     },
 }
 
-/// The interface of a simulated firmware, for any protocol.
+/// The functions that every simulated firmware provides, whatever its protocol.
 trait Speaks {
     /// Handles `bytes` that arrive at `now_ns` and appends the answers to `reply`.
     fn hear(
@@ -105,8 +107,8 @@ trait Speaks {
         None
     }
 
-    /// Does what the firmware does by itself at `now_ns`. Appends messages that it sends without
-    /// being asked to `reply`.
+    /// Does the work that is due at `now_ns` without a command, such as checking the watchdog.
+    /// Appends messages that the firmware sends without being asked to `reply`.
     fn pass(&mut self, now_ns: u64, joints: &mut Joints, truth: &Truth<'_>, reply: &mut Vec<u8>);
 
     /// Switches a fault on or off. `angles` are the true joint angles, rad.
@@ -155,14 +157,14 @@ impl Firmware {
     }
 }
 
-/// How the simulated controllers of a line are connected: their protocol, and whether the line has
-/// checksums.
+/// How the simulated controllers of a line communicate: their protocol, and whether lines of text
+/// have checksums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Line {
     /// The protocol of the controllers.
     pub protocol: Protocol,
-    /// True if a moteus line has checksums, as a UART has. False for an fdcanusb adapter. It has no
-    /// effect on other protocols.
+    /// True if a line to moteus servos has checksums, as the UART of a servo has. False for an
+    /// fdcanusb adapter. Other protocols ignore this value.
     pub checksums: bool,
 }
 
@@ -182,7 +184,8 @@ pub const fn frame_end(protocol: Protocol) -> u8 {
     }
 }
 
-/// The simulated motor controllers of one line, with all joints.
+/// The simulated motor controllers of one line, together with the encoders and motors of all its
+/// joints.
 #[derive(Debug, Clone)]
 pub struct SimulatedControllers {
     joints: Joints,
@@ -232,10 +235,11 @@ impl SimulatedControllers {
         self.joints.torque()
     }
 
-    /// Advances the motors by `h` seconds and returns the torques to apply during that time, N m.
+    /// Advances the motors by `h` seconds, and returns the torques to apply to the joints during
+    /// that time, N m.
     ///
-    /// For motors with a lag these are mean torques over that time. `rates` returns the joint rates
-    /// at its start, rad/s. It is called only if the motors are not ideal.
+    /// If motors have a lag, the torques are means over that time. The function `rates` must return
+    /// the joint rates at its start, rad/s. It is not called if the motors are ideal.
     pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
         self.joints.drive(h, rates)
     }
@@ -254,8 +258,9 @@ impl SimulatedControllers {
         self.firmware.speaks().next_word_ns()
     }
 
-    /// Lets the controllers do what they do by themselves at `now_ns`, such as an expired watchdog
-    /// that switches motors off. Appends messages that they send without being asked to `reply`.
+    /// Does the work of the controllers that is due at `now_ns` without a command. For example, an
+    /// expired watchdog switches motors off. Appends messages that the controllers send without
+    /// being asked to `reply`.
     pub fn pass(&mut self, now_ns: u64, truth: &Truth<'_>, reply: &mut Vec<u8>) {
         let before = reply.len();
         self.firmware.speaks_mut().pass(now_ns, &mut self.joints, truth, reply);
@@ -264,13 +269,13 @@ impl SimulatedControllers {
         }
     }
 
-    /// Updates the encoders with the present joint angles, rad, so that a passed index mark is
-    /// detected.
+    /// Informs the encoders of the present joint angles, rad, so that they detect when a joint
+    /// passes an index mark.
     pub fn sense(&mut self, angles: &[f64; MAX_JOINTS]) {
         self.joints.sense(angles);
     }
 
-    /// Passes bytes from the host to the controllers at `now_ns` and appends their answers to
+    /// Delivers bytes from the host to the controllers at `now_ns`, and appends their answers to
     /// `reply`. `truth` has the true joint angles and rates at that time.
     pub fn hear(&mut self, now_ns: u64, bytes: &[u8], truth: &Truth<'_>, reply: &mut Vec<u8>) {
         if self.deaf {

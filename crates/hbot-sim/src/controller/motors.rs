@@ -8,26 +8,26 @@ use super::joint::Axis;
 use crate::phenomena::Motor;
 use crate::plant::JointTorques;
 
-/// Size below which a decaying motor current is set to zero, so that no subnormal numbers arise. It
-/// is expressed as a joint torque in N m.
+/// Size below which a decaying motor current is set to zero, to avoid slow computations with
+/// subnormal numbers. The current is expressed as a joint torque, N m.
 const NONE: f64 = 1.0e-15;
 
-/// Currents and heat of all motors. A current is expressed as the joint torque (N m) that the motor
-/// controller expects from it.
+/// Currents and heat of all simulated motors. Each current is expressed as the joint torque (N m)
+/// that it gives according to the motor controller. The true torque can differ.
 #[derive(Debug, Clone)]
 pub(super) struct Motors {
     motor: Motor,
     current: JointTorques,
-    /// Running mean of the squared current of each motor over its thermal time constant, N² m². The
-    /// motor is hot if this reaches the square of its continuous torque.
+    /// Mean of the squared current of each motor over about its thermal time constant, N² m². The
+    /// motor is hot if this mean reaches the square of its continuous torque.
     heat: JointTorques,
     /// Torques that act at the joints now, N m.
     pub(super) acting: JointTorques,
 }
 
 impl Motors {
-    /// Creates motors that are cold. Their currents are those that correspond to the torques
-    /// `acting`, N m.
+    /// Creates cold motors. Their currents are those with which the motor controllers expect the
+    /// torques `acting`, N m.
     pub(super) fn new(motor: Motor, acting: &JointTorques) -> Self {
         let mut motors = Self { motor, current: *acting, heat: [0.0; MAX_JOINTS], acting: [0.0; MAX_JOINTS] };
         motors.act();
@@ -40,17 +40,19 @@ impl Motors {
         self.act();
     }
 
-    /// Power lost at some joints: no current, and no cooler for it.
+    /// Simulates that the motors of `joints` lose power: their currents become zero, and their heat
+    /// stays.
     pub(super) fn reboot(&mut self, joints: Range<usize>) {
         self.current[joints].fill(0.0);
         self.act();
     }
 
-    /// Advances the motor currents by `h` seconds towards the commanded torques `asked`, while the
-    /// joints turn at `rates`, rad/s.
+    /// Advances the motor currents by `h` seconds towards the commanded torques `asked`, N m.
+    /// Meanwhile the joints turn at `rates`, rad/s.
     ///
     /// `asked` is positive in the joint's positive direction and within the peak torque. Returns
-    /// the mean torques over that time; applied for `h`, they give the exact impulse.
+    /// the mean torque of each joint over the `h` seconds, N m. A constant torque of this size
+    /// gives the same impulse.
     pub(super) fn drive(
         &mut self,
         h: f64,
@@ -90,8 +92,9 @@ impl Motors {
         self.heat[j] >= axis.joint.continuous * axis.joint.continuous
     }
 
-    /// Returns the largest torque that motor and supply voltage can give in the direction of
-    /// `asked`, N m.
+    /// Returns the largest torque that joint `j`'s motor can give in the direction of the commanded
+    /// torque `asked`, N m. The supply voltage limits it at high rates, and heat limits it to the
+    /// continuous torque.
     fn limit(&self, j: usize, axis: &Axis, asked: f64, rate: f64) -> f64 {
         let peak = f64::from(axis.peak);
         let no_load =
@@ -108,8 +111,9 @@ impl Motors {
     }
 }
 
-/// Returns what fraction of a deviation is left when it decays exponentially with the time constant
-/// `tau`: first after the time `h`, then as the mean over `h`.
+/// Returns what fraction of a deviation remains while it decays exponentially with the time
+/// constant `tau` (s). The first value is the fraction after `h` seconds, and the second its mean
+/// over these seconds.
 fn left(h: f64, tau: f64) -> (f64, f64) {
     if !(tau > 0.0) {
         return (0.0, 0.0);

@@ -22,22 +22,24 @@ const FAR: i32 = 100 * STEPS as i32;
 /// Largest position of any servo, in steps: 20,000 turns. A servo beyond it is in a fault, because
 /// a position that is sent as a 32-bit integer saturates at 21,474 turns.
 const TOO_FAR: i32 = 20_000 * STEPS as i32;
-/// Ticks between two requests to a servo to subtract whole turns from its position.
+/// Ticks between two requests to subtract whole turns from a servo's position. The driver sends
+/// them while the motor is off and the position is large.
 const EVERY: u32 = 100;
-/// After a servo has restarted, its zero counts as lost until this many readings have shown its
-/// motor off.
+/// After a servo has restarted, its zero counts as lost until the servo has reported its motor off
+/// in this many answers.
 const MET_AGAIN: u32 = 100;
-/// Tolerance for a computed time of power-on, ms. Time since power-on is compared with the loop's
-/// clock. If the power-on time computed from an answer is later than before by more than this, the
-/// servo has restarted. Late answers cause smaller differences.
+/// Tolerance for the time at which a servo got power, ms. The driver computes this time from each
+/// answer: the loop's clock minus the servo's time since power-on. If it is later than before by
+/// more than this tolerance, the servo has restarted. Late answers cause smaller differences.
 const SLACK_MS: i64 = 500;
-/// Largest age of an answer, in ticks. An older answer belongs to none of this bus's commands.
+/// Largest age of an answer, in ticks. The driver cannot assign an older answer to a command, and
+/// counts it as foreign.
 const OLDEST: u32 = 1000;
-/// Number of readings in a row for which a servo can prepare to run its motor (modes 2 to 4). After
-/// them it counts as disobeying the command to switch on.
+/// Number of answers in a row in which a servo can report modes 2 to 4, in which it prepares to run
+/// its motor. After that, it counts as disobeying the command to switch its motor on.
 const ENABLING: u32 = 100;
-/// Board temperature above which a servo counts as too hot, in degrees Celsius. It applies in
-/// addition to the limit that is set in the servo.
+/// Board temperature above which the driver reports a servo as too hot, in degrees Celsius. The
+/// temperature limit that is set in the servo itself applies as well.
 const TOO_HOT: i8 = 120;
 
 /// The modes that a servo reports in register 0x000: in a fault, preparing to run its motor, and
@@ -46,12 +48,13 @@ const FAULT: i8 = 1;
 const ENABLING_MODES: std::ops::RangeInclusive<i8> = 2..=4;
 const TIMEOUT: i8 = 11;
 
-/// The moteus servos of one line, as the loop sees them.
+/// The bus of the moteus servos on one line. The control loop sends torques and receives readings
+/// through it.
 pub(super) struct MoteusBus {
     line: Box<dyn Line>,
     servos: Vec<Servo>,
-    /// Assembles the received bytes into lines of text. Whether the lines have checksums was found
-    /// out when the servos were met.
+    /// Assembles the received bytes into lines of text. It expects checksums if the connection
+    /// check before the first tick has found them.
     inbox: Inbox,
     expected: Expected,
     received: [u8; 4096],
@@ -61,9 +64,9 @@ pub(super) struct MoteusBus {
     obedience: Obedience,
     /// The last command sent, or `None` before the first one.
     last: Option<Sent>,
-    /// The tick of the command that the last reading answers.
+    /// Tick of the command that the newest reading answers, or `None` before the first reading.
     answered: Option<u32>,
-    /// True if the line accepted only a part of the last command.
+    /// True if the line accepted only the first bytes of the last command.
     cut: bool,
 }
 
@@ -74,14 +77,14 @@ struct Sent {
     now_ns: u64,
 }
 
-/// One servo, and what its answers have shown of it.
+/// One servo: its constants from the rig file, and the state that its answers have shown.
 struct Servo {
     id: u8,
     gear: f64,
     counts_per_turn: i64,
-    /// Largest torque that the servo can apply at its output shaft, N m.
+    /// Largest torque that a command allows at the servo's output shaft, N m.
     most: f32,
-    /// Tick of the newest command that the servo has answered.
+    /// Tick of the newest command that the servo has answered, or `None` before its first answer.
     answered: Option<u32>,
     reading: JointReading,
     /// The position that the servo last reported, in steps of 1e-5 turns.
@@ -92,13 +95,14 @@ struct Servo {
     rezeroing: bool,
     /// True if the servo reported its motor as off.
     off: bool,
-    /// Number of readings in a row in which the servo prepared to run its motor.
+    /// Number of answers in a row in which the servo reported that it prepares to run its motor.
     enabling: u32,
     /// Time at which the servo got power, ms on the loop's clock. Negative if it got power before
     /// the loop started.
     powered_ms: Option<i64>,
     home: i8,
-    /// Number of readings for which the servo's zero still counts as lost.
+    /// The servo's zero counts as lost until the servo has reported its motor off in this many more
+    /// answers. It is 0 while the zero is valid.
     lost: u32,
 }
 
@@ -124,9 +128,10 @@ impl Servo {
         }
     }
 
-    /// Stores the state that a servo reported in its answer to the command of tick `answers`.
-    /// `sent_ms` is the time of the last command on the loop's clock, from which the servo's time
-    /// of power-on is computed. Returns `None` if the state lacks a value that this driver needs.
+    /// Stores the state that the servo reported. The parameter `answers` is the number of the tick
+    /// whose command the servo answered. The servo reports how long it has had power; subtracting
+    /// this from `sent_ms`, the time of the last command on the loop's clock in ms, gives the time
+    /// at which it got power. Returns `None` if the state lacks a value that this driver needs.
     fn take(&mut self, state: &State, answers: u32, sent_ms: i64) -> Option<()> {
         let uptime_ms = i64::from(state.uptime_ms? as u32);
         let (mode, home) = (state.mode?, state.home?);
@@ -144,10 +149,10 @@ impl Servo {
         Some(())
     }
 
-    /// Detects a restart of the servo. `powered_ms` is the time at which the servo got power, as
-    /// computed from its newest answer, and `home` is its home state, which tells how its zero is
-    /// known. A later time or a lower home state means that the servo has restarted and lost its
-    /// zero.
+    /// Checks whether the servo has restarted and so has lost its zero. It has if it got power
+    /// later than its earlier answers showed, or if its home state is lower than before. The home
+    /// state says how the servo's zero is known. `powered_ms` is the time at which the servo got
+    /// power according to its newest answer, in ms on the loop's clock.
     fn look_for_reboot(&mut self, powered_ms: i64, home: i8) {
         let before = *self.powered_ms.get_or_insert(powered_ms);
         if powered_ms > before + SLACK_MS || home < self.home {
@@ -162,8 +167,9 @@ impl Servo {
         self.home = home;
     }
 
-    /// Computes the encoder count from the position that the servo reported. Whole turns that the
-    /// servo has subtracted from its position are added again, so that the count does not jump.
+    /// Updates the encoder count from the position that the servo has just reported. If the servo
+    /// was asked to subtract whole turns and has now done so, these turns are added again, so that
+    /// the count has no jump.
     fn follow(&mut self, position: i32) {
         if self.rezeroing && position.abs() < STEPS as i32 {
             let taken = i64::from(self.position) - i64::from(position);
@@ -197,8 +203,8 @@ impl MoteusBus {
         }
     }
 
-    /// Handles one line of text from the servos or the adapter: stores a state, or counts a damaged
-    /// or foreign frame in `heard`.
+    /// Handles the content of one line of text from a servo or the adapter. Stores the state that a
+    /// servo's answer contains. Counts damaged and foreign frames in `heard`.
     fn take(&mut self, said: Said, heard: &mut Heard) {
         let frame = match said {
             Said::Taken => return,
@@ -235,9 +241,9 @@ impl MoteusBus {
         }
     }
 
-    /// Returns the newest state of all servos together. Its age is that of the oldest answer among
-    /// them. Returns `None` if a servo has not answered yet, or if this age has not changed since
-    /// the last reading.
+    /// Returns the newest states of all servos as one reading, which is as old as the oldest of
+    /// their answers. Returns `None` if a servo has not answered yet, or if the oldest answer still
+    /// belongs to the same command as in the last reading.
     fn reading(&mut self) -> Option<Reading> {
         let age = |answers: u32| self.last.map_or(0, |sent| sent.tick.wrapping_sub(answers));
         let all = self.servos.iter().map(|servo| servo.answered);
@@ -322,9 +328,10 @@ impl MotorBus for MoteusBus {
     }
 }
 
-/// Returns the complaints that follow from a servo's state. `answers` is the tick of the command
-/// that the servo answered. The state is from before the servo carried out this command, so it is
-/// compared with the command of the tick before.
+/// Returns the complaints that follow from the state that a servo reported, such as a fault or a
+/// command that was not obeyed. The parameter `answers` is the number of the tick whose command the
+/// servo answered. The servo reports its state before it carries out this command, so its mode is
+/// compared with the command of one tick earlier.
 fn complaints(state: &State, servo: &Servo, answers: u32, obedience: &Obedience) -> Complaints {
     let mode = state.mode.unwrap_or(0);
     let fault = state.fault.unwrap_or(0);

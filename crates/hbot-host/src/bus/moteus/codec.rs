@@ -11,24 +11,27 @@ use moteus_protocol::{
 
 use super::BROADCAST;
 
-/// Mask of the low bits of the tick. A command carries them in the mantissa of its watchdog time.
+/// Mask of the lowest 12 bits of a tick number. These bits replace the lowest bits of the watchdog
+/// time in each command, so that an answer shows which command it belongs to.
 const TICK_BITS: u32 = 0xfff;
-/// Registers of a servo: the watchdog time of a command, in s, and the time since power-on, in ms.
+/// Numbers of two registers of a servo. The first holds the watchdog time of a command (s), the
+/// second the time since power-on (ms).
 const WATCHDOG: u16 = 0x027;
 const UPTIME: u16 = 0x070;
 
-/// Returns the watchdog time to send with the command of `tick`, in s. The lowest 12 bits of its
-/// mantissa are the lowest bits of the tick, so that an answer shows which command it belongs to.
-/// This changes the time by less than 0.05 %.
+/// Returns the watchdog time to send with the command of tick `tick`, in s. Its lowest 12 bits are
+/// replaced by those of the tick number, so that an answer, which repeats the watchdog time, shows
+/// which command it belongs to. This changes the time by less than 0.05 %.
 #[must_use]
 pub(super) fn stamp(watchdog_ms: u16, tick: u32) -> f32 {
     let time = f32::from(watchdog_ms) * 1e-3;
     f32::from_bits(time.to_bits() & !TICK_BITS | tick & TICK_BITS)
 }
 
-/// Returns the tick of the command whose watchdog time an answer has returned as `echo`. It is the
-/// newest possible tick that is not after `last`. Returns `None` if no command with a watchdog time
-/// of `watchdog_ms` has this value.
+/// Returns the tick of the command that an answer belongs to. `echo` is the watchdog time that the
+/// answer repeats. Several ticks can have the lowest 12 bits that it contains; the result is the
+/// newest one that is not after the tick `last`. Returns `None` if `echo` is not a watchdog time of
+/// `watchdog_ms` (ms).
 #[must_use]
 pub(super) fn stamped(echo: f32, watchdog_ms: u16, last: u32) -> Option<u32> {
     let bits = echo.to_bits();
@@ -36,7 +39,8 @@ pub(super) fn stamped(echo: f32, watchdog_ms: u16, last: u32) -> Option<u32> {
     right.then(|| last.wrapping_sub(last.wrapping_sub(bits) & TICK_BITS))
 }
 
-/// Returns an empty frame to the servo `id`. If `answered` is true, the frame asks for an answer.
+/// Returns a frame to the servo `id` that contains no data yet. If `answered` is true, the frame
+/// asks the servo for an answer.
 #[must_use]
 pub(super) fn frame_to(id: u8, answered: bool) -> CanFdFrame {
     let mut frame = CanFdFrame::new();
@@ -44,8 +48,8 @@ pub(super) fn frame_to(id: u8, answered: bool) -> CanFdFrame {
     frame
 }
 
-/// Returns the number formats of a torque command. Values that are always 0 or NaN are sent as one
-/// byte.
+/// Returns the number type in which each value of a torque command is sent. Values that are always
+/// 0 or NaN are sent as one byte.
 #[must_use]
 pub(super) fn torque_format() -> PositionFormat {
     let mut format = PositionFormat::default();
@@ -69,9 +73,9 @@ pub(super) fn state_query() -> QueryFormat {
     query
 }
 
-/// Returns a frame that commands the servo to apply `torque` and nothing else. `torque` is in N m
-/// at the servo's output, `most` is the largest torque allowed, and `watchdog` is how long the
-/// command holds, in s.
+/// Returns a frame that commands the servo to apply only a torque, without position control.
+/// `torque` (N m) acts at the servo's output shaft, and `most` (N m) is the largest torque allowed
+/// there. The command expires after `watchdog` seconds.
 #[must_use]
 pub(super) fn torque_frame(
     id: u8,
@@ -93,8 +97,8 @@ pub(super) fn torque_frame(
     frame
 }
 
-/// Returns a frame that switches the motor off. It includes a watchdog time only because this time
-/// carries the tick.
+/// Returns a frame that switches the motor of servo `id` off. It contains a watchdog time only
+/// because the number of the tick is stored in that time.
 #[must_use]
 pub(super) fn stop_frame(id: u8, watchdog: f32) -> CanFdFrame {
     let mut frame = frame_to(id, true);
@@ -103,8 +107,8 @@ pub(super) fn stop_frame(id: u8, watchdog: f32) -> CanFdFrame {
     frame
 }
 
-/// Appends a watchdog time to a frame. If the frame sets no mode, the watchdog time has no effect
-/// on the servo.
+/// Appends a watchdog time (s) to a frame. In a frame that sets no mode, the watchdog time has no
+/// effect on the motor.
 pub(super) fn write_watchdog(frame: &mut CanFdFrame, watchdog: f32) {
     let mut data = WriteCanData::new(frame);
     data.write_u8(WRITE_FLOAT | 1);
@@ -112,8 +116,8 @@ pub(super) fn write_watchdog(frame: &mut CanFdFrame, watchdog: f32) {
     data.write_f32(watchdog);
 }
 
-/// Appends a request to subtract whole turns from the servo's position. The rotor does not move,
-/// and its position becomes the possible value nearest to 0.
+/// Appends a request that the servo subtract whole turns from its position. The rotor does not
+/// move. The new position is the one nearest to 0 that differs from the old one by whole turns.
 pub(super) fn write_nearest_zero(frame: &mut CanFdFrame) {
     OutputNearestCommand::new(0.0).serialize(frame);
 }
@@ -152,7 +156,7 @@ pub(super) struct State {
     pub(super) refused: Option<u16>,
 }
 
-/// Returns the id of the servo that sent a frame, or `None` if the frame is not an answer to this
+/// Returns the id of the servo that sent a frame, or `None` if the frame is not addressed to this
 /// program.
 #[must_use]
 pub(super) fn sender(frame: &CanFdFrame) -> Option<u8> {
@@ -190,9 +194,9 @@ pub(super) fn state(data: &[u8]) -> Option<State> {
     Some(state)
 }
 
-/// Reads the value of one register from `rest` and stores it in `state`. `kind` is the type of the
-/// value: 0 to 3 for int8, int16, int32 and float. A value of a type that the driver did not ask
-/// for is dropped. Returns `None` if the data ends too early.
+/// Decodes one register value from the beginning of `rest` and stores it in `state`. `kind` is the
+/// number type of the value: 0 to 3 for int8, int16, int32 and float. The value is dropped if the
+/// driver did not ask for this type. Returns `None` if the data ends too early.
 fn take(state: &mut State, register: u16, kind: u8, rest: &mut Rest<'_>) -> Option<()> {
     let whole = match kind {
         0 => i32::from(rest.byte()? as i8),
@@ -235,7 +239,7 @@ impl Rest<'_> {
         Some(*taken)
     }
 
-    /// Reads a register number, which has one or two bytes. Returns `None` if it is longer or
+    /// Decodes a register number of one or two bytes. Returns `None` if the number is longer or
     /// incomplete.
     fn register(&mut self) -> Option<u16> {
         let low = self.byte()?;

@@ -8,16 +8,16 @@ use crate::bus::{Expected, Found, MeetError, Remedy};
 use crate::line::Line;
 use hbot_config::rig::Protocol as Name;
 
-/// The required value of one setting of a servo.
+/// A setting of a servo that must have a certain value, with the reason.
 struct Must {
     name: &'static str,
-    /// The value as it is written in the command that corrects the setting.
+    /// The required value, as text for the command that corrects the setting.
     value: &'static str,
     is: fn(f64) -> bool,
     why: &'static str,
 }
 
-/// All settings that must have a certain value before torque is commanded.
+/// The servo settings that must have certain values before torque is commanded.
 const SETTINGS: [Must; 4] = [
     Must {
         name: "servo.timeout_mode",
@@ -45,8 +45,9 @@ const SETTINGS: [Must; 4] = [
     },
 ];
 
-/// Checks that each servo of the rig file answers on the line exactly once, that no other servo
-/// answers, and that all settings are right. Switches all motors off.
+/// Checks the servos on a line before torque is commanded: each servo of the rig file answers
+/// exactly once, no other servo answers, and all settings have their required values. Also switches
+/// all motors off.
 pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
     let counts = Name::Moteus.counts_per_turn().unwrap_or_default();
     if let Some(at) = expected.first_wrong_counts((0..expected.joints()).map(|_| counts)) {
@@ -72,7 +73,7 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
     Ok(())
 }
 
-/// Lists all servos on a line with their settings. Changes nothing.
+/// Returns all servos on a line with their settings. Changes nothing in the servos.
 pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found>, MeetError> {
     found(&mut Talk::open(line, expected)?)
 }
@@ -128,8 +129,9 @@ fn mend(port: &str, id: u8, must: &Must, said: &str) -> Remedy {
     }
 }
 
-/// Returns an error text if the servos found are not those of `ids`, the rig file's ids: one is
-/// missing, one is extra, or two have one id. Returns `None` if they match.
+/// Compares the servos that answered, `found`, with the ids in the rig file, `ids`. Returns an
+/// error text if a servo is missing, is not in the rig file, or has the id of another servo.
+/// Returns `None` if all ids match.
 fn crowd(found: &[Found], ids: &[u8]) -> Option<String> {
     let listed = |ids: &[u8]| ids.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
     let there: Vec<u8> = found.iter().map(|it| it.id).collect();
@@ -157,8 +159,9 @@ fn crowd(found: &[Found], ids: &[u8]) -> Option<String> {
     })
 }
 
-/// Checks that a servo returns the watchdog time of a command bit for bit, because the driver uses
-/// it to number commands. Also stores the time at which the servo got power.
+/// Checks that the answer of servo `id` repeats the watchdog time of a command bit for bit, because
+/// the driver stores the number of the command in this time. Also records the time at which the
+/// servo got power. `at` is the joint's index on the bus.
 fn echoes(talk: &mut Talk<'_>, id: u8, at: usize) -> Result<(), MeetError> {
     let watchdog = codec::stamp(20, 0xabc);
     let mut frame = codec::frame_to(id, true);

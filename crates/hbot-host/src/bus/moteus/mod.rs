@@ -32,17 +32,16 @@ use self::bus::MoteusBus;
 use self::talk::Talk;
 use self::text::{BREAK, Dialect};
 
-/// The destination id of CAN frames that all servos accept.
+/// The CAN destination id with which a frame is sent to all servos.
 const BROADCAST: u8 = 0x7f;
 /// The version of the vendor's register map that this driver supports.
 const REGISTER_MAP: i32 = 5;
-/// Data bytes of the longest command and of its answer on the CAN bus.
+/// Number of data bytes on the CAN bus of the longest command, and of the answer to it.
 const COMMAND_BYTES: usize = 48;
 const ANSWER_BYTES: usize = 32;
 
-/// Indices of the notes in an [`Expected`]. The first note is 1 if lines have checksums, and 0 if
-/// not. From the second on, they have the time at which each servo got power, in ms on the system's
-/// clock.
+/// Indices into the notes of an [`Expected`]. The first note says whether the line has checksums.
+/// The notes that follow hold the time at which each servo got power, in ms on the system's clock.
 const DIALECT: usize = 0;
 const POWERED: usize = 1;
 
@@ -95,8 +94,8 @@ impl Protocol for Moteus {
     }
 }
 
-/// Returns whether lines of text to these servos have checksums ([`Dialect::Uart`]), as
-/// [`Talk::open`] has found out.
+/// Returns whether the lines of text between this program and the servos have checksums.
+/// [`Talk::open`] has found this out and stored it in `expected`.
 fn dialect(expected: &Expected) -> Dialect {
     match expected.note(DIALECT).load(Ordering::Relaxed) {
         0 => Dialect::Fdcanusb,

@@ -14,22 +14,25 @@ use super::{BROADCAST, DIALECT, POWERED};
 use crate::bus::{Expected, MeetError, converse};
 use crate::line::Line;
 
-/// Silence on the line after which all servos count as having answered a question that was sent to
-/// all of them.
+/// Time without received bytes after which no more answers are expected to a question that was sent
+/// to all servos.
 const QUIET: Duration = Duration::from_millis(30);
 /// The channel number of a servo's text console, and the largest number of console bytes in one
 /// answer.
 const CONSOLE: u8 = 1;
 const CONSOLE_BYTES: u8 = 48;
-/// How many times the driver asks for a setting, and how many times it polls for each answer.
+/// How many times the driver sends the question for a setting, and how many times it then polls the
+/// servo's console for the answer.
 const ASKED: u32 = 3;
 const LOOKED: u32 = 50;
-/// Tolerance for a computed time of power-on, ms. If the time computed from an answer is later than
-/// the stored one by more than this, the servo has restarted. Clock drift and late answers cause
-/// smaller differences.
+/// Tolerance for the time at which a servo got power, ms. This time is computed from an answer: the
+/// system's clock minus the servo's time since power-on. If it is later than the recorded one by
+/// more than this tolerance, the servo has restarted. Clock drift and late answers cause smaller
+/// differences.
 const SLACK_MS: i64 = 2000;
 
-/// Exchanges frames with the servos of a line. It knows whether lines of text need checksums.
+/// Exchanges frames with the servos of a line outside the control loop, and waits for their
+/// answers.
 pub(super) struct Talk<'a> {
     line: &'a mut dyn Line,
     expected: &'a Expected,
@@ -37,8 +40,9 @@ pub(super) struct Talk<'a> {
 }
 
 impl<'a> Talk<'a> {
-    /// Finds out whether lines of text to the servos need checksums. It sends a line that is not a
-    /// command: an adapter refuses it without a checksum in the answer, a UART with one.
+    /// Opens the conversation on a line, and finds out whether lines of text need checksums. It
+    /// sends a line that is not a valid command. An adapter answers with an error without a
+    /// checksum, and a servo's UART with an error that has one.
     pub(super) fn open(line: &'a mut dyn Line, expected: &'a Expected) -> Result<Self, MeetError> {
         let mut inbox = Inbox::new(Dialect::Fdcanusb);
         let checked = converse(line, expected, BREAK, |bytes| {
@@ -54,16 +58,16 @@ impl<'a> Talk<'a> {
         MeetError::Line { port: self.expected.port().to_owned(), error }
     }
 
-    /// Returns the line of text for a frame. It begins with bytes that end any half line sent
-    /// before.
+    /// Returns the line of text that carries `frame`, preceded by bytes that end an incomplete line
+    /// if one was sent before.
     fn line_of(&self, frame: &CanFdFrame) -> Vec<u8> {
         let mut bytes = BREAK.to_vec();
         text::push(&mut bytes, frame, self.dialect);
         bytes
     }
 
-    /// Sends a frame repeatedly until servo `id` answers and `find` returns a value for the
-    /// answer's data. Fails if no such answer arrives.
+    /// Sends a frame repeatedly until servo `id` sends an answer in which `find` finds a value, and
+    /// returns this value. Fails if no such answer arrives.
     fn ask<T>(
         &mut self,
         id: u8,
@@ -84,13 +88,13 @@ impl<'a> Talk<'a> {
         })
     }
 
-    /// Sends a query and returns the state that servo `id` answers.
+    /// Sends the query `frame` and returns the state that servo `id` reports in its answer.
     pub(super) fn state(&mut self, id: u8, frame: &CanFdFrame) -> Result<State, MeetError> {
         self.ask(id, frame, codec::state)
     }
 
-    /// Returns the states of all servos that answer, sorted by id. Two servos with one id appear
-    /// twice.
+    /// Returns the states of all servos that answer a query, sorted by id. If two servos have the
+    /// same id, it occurs twice.
     pub(super) fn everybody(&mut self) -> Result<Vec<(u8, State)>, MeetError> {
         let mut frame = codec::frame_to(BROADCAST, true);
         identity().serialize(&mut frame);
@@ -139,21 +143,22 @@ impl<'a> Talk<'a> {
         Err(MeetError::Setting { port: self.expected.port().to_owned(), reason })
     }
 
-    /// Returns the bytes that the console of servo `id` has waiting. Empty if there are none.
+    /// Returns the text that waits in the console of servo `id`, as bytes. The result is empty if
+    /// no text waits.
     fn poll(&mut self, id: u8) -> Result<Vec<u8>, MeetError> {
         let mut frame = codec::frame_to(id, true);
         frame.size = write_client_poll(CONSOLE, CONSOLE_BYTES, &mut frame.data);
         self.ask(id, &frame, stream)
     }
 
-    /// Switches off all motors of the line, without waiting for answers.
+    /// Sends the command that switches off all motors of the line, and does not wait for answers.
     pub(super) fn stop(&mut self) -> Result<(), MeetError> {
         let bytes = self.line_of(&codec::stop_all());
         self.line.write(0, &bytes).map(drop).map_err(|error| self.failed(error))
     }
 
     /// Switches off all motors of the rig and waits for each servo's answer. Returns whether any
-    /// servo has lost power since [`note_power`](Self::note_power).
+    /// servo has lost power since [`note_power`](Self::note_power) recorded its time of power-on.
     pub(super) fn switch_off(&mut self) -> Result<bool, MeetError> {
         self.stop()?;
         let mut lost = false;
@@ -168,7 +173,9 @@ impl<'a> Talk<'a> {
         Ok(lost)
     }
 
-    /// Stores the time at which a servo got power, so that a later restart can be detected.
+    /// Records the time at which a servo got power, so that a later restart can be detected. `at`
+    /// is the joint's index on the bus, and `uptime_ms` is the time since power-on that the servo
+    /// reported, in ms.
     pub(super) fn note_power(&self, at: usize, uptime_ms: i32) {
         self.expected.note(POWERED + at).store(powered(uptime_ms), Ordering::Relaxed);
     }
@@ -194,7 +201,7 @@ fn identity() -> QueryFormat {
     query
 }
 
-/// Returns the data of a frame if it came from servo `id`.
+/// Returns the data of the frame in a received line if servo `id` sent it, otherwise `None`.
 fn from(said: &Said, id: u8) -> Option<&[u8]> {
     match said {
         Said::Frame(frame) if codec::sender(frame) == Some(id) => Some(frame.payload()),
@@ -206,8 +213,8 @@ fn stream(data: &[u8]) -> Option<Vec<u8>> {
     parse_server_to_client(data, CONSOLE).map(<[u8]>::to_vec)
 }
 
-/// Returns the time at which a servo got power, in ms on the system's clock since the system
-/// started.
+/// Returns the time at which a servo got power, in ms since the start of the system. `uptime_ms` is
+/// the time since power-on that the servo has just reported, in ms.
 fn powered(uptime_ms: i32) -> i64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
     now.tv_sec * 1000 + now.tv_nsec / 1_000_000 - i64::from(uptime_ms as u32)

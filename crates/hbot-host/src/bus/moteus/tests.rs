@@ -20,8 +20,8 @@ use crate::bus::{BusCommand, Expected, Heard, MotorBus, Protocol as _};
 use crate::layout::Layout;
 use crate::line::{Line, Memory, SimulatorCall};
 
-/// Returns a list of test vectors that tests/vendor/make_moteus_vectors.py has written with the
-/// vendor's Python library.
+/// Returns the test vectors called `name`. The script tests/vendor/make_moteus_vectors.py has
+/// written them with the vendor's Python library.
 fn vectors(name: &str) -> Vec<Value> {
     let text = include_str!("../../../../../tests/vendor/moteus.json");
     let all: Value = serde_json::from_str(text).expect("the script writes JSON");
@@ -34,8 +34,8 @@ fn single(value: &Value) -> f32 {
     f32::from_bits(value.as_u64().expect("bits") as u32)
 }
 
-/// Returns the line of text for a frame twice: as an fdcanusb adapter expects it, and as a UART
-/// does.
+/// Returns the line of text that carries a frame, in two forms: for an fdcanusb adapter, and for a
+/// servo's UART.
 fn lines(frame: &moteus_protocol::CanFdFrame) -> [String; 2] {
     [Dialect::Fdcanusb, Dialect::Uart].map(|dialect| {
         let mut line = Vec::new();
@@ -72,7 +72,7 @@ fn strings(value: &Value) -> Vec<String> {
     value.as_array().expect("a list").iter().map(|line| line.as_str().expect("text").to_owned()).collect()
 }
 
-/// Passes a line through an [`Inbox`] byte by byte and returns its content.
+/// Gives a line to an [`Inbox`] byte by byte and returns the content that the inbox decodes.
 fn said(line: &str, dialect: Dialect) -> Said {
     let mut inbox = Inbox::new(dialect);
     let mut said: Vec<_> = line.bytes().chain(*b"\r\n").filter_map(|byte| inbox.take(byte)).collect();
@@ -152,15 +152,15 @@ fn a_malformed_answer_is_none_and_does_not_panic() {
     assert_eq!(codec::state(&[]), Some(codec::State::default()));
 }
 
-/// Four simulated servos on a line, and the bus that drives them.
+/// A test bench: four simulated servos on a line, and the bus that commands them.
 struct Bench {
     bus: Box<dyn MotorBus>,
     calls: Sender<SimulatorCall>,
     tick: u32,
 }
 
-/// Returns the prototype rig with moteus servos, a line to simulated servos, and a channel for
-/// calls that change the simulated rig between two ticks.
+/// Returns the prototype's rig with moteus servos, a line to simulated servos, and a channel. A
+/// function that is sent into the channel is run on the simulated rig between two ticks.
 fn rig_and_line() -> (RigConfig, Memory, Sender<SimulatorCall>) {
     let text = include_str!("../../../../../rigs/prototype-moteus.toml");
     let rig = RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("legal");
@@ -194,8 +194,8 @@ impl Bench {
         heard
     }
 
-    /// Runs `n` ticks. Returns all complaints together, the number of readings, and whether any
-    /// zero was lost.
+    /// Runs `n` ticks. Returns the complaints of all ticks combined, the number of readings, and
+    /// whether any servo lost its zero.
     fn ticks(&mut self, n: u32, enable: bool) -> (Complaints, u32, bool) {
         (0..n).fold((Complaints::default(), 0, false), |(complaints, readings, lost), _| {
             let heard = self.tick(enable);
@@ -262,8 +262,8 @@ fn a_limit_is_no_fault() {
     assert_eq!(bench.ticks(20, false).0, Complaints::default());
 }
 
-/// While its motor is off, a drive joint turns by 255 turns of the motor. The servo subtracts whole
-/// turns from its position, and the encoder count goes on without a jump.
+/// While the motor of a drive joint is off, the motor is turned by 255 turns. The servo subtracts
+/// whole turns from its position, and the encoder count continues without a jump.
 #[test]
 fn turns_are_taken_off_a_far_position_and_the_count_goes_on() {
     let mut bench = Bench::new();
@@ -300,7 +300,7 @@ fn turns_are_taken_off_a_far_position_and_the_count_goes_on() {
     assert!(position.abs() < 10_000_000, "{position} steps of 1e-5 turns");
 }
 
-/// A line that returns prepared answers, one for each tick, and drops what is written.
+/// A line for tests that returns one prepared answer per tick and ignores all written bytes.
 struct Canned {
     answers: Vec<Vec<u8>>,
     next: usize,
@@ -321,7 +321,7 @@ impl Line for Canned {
     }
 }
 
-/// A line to simulated servos that records their answers.
+/// A line to simulated servos that records the bytes of their answers.
 struct Noted(Memory, Arc<Mutex<Vec<Vec<u8>>>>);
 
 impl Line for Noted {
@@ -357,8 +357,10 @@ fn a_tick_allocates_nothing() {
     assert_eq!((allocated.count_total, readings), (0, TICKS - 1));
 }
 
-/// After a command that was cut short at any byte, the servo stays in mode 0. With a bare end of
-/// line it would obey the part: a mode without torque and gains is position mode.
+/// A torque command is cut short after any number of bytes, and then ended with
+/// [`BREAK`](text::BREAK). The servo refuses it and stays in mode 0. If only an end of line
+/// followed, the servo would obey the first part: a mode without torque and gains, which is
+/// position mode.
 #[test]
 fn half_a_command_is_never_obeyed() {
     for (checksums, dialect) in [(false, Dialect::Fdcanusb), (true, Dialect::Uart)] {

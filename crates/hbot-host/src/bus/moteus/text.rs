@@ -6,26 +6,26 @@ use moteus_protocol::fdcanusb::{
     EncodeOptions, Line as Content, MAX_LINE_LENGTH, encode_can_send, parse_line, strip_checksum,
 };
 
-/// Bytes that end a line of which only a part was sent, so that the adapter or servo refuses the
-/// line. No valid command contains the letter `x`. A bare end of line would make the servo obey the
-/// part, and a part that sets the mode but no torque switches to position mode.
+/// Bytes that end a line of which only the first part was sent. They contain the letter `x`, which
+/// is in no valid command, so the adapter or servo refuses the line. If only an end of line
+/// followed, a servo could obey the first part: if it sets the mode but no torque, the servo
+/// switches to position mode.
 pub(super) const BREAK: &[u8] = b"x\n";
-/// Length of the longest line including its end, in bytes.
+/// Length of the longest line of text, in bytes, including the end of the line.
 pub(super) const LONGEST: usize = MAX_LINE_LENGTH;
 
-/// The two forms of the lines of text that carry frames to moteus servos: with and without
-/// checksums.
+/// Whether the lines of text that carry frames to and from moteus servos have checksums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Dialect {
-    /// The dialect of an fdcanusb adapter, which refuses checksums.
+    /// Lines to and from an fdcanusb adapter, which refuses checksums.
     #[default]
     Fdcanusb,
-    /// The dialect of a servo's own UART. Each line ends with a CRC-8.
+    /// Lines to and from the UART of a servo. Each line ends with a checksum (CRC-8).
     Uart,
 }
 
-/// Appends the line of text that carries `frame` to `out`. The caller must reserve the space
-/// (`LONGEST` bytes), so that the loop does not allocate memory.
+/// Appends the line of text that carries `frame` to `out`. To avoid a memory allocation in the
+/// control loop, the caller reserves `LONGEST` bytes in advance.
 pub(super) fn push(out: &mut Vec<u8>, frame: &CanFdFrame, dialect: Dialect) {
     let options = EncodeOptions { checksum: dialect == Dialect::Uart, ..EncodeOptions::default() };
     let mut line = [0; LONGEST];

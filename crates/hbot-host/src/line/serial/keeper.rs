@@ -42,18 +42,18 @@ pub(super) struct Kept {
     pub(super) helper: Option<Program>,
 }
 
-/// The state of the thread that reopens a lost line.
+/// The thread that reopens a lost line, with its settings and channels.
 struct Keeper {
     kept: Kept,
-    /// The helper process of the line, while the line is open.
+    /// The helper process of the line, or `None` while the line is lost.
     watched: Option<Watched>,
     lost: Consumer<Held>,
     back: Producer<(Held, Renewed)>,
     over: Arc<AtomicBool>,
 }
 
-/// Starts the thread that reopens a line whenever it is lost. The line is open now, and `watched`
-/// is its helper process.
+/// Starts the thread that reopens a line whenever it is lost. The line must be open when this
+/// function is called, and `watched` is its helper process.
 pub(super) fn keep(kept: Kept, watched: Option<Watched>) -> io::Result<Reopening> {
     let (lost, to_reopen) = RingBuffer::new(1);
     let (into, back) = RingBuffer::new(1);
@@ -90,8 +90,8 @@ impl Keeper {
         }
     }
 
-    /// Tries to reopen the line until it succeeds. Returns `None` if the loop no longer needs the
-    /// line.
+    /// Repeats attempts to reopen the line until one succeeds. Returns the open port and a report
+    /// for the control loop, or `None` if the control loop no longer needs the line.
     fn find(&self) -> Option<(Held, Renewed)> {
         let mut told = String::new();
         let mut rebooted = false;
@@ -114,9 +114,9 @@ impl Keeper {
         None
     }
 
-    /// Makes one attempt to reopen the line. Sets `rebooted` if the controllers have lost power,
-    /// even if the attempt fails later: controllers report the loss only until they are asked to
-    /// describe themselves, so the next attempt would miss it.
+    /// Makes one attempt to reopen the line. Sets `rebooted` if the motor controllers have lost
+    /// power, even if the attempt then fails. The controllers report the loss of power only until
+    /// they are asked to describe themselves, so a later attempt would not notice it.
     fn try_once(&self, rebooted: &mut bool) -> Result<Held, String> {
         let Kept { path, baud, peer: Peer { protocol, expected }, helper } = &self.kept;
         let port = open(path, *baud).map_err(|errno| errno.to_string())?;

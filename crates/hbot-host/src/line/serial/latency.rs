@@ -3,14 +3,15 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The latency that is set on FTDI chips, ms. Their default of 16 ms would be 16 ticks at 1 kHz.
+/// The latency to which FTDI chips are set, ms. Their default of 16 ms would delay a reading by 16
+/// ticks at 1 kHz.
 const LATENCY_MS: u32 = 1;
 
 /// The latency timer of a USB serial chip: how long the chip waits for more bytes before it passes
 /// on what it has received. FTDI chips have one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LatencyTimer {
-    /// The system file that sets the timer.
+    /// The system file through which the timer is read and set.
     pub path: PathBuf,
     /// The current latency, ms.
     pub ms: u32,
@@ -30,8 +31,8 @@ impl LatencyTimer {
         Some(Self { path, ms })
     }
 
-    /// Sets the timer to 1 ms. If its file must not be written, the timer stays as it is, and `hbot
-    /// doctor` reports it.
+    /// Sets the timer to 1 ms. If this program is not allowed to write the timer's file, the timer
+    /// does not change, and `hbot doctor` reports this.
     pub(super) fn shorten(&self) {
         if self.ms > LATENCY_MS {
             let _ = fs::write(&self.path, LATENCY_MS.to_string());

@@ -14,8 +14,8 @@ const SETTINGS: [(&str, f64); 6] = [
     ("motor_position.rotor_to_output_ratio", 1.0),
     ("id.id", 0.0),
 ];
-/// Largest number of bytes kept of a command line. Commands are ignored while this many bytes of
-/// answers wait to be read.
+/// Largest length of a command line that is stored, in bytes; the rest is dropped. New commands are
+/// ignored while at least this many bytes of answers wait to be read.
 const ROOM: usize = 128;
 
 /// The console of one servo: its settings, the line being received, and the answers not yet read.
@@ -35,7 +35,8 @@ impl Console {
         Self { settings, lasting: settings, line: Vec::new(), waiting: Vec::new() }
     }
 
-    /// Returns the console after a restart. Settings that were changed but not saved are lost.
+    /// Returns the console as it is after the servo has restarted. Settings that were changed but
+    /// not saved are lost.
     pub(super) fn rebooted(&self) -> Self {
         let settings = self.lasting;
         Self { settings, lasting: settings, line: Vec::new(), waiting: Vec::new() }
@@ -48,8 +49,8 @@ impl Console {
         found.map(|(_, setting)| *setting = value).is_some()
     }
 
-    /// Returns the lowest and highest position allowed, in turns, or `None` if positions are not
-    /// limited.
+    /// Returns the lowest and the highest position at which the servo can be switched on, in turns.
+    /// Returns `None` if neither is set.
     pub(super) fn bounds(&self) -> Option<(f64, f64)> {
         let (least, most) = (self.settings[2].1, self.settings[3].1);
         let any = least.is_finite() || most.is_finite();
@@ -57,12 +58,13 @@ impl Console {
         any.then(|| (bound(least, f64::NEG_INFINITY), bound(most, f64::INFINITY)))
     }
 
-    /// Returns the watchdog time of a command that does not contain one, s.
+    /// Returns the watchdog time that applies if a command does not contain one, in s.
     pub(super) fn default_timeout(&self) -> f64 {
         self.settings[1].1
     }
 
-    /// Receives bytes of console commands, one command a line, and carries out each complete line.
+    /// Receives a part of the console's input, which has one command per line. Carries out each
+    /// command whose line is complete.
     pub(super) fn hear(&mut self, bytes: &[u8]) {
         for byte in bytes {
             if *byte != b'\n' && *byte != b'\r' {

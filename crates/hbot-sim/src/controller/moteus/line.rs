@@ -6,7 +6,7 @@
 //! everything before the `*` (polynomial 0x97, start value 0). After the first line with a checksum
 //! to the controller, all lines to it must have one.
 
-/// Longest line that is kept, in bytes. A longer line is refused.
+/// Length of the longest line that is accepted, in bytes. Longer lines are refused.
 const LONGEST: usize = 256;
 
 /// A CAN frame to or from the servos.
@@ -25,12 +25,13 @@ pub(super) enum Asked {
     Refused(&'static str),
 }
 
-/// The adapter: it turns the bytes received from the host into CAN frames.
+/// The simulated adapter, which turns lines of text from the host into CAN frames.
 #[derive(Debug, Clone)]
 pub(super) struct Adapter {
-    /// True for a UART, whose lines to the host have checksums.
+    /// True if the lines to the host have checksums, as on the UART of a servo.
     pub(super) checksums: bool,
-    /// True after a line with a checksum has arrived. All later lines must then have one.
+    /// True after a line with a checksum has arrived from the host. From then on, lines without a
+    /// checksum are refused.
     required: bool,
     line: Vec<u8>,
     too_long: bool,
@@ -85,7 +86,8 @@ impl Adapter {
     }
 }
 
-/// Returns what to do with a line that should be a `can send` command.
+/// Decodes a line that should be a `can send` command. Returns the frame to send, or the text of
+/// the error answer.
 fn send(text: &str) -> Asked {
     let mut words = text.split(' ').filter(|word| !word.is_empty());
     if words.next() != Some("can") {
@@ -126,7 +128,7 @@ pub(super) fn say(reply: &mut Vec<u8>, text: &str, checksums: bool) {
     reply.extend_from_slice(b"\r\n");
 }
 
-/// Appends the `rcv` line that carries `frame` from a servo to the host.
+/// Appends the `rcv` line with which the adapter passes a servo's frame to the host.
 pub(super) fn say_frame(reply: &mut Vec<u8>, frame: &CanFrame, checksums: bool) {
     let mut text = format!("rcv {:X} ", frame.id);
     for byte in &frame.data {

@@ -27,9 +27,9 @@ use self::servo::{Scene, Servo};
 use super::joints::{Joints, Truth};
 use super::{InjectedFault, Speaks};
 
-/// The destination id of CAN frames that all servos accept.
+/// The CAN destination id with which a frame is sent to all servos.
 const BROADCAST: u32 = 0x7f;
-/// The bit of a CAN id that asks for an answer.
+/// The bit of a CAN id with which the host asks a servo for an answer.
 const ANSWER: u32 = 0x8000;
 
 /// The simulated servos of one line.
@@ -38,13 +38,14 @@ pub(super) struct Moteus {
     adapter: Adapter,
     servos: Vec<Servo>,
     refused: u64,
-    /// The time of the last call, ns. Injected faults take effect at this time.
+    /// The time of the last call, ns. It serves as the present time for faults, which are injected
+    /// without a time.
     now_ns: u64,
 }
 
 impl Moteus {
-    /// Creates one servo for each joint, with ids that count up from `first_id`. `checksums` is
-    /// true for a UART.
+    /// Creates one servo for each joint. The servos' ids count up from `first_id`. `checksums` is
+    /// true if the lines of text have checksums, as on the UART of a servo.
     pub(super) fn new(first_id: u8, checksums: bool, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Self {
         let servo = |joint| Servo::new(first_id + joint as u8, joint, joints, angles);
         Self {
@@ -55,7 +56,7 @@ impl Moteus {
         }
     }
 
-    /// Gives the servo of a joint another id, to simulate a builder's mistake.
+    /// Gives the servo of one joint a different id, to simulate a builder's mistake.
     pub(super) fn set_id(&mut self, joint: usize, id: u8) {
         if let Some(servo) = self.servos.get_mut(joint) {
             servo.id = id;

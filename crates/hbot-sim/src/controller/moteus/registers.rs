@@ -29,13 +29,13 @@ impl Kind {
     }
 }
 
-/// How the value of a register is converted to an integer.
+/// How the value of a register is converted to an integer that is sent, and back.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Mapping {
-    /// A count of steps. The array has the step sizes for int8, int16 and int32. The lowest integer
-    /// of each type stands for NaN.
+    /// The integer counts steps of a physical quantity. The array has the step sizes for int8,
+    /// int16 and int32. The lowest integer of each type stands for NaN.
     Scaled([f32; 3]),
-    /// The value itself, without scaling.
+    /// The integer is the value itself, without scaling.
     Plain,
 }
 
@@ -70,7 +70,7 @@ pub(super) const NOT_WRITABLE: Refusal = 2;
 /// The value is outside the range of the register.
 pub(super) const OUT_OF_RANGE: Refusal = 3;
 
-/// Reads numbers from the bytes of a frame, from its beginning.
+/// A reader that takes numbers one after the other from the data of a frame.
 pub(super) struct Reader<'a>(pub(super) &'a [u8]);
 
 impl Reader<'_> {
@@ -98,8 +98,8 @@ impl Reader<'_> {
         None
     }
 
-    /// Reads the value of a register, sent as type `kind` with conversion `mapping`. Returns `None`
-    /// if the data ends too early.
+    /// Reads the value of a register. It was sent as number type `kind`, and `mapping` says how its
+    /// integers are scaled. Returns `None` if the data ends too early.
     pub(super) fn value(&mut self, kind: Kind, mapping: Mapping) -> Option<f32> {
         let bytes = self.bytes(kind.bytes())?;
         let whole = match (kind, bytes.as_slice()) {
@@ -118,8 +118,9 @@ impl Reader<'_> {
         Some(if whole == least { f32::NAN } else { whole as f32 * step })
     }
 
-    /// Reads the rest of the header of a register subframe that begins with `code`. Returns the
-    /// type, the first register and the number of registers.
+    /// Reads the rest of the header of a subframe that reads or writes registers. `code` is the
+    /// first byte of the subframe. Returns the number type, the first register and the number of
+    /// registers.
     pub(super) fn registers(&mut self, code: u8) -> Option<(Kind, u32, u32)> {
         let count = match code & 3 {
             0 => self.varuint()?,
@@ -137,8 +138,8 @@ pub(super) fn put_varuint(out: &mut Vec<u8>, mut value: u32) {
     out.push(value as u8);
 }
 
-/// Appends a register value to `out` as type `kind`. Returns false if the register cannot be read
-/// as this type.
+/// Appends the value of a register to `out` as number type `kind`. Returns false if the register
+/// cannot be read as this type.
 pub(super) fn put(out: &mut Vec<u8>, value: Value, kind: Kind) -> bool {
     let (whole, plain) = match value {
         Value::Word(word) if kind == Kind::Int32 => (word, word as f32),
@@ -155,8 +156,9 @@ pub(super) fn put(out: &mut Vec<u8>, value: Value, kind: Kind) -> bool {
     true
 }
 
-/// Converts a quantity to an integer of type `kind`. It is rounded towards zero and limited to the
-/// type's range. A value that is not finite becomes the lowest integer, which stands for NaN.
+/// Converts a quantity to an integer of number type `kind`, scaled as `mapping` says. The result is
+/// rounded towards zero and limited to the type's range. A quantity that is not finite becomes the
+/// lowest integer, which stands for NaN.
 fn mapped(quantity: f32, mapping: Mapping, kind: Kind) -> i32 {
     let (least, most, at) = match kind {
         Kind::Int8 => (i32::from(i8::MIN), i32::from(i8::MAX), 0),

@@ -18,10 +18,10 @@ const STOPPED: u8 = 0;
 const FAULT: u8 = 1;
 const POSITION_MODE: u8 = 10;
 const TIMEOUT: u8 = 11;
-/// The highest mode number that can be written.
+/// The highest number of a mode that a command can set.
 const LAST_MODE: f32 = 15.0;
 
-/// Codes of faults and limits that register 0x00f reports.
+/// Codes of faults and torque limits that the servo reports in register 0x00f.
 const MOTOR_DRIVER: u8 = 33;
 const OUTSIDE_LIMIT: u8 = 39;
 const AT_MAX_CURRENT: u8 = 99;
@@ -30,15 +30,15 @@ const AT_MAX_TORQUE: u8 = 102;
 
 /// Torque constant of the motor, N m/A, from which the reported current is computed.
 const TORQUE_PER_AMPERE: f32 = 0.1;
-/// Values that the sensors report: the supply in V, and the normal and the hot temperature in
-/// degrees Celsius.
+/// Values that the simulated sensors report: the supply voltage in V, and the normal and the hot
+/// temperature in degrees Celsius.
 const SUPPLY: f32 = 24.0;
 const WARMTH: f32 = 25.0;
 const HOT: f32 = 80.0;
 /// Time for which the servo has already had power when the simulation begins, ms.
 const UPTIME_MS: i64 = 5000;
 
-/// The registers, mode and watchdog of one servo.
+/// One simulated servo: its registers, mode, watchdog and console.
 #[derive(Debug, Clone)]
 pub(super) struct Servo {
     pub(super) id: u8,
@@ -46,8 +46,8 @@ pub(super) struct Servo {
     fault: u8,
     /// The last written values of the command registers, which begin at 0x020.
     command: [f32; COMMANDS],
-    /// The mode written by the frame that is being read, if any. It takes effect at the end of the
-    /// frame.
+    /// The mode that the frame being decoded has written, if any. The servo changes to it at the
+    /// end of the frame.
     ordered: Option<u8>,
     /// Time at which the watchdog expires, ns. `None` if it is not running.
     pub(super) deadline: Option<u64>,
@@ -60,11 +60,11 @@ pub(super) struct Servo {
     pub(super) console: Console,
     pub(super) deaf: bool,
     pub(super) failed: bool,
-    /// Torque that the motor gives, N m at the shaft of the encoder.
+    /// Torque that the motor gives, N m at the shaft with the encoder.
     torque: f32,
 }
 
-/// The circumstances under which a servo handles a frame: the time, its joint, and the true joint
+/// The values that a servo needs to handle a frame: the present time, its joint, and the true joint
 /// angles and rates.
 pub(super) struct Scene<'a, 'b> {
     pub(super) now_ns: u64,
@@ -94,7 +94,8 @@ impl Servo {
         servo
     }
 
-    /// Sets the zero as at power-on: the encoder then knows the rotor's angle within one turn.
+    /// Sets the zero of the position as a servo does at power-on. At power-on the encoder measures
+    /// the rotor's angle only within one turn, so the zero is at the nearest whole turn.
     fn find_zero(&mut self, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) {
         self.origin = joints.turns_at(joint, angles).round();
         self.homed = 1;
@@ -120,8 +121,8 @@ impl Servo {
         self.push(joint, joints);
     }
 
-    /// Sets the torque of the motor from the mode and the last command, and reports any limit
-    /// reached.
+    /// Sets the motor's torque from the mode and the last command. Also stores the code of a torque
+    /// limit that was reached.
     fn push(&mut self, joint: usize, joints: &mut Joints) {
         if self.mode != POSITION_MODE {
             self.torque = 0.0;
@@ -156,7 +157,7 @@ impl Servo {
     }
 
     /// Handles the subframes of a frame in order. Returns `None` at the first malformed or unknown
-    /// one, and ignores the rest of the frame.
+    /// subframe; the rest of the frame is then ignored.
     fn subframes(
         &mut self,
         scene: &mut Scene<'_, '_>,
@@ -302,12 +303,13 @@ impl Servo {
         })
     }
 
-    /// Returns the position of the servo: turns of the encoder since the zero.
+    /// Returns the position that the servo measures: turns of its encoder since the zero.
     fn position(&self, scene: &Scene<'_, '_>) -> f64 {
         scene.joints.turns_at(scene.joint, scene.truth.angles) - self.origin
     }
 
-    /// Changes to the mode that a frame has written.
+    /// Changes to the mode that a frame has set. If the servo is in a fault or its watchdog has
+    /// expired, it only obeys the stop mode.
     fn obey(&mut self, scene: &mut Scene<'_, '_>, mode: u8) {
         match mode {
             STOPPED => (self.mode, self.fault, self.deadline) = (STOPPED, 0, None),
@@ -336,7 +338,8 @@ impl Servo {
     }
 }
 
-/// Contents of registers 0x100 to 0x102: a moteus r4.11 with register map 5.
+/// Values that registers 0x100 to 0x102 contain: the model (moteus r4.11), the firmware version,
+/// and version 5 of the register map.
 const MODEL: i32 = 4;
 const FIRMWARE: i32 = 0x010f;
 const REGISTER_MAP: i32 = 5;

@@ -11,12 +11,13 @@ use super::solver::StepProblem;
 use super::{JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
 use crate::phenomena::{Phenomena, dry_friction, largest_grip, largest_pivoting_torque};
 
-/// Largest error of a gear's friction loss that is ignored, relative to the torque that would stop
-/// its motor in one step.
+/// Error of a gear's friction loss that is ignored, as a fraction of the torque that would stop the
+/// gear's motor in one step.
 const SMALL_LOSS: f64 = 1.0e-9;
 
-/// Inertia that is given to a joint without inertia, as a fraction of the sphere's inertia. It is a
-/// thousandth of a real joint's inertia. With a much smaller value the solver would lose digits.
+/// Inertia that a joint without inertia gets in the solver, as a fraction of the sphere's inertia.
+/// It is a thousandth of a real joint's inertia. With a much smaller value, the solver would lose
+/// digits.
 const LEAST_MASS: f64 = 1.0e-6;
 
 /// The geometry of all contacts at the middle of a step. It is held constant during the step.
@@ -29,20 +30,21 @@ pub(super) struct Instant {
     pub(super) rows: [[Vec3; 2]; MAX_WHEELS],
 }
 
-/// Torques and impulses that act during one step, and a guess of the speeds at its end.
+/// The torques and impulses that act on the plant during one step, and a guess of the speeds at the
+/// end of the step.
 pub(super) struct Given<'a> {
     pub(super) h: f64,
     pub(super) tau: &'a JointTorques,
-    /// Impulse of the torques on the sphere over the step, N m s.
+    /// Angular impulse of the torques on the sphere over the step, N m s.
     pub(super) impulse: Vec3,
-    /// Inertia that is added to the sphere's to represent torques that fall as its speed rises,
-    /// such as damping, kg m².
+    /// Inertia that is added to the sphere's inertia for this step, kg m². It represents torques
+    /// that fall as the sphere's speed rises, such as damping.
     pub(super) implicit: f64,
     /// Guess of the speeds at the end of the step. The torques of the wheel modules are averaged
-    /// over the motion that this guess makes.
+    /// over the motion that results from these speeds.
     pub(super) guess: &'a Vector,
-    /// Whether to add a stiffness that keeps the step from adding energy. It is needed if `guess`
-    /// is zero instead of a solution.
+    /// Whether to add a stiffness that prevents the step from adding energy. This is needed if
+    /// `guess` is zero and not yet the result of an earlier solution.
     pub(super) bounded: bool,
 }
 
@@ -55,11 +57,11 @@ pub(super) struct Body {
     /// Inertia of the sphere (I_s) and of anything attached to it, such as a hand, kg m².
     pub(super) inertia: f64,
     pub(super) modules: Option<[Module; MAX_WHEELS]>,
-    /// Joint rates, on the wheel's side of a gear, rad/s.
+    /// Joint rates, measured at the wheel's side of a gear, rad/s.
     pub(super) rates: [f64; MAX_JOINTS],
     pub(super) motors: [Motor; MAX_WHEELS],
-    /// The only axis about which the sphere can turn, a unit vector in frame N. `None` if it can
-    /// turn freely.
+    /// The only axis about which the sphere can turn, as a unit vector in frame N. `None` if the
+    /// sphere can turn about any axis.
     pub(super) hinge: Option<Vec3>,
 }
 
@@ -68,29 +70,30 @@ impl Body {
         self.device.wheels().len()
     }
 
-    /// Returns the index of a joint's rate in the vector of speeds (`k` is 0 for steer, 1 for
-    /// drive). Returns `None` if the wheels cannot slip, because the joint's rate then follows from
-    /// the sphere's.
+    /// Returns the index of a joint's rate in the solver's vector of speeds (`k` is 0 for steer, 1
+    /// for drive). Returns `None` if the wheels cannot slip, because the sphere's rate then
+    /// determines the joint's rate.
     pub(super) fn joint_at(&self, wheel: usize, k: usize) -> Option<usize> {
         self.phenomena.slip.map(|_| 3 + 2 * wheel + k)
     }
 
-    /// Returns the index of the rate of a drive's motor in the vector of speeds, or `None` if gears
-    /// have no play.
+    /// Returns the index of the rate of a drive's motor in the solver's vector of speeds. Returns
+    /// `None` if the gears have no play, because the motor then turns with its joint.
     pub(super) fn motor_at(&self, wheel: usize) -> Option<usize> {
         let first = if self.phenomena.slip.is_some() { 3 + 2 * self.wheels() } else { 3 };
         self.phenomena.gear.map(|_| first + wheel)
     }
 
-    /// Returns the number of speeds that the solver finds.
+    /// Returns the number of speeds for which the solver solves: those of the sphere, and those of
+    /// joints and motors that can move separately.
     fn size(&self) -> usize {
         let joints = if self.phenomena.slip.is_some() { 2 } else { 0 };
         let motors = if self.phenomena.gear.is_some() { 1 } else { 0 };
         3 + self.wheels() * (joints + motors)
     }
 
-    /// Returns the inertias of a wheel's joints in the order steer, coupling, drive, kg m². The
-    /// motor behind a gear with play is not included.
+    /// Returns the inertias of a wheel's joints, kg m²: steer, coupling of steer and drive, drive.
+    /// If a gear with play separates a motor from its wheel, the motor's inertia is not included.
     pub(super) fn wheel_mass(&self, wheel: &Wheel) -> [f64; 3] {
         let spec = wheel.spec();
         let coupling = spec.axial_inertia * wheel.axis_along_axle();
@@ -100,10 +103,10 @@ impl Body {
         [spec.steer_inertia.max(least), coupling, drive.max(least)]
     }
 
-    /// Returns the inertia of a drive's motor behind its gear, scaled to the joint, kg m².
+    /// Returns the inertia of the motor behind a drive's gear, scaled to the joint, kg m².
     ///
-    /// It is a share of the drive inertia that the coupling of the joints does not need. The
-    /// inertia left to the wheel therefore stays physically possible.
+    /// It is a share of that part of the drive inertia that the coupling of steer and drive does
+    /// not need. The inertia that remains for the wheel therefore stays physically possible.
     pub(super) fn motor_mass(&self, wheel: &Wheel) -> f64 {
         self.phenomena
             .gear
@@ -111,15 +114,15 @@ impl Body {
     }
 
     /// Returns the smallest inertia that a joint must have in the solver, kg m². A device can have
-    /// joints without inertia, which only the no-slip condition moves. If slip or play makes their
-    /// rates separate speeds, they need some inertia.
+    /// joints without inertia, because without slip the sphere determines their motion. With slip
+    /// or play they can move separately, so they need some inertia.
     fn least_mass(&self) -> f64 {
         let apart = self.phenomena.slip.is_some() || self.phenomena.gear.is_some();
         if apart { LEAST_MASS * self.device.sphere_inertia() } else { 0.0 }
     }
 
-    /// Returns the geometry of the contacts `ahead` seconds after `state`, extrapolated with the
-    /// present rates.
+    /// Returns the geometry of the contacts at a time `ahead` seconds after `state`, assuming that
+    /// the present rates do not change.
     pub(super) fn instant(&self, state: &PlantState, ahead: f64) -> Instant {
         let mut now = Instant {
             frames: [ContactFrame::default(); MAX_WHEELS],
@@ -142,8 +145,8 @@ impl Body {
         now
     }
 
-    /// Returns the present vector of speeds: those of the sphere, then those of joints and motors
-    /// that move separately from it.
+    /// Returns the present speeds as the solver's vector: those of the sphere, then those of joints
+    /// and motors that can move separately.
     pub(super) fn speeds(&self, state: &PlantState) -> Vector {
         let mut speeds = [0.0; MAX_SPEEDS];
         speeds[..3].copy_from_slice(&state.omega.to_array());
@@ -160,8 +163,8 @@ impl Body {
         speeds
     }
 
-    /// Returns the rate of a joint, on the wheel's side of a gear, as a linear combination of the
-    /// speeds.
+    /// Returns a linear combination of the solver's speeds: the rate of a joint, on the wheel's
+    /// side of its gear.
     fn joint_row(&self, now: &Instant, wheel: usize, k: usize) -> Row {
         match self.joint_at(wheel, k) {
             Some(at) => Row::EMPTY.and(at, 1.0),
@@ -169,8 +172,8 @@ impl Body {
         }
     }
 
-    /// Returns the rate of the shaft that carries a joint's motor, encoder and friction, as a
-    /// linear combination of the speeds.
+    /// Returns a linear combination of the solver's speeds: the rate of the shaft on which a
+    /// joint's motor, encoder and friction act. With play in the gear, this is the motor's shaft.
     fn driven_row(&self, now: &Instant, wheel: usize, k: usize) -> Row {
         match self.motor_at(wheel).filter(|_| k == 1) {
             Some(at) => Row::EMPTY.and(at, 1.0),
@@ -178,9 +181,9 @@ impl Body {
         }
     }
 
-    /// Returns the slip velocity H zd + Z w of a contact, wheel minus sphere, as linear
-    /// combinations of the speeds, in m/s. The components are along the wheel's axle (c1) and its
-    /// rolling direction (c2).
+    /// Returns two linear combinations of the solver's speeds: the components of the slip velocity
+    /// H zd + Z w of contact `i`, wheel minus sphere, in m/s. The first is along the wheel's axle
+    /// (c1), the second along its rolling direction (c2).
     pub(super) fn slip_rows(&self, now: &Instant, i: usize) -> [Row; 2] {
         let (wheel, frame, radius) = (&self.device.wheels()[i], &now.frames[i], now.radius[i]);
         let (Some(steer), Some(drive)) = (self.joint_at(i, 0), self.joint_at(i, 1)) else {
@@ -194,8 +197,8 @@ impl Body {
         ]
     }
 
-    /// Writes the friction, slip and play laws of this step to `elements`. The impulses of the last
-    /// step, multiplied by `share`, are kept as start values for the solver.
+    /// Writes the laws of friction, slip and play for this step to `elements`. The impulses of the
+    /// previous step, multiplied by `share`, are the solver's start values.
     pub(super) fn lay_out(
         &self,
         elements: &mut Vec<Element>,
@@ -274,8 +277,9 @@ impl Body {
         }
     }
 
-    /// Returns the spin of a contact about its normal c3, wheel minus sphere, as a linear
-    /// combination of the speeds, in rad/s. It is (dth/dt) cos a - w.c3, with the cone angle a.
+    /// Returns a linear combination of the solver's speeds: the spin of contact `i` about its
+    /// normal c3, wheel minus sphere, in rad/s. It is (dth/dt) cos a - w.c3, where a is the cone
+    /// angle `cone`.
     fn spin_row(&self, now: &Instant, i: usize, cone: f64) -> Row {
         let normal = now.frames[i].c3;
         match self.joint_at(i, 0) {
@@ -284,12 +288,13 @@ impl Body {
         }
     }
 
-    /// Updates the friction of gears under load, on the motor's side. It is the loss that leaves
-    /// `efficiency` of the power on the other side.
+    /// Updates the friction loss of each gear under load, as a torque on the motor's side. It is
+    /// the loss with which a gear passes on the share `efficiency` of the power.
     ///
-    /// The loss depends on the impulse that the gear passes on, so it is found by repeated calls.
-    /// Each call moves the friction limits closer to those that follow from the last solution.
-    /// Returns whether all of them were already within `tolerance`.
+    /// The loss depends on the impulse that the gear passes on, and this impulse depends on the
+    /// loss. The two are therefore computed in turn: each call moves the friction limits closer to
+    /// those that follow from the last solution. Returns whether all limits were already within
+    /// `tolerance`.
     pub(super) fn mesh(&mut self, elements: &mut [Element], speeds: &Vector, h: f64, tolerance: f64) -> bool {
         let Some(gear) = self.phenomena.gear else { return true };
         let mut stands = true;
@@ -375,16 +380,16 @@ impl Body {
     }
 }
 
-/// Returns the part of a wheel's drive inertia that can belong to its motor, J_ph - J_c² / J_th, kg
-/// m². The coupling J_c of the wheel's joints needs the rest.
+/// Returns the part of a wheel's drive inertia that can be moved to its motor, J_ph - J_c² / J_th,
+/// kg m². The rest must stay at the wheel because of the coupling J_c of steer and drive.
 fn free_inertia(wheel: &Wheel) -> f64 {
     let spec = wheel.spec();
     let coupling = spec.axial_inertia * wheel.axis_along_axle();
     spec.drive_inertia - if coupling == 0.0 { 0.0 } else { coupling * coupling / spec.steer_inertia }
 }
 
-/// Returns the component of the sphere's angular velocity along `v`, as a linear combination of the
-/// speeds.
+/// Returns a linear combination of the solver's speeds: the component of the sphere's angular
+/// velocity along `v`.
 fn on_sphere(v: Vec3) -> Row {
     Row::EMPTY.and(0, v.x).and(1, v.y).and(2, v.z)
 }

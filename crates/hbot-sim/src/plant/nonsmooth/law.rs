@@ -8,22 +8,22 @@
 
 use super::{MAX_SPEEDS, Vector};
 
-/// Largest number of components of the velocity to which one law applies.
+/// Largest number of components that the velocity of one law can have.
 pub(super) const MAX_DIMENSION: usize = 3;
 
-/// The relation between a velocity and the impulse of friction or of a stop.
+/// A law that relates a velocity to an impulse: Coulomb friction, or a stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
     /// Coulomb friction. The impulse acts against the velocity u. Its size is `limit` if u is not
     /// zero, and at most `limit` if u is zero. The convex function of the law is g = limit |u|.
     Friction {
-        /// Largest impulse, N s or N m s. It is infinite for a direction in which nothing ever
-        /// slides.
+        /// Largest impulse, N s or N m s. It is infinite for a direction in which the parts can
+        /// never slide.
         limit: f64,
     },
-    /// A stop. There is no impulse while the velocity is within the bounds, and the velocity never
-    /// exceeds the bounds. The convex function g of the law is the indicator function of the
-    /// bounds, which include zero.
+    /// A stop that limits a velocity. The velocity never exceeds its bounds, and there is no
+    /// impulse while it is within them. The bounds include zero. The convex function g of the law
+    /// is the indicator function of the bounds.
     Gap {
         /// Lower bound of the velocity, at most 0.
         low: f64,
@@ -32,8 +32,7 @@ pub(super) enum Law {
     },
 }
 
-/// One component of the velocity to which a law applies, as a sparse linear combination of the
-/// speeds.
+/// One component of a law's velocity, as a linear combination of a few of the solver's speeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Row {
     at: [u8; 5],
@@ -44,7 +43,7 @@ pub(super) struct Row {
 impl Row {
     pub(super) const EMPTY: Self = Self { at: [0; 5], by: [0.0; 5], len: 0 };
 
-    /// Adds the term `by` times the speed with index `at` to the combination.
+    /// Adds a term to the linear combination: `by` times the speed with index `at`.
     #[inline]
     pub(super) fn and(mut self, at: usize, by: f64) -> Self {
         self.at[usize::from(self.len)] = at as u8;
@@ -66,7 +65,7 @@ impl Row {
         self.terms().map(|(at, by)| by * speeds[at]).sum()
     }
 
-    /// Multiplies the factor of each speed by the scale of that speed.
+    /// Multiplies the factor of each speed by the entry of `scale` for that speed.
     #[inline]
     pub(super) fn scaled(mut self, scale: &Vector) -> Self {
         for (at, by) in self.at.iter().zip(&mut self.by).take(usize::from(self.len)) {
@@ -82,13 +81,13 @@ pub(super) struct Element {
     pub(super) law: Law,
     pub(super) dimension: usize,
     pub(super) rows: [Row; MAX_DIMENSION],
-    /// Impulse that opposes the velocity. Its effect on the speeds is to subtract the transpose of
-    /// `rows` times the impulse from the momentum.
+    /// Impulse that acts against the velocity. The transpose of `rows` times this impulse is
+    /// subtracted from the momentum.
     pub(super) impulse: [f64; MAX_DIMENSION],
 }
 
-/// The impulse of a law at one velocity u, and its derivative dp/du = along I + across d dᵀ, where
-/// d is `direction`.
+/// The impulse p that a law gives at one velocity u, and its derivative dp/du = along I + across d
+/// dᵀ. The unit vector d is `direction`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Response {
     pub(super) impulse: [f64; MAX_DIMENSION],
@@ -98,8 +97,9 @@ pub(super) struct Response {
 }
 
 impl Element {
-    /// Returns the impulse of the law at the velocity `u` and its derivative. `rho` is the penalty
-    /// of the solver's present round, and `last` the impulse of its last round.
+    /// Returns the impulse that the law gives at the velocity `u`, and the derivative of this
+    /// impulse. `rho` is the penalty of the solver's present round, and `last` the impulse from its
+    /// previous round.
     #[inline]
     pub(super) fn response(
         &self,

@@ -37,29 +37,30 @@ use crate::phenomena::Phenomena;
 const MAX_SPEEDS: usize = 3 + 3 * MAX_WHEELS;
 type Vector = [f64; MAX_SPEEDS];
 
-/// Largest number of times that one step is solved. Each time, the torques of potentials and the
-/// gear losses are recomputed, which gains at least one digit.
+/// Largest number of times that one step is solved. The torques of potentials and the gear losses
+/// are recomputed each time, so that each solution has at least one correct digit more.
 const MAX_SWEEPS: usize = 12;
-/// Relative change of the speeds below which a step need not be solved again. The torques then have
-/// an even smaller error, because they depend only on the small turn within a step.
+/// Relative change of the speeds from one solution of a step to the next, below which the step is
+/// not solved again. The torques then have an even smaller error, because they depend only on the
+/// small turn within a step.
 const SETTLED: f64 = 1.0e-10;
-/// Smallest speed to which a change of the speeds is compared, rad/s. Slower speeds settle to 1e-12
-/// rad/s, which is about the remaining velocity of a sticking part.
+/// Smallest speed relative to which a change of the speeds is measured, rad/s. Slower speeds must
+/// settle to 1e-12 rad/s, which is about the velocity that the solver leaves to a sticking part.
 const RESTING: f64 = 1.0e-2;
-/// Relative error up to which a gear can keep the friction loss of the step before.
+/// Relative error up to which a gear can keep the friction loss from the previous step.
 ///
 /// While the loss changes slowly, this error is no larger than that of the integration scheme. When
-/// the gear teeth meet, the loss changes fast, and it is recomputed.
+/// gear teeth come into contact, the loss changes fast and is recomputed.
 const LAG: f64 = 0.05;
-/// Relative tolerance to which a gear's friction loss is computed, if it must be recomputed.
+/// Relative error up to which a gear's friction loss is computed when it is recomputed.
 const SETTLED_LOSS: f64 = 1.0e-6;
 
-/// A plant with friction that sticks, contacts that slip, or gears that have play.
+/// A simulated plant in which friction can stick, contacts can slip, or gears have play.
 #[derive(Debug, Clone)]
 pub(crate) struct Nonsmooth {
     body: Body,
     elements: Vec<Element>,
-    /// Length of the step to which the stored impulses in `elements` belong, s.
+    /// Length of the last step, s. The impulses in `elements` belong to a step of this length.
     last_step: f64,
     problem: StepProblem,
     workspace: Workspace,
@@ -100,8 +101,8 @@ impl Nonsmooth {
         plant
     }
 
-    /// Adopts a state that was set from outside the plant. Joints then roll without slip, motors
-    /// stand in the middle of their gears' play, and all friction impulses are cleared.
+    /// Continues from a state that the caller has set. Afterwards joints roll without slip, motors
+    /// are at the middle of their gears' play, and all friction impulses are zero.
     pub(super) fn adopt(&mut self, state: &PlantState) {
         let now = self.body.instant(state, 0.0);
         for i in 0..self.body.wheels() {
@@ -168,8 +169,8 @@ impl Nonsmooth {
         })
     }
 
-    /// Returns the kinetic and potential energy of the plant, J. The energy of a hand's spring is
-    /// not included.
+    /// Returns the kinetic and potential energy of the plant, J. The energy of the simulated hand's
+    /// spring is not included.
     pub(super) fn energy(&self, state: &PlantState) -> f64 {
         let mut energy = 0.5 * self.body.inertia * state.omega.length_squared();
         for (i, wheel) in self.body.device.wheels().iter().enumerate() {
@@ -186,8 +187,8 @@ impl Nonsmooth {
 
     /// Advances `state` by `h` seconds to the time `end` (s).
     ///
-    /// The joint torques `tau` act at the motors and the torque `external` on the sphere (frame N,
-    /// N m). If `grip` is given, a hand holds the sphere.
+    /// The joint torques `tau` (N m) act at the motors. The torque `external` (N m, frame N) acts
+    /// on the sphere. If `grip` is given, a simulated hand holds the sphere.
     pub(super) fn step(
         &mut self,
         state: &mut PlantState,
@@ -259,8 +260,8 @@ impl Nonsmooth {
         self.take(state, &now, &speeds, h);
     }
 
-    /// Stores the speeds at the end of the step, and moves all angles at these speeds for `h`
-    /// seconds.
+    /// Stores the speeds at the end of a step, and advances all angles by `h` seconds at these
+    /// speeds.
     fn take(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector, h: f64) {
         state.omega = Vec3::from_slice(&speeds[..3]);
         state.q = rotation::renormalized(rotation::exp(state.omega * h) * state.q);
@@ -281,7 +282,8 @@ impl Nonsmooth {
         }
     }
 
-    /// Returns the weight of the sphere if its centre of mass is off centre, otherwise `None`.
+    /// Returns the sphere's weight if its centre of mass is off centre, so that gravity turns the
+    /// sphere. Otherwise returns `None`.
     fn weight(&self) -> Option<Weight> {
         self.body.phenomena.eccentric.map(|eccentric| Weight {
             offset: Vec3::from_array(eccentric.offset),

@@ -12,30 +12,35 @@
 use super::law::{Element, MAX_DIMENSION, Response, Row};
 use super::{MAX_SPEEDS, Vector};
 
-/// Initial penalty of the method of multipliers, relative to the mass that a law acts on. A larger
-/// penalty needs fewer rounds but loses digits.
+/// Initial penalty of the method of multipliers, relative to the mass on which a law acts. With a
+/// larger penalty, the method needs fewer rounds but loses digits.
 const PENALTY: f64 = 1.0e3;
-/// Largest penalty of the method of multipliers. With a larger one, rounding errors of the Newton
-/// matrix become noticeable.
+/// Largest penalty of the method of multipliers. Above it, rounding errors of the Newton matrix
+/// become noticeable.
 const MAX_PENALTY: f64 = 1.0e9;
-/// Largest velocity that a sticking part can keep, relative to the velocity that the momentum and
-/// impulses of the step would make.
+/// Largest velocity that the solver can leave to a sticking part. It is relative to the velocity
+/// that the momentum and the impulses of the step would cause.
 const STICKING: f64 = 1.0e-12;
-/// Slope that counts as zero in the line search, as a fraction of the slope at its start.
+/// Slope of the minimised function that counts as zero in a line search, as a fraction of the slope
+/// at the start of the search.
 const LEVEL: f64 = 1.0e-2;
-/// Safety factor: rounding errors can exceed their estimate by this factor.
+/// Safety factor for rounding: a gradient up to this many times the estimated rounding error counts
+/// as zero.
 const NEAR: f64 = 64.0;
-/// Tolerance that replaces [`STICKING`] when even the largest penalties bring no more progress.
+/// Tolerance that replaces [`STICKING`] if the solution does not improve even with the largest
+/// penalties.
 ///
-/// This happens if no equation determines some impulses (a device held fast everywhere, or a gear
-/// with almost no play). These impulses then drift slowly while the speeds stay constant.
+/// This happens if no equation determines some of the impulses, as in a device that is held fast
+/// everywhere, or a gear with almost no play. These impulses then drift slowly while the speeds
+/// stay constant.
 const STALLED: f64 = 1.0e-10;
 const MAX_ROUNDS: usize = 60;
 const MAX_NEWTON: u32 = 60;
 const MAX_HALVINGS: usize = 40;
 
-/// The quadratic part of the function that the solver minimises over the speeds. `mass` is stored
-/// by rows, and only its lower half is used.
+/// The mass matrix and the momentum of one step. They define the quadratic part of the function
+/// that the solver minimises over the speeds. `mass` is stored by rows, and only its lower half is
+/// used.
 #[derive(Debug, Clone)]
 pub(super) struct StepProblem {
     pub(super) n: usize,
@@ -69,7 +74,8 @@ impl StepProblem {
     pub(super) const EMPTY: Self =
         Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS] };
 
-    /// Adds the inertia `mass` between the velocities `a` and `b` to the mass matrix: mass aᵀ b.
+    /// Adds an inertia to the mass matrix. It couples the velocities `a` and `b`, so the matrix
+    /// mass aᵀ b is added.
     pub(super) fn weigh(&mut self, a: &Row, b: &Row, mass: f64) {
         for (i, a) in a.terms() {
             for (j, b) in b.terms() {
@@ -78,7 +84,7 @@ impl StepProblem {
         }
     }
 
-    /// Adds an impulse that acts along the velocity `row` to the momentum.
+    /// Adds an impulse to the momentum. It acts in the direction of the velocity `row`.
     pub(super) fn push(&mut self, row: &Row, impulse: f64) {
         for (i, by) in row.terms() {
             self.momentum[i] += by * impulse;
@@ -98,8 +104,8 @@ impl Workspace {
         }
     }
 
-    /// Solves for the speeds at the end of the step, starting from the guess in `speeds`. Reads the
-    /// start values of the impulses from `elements`, and writes the resulting impulses back.
+    /// Solves for the speeds at the end of a step, starting from the guess in `speeds`. `elements`
+    /// holds start values of the impulses, which are replaced by the solution.
     pub(super) fn solve(
         &mut self,
         problem: &mut StepProblem,
@@ -179,8 +185,8 @@ impl Workspace {
         }
     }
 
-    /// Computes the impulses of all laws and the gradient of the function to minimise, at `speeds`.
-    /// Returns the size of gradient that rounding errors alone can cause.
+    /// Computes the impulses of all laws at `speeds`, and the gradient of the function that is
+    /// minimised. Returns the size of the gradient that rounding errors alone can cause.
     fn look(&mut self, problem: &StepProblem, speeds: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let pace = norm(&speeds[..n]);
@@ -214,9 +220,9 @@ impl Workspace {
         }
     }
 
-    /// Finds the speeds that minimise the function while the multipliers stay fixed. Returns the
-    /// number of Newton steps, and whether the gradient is zero apart from rounding. `responses`
-    /// are then those at the minimum.
+    /// Runs Newton's method on the function that is minimised, while the multipliers stay fixed.
+    /// Writes the minimum to `speeds` and the laws' impulses there to `responses`. Returns the
+    /// number of Newton steps, and whether the gradient is zero apart from rounding.
     fn minimize(&mut self, problem: &StepProblem, speeds: &mut Vector) -> (u32, bool) {
         let n = problem.n;
         let mut gradient = [0.0; MAX_SPEEDS];
@@ -239,13 +245,13 @@ impl Workspace {
         (steps, norm(&gradient[..n]) <= NEAR * floor)
     }
 
-    /// Moves `speeds` along `step` by a line search on the slope, and returns the rounding error of
-    /// the gradient.
+    /// Moves `speeds` along the Newton step `step` by a line search on the slope. Returns the
+    /// rounding error of the gradient.
     ///
-    /// It takes the whole step unless the slope there is upward. Otherwise it bisects to a point at
-    /// which the slope is not upward and at most half as steep as at the start. Up to such a point
-    /// the function only falls. Beyond it the function can have risen, and steps could repeat in a
-    /// cycle.
+    /// It takes the whole step unless the function rises at its end. Otherwise it bisects to a
+    /// point at which the function does not rise and is at most half as steep as at the start. Up
+    /// to such a point the function only falls. Beyond such a point it could be larger than at the
+    /// start, and the steps could repeat in a cycle.
     fn walk(
         &mut self,
         problem: &StepProblem,

@@ -13,43 +13,47 @@ use super::comparison::Comparison;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, head, row};
 
-/// Number of postures in a full run. They form a lattice in which each wheel takes this many
-/// equally spaced angles. Friction is a sum over the wheels, so its mean does not depend on how
-/// their angles are paired.
+/// Number of postures in a full run. Over these postures, each wheel takes this many equally spaced
+/// steer angles. Friction is a sum over the wheels, so its mean does not depend on how their angles
+/// are paired.
 const GRID: u32 = 144;
 /// Number of postures if the study is run with `--quick`.
 const COARSE: u32 = 55;
-/// Number of angle steps by which the second wheel advances for one step of the first. It has no
-/// common factor with either number of postures, so the second wheel takes every angle once.
+/// Number of angle steps by which the second wheel advances for each angle step of the first, from
+/// posture to posture. It has no common factor with either number of postures, so the second wheel
+/// takes each angle exactly once.
 const SKEW: u32 = 89;
-/// Increase of the torque in a step, N m. With [`STEP_S`], the torque rises by 20 mN m/s.
+/// Increase of the applied torque per simulation step, N m. With steps of [`STEP_S`], the torque
+/// rises by 20 mN m/s.
 const RAMP: f64 = 2.0e-5;
 /// Duration of a simulation step, s.
 const STEP_S: f64 = 1.0e-3;
-/// Angular speed above which the sphere counts as moving, rad/s. A sphere that has broken loose
-/// reaches 3e-6 rad/s in its first step.
+/// Angular speed above which the sphere counts as moving, rad/s. When the sphere breaks loose, its
+/// speed after one step is 3e-6 rad/s.
 const MOVES: f64 = 1.0e-6;
-/// Torque at which the ramp stops, N m. No axis needs so large a torque.
+/// Torque at which the simulation stops raising the torque, N m. The sphere starts to turn about
+/// every axis at a smaller one.
 const NEVER: f64 = 0.2;
-/// Largest allowed relative deviation of the mean torque from the prediction by friction. One step
-/// of the ramp is 0.5 % of the torque.
+/// Largest allowed relative difference between the mean measured back-drive torque and the torque
+/// that friction predicts. One step of the rising torque is 0.5 % of the measured torque.
 const WITHIN: f64 = 0.005;
-/// Largest allowed deviation of the mean torque from the rounded values in the physics notes, mN m.
+/// Largest allowed difference between the mean measured back-drive torque and the rounded value in
+/// the physics notes, mN m.
 const NOTES_WITHIN: f64 = 0.15;
 
-/// The three axes with the back-drive torque about each, in mN m: first the value in the paper
-/// (table II), then the one in the notes (physics.md, section 8).
+/// The three axes, and two published back-drive torques about each in mN m: first the one in the
+/// paper (table II), then the one in the physics notes (physics.md, section 8).
 const AXES: [(&str, Vec3, f64, f64); 3] =
     [("n1", Vec3::X, 5.0, 4.2), ("n2", Vec3::Y, 4.0, 5.0), ("n3", Vec3::Z, 4.0, 4.1)];
 
-/// Returns the steer angles of both wheels at posture `k` of a lattice of `grid` postures, rad.
+/// Returns the steer angles of both wheels at posture number `k`, rad. There are `grid` postures.
 fn posture(k: u32, grid: u32) -> [f64; 2] {
     let at = |k: u32| TAU * (f64::from(k % grid) + 0.5) / f64::from(grid);
     [at(k), at(SKEW * k)]
 }
 
-/// Returns the torque about `axis` at which the sphere begins to turn, N m. The sphere can turn
-/// about this axis only.
+/// Returns the torque about `axis` at which the sphere begins to turn, N m. In this simulation, the
+/// sphere can turn about no other axis.
 fn ramp(device: &Device, phenomena: &Phenomena, steer: [f64; 2], axis: Vec3) -> f64 {
     let mut state = PlantState::default();
     state.steer[..2].copy_from_slice(&steer);
@@ -65,8 +69,8 @@ fn ramp(device: &Device, phenomena: &Phenomena, steer: [f64; 2], axis: Vec3) -> 
     torque - 0.5 * RAMP
 }
 
-/// Returns the friction torque of cage and joints about `axis`, N m. The sphere can turn about this
-/// axis only, so the power of each friction simply adds up.
+/// Returns the torque about `axis` with which the friction of cage and joints resists a turn, N m.
+/// The sphere can turn about no other axis, so the powers of all friction torques simply add up.
 fn predicted(device: &Device, steer: [f64; 2], axis: Vec3) -> f64 {
     let posture = Posture::new(device, &steer);
     let joints: f64 = posture.rows()[..device.joints()].iter().map(|g| g.dot(axis).abs()).sum();
@@ -80,19 +84,20 @@ fn spread(values: &[f64]) -> [f64; 3] {
     [values.iter().sum::<f64>() / values.len() as f64, low, high]
 }
 
-/// The back-drive torque about one axis: measured, predicted and published.
+/// The back-drive torque about one axis: published, predicted and measured.
 struct Found {
     name: &'static str,
     /// Back-drive torque that the paper reports, mN m.
     paper: f64,
     /// Back-drive torque that the physics notes give, mN m.
     notes: f64,
-    /// Mean, smallest and largest measured torque over the postures, with friction of joints and
-    /// cage, N m.
+    /// Mean, smallest and largest measured torque over all postures, N m. Only joints and cage have
+    /// friction.
     plain: [f64; 3],
-    /// Predicted mean torque with friction of joints and cage, N m.
+    /// Mean predicted torque over all postures, N m. Only joints and cage have friction.
     expected: f64,
-    /// Mean measured torque if pivoting friction, slip and gears are added, N m.
+    /// Mean measured torque over all postures if the rig also has pivoting friction, slip and
+    /// gears, N m.
     all: f64,
 }
 
@@ -238,12 +243,13 @@ fn check(report: &mut Report, found: &[Found]) {
     );
 }
 
-/// The posture whose back-drive torques are closest to the paper's three values.
+/// The posture at which the back-drive torques about all three axes are closest to the paper's
+/// values.
 struct Nearest {
     steer: [f64; 2],
-    /// Torques about the three axes at this posture, mN m.
+    /// Back-drive torques about the three axes at this posture, mN m.
     torque: [f64; 3],
-    /// Largest of the three differences from the paper's torques, mN m.
+    /// Largest difference between one of these three torques and the paper's value, mN m.
     off: f64,
 }
 

@@ -14,24 +14,25 @@ use crate::whole::prototype;
 
 /// Bandwidth that the paper reports about every axis, Hz (table II).
 const PAPER: f64 = 5.5;
-/// The settings of the position loop that are used unless a figure states others. The gain is
-/// chosen so that the bandwidth is near the paper's.
+/// The settings of the position loop that a figure uses unless it names others. The gain is chosen
+/// so that the bandwidth is near the paper's.
 const STATED: Setting =
     Setting { gain: 50.0, inner_hz: 20.0, amplitude: 0.05, axis: Vec3::X, friction: false };
-/// Corner frequencies of the drives' rate loops that are tried, Hz.
+/// Corner frequencies of the drives' rate loops for which the bandwidth is measured, Hz.
 const INNER: [f64; 4] = [5.0, 10.0, 20.0, 40.0];
-/// Gains K_O of the position loop that are tried, 1/s. The position loop surrounds the rate loops.
+/// Gains K_O of the position loop for which the bandwidth is measured, 1/s. The position loop
+/// surrounds the rate loops.
 const GAINS: [f64; 6] = [20.0, 35.0, 50.0, 70.0, 100.0, 140.0];
-/// Amplitudes of the desired sinusoidal motion that are tried, rad.
+/// Amplitudes of the desired sinusoidal motion for which the bandwidth is measured, rad.
 const AMPLITUDES: [f64; 7] = [0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6];
 /// Gains K_O for which the amplitude is varied, 1/s.
 const AMPLITUDE_GAINS: [f64; 3] = [35.0, 50.0, 100.0];
-/// Largest allowed relative deviation of the bandwidth for a small sine from that of the linear
-/// loop. The interpolation between the measured frequencies causes 1 %. The rest is caused by the
-/// wheels' steering, which already matters for a sine of 0.05 rad.
+/// Largest allowed relative difference between the simulated bandwidth for a small sine and the
+/// bandwidth of the linear model. The interpolation between the measured frequencies causes 1 %.
+/// The rest is caused by the wheels' steering, which already matters for a sine of 0.05 rad.
 const WITHIN: f64 = 0.02;
-/// Largest allowed difference between the bandwidth with the settings [`STATED`] and the paper's,
-/// Hz.
+/// Largest allowed difference between the simulated bandwidth with the settings [`STATED`] and the
+/// bandwidth that the paper reports, Hz.
 const NEAR_PAPER: f64 = 0.3;
 
 pub(crate) fn study(
@@ -101,8 +102,8 @@ fn introduce(report: &mut Report) {
     report.family("bandwidth_gain_for_paper_inner{f}_per_s | 1/s | the K_O with which the linear loop has 5.5 Hz, over the corner of the rate loops (Hz)");
 }
 
-/// Reports the bandwidth of the position loop with its standard settings. `measured` holds the
-/// bandwidth about n1, n2 and n3, and about n1 with friction, in Hz.
+/// Reports the bandwidth of the position loop with the settings [`STATED`]. `measured` holds four
+/// bandwidths in Hz: about n1, n2 and n3 without friction, and about n1 with friction.
 fn stated(report: &mut Report, measured: &[f64]) {
     let predicted = linear_bandwidth(&STATED);
     report.figure("bandwidth_hz".to_owned(), measured[0]).note("predicted", predicted).note("paper", PAPER);
@@ -113,7 +114,8 @@ fn stated(report: &mut Report, measured: &[f64]) {
 }
 
 /// Adds the checks of the measured bandwidths to the report. `over_gain` is the largest relative
-/// difference between the bandwidth for a small sine and that of the linear loop.
+/// difference between the simulated bandwidth for a small sine and that of the linear model.
+/// `measured` holds the bandwidths about n1, n2 and n3, in Hz.
 fn checks(report: &mut Report, over_gain: f64, measured: &[f64]) {
     report.check_within("the bandwidth of a small sine is that of the linear loop", over_gain, WITHIN);
     let off = (measured[0] - PAPER).abs();
@@ -152,8 +154,9 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     Ok(())
 }
 
-/// Plots gain and phase of the position loop over frequency. `found` holds gain and phase for each
-/// case in `names`, one entry per sine period in `ticks`.
+/// Plots gain and phase of the position loop over frequency. Each name in `names` is a case, such
+/// as "n1, with friction". `found` holds the gain and phase of the first case for each sine period
+/// in `ticks`, then those of the second case, and so on.
 fn draw(report: &mut Report, names: &[&str], ticks: &[u32], found: &[[f64; 2]]) {
     let hertz = |ticks: u32| 1.0e3 / f64::from(ticks);
     let decibel = |size: f64| 20.0 * libm::log10(size);
@@ -197,8 +200,9 @@ fn draw(report: &mut Report, names: &[&str], ticks: &[u32], found: &[[f64; 2]]) 
     }
 }
 
-/// Writes the table and the plot of the bandwidth over the gain and the corner of the rate loops.
-/// Returns the largest relative deviation from the linear loop.
+/// Adds the table and the plot of the bandwidth for different gains and corner frequencies of the
+/// rate loops. Returns the largest relative difference between the simulated bandwidth and that of
+/// the linear model.
 fn over_gain(report: &mut Report, inner: &[f64], gains: &[f64], measured: &[f64]) -> f64 {
     let head = gains.iter().map(|gain| format!("K_O {} 1/s", short(*gain)));
     let mut table = vec![row(["rate loops, Hz".to_owned()]
@@ -236,8 +240,8 @@ fn over_gain(report: &mut Report, inner: &[f64], gains: &[f64], measured: &[f64]
     worst
 }
 
-/// Writes the table and the plot of the bandwidth over the amplitude. Returns the bandwidth at the
-/// largest amplitude for each gain, Hz.
+/// Adds the table and the plot of the bandwidth for different amplitudes of the sine. Returns the
+/// bandwidth at the largest amplitude for each gain, Hz.
 fn over_amplitude(report: &mut Report, gains: &[f64], amplitudes: &[f64], measured: &[f64]) -> Vec<f64> {
     let mut table = vec![row(["amplitude, rad".to_owned()]
         .into_iter()
@@ -267,8 +271,8 @@ fn over_amplitude(report: &mut Report, gains: &[f64], amplitudes: &[f64], measur
     (0..gains.len()).map(|k| of(k)[amplitudes.len() - 1]).collect()
 }
 
-/// Returns the paper's bandwidth as a horizontal line of a plot, from the first to the last value
-/// of `x`.
+/// Returns a plot line that shows the bandwidth that the paper reports. It is horizontal, from the
+/// first to the last value of `x`.
 fn level(x: &[f64]) -> Series {
     let points = vec![(x[0], PAPER), (x[x.len() - 1], PAPER)];
     Series::new("the paper", points, 6).open(true)

@@ -14,12 +14,12 @@ use crate::report::{Report, row};
 
 const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 
-/// A row of the paper's table II, with the motor torques from which the paper derived it (section
-/// IV.B).
+/// A row of the paper's table II: the torques on the sphere that the paper reports, and the motor
+/// torques from which it derived them (section IV.B).
 struct Row {
     id: &'static str,
     name: &'static str,
-    /// Torques of a steer and a drive motor, referred to the joint, N m.
+    /// Torques of a steer and of a drive motor, converted to the joint by the gear ratio, N m.
     motors: [f64; 2],
     /// Torques about n1, n2 and n3 that the paper reports, N m.
     paper: [f64; 3],
@@ -47,23 +47,24 @@ impl Row {
         JointLimits { peak, weight: [1.0; MAX_JOINTS] }
     }
 
-    /// Returns the largest torques about n1, n2 and n3, each without torque about the other axes,
-    /// at the posture with the rows `rows` of G, N m.
+    /// Returns the largest torque about each of n1, n2 and n3 that the motors can make without
+    /// torque about the other two, N m. `rows` are the rows of the matrix G at the posture.
     fn alone(&self, rows: &[Vec3], motors: &Motors) -> [f64; 3] {
         let limits = self.limits(motors);
         AXES.map(|axis| capability(rows, &limits, axis))
     }
 
-    /// Returns by how much three torques differ from the paper's, as the largest ratio in either
-    /// direction. It is 1 if they agree.
+    /// Returns the factor by which three torques differ from the paper's: the largest of the ratios
+    /// of a torque to the paper's value, or the reverse. It is 1 if all agree.
     fn off(&self, torques: [f64; 3]) -> f64 {
         let ratio = |k: usize| f64::max(torques[k] / self.paper[k], self.paper[k] / torques[k]);
         // A torque of zero gives an infinite ratio.
         (0..3).map(ratio).fold(1.0, f64::max)
     }
 
-    /// Returns the absolute components of the torque on the sphere if all motors give their full
-    /// torque, N m. The bits of `signs` choose the signs of the joint torques.
+    /// Returns the absolute values of the components about n1, n2 and n3 of the torque on the
+    /// sphere if all motors give their full torque, N m. Each bit of `signs` chooses the sign of
+    /// one joint torque.
     fn together(&self, rows: &[Vec3], motors: &Motors, signs: u32) -> [f64; 3] {
         let limits = self.limits(motors);
         let each = |k: usize| {
@@ -83,12 +84,12 @@ impl GrippedDevice {
         Self { device, arms, grip }
     }
 
-    /// Returns the largest torque about `axis` alone that exceeds neither the torque limit of a
-    /// joint nor the friction limit of a contact, N m.
+    /// Returns the largest torque about `axis` that makes no torque about other axes and exceeds
+    /// neither the torque limit of a joint nor the friction limit of a contact, N m.
     ///
-    /// tau = s (p + x n), where p makes a torque of 1 about the axis and n makes none. The load of
-    /// p + x n is convex in x, so a ternary search finds its minimum. With three motors there is no
-    /// n.
+    /// The joint torques are tau = s (p + x n), where p makes a torque of 1 about the axis and n
+    /// makes no torque on the sphere. The load of p + x n is convex in x, so a ternary search finds
+    /// its minimum. With three motors there is no n.
     fn gripping(&self, posture: &Posture, limits: &JointLimits, axis: Vec3) -> f64 {
         let rows = posture.rows();
         let driven: Vec<usize> = (0..4).filter(|&k| limits.peak[k] > 0.0).collect();
@@ -121,8 +122,9 @@ impl GrippedDevice {
     }
 }
 
-/// Returns two sets of joint torques that are orthogonal to each other: one makes a torque of 1
-/// about `axis`, and the other makes no torque. The second is zero for three driven joints.
+/// Returns two sets of joint torques that are orthogonal to each other. The first makes a torque of
+/// 1 about `axis`, and the second makes no torque on the sphere. If only three joints have motors,
+/// the second is zero.
 fn solutions(rows: &[Vec3], driven: &[usize], axis: Vec3) -> ([f64; 4], [f64; 4]) {
     let det = |a: usize, b: usize, c: usize| rows[a].dot(rows[b].cross(rows[c]));
     let mut none = [0.0; 4];
@@ -188,9 +190,10 @@ fn introduce(report: &mut Report, grip: f64) {
     report.family("{limit}_torque_{axis}_nm | N m | what the rig can give whatever its posture: the least with all four motors, contacts free, beside the paper's table II");
 }
 
-/// Reports the torques that the prototype can give over all postures, with four and with three
-/// motors, and with and without a friction limit. Returns, for each row of table II, the smallest
-/// torques with four motors and the median torques with three, without the friction limit.
+/// Reports the torques that the prototype can make over all postures: with four and with three
+/// motors, and with and without a friction limit of the contacts. Returns two sets of torques about
+/// n1, n2 and n3 for each row of table II, both without the friction limit: the smallest over all
+/// postures with four motors, and the medians with three.
 fn over_torus(
     context: &Context,
     report: &mut Report,
@@ -231,8 +234,9 @@ fn over_torus(
     Ok(kept)
 }
 
-/// Reports statistics of the torque about one axis, over all postures. Returns their row of the
-/// table. `contact` is `free`, or `grip` if friction limits the contact forces.
+/// Reports statistics, over all postures, of the torque that the motors can make about one axis.
+/// Returns the row of the table for this axis. `contact` is `grip` if friction limits the contact
+/// forces, otherwise `free`.
 fn tell(
     report: &mut Report,
     motors: &Motors,
@@ -258,8 +262,8 @@ fn tell(
     cells
 }
 
-/// Checks that [`GrippedDevice::gripping`] and the core's function [`capability`] give the same
-/// torques if the friction of the contacts sets no limit.
+/// Checks that two functions compute the same largest torques if the friction of the contacts sets
+/// no limit: [`GrippedDevice::gripping`] and the core's [`capability`].
 fn check(report: &mut Report, rig: &GrippedDevice) {
     let loose = GrippedDevice {
         grip: f64::INFINITY,

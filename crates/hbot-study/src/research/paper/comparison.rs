@@ -24,11 +24,11 @@ pub(crate) struct Comparison {
 }
 
 impl Comparison {
-    /// Adds a row to the comparison table.
+    /// Adds a row to the table that compares this project's results with the paper's.
     ///
-    /// `what` is the compared quantity with its place in the paper, such as "GCI (V.D)". `paper`
-    /// and `ours` are the two values with units. `why` explains the difference in a sentence or
-    /// two, and is empty if they agree.
+    /// `what` is the compared quantity and its place in the paper, such as "GCI (V.D)". `paper` and
+    /// `ours` are the two values with units. `why` explains the difference in one or two sentences,
+    /// and is empty if the values agree.
     pub(crate) fn row(
         &mut self,
         what: &str,

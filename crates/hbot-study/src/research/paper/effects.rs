@@ -33,13 +33,14 @@ fn slow() -> Motor {
     Motor { torque_scale: 1.0, thermal_time_s: WEAK.thermal_time_s, ..Motor::default() }
 }
 
-/// Returns parameters of motors that heat up and are then limited to their continuous torque.
+/// Returns parameters of motors that heat up. A hot motor is limited to its continuous torque.
 fn hot() -> Motor {
     Motor { thermal_time_s: Motor::default().thermal_time_s, torque_scale: 1.0, ..WEAK }
 }
 
-/// Returns each phenomenon by itself, with the prototype's parameters (docs/physics.md, section 8).
-/// Three errors of the motors are separate phenomena: torque constant, lag and heat.
+/// Returns a list in which each phenomenon of a real rig acts alone, with the prototype's
+/// parameters (docs/physics.md, section 8). Three errors of the motors are separate entries: torque
+/// constant, lag and heat.
 pub(super) fn alone() -> Vec<Effect> {
     let none = Phenomena::default();
     let effect = |name, id, phenomena| Effect { name, id, phenomena };
@@ -79,7 +80,7 @@ pub(super) fn alone() -> Vec<Effect> {
     ]
 }
 
-/// Returns all phenomena of a real rig together, without a hand on the sphere.
+/// Returns the phenomena of a real rig all together. No simulated hand holds the sphere.
 pub(super) fn together() -> Phenomena {
     Phenomena {
         joint_friction: Some(JointFriction::default()),

@@ -55,8 +55,8 @@ fn random_device(rng: &mut Rng, wheels: usize) -> Device {
     }
 }
 
-/// Compares the core's matrix G and contact frames with ones derived from rotation matrices and
-/// rigid-body velocities, on random devices.
+/// Compares the core's matrix G and contact frames with an independent derivation from rotation
+/// matrices and rigid-body velocities. Uses random devices.
 fn general(context: &Context, report: &mut Report) {
     report.say(
         "The kinematics are those of any number of wheels. On devices at random (2 to 8 wheels, axes anywhere, cone 0.1 to 1.5 rad, toe up to 0.6 rad) and random postures and \
@@ -98,9 +98,9 @@ fn general(context: &Context, report: &mut Report) {
     report.table(&table);
 }
 
-/// Returns how far the core differs from the independent derivation, for one device and posture.
-/// The five differences are of the contact frames, the joint rates, the rate of the frames, the
-/// sphere's rate, and the slip.
+/// Returns the differences between the core and an independent derivation of the kinematics, for
+/// one device and one posture. There are five: of the contact frames, the joint rates, the rate of
+/// the frames, the sphere's rate, and the slip.
 fn one(device: &Device, th: &[f64], omega: Vec3) -> [f64; 5] {
     let posture = Posture::new(device, th);
     let found = posture.inverse(omega);
@@ -217,9 +217,10 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
     );
 }
 
-/// Reports how two interpretations of eq. 1 differ: the literal one and hbot's. Each array has one
-/// value for each of them: the angle between the contacts and the margin at steer angles of zero,
-/// and the smallest margin over all steer angles.
+/// Reports how two interpretations of eq. 1 of the paper differ for the prototype. Each array has
+/// two values: first for the literal interpretation, then for this project's. `at_zero` is the
+/// angle between the two contacts at steer angles of zero, `there` is the margin to singularity at
+/// these angles, and `over_all` is the smallest margin over all steer angles.
 fn tell_readings(report: &mut Report, at_zero: [f64; 2], there: [f64; 2], over_all: [f64; 2]) {
     report.family("eq1_{reading}_contacts_apart_rad | rad | angle between the contact points of the prototype at steering angles of zero; {reading}: literal (A = N there) or ours (A takes n3 to l first)");
     report.family("eq1_{reading}_margin_{where} | 1 | sigma_min(Z)/R of the prototype; {reading} likewise; {where}: at_zero, or least over all steering angles");
@@ -264,7 +265,7 @@ fn sketch(device: &Device) -> Sketch {
     sketch
 }
 
-/// Draws one wheel of a device, as a circle that touches the sphere at `contact`.
+/// Draws one wheel of a device as a circle that touches the sphere at the point `contact`.
 pub(super) fn wheel_at(
     sketch: &mut Sketch,
     device: &Device,

@@ -12,9 +12,9 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Reports how the mean indices for three motors converge on finer grids. `torus` and `so3` are the
-/// means on the finest grids. Returns the means on the finest of the paper's grids without weights,
-/// as the paper prints them.
+/// Reports how the mean indices for three motors converge as grids become finer. `torus` and `so3`
+/// are the means on the finest grids of postures and of orientations. Returns the means on the
+/// finest of the paper's grids, without weights, as the paper's formula has none.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
@@ -81,15 +81,15 @@ impl Settled {
     }
 }
 
-/// Returns the number of orientations in `samples`, and the global conditioning index (GCI) of the
-/// paper's three motors averaged over them.
+/// Returns the number of orientations in `samples`, and the global conditioning index (GCI): the
+/// mean of the spectral index of the paper's three motors over these orientations.
 fn spectral(rig: &IndexedDevice, samples: &[(Quat, f64)]) -> (usize, f64) {
     (samples.len(), rig.over_turns(samples, START, &[THREE])[0].spectral)
 }
 
-/// Computes the global conditioning index (GCI) on the paper's grid of equal steps, without a
-/// weight as printed in the paper, and with the weight sin theta. Returns the averages on the
-/// finest unweighted grid, and by how much its GCI exceeds the weighted one.
+/// Computes the global conditioning index (GCI) on the paper's grids of equal steps: without
+/// weights, as in the paper, and with the weight sin theta. Returns the mean indices on the finest
+/// grid without weights, and by how much the GCI without weights exceeds the weighted GCI there.
 fn equal_steps(
     context: &Context,
     report: &mut Report,
@@ -120,7 +120,8 @@ fn equal_steps(
     Ok((printed, printed.spectral - finest))
 }
 
-/// Checks the closed form for the steer angles after a turn against the integrated kinematics.
+/// Checks two computations of the steer angles after a turn of the sphere against each other: the
+/// closed form, and the numerical integration of the kinematics.
 pub(super) fn steps(report: &mut Report, rig: &IndexedDevice, quick: bool) {
     report.family("turn_{steps}_steps_error_rad | rad | error of the steering angles after a turn in {steps} steps of zd = G w against the closed form, median over turns");
     let mut rng = Rng(11);

@@ -15,13 +15,15 @@ use crate::report::{Report, head, row};
 /// Steer angles at which the paper's turns begin, rad. The paper gives none. We use zero, because
 /// the paper sets up its rig with both wheels at zero.
 pub(super) const START: [f64; 2] = [0.0; 2];
-/// The mean conditioning index (GCI) that the paper reports (section V.D).
+/// The global conditioning index (GCI) that the paper reports, which is a mean over the workspace
+/// (section V.D).
 pub(super) const PAPER_GCI: f64 = 0.41;
-/// The mean relative manipulability (GMI) that the paper reports (section V.D).
+/// The global manipulability index (GMI) that the paper reports, which is a mean over the workspace
+/// relative to the largest value (section V.D).
 pub(super) const PAPER_GMI: f64 = 0.5;
 
-/// Conditioning and manipulability of the rig at one posture, for one choice of motors, or their
-/// means.
+/// Conditioning and manipulability of the rig for one choice of motors, either at one posture or as
+/// means over many.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Local {
     pub(super) spectral: f64,
@@ -61,9 +63,9 @@ impl IndexedDevice {
         choices.iter().map(each).collect()
     }
 
-    /// Returns the steer angles after the rig has turned the sphere from the identity to the
-    /// orientation `q` about one axis, as in the paper, rad. `start` are the steer angles before
-    /// the turn.
+    /// Returns the steer angles after the rig has turned the sphere about one axis from the
+    /// identity to the orientation `q`, as in the paper, in rad. `start` are the steer angles
+    /// before the turn, rad.
     pub(super) fn arrived(&self, q: Quat, start: [f64; 2]) -> [f64; 2] {
         self.turns.to(q, start)
     }
@@ -75,8 +77,9 @@ impl IndexedDevice {
         weighed(all.into_iter().map(|locals| (locals, 1.0)), choices.len())
     }
 
-    /// Returns the weighted mean indices over orientations, for each choice of motors. Each
-    /// orientation is reached by a turn from the steer angles `start`.
+    /// Returns the weighted mean indices over the orientations in `samples`, for each choice of
+    /// motors. The posture at each orientation is the one after a turn of the sphere that began
+    /// with the steer angles `start`.
     pub(super) fn over_turns(
         &self,
         samples: &[(Quat, f64)],
@@ -90,8 +93,9 @@ impl IndexedDevice {
         weighed(torus::in_two(samples.len(), part), choices.len())
     }
 
-    /// Returns the mean spectral index (GCI) of `motors` over orientations that are reached by
-    /// turns from the steer angles `start`.
+    /// Returns the global conditioning index (GCI) of `motors`: the mean spectral index over the
+    /// orientations in `samples`. The posture at each orientation is the one after a turn of the
+    /// sphere that began with the steer angles `start`.
     pub(super) fn gci(&self, samples: &[Quat], start: [f64; 2], motors: &Motors) -> f64 {
         let each = |q: &Quat| motors.indices(&posture(&self.device, self.arrived(*q, start))).spectral;
         mean(samples.iter().map(each))
@@ -104,7 +108,8 @@ impl IndexedDevice {
     }
 }
 
-/// Returns the weighted mean of the indices, for each choice of motors.
+/// Returns the weighted means of the indices for each choice of motors. Each entry of `all` holds
+/// the indices at one posture, for each choice, and the weight of this posture.
 fn weighed(all: impl IntoIterator<Item = (Vec<Local>, f64)>, choices: usize) -> Vec<Local> {
     let mut sums = vec![Local::default(); choices];
     let mut whole = 0.0;
@@ -170,8 +175,8 @@ fn introduce(report: &mut Report) {
 }
 
 /// Reports the global conditioning index (GCI) and the global manipulability index (GMI) of each
-/// choice of motors, over both workspaces. GMI is relative to the largest dynamic manipulability,
-/// which `most` holds for each choice.
+/// choice of motors, over all steer angles and over all orientations. GMI is the mean dynamic
+/// manipulability divided by its largest value, which `most` holds for each choice.
 fn global(report: &mut Report, over_torus: &[Local], over_so3: &[Local], most: &[f64]) {
     let mut table = vec![head(
         "motors | GCI spectral, torus | SO(3) | GCI Frobenius, torus | SO(3) | GMI, torus | SO(3)",
@@ -197,8 +202,8 @@ fn global(report: &mut Report, over_torus: &[Local], over_so3: &[Local], most: &
     report.table(&table);
 }
 
-/// Reports the indices that are not ratios: the manipulability, and the largest dynamic
-/// manipulability.
+/// Reports the indices that are not ratios, over all steer angles: the smallest and the median
+/// manipulability, and the largest dynamic manipulability.
 fn local(report: &mut Report, rig: &IndexedDevice, most: &[f64]) {
     report.family("manipulability_{motors}_{statistic} | 1 | 1/(sigma_1 sigma_2 sigma_3) of G over the torus; {statistic}: least, median");
     report.family("dynamic_manipulability_{motors}_largest | 1/(kg m²)³ | largest dynamic manipulability over the torus, what GMI is divided by");
@@ -226,11 +231,12 @@ fn sci(value: f64) -> String {
     format!("{value:.2e}")
 }
 
-/// The indices in our reading of the paper, with which other readings are compared.
+/// The indices in this project's interpretation of the paper, with which other interpretations are
+/// compared.
 pub(super) struct Known {
-    /// Mean indices for three motors: over the torus of steer angles, and over all orientations.
+    /// Mean indices for three motors: first over all steer angles, then over all orientations.
     pub(super) three: [Local; 2],
-    /// Mean indices for all four motors: over the torus of steer angles, and over all orientations.
+    /// Mean indices for all four motors: first over all steer angles, then over all orientations.
     pub(super) four: [Local; 2],
     /// Mean indices for three motors on the finest of the paper's grids, without weights.
     pub(super) printed: Local,
@@ -238,9 +244,10 @@ pub(super) struct Known {
     pub(super) most: [f64; 2],
 }
 
-/// Checks that the indices have their expected values, and explains what the paper's two values
-/// probably are. `wheels` describes the influence of the wheel radius. `starts` is the range of the
-/// mean conditioning index (GCI) over all starting postures.
+/// Checks that the indices have the values that an independent program computed, and explains how
+/// the paper's values of GCI and GMI probably arose. `wheels` is a sentence about the influence of
+/// the wheel radius. `starts` is the range of the mean conditioning index (GCI) over all steer
+/// angles at which the turns can begin.
 fn explain(report: &mut Report, comparison: &mut Comparison, known: &Known, wheels: &str, starts: [f64; 2]) {
     // From an independent program: physics notes, section 11.
     let mut within = |what: &str, value: f64, [low, high]: [f64; 2]| {

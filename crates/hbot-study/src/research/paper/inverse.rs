@@ -18,36 +18,37 @@ use crate::report::{Report, row};
 const PAPER: [f64; 3] = [0.0354, 0.0368, 0.0312];
 /// Period of the control loop, s.
 const PERIOD_S: f64 = 1.0e-3;
-/// Duration of a run of the control loop in our reading of the paper, s.
+/// Duration of a run of the control loop, s. The paper gives none; this is our interpretation.
 const TIME_S: f64 = 1.0;
-/// Gain K_O of the run whose errors are plotted, 1/s. The error depends only on the product of gain
-/// and time.
+/// Gain K_O of the position loop in the runs whose errors are plotted, 1/s. The error depends only
+/// on the product of gain and time.
 const GAIN: f64 = 14.0;
-/// A higher gain K_O, with which a smaller error remains than the paper reports, 1/s.
+/// A higher gain K_O, with which the remaining error is smaller than the one that the paper
+/// reports, 1/s.
 const BETTER: f64 = 30.0;
 /// Number of ticks between two samples of the error.
 const EVERY: usize = 10;
-/// Largest allowed difference between the simulated control loop and its closed form, rad. Joint
-/// rates are held constant for a tick, so the loop differs by K_O h/4 of the change, which is 1 %
-/// of an error that starts at 0.5.
+/// Largest allowed difference between the orientation error in the simulated control loop and the
+/// error by its closed form, rad. The two differ because the loop holds the joint rates constant
+/// for a tick: by K_O h/4 of the change of the error, which is 1 % of an error that starts at 0.5.
 const WITHIN: f64 = 5.0e-3;
 
-/// The root mean square of the error e_O over all orientations, about each axis, in rad. There is
-/// one entry for every sample in time.
+/// The course of the error over time: the root mean square of the error e_O over all orientations,
+/// about each axis, in rad. There is one entry for each sample in time.
 type Course = Vec<[f64; 3]>;
 
-/// Which of the two quaternions of a desired orientation is given to the control loop.
+/// Which of the two quaternions that describe a desired orientation is given to the control loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Sign {
-    /// The quaternion as eq. 23 gives it. In half of the cases it is the farther one, and the
-    /// control loop turns the sphere the long way round.
+    /// The quaternion that eq. 23 of the paper gives. In half of the cases, it is the one farther
+    /// from the present orientation, and the control loop turns the sphere the long way round.
     Printed,
     /// The quaternion that is nearer to the present orientation.
     Nearest,
 }
 
-/// Simulates the control loop for one desired orientation. Returns the squared error e_O about each
-/// axis, at each of `looks` samples in time.
+/// Simulates the control loop for one desired orientation. Returns the square of the error e_O
+/// about each axis at each sample in time. `looks` is the number of samples.
 fn follow(device: &Device, gain: f64, wanted: Quat, looks: usize) -> Course {
     let (mut q, mut th) = (Quat::IDENTITY, [0.0; 2]);
     let mut posture = Posture::new(device, &th);
@@ -87,8 +88,8 @@ fn rms(device: &Device, gain: f64, sign: Sign, samples: &[Quat], looks: usize) -
     (0..looks).map(mean).collect()
 }
 
-/// Returns the RMS error of the control loop about each axis, computed by its closed form, for a
-/// `product` of gain and time.
+/// Returns the RMS error of the control loop about each axis, computed by its closed form. The
+/// error depends only on `product`, the product of gain and time.
 ///
 /// About a fixed axis the remaining angle p obeys dp/dt = -K_O sin(p/2). So tan(p/4) falls as
 /// exp(-K_O t/2), and |e_O| = sin(p/2).
@@ -113,7 +114,7 @@ fn mean(rms: [f64; 3]) -> f64 {
 }
 
 /// Returns the product of gain and time at which the RMS error has fallen to `level`. `points` are
-/// pairs of product and RMS error.
+/// pairs of this product and the RMS error, in ascending order of the product.
 fn falls_to(points: &[(f64, f64)], level: f64) -> f64 {
     for pair in points.windows(2) {
         let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
@@ -125,36 +126,39 @@ fn falls_to(points: &[(f64, f64)], level: f64) -> f64 {
     f64::NAN
 }
 
-/// Results of simulating the control loop with one of the two quaternions of each desired
-/// orientation.
+/// Results of simulating the control loop for all desired orientations, with one of the two
+/// quaternions of each.
 struct Run {
     /// Name of the run as shown in tables and plots.
     name: &'static str,
     /// Name of the run as used in the ids of figures.
     id: &'static str,
-    /// RMS error at one moment, over orientations and axes, rad. Each entry is the product of gain
-    /// and time at that moment, and the error.
+    /// RMS error at each sample in time, over all orientations and axes. Each entry is a pair: the
+    /// product of gain and time at the sample, and the error in rad.
     end: Vec<(f64, f64)>,
-    /// RMS error over the run up to one moment, over orientations and axes, rad. Each entry is the
-    /// product of gain and time at that moment, and the error.
+    /// RMS error from the start of the run up to each sample in time, over all orientations and
+    /// axes. Each entry is a pair: the product of gain and time at the sample, and the error in
+    /// rad.
     whole: Vec<(f64, f64)>,
-    /// Product of gain and time at which the RMS error at the end equals the paper's.
+    /// Product of gain and time at which the RMS error at that time equals the paper's.
     product: f64,
-    /// Product of gain and time at which the RMS error over the whole run equals the paper's.
+    /// Product of gain and time at which the RMS error over the whole run up to that time equals
+    /// the paper's.
     whole_product: f64,
     /// Largest difference between the simulated control loop and its closed form, rad.
     off: f64,
 }
 
-/// RMS of the error e_O that remains about each axis at the end of a run, rad.
+/// Root mean square (RMS) of the error e_O that remains about each axis at the end of a run, over
+/// all orientations, rad.
 struct Left {
-    /// RMS error with the quaternion as eq. 23 gives it, at the gain with which the mean equals the
-    /// paper's.
+    /// RMS error with the quaternion that eq. 23 gives. The gain is chosen so that the mean over
+    /// the three axes equals the paper's.
     ours: [f64; 3],
-    /// RMS error with a higher gain and the nearer quaternion.
+    /// RMS error with the quaternion that is nearer to the present orientation, and with a higher
+    /// gain.
     better: [f64; 3],
-    /// RMS error under the conditions of [`ours`](Self::ours), but over the orientations of the
-    /// paper's grid.
+    /// RMS error as in [`ours`](Self::ours), but over the orientations of the paper's grid.
     grid: [f64; 3],
 }
 
@@ -217,8 +221,8 @@ fn introduce(report: &mut Report, samples: usize) {
 }
 
 impl Run {
-    /// Evaluates a run of the control loop. `course` is the RMS error about each axis at every
-    /// sample in time.
+    /// Computes the results of simulating the control loop. `course` is the RMS error about each
+    /// axis at each sample in time, over the desired orientations `samples`.
     fn of(course: &Course, samples: &[Quat], sign: Sign, (name, id): (&'static str, &'static str)) -> Self {
         let target = mean(PAPER);
         let at = |k: usize| GAIN * PERIOD_S * (k * EVERY) as f64;

@@ -12,8 +12,8 @@ pub(super) fn about(axis: Vec3, angle: f64) -> Mat3 {
     Mat3::from_cols(columns[0], columns[1], columns[2])
 }
 
-/// Returns A0, the smallest rotation that takes the axis n3 to `l`. If this is a half turn, its
-/// axis is n1.
+/// Returns the rotation A0: the smallest rotation that turns the axis n3 to `l`. If this is a half
+/// turn, its axis is n1.
 pub(super) fn least_rotation(l: Vec3) -> Mat3 {
     let axis = Vec3::Z.cross(l);
     let sine = axis.length();
@@ -23,9 +23,9 @@ pub(super) fn least_rotation(l: Vec3) -> Mat3 {
     about(axis / sine, libm::atan2(sine, l.z))
 }
 
-/// Returns the contact frame C of a wheel: the rotation about l by th, times `first`, Rx(cone) and
-/// Rz(toe). In equation 1 of the paper, taken literally, `first` is the identity; this project uses
-/// A0.
+/// Returns the contact frame C of a wheel: the rotation about the steering axis l by the angle
+/// `th`, times `first`, Rx(cone) and Rz(toe). In equation 1 of the paper, taken literally, `first`
+/// is the identity. In this project it is A0, the smallest rotation from n3 to l.
 pub(super) fn frame(spec: &WheelSpec, first: Mat3, th: f64) -> Mat3 {
     about(spec.axis, th) * first * about(Vec3::X, spec.cone) * about(Vec3::Z, spec.toe)
 }

@@ -12,8 +12,8 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, head, row};
 use crate::rng::Rng;
 
-/// Smallest distance of a tested design from the border of the nested-circles condition, rad.
-/// Closer to the border, a scan of the steer angles cannot decide whether the design is singular.
+/// Smallest distance of a tested design from the limit of the nested-circles condition, rad. Closer
+/// to the limit, a scan of the steer angles cannot decide whether the design is singular.
 const BORDER: f64 = 0.03;
 
 /// A design with two wheels without toe: their cone angles, and the angle between their steering
@@ -111,9 +111,9 @@ fn families(report: &mut Report) {
     report.family("nested_example_least_index | 1 | least spectral index, one drive and two steers, of the design that is named");
 }
 
-/// Returns `count` random designs that are not close to the limit of the nested-circles condition.
-/// For each, two flags say whether it is never singular: with one drive and two steers, and with
-/// two drives and one steer.
+/// Returns `count` random designs, each at some distance from the limit of the nested-circles
+/// condition. Each has two flags, which say whether the design is never singular: first with one
+/// drive and two steers, then with two drives and one steer.
 fn tried(count: usize, cells: usize) -> (Vec<Design>, Vec<[bool; 2]>) {
     let mut rng = Rng(44);
     let mut designs = Vec::new();

@@ -15,24 +15,25 @@ use serde_json::json;
 use crate::context::{Context, Interrupted};
 use crate::whole::{Whole, prototype};
 
-/// Corner frequency of the integral part of a rate loop, relative to that of its proportional part.
+/// Corner frequency of the integral part of a rate loop, as a fraction of the corner frequency of
+/// its proportional part.
 const INTEGRAL: f64 = 0.2;
 /// Time in which the sine at the input rises to its full amplitude, s.
 const FADE_S: f64 = 0.5;
-/// Smallest number of ticks for which the response settles, and for which it is then observed: 1 s
-/// each.
+/// Smallest number of ticks for the response to settle, and again for its observation. At 1 kHz
+/// each takes 1 s.
 const LEAST: u32 = 1000;
-/// A gain of -3 dB, at which the bandwidth is read.
+/// A gain of -3 dB. The bandwidth is the frequency at which the gain has fallen to this value.
 const DOWN: f64 = core::f64::consts::FRAC_1_SQRT_2;
-/// Longest period in the search for a bandwidth, ticks.
+/// Longest sine period in the search for a bandwidth, ticks.
 const LONGEST: f64 = 2000.0;
-/// Shortest period in the search for a bandwidth, ticks.
+/// Shortest sine period in the search for a bandwidth, ticks.
 const SHORTEST: f64 = 20.0;
-/// Ratio of two successive periods in the search for a bandwidth.
+/// Ratio of two successive sine periods in the search for a bandwidth.
 const RATIO: f64 = 1.15;
 
-/// Parameters of motors with a lag and a limited rate, which otherwise give the full torque and do
-/// not heat up.
+/// Parameters of motors with a lag and a limited speed. They have no other error and do not heat
+/// up.
 pub(super) const MOTOR: Motor = Motor {
     torque_scale: 1.0,
     lag_s: 5.0e-4,
@@ -62,7 +63,7 @@ pub(super) fn inertia(device: &Device, axis: Vec3) -> f64 {
     axis.dot(plant.apparent_inertia(&PlantState::default()) * axis)
 }
 
-/// A position loop that runs with the simulated rig in virtual time.
+/// A position loop that controls the simulated rig in virtual time.
 struct Loop {
     run: Whole,
     setting: Setting,

@@ -12,7 +12,7 @@ use super::{literal, so3};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Wheel radii for which the indices are compared, in micrometres.
+/// Wheel radii for which the indices are computed, in micrometres.
 const RADII: [u32; 7] = [10_000, 12_000, 14_000, 15_500, 17_000, 20_000, 25_000];
 
 /// Returns the prototype's device with `change` applied to each wheel.
@@ -72,7 +72,7 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
     ))
 }
 
-/// Reports the indices if equations 1 and 17 to 22 of the paper are read in other ways.
+/// Reports the indices for other interpretations of equations 1 and 17 to 22 of the paper.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
@@ -121,9 +121,9 @@ pub(super) fn study(
     Ok(())
 }
 
-/// One interpretation of the paper's definitions: its id and name, the global conditioning index by
-/// the spectral and the Frobenius norm (if defined), and the global manipulability index. The id is
-/// empty if another section reports these values.
+/// The indices under one interpretation of the paper's definitions: its id, its name, the global
+/// conditioning index by the spectral and by the Frobenius norm (if defined), and the global
+/// manipulability index. The id is empty if another section reports these values.
 type Reading = (&'static str, &'static str, (Option<[f64; 2]>, f64));
 
 fn tell(report: &mut Report, all: &[Reading], literal_gci: f64) {
@@ -155,7 +155,8 @@ fn tell(report: &mut Report, all: &[Reading], literal_gci: f64) {
     report.table(&table);
 }
 
-/// Returns the determinant of the apparent inertia I_s I + Gᵀ J_q G for any rows of G, (kg m²)³.
+/// Returns the determinant of the apparent inertia I_s I + Gᵀ J_q G, (kg m²)³. `rows` are the rows
+/// of G, which need not be those of the device.
 fn inertia_of(device: &Device, rows: &[Vec3; 4]) -> f64 {
     let mut inertia = Mat3::from_diagonal(Vec3::splat(device.sphere_inertia()));
     for (k, g) in rows.iter().enumerate() {

@@ -48,7 +48,8 @@ pub(super) fn study(
     nested::study(context, report)
 }
 
-/// Reports the interior and the actuation margin over all steer angles, as figures and maps.
+/// Reports two margins to singularity over all steer angles, as figures and maps: the interior
+/// margin and the actuation margin.
 fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
     let interior = torus::least(CELLS, |th| interior_margin(&posture(device, th)));
     let closed = interior_margin_over_all(device);
@@ -154,8 +155,9 @@ fn draw_maps(report: &mut Report, device: &Device) {
     );
 }
 
-/// Returns the zeros of a function of the two steer angles as short lines, in degrees, to draw them
-/// in a map. It uses marching squares with linear interpolation in each cell.
+/// Returns the lines on which a function of the two steer angles is zero, as short pieces in
+/// degrees, to draw them in a map. They are found by marching squares with linear interpolation in
+/// each cell.
 fn zeros(value: impl Fn([f64; 2]) -> f64) -> Vec<[(f64, f64); 2]> {
     let at = |k: usize| core::f64::consts::TAU * k as f64 / CELLS as f64;
     let values: Vec<f64> =
@@ -180,8 +182,8 @@ fn zeros(value: impl Fn([f64; 2]) -> f64) -> Vec<[(f64, f64); 2]> {
     lines
 }
 
-/// Compares the analytic conditions for singularities with numerical ones, for random designs with
-/// toe in random postures.
+/// Checks that the analytic conditions for singularities agree with numerical ones, for random
+/// designs with toe in random postures.
 fn conditions(context: &Context, report: &mut Report) {
     let mut rng = Rng(33);
     let mut worst = [0.0_f64; 2];
@@ -221,8 +223,8 @@ fn conditions(context: &Context, report: &mut Report) {
     );
 }
 
-/// Returns two steer angles at which the device with the paper's three motors is singular, rad. The
-/// first angle is fixed, and the second is found by bisection.
+/// Returns two steer angles at which the device is singular if it has only the paper's three
+/// motors, rad. The first angle is fixed, and the second is found by bisection.
 fn singular(device: &Device) -> [f64; 2] {
     // c3_1 . c2_2 = 0, found along th_2 by section between signs.
     let th_1 = 0.4;

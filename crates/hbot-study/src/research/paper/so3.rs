@@ -10,8 +10,8 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use hbot_core::{Quat, rotation};
 
-/// Number of angles psi for each point (theta, phi) of the sphere, in Hopf coordinates at level 0.
-/// It doubles with each level.
+/// Number of angles psi for each point (theta, phi) in Hopf coordinates, at level 0. The number
+/// doubles with each level.
 const CIRCLE: u64 = 6;
 
 /// Returns the number of orientations that [`uniform`] gives at `level`: 72, 576, 4608, 36864,
@@ -38,9 +38,8 @@ pub(crate) fn uniform(level: u8) -> impl Iterator<Item = Quat> {
     })
 }
 
-/// Returns the orientations of the paper's grid: equal steps of pi/`steps` of each Hopf coordinate,
-/// with both ends of theta. Each orientation comes with the weight sin theta, which the paper
-/// omits.
+/// Returns the orientations of the paper's grid: equal steps of pi/`steps` in each Hopf coordinate,
+/// with both ends of theta. Each orientation has the weight sin theta, which the paper omits.
 pub(crate) fn equal_steps(steps: u32) -> impl Iterator<Item = (Quat, f64)> {
     let h = PI / f64::from(steps);
     (0..=steps).flat_map(move |i| {
@@ -60,9 +59,9 @@ mod tests {
     use super::*;
     use hbot_core::Vec3;
 
-    /// Returns, for some fixed quaternions, the mean square and the mean fourth power of the
-    /// projections of all orientations onto them. If the orientations are even over SO(3), these
-    /// are 1/4 and 1/8: the moments of a coordinate on the sphere in four dimensions.
+    /// Returns the mean square and the mean fourth power of the projections of all orientations
+    /// onto each of some fixed quaternions. If the orientations are spread evenly over SO(3), these
+    /// means are 1/4 and 1/8, the values for a coordinate of the unit sphere in four dimensions.
     fn moments(weighted: impl Iterator<Item = (Quat, f64)>) -> Vec<[f64; 2]> {
         let weighted: Vec<(Quat, f64)> = weighted.collect();
         let looks =

@@ -10,15 +10,15 @@ use serde_json::json;
 use crate::context::{Context, Interrupted};
 use crate::whole::{Whole, prototype};
 
-/// Number of equal steps in which the load rises to its largest value, in each direction.
+/// Number of equal steps in which the load rises from zero to its largest value.
 pub(super) const STEPS: i32 = 4;
 /// Damping of the rendered springs, N m s/rad. It has no effect on the deflection at rest.
 pub(super) const DAMPING: f64 = 0.2;
-/// Time that the loop runs before the first load, until the motors are active, s.
+/// Time for which the control loop runs before the first load, so that the motors become active, s.
 const START_S: f64 = 0.7;
-/// Time in which a load rises to its full value, s.
+/// Time in which the load changes from one step to the next, s.
 pub(super) const LOAD_S: f64 = 0.2;
-/// Time for which the sphere settles under the full load, s.
+/// Time for which the sphere settles after each change of the load, s.
 pub(super) const REST_S: f64 = 0.4;
 /// Time over which the deflection is averaged after settling, s.
 pub(super) const LOOK_S: f64 = 0.1;
@@ -73,8 +73,8 @@ impl Measured {
     }
 }
 
-/// Measures the deflection of a rendered spring under successive loads: up to the largest and back
-/// to zero, then likewise in the other direction.
+/// Measures the deflection of a rendered spring under successive loads. The load rises in steps to
+/// its largest value and falls to zero, then does so in the other direction.
 ///
 /// # Errors
 ///

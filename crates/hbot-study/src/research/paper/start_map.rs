@@ -9,9 +9,9 @@ use super::torus::{self, THREE, mean};
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
 
-/// Reports how the mean conditioning index (GCI) depends on the steer angles at which the turns
-/// begin. `start` and `ours` are the steer angles used elsewhere and the GCI from there. Returns
-/// the smallest and the largest GCI over all starting postures.
+/// Reports how the mean conditioning index (GCI) depends on the steer angles at which the turns of
+/// the sphere begin. `start` are the steer angles that the other sections use, and `ours` is the
+/// GCI for them. Returns the smallest and the largest GCI over all steer angles.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,

@@ -36,25 +36,26 @@ const LAWS: [&str; 2] = ["geodesic", "quaternion"];
 /// Largest load on the sphere, N m. It is below the rig's limit of 0.9 N m and the 0.94 N m that
 /// its contacts hold.
 const MOST: f64 = 0.8;
-/// Largest loads for which the quality of the fitted line is compared, N m.
+/// Largest loads in the measurements that show how the range of loads affects the quality of the
+/// fitted line, N m.
 const RANGES: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
 /// Peak torque of the motors about n1 according to the paper, N m. Loads up to this torque show how
 /// the quaternion law deviates from a straight line.
 const PEAK: f64 = 1.4;
 /// Id of the effect that explains the errors in table III: a torque constant that is 5 % low.
 const SCALE: &str = "torque_scale";
-/// Largest allowed error of the stiffness on the ideal rig, in per cent.
+/// Largest allowed error of the measured stiffness on the ideal rig, in per cent.
 const IDEAL_WITHIN: f64 = 0.1;
-/// Largest allowed difference between 5 % and the error that a wrong torque constant alone causes,
-/// in per cent.
+/// A torque constant that is 5 % low should make each stiffness 5 % too small. This is the largest
+/// allowed difference from this value, in per cent.
 const SCALE_WITHIN: f64 = 0.1;
 /// Largest allowed error of the stiffness with all effects of a real rig, in per cent.
 const REAL_WITHIN: f64 = 6.0;
 /// Smallest allowed R² of the fitted line with all effects of a real rig.
 const REAL_R2: f64 = 0.97;
 /// Largest allowed difference between the error with all effects and the sum of the errors with one
-/// effect each, in per cent. It is a fifth of the total, because friction and losses in gears do
-/// not quite add up.
+/// effect each, in per cent. It is a fifth of the error with all effects, because friction and
+/// losses in gears do not quite add up.
 const SUM_WITHIN: f64 = 1.0;
 
 /// Returns all phenomena of a real rig except the heating of the motors. Heated motors could not
@@ -67,21 +68,22 @@ fn cold() -> Phenomena {
 /// All stiffness measurements of the study.
 struct Found {
     effects: Vec<Effect>,
-    /// Largest loads for which the fitted line is compared, N m.
+    /// Largest loads of the measurements in `ranges`, N m.
     tried: &'static [f64],
-    /// For each row of the paper's table III: measurements with each spring law, on the ideal rig
-    /// and with all effects.
+    /// Four measurements for each row of the paper's table III: with each of the two spring laws,
+    /// on the ideal rig and with all effects.
     table: Vec<Measured>,
-    /// For each effect alone: measurements of each row of the paper's table III, with the geodesic
-    /// spring law.
+    /// For each effect of a real rig alone: one measurement for each row of the paper's table III,
+    /// with the geodesic spring law.
     singles: Vec<Measured>,
     /// Measurements with each spring law on the ideal rig, with loads up to the motors' peak
     /// torque.
     peaks: Vec<Measured>,
-    /// Measurements of each row of the paper's table III, with the quaternion spring law and a
+    /// One measurement for each row of the paper's table III, with the quaternion spring law and a
     /// torque constant that is 5 % low.
     weak: Vec<Measured>,
-    /// For each largest load: measurements of each row of the paper's table III, with all effects.
+    /// For each largest load in `tried`: one measurement for each row of the paper's table III,
+    /// with all effects of a real rig.
     ranges: Vec<Measured>,
 }
 
@@ -156,8 +158,9 @@ fn measured(context: &Context) -> Result<Found, Interrupted> {
     Ok(Found { effects, tried, table, singles, peaks, weak, ranges })
 }
 
-/// Adds the checks of the values in the paper's table III to the report. `scale` is the largest
-/// difference between 5 % and the error that the torque constant alone causes, in per cent.
+/// Adds the checks of the measurements for the paper's table III to the report. A torque constant
+/// that is 5 % low should make each stiffness 5 % too small. `scale` is the largest difference from
+/// this value over all rows of the table, in per cent.
 fn check_table(report: &mut Report, found: &Found, worst: &Worst, scale: f64) {
     let r2 = worst.r2;
     let active = found.table.iter().filter(|measured| measured.active).count();
@@ -183,11 +186,15 @@ fn check_table(report: &mut Report, found: &Found, worst: &Worst, scale: f64) {
     );
 }
 
-/// Adds the checks of the causes of the paper's errors to the report. All errors are in per cent.
+/// Adds checks to the report that explain why the stiffnesses in the paper's table III are too
+/// small. Three things are checked. The error with all effects is the sum of the errors with one
+/// effect each. A torque constant that is 5 % low, with the quaternion law, gives errors in the
+/// paper's order: the largest at 2 N m/rad and the smallest at 6. Under loads up to the motors'
+/// peak torque, the quaternion law is softer than the geodesic one.
 ///
-/// `geodesic` and `quaternion` are the errors of the two spring laws with loads up to the motors'
-/// peak torque. `soft` holds the error in each row of the paper's table III, with the quaternion
-/// law and a torque constant that is 5 % low.
+/// All errors are those of the measured stiffness, in per cent. `geodesic` and `quaternion` are the
+/// errors of the two spring laws under loads up to the peak torque. `soft` holds the error for each
+/// row of table III with the quaternion law and the low torque constant.
 fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64; 2], soft: &[f64]) {
     let apart = ROWS.len();
     let unexplained = (0..apart).map(|k| {
@@ -213,19 +220,21 @@ fn check_causes(report: &mut Report, found: &Found, [geodesic, quaternion]: [f64
     );
 }
 
-/// The worst errors of the stiffness and the worst R² among the rows of the paper's table III.
+/// The largest errors of the measured stiffness and the smallest R² of the fitted line, over all
+/// rows of the paper's table III.
 struct Worst {
-    /// Largest error of the geodesic spring law on the ideal rig, in per cent.
+    /// Largest error with the geodesic spring law on the ideal rig, in per cent.
     ideal: f64,
-    /// Smallest (most negative) error with all effects and either spring law, in per cent.
+    /// Smallest (most negative) error with all effects of a real rig, over both spring laws, in per
+    /// cent.
     softest: f64,
-    /// Largest error with all effects and either spring law, in per cent.
+    /// Largest error with all effects of a real rig, over both spring laws, in per cent.
     stiffest: f64,
     r2: f64,
 }
 
-/// Reports the measurements for each row of the paper's table III. Returns the worst errors among
-/// them.
+/// Reports the measurements for each row of the paper's table III. Returns the largest errors and
+/// the smallest R² among them.
 fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) -> Worst {
     let mut table = vec![head(
         "axis, asked, N m/rad | law | ideal, N m/rad | error, % | R² | all effects, N m/rad | error, % | R² | the paper, N m/rad | error, % | R²",
@@ -267,8 +276,9 @@ fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) ->
     worst
 }
 
-/// Reports the errors of the stiffness with each effect alone. Returns the largest difference
-/// between 5 % and the error that the torque constant alone causes, in per cent.
+/// Reports the error of each measured stiffness if one effect of a real rig acts alone. A torque
+/// constant that is 5 % low should make each stiffness 5 % too small. Returns the largest
+/// difference from this value over all rows of the paper's table III, in per cent.
 fn by_effect(report: &mut Report, effects: &[Effect], found: &[Measured]) -> f64 {
     let heads = ROWS.iter().map(|of| format!("{}: error, % (R²)", of.id.replace('_', ", ")));
     let mut table = vec![row(["one effect alone, geodesic law".to_owned()].into_iter().chain(heads))];

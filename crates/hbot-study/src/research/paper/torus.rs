@@ -34,17 +34,18 @@ pub(super) const CHOICES: [Motors; 5] = [
 
 /// Number of cells around which [`least`] refines its search.
 const STARTS: usize = 8;
-/// Number of refinements in [`least`]. Each reduces the width by the factor 0.35; 0.35^20 is 1e-9.
+/// Number of refinements in [`least`]. Each one reduces the width of the searched region by the
+/// factor 0.35; 0.35^20 is 1e-9.
 const ZOOMS: u32 = 20;
-/// Number of points on either side of the centre in a refinement of [`least`].
+/// Number of points on each side of the centre that one refinement of [`least`] evaluates.
 const FINE: i32 = 7;
 
-/// Explanation of the placeholder `{motors}` in the ids of figures.
+/// Explanation, for the report, of the placeholder `{motors}` in the ids of figures.
 pub(super) const MOTORS: &str = "{motors}: four_motors; three_motors, the paper's steer 1, drive 1 and steer 2; without_{joint}, the other choices of three";
 
 impl Motors {
-    /// Calls `with` with those rows of the matrix G whose joint has a motor, and returns its
-    /// result.
+    /// Selects the rows of the matrix G whose joints have motors. Calls `with` with these rows and
+    /// returns its result.
     pub(super) fn rows<T>(&self, posture: &Posture, with: impl FnOnce(&[Vec3]) -> T) -> T {
         let mut rows = [Vec3::ZERO; MAX_JOINTS];
         let mut count = 0;
@@ -94,8 +95,8 @@ pub(super) fn over<T: Send>(cells: usize, value: impl Fn([f64; 2]) -> T + Sync) 
     in_two(cells, rows)
 }
 
-/// Applies `part` to the first and the second half of the range 0 to `count`, in parallel. Returns
-/// both results joined.
+/// Applies `part` to the two halves of the range from 0 to `count`, on two threads. Returns both
+/// results joined in order.
 pub(super) fn in_two<T: Send>(count: usize, part: impl Fn(usize, usize) -> Vec<T> + Sync) -> Vec<T> {
     let half = count / 2;
     std::thread::scope(|scope| {
@@ -109,8 +110,9 @@ pub(super) fn in_two<T: Send>(count: usize, part: impl Fn(usize, usize) -> Vec<T
 
 /// Returns the steer angles at which `value` is smallest, and this smallest value.
 ///
-/// It evaluates equal cells first, then refines around the best few to 1e-9 of a cell's width.
-/// `value` can have kinks, at which a descent method would get stuck.
+/// The search first evaluates the centres of equal cells. It then refines around the best few of
+/// them, to 1e-9 of a cell's width. It uses no descent method, because `value` can have kinks at
+/// which such a method would stop.
 pub(super) fn least(cells: usize, value: impl Fn([f64; 2]) -> f64 + Sync) -> ([f64; 2], f64) {
     let mut all = over(cells, |th| (th, value(th)));
     all.sort_by(|a, b| a.1.total_cmp(&b.1));

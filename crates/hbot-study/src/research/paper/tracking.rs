@@ -29,15 +29,15 @@ const DAMPING: f64 = 0.2;
 /// Stiffnesses that are compared with [`STIFFNESS`], N m/rad. The second is the highest of the
 /// paper's table III.
 const STIFFNESSES: [f64; 3] = [4.0, 6.0, 20.0];
-/// Time that the loop runs before the chirp, until the motors are active, s.
+/// Time for which the control loop runs before the chirp, so that the motors become active, s.
 const START_S: f64 = 0.7;
-/// Slip at which a run ends with a fault, m/s. The play of the gears looks like a slip of 0.06 m/s,
-/// so the limit of the rig file, 0.05 m/s, would end the run.
+/// Slip at which the controller ends a run with a fault, m/s. It is above the limit in the rig
+/// file, 0.05 m/s, because the controller takes the play of the gears for a slip of 0.06 m/s.
 const SLIP_LIMIT: f64 = 0.2;
-/// Distances of the sphere's centre from the centre O of rotation that are tried, along the
-/// sphere's third axis, m.
+/// Distances between the sphere's centre and the centre O of rotation for which runs are made, m.
+/// The sphere's centre is displaced along the sphere's third axis.
 const OFFSETS: [f64; 5] = [5.0e-4, 1.0e-3, 2.0e-3, 4.0e-3, 8.0e-3];
-/// Normal forces with which the wheels are pressed on in further runs, N.
+/// Normal forces of the wheels on the sphere for which further runs are made, N.
 const FORCES: [f64; 4] = [10.0, 6.0, 4.0, 3.0];
 /// Largest allowed RMS error measured at the joints, in per cent of the amplitude (section VI of
 /// the paper).
@@ -57,8 +57,8 @@ struct Setting {
 struct Followed {
     /// Desired turn of the sphere about n1 at each tick, rad.
     wanted: Vec<f64>,
-    /// Turn of the sphere about n1 as computed from the joints, at the tick of the measurement,
-    /// rad.
+    /// Turn of the sphere about n1 that the controller computes from the joints, at the tick of the
+    /// encoder reading, rad.
     joints: Vec<f64>,
     /// True turn of the sphere about n1 at each tick, as a camera would measure it, rad.
     camera: Vec<f64>,
@@ -66,7 +66,7 @@ struct Followed {
     joints_rms: f64,
     /// RMS error of the turn that a camera would measure, in per cent of the amplitude.
     camera_rms: f64,
-    /// Largest turn of the sphere about axes other than n1, rad.
+    /// Largest turn of the sphere that is not about n1, rad.
     aside: f64,
     /// Whether the motors stayed active to the end.
     active: bool,
@@ -130,12 +130,14 @@ fn follow(context: &Context, setting: &Setting, time: f64) -> Result<Followed, I
     Ok(Followed { wanted, joints, camera, joints_rms, camera_rms, aside, active })
 }
 
-/// All runs of the chirp, with different effects, springs and faults.
+/// All simulated runs in which the sphere follows the chirp. They differ in effects, stiffness and
+/// faults of the rig.
 struct Runs {
     effects: Vec<Effect>,
-    /// Distances of the sphere's centre from the centre O of rotation that are tried, m.
+    /// Distances between the sphere's centre and the centre O of rotation in the runs with the
+    /// sphere off centre, m.
     offsets: Vec<f64>,
-    /// Normal forces with which the wheels are pressed on in further runs, N.
+    /// Normal forces of the wheels on the sphere in the runs with a low normal force, N.
     forces: Vec<f64>,
     /// All runs, in this order: ideal, all effects, each effect alone, other stiffnesses (each
     /// ideal and with all effects), sphere off centre, wheels with a low normal force.
@@ -183,8 +185,8 @@ impl Runs {
         pairs
     }
 
-    /// Returns the RMS error at the joints with all effects and the highest stiffness of the
-    /// paper's table III, in per cent.
+    /// Returns the RMS error measured at the joints, in per cent of the amplitude, with all effects
+    /// and the highest stiffness of the paper's table III.
     fn stiffest(&self) -> f64 {
         self.all[2 + self.effects.len() + 3].joints_rms
     }
@@ -231,7 +233,8 @@ fn introduce(report: &mut Report, time: f64) {
     report.family("chirp_camera_force{N}_rms_percent | % | by camera with all effects, wheels pressed on with so many mN");
 }
 
-/// Reports figures, a table and plots for each effect alone and for all together.
+/// Reports figures, a table and plots of the errors with each effect alone and with all effects
+/// together.
 fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
     let [plain, real] = runs.ends();
     for (name, of, paper) in [("joint", real.joints_rms, 1.0), ("camera", real.camera_rms, CAMERA_WITHIN)] {
@@ -266,7 +269,8 @@ fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
     );
 }
 
-/// Explains in the report why an error remains on the ideal rig: the sphere has inertia.
+/// Explains in the report why an error remains even on the ideal rig: it comes from the sphere's
+/// inertia.
 fn inertia(report: &mut Report, stiffest: f64) {
     report.say(&format!(
         "What is left without any effect is the sphere's inertia: the spring has to be turned by J a / K to speed it up, and the paper's law would add M dw_d/dt for it. So the error at the joints tells the stiffness more than the device: \

@@ -16,9 +16,9 @@ use core::f64::consts::PI;
 use hbot_core::kinematics::{ContactFrame, Posture};
 use hbot_core::{Device, Quat, Vec3, rotation};
 
-/// The coefficients of a wheel's steering during a turn of the sphere. The steer rate is dth/ds =
-/// A + B cos(th - f), and the scalar products of these vectors with the axis of the turn give A and
-/// B.
+/// Precomputed vectors that describe how a wheel steers during a turn of the sphere. The steer rate
+/// is dth/ds = A + B cos(th - f). The scalar products of the vectors with the axis of the turn give
+/// A and B.
 #[derive(Debug, Clone, Copy)]
 struct Wheel {
     mean: Vec3,
@@ -94,9 +94,9 @@ fn propagator(k2: f64, s: f64) -> (f64, f64) {
     }
 }
 
-/// Returns the steer angles after the sphere has turned from the identity to `q`, rad. It
-/// integrates the kinematics zd = G w in `steps` steps of the classic Runge-Kutta method of order
-/// 4.
+/// Returns the steer angles after the sphere has turned from the identity to `q`, rad. The
+/// kinematics zd = G w are integrated in `steps` steps of the classic Runge-Kutta method of order
+/// 4. `start` are the steer angles before the turn.
 pub(super) fn stepped(device: &Device, q: Quat, start: [f64; 2], steps: u32) -> [f64; 2] {
     let w = rotation::log(q) / f64::from(steps);
     let rate = |th: [f64; 2]| {

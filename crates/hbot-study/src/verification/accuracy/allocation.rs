@@ -15,8 +15,8 @@ use crate::rng::Rng;
 use crate::timing::{Time, Timed, in_turn};
 use crate::verification::double::stages::allocation::METHODS;
 
-/// Sizes of the wanted torques, in per cent of the largest torque that the joints can make in that
-/// direction.
+/// Sizes of the wanted torques, in per cent of the largest torque that the joints can make in the
+/// wanted direction.
 const PERCENT: [u32; 4] = [50, 100, 150, 200];
 /// Torque limits of the prototype's steer and drive joints, N m.
 const PEAKS: [f64; 2] = [0.93, 0.14];
@@ -33,8 +33,8 @@ pub(crate) fn ring(prototype: &Device, wheels: usize) -> Device {
     device.unwrap_or_else(|error| unreachable!("an even ring of wheels is a legal design: {error}"))
 }
 
-/// A wanted torque at a posture, and the largest part of it that the joints can make, both in frame
-/// N, in N m.
+/// A wanted torque on the sphere at a posture, and the largest torque in the same direction, up to
+/// the wanted one, that the joints can make. Both are in frame N, in N m.
 struct Asked {
     th: Vec<f64>,
     wanted: Vec3,
@@ -62,12 +62,13 @@ struct Found {
     method: (&'static str, usize),
     width: &'static str,
     wheels: usize,
-    /// Size of the wanted torques, in per cent of what the joints can make.
+    /// Size of the wanted torques, in per cent of the largest torque that the joints can make.
     percent: u32,
-    /// Torque that the method fails to make, relative to the best possible torque, for each
-    /// posture.
+    /// For each posture: the difference between the best possible torque and the torque that the
+    /// method made, relative to the best possible torque.
     shortfalls: Vec<f64>,
-    /// Angle between the torque that the method made and the wanted one, for each posture, rad.
+    /// For each posture: the angle between the torque that the method made and the wanted torque,
+    /// rad.
     turns: Vec<f64>,
 }
 
@@ -98,8 +99,8 @@ fn introduce(report: &mut Report) {
     );
 }
 
-/// Runs every allocation method in both floating-point widths. Returns the results, and the code to
-/// be timed.
+/// Runs every allocation method in f64 and in f32. Returns the results, and the code whose
+/// computing time is to be measured.
 fn measured(context: &Context, prototype: &Device) -> Result<(Vec<Found>, Vec<Timed<'static>>), Interrupted> {
     let count = if context.quick { 32 } else { 128 };
     let (mut found, mut timed) = (Vec::new(), Vec::new());

@@ -11,8 +11,8 @@ use super::sci;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
-/// Initial error of a wheel's heading, rad. It is far above rounding, and after the sphere has
-/// turned by [`TURN`] it is still far below one radian.
+/// Initial error of a wheel's heading, rad. It is far larger than rounding errors. After the sphere
+/// has turned by [`TURN`], the error has grown, but is still far below one radian.
 const OFF: f64 = 1.0e-7;
 /// Angle by which the sphere turns while it pushes the wheel backwards, rad.
 const TURN: f64 = 1.0;
@@ -61,7 +61,7 @@ fn growth(device: &Device) -> f64 {
     ends[0].max(ends[1])
 }
 
-/// Follows one motion with two integration methods, and reports how far their results differ.
+/// Simulates one motion with two integration methods, and reports how far their results differ.
 fn part_ways(report: &mut Report, device: &Device) {
     let Ok(plant) = Plant::new(device) else { unreachable!("the prototype is a plant") };
     let spring = SpringDamper { stiffness: 1.0, damping: 0.0, reference: Quat::IDENTITY };

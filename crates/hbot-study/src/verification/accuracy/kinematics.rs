@@ -10,7 +10,8 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
-/// Smallest angles between the two contacts of the tested designs, in millidegrees.
+/// Smallest angles, over all postures, between the two contacts of the tested designs, in
+/// millidegrees.
 const GAPS: [u32; 5] = [30_000, 10_000, 1000, 100, 10];
 /// Cone angles of the tested designs, in microradians.
 const CONES: [u32; 5] = [174_500, 30_000, 10_000, 1000, 100];

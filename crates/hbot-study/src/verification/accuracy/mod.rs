@@ -22,8 +22,8 @@ const RATES: [u32; 5] = [500, 1000, 2000, 4000, 8000];
 /// Duration of the motion over which the drift of odometry is measured, s.
 const DRIFT_S: f64 = 0.6;
 
-/// Runs a block of code twice: with the stages of the computation in f64, and with those in f32. In
-/// the block, the given name stands for the stages.
+/// Runs a block of code twice: once with the stages of the computation in f64, and once in f32. In
+/// the block, the given name stands for the module with these stages.
 macro_rules! in_both_widths {
     ($stages:ident => $body:block) => {{
         {

@@ -14,22 +14,24 @@ use crate::report::{Report, head, row, spread};
 use crate::timing::{Time, in_turn};
 use crate::verification::double::stages::odometry::{Choice, METHODS, ORDERS, PATH_ORDERS, PATHS, track};
 
-/// Reading rate at which the parts of the error are listed separately, Hz. It is one of [`RATES`].
+/// Reading rate for which the report lists the error of each cause separately, Hz. It is one of
+/// [`RATES`].
 const PARTS_AT: u32 = 1000;
 
-/// Returns all combinations of an odometry method and a path between readings.
+/// Returns all combinations of an odometry method and an assumed path of the joints between
+/// readings.
 fn choices() -> impl Iterator<Item = Choice> {
     (0..PATHS.len()).flat_map(|path| (0..METHODS.len()).map(move |method| Choice { method, path }))
 }
 
-/// Returns the combinations of method and path that give different results. Euler's method does not
-/// depend on the path, so it occurs only once.
+/// Returns the combinations of odometry method and assumed path that give different results. The
+/// result of Euler's method does not depend on the path, so this method occurs only once.
 fn distinct() -> impl Iterator<Item = Choice> {
     choices().filter(|choice| choice.method > 0 || choice.path == 0)
 }
 
-/// Measured computing times of one tick of odometry, for each floating-point width and each
-/// combination of method and path.
+/// Measured computing times of one tick of odometry, for f64 and f32, and for each combination of
+/// method and path.
 pub(super) struct Times(Vec<(&'static str, Choice, Time)>);
 
 impl Times {
@@ -42,8 +44,8 @@ impl Times {
     }
 }
 
-/// Measures the computing time of every combination of method and path, in both floating-point
-/// widths.
+/// Measures the computing time of every combination of odometry method and assumed path, in f64 and
+/// in f32.
 pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> Result<Times, Interrupted> {
     context.part("odometry: time")?;
     report.heading("Odometry: time");
@@ -72,11 +74,11 @@ pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> 
     Ok(Times(names.into_iter().zip(times).map(|((width, choice), time)| (width, choice, time)).collect()))
 }
 
-/// A motion as the encoders read it at one rate.
+/// A motion as the encoders read it at one reading rate.
 struct Read {
     truth: Vec<[f64; 4]>,
     exact: Vec<[f64; JOINTS]>,
-    /// Joint angles rounded to whole encoder counts of the rig, rad.
+    /// Joint angles rounded to whole counts of the rig's encoders, rad.
     counted: Vec<[f64; JOINTS]>,
 }
 
@@ -95,7 +97,7 @@ impl Read {
     }
 }
 
-/// Returns the largest angle between corresponding orientations of two sequences, rad.
+/// Returns the largest angle between two orientations with the same index in `a` and `b`, rad.
 fn apart(a: &[[f64; 4]], b: &[[f64; 4]]) -> f64 {
     a.iter().zip(b).map(|(a, b)| angle(*a, *b)).fold(0.0, f64::max)
 }
@@ -180,8 +182,9 @@ fn draw(report: &mut Report, motion: &TrueMotion, lines: Vec<Series>) {
     );
 }
 
-/// Returns, for each path that joints can take between readings, the orientations of a sphere whose
-/// joints follow this path exactly. The readings have no encoder error and the rate [`PARTS_AT`].
+/// Returns, for each path that odometry can assume between readings, the orientations of a sphere
+/// whose joints really move along this path. The readings have the rate [`PARTS_AT`] and no encoder
+/// error.
 fn followed_by_all(rig: &Rig, reads: &[Read]) -> Vec<Vec<[f64; 4]>> {
     let at = RATES.iter().zip(reads).find(|(hz, _)| **hz == PARTS_AT);
     let Some((_, at)) = at else { unreachable!("it is one of the rates") };
@@ -221,21 +224,22 @@ fn order(report: &mut Report, motion: &TrueMotion, choice: Choice, drifts: &[f64
 }
 
 /// The errors of odometry on one motion, by cause and together, rad. `method` is the error of the
-/// integration method, `path` that of the assumed path, and `counts` that of rounding to encoder
-/// counts.
+/// integration method, `path` that of the path assumed between readings, and `counts` that of
+/// rounding to encoder counts.
 pub(super) struct Budget {
     pub(super) method: f64,
     pub(super) path: f64,
     pub(super) counts: f64,
-    /// Error of the method and the path together, rad.
+    /// Error that the integration method and the assumed path cause together, rad.
     both: f64,
-    /// Error of the method, the path and the encoder counts together, rad.
+    /// Error that the integration method, the assumed path and the encoder counts cause together,
+    /// rad.
     all: f64,
 }
 
 impl Budget {
-    /// Measures the errors of odometry with the method and path of `choice`. `followed` are the
-    /// exact orientations along this path through the exact readings.
+    /// Measures the errors of odometry with the method and the path of `choice`. `followed` are the
+    /// exact orientations if the joints move along this path through exact readings.
     fn of(device: &Device, choice: Choice, read: &Read, followed: &[[f64; 4]]) -> Self {
         let exact = track(device, choice, &read.exact);
         let counted = track(device, choice, &read.counted);
@@ -249,8 +253,8 @@ impl Budget {
     }
 }
 
-/// Returns the orientations at the readings if the joints move between readings along one of the
-/// [`PATHS`], whose index is `path`. They are exact to rounding.
+/// Returns the orientation at each of `readings` if the joints move between readings along the path
+/// with index `path` in [`PATHS`]. The orientations are exact apart from rounding.
 fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
     let mut q = [1.0, 0.0, 0.0, 0.0];
     let mut all = vec![q];
@@ -270,8 +274,8 @@ fn followed(device: &Device, path: usize, readings: &[[f64; JOINTS]]) -> Vec<[f6
     all
 }
 
-/// Measures the errors of the rig's odometry on a motion. `moments` are the moments at which the
-/// joints are read.
+/// Measures the errors of the rig's odometry on a motion, by cause. `moments` are samples of the
+/// motion at the times at which the joints are read.
 pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[MotionSample]) -> Budget {
     let method = METHODS.iter().position(|(_, method)| *method == methods.odometry);
     let path = PATHS.iter().position(|(_, path)| *path == methods.path);
@@ -281,8 +285,8 @@ pub(super) fn budget(rig: &Rig, methods: Methods, moments: &[MotionSample]) -> B
     Budget::of(&rig.device, Choice { method, path }, &read, &followed)
 }
 
-/// Reports the errors of one method and path on a motion, at every reading rate, as figures.
-/// Returns a row of the table.
+/// Reports the odometry errors of one method and one path on a motion, at every reading rate.
+/// Returns the row of the table for them.
 fn parts(
     report: &mut Report,
     rig: &Rig,

@@ -7,23 +7,26 @@ use crate::report::Report;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Errors(pub(crate) Vec<(f64, f64)>);
 
-/// How many times larger than the rounding error an error must be, so that it is used to determine
-/// the order.
+/// An error is used to determine a method's order only if it is more than this many times as large
+/// as the rounding error.
 const ABOVE: f64 = 100.0;
-/// Largest allowed difference between a measured order and the theoretical one.
+/// Largest allowed difference between a method's measured order of accuracy and its theoretical
+/// one.
 pub(crate) const WITHIN: f64 = 0.1;
 
 impl Errors {
-    /// Returns the order, determined from the two smallest steps whose errors are above 100 times
-    /// `floor`. Returns `None` if fewer than two errors are.
+    /// Returns the order of accuracy of the method. It is determined from the two smallest steps
+    /// whose errors exceed 100 times the rounding error `floor`. Returns `None` if fewer than two
+    /// errors do.
     pub(crate) fn order(&self, floor: f64) -> Option<f64> {
         let above: Vec<&(f64, f64)> = self.0.iter().filter(|(_, e)| *e > ABOVE * floor).collect();
         let [.., (h1, e1), (h2, e2)] = above[..] else { return None };
         Some((e1 / e2).ln() / (h1 / h2).ln())
     }
 
-    /// Adds a check to the report that the measured order of `what` agrees with `theory`. Returns
-    /// the measured order.
+    /// Checks that the measured order of accuracy of the method called `what` agrees with its
+    /// theoretical order `theory`, and adds the check to the report. Returns the measured order.
+    /// `floor` is the rounding error.
     pub(crate) fn check(&self, report: &mut Report, what: &str, floor: f64, theory: u32) -> Option<f64> {
         let order = self.order(floor);
         if let Some(order) = order {

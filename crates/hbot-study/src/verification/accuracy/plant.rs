@@ -12,7 +12,7 @@ use crate::names::snake;
 use crate::report::{Report, row, spread};
 use crate::timing::{Timed, sampled};
 
-/// Integration steps that are compared, in microseconds. All of them divide [`LOOK_US`].
+/// Integration steps whose errors are compared, in microseconds. All of them divide [`LOOK_US`].
 const STEPS_US: [u32; 11] = [10_000, 5000, 4000, 2000, 1000, 500, 250, 125, 100, 50, 20];
 /// Duration of the simulated task, s.
 const TASK_S: f64 = 2.0;
@@ -74,7 +74,7 @@ fn reference(plant: &Plant, tolerance: f64, load: &impl Load) -> Vec<Quat> {
         .collect()
 }
 
-/// Returns the largest angle between corresponding orientations of two sequences, rad.
+/// Returns the largest angle between two orientations with the same index in `a` and `b`, rad.
 pub(super) fn apart(a: &[Quat], b: &[Quat]) -> f64 {
     a.iter().zip(b).map(|(a, b)| rotation::angle_between(*a, *b)).fold(0.0, f64::max)
 }

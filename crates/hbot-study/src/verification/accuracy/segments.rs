@@ -15,8 +15,8 @@ use crate::report::{Report, row};
 use crate::rng::Rng;
 use crate::verification::double::stages::odometry::{METHODS, ORDERS};
 
-/// One turn of the sphere with joints at constant rates: the initial steer angles (rad), the joint
-/// rates (rad/s) and the exact final orientation.
+/// A motion in which the joints turn at constant rates: the initial steer angles (rad), the joint
+/// rates (rad/s) and the exact final orientation of the sphere.
 struct Segment {
     th: [f64; WHEELS],
     zd: [f64; JOINTS],
@@ -25,11 +25,12 @@ struct Segment {
 
 /// Angular speed of the sphere at the start of each turn, rad/s.
 const SPEED: f64 = 3.0;
-/// Reading rates that serve only to measure the order of a method, Hz. They are below the rate of
-/// any real loop.
+/// Reading rates that are used only to measure the order of a method, Hz. No real control loop is
+/// so slow.
 const SLOW: [u32; 2] = [125, 250];
 /// Smallest drift that can be measured, rad: the rounding error of some ten thousand steps of
-/// 1e-16. The difference between magnus4 at 16 kHz and the reference becomes no smaller.
+/// 1e-16. At higher rates, the difference between the method magnus4 and the reference becomes no
+/// smaller than this.
 const FLOOR: f64 = 3.0e-14;
 
 fn segments(device: &Device, count: usize) -> Vec<Segment> {
@@ -116,8 +117,9 @@ fn draw(report: &mut Report, lines: Vec<Series>) {
     );
 }
 
-/// Reports where f32 loses accuracy. The turns between readings are computed in f64 and rounded to
-/// f32. They are then composed in f32 in two ways.
+/// Reports where f32 loses accuracy. The turns of the sphere between readings are computed in f64
+/// and rounded to f32. They are then combined to an orientation in f32 in two ways, whose errors
+/// are compared.
 fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
     report.family("odometry_rounding_{way}_{width}_{rate}hz_drift_rad | rad | drift in 0.6 s of f64's turns put together in either width: by the product of quaternions, or by adding what it changes");
     report.say(
@@ -140,8 +142,8 @@ fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
     report.table(&table);
 }
 
-/// Returns the turns of the sphere between readings at `hz`, computed by magnus4 in f64. They are
-/// rotation vectors in frame N, rad.
+/// Returns the turns of the sphere between readings at `hz` readings per second, as rotation
+/// vectors in frame N, rad. They are computed with the method magnus4 in f64.
 fn turns(device: &Device, segment: &Segment, hz: u32) -> Vec<[f64; 3]> {
     let h = 1.0 / f64::from(hz);
     let delta = segment.zd.map(|rate| rate * h);

@@ -17,20 +17,21 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, row, spread};
 use crate::timing::{Timed, sampled};
 
-/// Time steps that are compared, in microseconds. All of them divide [`LOOK_US`].
+/// Time steps whose errors are compared, in microseconds. All of them divide [`LOOK_US`].
 const STEPS_US: [u32; 7] = [1000, 500, 250, 125, 100, 50, 25];
-/// Number of steps of the reference in one of the smallest compared steps.
+/// The reference solution uses steps that are this many times shorter than the shortest compared
+/// step.
 const FINER: u32 = 16;
 /// Duration of the simulated scene, s.
 const TASK_S: f64 = 0.12;
 /// Interval between two samples of the error, in microseconds.
 const LOOK_US: u32 = 2000;
-/// Peak torque of the drive, N m. On a wheel of 15.5 mm radius this is 1.4 times the torque that
-/// the contact can hold.
+/// Peak torque of the drive in the test scene, N m. On a wheel of 15.5 mm radius it is 1.4 times
+/// the torque that the contact can hold, so the wheel slides.
 const DRIVE: f64 = 0.18;
 
-/// The test scene: a hand holds the prototype, and one drive is loaded beyond the limit of its
-/// contact for 60 ms and then released.
+/// The test scene: a simulated hand holds the prototype's sphere. One drive is loaded beyond the
+/// limit of its contact for 60 ms and then released.
 struct Scene<'a> {
     device: &'a Device,
     phenomena: Phenomena,

@@ -11,13 +11,14 @@ use crate::verification::double::stages::spring::{LAWS, STIFFNESS};
 
 /// Angles of the sphere at which the spring torque is tested, in milliradians.
 const ANGLES: [u32; 9] = [1, 3, 10, 30, 100, 300, 1000, 2000, 3000];
-/// Unit axes of the turns at which the spring torque is tested. The worst result is reported. None
-/// is a principal axis of the stiffness, where the first-order forms omit less.
+/// Unit axes of the turns at which the spring torque is tested; the largest error is reported. None
+/// of them is a principal axis of the stiffness, because the first-order forms are more accurate
+/// there.
 const AXES: [Vec3; 3] = [Vec3::new(0.6, 0.48, 0.64), Vec3::new(-0.36, 0.48, 0.8), Vec3::new(0.8, -0.6, 0.0)];
 
-/// Returns the exact torque of a spring law for the turn `p` (rotation vector, rad), N m. The
-/// formula is evaluated directly from `p`, without a logarithm and without the square root of a
-/// difference.
+/// Returns the exact torque of a spring law, N m, for a sphere that is turned by the rotation
+/// vector `p` (rad). The formula is evaluated directly from `p`, without a logarithm and without
+/// the square root of a difference. `law` is the index of the law.
 fn truth(law: usize, p: Vec3) -> Vec3 {
     let k = Mat3::from_diagonal(Vec3::from_array(STIFFNESS));
     let t = p.length();
@@ -41,7 +42,7 @@ fn truth(law: usize, p: Vec3) -> Vec3 {
 }
 
 /// Returns the largest error of a spring law over all [`AXES`], relative to the size of the torque.
-/// `at` evaluates the law in one floating-point width.
+/// `at` evaluates the law in f64 or in f32.
 fn error(law: usize, angle: f64, at: impl Fn(usize, [f64; 4]) -> [f64; 3]) -> f64 {
     let off = |axis: Vec3| {
         let (s, c) = libm::sincos(0.5 * angle);
@@ -112,8 +113,9 @@ fn introduce(report: &mut Report) {
     report.family("spring_{law}_{width}_ns | ns | one torque");
 }
 
-/// Adds the check of one form of the spring law to the report. An exact form must be correct to 64
-/// roundings. The relative error of an approximate form, in f64, must grow linearly with the angle.
+/// Adds the check of one form of the spring law to the report. The error of an exact form must not
+/// exceed 64 roundings. The relative error of an approximate form must grow linearly with the
+/// angle; this is checked in f64.
 fn check(report: &mut Report, name: &str, width: &str, errors: [f64; ANGLES.len()]) {
     if name.ends_with("exact") {
         let worst = errors.into_iter().fold(0.0, f64::max);

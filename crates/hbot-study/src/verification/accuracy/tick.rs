@@ -15,7 +15,7 @@ use crate::context::{Context, Interrupted};
 use crate::report::{Report, head, row, spread};
 use crate::timing::{Time, Timed, in_turn};
 
-/// The motion that the controller follows: brisk, without reversals.
+/// The motion that the controller follows. It is fast and does not change its direction.
 const MOTION: TrueMotion = MOTIONS[1];
 /// Accuracy presets that a rig file can name.
 const PRESETS: [&str; 3] = ["fast", "balanced", "exact"];
@@ -23,8 +23,8 @@ const PRESETS: [&str; 3] = ["fast", "balanced", "exact"];
 const TIME_S: u32 = 10;
 /// Rate of the control loop, Hz.
 const RATE: u32 = 1000;
-/// Share of a period that one tick is allowed to take. It determines the reported highest rate of
-/// the loop.
+/// Share of the loop's period that one tick is allowed to take. The highest loop rate in the report
+/// follows from this share.
 const LOAD: f64 = 0.1;
 /// Number of ticks after which the soft start is over.
 const STARTED: usize = 600;
@@ -71,14 +71,15 @@ fn tick(controller: &mut Controller, scene: &CompiledScene, feedback: &JointRead
     controller.tick(scene, &inputs)
 }
 
-/// Accuracy and computing time of the whole tick under one preset.
+/// Accuracy and computing time of a whole tick with one accuracy preset.
 struct Found {
     preset: &'static str,
-    /// Names of the odometry method and of the path between readings, as in rig files.
+    /// Names, as in rig files, of the odometry method and of the path that it assumes between
+    /// readings.
     methods: String,
     /// Largest error of the controller's orientation during the motion, rad.
     error: f64,
-    /// Errors of the orientation by cause: method, path and encoder counts.
+    /// Errors of the orientation by cause: integration method, assumed path and encoder counts.
     budget: Budget,
     /// Mode of the controller in the last tick.
     mode: Mode,
@@ -109,8 +110,8 @@ fn introduce(report: &mut Report) {
     report.family("tick_{preset}_max_hz | Hz | the loop rate at which the tick takes a tenth of a period");
 }
 
-/// Lets a new controller follow a motion. Returns the largest error of its orientation (rad), its
-/// mode at the end, and a copy of the controller as it was after the soft start.
+/// Makes a new controller follow a motion. Returns the largest error of its orientation (rad), its
+/// mode in the last tick, and a copy of the controller as it was just after the soft start.
 fn followed(
     config: &RigConfig,
     scene: &CompiledScene,

@@ -21,7 +21,8 @@ const SETTLE: usize = 500;
 /// Number of ticks of a motion whose computing time is measured.
 const TIMED: usize = 4000;
 
-/// The rate estimates that are compared, each with its name in the ids of figures.
+/// The methods of estimating joint rates that are compared, each with its name in the ids of
+/// figures.
 const ESTIMATES: [(&str, RateEstimate); 9] = [
     ("controller", RateEstimate::Controller),
     ("difference", RateEstimate::Difference),
@@ -47,16 +48,16 @@ struct Motion {
     steady: f64,
 }
 
-/// The motions on which the estimates are compared: a sphere held with a tremor of 0.5 mrad, a slow
-/// exploration, and turning back and forth by 0.2 rad.
+/// The motions on which the rate estimates are compared: a sphere held with a tremor of 0.5 mrad, a
+/// slow exploration, and turning back and forth by 0.2 rad.
 const MOTIONS: [Motion; 3] = [
     Motion { name: "held", size: 0.5e-3 * 9.0 * TAU, hertz: 9.0, steady: 0.0 },
     Motion { name: "slow", size: 0.02, hertz: 0.3, steady: 0.05 },
     Motion { name: "brisk", size: 2.0, hertz: 1.5, steady: 0.0 },
 ];
 
-/// True values in one tick: joint angles (rad), joint rates (rad/s) and the sphere's angular
-/// velocity (frame N, rad/s).
+/// True values of a motion at one tick: joint angles (rad), joint rates (rad/s) and the sphere's
+/// angular velocity (frame N, rad/s).
 type Truth = ([f64; JOINTS], [f64; JOINTS], Vec3);
 
 impl Motion {
@@ -113,12 +114,14 @@ fn states(rig: &Rig, readings: &[JointReadings]) -> impl Iterator<Item = hbot_co
     })
 }
 
-/// Quality of a rate estimate on one motion: its noise, lag and false slip.
+/// Quality of a rate estimate on one motion: the noise and the lag of the sphere's angular
+/// velocity, and the slip that is reported although the wheels do not slip.
 struct Quality {
     /// Root mean square of the error of the sphere's angular velocity after the lag is removed,
     /// rad/s.
     noise: f64,
-    /// Lag of the estimated angular velocity, s. It is the lag that explains most of the error.
+    /// Lag of the estimated angular velocity behind the true one, s. It is the time shift that
+    /// explains most of the error.
     lag: f64,
     /// Largest slip that the controller reports although the wheels do not slip, m/s.
     slip: f64,
@@ -140,8 +143,8 @@ fn judge(rig: &Rig, truth: &[Truth]) -> Quality {
     Quality { noise: (rest / errors.len() as f64).sqrt(), lag, slip }
 }
 
-/// Returns `rig` with encoders of `counts` counts per turn (steer, drive) and the rate estimate
-/// `rate`.
+/// Returns a copy of `rig` in which the encoders have `counts` counts per turn (steer, drive) and
+/// joint rates are estimated by the method `rate`.
 fn with(rig: &Rig, counts: [u32; 2], rate: RateEstimate) -> Rig {
     let rig = rig.with(|rig| {
         rig.methods.rate = rate;
@@ -197,8 +200,9 @@ pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result
     Ok(())
 }
 
-/// Reports the figures of one method that estimates joint rates. Returns its row of the table.
-/// `plain` is the computing time of a tick that uses the motor controllers' rates instead.
+/// Reports the figures of one method that estimates joint rates, and returns its row of the table.
+/// `plain` is the computing time of a tick without an estimate, which uses the rates that the motor
+/// controllers report.
 fn figures(
     report: &mut Report,
     [encoder, name]: [&str; 2],

@@ -10,10 +10,11 @@ use serde_json::Value;
 use super::desk::{Desk, SceneSetup};
 use crate::context::{Context, Interrupted};
 
-/// Number of ticks in the shorter of the two calls whose instructions are counted.
+/// Number of ticks in the shorter of the two runs whose instructions are counted. The difference
+/// between both runs gives the instructions per tick.
 const FEW: usize = 20;
-/// Number of ticks in the longer of the two calls whose instructions are counted. The difference
-/// from the shorter call is one period of the simulated rig's joint torques.
+/// Number of ticks in the longer of the two runs whose instructions are counted. It exceeds the
+/// shorter run by one period of the simulated rig's joint torques.
 pub(super) const MANY: usize = FEW + 128;
 /// Full name of the function [`counted`], by which callgrind finds it.
 const FUNCTION: &str = concat!(module_path!(), "::counted");
@@ -27,9 +28,9 @@ pub struct Counter {
     pub arguments: Vec<String>,
 }
 
-/// Runs the setups that `setups` (JSON) lists, so that callgrind can count their instructions. The
-/// program that [`Counter`] starts calls this function. The counts are in the files that callgrind
-/// writes.
+/// Runs the setups that the JSON list `setups` describes, while callgrind counts the instructions.
+/// The worker process that [`Counter`] starts calls this function. Callgrind writes the counts to
+/// files.
 ///
 /// # Errors
 ///
@@ -133,8 +134,8 @@ fn wait(context: &Context, child: &mut Child) -> Result<bool, Interrupted> {
     }
 }
 
-/// Reads the total number of instructions from one file that callgrind has written. Returns `None`
-/// if it has no total.
+/// Reads the total number of instructions from a file that callgrind has written. Returns `None` if
+/// the file contains no total.
 fn total(path: &Path) -> Option<f64> {
     let text = std::fs::read_to_string(path).ok()?;
     let line = text.lines().find(|line| line.starts_with("totals:"))?;

@@ -20,7 +20,7 @@ use serde_json::{Map, Value, json};
 const STARTED: usize = 600;
 /// Number of ticks after which a change of scene has been blended in.
 const BLEND: usize = 60;
-/// Number of recorded readings, one per tick. It is larger than the number of ticks in any run.
+/// Number of recorded readings, one per tick. No run has more ticks than this.
 const RECORDED: usize = STARTED + 2 * BLEND + 1500;
 /// Sequence number of the first command. It is so large that all commands have the same number of
 /// bytes on the line.
@@ -44,8 +44,8 @@ pub(super) fn is_kind(name: &str) -> bool {
 pub(super) struct SceneSetup {
     /// Names of the kinds of effect and of the phenomena in this setup.
     pub(super) names: Vec<String>,
-    /// Whether the cost is measured after a scene without these effects and phenomena has replaced
-    /// them, to check that nothing remains.
+    /// Whether these effects and phenomena are removed again before the cost is measured, to check
+    /// that no cost remains.
     pub(super) gone: bool,
 }
 
@@ -93,8 +93,8 @@ impl SceneSetup {
     }
 }
 
-/// A controller and a simulated rig, active and in the middle of a motion. Both get recorded
-/// inputs.
+/// A test bench: a controller and a simulated rig that are active and in the middle of a motion.
+/// The controller gets recorded encoder readings, and the rig gets prescribed commands.
 #[derive(Clone)]
 pub(super) struct Desk {
     controller: Controller,
@@ -107,7 +107,8 @@ pub(super) struct Desk {
 }
 
 impl Desk {
-    /// Creates a test bench that has run until it is active, without any effect or phenomenon.
+    /// Creates a test bench without any effect or phenomenon, and runs it until the controller is
+    /// active.
     pub(super) fn active() -> Self {
         let config = RigConfig::prototype();
         // The angle limit at enable is raised to a half turn, as the study must be able to enable
@@ -210,8 +211,8 @@ mod tests {
 
     use super::*;
 
-    /// A phenomenon is present while a scene names it, and absent after the next scene, which does
-    /// not name it. Otherwise the study would measure nothing.
+    /// A phenomenon acts while the scene names it, and no longer acts after a scene that does not
+    /// name it. Otherwise the study would not measure the cost of the phenomenon.
     #[test]
     fn every_phenomenon_of_a_scene_is_shown_and_taken_away() {
         let active = Desk::active();

@@ -16,18 +16,19 @@ pub use callgrind::{Counter, count_worker};
 use desk::{Desk, SceneSetup};
 use hbot_plot::{Bar, bars, short};
 
-/// Largest allowed number of instructions per tick that remain after a scene removes an effect or
-/// phenomenon, relative to the whole tick.
+/// Largest allowed cost that remains after a scene has removed an effect or phenomenon: the number
+/// of instructions per tick, relative to a whole tick.
 ///
 /// It is not zero because the numbers in the frames on the line differ, and one more zero byte
 /// costs an instruction or two.
 const NOTHING: f64 = 1.0e-3;
-/// Largest allowed time per tick that remains after a scene removes an effect or phenomenon,
-/// relative to the whole tick. It is larger than [`NOTHING`] because measured times are noisy.
+/// Largest allowed cost that remains after a scene has removed an effect or phenomenon: the time
+/// per tick, relative to a whole tick. It is larger than [`NOTHING`] because measured times are
+/// noisy.
 const NOTHING_NS: f64 = 0.25;
-/// Number of ticks in one timed run. It equals the number of ticks whose instructions are counted.
-/// A solver needs more steps while contacts stick or slide, so another number would give another
-/// cost.
+/// Number of ticks in a run whose time is measured. It equals the number of ticks in the run whose
+/// instructions are counted, because another number would give another cost per tick: a solver
+/// needs more steps while contacts stick or slide.
 const TICKS: usize = callgrind::MANY;
 
 /// Measured computing time and number of instructions per tick with one setup.
@@ -109,8 +110,9 @@ fn introduce(report: &mut Report) {
     report.family("effects_{a}_with_{b}_added_ns | ns | time a tick that two of them add together");
 }
 
-/// Adds figures, tables, plots and checks to the report. `costs` lists the empty setup, each of the
-/// `count` names alone, each name after it was removed, and then the pairs.
+/// Adds figures, tables, plots and checks to the report. `costs` holds first the cost of the empty
+/// setup, then of each of the `count` effects and phenomena alone, then after each was removed, and
+/// then of pairs of them.
 fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     let none = &costs[0];
     let base = none.instructions;
@@ -145,9 +147,9 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
 
 type Added<'a> = &'a dyn Fn(&Cost) -> Option<f64>;
 
-/// Reports the cost per tick of each effect and phenomenon alone. Returns the largest cost that
-/// remains after one is removed, in instructions and in shortest time. Both values are relative to
-/// a whole tick.
+/// Reports the cost per tick of each effect and phenomenon alone. Also returns the largest cost
+/// that remains after one of them has been removed, relative to a whole tick: in instructions, and
+/// in shortest computing time.
 fn alone_table(
     report: &mut Report,
     none: &Cost,

@@ -11,17 +11,18 @@ use crate::report::{Report, row};
 /// Coulomb friction torques that are compared, N m: none, the ball bearings of a good cage, the
 /// prototype's cage, and a stiff cage.
 const COULOMB: [f64; 4] = [0.0, 0.5e-3, 2.0e-3, 8.0e-3];
-/// Steps of the sphere's measured angle that are compared, rad. They belong to encoders with 16384,
-/// 2048 and 256 counts per turn of the steer, whose angle is 5.7 times the sphere's.
+/// Smallest steps of the sphere's measured angle that are compared, rad. They result from encoders
+/// with 16384, 2048 and 256 counts per turn of the steer joint, whose angle is 5.7 times the
+/// sphere's.
 const STEPS: [f64; 3] = [6.7e-5, 5.4e-4, 4.3e-3];
-/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
-/// s/rad.
+/// Values of the viscous damping of the mechanics that are simulated, N m s/rad. The damping that
+/// the virtual wall renders is separate.
 const OWN: [f64; 2] = [0.001, 0.003];
 /// Period of the simulated loop, s.
 const PERIOD: f64 = 1.0e-3;
 /// Angle at which the axis is released at the start of a simulation, rad.
 const RELEASED: f64 = 0.05;
-/// Time after which the axis must be at rest, s.
+/// Duration of a simulation, after which the axis must be at rest, s.
 const TIME: f64 = 40.0;
 /// Factor between two successive stiffnesses that are tried.
 const RATIO: f64 = 1.05;
@@ -96,9 +97,9 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
 }
 
 /// Measured and predicted behaviour of an axis with one combination of damping, friction and
-/// encoder step. `measured` is the lowest stiffness at which it does not come to rest, N m/rad.
-/// `viscous` and `dry` are the stiffnesses up to which damping and friction make it passive, N
-/// m/rad.
+/// encoder step. `measured` is the lowest stiffness of the wall at which the axis does not come to
+/// rest. `viscous` and `dry` are the stiffnesses up to which damping and friction, respectively,
+/// make the axis passive. All are in N m/rad.
 struct Buzz {
     own: f64,
     coulomb: f64,
@@ -121,8 +122,9 @@ fn measure(context: &Context, inertia: f64) -> Result<Vec<Buzz>, Interrupted> {
     Ok(found)
 }
 
-/// Returns the lines of a plot over friction for the axis with the least damping: the stiffness at
-/// which it first buzzes, and the stiffness up to which it is passive.
+/// Returns the lines of a plot over friction for the axis with the least damping. They show the
+/// stiffness at which the axis first does not come to rest, and the stiffness up to which it is
+/// passive.
 fn lines(found: &[Buzz]) -> Vec<Series> {
     let of = |step: f64, value: fn(&Buzz) -> f64| {
         let drawn = found.iter().filter(|buzz| buzz.own == OWN[0] && buzz.step == step);

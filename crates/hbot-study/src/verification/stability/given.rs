@@ -70,14 +70,15 @@ fn introduce(report: &mut Report, allowance: f64) {
     report.family("energy_given_{tenths}_tenths_{guard} | J | the most energy that the motors gave out after a tap, at so many tenths of the linear border, passivity stage on or off; `bound`: that with the stage");
 }
 
-/// The energy that the motors give out after a tap on the sphere, without and with the passivity
+/// The energy that the motors deliver after a tap on the sphere, without and with the passivity
 /// stage, for a spring of one stiffness.
 struct Given {
     /// Stiffness of the spring relative to the stability limit of the linear theory.
     times: f64,
     stiffness: f64,
-    /// Largest energy that the motors may give out with the passivity stage on, J: the stage's
-    /// allowance, and what the spring leaks in one cycle before the stage acts.
+    /// Largest energy that the motors may deliver if the passivity stage is on, J. It is the
+    /// stage's allowance plus the energy that the spring generates in one cycle before the stage
+    /// acts.
     bound: f64,
     tapped: [Tapped; 2],
 }

@@ -19,23 +19,26 @@ use crate::report::{Report, row};
 pub(super) const TAP: Vec3 = Vec3::new(0.6, -0.48, 0.64);
 /// Time for which the sphere is observed after the tap, s.
 const WATCH_S: f64 = 4.0;
-/// Number of equal intervals into which the observation time is divided, to compare the energy from
-/// one interval to the next.
+/// Number of equal intervals of the observation time. The energy is compared from one interval to
+/// the next to see whether the swing decays.
 const STRETCHES: u32 = 8;
-/// Share of its energy that a swing must lose from one interval to the next, so that it counts as
+/// Smallest share of its energy that a swing must lose from one interval to the next to count as
 /// decaying.
 const LOSES: f64 = 1.0e-3;
-/// Lowest stiffness that is tried, relative to the stability limit of the linear theory.
+/// Lowest stiffness at which the search for the largest stable stiffness begins, relative to the
+/// stability limit of the linear theory.
 const FROM: f64 = 0.25;
-/// Highest stiffness that is tried, relative to the stability limit of the linear theory.
+/// Highest stiffness in the search for the largest stable stiffness, relative to the stability
+/// limit of the linear theory.
 const UP_TO: f64 = 32.0;
 /// Factor between two successive stiffnesses that are tried.
 const RATIO: f64 = core::f64::consts::SQRT_2;
 /// Number of bisections between the last two stiffnesses that were tried. They give the largest
 /// stable stiffness to 1 %.
 const HALVINGS: u32 = 5;
-/// Required improvement by the passivity stage: with it, every spring must come to rest up to this
-/// many times the stability limit of the linear theory, if friction and encoder steps are small.
+/// Required effect of the passivity stage. With it, the sphere must come to rest on every spring up
+/// to this many times the stability limit of the linear theory, if friction and encoder steps are
+/// small.
 const GUARDED: f64 = 10.0;
 
 /// The properties of a rig and its control loop on which the stability of a spring depends.
@@ -47,7 +50,7 @@ pub(super) struct Setting {
     pub(super) delay: u32,
     /// Viscous damping of the rig's mechanics, without any damping by the motors, N m s/rad.
     own: f64,
-    /// Resolution of the encoders, in counts of the prototype's encoders.
+    /// Size of one step of the encoders, in counts of the prototype's encoders.
     step: u32,
     /// Coulomb friction of the cage, N m.
     coulomb: f64,
@@ -114,8 +117,9 @@ pub(super) struct Tapped {
     pub(super) most: f64,
 }
 
-/// Taps the sphere, which is held by a spring of `stiffness` (N m/rad), and observes it. The sphere
-/// counts as at rest if it stays within the angle `floor` (rad).
+/// Taps the sphere, which is held by a spring of `stiffness` (N m/rad), and observes its motion.
+/// The sphere counts as at rest if it stays within the angle `floor` (rad). If `guard` is true, the
+/// passivity stage is on.
 pub(super) fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped {
     let mut run = Loop::new(&setting.wanted(stiffness, guard));
     run.tap(TAP);
@@ -177,8 +181,8 @@ fn turn_of_a_count(device: &Device, counts: impl Fn(usize) -> f64) -> f64 {
     (0..device.joints()).map(turn).fold(0.0, f64::max)
 }
 
-/// A series of settings in which one property varies. The stability limit is plotted over this
-/// property.
+/// A series of settings that differ in one property, such as the loop rate. The stability limit is
+/// plotted over this property.
 struct Sweep {
     name: &'static str,
     x: &'static str,
@@ -247,13 +251,13 @@ fn introduce(report: &mut Report, count: f64) {
     report.family("border_guard_{rate}hz_delay{d}_own{b}_step{s}_coulomb{c}_{guard} | N m/rad | stiffness from which a tap does not come to rest, passivity stage on or off; b and c in 1e-6 of their SI units, s in counts; `measured`, and in `predicted` the linear border; `or_more`: the search ended there");
 }
 
-/// The largest stable stiffness of a spring on one rig, in N m/rad: without and with the passivity
-/// stage. It is `None` if the search ended before a spring was unstable.
+/// The largest stable stiffness of a spring on one rig, without and with the passivity stage, in N
+/// m/rad. It is `None` if the spring was still stable at the highest stiffness tried.
 struct Guarded {
     setting: Setting,
     found: [Option<f64>; 2],
-    /// Angle by which the sphere turns while the encoder of the joint that moves it most advances
-    /// by one step, rad.
+    /// Angle by which the sphere turns while one joint's encoder advances by one step, rad. It is
+    /// the largest such angle over all joints.
     step: f64,
 }
 
@@ -328,6 +332,6 @@ fn tell(report: &mut Report, sweep: &Sweep, measured: &[Guarded]) {
     );
 }
 
-/// Largest allowed relative deviation of the stability limit without the passivity stage from that
-/// of linear theory.
+/// Largest allowed relative difference between the stability limit measured without the passivity
+/// stage and that of the linear theory.
 const WITHIN: f64 = 0.05;

@@ -11,19 +11,19 @@ use crate::report::Report;
 const RATES: [u32; 4] = [500, 1000, 2000, 4000];
 /// Delays from a reading to the torque computed from it that are compared, in ticks.
 const DELAYS: [usize; 3] = [0, 1, 2];
-/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
-/// s/rad.
+/// Values of the viscous damping of the mechanics that are simulated, N m s/rad. The damping that
+/// the virtual wall renders is separate.
 const OWN: [f64; 3] = [0.001, 0.003, 0.01];
 /// Values of the damping that the virtual wall renders, N m s/rad.
 const DAMPING: [f64; 3] = [0.0, 0.003, 0.01];
-/// Largest allowed relative deviation of the measured stability limit from the predicted one.
+/// Largest allowed relative difference between the measured and the predicted stability limit.
 const WITHIN: f64 = 0.05;
 /// Number of bisections in the search for the stability limit. They narrow a range of a factor of 4
 /// to 0.1 %.
 const HALVINGS: u32 = 11;
 
-/// Returns the stiffness at which a swing of the axis begins to grow, N m/rad. It is found by
-/// bisection between half and twice `predicted`.
+/// Returns the stiffness of the wall at which a swing of the axis begins to grow, N m/rad. It is
+/// found by bisection between half of the predicted stiffness `predicted` and twice this stiffness.
 pub(crate) fn measured(wall: &Wall, predicted: f64) -> f64 {
     let (mut low, mut high) = (0.5 * predicted, 2.0 * predicted);
     for _ in 0..HALVINGS {
@@ -33,7 +33,7 @@ pub(crate) fn measured(wall: &Wall, predicted: f64) -> f64 {
     (low * high).sqrt()
 }
 
-/// Returns whether the axis swings further late in the simulation than early in it.
+/// Returns whether the swing of the axis is larger late in the simulation than early in it.
 fn grows(wall: &Wall) -> bool {
     // If the stiffness is 0.1 % off the border, the swing changes at a tenth of the rate of the
     // damping. Peaks are read to (w h)²/8.
@@ -94,8 +94,8 @@ fn measure(context: &Context, inertia: f64) -> Result<Vec<Border>, Interrupted> 
     Ok(found)
 }
 
-/// Returns the lines of a plot over the loop's rate: the stability limit of the most damped axis on
-/// an undamped wall, simulated and predicted, for each delay.
+/// Returns the lines of a plot of the stability limit over the loop rate, simulated and predicted,
+/// for each delay. The axis has the largest damping tested, and the wall has none.
 fn lines(found: &[Border]) -> Vec<Series> {
     let of = |delay: usize, value: fn(&Border) -> f64| {
         let drawn = |b: &&Border| b.delay == delay && b.own == OWN[2] && b.damping == DAMPING[0];

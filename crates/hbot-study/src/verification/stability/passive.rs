@@ -11,12 +11,12 @@ use crate::report::Report;
 
 /// Loop rates at which the largest passive stiffness is measured, Hz.
 const RATES: [u32; 3] = [500, 1000, 4000];
-/// Values of the viscous damping of the mechanics (not of the virtual wall) that are simulated, N m
-/// s/rad.
+/// Values of the viscous damping of the mechanics that are simulated, N m s/rad. The damping that
+/// the virtual wall renders is separate.
 const OWN: [f64; 2] = [0.01, 0.03];
 /// Values of the damping that the virtual wall renders, N m s/rad. They can be negative.
 const DAMPING: [f64; 3] = [0.0, 0.005, -0.005];
-/// Largest allowed relative deviation of the measured passive stiffness from the predicted one.
+/// Largest allowed relative difference between the measured and the predicted passive stiffness.
 const WITHIN: f64 = 0.1;
 /// Number of frequencies at which the wall is moved. None of them is a simple fraction of the
 /// Nyquist frequency, because such a sine would always be sampled at the same few phases.
@@ -24,11 +24,12 @@ const SINES: usize = 160;
 /// Number of ticks for which each sine is simulated.
 const TICKS: usize = 40_000;
 
-/// Returns the damping that the mechanics need, so that they absorb the energy that a wall delivers
+/// Returns the damping that the mechanics need to absorb the energy that a virtual wall delivers
 /// while it is moved along a sine. The sine advances by `phi` rad per tick.
 ///
-/// The period is taken as 1 s. The first result is the damping needed for each N m/rad of the
-/// wall's stiffness, and the second for each N m s/rad of its damping, both in N m s/rad.
+/// The period of the loop is taken as 1 s. The first result is the damping needed per unit of the
+/// wall's stiffness (1 N m/rad), and the second per unit of the wall's damping (1 N m s/rad), both
+/// in N m s/rad.
 fn asked(phi: f64, delay: usize) -> [f64; 2] {
     let first = delay + 1;
     // The sum goes from one zero crossing to another, so that the spring stores nothing at either
@@ -85,9 +86,9 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     Ok(())
 }
 
-/// Returns the damping that a device needs so that no sinusoidal motion draws energy from a virtual
-/// wall. Each entry holds a frequency, as phase per tick in rad, and the damping it needs per unit
-/// of the wall's stiffness and of the wall's damping.
+/// Returns the damping that the mechanics need so that no sinusoidal motion draws energy from a
+/// virtual wall. Each entry holds a frequency, as phase per tick in rad, and the damping needed at
+/// it: per unit of the wall's stiffness, and per unit of the wall's damping.
 fn needs(context: &Context, delay: usize) -> Result<Vec<(f64, [f64; 2])>, Interrupted> {
     (0..SINES)
         // The frequencies are dense near both ends, where the worst ones are.
@@ -98,7 +99,8 @@ fn needs(context: &Context, delay: usize) -> Result<Vec<(f64, [f64; 2])>, Interr
 }
 
 /// Returns the largest stiffness of a virtual wall at which no sinusoidal motion draws energy from
-/// it, measured and predicted. `needs` holds the damping that each frequency needs.
+/// it, measured and predicted. `needs` holds, for each frequency, the damping that the mechanics
+/// need. `own` is the damping that they have.
 fn measured(needs: &[(f64, [f64; 2])], delay: usize, rate: u32, own: f64, damping: f64) -> Border {
     let period = 1.0 / f64::from(rate);
     // b >= K h s + B d must hold for every sine.
@@ -116,8 +118,9 @@ fn measured(needs: &[(f64, [f64; 2])], delay: usize, rate: u32, own: f64, dampin
 mod tests {
     use super::*;
 
-    /// For one frequency, the damping needed agrees with the formula of Colgate and Schenkel: h/2
-    /// for the stiffness at any frequency, and -cos(phi) for the damping.
+    /// At one frequency, the damping that the mechanics need agrees with the formula of Colgate and
+    /// Schenkel. It is h/2 per unit of the wall's stiffness at any frequency, and -cos(phi) per
+    /// unit of the wall's damping.
     #[test]
     fn a_sine_draws_what_the_formula_says() {
         for phi in [0.1, 1.0, 2.3, 3.0] {

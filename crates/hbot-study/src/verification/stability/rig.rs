@@ -14,19 +14,19 @@ use crate::report::{Report, row};
 const RATES: [u32; 3] = [1000, 2000, 4000];
 /// Damping of the rendered spring, N m s/rad.
 const DAMPING: [f64; 3] = [0.005, 0.01, 0.02];
-/// Largest allowed relative deviation of the measured stability limit from the predicted one.
+/// Largest allowed relative difference between the measured and the predicted stability limit.
 const WITHIN: f64 = 0.1;
 /// Number of bisections in the search for the stability limit. They narrow a range of a factor of 4
 /// to 1 %.
 const HALVINGS: u32 = 7;
-/// Amplitude of the initial swing, rad. It is a few hundred encoder counts, and its torques are far
-/// below the limits.
+/// Amplitude of the initial swing, rad. It is a few hundred encoder counts, and small enough that
+/// the torques stay far below their limits.
 const THROWN: f64 = 0.01;
 /// Time for which the swing is observed, s.
 const WATCH_S: f64 = 1.5;
 
-/// Returns whether a swing of the sphere about n1 grows, with a rendered spring and the loop at
-/// `rate` Hz.
+/// Returns whether a swing of the sphere about n1 grows. The control loop runs at `rate` Hz and
+/// renders a spring of the given stiffness (N m/rad) and damping (N m s/rad).
 fn grows(rate: u32, stiffness: f64, damping: f64) -> bool {
     let mut run =
         Loop::new(&Wanted { rate, stiffness, damping, phenomena: Phenomena::default(), guard: false });

@@ -1,6 +1,6 @@
 //! Exact simulation of one axis that acts against a sampled wall.
 
-/// One axis and the virtual wall that it acts against: the mechanics, the control loop, and the
+/// A model of one axis that moves against a virtual wall: the mechanics, the control loop, and the
 /// spring and damper that the loop renders.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Wall {
@@ -23,7 +23,8 @@ pub(crate) struct Wall {
     pub(crate) damping: f64,
 }
 
-/// Number of past torques that are stored, one per tick. The delay must be shorter.
+/// Number of past torques that are stored, one per tick. The delay must be shorter than this
+/// number.
 const LONGEST: usize = 8;
 
 impl Wall {
@@ -75,8 +76,8 @@ impl Wall {
         (x, v)
     }
 
-    /// Returns the angle (rad) and the rate (rad/s) after `time` seconds without a stop: the exact
-    /// solution of J v' = force - b v.
+    /// Returns the angle (rad) and the rate (rad/s) after `time` seconds, if the axis does not stop
+    /// meanwhile. They are the exact solution of J v' = force - b v.
     fn coasted(&self, x: f64, v: f64, force: f64, time: f64) -> (f64, f64) {
         let (acceleration, rate) = (force / self.inertia, self.own / self.inertia);
         let z = rate * time;

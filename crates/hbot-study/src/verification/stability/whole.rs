@@ -28,12 +28,12 @@ pub(super) struct Wanted {
     pub(super) guard: bool,
 }
 
-/// A control loop with a rendered spring in virtual time. It is active, and the sphere starts at
-/// rest at the centre of the spring.
+/// A control loop in virtual time that renders a spring on the simulated rig. It is active, and the
+/// sphere starts at rest at the centre of the spring.
 pub(super) struct Loop {
     whole: Whole,
-    /// Energy that the motors have delivered since the last tap, J: the sum over all joints and
-    /// ticks of torque times turn.
+    /// Energy that the motors have delivered since the last tap, J. It is the sum over all joints
+    /// and ticks of the joint torque times the angle by which the joint turned.
     given: f64,
 }
 

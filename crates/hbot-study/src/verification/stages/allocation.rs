@@ -11,9 +11,10 @@ use crate::timing::Timed;
 /// The methods that keep joint torques within their limits, named as in rig files and in the ids of
 /// figures.
 ///
-/// `exact`: the largest share of the torque that the joints can make together. `clipped`: the joint
-/// torques of least cost, all scaled by one factor. `cut`: the joint torques of least cost, each
-/// cut at its own limit. `cut` changes the direction of the torque; it serves for comparison only.
+/// `exact` makes the largest share of the wanted torque that the joints can make together.
+/// `clipped` takes the joint torques of least cost and scales all by one factor. `cut` takes the
+/// joint torques of least cost and cuts each at its own limit. `cut` changes the direction of the
+/// torque on the sphere, and serves only for comparison.
 pub(crate) const METHODS: [&str; 3] = ["exact", "clipped", "cut"];
 
 /// A test case for the allocation of joint torques: a posture of a device, its joint torque limits,
@@ -61,8 +62,8 @@ impl Case {
     }
 }
 
-/// Prepares the timing of one allocation by a method, which is an index into [`METHODS`].
-/// Successive calls use `cases` in turn.
+/// Prepares to measure the time of one allocation by a method, which is an index into [`METHODS`].
+/// Successive calls use the entries of `cases` in turn.
 pub(crate) fn timed(method: usize, cases: Vec<Case>) -> Timed<'static> {
     let mut k = 0;
     Timed::new(move || {

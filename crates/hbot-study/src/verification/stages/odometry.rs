@@ -17,15 +17,15 @@ use crate::timing::Timed;
 /// and in rig files.
 pub(crate) const METHODS: [(&str, OdometryMethod); 3] =
     [(Euler.name(), Euler), (Midpoint.name(), Midpoint), (Magnus4.name(), Magnus4)];
-/// Order of accuracy of each method in [`METHODS`], if the path of the joints between readings is
-/// known.
+/// Order of accuracy of each method in [`METHODS`], if the joints really move along the path that
+/// is assumed between readings.
 pub(crate) const ORDERS: [u32; 3] = [1, 2, 4];
 
 /// The paths that the joints are assumed to take between two readings, each with its name in the
 /// ids of figures and in rig files.
 pub(crate) const PATHS: [(&str, PathFit); 3] =
     [(Straight.name(), Straight), (Quadratic.name(), Quadratic), (Cubic.name(), Cubic)];
-/// Order of accuracy of each path in [`PATHS`].
+/// Order of accuracy that each assumed path in [`PATHS`] allows.
 pub(crate) const PATH_ORDERS: [u32; 3] = [2, 3, 4];
 
 /// An odometry method and an assumed path of the joints, as indices into [`METHODS`] and [`PATHS`].
@@ -35,8 +35,8 @@ pub(crate) struct Choice {
     pub(crate) path: usize,
 }
 
-/// Returns the turn of the sphere in one step, as a rotation vector in frame N, rad. Calls the
-/// functions that the controller calls for this method and path.
+/// Returns the turn of the sphere between two readings, as a rotation vector in frame N, rad. Calls
+/// the functions that the controller calls for this odometry method and path.
 #[inline]
 fn step_turn(
     device: &Device,
@@ -53,9 +53,8 @@ fn step_turn(
     }
 }
 
-/// Computes orientations from `readings` (joint angles, rad), as quaternions [w, x, y, z]. It
-/// starts with the identity at reading [`LEAD`], and returns the orientation at this and each later
-/// reading.
+/// Computes the orientation [w, x, y, z] at each of `readings` (joint angles, rad). The orientation
+/// at reading [`LEAD`] is the identity. The result begins with this reading.
 pub(crate) fn track(device: &Device, choice: Choice, readings: &[[f64; JOINTS]]) -> Vec<[f64; 4]> {
     let mut q = Quat::IDENTITY;
     let mut all = vec![wide4(q)];
@@ -71,11 +70,11 @@ pub(crate) fn track(device: &Device, choice: Choice, readings: &[[f64; JOINTS]])
     all
 }
 
-/// Returns the steer angles at the reading `from`, and the turn of each joint between the readings
-/// `from` and `to`, rad.
+/// Returns the steer angles at the reading `from`, and the turn of each joint from this reading to
+/// the reading `to`, in rad.
 ///
-/// Steer angles are reduced to one turn, as a controller does with integer encoder counts, so that
-/// they round like numbers of that size.
+/// Steer angles are reduced to one turn, so that they have the same rounding errors as in a
+/// controller, which reduces integer encoder counts to one turn.
 fn step(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> ([Real; WHEELS], [Real; MAX_JOINTS]) {
     let th = core::array::from_fn(|i| real(hbot_core::rotation::wrap_angle(from[2 * i])));
     let mut delta = [0.0; MAX_JOINTS];
@@ -106,11 +105,11 @@ pub(crate) fn segment(
     wide4(q)
 }
 
-/// Returns the orientation [w, x, y, z] after the successive `turns` (rotation vectors in frame N,
-/// rad), in this floating-point width.
+/// Returns the orientation [w, x, y, z] after the successive turns `turns` (rotation vectors in
+/// frame N, rad), in this floating-point width.
 ///
-/// Each turn is applied by the core's product of quaternions, or, if `added` is true, by adding the
-/// change that the product would make.
+/// If `added` is false, each turn is applied by the core's product of quaternions. If it is true,
+/// the change that this product makes is computed separately and added.
 pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
     let mut q = Quat::IDENTITY;
     for turn in turns {
@@ -120,8 +119,8 @@ pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
     wide4(q)
 }
 
-/// Returns the change exp(turn) q - q of the orientation by a turn. No intermediate result is close
-/// to 1, so rounding loses little.
+/// Returns the change exp(turn) q - q of the quaternion `q` by a turn. No intermediate result is
+/// close to 1, so rounding errors are small.
 fn change(q: Quat, turn: Vec3) -> Quat {
     let quarter = real(libm::sin(0.25 * super::wide(turn.length())));
     let (less, s) = (real(-2.0) * quarter * quarter, rotation::vector_part(rotation::exp(turn)));
@@ -131,7 +130,7 @@ fn change(q: Quat, turn: Vec3) -> Quat {
 }
 
 /// Returns the largest deviation of the quaternion's norm |q| from 1 during `ticks` ticks of
-/// odometry on a motion back and forth. Returns `None` if `go_on` returns false, because the study
+/// odometry on a motion back and forth. Returns `None` if `go_on` returned false because the study
 /// was asked to stop.
 pub(crate) fn unit_norm_after(
     device: &Device,
@@ -164,8 +163,8 @@ pub(crate) fn unit_norm_after(
     Some(0.5 * super::wide(worst))
 }
 
-/// Prepares the timing of one odometry step. For Euler's method, the contact frames of the last
-/// reading are computed in advance, because the controller has them already.
+/// Prepares to measure the time of one odometry step. For Euler's method, the contact frames of the
+/// last reading are computed in advance, because the controller already has them.
 pub(crate) fn timed(device: Device, choice: Choice) -> Timed<'static> {
     let th: [Real; WHEELS] = [0.3, -0.5];
     let mut delta = [0.0; MAX_JOINTS];

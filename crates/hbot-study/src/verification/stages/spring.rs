@@ -11,8 +11,8 @@ use crate::timing::Timed;
 pub(crate) const LAWS: [&str; 4] =
     ["geodesic_exact", "geodesic_first_order", "quaternion_exact", "quaternion_first_order"];
 
-/// Stiffness about the axes of the desired frame, N m/rad. It is anisotropic, because only then do
-/// the first-order forms differ from the gradient of an energy.
+/// Stiffness of the spring about the axes of the desired frame, N m/rad. It differs between the
+/// axes, because only then do the first-order forms differ from the gradient of an energy.
 pub(crate) const STIFFNESS: [f64; 3] = [4.0, 2.0, 1.0];
 
 /// Returns the torque of a spring that pulls the orientation `q` towards the identity, in frame N,
@@ -41,7 +41,7 @@ pub(crate) fn at(law: usize, q: [f64; 4]) -> [f64; 3] {
     wide3(torque(law, quaternion(q), &stiffness()))
 }
 
-/// Prepares the timing of one evaluation of a spring law. `law` is an index into [`LAWS`].
+/// Prepares to measure the time of one evaluation of a spring law. `law` is an index into [`LAWS`].
 pub(crate) fn timed(law: usize) -> Timed<'static> {
     let stiffness = stiffness();
     let q = rotation::exp(vector([0.3, -0.2, 0.4]));

@@ -17,8 +17,8 @@ fn friction(limit: f64, rows: &[Row]) -> Element {
     element(Law::Friction { limit }, rows)
 }
 
-/// Solves one step for masses that are coupled only by `elements`. Returns their speeds at the end
-/// of the step, and how many iterations the solver needed.
+/// Solves one step for masses that only the laws in `elements` couple. Returns the masses' speeds
+/// at the end of the step, and how many iterations the solver needed.
 fn solved(mass: &[f64], momentum: &[f64], elements: &mut [Element]) -> (Vec<f64>, Effort) {
     let mut problem = StepProblem::EMPTY;
     problem.n = mass.len();
@@ -32,8 +32,8 @@ fn solved(mass: &[f64], momentum: &[f64], elements: &mut [Element]) -> (Vec<f64>
     (speeds[..mass.len()].to_vec(), effort)
 }
 
-/// Largest velocity that the solver leaves to a sticking part, relative to the velocities in the
-/// problem.
+/// Largest velocity that the solver can leave to a sticking part, relative to the velocities in the
+/// test.
 const LEFT: f64 = 1.0e-12;
 
 #[test]
@@ -50,8 +50,8 @@ fn friction_takes_its_limit_or_all_there_is() {
     assert!(speeds[0].abs() < 3.0 * LEFT && (elements[0].impulse[0] + 5.0).abs() < 10.0 * LEFT);
 }
 
-/// Friction in three directions, as in the cage: the impulse has the size of its limit and points
-/// against the velocity, in any direction.
+/// Friction acts on a velocity with three components, as it does in the cage. The sphere slides, so
+/// the size of the impulse is the friction limit, and its direction is opposite to the velocity.
 #[test]
 fn friction_of_three_components_points_against_the_motion() {
     let mut elements = [friction(1.0, &[row(&[(0, 1.0)]), row(&[(1, 1.0)]), row(&[(2, 1.0)])])];
@@ -62,8 +62,8 @@ fn friction_of_three_components_points_against_the_motion() {
     }
 }
 
-/// If several friction laws act on one velocity, their limits add up, even if their shares of the
-/// total impulse are not unique.
+/// If several friction laws act on one velocity, the total friction limit is the sum of their
+/// limits. This holds although the share of each law in the total impulse is not unique.
 #[test]
 fn laws_that_say_the_same_add_up() {
     let x = row(&[(0, 1.0)]);
@@ -93,8 +93,9 @@ fn without_momentum_nothing_moves() {
     assert_eq!((elements[0].impulse[0], elements[1].impulse[0]), (0.75, -0.75));
 }
 
-/// A gap lets speeds within its bounds pass and limits larger ones to the bound. Total momentum is
-/// conserved for mass ratios up to 1e12.
+/// A stop limits the speed of one mass relative to another. A relative speed below the stop's upper
+/// bound does not change, and a larger one is reduced to the bound. The total momentum is
+/// conserved, even if one mass is 1e12 times the other.
 #[test]
 fn a_gap_is_open_up_to_its_end() {
     for mass in [1.0, 1e-6, 1e-12] {

@@ -9,11 +9,12 @@ use crate::research::paper::comparison::Comparison;
 use crate::research::paper::literal;
 use crate::research::paper::torus::{self, FOUR, Motors, THREE, posture};
 
-/// Searches for the postures whose torques are nearest to table II of the paper. It does so for
-/// several meanings of "mapped to the end-effector".
+/// Searches for the postures at which the torques on the sphere are nearest to table II of the
+/// paper. The paper says that motor torques are "mapped to the end-effector"; the search is done
+/// for several meanings of this.
 ///
-/// `found` holds, for each row of the table, the smallest torques over all postures with four
-/// motors and the median torques with three.
+/// `found` holds two sets of torques for each row of the table, over all postures: the smallest
+/// with four motors, and the medians with three.
 pub(super) fn study(
     context: &Context,
     report: &mut Report,
@@ -52,13 +53,15 @@ pub(super) fn study(
     compare(comparison, found, known);
 }
 
-/// Id and name of a mapping from motor torques to torques on the sphere, and three search results:
-/// the posture nearest to the paper's peak torques, to its continuous torques, and to both. Each
-/// posture has the factor by which it differs from the paper.
+/// The search results for one mapping from motor torques to torques on the sphere: its id, its
+/// name, and three postures. They are the posture nearest to the paper's peak torques, to its
+/// continuous torques, and to both. Each has the factor by which its torques differ from the
+/// paper's.
 type Nearest = (&'static str, &'static str, [([f64; 2], f64); 3]);
 
-/// Returns, for each mapping from motor torques to torques on the sphere, the postures whose
-/// torques are nearest to table II. The search begins on a grid with `cells` steer angles per turn.
+/// Returns, for each mapping from motor torques to torques on the sphere, the postures at which
+/// these torques are nearest to table II. The search begins on a grid with `cells` values of each
+/// steer angle.
 fn nearest(rig: &GrippedDevice, cells: usize) -> [Nearest; 4] {
     let ours = |th: [f64; 2]| posture(&rig.device, th).rows().to_vec();
     let printed = |th: [f64; 2]| literal::rows(&rig.device, th).to_vec();
@@ -88,8 +91,9 @@ fn nearest(rig: &GrippedDevice, cells: usize) -> [Nearest; 4] {
     })
 }
 
-/// Adds the rows about table II to the comparison with the paper. `known` holds the factors by
-/// which the nearest postures differ from the peak row, the continuous row, and both.
+/// Adds the rows of table II to the comparison with the paper. `found` holds the torques over all
+/// postures. `known` holds the factors by which the nearest posture differs from the row of peak
+/// torques, from the row of continuous torques, and from both.
 fn compare(comparison: &mut Comparison, found: &[[[f64; 3]; 2]; 2], known: [f64; 3]) {
     for (k, limit) in ROWS.iter().enumerate() {
         let paper = limit.paper.map(|torque| torque.to_string()).join(", ");
