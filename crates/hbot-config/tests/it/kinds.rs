@@ -138,8 +138,8 @@ fn a_scene_file_may_name_a_recorded_file_and_nobody_else() {
     assert_eq!(SceneFile::from_json(json).unwrap(), file, "what goes over the wire carries its points");
     let mut running = RunningScene::new();
     let compiled = running.load(file);
-    let figures = compiled.figures(compiled.effects()[0].figures);
-    assert_eq!(figures, [0.0, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0, 1.0, 0.0, 0.0]);
+    let numbers = compiled.numbers(compiled.effects()[0].numbers);
+    assert_eq!(numbers, [0.0, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0, 1.0, 0.0, 0.0]);
     let said = SceneFile::from_toml(text, "x.toml").unwrap_err().to_string();
     assert_eq!(
         said,
@@ -194,8 +194,8 @@ fn each_effect_s_figures_are_its_own() {
     );
     let mut running = RunningScene::new();
     let scene = running.load(file.unwrap());
-    let figures: Vec<&[f64]> = scene.effects().iter().map(|effect| scene.figures(effect.figures)).collect();
-    assert_eq!(figures, [&[1.0, 2.0][..], &[], &[0.0, 1.0, 0.0, 0.0]]);
+    let numbers: Vec<&[f64]> = scene.effects().iter().map(|effect| scene.numbers(effect.numbers)).collect();
+    assert_eq!(numbers, [&[1.0, 2.0][..], &[], &[0.0, 1.0, 0.0, 0.0]]);
     let Kind::Snaps(snaps) = scene.effects()[2].kind else { panic!("the third") };
     assert!(snaps.rounding > 0.0);
     assert_eq!((running.id_at(0), running.id_at(2), running.id_at(3)), (Some("a"), Some("c"), None));
@@ -215,7 +215,7 @@ fn an_effect_with_a_time_to_fade_out_stays_for_it_beside_the_next_scene() {
     let second = running.load(scene(&["a"], 0.0));
     let all: Vec<_> = second.effects().iter().map(|e| (e.slot, e.epoch, e.leaving)).collect();
     assert_eq!(all, [(2, 3, false), (0, 1, true), (1, 2, true)]);
-    assert_eq!(second.figures(second.effects()[2].figures), first.figures(first.effects()[1].figures));
+    assert_eq!(second.numbers(second.effects()[2].numbers), first.numbers(first.effects()[1].numbers));
     assert_eq!(running.slot_of("a").unwrap().slot, 2);
     assert!(running.slot_of("b").is_none() && running.id_at(0).is_none());
     // An effect that fades out stays while parameters are set, and is gone after the next `load`.
@@ -227,5 +227,5 @@ fn an_effect_with_a_time_to_fade_out_stays_for_it_beside_the_next_scene() {
     let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
     let full = running.load(scene(&ids, 2.0));
     assert!(full.effects().len() == MAX_EFFECTS && full.effects().iter().all(|effect| !effect.leaving));
-    assert!(full.effects().iter().map(|e| usize::from(e.figures.len)).sum::<usize>() <= MAX_NUMBERS);
+    assert!(full.effects().iter().map(|e| usize::from(e.numbers.len)).sum::<usize>() <= MAX_NUMBERS);
 }
