@@ -34,7 +34,7 @@ impl StopFlag {
     }
 }
 
-/// The kind of time in which a loop runs.
+/// Whether a loop runs in wall-clock time or in simulated time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Time {
     /// Wall-clock time: each tick has a deadline on the system clock.

@@ -20,7 +20,7 @@ impl Pair {
         Self([a; 2])
     }
 
-    /// Returns the sum of the numbers of the two wheels.
+    /// Adds the value of the first wheel to the value of the second.
     #[inline(always)]
     pub(crate) fn sum(self) -> f64 {
         self.0[0] + self.0[1]

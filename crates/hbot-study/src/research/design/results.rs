@@ -86,8 +86,8 @@ fn near(value: f64, margin: &bounds::Margin) -> bool {
     value < margin.least + reach
 }
 
-/// Reports for each margin how many designs of the fronts are close to its bound. These margins
-/// prevent better designs.
+/// Reports for each margin the share of the best designs (the Pareto fronts) that are close to the
+/// margin's lower bound. A margin with a large share is what prevents better designs.
 fn bind(report: &mut Report, parts: &Parts, fronts: &Fronts) {
     report.say("How many of a front's designs have a margin at its bound (within 5 %, angles within 1 deg), in per cent: what holds them back.");
     report.family("design_front_{wheels}w_at_{margin} | 1 | share of a front's designs that have this margin at its bound");

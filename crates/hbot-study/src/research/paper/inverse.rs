@@ -126,8 +126,8 @@ fn falls_to(points: &[(f64, f64)], level: f64) -> f64 {
     f64::NAN
 }
 
-/// Results of simulating the control loop for all desired orientations, with one of the two
-/// quaternions of each.
+/// Results of simulating the control loop for all desired orientations. Both q and -q stand for the
+/// same orientation; a run uses one choice between them for all orientations.
 struct Run {
     /// Name of the run as shown in tables and plots.
     name: &'static str,
