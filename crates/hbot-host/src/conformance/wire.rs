@@ -79,8 +79,8 @@ impl Tap {
         with(held(&self.0).controllers.as_mut())
     }
 
-    /// Ends the bring-up of the controllers. From now on the times that the bus passes count from the
-    /// start of its loop.
+    /// Ends the bring-up of the controllers. From now on the times that the bus passes count from
+    /// the start of its loop.
     pub(super) fn begin(&self) {
         let middle = &mut *held(&self.0);
         middle.meeting = false;

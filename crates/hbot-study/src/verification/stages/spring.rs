@@ -18,10 +18,10 @@ pub(crate) const STIFFNESS: [f64; 3] = [4.0, 2.0, 1.0];
 /// Returns the torque of a spring that pulls the orientation `q` towards the identity, in frame N,
 /// in N m. `law` is an index into [`LAWS`].
 ///
-/// The geodesic and the quaternion law each have a first-order form. Both forms approximate -K times
-/// the turn. That of the geodesic law is `-K log q`, which omits the Jacobian of the logarithm. That
-/// of the quaternion law is `-2 K e` with the vector part e of q, which replaces half the angle by
-/// its sine.
+/// The geodesic and the quaternion law each have a first-order form. Both forms approximate -K
+/// times the turn. That of the geodesic law is `-K log q`, which omits the Jacobian of the
+/// logarithm. That of the quaternion law is `-2 K e` with the vector part e of q, which replaces
+/// half the angle by its sine.
 #[inline]
 fn torque(law: usize, q: Quat, stiffness: &Mat3) -> Vec3 {
     match law {
