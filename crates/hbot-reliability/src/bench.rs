@@ -6,10 +6,11 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use hbot_api::{Client, Event, Mode, StateEvent, StatsOk};
+use hbot_config::rig::Protocol;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
-use crate::Outcome;
+use crate::{Outcome, rigs};
 
 /// A child process that is killed when this value is dropped.
 pub(crate) struct Other(pub(crate) Child);
@@ -75,20 +76,26 @@ pub(crate) struct WatchedServer {
     pub(crate) server: Other,
     pub(crate) address: String,
     pub(crate) watcher: Client,
-    /// Folder for the server's flight logs, unless another is given.
+    /// Folder for the server's rig file and flight logs, unless another is given for these.
     _state: tempfile::TempDir,
     /// The server's standard output, which must stay open.
     _out: BufReader<ChildStdout>,
 }
 
 impl WatchedServer {
-    /// Starts a server on the serial port `port` and brings it to the mode `active`. Its scene has
-    /// no effects, so that only a client can cause torque.
-    pub(crate) fn start(port: &str, simulate: Value) -> Outcome<Self> {
+    /// Starts a server for motor controllers of `protocol` on the serial port `port`, and brings it
+    /// to the mode `active`. Its scene has no effects, so that only a client can cause torque.
+    pub(crate) fn start(protocol: Protocol, port: &str, simulate: Value) -> Outcome<Self> {
         let state = tempfile::tempdir()?;
         let mut command = hbot()?;
         command.env("XDG_STATE_HOME", state.path()).env("HBOT_LOG", "error");
-        let mut bench = Self::run(command, state, port, simulate)?;
+        command.args(["server", "--port", port]);
+        if protocol != Protocol::Hbot {
+            let file = state.path().join("rig.toml");
+            std::fs::write(&file, rigs::text(protocol))?;
+            command.arg("--rig").arg(file);
+        }
+        let mut bench = Self::run(command, state, simulate)?;
         bench.activate()?;
         bench.watcher.release()?;
         Ok(bench)
@@ -100,7 +107,8 @@ impl WatchedServer {
         let state = tempfile::tempdir()?;
         let mut command = hbot()?;
         command.env("XDG_STATE_HOME", state.path()).env("HBOT_LOG", "error");
-        let mut bench = Self::run(command, state, "sim", Value::Null)?;
+        command.args(["server", "--port", "sim"]);
+        let mut bench = Self::run(command, state, Value::Null)?;
         bench.watcher.unsubscribe()?;
         Ok(bench)
     }
@@ -114,16 +122,15 @@ impl WatchedServer {
         let limit = blocks.map_or_else(String::new, |n| format!("trap '' XFSZ; ulimit -f {n};"));
         command.arg("-c").arg(format!("{limit} exec \"$0\" \"$@\"")).arg(hbot.get_program());
         command.env("XDG_STATE_HOME", logs).env("HBOT_LOG", "warn").stderr(std::fs::File::create(said)?);
-        let mut bench = Self::run(command, tempfile::tempdir()?, "sim", Value::Null)?;
+        command.args(["server", "--port", "sim"]);
+        let mut bench = Self::run(command, tempfile::tempdir()?, Value::Null)?;
         bench.activate()?;
         Ok(bench)
     }
 
-    fn run(mut command: Command, state: tempfile::TempDir, port: &str, simulate: Value) -> Outcome<Self> {
-        let mut child = command
-            .args(["server", "--listen", "127.0.0.1:0", "--port", port])
-            .stdout(Stdio::piped())
-            .spawn()?;
+    /// Runs the command of a server on a free TCP port.
+    fn run(mut command: Command, state: tempfile::TempDir, simulate: Value) -> Outcome<Self> {
+        let mut child = command.args(["--listen", "127.0.0.1:0"]).stdout(Stdio::piped()).spawn()?;
         let mut out = BufReader::new(child.stdout.take().ok_or("no output")?);
         let server = Other(child);
         let mut line = String::new();

@@ -1,8 +1,8 @@
-//! The motor controllers: a simulated rig at the far end of a pseudo-terminal. Lines on standard
-//! input make it misbehave. It counts the commands that it receives.
+//! The motor controllers of hbot's own link: a simulated rig at the far end of a pseudo-terminal.
+//! Lines on standard input make it misbehave. It counts the commands that it receives.
 
 use std::io::{Read as _, Write as _};
-use std::sync::mpsc::{TryRecvError, channel};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Duration;
 
 use hbot_config::RigConfig;
@@ -11,6 +11,7 @@ use hbot_host::realtime::{SIMULATOR_PRIORITY, real_time};
 use hbot_link::{Command, Decoder, ToController};
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use oorandom::Rand64;
 use serde_json::json;
 use serialport::{SerialPort as _, TTYPort};
 
@@ -57,9 +58,9 @@ impl Heard {
     }
 }
 
-/// Runs simulated motor controllers on a pseudo-terminal until standard input ends. Prints the path
-/// of the terminal first.
-pub(crate) fn run() -> Outcome<()> {
+/// Opens a pseudo-terminal, prints the path of its far end, and gives this process real-time
+/// priority if that is permitted. Returns both ends, and a receiver of the lines on standard input.
+pub(crate) fn terminal() -> Outcome<(TTYPort, TTYPort, Receiver<String>)> {
     let (mut near, far) = TTYPort::pair()?;
     near.set_timeout(Duration::from_millis(1))?;
     println!("{}", far.name().ok_or("a pseudo-terminal without a name")?);
@@ -74,11 +75,24 @@ pub(crate) fn run() -> Outcome<()> {
             }
         }
     });
+    Ok((near, far, asked))
+}
+
+/// Writes random bytes to the line, as many as it takes. Further bytes are dropped.
+pub(crate) fn babble(near: &mut TTYPort, random: &mut Rand64) {
+    let garbage: Vec<u8> = (0..4096).map(|_| random.rand_u64() as u8).collect();
+    let _ = near.write(&garbage);
+}
+
+/// Runs simulated motor controllers on a pseudo-terminal until standard input ends. Prints the path
+/// of the terminal first.
+pub(crate) fn run() -> Outcome<()> {
+    let (mut near, _far, asked) = terminal()?;
     let mut rig = SimulatedRig::new(&SimulatedConfig::new(&RigConfig::prototype().rig))?;
     let (mut decoder, mut heard) = (Decoder::<ToController>::new(), Heard::default());
     let (start, mut buffer, mut reply) = (now_ns(), [0; 4096], Vec::new());
     let mut manner = Manner::Well;
-    let mut random = oorandom::Rand64::new(7);
+    let mut random = Rand64::new(7);
     loop {
         let now = now_ns() - start;
         match asked.try_recv() {
@@ -98,9 +112,7 @@ pub(crate) fn run() -> Outcome<()> {
             Err(TryRecvError::Disconnected) => return Ok(()),
         }
         if manner == Manner::Babbles {
-            let garbage: Vec<u8> = (0..4096).map(|_| random.rand_u64() as u8).collect();
-            // Bytes that the line does not take are dropped.
-            let _ = near.write(&garbage);
+            babble(&mut near, &mut random);
         }
         // Without bytes for a millisecond, the simulated sphere still has to move.
         let Ok(n) = near.read(&mut buffer) else {

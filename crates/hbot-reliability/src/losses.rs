@@ -5,20 +5,18 @@ use std::process::Command;
 use std::time::Duration;
 
 use hbot_api::{Fault, Mode, StatsOk};
-use hbot_config::RigConfig;
+use hbot_config::rig::Protocol;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
 use crate::bench::{Helper, WatchedServer, hbot, still};
 use crate::clients::VALID_MS;
-use crate::{Outcome, Row};
+use crate::{Outcome, Row, rigs};
 
 /// Length of the ramp with which a client's torque ends, ms.
 const RAMP_MS: u64 = 20;
 /// Number of ticks that the server may take to notice a loss and react to it.
-const NOTE: u64 = 2;
-/// Watchdog time of the motor controllers, ms.
-const WATCHDOG_MS: f64 = 20.0;
+pub(crate) const NOTE: u64 = 2;
 /// Parameters of a simulated hand that holds the sphere still.
 const HOLDS: &str = r#"{"stiffness": 50, "damping": 1, "amplitude": 0}"#;
 
@@ -28,21 +26,21 @@ fn hand() -> Outcome<Value> {
 
 /// Kills or stops a client that commands a torque. Measures the number of ticks from the client's
 /// last accepted message to zero torque.
-pub(crate) fn client_lost(fault: &str, signal: Signal) -> Outcome<Row> {
-    let mut row = client_lost_once(fault, signal)?;
+pub(crate) fn client_lost(protocol: Protocol, fault: &str, signal: Signal) -> Outcome<Row> {
+    let mut row = client_lost_once(protocol, fault, signal)?;
     for _ in 0..4 {
         // A fault of the machine can end the torque earlier. Such a run proves nothing, so it is
         // repeated.
         if row.kept {
             break;
         }
-        row = client_lost_once(fault, signal)?;
+        row = client_lost_once(protocol, fault, signal)?;
     }
     Ok(row)
 }
 
-fn client_lost_once(fault: &str, signal: Signal) -> Outcome<Row> {
-    let mut bench = WatchedServer::start("sim", json!({"hand": hand()?}))?;
+fn client_lost_once(protocol: Protocol, fault: &str, signal: Signal) -> Outcome<Row> {
+    let mut bench = WatchedServer::start(protocol, "sim", json!({"hand": hand()?}))?;
     let client = bench.pushed()?;
     client.process.signal(signal)?;
     let mut taken = 0;
@@ -64,44 +62,53 @@ fn client_lost_once(fault: &str, signal: Signal) -> Outcome<Row> {
     ))
 }
 
-/// Starts motor controllers in a separate process, a server that uses them, and a client that
-/// commands a torque. Returns the controllers, the server and the client.
-fn pushed_rig() -> Outcome<(Helper, WatchedServer, Helper)> {
-    let mut peer = Helper::start(&["peer"])?;
+/// Starts motor controllers of `protocol` in a separate process, a server that uses them, and a
+/// client that commands a torque. Returns the controllers, the server and the client.
+pub(crate) fn pushed_rig(protocol: Protocol) -> Outcome<(Helper, WatchedServer, Helper)> {
+    let mut peer = Helper::start(&["peer", protocol.name()])?;
     let port = peer.line()?;
-    let mut bench = WatchedServer::start(&port, Value::Null)?;
+    let mut bench = WatchedServer::start(protocol, &port, Value::Null)?;
     let client = bench.pushed()?;
     Ok((peer, bench, client))
 }
 
 /// Kills or stops the process of the motor controllers. Counts the ticks without a reading until
 /// the server commands zero torque. Only the server can report this number.
-pub(crate) fn peer_gone(fault: &str, signal: Signal) -> Outcome<Row> {
-    let (peer, mut bench, _client) = pushed_rig()?;
+pub(crate) fn peer_gone(protocol: Protocol, fault: &str, signal: Signal) -> Outcome<Row> {
+    let link = rigs::on_device(protocol)?.link;
+    let (peer, mut bench, _client) = pushed_rig(protocol)?;
     let missed = |bench: &mut WatchedServer| Ok::<_, Box<dyn std::error::Error>>(bench.stats()?.missed_ticks);
     peer.process.signal(signal)?;
     let before = missed(&mut bench)?;
     let state = bench.until(|state| state.mode == Mode::Fault)?;
     let after = missed(&mut bench)?;
-    let bound = u64::from(RigConfig::prototype().link.timeout_ticks) + NOTE;
+    let bound = u64::from(link.timeout_ticks) + NOTE;
     Ok(Row::new(
         &format!("motor controllers {fault}"),
         format!(
-            "link_lost after {bound} ticks without a reading, with zero torque in that tick; the controllers' own watchdog after 20 ms"
+            "link_lost after {bound} ticks without a reading, with zero torque in that tick; the controllers' own watchdog after {} ms",
+            link.watchdog_ms
         ),
         format!("{}; {} missed ticks counted after the signal", cause(state.fault), after - before),
         state.fault == Some(Fault::LinkLost) && still(&state),
     ))
 }
 
-fn cause(fault: Option<Fault>) -> String {
+pub(crate) fn cause(fault: Option<Fault>) -> String {
     fault.map_or_else(|| "no fault".to_owned(), |fault| fault.to_string())
 }
 
-/// Makes the motor controllers misbehave while they still receive commands. Measures, by their own
-/// clock, the time until they receive zero torque.
-pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
-    let (mut peer, mut bench, _client) = pushed_rig()?;
+/// Makes the motor controllers misbehave. Measures, by their own clock, the time until controllers
+/// of hbot's own link receive zero torque, and until no motor of another rig gives torque. If
+/// `expected` is given, the fault must be this one.
+pub(crate) fn peer_troubled(
+    protocol: Protocol,
+    trouble: &str,
+    fault: &str,
+    expected: Option<Fault>,
+) -> Outcome<Row> {
+    let link = rigs::on_device(protocol)?.link;
+    let (mut peer, mut bench, _client) = pushed_rig(protocol)?;
     peer.say(trouble)?;
     let state = bench.until(|state| state.mode == Mode::Fault)?;
     // Wait until the motor controllers have received the commands of the fault.
@@ -110,12 +117,14 @@ pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
     let heard: Value = serde_json::from_str(&peer.line()?)?;
     let after_ms = heard["zero_after_ms"].as_f64().unwrap_or(f64::INFINITY);
     // One tick to notice the fault and one to send the command.
-    let bound = WATCHDOG_MS + NOTE as f64;
+    let bound = f64::from(link.watchdog_ms) + NOTE as f64;
+    let place = if protocol == Protocol::Hbot { "the controllers" } else { "all motors" };
     let stats = bench.stats()?;
     Ok(Row::new(
         &format!("motor controllers {fault}"),
         format!(
-            "a fault, and zero torque at the controllers within {bound} ms (watchdog time and two ticks)"
+            "{}, and zero torque at {place} within {bound} ms (watchdog time and two ticks)",
+            expected.map_or_else(|| "a fault".to_owned(), |fault| fault.to_string())
         ),
         format!(
             "{}, zero torque after {after_ms:.1} ms; {} damaged and {} foreign frames",
@@ -123,7 +132,9 @@ pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
             stats.corrupt_frames,
             stats.foreign_frames
         ),
-        state.fault.is_some() && still(&state) && after_ms <= bound,
+        state.fault.is_some_and(|fault| expected.is_none_or(|expected| fault == expected))
+            && still(&state)
+            && after_ms <= bound,
     ))
 }
 
@@ -132,7 +143,7 @@ pub(crate) fn peer_troubled(trouble: &str, fault: &str) -> Outcome<Row> {
 /// must go to the fault `link_corrupt` with zero torque.
 pub(crate) fn noise(share: f64, ticks: u64, rides: bool) -> Outcome<Row> {
     let link = json!({"latency_s": 0, "command_latency_s": 0, "jitter_s": 0, "loss": 0, "corrupt": share});
-    let mut bench = WatchedServer::start("sim", json!({"hand": hand()?}))?;
+    let mut bench = WatchedServer::start(Protocol::Hbot, "sim", json!({"hand": hand()?}))?;
     bench.watcher.acquire(false)?;
     bench
         .watcher
@@ -195,7 +206,7 @@ pub(crate) fn noise_virtual(share: f64, seconds: u64) -> Outcome<Row> {
 /// Sends a signal that ends a program to the server while a client commands a torque. Checks the
 /// last commands that the motor controllers receive.
 pub(crate) fn signalled(name: &str, signal: Signal) -> Outcome<Row> {
-    let (mut peer, mut bench, _client) = pushed_rig()?;
+    let (mut peer, mut bench, _client) = pushed_rig(Protocol::Hbot)?;
     peer.say("mark")?;
     bench.server.signal(signal)?;
     let status = bench.server.0.wait()?;

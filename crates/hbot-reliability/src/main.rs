@@ -3,26 +3,32 @@
 //!
 //! ```text
 //! cargo build --release
-//! cargo run --release -p hbot-reliability -- [--quick] [--seconds N] [--out FILE] [ROW...]
+//! cargo run --release -p hbot-reliability -- [--protocol P] [--quick] [--seconds N] [--out FILE] [ROW...]
 //! ```
 //!
 //! The server, the motor controllers and the clients are separate processes, so that each can be
-//! stopped and killed (`bench`). The motor controllers (`far`) are a simulated rig behind a
-//! pseudo-terminal that records the commands it receives. Only tick numbers of the server and
+//! stopped and killed (`bench`). The motor controllers are a simulated rig behind a pseudo-terminal.
+//! Those of hbot's own link (`far`) record the commands that they receive. Those of other protocols
+//! (`servos`) record the torque of their motors. Only tick numbers of the server and
 //! clocks of the motor controllers are read, so no result depends on when this program runs.
 //!
-//! The rows in `losses` take something away from the server. The rows in `timing` measure something
+//! The rows in `losses` and `vendors` take something away from the server. The rows in `timing` measure something
 //! in alternation with a comparison.
 
 mod bench;
 mod clients;
 mod far;
 mod losses;
+mod rigs;
+mod servos;
 mod timing;
+mod vendors;
 
 use std::fmt::Write as _;
 use std::time::Instant;
 
+use hbot_api::Fault;
+use hbot_config::rig::Protocol;
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 
 /// The result of a step of a test, which can fail with any error.
@@ -43,35 +49,84 @@ impl Row {
     }
 }
 
-/// A function that runs a test and returns its row of the table. Its argument is the duration of
-/// each measurement, s.
-type Make = fn(u64) -> Outcome<Row>;
+/// The conditions under which a test runs.
+#[derive(Clone, Copy)]
+pub(crate) struct Setup {
+    /// Protocol of the motor controllers.
+    protocol: Protocol,
+    /// Duration of each measurement, s.
+    seconds: u64,
+}
 
-/// All tests, in the order of the table: the name and the function of each.
-const ROWS: &[(&str, Make)] = &[
-    ("client_killed", |_| losses::client_lost("killed", Signal::KILL)),
-    ("client_stopped", |_| losses::client_lost("stopped (SIGSTOP)", Signal::STOP)),
-    ("peer_killed", |_| losses::peer_gone("killed", Signal::KILL)),
-    ("peer_stopped", |_| losses::peer_gone("stopped (SIGSTOP)", Signal::STOP)),
-    ("peer_mute", |_| losses::peer_troubled("mute", "fall silent")),
-    ("peer_rebooted", |_| losses::peer_troubled("reboot", "lose power and come back")),
-    ("peer_babbles", |_| losses::peer_troubled("babble", "send garbage as fast as the line takes it")),
-    ("peer_echoes", |_| losses::peer_troubled("echo", "send our own frames back")),
-    ("noise_0", |_| losses::noise(0.0, 10_000, true)),
-    ("noise_1", |_| losses::noise(0.01, 10_000, true)),
-    ("noise_1_virtual", |_| losses::noise_virtual(0.01, 1000)),
-    ("noise_50", |_| losses::noise(0.5, 10_000, false)),
-    ("sigterm", |_| losses::signalled("SIGTERM", Signal::TERM)),
-    ("sigint", |_| losses::signalled("SIGINT", Signal::INT)),
-    ("disk_full", |_| losses::disk_full()),
-    ("disk_read_only", |_| losses::disk_read_only()),
-    ("ping", timing::ping),
-    ("ping_paced", timing::ping_paced),
-    ("render", timing::render),
-    ("subscribers", timing::subscribers),
-    ("attack", timing::attack),
-    ("load", timing::load),
+/// A function that runs a test and returns its row of the table.
+type Make = fn(Setup) -> Outcome<Row>;
+
+const ALL: &[Protocol] = &[Protocol::Hbot, Protocol::Moteus, Protocol::Odrive];
+const HBOT: &[Protocol] = &[Protocol::Hbot];
+const MOTEUS: &[Protocol] = &[Protocol::Moteus];
+const ODRIVE: &[Protocol] = &[Protocol::Odrive];
+/// Protocols with one controller for each joint, from other vendors.
+const VENDORS: &[Protocol] = &[Protocol::Moteus, Protocol::Odrive];
+
+/// All tests, in the order of the table: the name, the protocols and the function of each.
+///
+/// The rows of noise are not made for ODrives. Their lines of text have no checksum, so a damaged
+/// digit is another torque, which the driver cannot detect. docs/controllers.md therefore asks for
+/// an adapter on USB.
+const ROWS: &[(&str, &[Protocol], Make)] = &[
+    ("client_killed", ALL, |on| losses::client_lost(on.protocol, "killed", Signal::KILL)),
+    ("client_stopped", ALL, |on| losses::client_lost(on.protocol, "stopped (SIGSTOP)", Signal::STOP)),
+    ("peer_killed", ALL, |on| losses::peer_gone(on.protocol, "killed", Signal::KILL)),
+    ("peer_stopped", ALL, |on| losses::peer_gone(on.protocol, "stopped (SIGSTOP)", Signal::STOP)),
+    ("peer_mute", ALL, |on| losses::peer_troubled(on.protocol, "mute", "fall silent", None)),
+    ("peer_rebooted", ALL, |on| {
+        losses::peer_troubled(on.protocol, "reboot", "lose power and come back", None)
+    }),
+    ("peer_babbles", ALL, |on| {
+        losses::peer_troubled(on.protocol, "babble", "send garbage as fast as the line takes it", None)
+    }),
+    ("peer_echoes", HBOT, |on| losses::peer_troubled(on.protocol, "echo", "send our own frames back", None)),
+    ("one_mute", VENDORS, |on| {
+        let fault = "of one joint neither hear nor answer";
+        losses::peer_troubled(on.protocol, "deafen_one", fault, Some(Fault::LinkLost))
+    }),
+    ("one_failed", VENDORS, |on| {
+        let fault = "of one joint report a fault";
+        losses::peer_troubled(on.protocol, "fail_one", fault, Some(Fault::ControllerFault))
+    }),
+    ("one_rebooted", VENDORS, |on| {
+        let fault = "of one joint lose power and come back";
+        losses::peer_troubled(on.protocol, "reboot_one", fault, Some(Fault::ControllerFault))
+    }),
+    ("one_expired", ODRIVE, |on| {
+        let fault = "of one joint report an expired watchdog";
+        losses::peer_troubled(on.protocol, "expire_one", fault, Some(Fault::LinkLost))
+    }),
+    ("noise_0", HBOT, |_| losses::noise(0.0, 10_000, true)),
+    ("noise_1", HBOT, |_| losses::noise(0.01, 10_000, true)),
+    ("noise_1", MOTEUS, |on| vendors::noise(on.protocol, 0.01, 10_000, true)),
+    ("noise_1_virtual", HBOT, |_| losses::noise_virtual(0.01, 1000)),
+    ("noise_50", HBOT, |_| losses::noise(0.5, 10_000, false)),
+    ("noise_50", MOTEUS, |on| vendors::noise(on.protocol, 0.5, 10_000, false)),
+    ("sigterm", HBOT, |_| losses::signalled("SIGTERM", Signal::TERM)),
+    ("sigterm", VENDORS, |on| vendors::signalled(on.protocol, "SIGTERM", Signal::TERM)),
+    ("sigint", HBOT, |_| losses::signalled("SIGINT", Signal::INT)),
+    ("sigint", VENDORS, |on| vendors::signalled(on.protocol, "SIGINT", Signal::INT)),
+    ("disk_full", HBOT, |_| losses::disk_full()),
+    ("disk_read_only", HBOT, |_| losses::disk_read_only()),
+    ("ping", HBOT, |on| timing::ping(on.seconds)),
+    ("ping_paced", HBOT, |on| timing::ping_paced(on.seconds)),
+    ("render", HBOT, |on| timing::render(on.seconds)),
+    ("subscribers", HBOT, |on| timing::subscribers(on.seconds)),
+    ("attack", HBOT, |on| timing::attack(on.seconds)),
+    ("load", HBOT, |on| timing::load(on.seconds)),
 ];
+
+/// Returns the names and functions of the tests for `protocol`.
+fn rows(protocol: Protocol) -> impl Iterator<Item = (&'static str, Make)> {
+    let of = move |(_, protocols, _): &&(_, &[Protocol], _)| protocols.contains(&protocol);
+    ROWS.iter().filter(of).map(|(name, _, make)| (*name, *make))
+}
 
 /// Duration of each measurement, s.
 const SECONDS: u64 = 8;
@@ -81,53 +136,56 @@ const QUICK_SECONDS: u64 = 2;
 fn main() -> Outcome<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["peer"] => return far::run(),
+        ["peer", "hbot"] => return far::run(),
+        ["peer", name] => return servos::run(rigs::protocol(name)?),
         ["push", address] => return clients::push(address),
         ["render", address, seconds] => return clients::render(address, seconds.parse()?),
         ["echo"] => return clients::echo(),
         _ => {}
     }
-    let (mut seconds, mut out, mut wanted) = (SECONDS, None, Vec::new());
+    let mut on = Setup { protocol: Protocol::Hbot, seconds: SECONDS };
+    let (mut out, mut wanted) = (None, Vec::new());
     let mut args = args.into_iter();
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or(format!("{arg} needs a value"));
         match arg.as_str() {
-            "--quick" => seconds = QUICK_SECONDS,
-            "--seconds" => seconds = value()?.parse()?,
+            "--quick" => on.seconds = QUICK_SECONDS,
+            "--seconds" => on.seconds = value()?.parse()?,
             "--out" => out = Some(value()?),
-            name if ROWS.iter().any(|(row, _)| *row == name) => wanted.push(name.to_owned()),
-            _ => {
-                let names: Vec<_> = ROWS.iter().map(|(name, _)| *name).collect();
-                return Err(format!(
-                    "{arg}: legal are --quick, --seconds N, --out FILE, and the rows {}",
-                    names.join(", ")
-                )
-                .into());
-            }
+            "--protocol" => on.protocol = rigs::protocol(&value()?)?,
+            _ => wanted.push(arg),
         }
+    }
+    let names: Vec<_> = rows(on.protocol).map(|(name, _)| name).collect();
+    if let Some(unknown) = wanted.iter().find(|name| !names.contains(&name.as_str())) {
+        let (protocol, names) = (on.protocol.name(), names.join(", "));
+        return Err(format!(
+            "{unknown}: legal are --protocol P, --quick, --seconds N, --out FILE, and for {protocol} the rows {names}"
+        )
+        .into());
     }
     // Up to a thousand connections are open at once.
     let limit = getrlimit(Resource::Nofile);
     setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit })?;
-    table(seconds, &wanted, out.as_deref())
+    table(on, &wanted, out.as_deref())
 }
 
 /// Runs the tests named in `wanted`, or all if none are named. Prints the row of each test when it
 /// is done, and writes the table to the file `out`, if given.
-fn table(seconds: u64, wanted: &[String], out: Option<&str>) -> Outcome<()> {
+fn table(on: Setup, wanted: &[String], out: Option<&str>) -> Outcome<()> {
     let mut table = "| fault | promise | found | |\n|---|---|---|---|\n".to_owned();
     print!("{table}");
     let (start, mut failed) = (Instant::now(), Vec::new());
-    for (name, make) in ROWS {
+    for (name, make) in rows(on.protocol) {
         if !wanted.is_empty() && !wanted.iter().any(|row| row == name) {
             continue;
         }
         eprintln!("{:5.0} s  {name}", start.elapsed().as_secs_f64());
         // A row that fails does not stop the others.
-        let Row { fault, promise, found, kept } = make(seconds)
-            .unwrap_or_else(|error| Row::new(name, "", format!("could not be made: {error}"), false));
+        let Row { fault, promise, found, kept } =
+            make(on).unwrap_or_else(|error| Row::new(name, "", format!("could not be made: {error}"), false));
         if !kept {
-            failed.push(*name);
+            failed.push(name);
         }
         let mut line = String::new();
         writeln!(line, "| {fault} | {promise} | {found} | {} |", if kept { "kept" } else { "**not kept**" })?;

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use hbot_api::{Client, StatsOk};
+use hbot_config::rig::Protocol;
 use hbot_host::doctor::punctuality;
 use serde_json::{Value, json};
 
@@ -57,7 +58,7 @@ impl Run {
 
 /// Starts a server and brings it to the mode `active`. No client receives its states.
 fn quiet() -> Outcome<WatchedServer> {
-    let mut bench = WatchedServer::start("sim", Value::Null)?;
+    let mut bench = WatchedServer::start(Protocol::Hbot, "sim", Value::Null)?;
     bench.watcher.unsubscribe()?;
     Ok(bench)
 }
@@ -163,7 +164,7 @@ fn pings(how: &str, turn: u32, pause: Duration, seconds: u64) -> Outcome<Row> {
 /// Measures the age of the torques of a client that renders a spring in step with the loop.
 pub(crate) fn render(seconds: u64) -> Outcome<Row> {
     let hand = json!({"hand": {"amplitude": 0.2}});
-    let mut bench = WatchedServer::start("sim", hand)?;
+    let mut bench = WatchedServer::start(Protocol::Hbot, "sim", hand)?;
     bench.watcher.unsubscribe()?;
     let mut renderer = Helper::start(&["render", &bench.address, &seconds.to_string()])?;
     let ages: Value = serde_json::from_str(&renderer.line()?)?;
