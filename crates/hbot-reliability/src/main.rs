@@ -3,17 +3,18 @@
 //!
 //! ```text
 //! cargo build --release
-//! cargo run --release -p hbot-reliability -- [--protocol P] [--quick] [--seconds N] [--out FILE] [ROW...]
+//! cargo run --release -p hbot-reliability -- \
+//!     [--protocol P] [--quick] [--seconds N] [--out FILE] [ROW...]
 //! ```
 //!
 //! The server, the motor controllers and the clients are separate processes, so that each can be
-//! stopped and killed (`bench`). The motor controllers are a simulated rig behind a pseudo-terminal.
-//! Those of hbot's own link (`far`) record the commands that they receive. Those of other protocols
-//! (`servos`) record the torque of their motors. Only tick numbers of the server and
-//! clocks of the motor controllers are read, so no result depends on when this program runs.
+//! stopped and killed (`bench`). The motor controllers are a simulated rig behind a
+//! pseudo-terminal. Those of hbot's own link (`far`) record the commands that they receive. Those
+//! of other protocols (`servos`) record the torque of their motors. Only tick numbers of the server
+//! and clocks of the motor controllers are read, so no result depends on when this program runs.
 //!
-//! The rows in `losses` and `vendors` take something away from the server. The rows in `timing` measure something
-//! in alternation with a comparison.
+//! The rows in `losses` and `vendors` take something away from the server. The rows in `timing`
+//! measure something in alternation with a comparison.
 
 mod bench;
 mod clients;

@@ -13,8 +13,8 @@ use crate::{Outcome, Row, rigs};
 
 /// Number of stop commands that each servo must receive at the end.
 const STOPS: u64 = 3;
-/// Share of the largest torque by which a torque may exceed its value before the noise. The client's
-/// torque is constant and a hand holds the sphere, so the joint torques hardly change.
+/// Share of the largest torque by which a torque may exceed its value before the noise. The torque
+/// of the client is constant and a hand holds the sphere, so the joint torques hardly change.
 const ALIKE: f64 = 0.1;
 
 /// Damages the share `share` of the lines of text on the line to motor controllers of `protocol`,
