@@ -65,8 +65,8 @@ pub(crate) struct Sphere {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Wheel {
-    /// Name of the wheel, shown to people. Each name is unique. Default: A, B, C... in the order of
-    /// the file.
+    /// Name of the wheel, shown to people. Each name is unique. If absent: A, B, C... in the order
+    /// of the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "String", length(min = 1, max = 100))]
     pub(crate) name: Option<String>,
@@ -100,10 +100,10 @@ pub(crate) struct Joint {
     #[schemars(range(min = 0, max = 7))]
     pub(crate) port: u32,
     /// Which motor controller has this joint. Protocol `hbot`: the position of the joint on its
-    /// line, from 0 to 15. The joints of a port must use each position once. Default: the order of
-    /// the file, steer before drive. Protocol `moteus`: the controller's id on the bus, 1 to 127,
-    /// required; 127 only if it is alone on its port. Protocol `odrive`: the controller's id on the
-    /// bus, 0 to 63, required.
+    /// line, from 0 to 15. The joints of a port must use each position once. If absent: the order
+    /// of the file, steer before drive. Protocol `moteus`: the controller's id on the bus, 1 to
+    /// 127, required; 127 only if it is alone on its port. Protocol `odrive`: the controller's id
+    /// on the bus, 0 to 63, required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = 0, max = 127))]
     pub(crate) controller: Option<u32>,

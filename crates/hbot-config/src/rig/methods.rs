@@ -105,20 +105,20 @@ pub(crate) enum RateMethod {
 pub(crate) struct RateTable {
     /// Name of the method that estimates the joint rates.
     pub(crate) method: RateMethod,
-    /// For `low_pass`: corner frequency. Default: 30.
+    /// For `low_pass`: corner frequency. If absent: 30.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::CUTOFF_HZ.least, max = legal::CUTOFF_HZ.most), extend("unit" = legal::CUTOFF_HZ.unit))]
     pub(crate) cutoff_hz: Option<f64>,
     /// For `adaptive_window`: largest distance of a reading from the fitted line, in encoder
-    /// counts. Default: 1.
+    /// counts. If absent: 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::TOLERANCE_COUNTS.least as u32, max = legal::TOLERANCE_COUNTS.most as u32))]
     pub(crate) tolerance_counts: Option<u32>,
-    /// For `adaptive_window`: longest time that the fitted line covers, in ticks. Default: 32.
+    /// For `adaptive_window`: longest time that the fitted line covers, in ticks. If absent: 32.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u32", range(min = legal::LONGEST_TICKS.least as u32, max = legal::LONGEST_TICKS.most as u32))]
     pub(crate) longest_ticks: Option<u32>,
-    /// For `kalman`: expected root mean square of a joint's acceleration. Default: 100.
+    /// For `kalman`: expected root mean square of a joint's acceleration. If absent: 100.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::ACCELERATION.least, max = legal::ACCELERATION.most), extend("unit" = legal::ACCELERATION.unit))]
     pub(crate) acceleration: Option<f64>,
@@ -191,17 +191,17 @@ pub(crate) enum Passivity {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct PassivityTable {
-    /// Energy that can be delivered to the hand in excess of the energy absorbed from it. Default:
-    /// 0.001.
+    /// Energy that can be delivered to the hand in excess of the energy absorbed from it. If
+    /// absent: 0.001.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::ALLOWANCE.least, max = legal::ALLOWANCE.most), extend("unit" = legal::ALLOWANCE.unit))]
     pub(crate) allowance: Option<f64>,
     /// Largest amount of absorbed energy that can be delivered again later. It must be at least the
-    /// energy that the scene's springs store when they are wound up. Default: 0.5.
+    /// energy that the scene's springs store when they are wound up. If absent: 0.5.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::STORE.least, max = legal::STORE.most), extend("unit" = legal::STORE.unit))]
     pub(crate) store: Option<f64>,
-    /// Largest damping that the passivity controller adds. Default: a quarter of the sphere's
+    /// Largest damping that the passivity controller adds. If absent: a quarter of the sphere's
     /// inertia divided by the loop's period (or by 1 ms if the period is shorter).
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::DAMPING.most), extend("exclusiveMinimum" = legal::DAMPING.least, "unit" = legal::DAMPING.unit))]

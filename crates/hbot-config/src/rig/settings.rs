@@ -76,7 +76,7 @@ pub(crate) struct Link {
     #[schemars(range(min = 9600, max = 20_000_000), extend("unit" = "baud"))]
     pub(crate) baud: u32,
     /// Watchdog time: a motor controller switches its motors off if no command arrives for this
-    /// time. At least two loop periods. Default: 20, or 50 if `port` is `sim`.
+    /// time. At least two loop periods. If absent: 20, or 50 if `port` is `sim`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u16", range(min = 1, max = 1000), extend("unit" = "ms"))]
     pub(crate) watchdog_ms: Option<u16>,
@@ -286,8 +286,10 @@ pub(crate) struct Api {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Tls")]
     pub(crate) tls: Option<Tls>,
-    /// What happens to the commands of the lease holder (the client that can command) if its
-    /// connection ends without a release.
+    /// What happens if the connection of the lease holder (the client that can command) ends
+    /// without a release. `ramp`: its streamed torque ramps to zero. `keep`: its streamed torque
+    /// ends when its validity expires. `fault`: the rig goes into the fault client_lost, and all
+    /// torque is zero.
     pub(crate) on_client_lost: OnClientLost,
 }
 

@@ -29,7 +29,7 @@ pub(super) struct Guide {
     /// Damping of the rotations that are not free.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// Play in either direction: the angle within which there is no spring torque.
+    /// Angle in either direction within which there is no spring torque.
     #[schemars(range(min = 0.0, max = 1.5), extend("unit" = "rad"))]
     deadband: f64,
     /// Orientation from which the rotations that are not free are measured, as a quaternion [w, x,

@@ -3,12 +3,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Play and losses in the gears of the drive joints. The encoder is on the motor's side of the
+/// Backlash and losses in the gears of the drive joints. The encoder is on the motor's side of the
 /// gear.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Gear {
-    /// Total width of the play, rad of the joint. The default is 0.5 degrees.
+    /// Total width of the backlash, rad of the joint. The default is 0.5 degrees.
     #[schemars(range(min = 0.0, max = 1.0), extend("unit" = "rad"))]
     pub backlash: f64,
     /// Fraction of the power that the gear transmits, in either direction.

@@ -63,8 +63,8 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "WheelModules")]
     pub wheel_modules: Option<WheelModules>,
-    /// Play and losses in the gears of the drive joints. The encoder is on the motor's side of the
-    /// gear.
+    /// Backlash and losses in the gears of the drive joints. The encoder is on the motor's side of
+    /// the gear.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Gear")]
     pub gear: Option<Gear>,
@@ -73,7 +73,8 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Encoder")]
     pub encoder: Option<Encoder>,
-    /// Motors that are weak, respond late, lose torque at high speed and get hot. Their peak and
+    /// Motors that are not ideal. They make less torque than commanded, respond late, lose torque
+    /// at high speed, and give only their continuous torque when they are hot. Their peak and
     /// continuous torques are those of the rig file.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Motor")]

@@ -3,8 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Motors that are weak, respond late, lose torque at high speed and get hot. Their peak and
-/// continuous torques are those of the rig file.
+/// Motors that are not ideal. They make less torque than commanded, respond late, lose torque at
+/// high speed, and give only their continuous torque when they are hot. Their peak and continuous
+/// torques are those of the rig file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Motor {
