@@ -36,16 +36,15 @@ std::string cell(const std::string &row, int index) {
     return text;
 }
 
-} // namespace
-
-Page::Page() {
+Page read() {
+    Page page;
     std::ifstream file(LINK_PAGE);
     if (!file) {
         throw std::runtime_error(std::string(LINK_PAGE) + " cannot be read");
     }
     std::string section, heading, field;
     for (std::string line; std::getline(file, line);) {
-        lines.push_back(line);
+        page.lines.push_back(line);
         if (line.compare(0, 3, "## ") == 0) {
             section = line.substr(3);
             heading.clear();
@@ -59,7 +58,7 @@ Page::Page() {
                     (word == "body" || word == "crc" || word == "frame")) {
                     field = word;
                 } else if (!field.empty()) {
-                    vectors[heading][field].push_back(byteOf(word));
+                    page.vectors[heading][field].push_back(byteOf(word));
                 }
             }
         } else if (section == "Frames to refuse" && line.compare(0, 3, "| `") == 0) {
@@ -67,9 +66,17 @@ Page::Page() {
             for (const std::string &word : words(cell(line, 0))) {
                 refusal.bytes.push_back(byteOf(word));
             }
-            refusals.push_back(refusal);
+            page.refusals.push_back(refusal);
         }
     }
+    return page;
+}
+
+} // namespace
+
+const Page &page() {
+    static const Page read_once = read();
+    return read_once;
 }
 
 bool Page::has(const std::string &text) const {

@@ -16,10 +16,8 @@ struct Refusal {
     std::string error;
 };
 
-// The page docs/link.md; `LINK_PAGE` is its path.
+// The page docs/link.md.
 struct Page {
-    Page();
-
     // The bytes of each vector by its heading, then by the name of the line: body, crc or frame.
     std::map<std::string, std::map<std::string, Bytes>> vectors;
     std::vector<Refusal> refusals;
@@ -29,5 +27,8 @@ struct Page {
     // Returns true if a line of the page contains `text`.
     bool has(const std::string &text) const;
 };
+
+// Reads the page once; `LINK_PAGE` is its path.
+const Page &page();
 
 #endif

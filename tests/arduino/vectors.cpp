@@ -81,11 +81,10 @@ std::map<std::string, Bytes> answers() {
 } // namespace
 
 TEST_CASE("vectors: every command of the page is decoded as the page says") {
-    const Page page;
     hbot::Decoder decoder;
     for (const auto &known : commands()) {
         CAPTURE(known.first);
-        const Bytes &frame = page.vectors.at(known.first).at("frame");
+        const Bytes &frame = page().vectors.at(known.first).at("frame");
         REQUIRE(heard(decoder, frame) == std::vector<hbot::Heard>{hbot::Heard::Command});
         const hbot::Command &command = decoder.command();
         CHECK(command.sequence == known.second.sequence);
@@ -94,22 +93,20 @@ TEST_CASE("vectors: every command of the page is decoded as the page says") {
         CHECK(std::vector<float>(command.torque, command.torque + command.joints) ==
               known.second.torque);
     }
-    CHECK(heard(decoder, page.vectors.at("describe").at("frame")) ==
+    CHECK(heard(decoder, page().vectors.at("describe").at("frame")) ==
           std::vector<hbot::Heard>{hbot::Heard::Describe});
 }
 
 TEST_CASE("vectors: every answer of the page is encoded to its bytes") {
-    const Page page;
     for (const auto &answer : answers()) {
         CAPTURE(answer.first);
-        CHECK(answer.second == page.vectors.at(answer.first).at("frame"));
+        CHECK(answer.second == page().vectors.at(answer.first).at("frame"));
     }
 }
 
 TEST_CASE("vectors: body and CRC of each vector make its frame, and no vector is unknown") {
-    const Page page;
-    CHECK(page.vectors.size() == 9);
-    for (const auto &vector : page.vectors) {
+    CHECK(page().vectors.size() == 9);
+    for (const auto &vector : page().vectors) {
         CAPTURE(vector.first);
         const Bytes &body = vector.second.at("body");
         const uint32_t sum = hbot::detail::crc(body.data(), body.size());
@@ -130,7 +127,7 @@ TEST_CASE("vectors: every frame to refuse is refused for the reason of the page"
                                                         {"Crc", hbot::Heard::Crc},
                                                         {"Body", hbot::Heard::Body}};
     std::set<std::string> seen;
-    for (const Refusal &refusal : Page().refusals) {
+    for (const Refusal &refusal : page().refusals) {
         // A controller decodes only what is for controllers.
         if (refusal.toController) {
             CAPTURE(refusal.error);
@@ -146,16 +143,15 @@ TEST_CASE("vectors: every frame to refuse is refused for the reason of the page"
 TEST_CASE("vectors: the CRC is the one that the page names") {
     const char *nine = "123456789";
     CHECK(hbot::detail::crc(reinterpret_cast<const uint8_t *>(nine), 9) == 0xCBF43926u);
-    CHECK(Page().has("0xCBF43926"));
+    CHECK(page().has("0xCBF43926"));
 }
 
 TEST_CASE("vectors: sizes, flags and limits are those of the page") {
-    const Page page;
     for (size_t joints : {1u, 2u, 4u, 8u, 16u}) {
         const std::string row = "| " + std::to_string(joints) + " | " +
                                 std::to_string(hbot::commandFrameBytes(joints)) + " | " +
                                 std::to_string(hbot::feedbackFrameBytes(joints)) + " | ";
-        CHECK_MESSAGE(page.has(row), row);
+        CHECK_MESSAGE(page().has(row), row);
     }
     const std::vector<std::pair<const char *, unsigned>> flags = {
         {"ENABLED", hbot::Enabled},       {"WATCHDOG_EXPIRED", hbot::WatchdogExpired},
@@ -165,11 +161,11 @@ TEST_CASE("vectors: sizes, flags and limits are those of the page") {
     for (const auto &flag : flags) {
         const std::string row =
             "| `" + std::string(flag.first) + "` | 0x000" + std::to_string(flag.second) + " | ";
-        CHECK_MESSAGE(page.has(row), row);
+        CHECK_MESSAGE(page().has(row), row);
     }
-    CHECK(page.has("| Protocol version | " + std::to_string(hbot::ProtocolVersion) + " |"));
-    CHECK(page.has("| Joints of a port | " + std::to_string(hbot::MaxJoints) + " |"));
-    CHECK(page.has("| Bytes of the firmware's name | " +
+    CHECK(page().has("| Protocol version | " + std::to_string(hbot::ProtocolVersion) + " |"));
+    CHECK(page().has("| Joints of a port | " + std::to_string(hbot::MaxJoints) + " |"));
+    CHECK(page().has("| Bytes of the firmware's name | " +
                    std::to_string(hbot::MaxFirmwareBytes) + " |"));
 }
 
@@ -193,8 +189,7 @@ TEST_CASE("vectors: a run that ends with the frame has no code after it") {
 }
 
 TEST_CASE("line: a frame is decoded in pieces, after noise, and after a frame that is too long") {
-    const Page page;
-    const Bytes &frame = page.vectors.at("command_enable").at("frame");
+    const Bytes &frame = page().vectors.at("command_enable").at("frame");
     hbot::Decoder decoder;
     // Half a frame, then the zero with which a host begins, then a whole frame.
     Bytes line(frame.begin(), frame.begin() + 9);
