@@ -82,7 +82,7 @@ Answer decoded(const Bytes &frame) {
     return answer;
 }
 
-Bytes commandBody(uint32_t sequence, bool enable, uint16_t watchdogMs,
+Bytes commandFrame(uint32_t sequence, bool enable, uint16_t watchdogMs,
                   const std::vector<float> &torque) {
     Bytes frame(hbot::commandFrameBytes(torque.size()));
     hbot::FrameWriter writer(frame.data());
@@ -129,7 +129,7 @@ struct Bench {
     }
 
     Answer command(bool enable, const std::vector<float> &torque, uint16_t watchdogMs = 20) {
-        return decoded(feed(commandBody(++sequence, enable, watchdogMs, torque)));
+        return decoded(feed(commandFrame(++sequence, enable, watchdogMs, torque)));
     }
 
     Answer push() { return command(true, {0.25f, -0.125f}); }
@@ -139,7 +139,7 @@ struct Bench {
     void pass(uint32_t ms) {
         for (uint32_t i = 0; i < ms; i++) {
             nowUs += 1000;
-            device.tick(nowUs);
+            device.poll(nowUs);
         }
     }
 };
@@ -194,7 +194,7 @@ TEST_CASE("conversation: a name of more than 32 bytes is cut") {
     CHECK(body[2 + 33] == 2);
 }
 
-TEST_CASE("conversation: a port is polled, and only the bytes that had arrived are taken") {
+TEST_CASE("conversation: a port is served, and only the bytes that had arrived are taken") {
     struct Port {
         Bytes in, out;
         size_t next = 0;
@@ -208,14 +208,16 @@ TEST_CASE("conversation: a port is polled, and only the bytes that had arrived a
         }
     } port;
     Bench bench;
-    port.in = commandBody(7, true, 20, {0.25f, -0.125f});
-    bench.device.poll(port, bench.nowUs);
+    port.in = commandFrame(7, true, 20, {0.25f, -0.125f});
+    const size_t arrived = port.in.size();
+    bench.device.serve(port, bench.nowUs);
+    CHECK(port.next == arrived);
     CHECK(decoded(port.out).sequence == 7);
     CHECK(pushes());
     bench.nowUs += 20000;
     port.in.clear();
     port.next = 0;
-    bench.device.poll(port, bench.nowUs);
+    bench.device.serve(port, bench.nowUs);
     CHECK(isFree());
 }
 
@@ -243,7 +245,7 @@ TEST_CASE("duty 1: a command with a torque that is not finite is not applied or 
 TEST_CASE("duty 1: a damaged frame is not applied or answered, whichever bit is damaged") {
     Bench bench;
     bench.push();
-    const Bytes frame = commandBody(77, true, 20, {0.5f, 0.5f});
+    const Bytes frame = commandFrame(77, true, 20, {0.5f, 0.5f});
     for (size_t bit = 0; bit < 8 * (frame.size() - 1); bit++) {
         Bytes damaged = frame;
         damaged[bit / 8] = static_cast<uint8_t>(damaged[bit / 8] ^ (1u << (bit % 8)));
@@ -272,10 +274,10 @@ TEST_CASE("duty 2: the watchdog ends torque when its time has passed, and not be
     Bench bench;
     bench.push();
     bench.nowUs += 19999;
-    bench.device.tick(bench.nowUs);
+    bench.device.poll(bench.nowUs);
     CHECK(pushes());
     bench.nowUs += 1;
-    bench.device.tick(bench.nowUs);
+    bench.device.poll(bench.nowUs);
     CHECK(isFree());
     CHECK(bench.device.flags() == hbot::WatchdogExpired);
 }
@@ -329,7 +331,7 @@ TEST_CASE("duty 2: after it, commands are answered without torque until one with
 TEST_CASE("duty 2: a command that comes too late does not bring torque back") {
     Bench bench;
     bench.push();
-    // No tick in between: the loop of the controller stood still.
+    // No poll in between: the loop of the controller stood still.
     bench.nowUs += 20000;
     CHECK(bench.push().flags == hbot::WatchdogExpired);
     CHECK(isFree());

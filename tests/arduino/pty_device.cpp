@@ -30,13 +30,9 @@ void readJoints(hbot::Reading *readings) {
 
 void driveJoints(const float *torque, bool) { mechanics.drive(torque); }
 
-const hbot::Joint joints[] = {{plant::CountsPerTurn, 0.93f, 80.0f},
-                              {plant::CountsPerTurn, 0.14f, 80.0f},
-                              {plant::CountsPerTurn, 0.93f, 80.0f},
-                              {plant::CountsPerTurn, 0.14f, 80.0f}};
-hbot::Device<plant::Joints> device("pty 1.0", joints, readJoints, driveJoints);
+hbot::Device<plant::Count> device("pty 1.0", plant::Joints, readJoints, driveJoints);
 
-// The pseudo-terminal, as `Device::poll` expects a port.
+// The pseudo-terminal, as `Device::serve` expects a port.
 class Terminal {
 public:
     bool open() {
@@ -96,7 +92,7 @@ int main() {
     device.begin();
     while (terminal.wait()) {
         mechanics.advance(micros());
-        device.poll(terminal, micros());
+        device.serve(terminal, micros());
     }
     return 0;
 }

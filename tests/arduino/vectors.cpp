@@ -188,6 +188,35 @@ TEST_CASE("vectors: a run that ends with the frame has no code after it") {
     }
 }
 
+TEST_CASE("line: a body that is not exactly one message is refused") {
+    const Bytes &command = page().vectors.at("command_enable").at("body");
+    const auto with = [&command](size_t at, const Bytes &piece) {
+        Bytes body(command.begin(), command.begin() + static_cast<std::ptrdiff_t>(at));
+        body.insert(body.end(), piece.begin(), piece.end());
+        return body;
+    };
+    // The bytes of this body: 01, sequence e8 07, enable 01, watchdog 14, four torques.
+    REQUIRE(with(6, {}) == Bytes{0x01, 0xE8, 0x07, 0x01, 0x14, 0x04});
+    Bytes left_over = command;
+    left_over.push_back(0x55);
+    Bytes seventeen = with(5, {17});
+    seventeen.resize(seventeen.size() + 4 * 17, 0x3F);
+    for (const Bytes &body :
+         {left_over, with(command.size() - 1, {}), with(5, {}), with(3, {2, 0x14, 0}),
+          with(4, {0x80, 0x80, 0x04, 0}), with(1, {0x80, 0x80, 0x80, 0x80, 0x10, 0, 1, 0}),
+          seventeen, with(5, {0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x80, 0x02})}) {
+        hbot::Decoder decoder;
+        CHECK(heard(decoder, framed(body)) == std::vector<hbot::Heard>{hbot::Heard::Body});
+    }
+    hbot::Decoder decoder;
+    CHECK(heard(decoder, framed(command)) == std::vector<hbot::Heard>{hbot::Heard::Command});
+    // A varint may have more bytes than it needs: hbot-link takes it too.
+    CHECK(heard(decoder, framed(with(4, {0x94, 0x80, 0x00, 0x80, 0x00}))) ==
+          std::vector<hbot::Heard>{hbot::Heard::Command});
+    CHECK(decoder.command().watchdogMs == 20);
+    CHECK(decoder.command().joints == 0);
+}
+
 TEST_CASE("line: a frame is decoded in pieces, after noise, and after a frame that is too long") {
     const Bytes &frame = page().vectors.at("command_enable").at("frame");
     hbot::Decoder decoder;

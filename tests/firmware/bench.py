@@ -35,12 +35,13 @@ class Server:
     to `folder`.
     """
 
-    def __init__(self, rig, port, folder):
+    def __init__(self, rig, port, folder, *options):
         self.log = os.path.join(folder, "server.log")
         program = os.environ.get("HBOT", "target/debug/hbot")
         with open(self.log, "w", encoding="utf-8") as log:
             self.process = subprocess.Popen(
-                [program, "server", "--rig", rig, "--port", port, "--listen", "127.0.0.1:0"],
+                [program, "server", "--rig", rig, "--port", port, "--listen", "127.0.0.1:0",
+                 *options],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
                 env=dict(os.environ, XDG_STATE_HOME=folder))
 
@@ -92,16 +93,21 @@ class Client:
             self.faults.append(message)
         return message
 
-    def call(self, op, **fields):
-        """Sends a request and returns the answer. Fails if the server refuses it."""
+    def request(self, op, **fields):
+        """Sends a request and returns the whole answer, which has `ok` or `error`."""
         self.last_id += 1
         request = {"id": self.last_id, "op": op, **fields}
         self.socket.sendall(json.dumps(request).encode() + b"\n")
         while True:
             message = self.receive()
             if message.get("id") == self.last_id:
-                assert "ok" in message, f"{op}: {message}"
-                return message["ok"]
+                return message
+
+    def call(self, op, **fields):
+        """Sends a request and returns what the server answers. Fails if it refuses the request."""
+        answer = self.request(op, **fields)
+        assert "ok" in answer, f"{op}: {answer}"
+        return answer["ok"]
 
     def state(self, what, found):
         """Waits for a state that `found` accepts, and returns it."""
@@ -123,13 +129,16 @@ def spring(reference):
          "reference": reference}]}
 
 
-class Spring:
-    """A client that holds the rig with a spring and moves the spring's reference.
+class Deadline(Exception):
+    """The loop lost ten ticks in a row: the fault `deadline`.
 
-    The loop needs its share of the processor. On a busy machine it can lose ten ticks in a row,
-    which is the fault `deadline`. That fault is about the machine and not about the firmware, so it
-    is reset and counted. Every other fault fails the test.
+    The loop needs its share of the processor, which a busy machine does not give it. So this fault
+    is about the machine and not about the firmware. A test resets it and counts it.
     """
+
+
+class Spring:
+    """A client that holds the rig with a spring and moves the spring's reference."""
 
     # 0.2 rad about each axis, to both sides.
     TARGETS = [[math.cos(0.1)] + [sign * math.sin(0.1) if k == axis else 0.0 for k in range(3)]
@@ -137,6 +146,7 @@ class Spring:
 
     def __init__(self, client):
         self.client = client
+        self.moves = 0
         self.reached = 0
         self.most = 0.0
         self.deadlines = 0
@@ -145,18 +155,19 @@ class Spring:
         client.state("a rig with known zeros", lambda state: state["mode"] == "idle")
         client.call("load_scene", scene={"name": "A spring", "effect": [
             {"id": "spring", "kind": "spring", "stiffness": 0.3, "damping": 0.02}]})
-        client.call("enable")
-        client.state("an active rig", self.is_active)
+        self.start()
 
-    def is_active(self, state):
-        """Returns true if `state` is of an active rig."""
-        if state["mode"] == "fault" and state["fault"] == "deadline":
+    def start(self):
+        """Leaves a fault, whose cause must go away, and enables the spring where the sphere is."""
+        until("the rig can be reset", lambda: "ok" in self.client.request("reset"))
+        here = self.client.state("a state", lambda _: True)["q"]
+        self.client.call("set", effect="spring", reference=here)
+        self.client.call("enable")
+        try:
+            self.client.state("an active rig", is_active)
+        except Deadline:
             self.deadlines += 1
-            self.client.call("reset")
-            self.client.call("enable")
-        else:
-            assert state["mode"] in ("idle", "enabling", "active"), self.client.faults
-        return state["mode"] == "active"
+            self.start()
 
     def follow(self, seconds):
         """Moves the spring for `seconds` from orientation to orientation. The sphere must follow.
@@ -165,13 +176,46 @@ class Spring:
         """
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            target = self.TARGETS[self.reached % len(self.TARGETS)]
-            self.client.call("set", effect="spring", reference=target)
-            self.client.state(f"the sphere at {target}", lambda state: self.at(target, state))
-            self.reached += 1
+            target = self.next_target()
+            try:
+                self.client.state(f"the sphere at {target}", lambda state: self.at(target, state))
+                self.reached += 1
+            except Deadline:
+                self.deadlines += 1
+                self.start()
+
+    def pull(self):
+        """Moves the spring and returns when there is torque."""
+        try:
+            self.next_target()
+            self.client.state("torque", lambda state: is_active(state) and torque(state) > 0.01)
+        except Deadline:
+            self.deadlines += 1
+            self.start()
+            self.pull()
+
+    def next_target(self):
+        """Moves the spring to the next orientation, and returns that."""
+        self.moves += 1
+        target = self.TARGETS[self.moves % len(self.TARGETS)]
+        self.client.call("set", effect="spring", reference=target)
+        return target
 
     def at(self, target, state):
         """Returns true if the active sphere is at `target`."""
-        self.most = max(self.most, math.hypot(*state["torque"]))
+        self.most = max(self.most, torque(state))
         # The way is 0.2 rad or more. The joints have no friction that could hold them away from it.
-        return self.is_active(state) and angle_between(state["q"], target) < 0.02
+        return is_active(state) and angle_between(state["q"], target) < 0.02
+
+
+def torque(state):
+    """Returns the size of the torque on the sphere, N m."""
+    return math.hypot(*state["torque"])
+
+
+def is_active(state):
+    """Returns true if the rig renders, and false if it is about to. Fails in any fault."""
+    if state["fault"] == "deadline":
+        raise Deadline
+    assert state["mode"] in ("idle", "enabling", "active"), state
+    return state["mode"] == "active"

@@ -12,7 +12,7 @@
 //     hbot::Device<2> device("my firmware 1.0", joints, readJoints, driveJoints);
 //
 //     void setup() { Serial.begin(3000000); device.begin(); }
-//     void loop() { device.poll(Serial, micros()); }
+//     void loop() { device.serve(Serial, micros()); }
 //
 // From the line upwards: `FrameWriter` and `Decoder` turn messages into bytes and back. `Device`
 // holds the state of the controller. It is fed bytes and the time in microseconds, and it neither
@@ -449,7 +449,7 @@ public:
 
     // Checks the watchdog at the time `nowUs`, in microseconds; the time wraps at 32 bits. Call it
     // at least once in a millisecond: if no call comes, torque does not end.
-    void tick(uint32_t nowUs) {
+    void poll(uint32_t nowUs) {
         const bool before = givesTorque();
         watch(nowUs);
         if (before && !givesTorque()) {
@@ -460,7 +460,7 @@ public:
     // Takes one byte from the line, which arrived at `nowUs`. Returns the number of bytes in
     // `answer()` that must be sent now; it is 0 if there is no answer. Checks the watchdog too.
     size_t receive(uint8_t byte, uint32_t nowUs) {
-        tick(nowUs);
+        poll(nowUs);
         switch (decoder_.push(byte)) {
         case Heard::Nothing:
             return 0;
@@ -481,8 +481,8 @@ public:
     // Takes the bytes that have arrived on `port` and sends the answers. `port` is a `Serial` of
     // Arduino, or any type with `available`, `read` and `write`. Call it in each pass of the loop
     // with `micros()`.
-    template <typename Port> void poll(Port &port, uint32_t nowUs) {
-        tick(nowUs);
+    template <typename Port> void serve(Port &port, uint32_t nowUs) {
+        poll(nowUs);
         // Bytes that arrive meanwhile wait for the next call, so a line that is never silent cannot
         // keep the loop here.
         for (int waiting = port.available(); waiting > 0; waiting--) {
