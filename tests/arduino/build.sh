@@ -6,6 +6,6 @@ cd "$(dirname "$0")/../.."
 
 output=$1
 shift
-g++ -std=c++11 -O1 -g -Wall -Wextra -Wconversion -Wsign-conversion -Wshadow -Wpedantic -Werror \
+g++ -std=c++11 -O1 -g -Wall -Wextra -Wconversion -Wsign-conversion -Wpedantic -Werror \
     -fsanitize=address,undefined -fno-sanitize-recover=all \
     -I "${HEADER_FOLDER:-clients/arduino/HbotLink/src}" -DLINK_PAGE="\"$PWD/docs/link.md\"" "$@" -o "$output"

@@ -1,8 +1,8 @@
-"""The C++ header on a pseudo-terminal, driven by the server at 1 kHz.
+"""An Arduino sketch on a pseudo-terminal, driven by the server at 1 kHz.
 
     python3 tests/firmware/on_terminal.py PROGRAM [SECONDS]
 
-PROGRAM is tests/arduino/pty_device.cpp, built.
+PROGRAM is a sketch with tests/arduino/board/on_terminal.cpp.
 """
 
 import subprocess

@@ -1,5 +1,5 @@
 // Four simulated joints, each with a motor, an inertia, viscous friction and an encoder. Nothing
-// couples them. The numbers are those of the Rust image in firmware/mps2, so one rig file fits both.
+// couples them. The numbers are those of hbot's firmware/mps2, so its rig.toml fits this too.
 
 #ifndef PLANT_H
 #define PLANT_H
