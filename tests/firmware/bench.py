@@ -125,7 +125,7 @@ class Client:
 def spring(reference):
     """Returns a scene with a spring towards `reference`."""
     return {"name": "A spring", "effect": [
-        {"id": "spring", "kind": "spring", "stiffness": 0.3, "damping": 0.02,
+        {"id": "spring", "kind": "spring", "stiffness": 1.0, "damping": 0.02,
          "reference": reference}]}
 
 
@@ -154,7 +154,7 @@ class Spring:
         client.call("subscribe", every=10)
         client.state("a rig with known zeros", lambda state: state["mode"] == "idle")
         client.call("load_scene", scene={"name": "A spring", "effect": [
-            {"id": "spring", "kind": "spring", "stiffness": 0.3, "damping": 0.02}]})
+            {"id": "spring", "kind": "spring", "stiffness": 1.0, "damping": 0.02}]})
         self.start()
 
     def start(self):

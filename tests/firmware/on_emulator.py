@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from bench import Client, Deadline, Server, Spring, until
 from link import WATCHDOG_EXPIRED, Line
 
-RIG = "firmware/mps2-cpp/rig.toml"
+RIG = "firmware/mps2/rig.toml"
 # From the rig file: the number of joints, and the watchdog time of a command, s.
 JOINTS = 4
 WATCHDOG = 1.0

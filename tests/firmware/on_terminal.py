@@ -20,7 +20,7 @@ def main():
                                   text=True)
         try:
             port = device.stdout.readline().strip()
-            with Server("firmware/mps2-cpp/rig.toml", port, folder,
+            with Server("firmware/mps2/rig.toml", port, folder,
                         "--rate", "1000") as server:
                 with Client(server.address()) as client:
                     assert client.call("info")["rig"]["rate_hz"] == 1000.0

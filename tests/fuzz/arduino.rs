@@ -60,7 +60,15 @@ fn each_input(mutated: u64, child: Option<ChildStdin>, mut each: impl FnMut(&[u8
     };
     let mut seeds = corpus(target("link_to_controller"));
     seeds.extend(corpus(target("link_from_controller")));
-    seeds.extend((0..=MAX_JOINTS).map(longest_command));
+    seeds.extend((0..=MAX_JOINTS).map(|joints| command(&vec![NO_ZERO; joints])));
+    let mut torque = [NO_ZERO; MAX_JOINTS];
+    torque[12] = ZERO_AFTER_A_RUN;
+    seeds.extend((13..=MAX_JOINTS).map(|joints| command(&torque[..joints])));
+    // A varint with more bytes than it needs, up to ten of a 64-bit number.
+    seeds.extend((1..=10).map(|more| {
+        let count = [vec![0x80; more], vec![0x00]].concat();
+        framed(&[&[1, 7, 0, 20][..], &count].concat())
+    }));
     seeds.iter().for_each(|seed| give(seed));
     let mut random = Rand64::new(SEED);
     let mut input = Vec::new();
@@ -75,13 +83,29 @@ fn each_input(mutated: u64, child: Option<ChildStdin>, mut each: impl FnMut(&[u8
     seeds.len() as u64 + mutated
 }
 
-/// Returns the frame of a command without zeros, whose feedback is the longest possible.
-fn longest_command(joints: usize) -> Vec<u8> {
-    let torque = (0..joints).map(|_| f32::from_bits(0x8181_8181)).collect();
+/// Bits of a torque that has no zero byte, so that its feedback is the longest possible.
+const NO_ZERO: u32 = 0x8181_8181;
+/// Bits of the torque of joint 12 with which byte 254 of the feedback is a zero, after 254 others:
+/// the count of this joint takes 4 bytes instead of 5, and then its rate begins with a zero.
+const ZERO_AFTER_A_RUN: u32 = 0x0081_8100;
+
+/// Returns the frame of a command with the torques that have these bits.
+fn command(torque: &[u32]) -> Vec<u8> {
+    let torque = torque.iter().map(|bits| f32::from_bits(*bits)).collect();
     let command = Command { sequence: u32::MAX, enable: true, watchdog_ms: u16::MAX, torque };
     let mut frame = vec![0; MAX_FEEDBACK_FRAME];
     let length = encode(&ToController::Command(command), &mut frame).expect("it fits");
     frame.truncate(length);
+    frame
+}
+
+/// Returns the frame of a body, which need not be a message.
+fn framed(body: &[u8]) -> Vec<u8> {
+    let unchecked = [body, &[0; 4]].concat();
+    let mut frame = vec![0; cobs::max_encoding_length(unchecked.len()) + 1];
+    let length = cobs::encode(&unchecked, &mut frame);
+    frame.truncate(length + 1);
+    reframe(&mut frame);
     frame
 }
 

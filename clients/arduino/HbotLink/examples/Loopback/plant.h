@@ -13,18 +13,25 @@ constexpr uint8_t Count = 4;
 constexpr hbot::Joint Steer = {16384, 0.93f, 80.0f};
 constexpr hbot::Joint Drive = {16384, 0.14f, 80.0f};
 constexpr hbot::Joint Joints[Count] = {Steer, Drive, Steer, Drive};
-// Turns of the encoder in one turn of each joint.
-constexpr float Gear[Count] = {1.0f, 17.0f, 1.0f, 17.0f};
 
-// Inertia of each joint, kg m².
-constexpr float Inertia = 1.0e-3f;
-// Friction of each joint, N m s/rad. With the inertia it gives a time constant of 0.1 s.
-constexpr float Friction = 0.01f;
+struct Mechanics {
+    // Turns of the encoder in one turn of the joint.
+    float gear;
+    // Moment of inertia at the joint, kg m².
+    float inertia;
+    // Viscous friction, N m s/rad. It is large, so that a spring is stable even if the host's loop
+    // is late by 0.2 s on a busy machine.
+    float friction;
+};
+constexpr Mechanics SteerMechanics = {1.0f, 5.0e-3f, 5.0e-2f};
+constexpr Mechanics DriveMechanics = {17.0f, 1.0e-3f, 2.0e-2f};
+constexpr Mechanics Of[Count] = {SteerMechanics, DriveMechanics, SteerMechanics, DriveMechanics};
+
 // Temperature that the motors report, in degrees Celsius.
 constexpr float Temperature = 25.0f;
 // Longest time by which the joints move on at once, in microseconds. A longer gap, such as a halt in
 // a debugger, does not move them.
-constexpr uint32_t LongestStepUs = 10000;
+constexpr uint32_t LongestStepUs = 20000;
 constexpr float TwoPi = 6.28318531f;
 
 class Plant {
@@ -36,9 +43,9 @@ public:
         nowUs_ = nowUs;
         const float dt = 1.0e-6f * static_cast<float>(stepUs);
         for (uint8_t j = 0; j < Count; j++) {
-            rate_[j] += dt * (torque_[j] - Friction * rate_[j]) / Inertia;
+            rate_[j] += dt * (torque_[j] - Of[j].friction * rate_[j]) / Of[j].inertia;
             const float countsPerRad =
-                Gear[j] * static_cast<float>(Joints[j].countsPerTurn) / TwoPi;
+                Of[j].gear * static_cast<float>(Joints[j].countsPerTurn) / TwoPi;
             turn(j, dt * rate_[j] * countsPerRad);
         }
     }
