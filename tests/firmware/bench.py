@@ -152,7 +152,7 @@ class Spring:
         self.deadlines = 0
         client.call("acquire")
         client.call("subscribe", every=10)
-        client.state("a rig with known zeros", lambda state: state["mode"] == "idle")
+        client.state("a rig with known zeros", is_ready)
         client.call("load_scene", scene={"name": "A spring", "effect": [
             {"id": "spring", "kind": "spring", "stiffness": 1.0, "damping": 0.02}]})
         self.start()
@@ -211,6 +211,12 @@ class Spring:
 def torque(state):
     """Returns the size of the torque on the sphere, N m."""
     return math.hypot(*state["torque"])
+
+
+def is_ready(state):
+    """Returns true if the rig can be enabled, perhaps after a reset. Fails in any other fault."""
+    assert state["fault"] in (None, "deadline"), state
+    return state["mode"] in ("idle", "fault")
 
 
 def is_active(state):
