@@ -261,11 +261,11 @@ class Rig:
         A later `states` or `render` of this connection ends this iteration.
         """
         async with self._subscription(every) as (states, wait):
-            end: float | None = None
+            end: int | None = None
             while (state := await states.get(wait)) is not None:
                 if end is None and duration is not None:
-                    end = state.t + duration
-                if end is not None and state.t >= end:
+                    end = state.tick + round(duration * self.hello.rate_hz)
+                if end is not None and state.tick >= end:
                     return
                 yield state
             raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")

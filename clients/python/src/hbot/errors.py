@@ -68,8 +68,11 @@ class Refused(HbotError):
         op: str | None = None,
         holder: str | None = None,
         angle: float | None = None,
+        code: str | None = None,
     ) -> None:
         """Create the exception for one refused request."""
+        if code is not None:
+            self.code = code
         self.message = message
         self.op = op
         self.holder = holder
@@ -87,14 +90,13 @@ class Refused(HbotError):
         An unknown code gives a plain `Refused`.
         """
         code = str(error.get("code", ""))
-        refused = Refused.by_code.get(code, Refused)(
+        return Refused.by_code.get(code, Refused)(
             str(error.get("message", "")),
             op=op,
             holder=error.get("holder"),
             angle=error.get("angle"),
+            code=code,
         )
-        refused.code = code
-        return refused
 
 
 class BadRequest(Refused):

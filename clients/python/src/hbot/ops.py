@@ -6,6 +6,7 @@ each.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
@@ -42,8 +43,15 @@ def _given(**fields: Any) -> dict[str, Any]:
 
 
 def _numbers(values: Iterable[float]) -> list[float]:
-    """Return the values as plain numbers, also those of an array."""
-    return [float(value) for value in values]
+    """Return the values as plain numbers, also those of an array.
+
+    Raises:
+        ValueError: a value is not finite.
+    """
+    numbers = [float(value) for value in values]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{numbers}: every number must be finite")
+    return numbers
 
 
 def info() -> Request[Info]:

@@ -34,7 +34,7 @@ class Rendering:
         self._connection = connection
         self._valid_ms = valid_ms
         self._duration = duration
-        self._first_t: float | None = None
+        self._end: int | None = None
         self._calls = self._skipped = self._unsent = 0
 
     @property
@@ -63,9 +63,11 @@ class Rendering:
                 f"the rig is in mode {state.mode}: {state.fault or 'somebody stopped it'}",
                 op="render",
             )
-        if self._first_t is None:
-            self._first_t = state.t
-        return self._duration is None or state.t < self._first_t + self._duration
+        if self._duration is None:
+            return True
+        if self._end is None:
+            self._end = state.tick + round(self._duration * self._connection.hello.rate_hz)
+        return state.tick < self._end
 
     def send(self, state: State, torque: Sequence[float] | None) -> None:
         """Send the torque that was computed from `state`. None: send nothing."""
@@ -73,7 +75,7 @@ class Rendering:
         if torque is None:
             return
         fields: dict[str, Any] = torque_request(
-            torque, self._valid_ms, state.tick, self._calls
+            torque, self._valid_ms, state.tick, state.tick
         ).fields
         if not self._connection.post("torque", fields):
             self._unsent += 1

@@ -280,11 +280,11 @@ class Rig:
             ConnectionLost: the connection has ended.
         """
         with self._subscription(every) as (states, wait):
-            end: float | None = None
+            end: int | None = None
             while (state := states.get(wait)) is not None:
                 if end is None and duration is not None:
-                    end = state.t + duration
-                if end is not None and state.t >= end:
+                    end = state.tick + round(duration * self.hello.rate_hz)
+                if end is not None and state.tick >= end:
                     return
                 yield state
             raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")

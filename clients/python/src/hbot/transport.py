@@ -70,6 +70,7 @@ class Transport:
             ) from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._send_lock = threading.Lock()
+        self._closed = False
         self._readable = selectors.DefaultSelector()
         self._readable.register(self._socket, selectors.EVENT_READ)
         self._writable = selectors.DefaultSelector()
@@ -92,12 +93,13 @@ class Transport:
     def writable(self) -> bool:
         """Return whether the connection takes a short message at once.
 
-        False while a message is being sent.
+        False while a message is
+        being sent. True after the end, where `send` raises.
         """
         if not self._send_lock.acquire(blocking=False):
             return False
         try:
-            return bool(self._writable.select(0))
+            return self._closed or bool(self._writable.select(0))
         finally:
             self._send_lock.release()
 
@@ -109,6 +111,7 @@ class Transport:
     def close(self) -> None:
         """Free the socket. Only the thread that receives calls this, after its last `receive`."""
         with self._send_lock:
+            self._closed = True
             self._readable.close()
             self._writable.close()
             self._socket.close()
