@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from serving import Server
+
+# Read by the library of LSL when it is loaded: streams stay on this machine.
+os.environ["LSLAPICFG"] = str(Path(__file__).parent / "lsl_api.cfg")
 
 
 @pytest.fixture(scope="session")

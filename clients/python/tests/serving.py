@@ -75,13 +75,13 @@ def rig_file(folder: Path, api: str = "") -> Path:
 class Server:
     """A server with a simulated rig, in a process of its own."""
 
-    def __init__(self, folder: Path, api: str = "", rate_hz: int = RATE_HZ) -> None:
+    def __init__(self, folder: Path, api: str = "", rate_hz: int = RATE_HZ, port: int = 0) -> None:
         """Start the server and wait until it listens."""
         self._log = folder / "server.log"
         command = [str(program()), "server", "--rig", str(rig_file(folder, api))]
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(
-                [*command, "--rate", str(rate_hz), "--listen", "127.0.0.1:0"],
+                [*command, "--rate", str(rate_hz), "--listen", f"127.0.0.1:{port}"],
                 cwd=folder,
                 stdout=log,
                 stderr=subprocess.STDOUT,
