@@ -41,13 +41,20 @@ class Program:
 
         def find() -> bool:
             assert self.process.poll() is None, self.log()
-            found.extend(pylsl.resolve_bypred(query, 1, 0.5))
+            found.extend(pylsl.resolve_bypred(query, 1, 5.0))
             return bool(found)
 
         eventually(find, f"the stream {name}")
-        inlet = pylsl.StreamInlet(found[0])
+        inlet = pylsl.StreamInlet(found[0], recover=False)
         inlet.open_stream(PATIENCE_S)
         return inlet
+
+    def end(self) -> None:
+        """End the inlets and the program."""
+        for inlet in (self.samples, self.markers):
+            inlet.close_stream()
+        self.process.kill()
+        self.process.wait(PATIENCE_S)
 
     def log(self) -> str:
         """Return what the program has printed."""
@@ -78,8 +85,7 @@ def program(server: Server, tmp_path: Path) -> Iterator[Program]:
     """Start the program for the shared server."""
     program = Program(server, tmp_path)
     yield program
-    program.process.kill()
-    program.process.wait(PATIENCE_S)
+    program.end()
 
 
 def test_every_state_is_a_sample_at_the_time_of_its_tick(server: Server, program: Program) -> None:
@@ -147,8 +153,7 @@ def test_the_program_survives_its_server(tmp_path: Path) -> None:
         assert sample is not None
         assert sample[1] < PATIENCE_S, "the ticks count from 0 again"
     finally:
-        program.process.kill()
-        program.process.wait(PATIENCE_S)
+        program.end()
         server.kill()
 
 
