@@ -9,7 +9,7 @@ import re
 from typing import Any, get_args, get_type_hints
 
 import pytest
-from serving import REPOSITORY
+from serving import REPOSITORY, Server
 
 import hbot
 from hbot import answers, events, info, ops, wire
@@ -201,3 +201,19 @@ def test_messages_are_found_in_pieces_of_any_length(encoding: wire.Encoding) -> 
 def test_bytes_that_are_no_message(encoding: wire.Encoding, data: bytes) -> None:
     with pytest.raises(hbot.ProtocolError):
         Splitter(encoding).push(data)
+
+
+@pytest.mark.parametrize("page", ["docs/clients.md", "clients/python/README.md"])
+def test_the_programs_of_the_pages_run(
+    page: str, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each runs in the folder of the repository, for a shorter time and with another address."""
+    monkeypatch.chdir(REPOSITORY)
+    blocks = re.findall(r"(?s)```python\n(.*?)```", (REPOSITORY / page).read_text("utf-8"))
+    assert blocks
+    for block in blocks:
+        assert "duration=5.0" in block
+        assert "hbot.connect(" in block
+        code = block.replace("duration=5.0", "duration=0.2").replace('"127.0.0.1:4268", ', "")
+        code = code.replace("hbot.connect(", f'hbot.connect("{server.address}", ')
+        exec(compile(code, page, "exec"), {"__name__": "__main__"})

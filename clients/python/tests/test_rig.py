@@ -14,6 +14,7 @@ from serving import PATIENCE_S, RATE_HZ, SCENES, Server, eventually
 import hbot
 from hbot import connection as connection_module
 from hbot import rig as rig_module
+from hbot.arrays import columns
 from hbot.wire import Encoding
 
 DAMPING = 0.01  # N m s/rad
@@ -75,6 +76,17 @@ def test_a_scene_can_be_a_map_and_arrays_can_be_sent(rig: hbot.Rig) -> None:
         rig.enable()
         rig.render(lambda state: numpy.array(state.omega) * -DAMPING, duration=0.1)
         assert rig.align(next(rig.states()).q, weight=0.0) < 0.5
+
+
+def test_states_become_arrays(rig: hbot.Rig) -> None:
+    numpy = pytest.importorskip("numpy", reason="the extra numpy is installed in CI")
+    states = list(rig.states(duration=0.1))
+    arrays = columns(states)
+    assert arrays["q"].shape == (RATE_HZ // 10, 4)
+    assert arrays["joint_torque"].shape == (RATE_HZ // 10, 4)
+    assert numpy.all(numpy.diff(arrays["tick"]) == 1)
+    assert arrays["mode"][0] == "idle"
+    assert arrays["joint_angle"][-1, 3] == states[-1].joints[3].angle
 
 
 def test_the_age_of_a_torque_is_counted_from_the_state_it_was_computed_from(rig: hbot.Rig) -> None:
