@@ -3,11 +3,11 @@
 //! sphere had when the program started.
 //!
 //! ```text
-//! cargo run server                                           # in one terminal: a simulated rig
-//! cargo run --example stream_torque -- [ADDRESS] [SECONDS]   # in another terminal
+//! cargo run server                                                      # in one terminal: a simulated rig
+//! cargo run --example stream_torque -- [ADDRESS] [SECONDS] [ENCODING]   # in another terminal
 //! ```
 //!
-//! The defaults are 127.0.0.1:4268 and 5 s.
+//! The defaults are 127.0.0.1:4268, 5 s and `json`. The other encoding is `msgpack`.
 //!
 //! A torque that a client computes is some milliseconds old when it acts. Such a spring must
 //! therefore be softer than one of a scene, which the loop renders itself. Each message states how
@@ -16,7 +16,7 @@
 use std::error::Error;
 use std::time::{Duration, Instant};
 
-use hbot_api::{Client, Event, TorqueCommand};
+use hbot_api::{Client, ConnectOptions, Encoding, Event, TorqueCommand};
 use hbot_core::{Vec3, rotation};
 
 /// Stiffness of the spring, N m/rad.
@@ -30,8 +30,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
     let address = args.next().unwrap_or_else(|| "127.0.0.1:4268".to_owned());
     let seconds: f64 = args.next().map_or(Ok(5.0), |seconds| seconds.parse())?;
+    let encoding = match args.next() {
+        None => Encoding::Json,
+        Some(name) => name.parse().map_err(|()| "the encodings are json and msgpack")?,
+    };
 
-    let mut client = Client::connect(&address, "stream_torque")?;
+    let options = ConnectOptions { encoding, ..ConnectOptions::new("stream_torque") };
+    let mut client = Client::connect_with(&address, &options)?;
     // Only the holder of the lease can stream. The lease is given back when the connection ends.
     client.acquire(false)?;
     client.enable()?;

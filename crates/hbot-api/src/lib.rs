@@ -121,3 +121,8 @@ pub const MAX_ANSWER_BYTES: usize = 1 << 20;
 /// Largest nesting depth of lists and maps in a request. For comparison: a scene with a 3x3
 /// stiffness has a depth of six.
 pub const MAX_DEPTH: usize = 64;
+
+/// The program in Rust on the page of clients compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/clients.md")]
+struct ClientsPage;

@@ -1,0 +1,43 @@
+#!/usr/bin/env bash
+# The Python client: types, style, tests against the real server, and both packages installed into an empty environment
+# and used. Needs the server's program, which the tests of the workspace have built.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+target="$PWD/${CARGO_TARGET_DIR:-target}"
+case ${CARGO_TARGET_DIR:-} in /*) target="$CARGO_TARGET_DIR" ;; esac
+export HBOT_SERVER="${HBOT_SERVER:-$target/debug/hbot}"
+if [ ! -x "$HBOT_SERVER" ]; then
+    cargo build --quiet --locked --workspace --bin hbot
+fi
+if ! python3 -m venv --help >/dev/null 2>&1 || ! command -v openssl >/dev/null; then
+    apt-get update -qq && apt-get install -y -qq python3-venv openssl
+fi
+
+# The environment stays in target/: a second run installs nothing.
+venv="$target/python/venv"
+if [ ! -x "$venv/bin/python" ]; then
+    python3 -m venv "$venv"
+fi
+cd clients/python
+"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[numpy,msgpack,lsl,toml]' \
+    pytest==9.* pytest-timeout==2.* pytest-rerunfailures==16.* mypy==2.* ruff==0.* build==1.* hatchling==1.*
+
+echo "-- style and types"
+"$venv/bin/ruff" format --quiet --check .
+"$venv/bin/ruff" check --quiet .
+"$venv/bin/mypy" --cache-dir "$target/python/mypy"
+
+echo "-- tests against $HBOT_SERVER"
+"$venv/bin/pytest" -q -o cache_dir="$target/python/pytest"
+
+# Each package is installed alone into an environment that has nothing else.
+rm -rf "$target/python/dist"
+"$venv/bin/python" -m build --no-isolation --outdir "$target/python/dist" . >/dev/null
+for package in "$target"/python/dist/*; do
+    echo "-- $(basename "$package") in an empty environment"
+    rm -rf "$target/python/empty"
+    python3 -m venv "$target/python/empty"
+    "$target/python/empty/bin/pip" install --quiet --disable-pip-version-check "$package"
+    "$target/python/empty/bin/python" tests/installed.py
+done

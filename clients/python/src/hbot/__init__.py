@@ -1,0 +1,102 @@
+"""A client for the TCP API of an Hbot server.
+
+    import hbot
+
+    with hbot.connect("127.0.0.1:4268", name="me") as rig:
+        with rig.lease():
+            rig.load_scene("scenes/spring.toml")
+            rig.enable()
+            for state in rig.states(every=100, duration=5.0):
+                print(state.t, state.q)
+
+Units are SI (m, rad, s, kg, N m); a field with another unit has the unit in its name. Vectors are
+in the inertial frame N, whose third axis points up. Quaternions are `(w, x, y, z)` and rotate
+sphere axes into N. A torque acts on the sphere. `hbot.aio` has the same names for programs with
+asyncio.
+"""
+
+from . import aio
+from .answers import Distribution, Loaded, Pong, Stats
+from .errors import (
+    BadRequest,
+    Busy,
+    ConnectionLost,
+    Faulted,
+    HbotError,
+    MissingExtra,
+    NoServer,
+    NotHolder,
+    NotTrusted,
+    OutOfRange,
+    ProtocolError,
+    Refused,
+    SubscriptionTaken,
+    TimedOut,
+    TooLarge,
+    Unauthorized,
+    UnknownEffect,
+    UnsupportedVersion,
+)
+from .events import (
+    DroppedEvent,
+    Effect,
+    Event,
+    FaultEvent,
+    Joint,
+    LeaseEvent,
+    LostEvent,
+    RefusedEvent,
+    SceneEvent,
+    State,
+    StoppingEvent,
+    Stream,
+    Timing,
+)
+from .info import Clock, Hello, Info
+from .rendering import Rendered
+from .rig import Rig, connect
+
+__all__ = [
+    "BadRequest",
+    "Busy",
+    "Clock",
+    "ConnectionLost",
+    "Distribution",
+    "DroppedEvent",
+    "Effect",
+    "Event",
+    "FaultEvent",
+    "Faulted",
+    "HbotError",
+    "Hello",
+    "Info",
+    "Joint",
+    "LeaseEvent",
+    "Loaded",
+    "LostEvent",
+    "MissingExtra",
+    "NoServer",
+    "NotHolder",
+    "NotTrusted",
+    "OutOfRange",
+    "Pong",
+    "ProtocolError",
+    "Refused",
+    "RefusedEvent",
+    "Rendered",
+    "Rig",
+    "SceneEvent",
+    "State",
+    "Stats",
+    "StoppingEvent",
+    "Stream",
+    "SubscriptionTaken",
+    "TimedOut",
+    "Timing",
+    "TooLarge",
+    "Unauthorized",
+    "UnknownEffect",
+    "UnsupportedVersion",
+    "aio",
+    "connect",
+]

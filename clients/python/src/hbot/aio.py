@@ -1,0 +1,350 @@
+"""The client for programs with asyncio. Its names are those of the blocking client, `hbot.Rig`.
+
+A thread of the package reads the connection, as in the blocking client. So a busy event loop
+neither stops the heartbeat nor makes the server cut the connection.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import inspect
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, TypeVar
+
+from . import ops
+from .answers import Loaded, Pong, Stats
+from .connection import MAX_EVENTS, MAX_STATES, Connection, Options
+from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
+from .events import Event, LostEvent, Mode, State
+from .info import Hello, Info
+from .mailbox import Mailbox
+from .rendering import Rendered, Rendering
+from .scenes import Scene
+from .transport import Tls
+from .wire import Encoding
+
+T = TypeVar("T")
+Torque = Callable[[State], Sequence[float] | Awaitable[Sequence[float] | None] | None]
+"""Computes a torque from a state, as `hbot.rig.Torque` does. It can be a coroutine function."""
+
+
+def connect(
+    address: str = "127.0.0.1:4268",
+    *,
+    name: str = "python",
+    token: str | Path | None = None,
+    tls: Tls | None = None,
+    encoding: Encoding = "json",
+    timeout: float = 5.0,
+    on_event: Callable[[Event], None] | None = None,
+) -> Connecting:
+    """Open a connection: `async with hbot.aio.connect(...) as rig`, or `await` it.
+
+    The arguments and exceptions are those of `hbot.connect`. `on_event` is called in the event
+    loop.
+    """
+    return Connecting(address, Options(name, token, tls, encoding, timeout), on_event)
+
+
+class Connecting:
+    """A connection that is about to be opened."""
+
+    def __init__(
+        self, address: str, options: Options, on_event: Callable[[Event], None] | None
+    ) -> None:
+        """Remember the arguments of `connect`."""
+        self._address = address
+        self._options = options
+        self._on_event = on_event
+        self._rig: Rig | None = None
+
+    def __await__(self) -> Generator[Any, None, Rig]:
+        """Open the connection."""
+        return self._open().__await__()
+
+    async def __aenter__(self) -> Rig:
+        """Open the connection."""
+        self._rig = await self._open()
+        return self._rig
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the connection."""
+        assert self._rig is not None
+        await self._rig.close()
+
+    async def _open(self) -> Rig:
+        connection = await asyncio.to_thread(Connection, self._address, self._options)
+        rig = Rig(connection, self._on_event)
+        try:
+            await rig.refresh()
+        except BaseException:
+            connection.close()
+            raise
+        return rig
+
+
+class _Box(Generic[T]):
+    """A mailbox that a coroutine can await."""
+
+    def __init__(self, limit: int) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._ready = asyncio.Event()
+        self._woken = False
+        self.mailbox: Mailbox[T] = Mailbox(limit, self._wake)
+
+    def _wake(self) -> None:
+        """Wake the coroutine.
+
+        The reading thread calls this for each item, and the loop is asked once.
+        """
+        if not self._woken:
+            self._woken = True
+            with contextlib.suppress(RuntimeError):  # The event loop has been closed.
+                self._loop.call_soon_threadsafe(self._ready.set)
+
+    async def get(self, timeout: float | None) -> T | None:
+        """Return the oldest item, and wait at most `timeout` s for it. None: none came."""
+        while True:
+            self._ready.clear()
+            self._woken = False
+            if (item := self.mailbox.take()) is not None:
+                return item
+            try:
+                await asyncio.wait_for(self._ready.wait(), timeout)
+            except asyncio.TimeoutError:
+                return self.mailbox.take()
+
+
+class Rig:
+    """A connection to a server. `hbot.Rig` describes each method, its arguments and its exceptions.
+
+    Only coroutines of one event loop may use it.
+
+    Attributes:
+        hello: the server's answer to the first message.
+        info: the answer to `info` at the time of connecting. `refresh` asks again.
+    """
+
+    info: Info
+
+    def __init__(
+        self, connection: Connection, on_event: Callable[[Event], None] | None = None
+    ) -> None:
+        """Use an open connection. Programs call `connect` instead."""
+        self._connection = connection
+        self._loop = asyncio.get_running_loop()
+        self._events: _Box[Event] = _Box(MAX_EVENTS)
+        self._on_event = on_event
+        self.hello: Hello = connection.hello
+        connection.start(self._events.mailbox)
+        self._callbacks = (
+            None if on_event is None else asyncio.ensure_future(self._call_back(on_event))
+        )
+
+    async def close(self) -> None:
+        """Close the connection. The server frees the lease, and this client's torque ends."""
+        if self._callbacks is not None:
+            self._callbacks.cancel()
+        await asyncio.to_thread(self._connection.close)
+
+    @property
+    def lost(self) -> LostEvent:
+        """What this program was too slow to take or to send, since it connected."""
+        return self._connection.lost
+
+    async def refresh(self) -> Info:
+        """Ask for `info` again. Returns it and stores it in the attribute `info`."""
+        self.info = await self._call(ops.info())
+        return self.info
+
+    async def stats(self) -> Stats:
+        """Return how long things took, and how often events happened, since the server began."""
+        return await self._call(ops.stats())
+
+    async def acquire(self, steal: bool = False) -> None:
+        """Take the lease, the right to command."""
+        await self._call(ops.acquire(steal))
+
+    async def release(self) -> None:
+        """Give the lease back."""
+        await self._call(ops.release())
+
+    @asynccontextmanager
+    async def lease(self, steal: bool = False) -> AsyncIterator[None]:
+        """Hold the lease inside an `async with` block.
+
+        It is given back at the end, also after an exception.
+        """
+        await self.acquire(steal)
+        try:
+            yield
+        except BaseException:
+            with contextlib.suppress(HbotError):
+                await self.release()
+            raise
+        with contextlib.suppress(NotHolder):  # Another client has taken it.
+            await self.release()
+
+    async def load_scene(self, scene: Scene) -> Loaded:
+        """Replace the scene by a scene file (TOML) or a map of the same structure."""
+        return await self._call(ops.load_scene(scene))
+
+    async def set(self, effect: str, /, **parameters: Any) -> None:
+        """Change parameters of an effect while the loop runs."""
+        await self._call(ops.change(effect, parameters))
+
+    async def torque(
+        self,
+        torque: Iterable[float],
+        valid_ms: int,
+        *,
+        tick: int | None = None,
+        seq: int | None = None,
+        wait: bool = True,
+    ) -> None:
+        """Send one torque (frame N, N m), which is added to that of the scene."""
+        await self._stream(ops.torque(torque, valid_ms, tick, seq), wait)
+
+    async def reference(
+        self,
+        effect: str,
+        q: Iterable[float],
+        *,
+        omega: Iterable[float] | None = None,
+        valid_ms: int | None = None,
+        tick: int | None = None,
+        seq: int | None = None,
+        wait: bool = True,
+    ) -> None:
+        """Move the reference of an effect."""
+        await self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
+
+    async def align(self, q: Iterable[float], weight: float, *, t: float | None = None) -> float:
+        """Correct the server's orientation by a measured one.
+
+        Returns the difference before, rad.
+        """
+        return await self._call(ops.align(q, weight, t))
+
+    async def enable(self) -> Mode:
+        """Begin to render, with a soft start of 0.5 s. Returns the mode."""
+        return await self._call(ops.enable())
+
+    async def disable(self) -> Mode:
+        """End rendering, with a ramp of 50 ms. Needs no lease. Returns the mode."""
+        return await self._call(ops.disable())
+
+    async def reset(self) -> Mode:
+        """Leave a fault or an emergency stop after its cause is gone. Returns the mode."""
+        return await self._call(ops.reset())
+
+    async def estop(self) -> Mode:
+        """Stop the motors in the next tick. Needs no lease. Returns the mode."""
+        return await self._call(ops.estop())
+
+    async def ping(self, data: Any = None) -> Pong:
+        """Test the connection. Returns `data` as it came back, and the last tick."""
+        return await self._call(ops.ping(data))
+
+    async def states(self, every: int = 1, duration: float | None = None) -> AsyncIterator[State]:
+        """Iterate over states.
+
+        A later `states` or `render` of this connection ends this iteration.
+        """
+        async with self._subscription(every) as (states, wait):
+            end: int | None = None
+            while (state := await states.get(wait)) is not None:
+                if end is None and duration is not None:
+                    end = state.tick + round(duration * self.hello.rate_hz)
+                if end is not None and state.tick >= end:
+                    return
+                yield state
+            raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
+
+    async def render(
+        self, torque: Torque, *, every: int = 1, valid_ms: int = 20, duration: float | None = None
+    ) -> Rendered:
+        """Compute torques from states and stream them. The function can be a coroutine function.
+
+        It runs in the event loop. If something else keeps the event loop busy for `valid_ms`, the
+        torque ends.
+        """
+        rendering = Rendering(self._connection, valid_ms, duration)
+        async with self._subscription(every) as (states, wait):
+            while True:
+                first = await states.get(wait)
+                if first is None:
+                    raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
+                later, skipped = states.mailbox.newest(0.0)
+                state = first if later is None else later
+                if not rendering.goes_on(state, skipped + (later is not None)):
+                    return rendering.result
+                value = torque(state)
+                rendering.send(state, await value if inspect.isawaitable(value) else value)
+
+    async def events(self, duration: float | None = None) -> AsyncIterator[Event]:
+        """Iterate over the events that were not taken yet.
+
+        Waits at most `duration` s for each (None: no end).
+        """
+        if self._on_event is not None:
+            raise ValueError("on_event gets the events of this connection")
+        while (event := await self._events.get(duration)) is not None:
+            yield event
+
+    async def _call_back(self, on_event: Callable[[Event], None]) -> None:
+        with contextlib.suppress(ConnectionLost):  # The program's next call raises it.
+            while (event := await self._events.get(None)) is not None:
+                on_event(event)
+
+    async def _call(self, request: ops.Request[T]) -> T:
+        answered: asyncio.Future[Any] = self._loop.create_future()
+
+        def settle(body: Any, error: Exception | None) -> None:
+            if answered.done():
+                return
+            if error is None:
+                answered.set_result(body)
+            else:
+                answered.set_exception(error)
+
+        def answer(body: Any, error: Exception | None) -> None:
+            with contextlib.suppress(RuntimeError):  # The event loop has been closed.
+                self._loop.call_soon_threadsafe(settle, body, error)
+
+        if self._connection.writable():
+            self._connection.request(request.op, request.fields, answer)
+        else:
+            await asyncio.to_thread(self._connection.request, request.op, request.fields, answer)
+        try:
+            body = await asyncio.wait_for(answered, self._connection.timeout)
+        except asyncio.TimeoutError:
+            raise TimedOut(f"{request.op}: no answer for {self._connection.timeout} s") from None
+        return request.read(body)
+
+    async def _stream(self, request: ops.Request[None], wait: bool) -> None:
+        if wait:
+            await self._call(request)
+        else:
+            self._connection.post(request.op, request.fields)
+
+    @asynccontextmanager
+    async def _subscription(self, every: int) -> AsyncIterator[tuple[_Box[State], float]]:
+        states: _Box[State] = _Box(MAX_STATES)
+        self._connection.subscribe(states.mailbox)
+        try:
+            await self._call(ops.subscribe(every))
+            yield states, self._connection.timeout + every / self.hello.rate_hz
+        finally:
+            if self._connection.unsubscribe(states.mailbox):
+                with contextlib.suppress(ConnectionLost):
+                    await self._call(ops.unsubscribe())

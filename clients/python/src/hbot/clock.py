@@ -1,0 +1,83 @@
+"""Places the times of states on a clock of this machine.
+
+A state carries `t`, the time since tick 0. What is needed is the *offset*: the time of tick 0 on
+the clock of this machine, s. There are two ways to it:
+
+`clock`
+    `info.clock.monotonic_ns` is this time on CLOCK_MONOTONIC of the server's machine. If server and
+    client run on one machine, it is exact.
+
+`ping`
+    Between two machines, round trips enclose the offset. A ping is sent at s, and its answer
+    arrives at r, both on the local clock. The answer names the time t of the last tick, and ticks
+    are a period p apart. That tick had begun before the answer arrived, so offset <= r - t. The
+    next tick had not begun when the request was sent, so offset >= s - t - p. The estimate is the
+    middle between the closest bounds of many round trips. Its error has two parts: half of the
+    distance between the bounds, and half of the difference between the ways there and back.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from .rig import Rig
+
+SAME_CLOCK_S = 0.005
+"""Two ways to the offset that differ by less than this mean that both machines are one, s.
+
+CLOCK_MONOTONIC counts from the start of a machine. So those of two machines differ by far more.
+"""
+PINGS = 60
+"""Round trips of one estimate."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """The time of tick 0 on the local clock."""
+
+    seconds: float
+    """Time of tick 0, s."""
+    uncertainty: float
+    """Half of the distance between the bounds, s. 0 if the clock is shared."""
+    shared: bool
+    """Whether the server has the same clock."""
+
+
+def measure(rig: Rig, now: Callable[[], float], pings: int = PINGS) -> Offset:
+    """Return the offset by round trips. Takes about two periods of the loop for each ping.
+
+    Args:
+        rig: the connection.
+        now: the local clock, s.
+        pings: number of round trips.
+    """
+    period = 1.0 / rig.hello.rate_hz
+    low, high = float("-inf"), float("inf")
+    for _ in range(pings):
+        # At moments that do not keep step with the ticks, so that some come close to one.
+        time.sleep(random.uniform(0.5, 2.0) * period)
+        sent = now()
+        pong = rig.ping()
+        received = now()
+        low = max(low, sent - pong.t - period)
+        high = min(high, received - pong.t)
+    return Offset((low + high) / 2.0, abs(high - low) / 2.0, shared=False)
+
+
+def offset(rig: Rig, now: Callable[[], float] = time.monotonic) -> Offset:
+    """Return the time of tick 0 on the clock `now`: exact if the server has this clock.
+
+    Args:
+        rig: the connection.
+        now: the local clock, s. The way `clock` needs a clock that reads CLOCK_MONOTONIC.
+    """
+    measured = measure(rig, now)
+    if rig.info.clock is None:
+        return measured
+    told = rig.info.clock.monotonic_ns * 1e-9
+    if abs(told - measured.seconds) > SAME_CLOCK_S + measured.uncertainty:
+        return measured
+    return Offset(told, 0.0, shared=True)

@@ -1,0 +1,303 @@
+"""A connection and the thread that reads it.
+
+The front ends `Rig` and `aio.Rig` share this module.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from . import wire
+from .decode import decode
+from .errors import (
+    ConnectionLost,
+    HbotError,
+    NotTrusted,
+    ProtocolError,
+    Refused,
+    SubscriptionTaken,
+    TimedOut,
+)
+from .events import Event, LeaseEvent, LostEvent, State, StoppingEvent, read_event
+from .info import Hello
+from .mailbox import Mailbox
+from .transport import ALERT, Tls, Transport, open_transport
+
+HEARTBEAT_S = 1.0
+"""After this time without a message from the server, the client sends a `ping`, s."""
+SILENCE_S = 10.0
+"""After this time without a message from the server, the connection counts as lost, s."""
+MAX_EVENTS = 4096
+"""Largest number of events that wait for `events()`."""
+MAX_STATES = 4096
+"""Largest number of states that wait for `states()`: those of four seconds at 1 kHz."""
+
+Answer: TypeAlias = Callable[[Any, Exception | None], None]
+"""Receives the body of an answer or the reason why there is none. The reading thread calls it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of `connect`."""
+
+    name: str
+    token: str | Path | None = None
+    tls: Tls | None = None
+    encoding: wire.Encoding = "json"
+    timeout: float = 5.0
+
+
+@dataclass(slots=True)
+class _Pending:
+    """A request that waits for its answer."""
+
+    op: str
+    size: int
+    answer: Answer
+
+
+class Connection:
+    """A connection after its hello. A thread reads it until it ends."""
+
+    def __init__(self, address: str, options: Options) -> None:
+        """Connect and exchange the hello. `start` must follow.
+
+        Raises:
+            NoServer, NotTrusted: there is no connection.
+            Refused: the server refused the hello.
+            TimedOut: the server did not answer.
+        """
+        self.timeout = options.timeout
+        self.lost = LostEvent(states=0, events=0, sends=0)
+        self.holds_lease = False
+        self.lost_lease_to: str | None = None
+        self._encode = wire.encoder(options.encoding)
+        self._transport = open_transport(address, options.tls, options.timeout)
+        try:
+            self.hello = _say_hello(self._transport, options)
+        except BaseException:
+            self._transport.close()
+            raise
+        self._splitter = wire.Splitter(options.encoding)
+        self._pending: dict[int, _Pending] = {}
+        self._lock = threading.Lock()
+        self._last_id = 0
+        self._error: Exception | None = None
+        self._told_at = -1.0
+        self._stopping: str | None = None
+        self._states: Mailbox[State] | None = None
+        self._next_states: Mailbox[State] | None = None
+        self._events: Mailbox[Event] = Mailbox(MAX_EVENTS)
+        self._thread = threading.Thread(target=self._read, name="hbot-reader", daemon=True)
+
+    def start(self, events: Mailbox[Event]) -> None:
+        """Start the thread that reads. Events go to the mailbox."""
+        self._events = events
+        self._thread.start()
+
+    def request(self, op: str, fields: dict[str, Any], answer: Answer) -> None:
+        """Send a request. The reading thread calls `answer`, once.
+
+        Raises:
+            ConnectionLost: the connection has ended.
+            ValueError, TypeError: a field cannot be encoded, for example because a number is not
+                finite.
+        """
+        with self._lock:
+            self._last_id += 1
+            number = self._last_id
+        data = self._encode({"id": number, "op": op, **fields})
+        with self._lock:
+            if self._error is None:
+                self._pending[number] = _Pending(op, len(data), answer)
+        self._send(data)
+
+    def post(self, op: str, fields: dict[str, Any]) -> bool:
+        """Send a stream message, which gets no answer.
+
+        Returns:
+            False if the connection takes no more bytes. The message is not sent then, because it
+            would be old when it arrives; `lost.sends` counts it.
+        """
+        data = self._encode({"op": op, **fields})
+        if self._error is None and not self._transport.writable():
+            self._lose(sends=1)
+            return False
+        self._send(data)
+        return True
+
+    def writable(self) -> bool:
+        """Return whether a short message can be sent without waiting."""
+        return self._transport.writable()
+
+    def subscribe(self, states: Mailbox[State]) -> None:
+        """Put states into this mailbox, from the answer to the next `subscribe` on.
+
+        Ends an earlier mailbox.
+        """
+        before, self._states, self._next_states = self._states, None, states
+        if before is not None:
+            before.end(
+                SubscriptionTaken(
+                    "a later states() or render() of this connection has replaced this one"
+                )
+            )
+
+    def unsubscribe(self, states: Mailbox[State]) -> bool:
+        """Put no more states into this mailbox.
+
+        Return whether it was the last one that subscribed.
+        """
+        if self._next_states is not states:
+            return False
+        self._states = self._next_states = None
+        return True
+
+    def close(self) -> None:
+        """End the connection. Calls and iterations that wait raise `ConnectionLost`."""
+        self._fail(ConnectionLost("this program has closed the connection"))
+        if threading.current_thread() is not self._thread and self._thread.is_alive():
+            self._thread.join(self.timeout)
+
+    def _send(self, data: bytes) -> None:
+        if self._error is not None:
+            raise self._error
+        try:
+            self._transport.send(data)
+        except (OSError, ValueError) as error:
+            raise self._fail(
+                ConnectionLost(f"the server takes no bytes any more: {error}")
+            ) from error
+
+    def _read(self) -> None:
+        """Read until the connection ends. Runs in the thread."""
+        heard = time.monotonic()
+        try:
+            while self._error is None:
+                data = self._transport.receive(HEARTBEAT_S)
+                if data is None:
+                    silent = time.monotonic() - heard
+                    if silent > SILENCE_S:
+                        raise ConnectionLost(f"the server has been silent for {silent:.0f} s")
+                    if silent >= HEARTBEAT_S and self._transport.writable():
+                        self.request("ping", {}, lambda _body, _error: None)
+                    continue
+                if not data:
+                    reason = self._stopping or "it ended, or it cut this client"
+                    raise ConnectionLost(f"the server has closed the connection: {reason}")
+                heard = time.monotonic()
+                for message in self._splitter.push(data):
+                    self._take(message)
+        except HbotError as error:
+            self._fail(error)
+        except (OSError, ValueError) as error:
+            self._fail(ConnectionLost(f"the connection broke: {error}"))
+        finally:
+            self._fail(ConnectionLost("the thread that reads has ended"))
+            self._transport.close()
+
+    def _take(self, message: dict[str, Any]) -> None:
+        if "event" not in message:
+            return self._take_answer(message)
+        event = read_event(message)
+        if isinstance(event, State):
+            if (states := self._states) is not None and states.put(event):
+                self._lose(states=1)
+        elif event is not None:
+            if isinstance(event, LeaseEvent):
+                self._take_lease(event)
+            elif isinstance(event, StoppingEvent):
+                self._stopping = event.message
+            self._put_event(event)
+
+    def _take_answer(self, message: dict[str, Any]) -> None:
+        with self._lock:
+            number = message.get("id")
+            if number is None and self._pending:
+                # The server could not read the id. That happens only if the request was too long.
+                number = max(self._pending, key=lambda number: self._pending[number].size)
+            pending = self._pending.pop(number, None) if isinstance(number, int) else None
+        if pending is None:
+            return  # The late answer to a call that has timed out.
+        if pending.op == "subscribe" and "ok" in message:
+            self._states = self._next_states
+        if "error" in message:
+            pending.answer(None, Refused.of(message["error"], pending.op))
+        else:
+            pending.answer(message.get("ok"), None)
+
+    def _take_lease(self, event: LeaseEvent) -> None:
+        if event.session == self.hello.session:
+            self.holds_lease, self.lost_lease_to = True, None
+        elif self.holds_lease:
+            self.holds_lease, self.lost_lease_to = False, event.holder
+
+    def _put_event(self, event: Event) -> None:
+        if self._events.put(event):
+            self._lose(events=1)
+
+    def _lose(self, states: int = 0, events: int = 0, sends: int = 0) -> None:
+        """Count what was lost, and put a `LostEvent` among the events, at most once a second."""
+        with self._lock:
+            lost = self.lost
+            self.lost = LostEvent(lost.states + states, lost.events + events, lost.sends + sends)
+        now = time.monotonic()
+        if now - self._told_at >= 1.0:
+            self._told_at = now
+            self._events.put(self.lost)
+
+    def _fail(self, error: Exception) -> Exception:
+        """End the connection because of `error`, if it has not ended before.
+
+        Return why it has ended.
+        """
+        with self._lock:
+            if self._error is not None:
+                return self._error
+            self._error = error
+            pending, self._pending = list(self._pending.values()), {}
+        self._transport.shutdown()
+        for waiting in pending:
+            with contextlib.suppress(Exception):
+                waiting.answer(None, error)
+        self._events.end(error)
+        if (states := self._states) is not None:
+            states.end(error)
+        return error
+
+
+def _say_hello(transport: Transport, options: Options) -> Hello:
+    fields: dict[str, Any] = {
+        "version": wire.VERSION,
+        "name": options.name,
+        "encoding": options.encoding,
+    }
+    if options.token is not None:
+        text = options.token
+        fields["token"] = (
+            text.read_text(encoding="utf-8").strip() if isinstance(text, Path) else text
+        )
+    transport.send(wire.encode_json({"id": 0, "op": "hello", **fields}))
+    splitter = wire.Splitter("json")
+    until = time.monotonic() + options.timeout
+    while (left := until - time.monotonic()) > 0:
+        data = transport.receive(left)
+        if data is None:
+            continue
+        if data.startswith(ALERT):
+            raise NotTrusted("the server encrypts: name its certificate with tls=")
+        if not data:
+            raise ConnectionLost("the server has closed the connection before its answer to hello")
+        for message in splitter.push(data):
+            if "error" in message:
+                raise Refused.of(message["error"], "hello")
+            if "ok" in message:
+                return decode(Hello, message["ok"])
+            raise ProtocolError("the server sent an event before its answer to hello")
+    raise TimedOut(f"hello: no answer for {options.timeout} s")

@@ -1,0 +1,178 @@
+"""The program `python -m hbot.lsl`."""
+
+from __future__ import annotations
+
+import argparse
+import socketserver
+import sys
+import threading
+import time
+from pathlib import Path
+
+from .. import clock
+from ..errors import ConnectionLost, HbotError, NoServer, TimedOut
+from ..events import Event, FaultEvent, SceneEvent
+from ..rig import Rig, connect
+from .streams import MARKERS, SAMPLES, Outlets, channels, marker
+
+RETRY_S = 1.0
+"""Time between two attempts to reach a server that has gone, s."""
+MEASURE_EVERY_S = 10.0
+"""Time between two estimates of the offset, if the server has another clock, s."""
+SMOOTHING = 0.3
+"""Fraction of a new estimate that is taken over, so that time stamps do not jump."""
+MARKER_BYTES = 1024
+"""Longest marker of a client, bytes."""
+
+
+def arguments(given: list[str] | None = None) -> argparse.Namespace:
+    """Return the options of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m hbot.lsl",
+        description="Publish an Hbot as streams of the Lab Streaming Layer.",
+    )
+    parser.add_argument("address", nargs="?", default="127.0.0.1:4268", help="the server")
+    parser.add_argument("--every", type=int, default=1, help="ticks from sample to sample")
+    parser.add_argument("--token-file", type=Path, help="file with the server's token")
+    parser.add_argument("--ca", type=Path, help="certificate of the server, if it encrypts (PEM)")
+    parser.add_argument("--encoding", choices=("json", "msgpack"), default="json")
+    parser.add_argument(
+        "--markers", default="127.0.0.1:4269", help="where clients send markers, a line each (TCP)"
+    )
+    parser.add_argument(
+        "--clock",
+        choices=("auto", "ping"),
+        default="auto",
+        help="auto: the server's clock if it is on this machine; ping: always by round trips",
+    )
+    return parser.parse_args(given)
+
+
+class Publisher:
+    """Publishes one server until it has gone."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        """Remember the options."""
+        self._options = options
+        self._offset: clock.Offset | None = None
+        self.outlets: Outlets | None = None
+
+    def run(self) -> None:
+        """Connect, and publish until the connection ends.
+
+        Raises:
+            HbotError: the connection has ended, or there is none.
+        """
+        options = self._options
+        with connect(
+            options.address,
+            name="lsl",
+            token=options.token_file,
+            tls=options.ca,
+            encoding=options.encoding,
+        ) as rig:
+            if self.outlets is None:
+                self.outlets = Outlets(options.address, rig.info, options.every)
+            elif self.outlets.channels != channels(rig.info):
+                raise SystemExit("the server has another rig now: start this program again")
+            found = self._measure(rig)
+            way = "clock" if found.shared else f"ping, +-{found.uncertainty * 1e3:.3f} ms"
+            print(f"{SAMPLES}, {MARKERS}: {rig.info.rig.name} at {options.address} ({way})")
+            sys.stdout.flush()
+            threading.Thread(target=self._watch, args=(rig,), daemon=True).start()
+            for state in rig.states(options.every):
+                self.outlets.push(state, self._offset.seconds if self._offset else 0.0)
+
+    def _measure(self, rig: Rig) -> clock.Offset:
+        assert self.outlets is not None
+        now = self.outlets.now
+        self._offset = (
+            clock.measure(rig, now) if self._options.clock == "ping" else clock.offset(rig, now)
+        )
+        return self._offset
+
+    def _watch(self, rig: Rig) -> None:
+        """Publish the events, and follow the server's clock. Runs in a thread."""
+        measured = time.monotonic()
+        try:
+            while True:
+                for event in rig.events(1.0):
+                    self._mark(rig, event)
+                shared = self._offset is None or self._offset.shared
+                if not shared and time.monotonic() - measured > MEASURE_EVERY_S:
+                    measured = time.monotonic()
+                    self._follow(rig)
+        except HbotError:
+            pass  # The thread that reads states reports the end.
+
+    def _follow(self, rig: Rig) -> None:
+        before = self._offset
+        assert before is not None
+        assert self.outlets is not None
+        new = clock.measure(rig, self.outlets.now)
+        seconds = before.seconds + SMOOTHING * (new.seconds - before.seconds)
+        self._offset = clock.Offset(seconds, new.uncertainty, shared=False)
+
+    def _mark(self, rig: Rig, event: Event) -> None:
+        text = marker(event)
+        if text is None or self.outlets is None:
+            return
+        tick = event.tick if isinstance(event, FaultEvent | SceneEvent) else None
+        if tick is None or self._offset is None:
+            self.outlets.mark(text)
+        else:
+            self.outlets.mark(text, self._offset.seconds + tick / rig.hello.rate_hz)
+
+
+class MarkerLines(socketserver.ThreadingTCPServer):
+    """Receives the markers of clients: lines of text over TCP."""
+
+    allow_reuse_address = True
+    daemon_threads = True
+
+    def __init__(self, address: str, publisher: Publisher) -> None:
+        """Listen at `address`, `HOST:PORT`. Port 0 stands for any that is free."""
+        self.publisher = publisher
+        host, _, port = address.rpartition(":")
+        super().__init__((host, int(port)), MarkerHandler)
+
+
+class MarkerHandler(socketserver.StreamRequestHandler):
+    """Receives the lines of one client."""
+
+    def handle(self) -> None:
+        """Publish each line as a marker."""
+        assert isinstance(self.server, MarkerLines)
+        while line := self.rfile.readline(MARKER_BYTES):
+            text = line.decode("utf-8", errors="replace").strip()
+            if text and self.server.publisher.outlets is not None:
+                self.server.publisher.outlets.mark(text)
+
+
+def main() -> None:
+    """Publish until Ctrl-C. A server that has gone is tried again every second."""
+    options = arguments()
+    publisher = Publisher(options)
+    lines = MarkerLines(options.markers, publisher)
+    threading.Thread(target=lines.serve_forever, daemon=True).start()
+    host, port = lines.server_address[:2]
+    print(f"markers of clients: one line of text each, to {host!s}:{port}", flush=True)
+    said = ""
+    while True:
+        try:
+            publisher.run()
+        except (ConnectionLost, NoServer, TimedOut) as error:
+            if str(error) != said:
+                said = str(error)
+                print(said, file=sys.stderr, flush=True)
+            if publisher.outlets is not None and isinstance(error, ConnectionLost):
+                publisher.outlets.mark("disconnected")
+            time.sleep(RETRY_S)
+        except HbotError as error:
+            raise SystemExit(str(error)) from error
+        except KeyboardInterrupt:
+            return
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,150 @@
+"""Every request of the API as a value: its op, its fields, and how its answer is read.
+
+`Rig` sends these requests and waits; `aio.Rig` sends them and awaits. docs/api.md, "Ops", describes
+each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from .answers import Loaded, Pong, Stats
+from .decode import decode
+from .events import Mode
+from .info import Info
+from .scenes import Scene, read_scene
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Request(Generic[T]):
+    """A request whose answer is a `T`."""
+
+    op: str
+    fields: dict[str, Any]
+    read: Callable[[Any], T]
+
+
+def _none(_body: Any) -> None:
+    return None
+
+
+def _mode(body: Any) -> Mode:
+    return body["mode"]  # type: ignore[no-any-return]
+
+
+def _given(**fields: Any) -> dict[str, Any]:
+    """Return the fields that are not None."""
+    return {name: value for name, value in fields.items() if value is not None}
+
+
+def _numbers(values: Iterable[float]) -> list[float]:
+    """Return the values as plain numbers, also those of an array.
+
+    Raises:
+        ValueError: a value is not finite.
+    """
+    numbers = [float(value) for value in values]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{numbers}: every number must be finite")
+    return numbers
+
+
+def info() -> Request[Info]:
+    """Describe the rig, what it can do, and what runs."""
+    return Request("info", {}, lambda body: decode(Info, body))
+
+
+def subscribe(every: int) -> Request[None]:
+    """Ask for a state every `every` ticks."""
+    return Request("subscribe", {"every": every}, _none)
+
+
+def unsubscribe() -> Request[None]:
+    """End the subscription."""
+    return Request("unsubscribe", {}, _none)
+
+
+def stats() -> Request[Stats]:
+    """Ask how long things took, and how often events happened."""
+    return Request("stats", {}, lambda body: decode(Stats, body))
+
+
+def acquire(steal: bool) -> Request[None]:
+    """Take the lease."""
+    return Request("acquire", {"steal": steal}, _none)
+
+
+def release() -> Request[None]:
+    """Give the lease back."""
+    return Request("release", {}, _none)
+
+
+def load_scene(scene: Scene) -> Request[Loaded]:
+    """Replace the scene."""
+    return Request("load_scene", {"scene": read_scene(scene)}, lambda body: decode(Loaded, body))
+
+
+def change(effect: str, parameters: dict[str, Any]) -> Request[None]:
+    """Change parameters of an effect."""
+    return Request("set", {"effect": effect, **parameters}, _none)
+
+
+def torque(
+    torque: Iterable[float], valid_ms: int, tick: int | None = None, seq: int | None = None
+) -> Request[None]:
+    """Stream a torque."""
+    fields = _given(torque=_numbers(torque), valid_ms=valid_ms, tick=tick, seq=seq)
+    return Request("torque", fields, _none)
+
+
+def reference(
+    effect: str,
+    q: Iterable[float],
+    omega: Iterable[float] | None = None,
+    valid_ms: int | None = None,
+    tick: int | None = None,
+    seq: int | None = None,
+) -> Request[None]:
+    """Move the reference of an effect."""
+    turning = None if omega is None else _numbers(omega)
+    fields = _given(
+        effect=effect, q=_numbers(q), omega=turning, valid_ms=valid_ms, tick=tick, seq=seq
+    )
+    return Request("reference", fields, _none)
+
+
+def align(q: Iterable[float], weight: float, t: float | None = None) -> Request[float]:
+    """Correct the server's orientation by a measured one."""
+    return Request(
+        "align", _given(q=_numbers(q), weight=weight, t=t), lambda body: float(body["angle"])
+    )
+
+
+def enable() -> Request[Mode]:
+    """Begin to render."""
+    return Request("enable", {}, _mode)
+
+
+def disable() -> Request[Mode]:
+    """End rendering."""
+    return Request("disable", {}, _mode)
+
+
+def reset() -> Request[Mode]:
+    """Leave a fault or an emergency stop."""
+    return Request("reset", {}, _mode)
+
+
+def estop() -> Request[Mode]:
+    """Stop the motors."""
+    return Request("estop", {}, _mode)
+
+
+def ping(data: Any) -> Request[Pong]:
+    """Test the connection."""
+    return Request("ping", _given(data=data), lambda body: decode(Pong, body))

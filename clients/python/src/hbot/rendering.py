@@ -1,0 +1,81 @@
+"""What `Rig.render` and `aio.Rig.render` have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .connection import Connection
+from .errors import Faulted, NotHolder
+from .events import State
+from .ops import torque as torque_request
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """What a `render` did."""
+
+    calls: int
+    """How often the function was called."""
+    skipped: int
+    """States that were skipped because the function was still at work on an older one."""
+    unsent: int
+    """Torques that were not sent because the connection took no more bytes."""
+
+
+class Rendering:
+    """One `render` in progress."""
+
+    def __init__(self, connection: Connection, valid_ms: int, duration: float | None) -> None:
+        """Begin a rendering of `duration` s (None: without end)."""
+        if not 1 <= valid_ms <= 1000:
+            raise ValueError(f"valid_ms is {valid_ms}; legal: 1 to 1000 ms")
+        self._connection = connection
+        self._valid_ms = valid_ms
+        self._duration = duration
+        self._end: int | None = None
+        self._calls = self._skipped = self._unsent = 0
+
+    @property
+    def result(self) -> Rendered:
+        """What the rendering has done so far."""
+        return Rendered(self._calls, self._skipped, self._unsent)
+
+    def goes_on(self, state: State, skipped: int) -> bool:
+        """Return whether a torque is wanted for this state.
+
+        Raises:
+            NotHolder: this client has lost the lease.
+            Faulted: the rig is in a fault or an emergency stop.
+        """
+        self._skipped += skipped
+        if not self._connection.holds_lease:
+            holder = self._connection.lost_lease_to
+            message = (
+                "this client does not hold the lease"
+                if holder is None
+                else f"{holder} has taken the lease"
+            )
+            raise NotHolder(message, op="render", holder=holder)
+        if state.mode in ("fault", "estop"):
+            raise Faulted(
+                f"the rig is in mode {state.mode}: {state.fault or 'somebody stopped it'}",
+                op="render",
+            )
+        if self._duration is None:
+            return True
+        if self._end is None:
+            self._end = state.tick + round(self._duration * self._connection.hello.rate_hz)
+        return state.tick < self._end
+
+    def send(self, state: State, torque: Sequence[float] | None) -> None:
+        """Send the torque that was computed from `state`. None: send nothing."""
+        self._calls += 1
+        if torque is None:
+            return
+        fields: dict[str, Any] = torque_request(
+            torque, self._valid_ms, state.tick, state.tick
+        ).fields
+        if not self._connection.post("torque", fields):
+            self._unsent += 1

@@ -1,0 +1,388 @@
+"""The blocking client."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeVar
+
+from . import ops
+from .answers import Loaded, Pong, Stats
+from .connection import MAX_EVENTS, MAX_STATES, Connection, Options
+from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
+from .events import Event, LostEvent, Mode, State
+from .info import Hello, Info
+from .mailbox import Mailbox
+from .rendering import Rendered, Rendering
+from .scenes import Scene
+from .transport import Tls
+from .wire import Encoding
+
+T = TypeVar("T")
+Torque = Callable[[State], Sequence[float] | None]
+"""Computes a torque on the sphere (three numbers in frame N, N m) from a state.
+
+None: send no torque this time.
+"""
+
+
+def connect(
+    address: str = "127.0.0.1:4268",
+    *,
+    name: str = "python",
+    token: str | Path | None = None,
+    tls: Tls | None = None,
+    encoding: Encoding = "json",
+    timeout: float = 5.0,
+    on_event: Callable[[Event], None] | None = None,
+) -> Rig:
+    """Connect to a server.
+
+    Args:
+        address: `HOST:PORT` or `HOST`. The default port is 4268.
+        name: name of this client, shown to people, 1 to 64 bytes.
+        token: the server's token, or the path of the file that holds it. Required if the server has
+            one.
+        tls: what to trust if the server encrypts: a PEM file with the server's own certificate
+            (pinned) or with that of an authority; or an `ssl.SSLContext`. None: no encryption.
+        encoding: `"json"`, or `"msgpack"` with the extra `hbot[msgpack]`.
+        timeout: longest time to connect, and to wait for an answer or for a state, s.
+        on_event: called for each event, in a thread of its own. Without it, `Rig.events` returns
+            them.
+
+    Raises:
+        NoServer: no program listens at the address.
+        NotTrusted: the server's certificate is not trusted, or only one side encrypts.
+        Refused: the server refused the hello, for example `Unauthorized`.
+    """
+    return Rig(Connection(address, Options(name, token, tls, encoding, timeout)), on_event)
+
+
+class Rig:
+    """A connection to a server. Any thread may call its methods.
+
+    A thread of the package reads the connection as bytes arrive. So the server sees a quick reader
+    and a heartbeat however slow the program is. What the program does not take in time is dropped,
+    the oldest first; `lost` counts it, and a `LostEvent` tells it.
+
+    Attributes:
+        hello: the server's answer to the first message.
+        info: the answer to `info` at the time of connecting. `refresh` asks again.
+    """
+
+    def __init__(
+        self, connection: Connection, on_event: Callable[[Event], None] | None = None
+    ) -> None:
+        """Use an open connection. Programs call `connect` instead."""
+        self._connection = connection
+        self._events: Mailbox[Event] = Mailbox(MAX_EVENTS)
+        self._on_event = on_event
+        self.hello: Hello = connection.hello
+        connection.start(self._events)
+        try:
+            self.info: Info = self._call(ops.info())
+        except BaseException:
+            connection.close()
+            raise
+        if on_event is not None:
+            threading.Thread(target=self._call_back, name="hbot-events", daemon=True).start()
+
+    def __enter__(self) -> Rig:
+        """Return the connection itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the connection."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection. The server frees the lease, and this client's torque ends."""
+        self._connection.close()
+
+    @property
+    def lost(self) -> LostEvent:
+        """What this program was too slow to take or to send, since it connected."""
+        return self._connection.lost
+
+    def refresh(self) -> Info:
+        """Ask for `info` again. Returns it and stores it in the attribute `info`."""
+        self.info = self._call(ops.info())
+        return self.info
+
+    def stats(self) -> Stats:
+        """Return how long things took, and how often events happened, since the server began."""
+        return self._call(ops.stats())
+
+    def acquire(self, steal: bool = False) -> None:
+        """Take the lease, the right to command. `lease` does this for the time of a `with` block.
+
+        Args:
+            steal: take the lease also from another client.
+
+        Raises:
+            Busy: another client, named in `holder`, has the lease.
+        """
+        self._call(ops.acquire(steal))
+
+    def release(self) -> None:
+        """Give the lease back. This client's torque ramps to zero, and the scene continues."""
+        self._call(ops.release())
+
+    @contextmanager
+    def lease(self, steal: bool = False) -> Iterator[None]:
+        """Hold the lease inside a `with` block.
+
+        It is given back at the end, also after an exception.
+
+        Raises:
+            Busy: another client, named in `holder`, has the lease, and `steal` is false.
+        """
+        self.acquire(steal)
+        try:
+            yield
+        except BaseException:
+            # The exception of the block says more. The server frees the lease of a lost connection.
+            with contextlib.suppress(HbotError):
+                self.release()
+            raise
+        with contextlib.suppress(NotHolder):  # Another client has taken it.
+            self.release()
+
+    def load_scene(self, scene: Scene) -> Loaded:
+        """Replace the scene. The change is blended in.
+
+        Args:
+            scene: path of a scene file (TOML), or a map of the same structure.
+
+        Raises:
+            BadRequest, OutOfRange: the scene is not legal; the message names every mistake.
+            NotHolder: this client does not hold the lease.
+        """
+        return self._call(ops.load_scene(scene))
+
+    def set(self, effect: str, /, **parameters: Any) -> None:
+        """Change parameters of an effect while the loop runs.
+
+        docs/effects.md lists them with their units.
+
+        Raises:
+            UnknownEffect, BadRequest, OutOfRange, NotHolder: the server refused the change.
+        """
+        self._call(ops.change(effect, parameters))
+
+    def torque(
+        self,
+        torque: Iterable[float],
+        valid_ms: int,
+        *,
+        tick: int | None = None,
+        seq: int | None = None,
+        wait: bool = True,
+    ) -> None:
+        """Send one torque, which is added to that of the scene. `render` sends a stream of them.
+
+        Args:
+            torque: three numbers in frame N, N m, acting on the sphere.
+            valid_ms: time from its arrival until it ends, 1 to 1000 ms. Then it ramps to zero over
+                20 ms.
+            tick: the tick of the state from which it was computed.
+            seq: a number of your choice. States return it as `state.client.seq`.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+        """
+        self._stream(ops.torque(torque, valid_ms, tick, seq), wait)
+
+    def reference(
+        self,
+        effect: str,
+        q: Iterable[float],
+        *,
+        omega: Iterable[float] | None = None,
+        valid_ms: int | None = None,
+        tick: int | None = None,
+        seq: int | None = None,
+        wait: bool = True,
+    ) -> None:
+        """Move the reference of an effect, at most at the rig's `limits.reference_rate`.
+
+        Args:
+            effect: id of the effect.
+            q: quaternion `(w, x, y, z)`, which rotates sphere axes into N.
+            omega: angular velocity of the reference in frame N, rad/s.
+            valid_ms: time after which `omega` ends, 1 to 1000 ms. The server's default is 100.
+            tick: the tick of the state from which it was computed.
+            seq: a number of your choice.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+        """
+        self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
+
+    def align(self, q: Iterable[float], weight: float, *, t: float | None = None) -> float:
+        """Correct the server's orientation by one that was measured from outside.
+
+        Args:
+            q: the measured orientation `(w, x, y, z)`.
+            weight: fraction of the difference that the server takes over, 0 to 1.
+            t: time of the measurement since the loop began, s. None: the time of arrival.
+
+        Returns:
+            The difference before the correction, rad.
+        """
+        return self._call(ops.align(q, weight, t))
+
+    def enable(self) -> Mode:
+        """Begin to render, with a soft start of 0.5 s. Returns the mode.
+
+        Raises:
+            OutOfRange: an effect is too far from its rest; `angle` says how far, rad.
+            Faulted: the rig is in a fault. `reset` it first.
+        """
+        return self._call(ops.enable())
+
+    def disable(self) -> Mode:
+        """End rendering, with a ramp of 50 ms. Needs no lease. Returns the mode."""
+        return self._call(ops.disable())
+
+    def reset(self) -> Mode:
+        """Leave a fault or an emergency stop after its cause is gone. Returns the mode."""
+        return self._call(ops.reset())
+
+    def estop(self) -> Mode:
+        """Stop the motors in the next tick. Needs no lease. Returns the mode."""
+        return self._call(ops.estop())
+
+    def ping(self, data: Any = None) -> Pong:
+        """Test the connection. Returns `data` as it came back, and the last tick."""
+        return self._call(ops.ping(data))
+
+    def states(self, every: int = 1, duration: float | None = None) -> Iterator[State]:
+        """Iterate over states.
+
+        A connection has one subscription: a later `states` or `render` ends this one.
+
+        If the program is more than 4096 states behind, the oldest are dropped; `lost.states` counts
+        them.
+
+        Args:
+            every: ticks from one state to the next, 1 to 1000000.
+            duration: time of the rig until the iteration ends, s. None: no end.
+
+        Raises:
+            TimedOut: no state came within the timeout of the connection.
+            ConnectionLost: the connection has ended.
+        """
+        with self._subscription(every) as (states, wait):
+            end: int | None = None
+            while (state := states.get(wait)) is not None:
+                if end is None and duration is not None:
+                    end = state.tick + round(duration * self.hello.rate_hz)
+                if end is not None and state.tick >= end:
+                    return
+                yield state
+            raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
+
+    def render(
+        self, torque: Torque, *, every: int = 1, valid_ms: int = 20, duration: float | None = None
+    ) -> Rendered:
+        """Compute torques from states and stream them.
+
+        Needs the lease; the rig must be enabled to feel it.
+
+        The function always gets the newest state. If it is slow, older states are skipped and
+        counted. The torque ends by itself `valid_ms` after the last message (and 20 ms of ramp),
+        whatever happens to this program.
+
+        Args:
+            torque: computes the torque on the sphere in frame N, N m, from a state. None: send
+                nothing this time.
+            every: ticks from one state to the next, 1 to 1000000.
+            valid_ms: how long each torque is valid, 1 to 1000 ms. Choose several periods of
+                `every`.
+            duration: time of the rig until this returns, s. None: no end.
+
+        Raises:
+            NotHolder: this client does not hold the lease, or another client has taken it.
+            Faulted: the rig went into a fault or an emergency stop.
+            TimedOut, ConnectionLost: no state came.
+            ValueError: the torque is not three finite numbers.
+        """
+        rendering = Rendering(self._connection, valid_ms, duration)
+        with self._subscription(every) as (states, wait):
+            while True:
+                state, skipped = states.newest(wait)
+                if state is None:
+                    raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
+                if not rendering.goes_on(state, skipped):
+                    return rendering.result
+                rendering.send(state, torque(state))
+
+    def events(self, duration: float | None = None) -> Iterator[Event]:
+        """Iterate over the events that were not taken yet, since the connection began.
+
+        Args:
+            duration: longest time to wait for each event, s. 0: only events that have arrived.
+                None: no end.
+
+        Raises:
+            ConnectionLost: the connection has ended, after the last event.
+            ValueError: `connect` was given `on_event`, which gets the events instead.
+        """
+        if self._on_event is not None:
+            raise ValueError("on_event gets the events of this connection")
+        while (event := self._events.get(duration)) is not None:
+            yield event
+
+    def _call_back(self) -> None:
+        """Pass events to the program's function until the connection ends.
+
+        Runs in a thread of its own.
+        """
+        assert self._on_event is not None
+        try:
+            while (event := self._events.get(None)) is not None:
+                self._on_event(event)
+        except ConnectionLost:
+            pass  # The program's next call raises it.
+
+    def _call(self, request: ops.Request[T]) -> T:
+        answers: queue.SimpleQueue[tuple[Any, Exception | None]] = queue.SimpleQueue()
+        self._connection.request(
+            request.op, request.fields, lambda body, error: answers.put((body, error))
+        )
+        try:
+            body, error = answers.get(timeout=self._connection.timeout)
+        except queue.Empty:
+            raise TimedOut(f"{request.op}: no answer for {self._connection.timeout} s") from None
+        if error is not None:
+            raise error
+        return request.read(body)
+
+    def _stream(self, request: ops.Request[None], wait: bool) -> None:
+        if wait:
+            self._call(request)
+        else:
+            self._connection.post(request.op, request.fields)
+
+    @contextmanager
+    def _subscription(self, every: int) -> Iterator[tuple[Mailbox[State], float]]:
+        """Subscribe for the time of a block.
+
+        Returns the states, and the longest time to wait for one, s.
+        """
+        states: Mailbox[State] = Mailbox(MAX_STATES)
+        self._connection.subscribe(states)
+        try:
+            self._call(ops.subscribe(every))
+            yield states, self._connection.timeout + every / self.hello.rate_hz
+        finally:
+            if self._connection.unsubscribe(states):
+                with contextlib.suppress(ConnectionLost):
+                    self._call(ops.unsubscribe())

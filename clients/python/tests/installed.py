@@ -1,0 +1,34 @@
+"""Uses the installed package in an environment without any other package, as .ci/python.sh does."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from serving import SCENES, Server
+
+import hbot
+
+
+def main() -> None:
+    """Render against a server of its own."""
+    package = Path(hbot.__file__).parent
+    assert package.is_relative_to(sys.prefix), f"{package} is not the installed package"
+    assert (package / "py.typed").exists(), "type checkers find the types"
+    with tempfile.TemporaryDirectory() as folder:
+        server = Server(Path(folder))
+        try:
+            with hbot.connect(server.address, name="installed") as rig, rig.lease():
+                rig.load_scene(SCENES / "spring.toml")
+                rig.enable()
+                done = rig.render(lambda state: [-0.01 * w for w in state.omega], duration=0.2)
+                rig.disable()
+        finally:
+            server.kill()
+    assert done.calls > 0
+    print(f"installed in {package}: {done}")
+
+
+if __name__ == "__main__":
+    main()

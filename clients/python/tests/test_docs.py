@@ -1,0 +1,219 @@
+"""The package agrees with docs/api.md: every table of the page is compared with the dataclasses."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import inspect
+import re
+from typing import Any, get_args, get_type_hints
+
+import pytest
+from serving import REPOSITORY, Server
+
+import hbot
+from hbot import answers, events, info, ops, wire
+from hbot.wire import Splitter
+
+PAGE = (REPOSITORY / "docs" / "api.md").read_text(encoding="utf-8")
+
+
+def rows(heading: str) -> dict[str, list[str]]:
+    """Return the cells of the tables under a heading of the page, by the text of the first cell."""
+    _, found, rest = PAGE.partition(f"\n{heading}\n")
+    assert found, f"docs/api.md has no {heading}"
+    section = re.split(r"(?m)^#", rest)[0]
+    lines = [line.strip("|").split("|") for line in section.splitlines() if line.startswith("|")]
+    cells = [[cell.strip() for cell in line] for line in lines]
+    return {line[0]: line[1:] for line in cells if line[0] and not line[0].startswith("---")}
+
+
+def named(text: str) -> set[str]:
+    """Return the single words in backticks. Names in braces count, as in `{angle, rate}`."""
+    quoted = " ".join(re.findall(r"`([^`]*)`", text))
+    return set(re.findall(r"[a-z][a-z0-9_]*", quoted))
+
+
+def names(*kinds: type[Any]) -> set[str]:
+    """Return the names of the fields of dataclasses."""
+    return {field.name for kind in kinds for field in dataclasses.fields(kind)}
+
+
+def choices(kind: type[Any], field: str) -> set[str]:
+    """Return the legal texts of a field whose type is a literal, or a literal or None."""
+    hint = get_type_hints(kind)[field]
+    parts = get_args(hint)
+    nested = [choice for part in parts for choice in get_args(part)]
+    return {text for text in [*parts, *nested] if isinstance(text, str)}
+
+
+def first_cells(heading: str) -> set[str]:
+    """Return the names in the first cells of the tables under a heading."""
+    return set().union(*(named(cell) for cell in rows(heading)))
+
+
+def test_state() -> None:
+    table = rows("### state")
+    assert first_cells("### state") == names(hbot.State)
+    assert named("".join(table["`mode`"])) == choices(hbot.State, "mode")
+    causes = named("".join(table["`fault`"]))
+    assert causes - {"limits", "energy"} == choices(hbot.State, "fault")
+    assert named(table["`joints`"][1]) == names(hbot.Joint)
+    assert named(table["`client`"][1]) - {"tick"} == names(hbot.Stream)
+    assert named(table["`timing`"][1]) == names(hbot.Timing)
+
+
+def test_events() -> None:
+    table = rows("## Events")
+    assert {cell.strip("`") for cell in table if cell != "Event"} == set(events.EVENTS)
+    for name, kind in events.EVENTS.items():
+        if name != "state":
+            cell = table[f"`{name}`"][1]
+            legal = choices(kind, "cause") if "cause" in names(kind) else set()
+            assert named(cell) - {"load_scene"} - legal == names(kind), name
+    assert choices(hbot.LeaseEvent, "cause") <= named(table["`lease`"][1])
+
+
+def test_info() -> None:
+    table = rows("### info")
+    assert {cell.strip("`") for cell in table} - {"Field", "a wheel"} == names(hbot.Info)
+    parts: dict[str, set[str]] = {
+        "`rig`": names(info.RigInfo, info.Sphere),
+        "a wheel": names(info.Wheel, info.Motor),
+        "`limits`": names(info.Limits, info.EnergyLimit, info.TractionLimit),
+        "`render`": names(info.Render),
+        "`effects`": names(info.Kind),
+        "`lease`": names(info.Holder),
+        "`clock`": names(info.Clock),
+        "`on_client_lost`": choices(hbot.Info, "on_client_lost"),
+    }
+    for row, fields in parts.items():
+        assert named(re.split(r"extended by|See", table[row][1])[0]) == fields, row
+
+
+def test_stats() -> None:
+    assert first_cells("### stats") == names(hbot.Stats)
+    times = next(cells for cell, cells in rows("### stats").items() if "lateness_us" in cell)
+    assert names(hbot.Distribution) == named(times[1]) - names(hbot.Stats)
+
+
+def test_errors() -> None:
+    assert first_cells("## Errors") == set(hbot.Refused.by_code)
+    assert set(hbot.Refused.by_code.values()) == set(hbot.Refused.__subclasses__())
+    described = named("".join("".join(cells) for cells in rows("## Errors").values()))
+    assert {"holder", "angle"} <= described & set(vars(hbot.Busy("message")))
+
+
+NOT_METHODS = {
+    "hello": "connect",
+    "info": "refresh",
+    "subscribe": "states",
+    "unsubscribe": "states",
+}
+
+
+def test_ops() -> None:
+    """Every op of the page is a method, and its fields are the method's parameters."""
+    for cell, cells in rows("## Ops").items():
+        if cell == "Op":
+            continue
+        op = cell.strip("`")
+        method = NOT_METHODS.get(op, op)
+        owner: Any = hbot if method == "connect" else hbot.Rig
+        parameters = inspect.signature(getattr(owner, method)).parameters
+        fields = re.findall(r"`([a-z_]+)`(?:\?|:)", cells[1])
+        if op not in ("hello", "unsubscribe"):
+            assert set(fields) <= set(parameters), op
+    hello = set(re.findall(r"`([a-z_]+)`(?:\?|:)", rows("## Ops")["`hello`"][1]))
+    assert hello - {"version"} <= set(inspect.signature(hbot.connect).parameters)
+
+
+def test_answers_of_ops() -> None:
+    table = rows("## Ops")
+    assert named(table["`ping`"][2]) == names(hbot.Pong)
+    answer = table["`load_scene`"][2].split("Answer:")[1]
+    assert named(answer) == names(answers.Loaded, hbot.Effect)
+    answer = table["`hello`"][2].split("Answer:")[1]
+    assert named(answer) == names(hbot.Hello)
+
+
+def test_both_clients_have_the_same_names_and_arguments() -> None:
+    def public(kind: type[Any]) -> dict[str, list[inspect.Parameter]]:
+        return {
+            name: list(inspect.signature(member).parameters.values())
+            for name, member in vars(kind).items()
+            if not name.startswith("_") and callable(member)
+        }
+
+    blocking, awaiting = public(hbot.Rig), public(hbot.aio.Rig)
+    assert blocking.keys() == awaiting.keys()
+    for name, parameters in blocking.items():
+        others = awaiting[name]
+        assert [(p.name, p.default, p.kind) for p in parameters] == [
+            (p.name, p.default, p.kind) for p in others
+        ], name
+    assert asyncio.iscoroutinefunction(hbot.aio.Rig.enable)
+    connects = [
+        inspect.signature(connect).parameters for connect in (hbot.connect, hbot.aio.connect)
+    ]
+    assert connects[0] == connects[1]
+
+
+def test_the_frame_of_the_page_is_what_is_sent() -> None:
+    line = re.search(r"(?m)^    (00 00 00 .*)$", PAGE)
+    assert line is not None
+    request = ops.info()
+    message = {"id": 2, "op": request.op, **request.fields}
+    assert wire.encoder("msgpack")(message) == bytes.fromhex(line.group(1))
+
+
+def test_limits_of_the_page() -> None:
+    assert "up to\n1 MiB" in PAGE or "up to 1 MiB" in PAGE
+    assert wire.MAX_ANSWER_BYTES == 1 << 20
+    assert f"`version`: {wire.VERSION}." in PAGE
+
+
+@pytest.mark.parametrize("encoding", ["json", "msgpack"])
+def test_messages_are_found_in_pieces_of_any_length(encoding: wire.Encoding) -> None:
+    messages = [{"id": number, "ok": {"data": "x" * number}} for number in range(0, 300, 37)]
+    data = b"".join(wire.encoder(encoding)(message) for message in messages)
+    for length in (1, 2, 3, 5, 64, len(data)):
+        splitter = Splitter(encoding)
+        found = [
+            message
+            for start in range(0, len(data), length)
+            for message in splitter.push(data[start : start + length])
+        ]
+        assert found == messages
+
+
+@pytest.mark.parametrize(
+    ("encoding", "data"),
+    [
+        ("json", b"x" * (wire.MAX_ANSWER_BYTES + 5)),
+        ("json", b"[1]\n"),
+        ("json", b"{]\n"),
+        ("msgpack", b"\x7f\xff\xff\xff"),
+        ("msgpack", b"\0\0\0\1\xc1"),
+        ("msgpack", b"\0\0\0\1\x01"),
+    ],
+)
+def test_bytes_that_are_no_message(encoding: wire.Encoding, data: bytes) -> None:
+    with pytest.raises(hbot.ProtocolError):
+        Splitter(encoding).push(data)
+
+
+@pytest.mark.parametrize("page", ["docs/clients.md", "clients/python/README.md"])
+def test_the_programs_of_the_pages_run(
+    page: str, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each runs in the folder of the repository, for a shorter time and with another address."""
+    monkeypatch.chdir(REPOSITORY)
+    blocks = re.findall(r"(?s)```python\n(.*?)```", (REPOSITORY / page).read_text("utf-8"))
+    assert blocks
+    for block in blocks:
+        assert "duration=5.0" in block
+        assert "hbot.connect(" in block
+        code = block.replace("duration=5.0", "duration=0.2").replace('"127.0.0.1:4268", ', "")
+        code = code.replace("hbot.connect(", f'hbot.connect("{server.address}", ')
+        exec(compile(code, page, "exec"), {"__name__": "__main__"})

@@ -1,0 +1,181 @@
+"""The streams of the Lab Streaming Layer, received from the program in a process of its own."""
+
+from __future__ import annotations
+
+import re
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from serving import PATIENCE_S, RATE_HZ, SCENES, Server, eventually
+
+import hbot
+from hbot import clock
+from hbot.lsl import streams
+
+pylsl = pytest.importorskip("pylsl", reason="the extra lsl is installed in CI")
+
+
+class Program:
+    """`python -m hbot.lsl`, and inlets for its two streams."""
+
+    def __init__(self, server: Server, folder: Path, *options: str) -> None:
+        """Start the program and find its streams."""
+        self._log = folder / "lsl.log"
+        command = [sys.executable, "-m", "hbot.lsl", server.address, "--markers", "127.0.0.1:0"]
+        with self._log.open("wb") as log:
+            self.process = subprocess.Popen([*command, *options], stdout=log, stderr=log)
+        self.samples = self._inlet(server, streams.SAMPLES)
+        self.markers = self._inlet(server, streams.MARKERS)
+        self.texts: list[tuple[str, float]] = []
+
+    def _inlet(self, server: Server, name: str) -> Any:
+        """Return an inlet for a stream of this program. Other programs may publish others."""
+        query = f"name='{name}' and starts-with(source_id, 'hbot-{server.address}')"
+        found: list[Any] = []
+
+        def find() -> bool:
+            assert self.process.poll() is None, self.log()
+            found.extend(pylsl.resolve_bypred(query, 1, 5.0))
+            return bool(found)
+
+        eventually(find, f"the stream {name}")
+        inlet = pylsl.StreamInlet(found[0], recover=False)
+        inlet.open_stream(PATIENCE_S)
+        return inlet
+
+    def end(self) -> None:
+        """End the inlets and the program."""
+        for inlet in (self.samples, self.markers):
+            inlet.close_stream()
+        self.process.kill()
+        self.process.wait(PATIENCE_S)
+
+    def log(self) -> str:
+        """Return what the program has printed."""
+        return self._log.read_text()
+
+    def marked(self, pattern: str) -> float:
+        """Wait for a marker whose text matches `pattern`. Returns its time."""
+
+        def find() -> bool:
+            text, stamp = self.markers.pull_sample(0.1)
+            if text is not None:
+                self.texts.append((text[0], stamp))
+            return any(re.search(pattern, text) for text, _ in self.texts)
+
+        eventually(find, f"the marker {pattern}")
+        return next(stamp for text, stamp in self.texts if re.search(pattern, text))
+
+    def mark(self, text: str) -> None:
+        """Send a marker as a client does."""
+        found = re.search(r"to 127\.0\.0\.1:(\d+)", self.log())
+        assert found is not None
+        with socket.create_connection(("127.0.0.1", int(found.group(1))), PATIENCE_S) as line:
+            line.sendall(f"{text}\n".encode())
+
+
+@pytest.fixture
+def program(server: Server, tmp_path: Path) -> Iterator[Program]:
+    """Start the program for the shared server."""
+    program = Program(server, tmp_path)
+    yield program
+    program.end()
+
+
+def test_every_state_is_a_sample_at_the_time_of_its_tick(server: Server, program: Program) -> None:
+    with hbot.connect(server.address) as rig:
+        assert rig.info.clock is not None
+        offset = rig.info.clock.monotonic_ns * 1e-9
+    description = program.samples.info()
+    assert description.nominal_srate() == RATE_HZ
+    labels = description.get_channel_labels()
+    assert labels[:6] == ["tick", "t", "q.w", "q.x", "q.y", "q.z"]
+    assert description.get_channel_units()[6:13] == ["rad/s"] * 3 + ["N m"] * 3 + ["J"]
+    samples: list[list[float]] = []
+    stamps: list[float] = []
+    until = time.monotonic() + PATIENCE_S
+    while len(samples) < 2 * RATE_HZ and time.monotonic() < until:
+        chunk, times = program.samples.pull_chunk(1.0)
+        samples += chunk
+        stamps += times
+    ticks = [sample[0] for sample in samples]
+    assert ticks == list(range(int(ticks[0]), int(ticks[0]) + len(ticks))), "no tick is lost"
+    for sample, stamp in zip(samples, stamps, strict=True):
+        assert len(sample) == len(labels)
+        # Both are computed from the same clock, and differ by rounding.
+        assert stamp == pytest.approx(offset + sample[1], abs=1e-6)
+        assert sum(part * part for part in sample[2:6]) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_faults_scenes_the_lease_and_the_text_of_clients_are_markers(
+    server: Server, program: Program
+) -> None:
+    with hbot.connect(server.address, name="me") as rig:
+        with rig.lease():
+            program.marked("^lease acquired by me$")
+            rig.load_scene(SCENES / "compass.toml")
+            name = rig.refresh().scene["name"]
+            program.marked(f"^scene {name}$")
+            before = pylsl.local_clock()
+            program.mark("trial 3 begins: übung")
+            assert before <= program.marked("^trial 3 begins: übung$") <= pylsl.local_clock()
+            rig.estop()
+            stamp = program.marked("^estop: .*me")
+            fault = next(event for event in rig.events() if isinstance(event, hbot.FaultEvent))
+            assert rig.info.clock is not None
+            # A marker of a tick has the time of the tick, up to rounding.
+            assert stamp == pytest.approx(rig.info.clock.monotonic_ns * 1e-9 + fault.t, abs=1e-6)
+            rig.reset()
+            program.marked("^reset: idle$")
+        program.marked("^lease released$")
+
+
+def test_the_program_survives_its_server(tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    second.mkdir()
+    server = Server(first)
+    program = Program(server, tmp_path)
+    try:
+        assert program.samples.pull_sample(PATIENCE_S)[0] is not None
+        server.kill()
+        program.marked("^disconnected$")
+        server = Server(second, port=int(server.address.rsplit(":", 1)[1]))
+        while program.samples.pull_sample(0.0)[0] is not None:
+            pass  # Samples of the first server.
+        sample, _ = program.samples.pull_sample(PATIENCE_S)
+        assert sample is not None
+        assert sample[1] < PATIENCE_S, "the ticks count from 0 again"
+    finally:
+        program.end()
+        server.kill()
+
+
+def test_round_trips_enclose_the_clock(server: Server) -> None:
+    """The way between two machines, tried where the truth is known."""
+    with hbot.connect(server.address) as rig:
+        assert rig.info.clock is not None
+        truth = rig.info.clock.monotonic_ns * 1e-9
+        found = clock.measure(rig, time.monotonic)
+        # A ping tells of a tick at most when the service has heard of it. Within a period of that,
+        # the estimate is right whatever the machine does meanwhile.
+        assert abs(found.seconds - truth) < found.uncertainty + 1.0 / RATE_HZ
+        assert clock.offset(rig) == clock.Offset(truth, 0.0, shared=True)
+        other = clock.offset(rig, lambda: time.monotonic() + 1000.0)
+        assert not other.shared
+        assert other.seconds == pytest.approx(truth + 1000.0, abs=other.uncertainty + 1.0 / RATE_HZ)
+
+
+def test_every_event_has_a_text() -> None:
+    lost = hbot.LostEvent(states=3, events=0, sends=0)
+    assert streams.marker(lost) == "lost: 3 states were not published"
+    fault = hbot.FaultEvent(1, 0.1, "fault", "slip", "why")
+    assert streams.marker(fault) == "fault slip: why"
+    refused = hbot.RefusedEvent(1, 1, "torque", "not_holder", "why")
+    assert streams.marker(refused) is None

@@ -1,0 +1,312 @@
+"""The blocking client against the real server, in both encodings."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from serving import PATIENCE_S, RATE_HZ, SCENES, Server, eventually
+
+import hbot
+from hbot import connection as connection_module
+from hbot import rig as rig_module
+from hbot.arrays import columns
+from hbot.wire import Encoding
+
+DAMPING = 0.01  # N m s/rad
+
+
+def damper(state: hbot.State) -> list[float]:
+    """Return the torque of a damper, N m."""
+    return [-DAMPING * rate for rate in state.omega]
+
+
+@pytest.fixture
+def rig(server: Server, encoding: Encoding) -> Iterator[hbot.Rig]:
+    """Connect to the shared server."""
+    with hbot.connect(server.address, name="me", encoding=encoding) as rig:
+        yield rig
+
+
+def test_the_contract(rig: hbot.Rig) -> None:
+    assert rig.info.rig.name == "Hbot prototype"
+    assert rig.info.clock is not None
+    assert rig.info.clock.unix_ns > 1.7e18, "a time in this century"
+    with rig.lease(steal=False):
+        loaded = rig.load_scene(SCENES / "spring.toml")
+        assert [effect.kind for effect in loaded.effects] == ["spring"]
+        assert rig.enable() in ("enabling", "active")
+        rig.set("spring", stiffness=2.0)
+        rig.reference("spring", q=[1, 0, 0, 0])
+        states = list(rig.states(every=5, duration=0.4))
+        assert {later.tick - state.tick for state, later in itertools.pairwise(states)} == {5}
+        assert len(states) == RATE_HZ * 0.4 / 5
+        done = rig.render(damper, every=1, valid_ms=20, duration=0.3)
+        assert done.calls > 0
+        assert done.calls + done.skipped == RATE_HZ * 0.3
+    assert rig.refresh().scene["effect"][0]["stiffness"] == 2.0
+    assert rig.estop() == "estop"
+    assert rig.ping({"n": [1, 2.5]}).data == {"n": [1, 2.5]}
+    stats = rig.stats()
+    assert stats.estops >= 1
+    assert stats.compute_us.count > 0
+
+
+def test_a_state_has_the_structure_of_the_rig(rig: hbot.Rig) -> None:
+    state = next(rig.states())
+    assert len(state.q) == 4
+    assert sum(part * part for part in state.q) == pytest.approx(1.0, abs=1e-9)  # rounding of JSON
+    assert len(state.joints) == 2 * len(rig.info.rig.wheels)
+    assert state.t == pytest.approx(state.tick / RATE_HZ, rel=1e-12)  # rounding of a product
+    assert state.timing.compute_us > 0.0
+    assert state.reference == (1.0, 0.0, 0.0, 0.0)
+
+
+def test_a_scene_can_be_a_map_and_arrays_can_be_sent(rig: hbot.Rig) -> None:
+    numpy = pytest.importorskip("numpy", reason="the extra numpy is installed in CI")
+    spring = {"id": "s", "kind": "spring", "stiffness": numpy.eye(3), "anchor": "here"}
+    with rig.lease():
+        loaded = rig.load_scene({"name": "From Python", "effect": [spring]})
+        assert [effect.id for effect in loaded.effects] == ["s"]
+        rig.reference("s", q=numpy.array([1.0, 0.0, 0.0, 0.0]), omega=(0.0, 0.0, 0.1))
+        rig.enable()
+        rig.render(lambda state: numpy.array(state.omega) * -DAMPING, duration=0.1)
+        assert rig.align(next(rig.states()).q, weight=0.0) < 0.5
+
+
+def test_states_become_arrays(rig: hbot.Rig) -> None:
+    numpy = pytest.importorskip("numpy", reason="the extra numpy is installed in CI")
+    states = list(rig.states(duration=0.1))
+    arrays = columns(states)
+    assert arrays["q"].shape == (RATE_HZ // 10, 4)
+    assert arrays["joint_torque"].shape == (RATE_HZ // 10, 4)
+    assert numpy.all(numpy.diff(arrays["tick"]) == 1)
+    assert arrays["mode"][0] == "idle"
+    assert arrays["joint_angle"][-1, 3] == states[-1].joints[3].angle
+
+
+def test_the_age_of_a_torque_is_counted_from_the_state_it_was_computed_from(rig: hbot.Rig) -> None:
+    streams = []
+
+    def remember(state: hbot.State) -> list[float]:
+        if state.client is not None and state.client.seq is not None:
+            streams.append((state.tick, state.client))
+        return [0.0, 0.0, 0.0]
+
+    with rig.lease():
+        rig.enable()
+        rig.render(remember, duration=0.5)
+    assert len(streams) > 10
+    for tick, stream in streams:
+        assert stream.seq == tick - stream.age_ticks, "render numbers a torque by its state's tick"
+        # A torque cannot be in force in the tick from which it was computed.
+        assert stream.age_ticks >= 1
+
+
+def test_a_torque_of_none_sends_nothing(rig: hbot.Rig) -> None:
+    with rig.lease():
+        rig.enable()
+        requests = rig.stats().requests
+        done = rig.render(lambda _state: None, duration=0.2)
+        assert done.calls > 0
+        # The two stats are 1; subscribe and unsubscribe are 2.
+        assert rig.stats().requests - requests == 3
+
+
+def test_a_torque_that_is_no_number_is_an_error(rig: hbot.Rig) -> None:
+    with rig.lease():
+        rig.enable()
+        with pytest.raises(ValueError, match="finite"):
+            rig.render(lambda _state: [float("nan"), 0.0, 0.0])
+
+
+def test_the_lease_is_given_back_after_an_exception(rig: hbot.Rig) -> None:
+    with pytest.raises(RuntimeError, match="of the block"), rig.lease():
+        assert rig.refresh().lease.session == rig.hello.session
+        raise RuntimeError("of the block")
+    assert rig.refresh().lease.holder is None
+
+
+def test_events_come_by_iteration(rig: hbot.Rig) -> None:
+    with rig.lease():
+        rig.load_scene(SCENES / "compass.toml")
+        rig.estop()
+    kinds = {hbot.LeaseEvent, hbot.SceneEvent, hbot.FaultEvent}
+    events = []
+    for event in rig.events():
+        events.append(event)
+        kinds.discard(type(event))
+        if not kinds:
+            break
+    scene = next(event for event in events if isinstance(event, hbot.SceneEvent))
+    assert scene.name == rig.refresh().scene["name"]
+    fault = next(event for event in events if isinstance(event, hbot.FaultEvent))
+    assert (fault.mode, fault.fault) == ("estop", None)
+    assert "me" in fault.message
+
+
+def test_events_come_by_a_callback_however_slow_it_is(server: Server, encoding: Encoding) -> None:
+    events, go_on = [], threading.Event()
+
+    def slow(event: hbot.Event) -> None:
+        assert go_on.wait(PATIENCE_S)
+        events.append(event)
+
+    with hbot.connect(server.address, name="me", encoding=encoding, on_event=slow) as rig:
+        with rig.lease():  # The first event blocks the callback.
+            rig.ping()
+            rig.enable()
+        assert not events
+        go_on.set()
+        eventually(lambda: len(events) >= 2, "both lease events")
+        assert isinstance(events[0], hbot.LeaseEvent)
+        assert events[0].cause == "acquired"
+        with pytest.raises(ValueError, match="on_event"):
+            next(rig.events())
+
+
+def test_a_lease_that_is_stolen_ends_a_render(server: Server, rig: hbot.Rig) -> None:
+    with hbot.connect(server.address, name="thief") as thief, rig.lease():
+        rig.enable()
+
+        def steal_once(state: hbot.State) -> list[float]:
+            if rig_holds(rig):
+                thief.acquire(steal=True)
+            return damper(state)
+
+        with pytest.raises(hbot.NotHolder, match="thief has taken the lease") as caught:
+            rig.render(steal_once)
+        assert caught.value.holder == "thief"
+    stolen = [event for event in rig.events(0.0) if isinstance(event, hbot.LeaseEvent)]
+    assert "stolen" in [event.cause for event in stolen]
+
+
+def rig_holds(rig: hbot.Rig) -> bool:
+    """Return whether the connection holds the lease, as far as it has heard."""
+    return rig._connection.holds_lease
+
+
+def test_a_stop_by_another_client_ends_a_render(server: Server, rig: hbot.Rig) -> None:
+    with hbot.connect(server.address, name="other") as other, rig.lease():
+        rig.enable()
+
+        def stop_once(state: hbot.State) -> list[float]:
+            other.estop()
+            return damper(state)
+
+        with pytest.raises(hbot.Faulted, match="estop"):
+            rig.render(stop_once)
+
+
+def test_a_slow_function_gets_the_newest_state(rig: hbot.Rig) -> None:
+    def slow(state: hbot.State) -> list[float]:
+        time.sleep(0.1)  # Its subject is time: 10 ticks.
+        return damper(state)
+
+    with rig.lease():
+        rig.enable()
+        done = rig.render(slow, duration=1.0)
+    assert done.skipped >= 9 * (done.calls - 1), "one of ten ticks is rendered"
+    assert done.skipped + done.calls == RATE_HZ
+
+
+def test_what_a_slow_program_loses_is_counted_and_told(
+    rig: hbot.Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rig_module, "MAX_STATES", 5)
+    states = rig.states()
+    first = next(states)
+    eventually(lambda: rig.lost.states >= 20, "20 states are lost")
+    later = next(states)
+    assert later.tick - first.tick > 15
+    told = [event for event in rig.events(0.0) if isinstance(event, hbot.LostEvent)]
+    assert told
+    assert told[0].states >= 1
+    assert rig.ping("still there").data == "still there"
+
+
+def test_the_oldest_events_are_dropped_and_counted(
+    server: Server, encoding: Encoding, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rig_module, "MAX_EVENTS", 3)
+    with hbot.connect(server.address, name="me", encoding=encoding) as rig:
+        for _ in range(4):
+            with rig.lease():
+                pass
+        eventually(lambda: rig.lost.events >= 5, "events are lost")
+        assert len(list(rig.events(0.0))) == 3
+
+
+def test_a_second_iteration_replaces_the_first(rig: hbot.Rig) -> None:
+    first = rig.states()
+    next(first)
+    second = rig.states(every=7)
+    ticks = [next(second).tick, next(second).tick]
+    assert ticks[1] - ticks[0] == 7
+    with pytest.raises(hbot.SubscriptionTaken, match="replaced"):
+        list(first)
+    assert next(second).tick - ticks[1] == 7, "the end of the first does not end the second"
+
+
+def test_the_subscription_ends_with_the_iteration(
+    rig: hbot.Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for _state in rig.states():
+        break
+    heard: list[object] = []
+    monkeypatch.setattr(rig._connection, "_take", heard.append)
+    time.sleep(10 / RATE_HZ)  # Its subject is time: ten ticks.
+    assert not heard, "no state comes any more"
+
+
+def test_many_threads_can_use_one_connection(rig: hbot.Rig) -> None:
+    wrong: list[object] = []
+
+    def work(number: int) -> None:
+        for count in range(50):
+            data = rig.ping([number, count]).data
+            if data != [number, count]:
+                wrong.append(data)
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive()
+    assert not wrong
+
+
+def test_a_refused_stream_message_comes_as_an_event(rig: hbot.Rig) -> None:
+    rig.torque([0, 0, 0], valid_ms=20, wait=False)
+    event = next(event for event in rig.events() if isinstance(event, hbot.RefusedEvent))
+    assert (event.op, event.code) == ("torque", "not_holder")
+
+
+def test_a_stream_message_is_not_sent_late(rig: hbot.Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A connection that takes no bytes makes `wait=False` drop the message instead of waiting."""
+    with rig.lease():
+        monkeypatch.setattr(rig._connection._transport, "writable", lambda: False)
+        rig.torque([0, 0, 0], valid_ms=20, wait=False)
+        assert rig.lost.sends == 1
+        monkeypatch.undo()
+    assert [event for event in rig.events(0.0) if isinstance(event, hbot.LostEvent)]
+
+
+def test_a_silent_connection_is_kept_by_a_heartbeat(
+    rig: hbot.Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = rig.stats().requests
+    assert connection_module.HEARTBEAT_S == 1.0
+    time.sleep(2.5)  # Its subject is time: two heartbeats.
+    assert rig.stats().requests - before >= 3, "two heartbeats and the second stats"
+
+
+def test_a_scene_file_that_is_not_toml_is_named(rig: hbot.Rig, tmp_path: Path) -> None:
+    (tmp_path / "wrong.toml").write_text("name = ")
+    with pytest.raises(ValueError, match=r"wrong\.toml: Invalid value"):
+        rig.load_scene(tmp_path / "wrong.toml")
