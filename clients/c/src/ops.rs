@@ -153,16 +153,17 @@ pub struct HbotStream {
 /// Streams a torque in frame N, N m, without waiting for an answer. `stream` can be NULL. It is
 /// added to the scene's torque until it expires. If the server refuses it, an event
 /// HBOT_EVENT_KIND_REFUSED comes.
+/// cbindgen:ptrs-as-arrays=[[torque;3]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_torque(
     client: *mut HbotClient,
-    torque: *const [f64; 3],
+    torque: *const f64,
     stream: *const HbotStream,
 ) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
     unsafe {
         with(client, |inner| {
-            let (torque, extras) = (*input(torque, "torque")?, extras(stream));
+            let (torque, extras) = (*input(torque.cast(), "torque")?, extras(stream));
             done(inner.client.torque(TorqueCommand {
                 torque,
                 valid_ms: extras.valid_ms,
@@ -176,12 +177,13 @@ pub unsafe extern "C" fn hbot_torque(
 /// Streams a reference orientation {w, x, y, z} for an effect, without waiting for an answer.
 /// `omega`, its angular velocity in frame N, rad/s, can be NULL. `stream` can be NULL; its
 /// `valid_ms` is that of `omega`.
+/// cbindgen:ptrs-as-arrays=[[q;4], [omega;3]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_reference(
     client: *mut HbotClient,
     effect: *const c_char,
-    q: *const [f64; 4],
-    omega: *const [f64; 3],
+    q: *const f64,
+    omega: *const f64,
     stream: *const HbotStream,
 ) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
@@ -190,8 +192,8 @@ pub unsafe extern "C" fn hbot_reference(
             let (effect, extras) = (text(effect, "effect")?.to_owned(), extras(stream));
             done(inner.client.reference(ReferenceCommand {
                 effect,
-                q: *input(q, "q")?,
-                omega: omega.as_ref().copied(),
+                q: *input(q.cast(), "q")?,
+                omega: omega.cast::<[f64; 3]>().as_ref().copied(),
                 valid_ms: extras.valid_ms,
                 tick: extras.tick,
                 seq: extras.seq,
@@ -203,17 +205,18 @@ pub unsafe extern "C" fn hbot_reference(
 /// Corrects the server's orientation by one that was measured from outside, {w, x, y, z}. `weight`,
 /// 0 to 1, is the part of the difference that is corrected. `angle` can be NULL; it receives the
 /// difference before, rad.
+/// cbindgen:ptrs-as-arrays=[[q;4]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_align(
     client: *mut HbotClient,
-    q: *const [f64; 4],
+    q: *const f64,
     weight: f64,
     angle: *mut f64,
 ) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
     unsafe {
         with(client, |inner| {
-            let difference = inner.client.align(Align { q: *input(q, "q")?, weight, t: None })?;
+            let difference = inner.client.align(Align { q: *input(q.cast(), "q")?, weight, t: None })?;
             if let Ok(out) = Out::new(angle, "angle") {
                 out.write(difference);
             }

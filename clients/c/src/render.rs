@@ -68,11 +68,12 @@ pub struct HbotRenderReport {
     pub refused: u64,
 }
 
-/// Computes a torque in frame N, N m, from a state. `torque` is zero before the call. `user` is the
+/// Computes a torque in frame N, N m, from a state. `torque` has three elements, which are zero
+/// before the call. `user` is the
 /// pointer that was given to hbot_render(). Returns false to end the loop; its torque is then not
 /// sent. It must not throw, and must not use the client that calls it.
 pub type HbotRenderCallback =
-    Option<unsafe extern "C" fn(state: *const HbotState, torque: *mut [f64; 3], user: *mut c_void) -> bool>;
+    Option<unsafe extern "C" fn(state: *const HbotState, torque: *mut f64, user: *mut c_void) -> bool>;
 
 /// Subscribes to states, calls `callback` for each, and streams the torque that it computes, until
 /// something ends the loop. Needs the lease, and a rig that is enabled. `options` and `report` can
@@ -100,7 +101,7 @@ pub unsafe extern "C" fn hbot_render(
             let result = inner.client.render(&options, |state| {
                 let state = HbotState::of(state).map_err(|failure| wrong = Some(failure)).ok()?;
                 let mut torque = [0.0; 3];
-                callback(&raw const state, &raw mut torque, user).then_some(torque)
+                callback(&raw const state, torque.as_mut_ptr(), user).then_some(torque)
             });
             if let Some(failure) = wrong {
                 return Err(failure);
