@@ -1,5 +1,7 @@
 #include "CHbotDevice.h"
 
+#include <stdexcept>
+
 namespace chai3d {
 
 namespace {
@@ -163,7 +165,8 @@ bool cHbotDevice::setForceAndTorqueAndGripperForce(const cVector3d& a_force, con
         m_client->torque(torque, stream);
         refresh(TICKS_WAITED);
         if (m_state.mode != HBOT_MODE_ENABLING && m_state.mode != HBOT_MODE_ACTIVE) {
-            throw std::runtime_error("the rig does not render: disabled, or stopped by a fault or an emergency stop");
+            throw std::runtime_error("the rig does not render: hbot_mode " + std::to_string(m_state.mode) +
+                                     ", hbot_fault " + std::to_string(m_state.fault));
         }
         return C_SUCCESS;
     });

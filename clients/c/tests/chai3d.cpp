@@ -17,7 +17,12 @@ int main(int, char** argv) {
     CHECK(!nowhere.getRotation(r) && !nowhere.setForceAndTorque(v, v));
 
     cHbotDevicePtr device = cHbotDevice::create(argv[1]);
-    CHECK(device->open() && device->isDeviceReady() && device->calibrate());
+    // Calls a method of the device that must succeed.
+    const auto does = [&](bool success) {
+        if (!success) std::fprintf(stderr, "the device: %s\n", device->getLastError().c_str());
+        return success;
+    };
+    CHECK(does(device->open()) && device->isDeviceReady() && does(device->calibrate()));
     CHECK(!device->open());
     const cHapticDeviceInfo info = device->getSpecifications();
     CHECK(info.m_modelName == "Hbot prototype" && info.m_maxAngularTorque > 0.1);
@@ -31,9 +36,9 @@ int main(int, char** argv) {
     hbot_state state{};
     CHECK(eventually([&] {
         cVector3d omega;
-        CHECK(device->getAngularVelocity(omega));
+        CHECK(does(device->getAngularVelocity(omega)));
         const cVector3d torque(push - damping * omega(0), -damping * omega(1), -damping * omega(2));
-        CHECK(device->setForceAndTorque(cVector3d(1.0, 2.0, 3.0), torque));
+        CHECK(does(device->setForceAndTorque(cVector3d(1.0, 2.0, 3.0), torque)));
         if (const auto newest = watch.latest_state()) state = *newest;
         // Away from rest, in the direction of the push, about this axis alone.
         return state.omega[1] < -0.2 && std::fabs(state.omega[0]) < 0.1 && std::fabs(state.omega[2]) < 0.1 &&

@@ -113,6 +113,8 @@ void scenes_and_references(hbot::Client& rig) {
     rig.set_json("spring", "{\"stiffness\": 3, \"damping\": 0.01}");
     CHECK(rig.info_json().find("\"stiffness\":3") != std::string::npos);
     CHECK(rig.align({1.0, 0.0, 0.0, 0.0}, 0.0) >= 0.0);
+    // References of clients act only while the rig renders.
+    rig.enable();
     rig.subscribe(1);
     // A turn of 0.2 rad about n3.
     const hbot::Quat wanted{std::cos(0.1), 0.0, 0.0, std::sin(0.1)};
