@@ -331,6 +331,13 @@ typedef struct hbot_info {
   bool simulated;
   // Ticks a second.
   uint32_t rate_hz;
+  // Whether the server has told its clock, `clock_monotonic_ns` and `clock_unix_ns`.
+  bool has_clock;
+  // Time of tick 0 on CLOCK_MONOTONIC of the server's machine, ns.
+  uint64_t clock_monotonic_ns;
+  // The same moment on CLOCK_REALTIME, ns since 1970. A state with time `t` belongs to the
+  // moment `clock_unix_ns + 1e9 t`.
+  uint64_t clock_unix_ns;
   // Number of wheels. A state has two joints for each.
   uint32_t wheels;
   // Radius of the sphere, m.
@@ -405,29 +412,23 @@ uint32_t hbot_abi_version(void);
 
 // Converts a direction, a force or a velocity from frame N to `axes`, one of hbot_axes. `from` and
 // `to` can be equal, as in all functions here.
-//
 enum hbot_status hbot_vector_to(uint32_t axes, const double from[3], double to[3]);
 
 // Converts a direction, a force or a velocity from `axes` to frame N.
-//
 enum hbot_status hbot_vector_from(uint32_t axes, const double from[3], double to[3]);
 
 // Converts a torque, an angular velocity or a rotation vector from frame N to `axes`.
-//
 enum hbot_status hbot_axial_to(uint32_t axes, const double from[3], double to[3]);
 
 // Converts a torque, an angular velocity or a rotation vector from `axes` to frame N.
-//
 enum hbot_status hbot_axial_from(uint32_t axes, const double from[3], double to[3]);
 
 // Converts an orientation {w, x, y, z} in frame N to `axes`: {w, x, y, z} for CHAI3D, {x, y, z, w}
 // for the others.
-//
 enum hbot_status hbot_quaternion_to(uint32_t axes, const double from[4], double to[4]);
 
 // Converts an orientation in `axes`, in the order of hbot_quaternion_to(), to {w, x, y, z} in frame
 // N.
-//
 enum hbot_status hbot_quaternion_from(uint32_t axes, const double from[4], double to[4]);
 
 // Connects to the server at `address`: HOST or HOST:PORT, as "127.0.0.1:4268". `options` can be
@@ -511,7 +512,6 @@ enum hbot_status hbot_info_json(struct hbot_client *client, const char **json);
 // Streams a torque in frame N, N m, without waiting for an answer. `stream` can be NULL. It is
 // added to the scene's torque until it expires. If the server refuses it, an event
 // HBOT_EVENT_KIND_REFUSED comes.
-//
 enum hbot_status hbot_torque(struct hbot_client *client,
                              const double torque[3],
                              const struct hbot_stream *stream);
@@ -519,7 +519,6 @@ enum hbot_status hbot_torque(struct hbot_client *client,
 // Streams a reference orientation {w, x, y, z} for an effect, without waiting for an answer.
 // `omega`, its angular velocity in frame N, rad/s, can be NULL. `stream` can be NULL; its
 // `valid_ms` is that of `omega`.
-//
 enum hbot_status hbot_reference(struct hbot_client *client,
                                 const char *effect,
                                 const double q[4],
@@ -529,7 +528,6 @@ enum hbot_status hbot_reference(struct hbot_client *client,
 // Corrects the server's orientation by one that was measured from outside, {w, x, y, z}. `weight`,
 // 0 to 1, is the part of the difference that is corrected. `angle` can be NULL; it receives the
 // difference before, rad.
-//
 enum hbot_status hbot_align(struct hbot_client *client,
                             const double q[4],
                             double weight,
@@ -667,7 +665,6 @@ enum hbot_status hbot_info_json(struct hbot_client *client, const char **json);
 // Streams a torque in frame N, N m, without waiting for an answer. `stream` can be NULL. It is
 // added to the scene's torque until it expires. If the server refuses it, an event
 // HBOT_EVENT_KIND_REFUSED comes.
-//
 enum hbot_status hbot_torque(struct hbot_client *client,
                              const double torque[3],
                              const struct hbot_stream *stream);
@@ -675,7 +672,6 @@ enum hbot_status hbot_torque(struct hbot_client *client,
 // Streams a reference orientation {w, x, y, z} for an effect, without waiting for an answer.
 // `omega`, its angular velocity in frame N, rad/s, can be NULL. `stream` can be NULL; its
 // `valid_ms` is that of `omega`.
-//
 enum hbot_status hbot_reference(struct hbot_client *client,
                                 const char *effect,
                                 const double q[4],
@@ -685,7 +681,6 @@ enum hbot_status hbot_reference(struct hbot_client *client,
 // Corrects the server's orientation by one that was measured from outside, {w, x, y, z}. `weight`,
 // 0 to 1, is the part of the difference that is corrected. `angle` can be NULL; it receives the
 // difference before, rad.
-//
 enum hbot_status hbot_align(struct hbot_client *client,
                             const double q[4],
                             double weight,
@@ -728,29 +723,23 @@ enum hbot_status hbot_render(struct hbot_client *client,
 
 // Converts a direction, a force or a velocity from frame N to `axes`, one of hbot_axes. `from` and
 // `to` can be equal, as in all functions here.
-//
 enum hbot_status hbot_vector_to(uint32_t axes, const double from[3], double to[3]);
 
 // Converts a direction, a force or a velocity from `axes` to frame N.
-//
 enum hbot_status hbot_vector_from(uint32_t axes, const double from[3], double to[3]);
 
 // Converts a torque, an angular velocity or a rotation vector from frame N to `axes`.
-//
 enum hbot_status hbot_axial_to(uint32_t axes, const double from[3], double to[3]);
 
 // Converts a torque, an angular velocity or a rotation vector from `axes` to frame N.
-//
 enum hbot_status hbot_axial_from(uint32_t axes, const double from[3], double to[3]);
 
 // Converts an orientation {w, x, y, z} in frame N to `axes`: {w, x, y, z} for CHAI3D, {x, y, z, w}
 // for the others.
-//
 enum hbot_status hbot_quaternion_to(uint32_t axes, const double from[4], double to[4]);
 
 // Converts an orientation in `axes`, in the order of hbot_quaternion_to(), to {w, x, y, z} in frame
 // N.
-//
 enum hbot_status hbot_quaternion_from(uint32_t axes, const double from[4], double to[4]);
 
 #ifdef __cplusplus

@@ -22,6 +22,13 @@ pub struct HbotInfo {
     pub simulated: bool,
     /// Ticks a second.
     pub rate_hz: u32,
+    /// Whether the server has told its clock, `clock_monotonic_ns` and `clock_unix_ns`.
+    pub has_clock: bool,
+    /// Time of tick 0 on CLOCK_MONOTONIC of the server's machine, ns.
+    pub clock_monotonic_ns: u64,
+    /// The same moment on CLOCK_REALTIME, ns since 1970. A state with time `t` belongs to the
+    /// moment `clock_unix_ns + 1e9 t`.
+    pub clock_unix_ns: u64,
     /// Number of wheels. A state has two joints for each.
     pub wheels: u32,
     /// Radius of the sphere, m.
@@ -64,12 +71,16 @@ pub unsafe extern "C" fn hbot_info_get(client: *mut HbotClient, info: *mut HbotI
 impl HbotInfo {
     fn of(info: &InfoOk, server: &str, session: u64) -> Self {
         let render = info.render.unwrap_or_default();
+        let clock = info.clock.unwrap_or_default();
         Self {
             server: copied(server),
             rig: copied(&info.rig.name),
             session,
             simulated: info.rig.simulated,
             rate_hz: info.rig.rate_hz,
+            has_clock: info.clock.is_some(),
+            clock_monotonic_ns: clock.monotonic_ns,
+            clock_unix_ns: clock.unix_ns,
             wheels: info.rig.wheels.len() as u32,
             sphere_radius: info.rig.sphere.radius,
             sphere_mass: info.rig.sphere.mass,

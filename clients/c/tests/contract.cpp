@@ -94,6 +94,10 @@ void the_rig_is_described(hbot::Client& rig) {
     CHECK(std::string(info.rig) == "Hbot prototype" && info.simulated && info.rate_hz == 1000);
     CHECK(info.wheels == 2 && info.sphere_radius > 0.05 && info.max_torque > 0.1 && info.session > 0);
     CHECK(info.stable_stiffness > 0.1);
+    // Tick 0 was before now on this machine's clock, and the rig started less than a day ago.
+    const auto now = std::chrono::system_clock::now().time_since_epoch();
+    const double age = std::chrono::duration<double>(now).count() - 1e-9 * static_cast<double>(info.clock_unix_ns);
+    CHECK(info.has_clock && info.clock_monotonic_ns > 0 && age > 0.0 && age < 86400.0);
     CHECK(rig.info_json().find("\"on_client_lost\"") != std::string::npos);
     CHECK(rig.stats_json().find("\"late_ticks\"") != std::string::npos);
     const std::uint64_t tick = rig.ping();
