@@ -40,9 +40,9 @@ int main(int, char** argv) {
         const cVector3d torque(push - damping * omega(0), -damping * omega(1), -damping * omega(2));
         CHECK(does(device->setForceAndTorque(cVector3d(1.0, 2.0, 3.0), torque)));
         if (const auto newest = watch.latest_state()) state = *newest;
-        // Away from rest, in the direction of the push, about this axis alone.
-        return state.omega[1] < -0.2 && std::fabs(state.omega[0]) < 0.1 && std::fabs(state.omega[2]) < 0.1 &&
-               omega(0) > 0.2;
+        // The rig applies the push about -n2 and turns that way. The damping takes up to the half.
+        return state.torque[1] < -0.5 * push && std::fabs(state.torque[0]) < 0.25 * push &&
+               std::fabs(state.torque[2]) < 0.25 * push && state.omega[1] < -0.02 && omega(0) > 0.02;
     }));
 
     // The rotation of the device is that of the sphere: its columns are the converted sphere axes.
