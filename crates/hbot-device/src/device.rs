@@ -29,6 +29,8 @@ pub struct Device {
     faulty: bool,
     /// True if the last call of [`Joints::drive`] was with `on`.
     on: bool,
+    /// The joints that were too hot at the last reading, as a set of bits. They get no torque.
+    hot: u16,
     refused: u32,
 }
 
@@ -42,6 +44,7 @@ impl Device {
             described: false,
             faulty: false,
             on: false,
+            hot: 0,
             refused: 0,
         };
         device.switch_off(joints);
@@ -137,7 +140,7 @@ impl Device {
         for (j, (asked, joint)) in command.torque.iter().zip(self.identity.joints()).enumerate() {
             let given = asked.max(-joint.peak).min(joint.peak);
             limited |= u16::from(given != *asked) << j;
-            if self.on {
+            if self.on && self.hot >> j & 1 == 0 {
                 torque[j] = given;
             }
         }
@@ -175,15 +178,22 @@ impl Device {
     }
 
     /// Samples all joints into `feedback`. `limited` is the result of [`drive`](Self::drive).
-    fn read(&self, feedback: &mut Feedback, limited: u16, joints: &mut impl Joints) {
+    fn read(&mut self, feedback: &mut Feedback, limited: u16, joints: &mut impl Joints) {
         // It fits: there are at most MAX_JOINTS joints.
         let _ = feedback.joints.resize_default(self.identity.joints().len());
         joints.read(&mut feedback.joints);
-        for (j, reading) in feedback.joints.iter_mut().enumerate() {
-            reading.flags = JointFlags::from_bits(reading.flags.bits() & NAMED_FLAGS);
+        self.hot = 0;
+        for (j, (reading, joint)) in feedback.joints.iter_mut().zip(self.identity.joints()).enumerate() {
+            let mut flags = JointFlags::from_bits(reading.flags.bits() & NAMED_FLAGS);
             if limited >> j & 1 != 0 {
-                reading.flags |= JointFlags::OVERCURRENT;
+                flags |= JointFlags::OVERCURRENT;
             }
+            // A temperature that is not a number counts as too hot.
+            if !(reading.temperature < joint.max_temperature) {
+                flags |= JointFlags::OVERTEMPERATURE;
+                self.hot |= 1 << j;
+            }
+            reading.flags = flags;
         }
     }
 }

@@ -13,8 +13,8 @@ pub trait Joints {
     /// joint, in the order of the [`Identity`](crate::Identity); all its fields are 0 before the
     /// call. Leave a field at 0 if you do not measure it.
     ///
-    /// Do not set [`OVERCURRENT`](hbot_link::JointFlags::OVERCURRENT) if only
-    /// [`Joint::peak`](crate::Joint::peak) limits the torque. The device does this.
+    /// The device adds the flags `OVERCURRENT` and `OVERTEMPERATURE` if the limits of
+    /// [`Joint`](crate::Joint) are reached.
     fn read(&mut self, readings: &mut [JointReading]);
 
     /// Applies `torque`, with one element for each joint, N m after the gear. A positive torque
@@ -24,8 +24,9 @@ pub trait Joints {
     /// If `on` is false, all torques are 0 and the joints must be free of torque. Switch the power
     /// stage off if it can be switched.
     ///
-    /// Limit current and heat here or in the motor driver. [`Joint::peak`](crate::Joint::peak) only
-    /// limits the command.
+    /// The device limits torques to [`Joint::peak`](crate::Joint::peak), and gives none to a joint
+    /// that has reached [`Joint::max_temperature`](crate::Joint::max_temperature). If a motor can
+    /// draw too much current or become too hot all the same, limit both here.
     fn drive(&mut self, torque: &[f32], on: bool);
 
     /// Returns the present condition of the hardware. It is called often, at least once for each

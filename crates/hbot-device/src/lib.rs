@@ -3,8 +3,8 @@
 //!
 //! You write two functions for your hardware, [`Joints::read`] and [`Joints::drive`]. A [`Device`]
 //! does everything else that `docs/link.md` requires of a motor controller: it decodes and checks
-//! commands, answers them, limits torques to the peak of each joint, and switches the joints off
-//! when the watchdog expires, when the hardware has a fault, and after boot.
+//! commands, answers them, limits the torque and the heat of each joint, and switches the joints
+//! off when the watchdog expires, when the hardware has a fault, and after boot.
 //!
 //! # An example
 //!
@@ -14,12 +14,13 @@
 //! ```
 //! use hbot_device::{Device, Identity, Joint, JointReading, Joints};
 //! # use hbot_link::{Command, ToController, encode};
-//! # use std::{cell::RefCell, time::Instant};
+//! # use std::cell::RefCell;
 //! # #[derive(Default)]
 //! # struct Board { input: RefCell<Vec<u8>>, sent: RefCell<usize>, amperes: RefCell<[f32; 2]> }
 //! # impl Board {
 //! #     fn encoder(&self, _: usize) -> i32 { 0 }
 //! #     fn rate(&self, _: usize) -> f32 { 0.0 }
+//! #     fn temperature(&self, _: usize) -> f32 { 25.0 }
 //! #     fn enable_drivers(&self, _: bool) {}
 //! #     fn set_current(&self, j: usize, amperes: f32) { self.amperes.borrow_mut()[j] = amperes; }
 //! #     fn micros(&self) -> u32 { 0 }
@@ -28,8 +29,8 @@
 //! #     fn serial_write(&self, bytes: &[u8]) { *self.sent.borrow_mut() += bytes.len(); }
 //! # }
 //!
-//! const STEER: Joint = Joint { counts_per_turn: 16384, peak: 0.93 }; // N m
-//! const DRIVE: Joint = Joint { counts_per_turn: 16384, peak: 0.14 };
+//! const STEER: Joint = Joint { counts_per_turn: 16384, peak: 0.93, max_temperature: 80.0 };
+//! const DRIVE: Joint = Joint { counts_per_turn: 16384, peak: 0.14, max_temperature: 80.0 };
 //! const IDENTITY: Identity = Identity::new("my rig 1.0", &[STEER, DRIVE]).unwrap();
 //!
 //! const NM_PER_AMPERE: f32 = 0.05; // torque of a motor after its gear, for each ampere
@@ -44,6 +45,7 @@
 //!         for (j, reading) in readings.iter_mut().enumerate() {
 //!             reading.count = self.board.encoder(j);
 //!             reading.rate = self.board.rate(j); // rad/s of the joint
+//!             reading.temperature = self.board.temperature(j); // of the motor
 //!         }
 //!     }
 //!

@@ -14,21 +14,22 @@ struct Mechanics {
     gear: f32,
     /// Moment of inertia at the joint, kg m².
     inertia: f32,
-    /// Viscous friction, N m s/rad. With the inertia it gives a time constant of 0.25 s.
+    /// Viscous friction, N m s/rad. It is large, so that a spring is stable even if the host's
+    /// loop is late by 0.2 s on a busy machine.
     friction: f32,
 }
 
 const STEER: Mechanics = Mechanics {
-    joint: Joint { counts_per_turn: 16384, peak: 0.93 },
+    joint: Joint { counts_per_turn: 16384, peak: 0.93, max_temperature: 80.0 },
     gear: 1.0,
-    inertia: 1e-3,
-    friction: 4e-3,
+    inertia: 5e-3,
+    friction: 5e-2,
 };
 const DRIVE: Mechanics = Mechanics {
-    joint: Joint { counts_per_turn: 16384, peak: 0.14 },
+    joint: Joint { counts_per_turn: 16384, peak: 0.14, max_temperature: 80.0 },
     gear: 17.0,
-    inertia: 1e-4,
-    friction: 4e-4,
+    inertia: 1e-3,
+    friction: 2e-2,
 };
 
 /// Temperature that the motors report, in degrees Celsius.

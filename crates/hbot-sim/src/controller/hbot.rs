@@ -37,6 +37,8 @@ impl Hbot {
         let joint = |axis: &super::joint::Axis| Joint {
             counts_per_turn: axis.joint.counts_per_turn,
             peak: axis.peak,
+            // The simulated motors limit their heat themselves.
+            max_temperature: f32::INFINITY,
         };
         let all: Vec<Joint> = each.map(joint).collect();
         let identity = Identity::new(FIRMWARE, &all)?;
