@@ -228,8 +228,8 @@ impl RigConfig {
         let Document { tree, mut report } = document;
         validate(&SCHEMA, &tree, "", &mut report);
         // Each wheel is checked even if other parts of the file are not legal, so that all mistakes
-        // are reported at once. If the protocol is not legal, nobody knows which keys a joint needs,
-        // and only the protocol is reported.
+        // are reported at once. If the protocol is not legal, nobody knows which keys a joint
+        // needs, and only the protocol is reported.
         let protocol = match &tree["link"]["protocol"] {
             Value::Null => Some(Protocol::Hbot),
             name => Protocol::deserialize(name).ok(),

@@ -10,8 +10,8 @@ use crate::document::Report;
 /// usable direction.
 const LEAST_AXIS: f64 = 1.0e-9;
 
-/// Checks the values of one wheel against each other, and adds mistakes to the report. If `protocol`
-/// is `None`, the values that depend on the protocol are not checked.
+/// Checks the values of one wheel against each other, and adds mistakes to the report. If
+/// `protocol` is `None`, the values that depend on the protocol are not checked.
 pub(super) fn check_wheel(wheel: &file::Wheel, protocol: Option<Protocol>, path: &str, report: &mut Report) {
     if wheel.axis.iter().all(|x| x.abs() < LEAST_AXIS) {
         report.push(

@@ -12,8 +12,8 @@
 //!
 //! The protocol lacks three things, which the driver replaces. *Which command an answer belongs
 //! to*: the watchdog time of a command is returned bit for bit in its answer, and its mantissa
-//! carries the tick. *Restarts*: every other answer contains the time since power-on. *Motors on or off*:
-//! an answer shows the mode that the servo had before it carried out the command.
+//! carries the tick. *Restarts*: every other answer contains the time since power-on. *Motors on or
+//! off*: an answer shows the mode that the servo had before it carried out the command.
 
 mod bus;
 mod codec;
