@@ -4,6 +4,7 @@ mod compile;
 mod file;
 mod methods;
 mod settings;
+mod wheel;
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -227,14 +228,18 @@ impl RigConfig {
         let Document { tree, mut report } = document;
         validate(&SCHEMA, &tree, "", &mut report);
         // Each wheel is checked even if other parts of the file are not legal, so that all mistakes
-        // are reported at once.
-        let protocol = Protocol::deserialize(&tree["link"]["protocol"]).unwrap_or(Protocol::Hbot);
+        // are reported at once. If the protocol is not legal, nobody knows which keys a joint
+        // needs, and only the protocol is reported.
+        let protocol = match &tree["link"]["protocol"] {
+            Value::Null => Some(Protocol::Hbot),
+            name => Protocol::deserialize(name).ok(),
+        };
         for (i, wheel) in tree["wheel"].as_array().into_iter().flatten().enumerate() {
             let path = format!("wheel[{i}]");
             if report.clean_under(&path)
                 && let Some(wheel) = decode(wheel, &path, &mut report)
             {
-                compile::check_wheel(&wheel, protocol, &path, &mut report);
+                wheel::check_wheel(&wheel, protocol, &path, &mut report);
             }
         }
         let mut config = None;
