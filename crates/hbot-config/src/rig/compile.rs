@@ -164,10 +164,12 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
 fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LineConfig {
     let port = match &file.link.port {
         settings::Ports::One(name) => Port::from(name.as_str()),
-        settings::Ports::Several(names) if names.as_slice() == ["sim"] => Port::Sim,
-        settings::Ports::Several(names) => Port::Devices(names.clone()),
+        settings::Ports::Several(names) => match names.as_slice() {
+            [name] => Port::from(name.as_str()),
+            names => Port::Devices(names.to_vec()),
+        },
     };
-    let default = if port == Port::Sim { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
+    let default = if port.is_simulated() { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
     let watchdog_ms = file.link.watchdog_ms.unwrap_or(default);
     let rate_hz = file.r#loop.rate_hz;
     let least_ms = timing.least_watchdog_ms();

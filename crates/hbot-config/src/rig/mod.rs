@@ -99,15 +99,29 @@ impl LineConfig {
 /// Where the motor controllers are connected: in the simulated rig, or at serial devices.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Port {
-    /// In the simulated rig.
+    /// In the simulated rig, which shares its time with the control loop.
     Sim,
+    /// In the simulated rig behind a pseudo-terminal, which runs in wall-clock time like a real one.
+    SimPty,
     /// Paths of the serial devices, such as `/dev/ttyACM0`. There is at least one.
     Devices(Vec<String>),
 }
 
+impl Port {
+    /// Returns whether the motor controllers are simulated.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        matches!(self, Self::Sim | Self::SimPty)
+    }
+}
+
 impl From<&str> for Port {
     fn from(name: &str) -> Self {
-        if name == "sim" { Self::Sim } else { Self::Devices(vec![name.to_owned()]) }
+        match name {
+            "sim" => Self::Sim,
+            "sim:pty" => Self::SimPty,
+            _ => Self::Devices(vec![name.to_owned()]),
+        }
     }
 }
 
@@ -115,6 +129,7 @@ impl fmt::Display for Port {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Sim => f.write_str("sim"),
+            Self::SimPty => f.write_str("sim:pty"),
             Self::Devices(paths) => f.write_str(&paths.join(", ")),
         }
     }
