@@ -75,6 +75,7 @@ pub struct Host {
     thread: Option<JoinHandle<Ended>>,
     notices: Vec<String>,
     origin: Origin,
+    time_waits: bool,
     /// The simulated rig, if any. This field comes after `thread`, so that the rig is dropped after
     /// the loop's thread has ended.
     simulator: Option<Simulator>,
@@ -123,6 +124,7 @@ impl Host {
         let engine = Engine::new(motors, Controller::new(rig.rig), scene, loop_end, recorder)
             .enabling(simulator.is_some())
             .waiting(shared.is_some());
+        let time_waits = shared.is_some();
         let stop = StopFlag::default();
         let (thread, origin) = match time {
             Time::Virtual => in_virtual_time(engine, &rig, ticks, stop.clone())?,
@@ -132,8 +134,8 @@ impl Host {
                 by_the_clock(engine, schedule, processor, stop.clone(), &mut notices)?
             }
         };
-        let host =
-            Self { stop, thread: Some(thread), notices, origin, simulator, _wake_latency: wake_latency };
+        let thread = Some(thread);
+        let host = Self { stop, thread, notices, origin, time_waits, simulator, _wake_latency: wake_latency };
         Ok((host, end))
     }
 
@@ -148,6 +150,13 @@ impl Host {
     #[must_use]
     pub fn origin(&self) -> Origin {
         self.origin
+    }
+
+    /// Returns whether the loop's time waits instead of skipping ticks, because a simulated rig
+    /// shares it. Each skipped tick then moves all later ticks one period away from the origin.
+    #[must_use]
+    pub fn time_waits(&self) -> bool {
+        self.time_waits
     }
 
     /// Returns a handle to the simulated rig, or `None` if the motors are real.

@@ -135,9 +135,17 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let accuracy = rig.accuracy.to_owned();
         let phenomena = host.simulator().cloned().map(replace_phenomena);
-        let origin = host.origin();
-        let setup =
-            ServiceSetup { rig, scene: running, phenomena, token, encryption, flight_dir, accuracy, origin };
+        let setup = ServiceSetup {
+            rig,
+            scene: running,
+            phenomena,
+            token,
+            encryption,
+            flight_dir,
+            accuracy,
+            origin: host.origin(),
+            time_waits: host.time_waits(),
+        };
         Ok(Self { setup, end, host, notices, period_ns, time, started_ns: now_ns() })
     }
 

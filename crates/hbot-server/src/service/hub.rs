@@ -30,7 +30,7 @@ use tokio::time::Instant;
 use super::bucket::LongMessages;
 use super::flights::Flights;
 use super::incidents::Incidents;
-use super::info::Info;
+use super::info::{Clock, Info};
 use super::lease::Lease;
 use super::orders::{Asker, Orders};
 use super::peer::Peer;
@@ -101,7 +101,17 @@ impl Hub {
         setup: ServiceSetup,
         status: watch::Sender<Status>,
     ) -> Self {
-        let ServiceSetup { rig, scene, phenomena, token, encryption, flight_dir, accuracy, origin } = setup;
+        let ServiceSetup {
+            rig,
+            scene,
+            phenomena,
+            token,
+            encryption,
+            flight_dir,
+            accuracy,
+            origin,
+            time_waits,
+        } = setup;
         let changed = Arc::new(Notify::new());
         let simulated = phenomena.is_some();
         Self {
@@ -109,7 +119,7 @@ impl Hub {
             token,
             encryption,
             end,
-            info: Info::new(&rig, &accuracy, simulated, origin),
+            info: Info::new(&rig, &accuracy, simulated, Clock { origin, time_waits }),
             stats: Stats::new(),
             publisher: Publisher::new(Arc::clone(&changed)),
             lease: Lease::default(),

@@ -20,13 +20,34 @@ use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
 pub(super) struct Info {
     fixed: InfoOk,
     limits: JointLimits,
+    clock: Clock,
+}
+
+/// How the time of the loop relates to the clocks of the system.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Clock {
+    /// The time of tick 0 when the loop started.
+    pub(super) origin: Origin,
+    /// Whether each skipped tick moves all later ticks one period away from the origin.
+    pub(super) time_waits: bool,
+}
+
+impl Clock {
+    /// Returns the time of tick 0 from which the time of `sample` is counted.
+    fn at(self, sample: Option<&Sample>, period_ns: u64) -> ClockInfo {
+        let skipped = sample.filter(|_| self.time_waits).map_or(0, |sample| sample.counters.skipped);
+        let waited_ns = skipped * period_ns;
+        ClockInfo {
+            monotonic_ns: self.origin.monotonic_ns + waited_ns,
+            unix_ns: self.origin.unix_ns + waited_ns,
+        }
+    }
 }
 
 impl Info {
-    pub(super) fn new(config: &RigConfig, accuracy: &str, simulated: bool, origin: Origin) -> Self {
+    pub(super) fn new(config: &RigConfig, accuracy: &str, simulated: bool, clock: Clock) -> Self {
         let fixed = InfoOk {
             rig: rig(config, simulated),
-            clock: Some(ClockInfo { monotonic_ns: origin.monotonic_ns, unix_ns: origin.unix_ns }),
             limits: limits(config),
             render: render(config),
             accuracy: accuracy.to_owned(),
@@ -35,7 +56,7 @@ impl Info {
             phenomena: simulated.then(|| listed(hbot_config::scene::phenomena())),
             ..InfoOk::default()
         };
-        Self { fixed, limits: joint_limits(config) }
+        Self { fixed, limits: joint_limits(config), clock }
     }
 
     /// Returns the complete answer to `info`. The largest torque about each axis is computed for
@@ -56,7 +77,8 @@ impl Info {
             let posture = Posture::new(device, &steering[..device.wheels().len()]);
             Vec3::AXES.map(|axis| capability(posture.rows(), &self.limits, axis))
         });
-        InfoOk { scene, capability, lease: Some(lease), ..self.fixed.clone() }
+        let clock = Some(self.clock.at(sample, config.rig.timing.period_ns));
+        InfoOk { clock, scene, capability, lease: Some(lease), ..self.fixed.clone() }
     }
 }
 
@@ -137,4 +159,20 @@ fn joint_limits(config: &RigConfig) -> JointLimits {
         }
     }
     limits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hbot_host::sample::Counters;
+
+    #[test]
+    fn the_origin_moves_by_the_ticks_for_which_the_time_has_waited() {
+        let origin = Origin { monotonic_ns: 1_000, unix_ns: 5_000 };
+        let counters = Counters { skipped: 3, ..Counters::default() };
+        let sample = Sample { counters, ..crate::still::still(3) };
+        let at = |time_waits| Clock { origin, time_waits }.at(Some(&sample), 100);
+        assert_eq!(at(true), ClockInfo { monotonic_ns: 1_300, unix_ns: 5_300 });
+        assert_eq!(at(false), ClockInfo { monotonic_ns: 1_000, unix_ns: 5_000 });
+    }
 }

@@ -97,6 +97,10 @@ pub struct ServiceSetup {
     pub accuracy: String,
     /// The time of tick 0 on the system's clocks.
     pub origin: Origin,
+    /// Whether the loop's time waits instead of skipping ticks ([`Host::time_waits`]).
+    ///
+    /// [`Host::time_waits`]: hbot_host::host::Host::time_waits
+    pub time_waits: bool,
 }
 
 /// A request to the service from another part of the program, such as the metrics page.
