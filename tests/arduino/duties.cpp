@@ -43,22 +43,6 @@ struct Answer {
     std::vector<hbot::Reading> readings;
 };
 
-// Removes COBS and the CRC. The writer is tested by the vectors, so this is simple.
-Bytes bodyOf(const Bytes &frame) {
-    Bytes body;
-    for (size_t at = 0; at + 1 < frame.size();) {
-        const uint8_t code = frame[at++];
-        for (uint8_t i = 1; i < code; i++) {
-            body.push_back(frame[at++]);
-        }
-        if (code != 0xFF && at + 1 < frame.size()) {
-            body.push_back(0);
-        }
-    }
-    body.resize(body.size() - 4);
-    return body;
-}
-
 Answer decoded(const Bytes &frame) {
     Answer answer = {false, 0, 0, {}};
     if (frame.empty()) {

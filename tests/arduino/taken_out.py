@@ -127,7 +127,7 @@ DUTIES = [
     ("frames: empty frames mean nothing",
      "skipping_ || length == 0", "skipping_", "line: a frame is decoded in pieces"),
     ("frames: a run of 254 bytes has no zero after it",
-     "if (full_) {", "if (full_ && value != 0) {", "vectors: body and CRC of each"),
+     "if (full_) {", "if (full_ && value != 0) {", "vectors: a zero anywhere"),
 ]
 
 
