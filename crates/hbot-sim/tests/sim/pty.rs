@@ -83,6 +83,7 @@ fn a_host_describes_commands_and_reads() {
 fn the_watchdog_runs_in_wall_time_with_nobody_writing() {
     let rig = spawn();
     let mut port = Port::open(&rig);
+    port.ask(&ToController::Describe);
     assert!(port.command(1, true, 0.1).flags.contains(ControllerFlags::ENABLED));
     let start = Instant::now();
     eventually("torque off", || rig.call(|rig| rig.joint_torque()[1] == 0.0).unwrap());
