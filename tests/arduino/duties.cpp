@@ -362,7 +362,7 @@ TEST_CASE("duty 3: before a Describe, commands are answered without torque") {
 TEST_CASE("duty 4: a fault ends torque at once and is reported") {
     Bench bench;
     bench.push();
-    bench.device.setFault(true);
+    bench.device.setCondition(hbot::Condition::Fault);
     CHECK(isFree());
     CHECK(bench.push().flags == hbot::Fault);
     CHECK(isFree());
@@ -371,10 +371,10 @@ TEST_CASE("duty 4: a fault ends torque at once and is reported") {
 TEST_CASE("duty 4: it stays until its cause is gone and then a command with enable false comes") {
     Bench bench;
     bench.push();
-    bench.device.setFault(true);
+    bench.device.setCondition(hbot::Condition::Fault);
     CHECK(bench.release().flags == hbot::Fault);
     CHECK(bench.push().flags == hbot::Fault);
-    bench.device.setFault(false);
+    bench.device.setCondition(hbot::Condition::Ready);
     CHECK(bench.push().flags == hbot::Fault);
     CHECK(isFree());
     CHECK(bench.release().flags == 0);
@@ -385,10 +385,19 @@ TEST_CASE("duty 4: it stays until its cause is gone and then a command with enab
 TEST_CASE("duty 4: a fault that ends between two commands is reported all the same") {
     Bench bench;
     bench.push();
-    bench.device.setFault(true);
-    bench.device.setFault(false);
+    bench.device.setCondition(hbot::Condition::Fault);
+    bench.device.setCondition(hbot::Condition::Ready);
     CHECK(bench.push().flags == hbot::Fault);
     CHECK(isFree());
+}
+
+TEST_CASE("duty 4: a power stage that is not ready is driven, but not reported as enabled") {
+    Bench bench;
+    bench.device.setCondition(hbot::Condition::NotReady);
+    CHECK(bench.push().flags == 0);
+    CHECK(pushes());
+    bench.device.setCondition(hbot::Condition::Ready);
+    CHECK(bench.push().flags == hbot::Enabled);
 }
 
 TEST_CASE("duty 5: no torque beyond the peak of a joint, and the reading says so") {
