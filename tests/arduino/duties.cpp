@@ -43,22 +43,6 @@ struct Answer {
     std::vector<hbot::Reading> readings;
 };
 
-// Removes COBS and the CRC. The writer is tested by the vectors, so this is simple.
-Bytes bodyOf(const Bytes &frame) {
-    Bytes body;
-    for (size_t at = 0; at + 1 < frame.size();) {
-        const uint8_t code = frame[at++];
-        for (uint8_t i = 1; i < code; i++) {
-            body.push_back(frame[at++]);
-        }
-        if (code != 0xFF && at + 1 < frame.size()) {
-            body.push_back(0);
-        }
-    }
-    body.resize(body.size() - 4);
-    return body;
-}
-
 Answer decoded(const Bytes &frame) {
     Answer answer = {false, 0, 0, {}};
     if (frame.empty()) {
@@ -378,7 +362,7 @@ TEST_CASE("duty 3: before a Describe, commands are answered without torque") {
 TEST_CASE("duty 4: a fault ends torque at once and is reported") {
     Bench bench;
     bench.push();
-    bench.device.setFault(true);
+    bench.device.setCondition(hbot::Condition::Fault);
     CHECK(isFree());
     CHECK(bench.push().flags == hbot::Fault);
     CHECK(isFree());
@@ -387,10 +371,10 @@ TEST_CASE("duty 4: a fault ends torque at once and is reported") {
 TEST_CASE("duty 4: it stays until its cause is gone and then a command with enable false comes") {
     Bench bench;
     bench.push();
-    bench.device.setFault(true);
+    bench.device.setCondition(hbot::Condition::Fault);
     CHECK(bench.release().flags == hbot::Fault);
     CHECK(bench.push().flags == hbot::Fault);
-    bench.device.setFault(false);
+    bench.device.setCondition(hbot::Condition::Ready);
     CHECK(bench.push().flags == hbot::Fault);
     CHECK(isFree());
     CHECK(bench.release().flags == 0);
@@ -401,10 +385,19 @@ TEST_CASE("duty 4: it stays until its cause is gone and then a command with enab
 TEST_CASE("duty 4: a fault that ends between two commands is reported all the same") {
     Bench bench;
     bench.push();
-    bench.device.setFault(true);
-    bench.device.setFault(false);
+    bench.device.setCondition(hbot::Condition::Fault);
+    bench.device.setCondition(hbot::Condition::Ready);
     CHECK(bench.push().flags == hbot::Fault);
     CHECK(isFree());
+}
+
+TEST_CASE("duty 4: a power stage that is not ready is driven, but not reported as enabled") {
+    Bench bench;
+    bench.device.setCondition(hbot::Condition::NotReady);
+    CHECK(bench.push().flags == 0);
+    CHECK(pushes());
+    bench.device.setCondition(hbot::Condition::Ready);
+    CHECK(bench.push().flags == hbot::Enabled);
 }
 
 TEST_CASE("duty 5: no torque beyond the peak of a joint, and the reading says so") {

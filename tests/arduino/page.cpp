@@ -87,3 +87,18 @@ bool Page::has(const std::string &text) const {
     }
     return false;
 }
+
+Bytes bodyOf(const Bytes &frame) {
+    Bytes body;
+    for (size_t at = 0; at + 1 < frame.size();) {
+        const uint8_t code = frame[at++];
+        for (uint8_t i = 1; i < code; i++) {
+            body.push_back(frame[at++]);
+        }
+        if (code != 0xFF && at + 1 < frame.size()) {
+            body.push_back(0);
+        }
+    }
+    body.resize(body.size() - 4);
+    return body;
+}

@@ -31,4 +31,7 @@ struct Page {
 // Reads the page once; `LINK_PAGE` is its path.
 const Page &page();
 
+// Returns the body of a frame, decoded as the page describes COBS. Does not check the CRC.
+Bytes bodyOf(const Bytes &frame);
+
 #endif

@@ -95,10 +95,13 @@ DUTIES = [
     ("4: it stays while its cause is there",
      "            fault_ = faultPresent_;\n", "            fault_ = false;\n", "duty 4: it stays until"),
     ("4: it stays until enable is false",
-     "        faultPresent_ = present;\n", "        faultPresent_ = present;\n        fault_ = present;\n",
+     "        if (faultPresent_ && !fault_) {\n",
+     "        fault_ = fault_ && faultPresent_;\n        if (faultPresent_ && !fault_) {\n",
      "duty 4: it stays until"),
     ("4: enable false clears it",
      "            fault_ = faultPresent_;\n", "", "duty 4: it stays until"),
+    ("4: ENABLED only if the power stage is ready",
+     "givesTorque() && ready_ ?", "givesTorque() ?", "duty 4: a power stage"),
     ("5: torque is clipped",
      "            torque = torque > 0.0f ? joint.peakTorque : -joint.peakTorque;\n", "",
      "duty 5: no torque beyond the peak"),
@@ -127,7 +130,7 @@ DUTIES = [
     ("frames: empty frames mean nothing",
      "skipping_ || length == 0", "skipping_", "line: a frame is decoded in pieces"),
     ("frames: a run of 254 bytes has no zero after it",
-     "if (full_) {", "if (full_ && value != 0) {", "vectors: body and CRC of each"),
+     "if (full_) {", "if (full_ && value != 0) {", "vectors: a zero anywhere"),
 ]
 
 

@@ -1,5 +1,6 @@
 // The header against the bytes of docs/link.md, in both directions.
 #include <HbotLink.h>
+#include <algorithm>
 #include <cfloat>
 #include <climits>
 #include <doctest/doctest.h>
@@ -185,6 +186,17 @@ TEST_CASE("vectors: a run that ends with the frame has no code after it") {
             CHECK(frame[0] == 0xFF);
             CHECK(frame[255] == 0);
         }
+    }
+}
+
+TEST_CASE("vectors: a zero anywhere near the end of a long run comes out again") {
+    for (size_t zero = 250; zero < 260; zero++) {
+        CAPTURE(zero);
+        Bytes body(300, 0x11);
+        body[zero] = 0;
+        const Bytes frame = framed(body);
+        CHECK(bodyOf(frame) == body);
+        CHECK(std::count(frame.begin(), frame.end(), 0) == 1);
     }
 }
 

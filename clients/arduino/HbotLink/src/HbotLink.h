@@ -74,6 +74,18 @@ struct Reading {
     uint16_t flags;
 };
 
+// Whether the hardware of a controller can apply torques.
+enum class Condition : uint8_t {
+    // The motors give the torques that they are driven with.
+    Ready,
+    // The power stage gives no torque, although nothing is broken: it starts, or its supply is off.
+    // The device does not report `Enabled`. The host has a fault after 20 ms of this while it
+    // commands torque.
+    NotReady,
+    // A driver, the supply, an encoder or the temperature has a fault.
+    Fault
+};
+
 // The torques of one tick, as the host sends them.
 struct Command {
     uint32_t sequence;
@@ -493,12 +505,13 @@ public:
         }
     }
 
-    // Reports whether the controller has a fault now (driver, supply, encoder, heat). A fault ends
-    // torque at once. It stays until it is reported as gone and then a command with `enable` false
+    // Reports the present condition of the hardware; it is `Ready` at boot. A fault ends torque at
+    // once. It stays until another condition is reported and then a command with `enable` false
     // comes.
-    void setFault(bool present) {
-        faultPresent_ = present;
-        if (present) {
+    void setCondition(Condition condition) {
+        ready_ = condition != Condition::NotReady;
+        faultPresent_ = condition == Condition::Fault;
+        if (faultPresent_ && !fault_) {
             fault_ = true;
             release();
         }
@@ -507,7 +520,7 @@ public:
     // Returns the controller flags of docs/link.md.
     uint16_t flags() const {
         return static_cast<uint16_t>(
-            (givesTorque() ? Enabled : 0) | (expired_ ? WatchdogExpired : 0) |
+            (givesTorque() && ready_ ? Enabled : 0) | (expired_ ? WatchdogExpired : 0) |
             (fault_ ? Fault : 0) | (described_ ? 0 : Undescribed));
     }
 
@@ -595,6 +608,7 @@ private:
     bool enable_ = false;
     bool expired_ = false;
     bool described_ = false;
+    bool ready_ = true;
     bool fault_ = false;
     bool faultPresent_ = false;
 };

@@ -97,6 +97,7 @@ void setup() {
 
 void loop() {
     measureRates();
-    device.setFault(digitalRead(FaultPin) == LOW);
+    const bool fault = digitalRead(FaultPin) == LOW;
+    device.setCondition(fault ? hbot::Condition::Fault : hbot::Condition::Ready);
     device.serve(Serial, micros());
 }

@@ -83,7 +83,9 @@ void setup() {
     const bool steerReady = begin(steer, steerDriver, steerSensor, steerCurrent);
     const bool driveReady = begin(drive, driveDriver, driveSensor, driveCurrent);
     device.begin();
-    device.setFault(!steerReady || !driveReady);
+    if (!steerReady || !driveReady) {
+        device.setCondition(hbot::Condition::Fault);
+    }
 }
 
 void loop() {
