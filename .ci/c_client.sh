@@ -100,7 +100,7 @@ run() {
     for _ in 1 2 3 4 5; do
         serve
         if "$1" "$address" "${@:2}"; then return; fi
-        grep -q 'WARN.* deadline: ' "$work/server.log" || exit 1
+        grep -q 'WARN.* deadline: ' "$work/server.log" || { cat "$work/server.log" >&2; exit 1; }
         echo "$(basename "$1"): the machine has stalled the server; again"
     done
     exit 1

@@ -427,8 +427,8 @@ enum hbot_status hbot_axial_from(uint32_t axes, const double from[3], double to[
 // for the others.
 enum hbot_status hbot_quaternion_to(uint32_t axes, const double from[4], double to[4]);
 
-// Converts an orientation in `axes`, in the order of hbot_quaternion_to(), to {w, x, y, z} in frame
-// N.
+// Converts an orientation in `axes`, in the order of hbot_quaternion_to(), to {w, x, y, z} in
+// frame N.
 enum hbot_status hbot_quaternion_from(uint32_t axes, const double from[4], double to[4]);
 
 // Connects to the server at `address`: HOST or HOST:PORT, as "127.0.0.1:4268". `options` can be
@@ -537,8 +537,8 @@ enum hbot_status hbot_align(struct hbot_client *client,
 // something ends the loop. Needs the lease, and a rig that is enabled. `options` and `report` can
 // be NULL. At the end the torque goes to zero and the subscription ends.
 //
-// A callback that takes longer than `valid_ms` loses its torque until it returns. If no state comes
-// within the client's timeout, the status is HBOT_STATUS_TIMEOUT.
+// A callback that takes longer than `valid_ms` loses its torque until it returns. If no state
+// comes within the client's timeout, the status is HBOT_STATUS_TIMEOUT.
 enum hbot_status hbot_render(struct hbot_client *client,
                              const struct hbot_render_options *options,
                              hbot_render_callback callback,
@@ -713,8 +713,8 @@ enum hbot_status hbot_set_json(struct hbot_client *client, const char *effect, c
 // something ends the loop. Needs the lease, and a rig that is enabled. `options` and `report` can
 // be NULL. At the end the torque goes to zero and the subscription ends.
 //
-// A callback that takes longer than `valid_ms` loses its torque until it returns. If no state comes
-// within the client's timeout, the status is HBOT_STATUS_TIMEOUT.
+// A callback that takes longer than `valid_ms` loses its torque until it returns. If no state
+// comes within the client's timeout, the status is HBOT_STATUS_TIMEOUT.
 enum hbot_status hbot_render(struct hbot_client *client,
                              const struct hbot_render_options *options,
                              hbot_render_callback callback,
@@ -738,8 +738,8 @@ enum hbot_status hbot_axial_from(uint32_t axes, const double from[3], double to[
 // for the others.
 enum hbot_status hbot_quaternion_to(uint32_t axes, const double from[4], double to[4]);
 
-// Converts an orientation in `axes`, in the order of hbot_quaternion_to(), to {w, x, y, z} in frame
-// N.
+// Converts an orientation in `axes`, in the order of hbot_quaternion_to(), to {w, x, y, z} in
+// frame N.
 enum hbot_status hbot_quaternion_from(uint32_t axes, const double from[4], double to[4]);
 
 #ifdef __cplusplus

@@ -86,8 +86,8 @@ pub unsafe extern "C" fn hbot_quaternion_to(axes: u32, from: *const f64, to: *mu
     unsafe { convert(axes, from, to, Axes::quaternion) }
 }
 
-/// Converts an orientation in `axes`, in the order of hbot_quaternion_to(), to {w, x, y, z} in frame
-/// N.
+/// Converts an orientation in `axes`, in the order of hbot_quaternion_to(), to {w, x, y, z} in
+/// frame N.
 /// cbindgen:ptrs-as-arrays=[[from;4], [to;4]]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_quaternion_from(axes: u32, from: *const f64, to: *mut f64) -> HbotStatus {

@@ -79,8 +79,8 @@ pub type HbotRenderCallback =
 /// something ends the loop. Needs the lease, and a rig that is enabled. `options` and `report` can
 /// be NULL. At the end the torque goes to zero and the subscription ends.
 ///
-/// A callback that takes longer than `valid_ms` loses its torque until it returns. If no state comes
-/// within the client's timeout, the status is HBOT_STATUS_TIMEOUT.
+/// A callback that takes longer than `valid_ms` loses its torque until it returns. If no state
+/// comes within the client's timeout, the status is HBOT_STATUS_TIMEOUT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_render(
     client: *mut HbotClient,
