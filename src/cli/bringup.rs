@@ -5,7 +5,7 @@
 mod tests;
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
@@ -82,6 +82,38 @@ pub(crate) struct CalibrateArgs {
     /// How long to watch the joints
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u32).range(5..=600))]
     seconds: u32,
+    /// Write the rig file with the corrections to this file; it can be the rig file itself
+    #[arg(long, value_name = "FILE")]
+    write: Option<PathBuf>,
+}
+
+/// Text of the rig file that is used if no other is named.
+const PROTOTYPE: &str = include_str!("../../rigs/prototype.toml");
+
+/// A value of the rig file that a calibration corrects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Correction {
+    /// Number of the joint, from 0.
+    joint: usize,
+    key: &'static str,
+    value: f64,
+}
+
+impl Correction {
+    /// Returns the value as the rig file has it: a sign is a whole number.
+    fn written(&self) -> String {
+        if self.key == "sign" { format!("{:.0}", self.value) } else { format!("{:.4}", self.value) }
+    }
+}
+
+/// The result of a calibration.
+struct Told {
+    /// The message for the user.
+    words: String,
+    /// True if the rig is as its file states.
+    as_filed: bool,
+    /// The values to correct. Empty if nothing is wrong, or if nothing can be concluded.
+    corrections: Vec<Correction>,
 }
 
 fn joint_name(rig: &RigConfig, joint: usize) -> String {
@@ -198,9 +230,63 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
         )?;
         Ok(watch(bench, args.seconds)?)
     })?;
-    let (words, as_filed) = told(&rig, &counts)?;
-    say!("{}", words.trim_end())?;
-    Ok(if as_filed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let told = told(&rig, &counts)?;
+    say!("{}\n{}", told.words.trim_end(), to_paste(&rig, &told))?;
+    if let Some(file) = &args.write {
+        write(args.which.rig.as_deref(), &told.corrections, file)?;
+        say!("{} has {} correction(s)", file.display(), told.corrections.len())?;
+    }
+    Ok(if told.as_filed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Returns the end of the message: the lines to write into the rig file, or why there are none.
+fn to_paste(rig: &RigConfig, told: &Told) -> String {
+    if told.corrections.is_empty() {
+        let why =
+            if told.as_filed { "the rig is as its file says" } else { "correct first what stands above" };
+        return format!("nothing to write into the rig file: {why}");
+    }
+    let mut text = "to write into the rig file (`--write FILE` does it):".to_owned();
+    let mut last = None;
+    for correction in &told.corrections {
+        if last != Some(correction.joint) {
+            let table = if correction.joint.is_multiple_of(2) { "steer" } else { "drive" };
+            text += &format!("\n  [wheel.{table}] of wheel {}:", rig.wheels[correction.joint / 2]);
+            last = Some(correction.joint);
+        }
+        text += &format!("\n  {} = {}", correction.key, correction.written());
+    }
+    text
+}
+
+/// Writes the rig file `rig`, or the built-in one, with corrections to `file`. Comments and the
+/// order of the keys stay.
+fn write(rig: Option<&Path>, corrections: &[Correction], file: &Path) -> anyhow::Result<()> {
+    let text = match rig {
+        Some(path) => hbot_config::read_text(path).with_context(|| path.display().to_string())?,
+        None => PROTOTYPE.to_owned(),
+    };
+    let corrected = corrected(&text, corrections)?;
+    std::fs::write(file, corrected).with_context(|| format!("{}: cannot be written", file.display()))
+}
+
+fn corrected(text: &str, corrections: &[Correction]) -> anyhow::Result<String> {
+    let mut document: toml_edit::DocumentMut = text.parse()?;
+    for correction in corrections {
+        let table = if correction.joint.is_multiple_of(2) { "steer" } else { "drive" };
+        let joint = &mut document["wheel"][correction.joint / 2][table];
+        let new: toml_edit::Value = correction.written().parse()?;
+        // The comment behind the old value stays.
+        match joint.get_mut(correction.key).and_then(toml_edit::Item::as_value_mut) {
+            Some(old) => {
+                let decor = old.decor().clone();
+                *old = new;
+                *old.decor_mut() = decor;
+            }
+            None => joint[correction.key] = toml_edit::Item::Value(new),
+        }
+    }
+    Ok(document.to_string())
 }
 
 /// Records the counts of all joints for `seconds`, with motors off.
@@ -217,9 +303,8 @@ fn watch(bench: &mut Bench, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
     Ok(counts)
 }
 
-/// Evaluates recorded counts. Returns the message for the user, and whether the rig is as its file
-/// states.
-fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<(String, bool)> {
+/// Evaluates recorded counts.
+fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<Told> {
     let dead = still(&rig.rig, counts);
     if !dead.is_empty() && dead.len() < rig.rig.device.joints() {
         let mut words = String::new();
@@ -234,10 +319,11 @@ fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<(String, bool)> {
             )?;
         }
         // Without this joint, nothing can be concluded about the others.
-        return Ok((words, false));
+        return Ok(Told { words, as_filed: false, corrections: Vec::new() });
     }
     let found = calibrate(&rig.rig, counts).context("nothing has moved: turn the sphere while this runs")?;
-    let (mut words, as_filed) = report(rig, &found)?;
+    let mut told = report(rig, &found)?;
+    let words = &mut told.words;
     if found.known && !explains(&rig.rig, &found) {
         match exchanged(&rig.rig, counts) {
             Some((a, b)) => writeln!(
@@ -259,12 +345,13 @@ fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<(String, bool)> {
             )?,
         }
     }
-    Ok((words, as_filed))
+    Ok(told)
 }
 
-/// Describes a calibration in words, and returns whether the rig is as its file states.
-fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::fmt::Error> {
+/// Describes a calibration in words.
+fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error> {
     let mut words = String::new();
+    let mut corrections = Vec::new();
     writeln!(
         words,
         "slip over rolling, root mean square: {:.2} % as the file has the rig, {:.2} % as found",
@@ -277,11 +364,11 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::f
             words,
             "  {bad}not enough was turned to tell the zeros{off}: turn further, about all three axes, and longer"
         )?;
-        return Ok((words, false));
+        return Ok(Told { words, as_filed: false, corrections });
     }
     if !explains(&rig.rig, found) {
         // The zeros found are not valid then and must not be set.
-        return Ok((words, false));
+        return Ok(Told { words, as_filed: false, corrections });
     }
     let mut as_filed = true;
     for (i, wheel) in found.wheels.iter().enumerate() {
@@ -292,6 +379,7 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::f
             if wrong {
                 as_filed = false;
                 let sign = if rig.rig.joints[joint].reversed { 1 } else { -1 };
+                corrections.push(Correction { joint, key: "sign", value: f64::from(sign) });
                 writeln!(
                     words,
                     "  {bad}wheel {name}: the sign of {key} is wrong{off}: set wheel[{i}].{key}.sign = {sign}"
@@ -315,11 +403,9 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::f
                 Zero::Absolute | Zero::Index => "for good",
                 Zero::Assume | Zero::Calibrate => "with zero = \"assume\", until the controllers lose power",
             };
-            writeln!(
-                words,
-                "    set wheel[{i}].steer.zero_offset = {:.4}: it holds {lasts}",
-                if wheel.wrong_sign[0] { wheel.zero - filed } else { wheel.zero + filed }
-            )?;
+            let value = if wheel.wrong_sign[0] { wheel.zero - filed } else { wheel.zero + filed };
+            corrections.push(Correction { joint: 2 * i, key: "zero_offset", value });
+            writeln!(words, "    set wheel[{i}].steer.zero_offset = {value:.4}: it holds {lasts}")?;
         }
     }
     if let Some((most, least, apart)) = radii_apart(rig, found) {
@@ -332,7 +418,8 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<(String, bool), std::f
             100.0 * apart
         )?;
     }
-    Ok((words, as_filed))
+    corrections.sort_by_key(|correction| correction.joint);
+    Ok(Told { words, as_filed, corrections })
 }
 
 /// Compares the radii found with those of the file. Returns the two wheels whose ratios differ

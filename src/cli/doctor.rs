@@ -6,16 +6,15 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Args;
-use hbot_api::StatsOk;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig};
 use hbot_host::doctor::{
-    Finding, Machine, Mark, lead, processor, punctuality, rights, serial, verdict, wake_latency,
+    Finding, Machine, Mark, highest_rate, lead, processor, punctuality, rights, serial, verdict, wake_latency,
 };
 use serde_json::{Value, json};
 
 use super::out::say;
-use super::{ServerAddress, orders, server, style};
+use super::{ServerAddress, orders, server, show, style};
 
 /// Number of flight logs that are listed.
 const LOGS: usize = 5;
@@ -30,7 +29,7 @@ pub(crate) struct DoctorArgs {
     #[arg(long, value_name = "DEVICE")]
     port: Option<String>,
     /// Ticks a second to measure at, in place of the rig file's
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = server::hertz)]
     rate: Option<u32>,
     /// Processor of the loop, from 0, in place of the rig file's
     #[arg(long, value_name = "N")]
@@ -97,7 +96,7 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
     }
     let measured = punctuality(rig.rate_hz, rig.cpu, Duration::from_secs(args.seconds));
     drop(held);
-    let judged = [verdict(&measured), lead(&measured, rig.early_ns)];
+    let judged = [verdict(&measured), lead(&measured, rig.early_ns), highest_rate(&rig, &measured)];
     if !args.json {
         judged.iter().try_for_each(show)?;
     }
@@ -112,7 +111,8 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         say!("{all}")?;
     } else {
         if let Some(stats) = &stats {
-            show_server(stats)?;
+            say!("")?;
+            show::print(stats)?;
         }
         for log in &logs {
             say!("  flight log       {}", log.display())?;
@@ -137,37 +137,6 @@ fn show(finding: &Finding) -> anyhow::Result<()> {
     say!("  {:<16} {colour}{word:<14}{off} {}", finding.id, finding.found)?;
     if let Some(mend) = &finding.mend {
         say!("  {:<16} {:<14} {}to mend it: {mend}{off}", "", "", style::DIM)?;
-    }
-    Ok(())
-}
-
-/// Prints the statistics of a running server's loop.
-fn show_server(stats: &StatsOk) -> anyhow::Result<()> {
-    say!(
-        "\nthe running server after {} ticks: {} late, {} skipped, {} missed; {} damaged frames, {} commands not sent",
-        stats.ticks,
-        stats.late_ticks,
-        stats.skipped_ticks,
-        stats.missed_ticks,
-        stats.corrupt_frames,
-        stats.send_failures,
-    )?;
-    let times = [
-        ("awake_us", stats.awake_us),
-        ("lateness_us", stats.lateness_us),
-        ("compute_us", stats.compute_us),
-        ("link_us", stats.link_us),
-        ("age_us", stats.age_us),
-    ];
-    for (name, d) in times {
-        say!(
-            "  {name:<12} median {:.1}, 99 % {:.1}, 99.9 % {:.1}, 99.99 % {:.1}, most {:.1}",
-            d.p50,
-            d.p99,
-            d.p99_9,
-            d.p99_99,
-            d.max
-        )?;
     }
     Ok(())
 }

@@ -1,14 +1,18 @@
 //! The command line of `hbot`.
 
 mod bringup;
+mod completions;
 mod console;
 mod doctor;
 mod orders;
 pub(crate) mod out;
 mod rig;
+mod rig_new;
 mod scene;
 mod secrets;
 mod server;
+mod set;
+mod show;
 mod status;
 mod style;
 mod watch;
@@ -40,10 +44,16 @@ enum Command {
     Server(server::ServerArgs),
     /// Show the state of a running server, live
     Watch(watch::WatchArgs),
-    /// Check, load and draw scene files; list what they can be made of
+    /// Show the rig, its limits and the scene of a running server
+    Info(show::ShowArgs),
+    /// Show the times and the counters of a running server's loop
+    Stats(show::ShowArgs),
+    /// Change parameters of an effect while a server renders it
+    Set(set::SetArgs),
+    /// List, check, load and draw scenes
     #[command(subcommand)]
     Scene(scene::SceneCommand),
-    /// Check rig files
+    /// Write and check rig files, and bring a rig up
     #[command(subcommand)]
     Rig(rig::RigCommand),
     /// Check this machine for real-time use and serial access, and say how to correct what is
@@ -54,9 +64,11 @@ enum Command {
     /// Ramp down the torque of a running server
     Disable(ServerAddress),
     /// Enable the torque of a running server: soft start over half a second
-    Enable(ServerAddress),
+    Enable(Commanding),
     /// Leave a fault or an emergency stop after its cause is gone
-    Reset(ServerAddress),
+    Reset(Commanding),
+    /// Print a script that completes commands in a shell
+    Completions(completions::CompletionsArgs),
     /// Switch motors off if `hbot server` or `hbot rig` dies (started by them)
     #[command(name = LAST_WORD, hide = true)]
     LastWord,
@@ -73,14 +85,24 @@ enum Command {
 #[derive(Debug, Clone, Args)]
 pub(crate) struct ServerAddress {
     /// Address and port of the server
-    #[arg(long, value_name = "ADDR", default_value = SERVER)]
+    #[arg(long, value_name = "ADDR", env = "HBOT_SERVER", default_value = SERVER)]
     server: String,
     /// File with the token that the server asks for
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", env = "HBOT_TOKEN_FILE")]
     token_file: Option<std::path::PathBuf>,
     /// File with the server's TLS certificate, or that of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE")]
     ca: Option<std::path::PathBuf>,
+}
+
+/// The server to command. A command takes the lease for as long as it runs.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Commanding {
+    #[command(flatten)]
+    address: ServerAddress,
+    /// Take the lease even if another client holds it; that client is told
+    #[arg(long)]
+    steal: bool,
 }
 
 impl Cli {
@@ -93,10 +115,14 @@ impl Cli {
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
             Command::Doctor(args) => doctor::run(args),
-            Command::Estop(address) => orders::run(&address, orders::Order::Estop),
-            Command::Disable(address) => orders::run(&address, orders::Order::Disable),
-            Command::Enable(address) => orders::run(&address, orders::Order::Enable),
-            Command::Reset(address) => orders::run(&address, orders::Order::Reset),
+            Command::Info(args) => show::info(&args),
+            Command::Stats(args) => show::stats(&args),
+            Command::Set(args) => set::run(&args),
+            Command::Estop(address) => orders::unheld(&address, hbot_api::Client::estop),
+            Command::Disable(address) => orders::unheld(&address, hbot_api::Client::disable),
+            Command::Enable(to) => orders::held(&to, hbot_api::Client::enable),
+            Command::Reset(to) => orders::held(&to, hbot_api::Client::reset),
+            Command::Completions(args) => completions::run(&args),
             Command::LastWord => {
                 // An error cannot be reported: the program that started this one is gone.
                 let _ = hbot_host::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());

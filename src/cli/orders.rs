@@ -1,30 +1,31 @@
-//! `hbot estop`, `disable`, `enable` and `reset`: send one order to a running server.
+//! `hbot estop`, `disable`, `enable` and `reset`: send one order to a running server. Also the
+//! connection of all commands that are clients.
 
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use hbot_api::{Client, ClientError, ConnectOptions, Trust};
+use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Trust};
 
-use super::ServerAddress;
 use super::out::say;
+use super::{Commanding, ServerAddress};
 
-/// The order to send.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Order {
-    Estop,
-    Disable,
-    Enable,
-    Reset,
+/// Sends an order that needs no lease, and prints the mode that follows.
+pub(crate) fn unheld(
+    address: &ServerAddress,
+    order: impl FnOnce(&mut Client) -> Result<Mode, ClientError>,
+) -> anyhow::Result<ExitCode> {
+    print(order(&mut connect(address, "hbot command line")?).map_err(remedied)?)
 }
 
-pub(crate) fn run(address: &ServerAddress, order: Order) -> anyhow::Result<ExitCode> {
-    let mut client = connect(address, "hbot command line")?;
-    let mode = match order {
-        Order::Estop => client.estop(),
-        Order::Disable => client.disable(),
-        Order::Enable => holding(&mut client, Client::enable),
-        Order::Reset => holding(&mut client, Client::reset),
-    }?;
+/// Sends an order that needs the lease, and prints the mode that follows.
+pub(crate) fn held(
+    to: &Commanding,
+    order: impl FnOnce(&mut Client) -> Result<Mode, ClientError>,
+) -> anyhow::Result<ExitCode> {
+    print(holding(&mut connect(&to.address, "hbot command line")?, to.steal, order)?)
+}
+
+fn print(mode: Mode) -> anyhow::Result<ExitCode> {
     say!("{}{mode}{}", super::style::of_mode(mode.as_str()), super::style::OFF)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -39,20 +40,64 @@ pub(crate) fn connect(address: &ServerAddress, name: &str) -> anyhow::Result<Cli
     options.trust = address.ca.as_deref().map(Trust::from_file).transpose().context("--ca")?;
     Client::connect_with(&address.server, &options).map_err(|error| match error {
         ClientError::Tls(_) => anyhow::Error::from(error).context("--ca FILE names whom to trust"),
-        other => other.into(),
+        other => remedied(other),
     })
 }
 
-/// Acquires the lease, runs `what`, and releases the lease.
+/// Acquires the lease, runs `what`, and releases the lease. If `steal` is true, takes the lease
+/// even if another client holds it.
 pub(crate) fn holding<T>(
     client: &mut Client,
-    what: impl FnOnce(&mut Client) -> Result<T, hbot_api::ClientError>,
-) -> Result<T, hbot_api::ClientError> {
-    client.acquire(false)?;
+    steal: bool,
+    what: impl FnOnce(&mut Client) -> Result<T, ClientError>,
+) -> anyhow::Result<T> {
+    client.acquire(steal).map_err(remedied)?;
     let result = what(client);
     // A server that stops meanwhile has already taken the lease back.
     let released = client.release();
-    let value = result?;
+    let value = result.map_err(remedied)?;
     released?;
     Ok(value)
+}
+
+/// Adds to an error from the server what the command line can do about it.
+pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
+    let remedy = match error.code() {
+        Some(ErrorCode::Busy) if holder(&error) => "add `--steal` to take the lease from that client",
+        Some(ErrorCode::Faulted) => {
+            "`hbot info` shows the cause. When it is gone, run `hbot reset`, then `hbot enable`"
+        }
+        Some(ErrorCode::Unauthorized) => {
+            "name the file with the server's token by `--token-file FILE` or the variable HBOT_TOKEN_FILE"
+        }
+        Some(ErrorCode::UnknownEffect) => "`hbot scene show` prints the running scene",
+        _ => match error {
+            ClientError::NoServer { .. } => "by `--server ADDR` or the variable HBOT_SERVER",
+            _ => return error.into(),
+        },
+    };
+    anyhow::anyhow!("{error}: {remedy}")
+}
+
+/// Returns whether the error names the client that holds the lease.
+fn holder(error: &ClientError) -> bool {
+    matches!(error, ClientError::Server(body) if body.holder.is_some())
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_api::ErrorBody;
+
+    use super::*;
+
+    #[test]
+    fn errors_name_what_the_command_line_can_do() {
+        let told = |body: ErrorBody| format!("{:#}", remedied(ClientError::Server(body)));
+        let busy = ErrorBody::new(ErrorCode::Busy, "\"ann\" holds the lease");
+        assert!(!told(busy.clone()).contains("--steal"), "the loop is busy, and nobody can be robbed");
+        assert!(told(ErrorBody { holder: Some("ann".to_owned()), ..busy }).contains("--steal"));
+        assert!(told(ErrorBody::new(ErrorCode::Faulted, "x")).contains("`hbot reset`, then `hbot enable`"));
+        assert!(told(ErrorBody::new(ErrorCode::Unauthorized, "x")).contains("HBOT_TOKEN_FILE"));
+        assert_eq!(told(ErrorBody::new(ErrorCode::OutOfRange, "x")), "x (out_of_range)");
+    }
 }

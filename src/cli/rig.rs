@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::Subcommand;
 use hbot_config::RigConfig;
@@ -15,20 +16,23 @@ use hbot_core::singularity::{
 };
 use hbot_core::{Device, Vec3};
 use hbot_host::bus::{BusTraffic, driver};
+use hbot_host::doctor::{MOST_LOAD, highest_rate, punctuality};
 use hbot_host::stiffness::{DELAY_TICKS, StiffnessBound, USUAL_DAMPING};
 
 use super::out::say;
-use super::{bringup, style};
+use super::{bringup, rig_new, style};
 
 /// Number of postures that are examined.
 const SAMPLES: usize = 4096;
 
-/// Largest share of the capacity of a line or bus that the loop's traffic can use.
-const MOST_LOAD: f64 = 0.9;
+/// How long the lateness of this machine is measured.
+const MEASURED: Duration = Duration::from_secs(1);
 
 /// The subcommands of `hbot rig`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum RigCommand {
+    /// Write a commented rig file from a few answers
+    New(rig_new::NewArgs),
     /// Check a rig file: margins over all steering angles, capability, indices, serial line
     Check {
         /// The rig file (TOML) [default: the prototype, built in]
@@ -48,6 +52,7 @@ pub(crate) enum RigCommand {
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let file = match command {
         RigCommand::Check { file } => file,
+        RigCommand::New(args) => return rig_new::run(args),
         RigCommand::Scan(args) => return bringup::run_scan(&args),
         RigCommand::Test(args) => return bringup::test(&args),
         RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
@@ -67,7 +72,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     geometry(&config)?;
     abilities(&config)?;
     stiffness(&config)?;
-    Ok(if line(&config)? { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let fits = line(&config)?;
+    rate(&config)?;
+    Ok(if fits { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn geometry(config: &RigConfig) -> anyhow::Result<()> {
@@ -141,6 +148,14 @@ fn abilities(config: &RigConfig) -> anyhow::Result<()> {
         say!("  {name} torque, least about n1 n2 n3: {a:.3} {b:.3} {c:.3} N m")?;
     }
     Ok(())
+}
+
+/// Measures the lateness of this machine for a moment, and prints the highest rate that it holds
+/// together with the lines of the rig.
+fn rate(config: &RigConfig) -> anyhow::Result<()> {
+    let measured = punctuality(config.rate_hz, config.cpu, MEASURED);
+    say!("\nhighest rate, measured for 1 s (`hbot doctor` measures longer)")?;
+    say!("  {}", highest_rate(config, &measured).found)
 }
 
 /// Prints the stiffness that the rig can render, and the assumptions behind it.

@@ -1,75 +1,149 @@
-//! `hbot scene check`, `load`, `plot` and `list`.
+//! `hbot scene list`, `kinds`, `show`, `check`, `load` and `plot`.
 
-mod list;
+mod kinds;
 mod plot;
+mod shelf;
 mod sweep;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::Subcommand;
-use hbot_config::SceneFile;
+use clap::{Args, Subcommand};
+use hbot_config::scene::ShelfScene;
+use hbot_config::{RigConfig, SceneFile};
+use hbot_host::abilities::Abilities;
 
 use super::out::{foreign, say};
-use super::{ServerAddress, orders, style};
+use super::{Commanding, ServerAddress, orders, style};
 
 /// The subcommands of `hbot scene`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum SceneCommand {
-    /// Check a scene file without running it
-    Check {
-        /// The scene file (TOML)
-        file: PathBuf,
-    },
-    /// Load a scene file into a running server
-    Load {
-        /// The scene file (TOML)
-        file: PathBuf,
-        #[command(flatten)]
-        address: ServerAddress,
-    },
-    /// Plot a scene: its torque against angle, and the energy wells of snaps
-    Plot(plot::PlotArgs),
-    /// List every kind of effect with its parameters, and the phenomena of the simulated rig
+    /// List the ready-made scenes: name, one sentence, kinds of effects
     List {
         /// Print JSON, for programs
         #[arg(long)]
         json: bool,
     },
+    /// List the kinds of effects with their parameters, and the phenomena of the simulated rig
+    Kinds {
+        /// Show this kind or phenomenon only
+        kind: Option<String>,
+        /// Print JSON, for programs
+        #[arg(long, conflicts_with = "kind")]
+        json: bool,
+    },
+    /// Print the scene that a server renders, as a scene file
+    Show {
+        #[command(flatten)]
+        address: ServerAddress,
+    },
+    /// Check a scene without running it, and say what the rig cannot make of it
+    Check {
+        #[command(flatten)]
+        which: Which,
+    },
+    /// Load a scene into a running server
+    Load {
+        /// Scene file (TOML), or the name of a ready-made scene
+        scene: PathBuf,
+        #[command(flatten)]
+        to: Commanding,
+    },
+    /// Plot a scene: its torque against angle with the limit of the rig, and the energy wells of
+    /// snaps
+    Plot(plot::PlotArgs),
+    /// Write the page of the ready-made scenes, with their plots
+    #[command(hide = true)]
+    Page {
+        /// The folder of the page
+        folder: PathBuf,
+    },
+}
+
+/// A scene, and the rig for which it is.
+#[derive(Debug, Args)]
+pub(crate) struct Which {
+    /// Scene file (TOML), or the name of a ready-made scene
+    scene: PathBuf,
+    /// Rig file (TOML) [default: the prototype, built in]
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+}
+
+impl Which {
+    fn load(&self) -> anyhow::Result<(SceneFile, Abilities)> {
+        let rig = RigConfig::load(self.rig.as_deref(), &[])?;
+        Ok((scene(&self.scene)?, Abilities::of(&rig)))
+    }
+}
+
+/// Reads a scene file. A name without a folder and without `.toml` names a scene of the shelf,
+/// unless there is a file with this name.
+fn scene(path: &std::path::Path) -> anyhow::Result<SceneFile> {
+    match path.to_str().and_then(ShelfScene::named) {
+        Some(shelf) if !path.exists() => Ok(shelf.scene()),
+        _ => Ok(SceneFile::from_path(path)?),
+    }
 }
 
 pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
     match command {
-        SceneCommand::Check { file } => {
-            let scene = SceneFile::from_path(&file)?;
-            say!(
-                "{}{}{}: {} effect{}, all legal",
-                style::NAME,
-                scene.name(),
-                style::OFF,
-                scene.effects().len(),
-                if scene.effects().len() == 1 { "" } else { "s" }
-            )?;
-            for effect in scene.effects() {
-                say!("  {:12} {}", effect.id(), effect.kind_name())?;
-            }
-        }
-        SceneCommand::Load { file, address } => {
-            let scene = SceneFile::from_path(&file)?;
-            let mut client = orders::connect(&address, "hbot scene load")?;
-            let loaded = orders::holding(&mut client, |client| client.load_scene(scene.to_json()))?;
-            say!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
-            for effect in &loaded.effects {
-                let [id, kind] = [&effect.id, &effect.kind].map(|text| foreign(text).to_string());
-                say!("  {id:12} {kind:12} {:>5} ns a tick", effect.cost_ns)?;
-            }
-            if !loaded.ignored.is_empty() {
-                let ignored = loaded.ignored.join(", ");
-                say!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored))?;
-            }
-        }
+        SceneCommand::List { json } => shelf::list(json)?,
+        SceneCommand::Kinds { kind, json } => kinds::run(kind.as_deref(), json)?,
+        SceneCommand::Show { address } => show(&address)?,
+        SceneCommand::Check { which } => check(&which)?,
+        SceneCommand::Load { scene: path, to } => load(&scene(&path)?, &to)?,
         SceneCommand::Plot(args) => plot::run(&args)?,
-        SceneCommand::List { json } => list::run(json)?,
+        SceneCommand::Page { folder } => shelf::page(&folder)?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn show(address: &ServerAddress) -> anyhow::Result<()> {
+    let mut client = orders::connect(address, "hbot scene show")?;
+    let json = client.info().map_err(orders::remedied)?.scene;
+    // A later server can have kinds that this program does not know. They are shown as JSON.
+    match SceneFile::from_json(json.clone()) {
+        Ok(scene) => say!("{}", scene.to_toml().trim_end()),
+        Err(_) => say!("{}", serde_json::to_string_pretty(&json)?),
+    }
+}
+
+fn check(which: &Which) -> anyhow::Result<()> {
+    let (scene, abilities) = which.load()?;
+    say!(
+        "{}{}{}: {} effect{}, all legal",
+        style::NAME,
+        scene.name(),
+        style::OFF,
+        scene.effects().len(),
+        if scene.effects().len() == 1 { "" } else { "s" }
+    )?;
+    for effect in scene.effects() {
+        say!("  {:12} {}", effect.id(), effect.kind_name())?;
+    }
+    warn(&abilities.warnings(&scene))
+}
+
+fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
+    let mut client = orders::connect(&to.address, "hbot scene load")?;
+    let loaded = orders::holding(&mut client, to.steal, |client| client.load_scene(scene.to_json()))?;
+    say!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
+    for effect in &loaded.effects {
+        let [id, kind] = [&effect.id, &effect.kind].map(|text| foreign(text).to_string());
+        say!("  {id:12} {kind:12} {:>5} ns a tick", effect.cost_ns)?;
+    }
+    if !loaded.ignored.is_empty() {
+        let ignored = loaded.ignored.join(", ");
+        say!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored))?;
+    }
+    warn(&loaded.warnings)
+}
+
+fn warn(warnings: &[String]) -> anyhow::Result<()> {
+    for warning in warnings {
+        say!("  {}warning:{} {}", style::WARN, style::OFF, foreign(warning))?;
+    }
+    Ok(())
 }

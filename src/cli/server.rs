@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
+use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_host::expectation::{self, Expectation};
 use hbot_host::last_word::Program;
@@ -33,14 +34,15 @@ pub(crate) struct ServerArgs {
     /// Scene file (TOML) [default: a spring, built in]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// `sim` for the simulated rig, or a serial device
-    #[arg(long, value_name = "sim|DEVICE")]
+    /// `sim` for the simulated rig, `sim:pty` for the same behind a pseudo-terminal, or a serial
+    /// device
+    #[arg(long, value_name = "sim|sim:pty|DEVICE")]
     port: Option<String>,
     /// Address to listen on; addresses other than loopback need a token
-    #[arg(long, value_name = "ADDR:PORT")]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = socket)]
     listen: Option<SocketAddr>,
     /// Ticks a second
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = hertz)]
     rate: Option<u32>,
     /// Processor that the loop's thread is pinned to, from 0
     #[arg(long, value_name = "N")]
@@ -63,7 +65,7 @@ pub(crate) struct ServerArgs {
     token_file: Option<PathBuf>,
     /// Offer metrics for Prometheus at http://ADDR:PORT/metrics; addresses other than loopback need
     /// a token for the page
-    #[arg(long, value_name = "ADDR:PORT")]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = socket)]
     metrics: Option<SocketAddr>,
     /// File with the token that requests for metrics must present; must not be the clients' token
     #[arg(long, value_name = "FILE", requires = "metrics")]
@@ -86,6 +88,22 @@ enum TimeArg {
     Wall,
     /// Ticks in lock-step with the simulated rig
     Virtual,
+}
+
+/// Parses an address with a port.
+fn socket(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| {
+        let guess = text.parse::<u16>().map(|port| format!("127.0.0.1:{port}"));
+        format!(
+            "an address with a port, such as {}",
+            guess.unwrap_or_else(|_| "127.0.0.1:4268 or [::1]:4268".to_owned())
+        )
+    })
+}
+
+/// Parses a rate of the loop. The rig file's check judges its range.
+pub(crate) fn hertz(text: &str) -> Result<u32, String> {
+    text.parse().map_err(|_| "a whole number of ticks a second, 50 to 20000, such as 1000".to_owned())
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -261,9 +279,10 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expecte
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
     format!(
-        "{name}hbot {}{off}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}{cpu}, \
+        "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}{cpu}, \
          accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here ({load:.2} %), {error}\n  scene    {scene}\n  listen{tls}   {name}{address}{off}",
         env!("CARGO_PKG_VERSION"),
+        live_or_simulated(&rig.link.port),
         rig.name,
         2 * wheels,
         rig.link.port,
@@ -273,6 +292,16 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expecte
         expected.name(),
         expected.ns * 1.0e-3,
     )
+}
+
+/// Returns the words that say whether motors can push, and how torque comes on.
+fn live_or_simulated(port: &Port) -> String {
+    let off = style::OFF;
+    if port.is_simulated() {
+        format!("{}SIMULATED{off} rig, no motors; it enables itself", style::WARN)
+    } else {
+        format!("{}LIVE{off} rig, motors on {port}; torque waits for `hbot enable`", style::BAD)
+    }
 }
 
 /// Returns a socket that listens on `at`. An error states the reason and how to correct it.

@@ -8,7 +8,7 @@ use clap::Args;
 use hbot_api::{Event, StateEvent};
 
 use super::out::{Reader, foreign, note, say, written};
-use super::{ServerAddress, orders, style};
+use super::{ServerAddress, orders, show, style};
 
 /// Options of `hbot watch`.
 #[derive(Debug, Args)]
@@ -29,9 +29,12 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let every = args.every.unwrap_or(((hello.rate_hz / 10.0) as u64).max(1));
     client.subscribe(every)?;
     let screen = std::io::stdout().is_terminal() && !args.json;
+    let form = if screen { Form::fitting(columns()) } else { Form::Wide };
     if !args.json {
+        let info = client.info().map_err(orders::remedied)?;
         say!(
-            "{}{}{} on {} at {} Hz; Ctrl-C ends",
+            "{} {}{}{} on {} at {} Hz; Ctrl-C ends",
+            show::live_or_simulated(&info),
             style::NAME,
             foreign(&hello.rig),
             style::OFF,
@@ -39,7 +42,7 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             hello.rate_hz
         )?;
         // A terminal cuts the header at its right edge, like the rows below it.
-        print(&header(), screen, screen)?;
+        print(&form.header(), screen, screen)?;
         if screen {
             say!("")?;
         }
@@ -48,7 +51,7 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
         let Some(event) = client.next_event(Duration::from_secs(3600))? else { continue };
         let line = match &event {
             Event::State(state) if args.json => serde_json::to_string(state)?,
-            Event::State(state) => row(state),
+            Event::State(state) => form.row(state),
             Event::Stopping(_) => {
                 if screen {
                     raw(|out| out.write_all(style::CLEAR_LINE.as_bytes()))?;
@@ -59,13 +62,16 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             Event::Fault(fault) if !args.json => {
                 let name = fault.fault.map_or_else(|| fault.mode.to_string(), |cause| cause.to_string());
                 format!(
-                    "{}{name}{}: {}",
+                    "{} UTC  {}{name}{}: {}",
+                    time_of_day(),
                     style::of_mode(fault.mode.as_str()),
                     style::OFF,
                     foreign(&fault.message)
                 )
             }
-            Event::Scene(scene) if !args.json => format!("scene: {}", foreign(&scene.name)),
+            Event::Scene(scene) if !args.json => {
+                format!("{} UTC  scene: {}", time_of_day(), foreign(&scene.name))
+            }
             Event::Dropped(dropped) if !args.json => {
                 format!("{} samples lost: reading too slowly", dropped.count)
             }
@@ -99,33 +105,88 @@ fn raw(write: impl FnOnce(&mut Stdout) -> std::io::Result<()>) -> anyhow::Result
     written(write(&mut out).and_then(|()| out.flush()))
 }
 
-fn header() -> String {
-    format!(
-        "{}{:>8}  {:9} {:^31}  {:^23}  {:^23}  {:>5} {:>8}{}",
-        style::DIM,
-        "t s",
-        "mode",
-        "orientation w x y z",
-        "torque N m",
-        "rate rad/s",
-        "scale",
-        "late us",
-        style::OFF
-    )
+/// Returns the present time of day, UTC, so that an event can be found in other logs.
+fn time_of_day() -> String {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    let s = since.as_secs() % 86_400;
+    format!("{:02}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
 }
 
-fn row(s: &StateEvent) -> String {
-    let mode = s.fault.map_or_else(|| s.mode.to_string(), |fault| fault.to_string());
-    let [w, x, y, z] = s.q;
-    let [o1, o2, o3] = s.omega;
-    let [t1, t2, t3] = s.torque;
-    format!(
-        "{:8.2}  {}{mode:9}{} {w:7.4} {x:7.4} {y:7.4} {z:7.4}  {t1:7.4} {t2:7.4} {t3:7.4}  {o1:7.3} {o2:7.3} {o3:7.3}  \
-         {:5.2} {:8.1}",
-        s.t,
-        style::of_mode(s.mode.as_str()),
-        style::OFF,
-        s.scale,
-        s.timing.lateness_us,
-    )
+/// Returns the width of the terminal, in columns. If it does not say, assumes that it is wide.
+fn columns() -> usize {
+    let size = rustix::termios::tcgetwinsize(std::io::stdout());
+    size.map_or(WIDE, |size| if size.ws_col == 0 { WIDE } else { usize::from(size.ws_col) })
+}
+
+/// Width of a row with all components of all vectors, columns.
+const WIDE: usize = 120;
+
+/// Which columns a row has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Form {
+    /// The components of the vectors, as [`WIDE`] columns.
+    Wide,
+    /// The lengths of the vectors, within 80 columns.
+    Narrow,
+}
+
+impl Form {
+    fn fitting(columns: usize) -> Self {
+        if columns < WIDE { Self::Narrow } else { Self::Wide }
+    }
+
+    fn header(self) -> String {
+        let (dim, off) = (style::DIM, style::OFF);
+        match self {
+            Self::Wide => format!(
+                "{dim}{:>8}  {:12} {:^31}  {:^23}  {:^23}  {:>5} {:>8}{off}",
+                "t s", "mode", "orientation w x y z", "torque N m", "rate rad/s", "scale", "late us",
+            ),
+            Self::Narrow => format!(
+                "{dim}{:>8}  {:12} {:>10}  {:>10}  {:>10}  {:>5}  {:>8}{off}",
+                "t s", "mode", "turned deg", "torque N m", "rate rad/s", "scale", "late us",
+            ),
+        }
+    }
+
+    fn row(self, s: &StateEvent) -> String {
+        let mode = s.fault.map_or_else(|| s.mode.to_string(), |fault| fault.to_string());
+        let mode = format!("{}{mode:12}{}", style::of_mode(s.mode.as_str()), style::OFF);
+        let (t, scale, late) = (s.t, s.scale, s.timing.lateness_us);
+        let [w, x, y, z] = s.q;
+        let ([o1, o2, o3], [t1, t2, t3]) = (s.omega, s.torque);
+        let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        match self {
+            Self::Wide => format!(
+                "{t:8.2}  {mode} {w:7.4} {x:7.4} {y:7.4} {z:7.4}  {t1:7.4} {t2:7.4} {t3:7.4}  {o1:7.3} {o2:7.3} {o3:7.3}  \
+                 {scale:5.2} {late:8.1}"
+            ),
+            Self::Narrow => {
+                let turned = (2.0 * length([x, y, z]).atan2(w.abs())).to_degrees();
+                format!(
+                    "{t:8.2}  {mode} {turned:10.1}  {:10.4}  {:10.3}  {scale:5.2}  {late:8.1}",
+                    length(s.torque),
+                    length(s.omega)
+                )
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The text without the codes of colours.
+    fn plain(text: &str) -> String {
+        anstream::adapter::strip_str(text).to_string()
+    }
+
+    #[test]
+    fn a_row_fits_the_terminal_and_stands_under_its_header() {
+        assert_eq!((Form::fitting(80), Form::fitting(WIDE)), (Form::Narrow, Form::Wide));
+        let [wide, narrow] = [Form::Wide, Form::Narrow].map(|form| plain(&form.header()).chars().count());
+        assert_eq!(wide, WIDE);
+        assert!(narrow <= 80, "{narrow}");
+    }
 }

@@ -3,6 +3,7 @@
 mod accuracy;
 mod bringup;
 mod by_hand;
+mod commands;
 mod design;
 mod drivers;
 mod last_word;

@@ -1,4 +1,4 @@
-//! The commands `hbot scene plot` and `hbot scene list`.
+//! The commands `hbot scene plot`, `list`, `kinds` and `page`.
 
 use std::path::{Path, PathBuf};
 
@@ -61,6 +61,8 @@ fn what_cannot_be_drawn_is_told() {
         (&["/nowhere.toml", "--out", "x.svg"], "/nowhere.toml: cannot be read"),
         (&[spring, "--out", "x.svg", "--axis", "0,0,0"], "three numbers, not all zero"),
         (&[spring, "--out", "x.svg", "--axis", "w"], "three numbers, not all zero"),
+        (&[spring, "--out", "x.png"], "a name that ends in .svg"),
+        (&["rigs/prototype.toml", "--out", "x.svg"], "this is a rig file, not a scene file"),
     ] {
         let (ok, error) = plot(args);
         assert!(!ok && error.contains(said), "{args:?}: {error}");
@@ -69,7 +71,7 @@ fn what_cannot_be_drawn_is_told() {
 
 #[test]
 fn every_kind_is_listed_with_its_parameters_ranges_and_defaults() {
-    let output = hbot().args(["scene", "list"]).output().expect("the binary runs");
+    let output = hbot().args(["scene", "kinds"]).output().expect("the binary runs");
     let text = String::from_utf8(output.stdout).expect("UTF-8");
     assert!(output.status.success() && !text.contains('\u{1b}'), "no colours but on a terminal");
     for kind in hbot_config::scene::kinds() {
@@ -84,9 +86,80 @@ fn every_kind_is_listed_with_its_parameters_ranges_and_defaults() {
         }
     }
     assert!(text.contains("a number, 0 to 100 N m; default 0.05"), "{text}");
-    let output = hbot().args(["scene", "list", "--json"]).output().expect("the binary runs");
+    let output = hbot().args(["scene", "kinds", "--json"]).output().expect("the binary runs");
     let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(json["effects"].as_array().map(Vec::len), Some(15));
     assert_eq!(json["effects"][5]["name"], "detents");
     assert_eq!(json["effects"][5]["schema"]["properties"]["strength"]["unit"], "N m");
+}
+
+#[test]
+fn one_kind_or_phenomenon_can_be_listed_alone() {
+    let kinds = |name: &str| hbot().args(["scene", "kinds", name]).output().expect("the binary runs");
+    for (name, parameter) in [("spring", "stiffness"), ("gear", "backlash")] {
+        let output = kinds(name);
+        let text = String::from_utf8(output.stdout).expect("UTF-8");
+        assert!(output.status.success() && text.starts_with(name) && text.contains(parameter), "{text}");
+        assert!(!text.contains("\nfriction  "), "only {name}: {text}");
+    }
+    let wrong = kinds("sprung");
+    let said = String::from_utf8(wrong.stderr).expect("UTF-8");
+    assert!(!wrong.status.success() && said.contains("legal: constant, spring"), "{said}");
+}
+
+#[test]
+fn the_shelf_is_listed_with_a_sentence_and_the_kinds_of_each_scene() {
+    let output = hbot().args(["scene", "list"]).output().expect("the binary runs");
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    for entry in hbot_config::scene::SHELF {
+        let scene = entry.scene();
+        assert!(text.contains(entry.file) && text.contains(scene.description()), "{}: {text}", entry.file);
+    }
+    assert!(text.contains("guide, detents"), "{text}");
+    let output = hbot().args(["scene", "list", "--json"]).output().expect("the binary runs");
+    let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(
+        (&json[0]["file"], &json[0]["kinds"]),
+        (&Value::from("spring"), &serde_json::json!(["spring"]))
+    );
+}
+
+#[test]
+fn a_check_says_what_the_rig_cannot_make() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("wall.toml");
+    std::fs::write(&file, "[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 900\n").expect("written");
+    let check = |args: &[&str]| {
+        let output = hbot().args(["scene", "check", file.to_str().expect("UTF-8")]).args(args).output();
+        String::from_utf8(output.expect("the binary runs").stdout).expect("UTF-8")
+    };
+    assert!(check(&[]).contains("warning: w: stiffness 900 N m/rad is unstable"), "{}", check(&[]));
+    // At 10 kHz the limit is a hundred times as high, and only the damping is too small.
+    let rig = folder.path().join("fast.toml");
+    let fast = include_str!("../../rigs/prototype.toml").replace("rate_hz = 1000 ", "rate_hz = 10000 ");
+    std::fs::write(&rig, fast).expect("written");
+    let said = check(&["--rig", rig.to_str().expect("UTF-8")]);
+    assert!(said.contains("stiffness 900 N m/rad may buzz: at 10000 Hz"), "{said}");
+}
+
+/// docs/scenes.md and its plots are what the command writes now. With HBOT_BLESS set, the test
+/// writes them.
+#[test]
+fn the_page_of_scenes_is_what_the_command_writes() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let docs = folder("docs");
+    let out =
+        if std::env::var_os("HBOT_BLESS").is_some() { docs.clone() } else { temporary.path().to_owned() };
+    let output = hbot().args(["scene", "page"]).arg(&out).output().expect("the binary runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read =
+        |path: PathBuf| std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    assert!(
+        read(docs.join("scenes.md")) == read(out.join("scenes.md")),
+        "docs/scenes.md is old (HBOT_BLESS=1)"
+    );
+    for entry in hbot_config::scene::SHELF {
+        let file = format!("scenes/{}.svg", entry.file);
+        assert!(read(docs.join(&file)) == read(out.join(&file)), "docs/{file} is old (HBOT_BLESS=1)");
+    }
 }

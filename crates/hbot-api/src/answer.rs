@@ -131,6 +131,10 @@ pub struct LoadSceneOk {
     pub effects: Vec<EffectCost>,
     /// Simulated phenomena in the scene that have no effect because the rig is real.
     pub ignored: Vec<String>,
+    /// What the rig cannot make of the scene, or may not keep stable: one sentence each, for
+    /// people. Empty if a server does not send it.
+    #[serde(default)]
+    pub warnings: Vec<String>,
 }
 
 /// An effect of a scene, with the computing time that it needs in each tick.

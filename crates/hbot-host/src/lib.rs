@@ -21,8 +21,9 @@
 //!    that end a program. [`stop_signal`] is an emergency stop by signal. [`doctor`] checks whether
 //!    a machine can keep the loop's deadlines. [`expectation`] measures what a rig's methods cost
 //!    on this machine and how large their error is. [`stiffness`] computes the stiffness that a rig
-//!    can render.
+//!    can render. [`abilities`] says what of a scene a rig cannot make.
 
+pub mod abilities;
 pub mod attach;
 pub mod bridge;
 pub mod bringup;

@@ -39,6 +39,9 @@ pub struct PlotPanel {
     pub x_range: (Range<f64>, usize),
     /// Range of the y axis.
     pub y_range: Range<f64>,
+    /// Largest absolute value that can be reached. It is drawn as two grey lines, and what lies
+    /// beyond them is hatched. `None` draws nothing.
+    pub limit: Option<f64>,
     /// The curves. Later ones are drawn over earlier ones.
     pub curves: Vec<Curve>,
 }
@@ -81,6 +84,9 @@ impl PlotPanel {
         let words = Words { title: "", x: &self.x, y: &self.y, x_marks: self.x_range.1, pale: 1 };
         let [x, y] = [&self.x_range.0, &self.y_range].map(|range| Axis::even(range.clone()));
         let mut chart = plane(&area, &words, x, y)?;
+        for strokes in self.limit.map(|limit| self.beyond(limit)).into_iter().flatten() {
+            chart.draw_series(LineSeries::new(strokes, BLACK.mix(0.3).stroke_width(1))).map_err(failed)?;
+        }
         for curve in &self.curves {
             let (points, style) = (curve.points.iter().copied(), curve.style());
             if curve.dashed {
@@ -90,6 +96,28 @@ impl PlotPanel {
             }
         }
         Ok(())
+    }
+
+    /// Returns the strokes that show what lies beyond `limit`: a line at the limit, and slanted
+    /// strokes from it to the edge, above and below.
+    fn beyond(&self, limit: f64) -> Vec<Vec<(f64, f64)>> {
+        /// Number of slanted strokes on each side.
+        const STROKES: u32 = 60;
+        let (x, y) = (&self.x_range.0, &self.y_range);
+        let width = (x.end - x.start) / f64::from(STROKES);
+        let mut all = Vec::new();
+        for (edge, limit) in [(y.end, limit), (y.start, -limit)] {
+            // The limit can lie outside the picture.
+            if (edge - limit) * edge <= 0.0 {
+                continue;
+            }
+            all.push(vec![(x.start, limit), (x.end, limit)]);
+            for k in 0..STROKES {
+                let from = x.start + f64::from(k) * width;
+                all.push(vec![(from, limit), (from + width, edge)]);
+            }
+        }
+        all
     }
 
     fn legend(&self, mut legend: Legend<'_, '_>) -> Result<(), Failed> {
@@ -129,6 +157,7 @@ mod tests {
             y: "torque, N m".to_owned(),
             x_range: (0.0..2.0, 8),
             y_range: -2.0..2.0,
+            limit: None,
             curves,
         };
         let alone = panel("angle", vec![curve(None, false)]);
@@ -145,5 +174,23 @@ mod tests {
             sheet("A scene", std::slice::from_ref(&alone), Some(&discs))
                 .starts_with(r#"<svg width="840" height="730""#)
         );
+    }
+
+    #[test]
+    fn what_lies_beyond_the_limit_is_hatched_on_both_sides_if_it_is_in_the_picture() {
+        let panel = |limit| PlotPanel {
+            x: String::new(),
+            y: String::new(),
+            x_range: (0.0..6.0, 3),
+            y_range: -2.0..2.0,
+            limit,
+            curves: Vec::new(),
+        };
+        let strokes = panel(None).beyond(0.5);
+        assert_eq!(strokes.len(), 2 * (1 + 60));
+        assert!(strokes.iter().flatten().all(|(_, y)| y.abs() >= 0.5 && y.abs() <= 2.0));
+        assert_eq!(panel(None).beyond(2.5), Vec::<Vec<(f64, f64)>>::new());
+        let lines = |limit| sheet("", &[panel(limit)], None).matches("<polyline").count();
+        assert_eq!(lines(Some(0.5)), lines(None) + strokes.len());
     }
 }

@@ -19,7 +19,7 @@ fn mistaken(from: &str, to: &str) -> RigConfig {
 
 #[test]
 fn a_rig_that_is_as_its_file_says_passes() {
-    let (words, as_filed) = told(&RigConfig::prototype(), &watched()).unwrap();
+    let Told { words, as_filed, .. } = told(&RigConfig::prototype(), &watched()).unwrap();
     assert!(as_filed && !words.contains("set wheel"), "{words}");
 }
 
@@ -28,7 +28,7 @@ fn two_exchanged_joints_are_named_and_no_zeros_are_made_of_them() {
     for (a, b) in [(0, 2), (1, 3), (0, 1)] {
         let mut counts = watched();
         counts.iter_mut().for_each(|now| now.swap(a, b));
-        let (words, as_filed) = told(&RigConfig::prototype(), &counts).unwrap();
+        let Told { words, as_filed, .. } = told(&RigConfig::prototype(), &counts).unwrap();
         assert!(!as_filed && !words.contains("zero_offset"), "{words}");
         assert!(words.contains(&format!("were joints {} and {} exchanged", a + 1, b + 1)), "{words}");
     }
@@ -40,7 +40,7 @@ fn a_dead_encoder_is_named_and_no_zeros_are_made_of_it() {
         let mut counts = watched();
         // The encoder jitters between two counts.
         counts.iter_mut().enumerate().for_each(|(k, now)| now[joint] = 77 + (k % 2) as i32);
-        let (words, as_filed) = told(&RigConfig::prototype(), &counts).unwrap();
+        let Told { words, as_filed, .. } = told(&RigConfig::prototype(), &counts).unwrap();
         assert!(!as_filed && !words.contains("zero_offset"), "{words}");
         let named = format!("joint {}, {}:", joint + 1, joint_name(&RigConfig::prototype(), joint));
         assert!(words.contains(&named) && words.contains("encoder is dead"), "{words}");
@@ -52,10 +52,10 @@ fn a_dead_encoder_is_named_and_no_zeros_are_made_of_it() {
 #[test]
 fn a_wrong_gear_is_neither_a_radius_nor_a_zero() {
     // The gear of the first drive joint is wrong: its wheel seems larger by the same factor.
-    let (words, as_filed) = told(&mistaken("gear = 17 ", "gear = 20 "), &watched()).unwrap();
+    let Told { words, as_filed, .. } = told(&mistaken("gear = 17 ", "gear = 20 "), &watched()).unwrap();
     assert!(!as_filed && words.contains("wheel A rolls 18 % further than wheel B"), "{words}");
     assert!(words.contains("the gear of one drive is wrong"), "{words}");
-    let (words, as_filed) = told(&mistaken("gear = 1 ", "gear = 2 "), &watched()).unwrap();
+    let Told { words, as_filed, .. } = told(&mistaken("gear = 1 ", "gear = 2 "), &watched()).unwrap();
     assert!(!as_filed && words.contains("a wrong gear") && !words.contains("zero_offset"), "{words}");
 }
 
@@ -69,7 +69,7 @@ fn every_set_of_wrong_signs_is_named() {
         for reading in &mut now {
             (0..4).filter(|joint| wrong(*joint)).for_each(|joint| reading[joint] = -reading[joint]);
         }
-        let (words, as_filed) = told(&rig, &now).unwrap();
+        let Told { words, as_filed, .. } = told(&rig, &now).unwrap();
         assert_eq!(as_filed, set == 0, "{words}");
         for joint in 0..4 {
             let named = words.contains(&format!("set {}.sign = -1", field(joint)));
@@ -77,4 +77,26 @@ fn every_set_of_wrong_signs_is_named() {
         }
         assert!(!words.contains("zero_offset"), "{set:04b}: {words}");
     }
+}
+
+/// The last lines of the message are those to write, and a file with them is as the rig is.
+#[test]
+fn the_message_ends_with_lines_to_write_and_a_file_with_them_passes() {
+    let mut counts = watched();
+    // The second drive counts backwards, and the first steer joint has its zero 0.2 rad away.
+    let off = (0.2 / RigConfig::prototype().rig.joints[0].radians_per_count()).round() as i32;
+    for reading in &mut counts {
+        reading[3] = -reading[3];
+        reading[0] += off;
+    }
+    let rig = RigConfig::prototype();
+    let found = told(&rig, &counts).unwrap();
+    let end = to_paste(&rig, &found);
+    assert!(end.contains("[wheel.steer] of wheel A:\n  zero_offset = -0.2"), "{end}");
+    assert!(end.ends_with("[wheel.drive] of wheel B:\n  sign = -1"), "{end}");
+    let text = corrected(PROTOTYPE, &found.corrections).unwrap();
+    assert!(text.contains("# below the equator") || text.contains("# direct drive, section IV.A"), "{text}");
+    let again = told(&RigConfig::from_toml(&text, "written.toml").unwrap(), &counts).unwrap();
+    assert!(again.as_filed && again.corrections.is_empty(), "{}", again.words);
+    assert!(to_paste(&rig, &again).contains("nothing to write"), "{}", to_paste(&rig, &again));
 }

@@ -6,18 +6,19 @@ use anyhow::{Context as _, anyhow};
 use clap::Args;
 use hbot_config::SceneFile;
 use hbot_core::Vec3;
+use hbot_host::abilities::Abilities;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
-use super::say;
 use super::sweep::Probe;
+use super::{Which, say, warn};
 
 /// Options of `hbot scene plot`.
 #[derive(Debug, Args)]
 pub(crate) struct PlotArgs {
-    /// The scene file (TOML)
-    file: PathBuf,
-    /// File for the picture (SVG)
-    #[arg(long, value_name = "FILE")]
+    #[command(flatten)]
+    which: Which,
+    /// File for the picture; its name ends in .svg
+    #[arg(long, value_name = "FILE.svg", value_parser = svg)]
     out: PathBuf,
     /// Axis to turn about: x, y, z, or three numbers such as 1,0,-1; can be given several times
     /// [default: x y z]
@@ -27,7 +28,7 @@ pub(crate) struct PlotArgs {
 
 /// An axis in frame N, with its name.
 #[derive(Debug, Clone)]
-struct Axis {
+pub(super) struct Axis {
     name: String,
     unit: Vec3,
 }
@@ -50,28 +51,45 @@ fn axis(text: &str) -> Result<Axis, String> {
 
 /// The kind of effect whose energy is also drawn, on the sphere of directions.
 const LANDSCAPE: &str = "snaps";
-pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
-    let scene = SceneFile::from_path(&args.file)?;
-    let axes = if args.axis.is_empty() {
-        ["x", "y", "z"].map(axis).into_iter().collect::<Result<_, _>>().map_err(|error| anyhow!(error))?
+
+/// Parses the name of the picture. Other formats are refused, because the picture would still be
+/// SVG.
+fn svg(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
+        Ok(path)
     } else {
-        args.axis.clone()
-    };
-    write(&args.out, &draw(&scene, &axes))?;
-    say!("{}", args.out.display())
+        Err("the picture is SVG: a name that ends in .svg".to_owned())
+    }
 }
 
-fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
+/// Returns the axes of a plot if the user names none: x, y and z.
+pub(super) fn usual_axes() -> anyhow::Result<Vec<Axis>> {
+    ["x", "y", "z"].map(axis).into_iter().collect::<Result<_, _>>().map_err(|error| anyhow!(error))
+}
+
+pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
+    let (scene, abilities) = args.which.load()?;
+    let axes = if args.axis.is_empty() { usual_axes()? } else { args.axis.clone() };
+    write(&args.out, &draw(&scene, &axes, &abilities))?;
+    say!("{}", args.out.display())?;
+    warn(&abilities.warnings(&scene))
+}
+
+pub(super) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
     std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
 }
 
-/// Returns the picture of a scene as SVG.
-fn draw(scene: &SceneFile, axes: &[Axis]) -> String {
+/// Returns the picture of a scene as SVG. A torque beyond the limit of the rig is hatched.
+pub(super) fn draw(scene: &SceneFile, axes: &[Axis], abilities: &Abilities) -> String {
     let kinds: Vec<&str> = scene.effects().iter().map(|effect| effect.kind_name()).collect();
     let probe = Probe::new(scene);
     let parts = probe.parts();
     let mut panels: Vec<PlotPanel> = axes.iter().map(|axis| swing(&probe, &parts, axis)).collect();
     panels.extend(still_time(&kinds).map(|(time, every)| still(&probe, time, every)));
+    for panel in &mut panels {
+        panel.limit = Some(abilities.torque()).filter(|limit| panel.y_range.end > *limit);
+    }
     let landscape = kinds.contains(&LANDSCAPE).then(|| {
         let title = "where the sphere's third axis points, and the least energy there; dark is deep";
         Hemispheres::new(title, |direction| probe.least_energy(direction))
@@ -126,6 +144,7 @@ fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> PlotPanel {
         y: "torque about it, N m".to_owned(),
         x_range: (-180.0..180.0, 13),
         y_range: -most..most,
+        limit: None,
         curves,
     }
 }
@@ -140,6 +159,7 @@ fn still(probe: &Probe, time: f64, every: u64) -> PlotPanel {
         y: "torque, N m".to_owned(),
         x_range: (0.0..time, 11),
         y_range: -most..most,
+        limit: None,
         curves: curves
             .into_iter()
             .zip(names)

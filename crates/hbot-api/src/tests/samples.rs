@@ -79,7 +79,14 @@ pub(super) fn answers() -> Vec<ServerMessage> {
         ),
         ok(3, SubscribeOk { every: 10 }),
         ServerMessage::Response(Response::done(Some(6.into()))),
-        ok(9, LoadSceneOk { effects, ignored: vec!["friction".into()] }),
+        ok(
+            9,
+            LoadSceneOk {
+                effects,
+                ignored: vec!["friction".into()],
+                warnings: vec!["spring: too stiff".into()],
+            },
+        ),
         ok(13, AlignOk { angle: 0.03125 }),
         ok(14, ModeOk { mode: Mode::Enabling }),
         ok("p", PingOk { data: json!({"n": 1}), tick: 1000, t: 1.0 }),

@@ -17,6 +17,7 @@ use serde::Deserialize as _;
 use serde_json::Value;
 
 pub use self::settings::Protocol;
+use crate::angle::to_radians;
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
 use crate::document::Document;
@@ -240,7 +241,8 @@ impl RigConfig {
         for o in overrides {
             document.replace(o.path, o.value.clone(), o.from);
         }
-        let Document { tree, mut report } = document;
+        let Document { mut tree, mut report } = document;
+        to_radians(&SCHEMA, &mut tree, "", &mut report);
         validate(&SCHEMA, &tree, "", &mut report);
         // Each wheel is checked even if other parts of the file are not legal, so that all mistakes
         // are reported at once. If the protocol is not legal, nobody knows which keys a joint

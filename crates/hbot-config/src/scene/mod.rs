@@ -4,6 +4,7 @@
 mod files;
 mod kinds;
 mod running;
+mod shelf;
 mod simulate;
 
 use std::path::Path;
@@ -17,10 +18,12 @@ use serde_json::{Map, Value, json};
 
 use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KINDS, KindEntry};
 pub use self::running::{EffectPlace, RunningScene, SetError};
+pub use self::shelf::{SHELF, ShelfScene};
 pub use self::simulate::{
     CageFriction, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting, Simulate, Slip,
     WheelModules,
 };
+use crate::angle::to_radians;
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
 use crate::document::{Document, Report, join};
@@ -34,6 +37,7 @@ const DEFAULT: &str = include_str!("../../../../scenes/spring.toml");
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneFile {
     name: String,
+    description: String,
     effects: Vec<SceneEffect>,
     simulate: Option<Simulate>,
 }
@@ -122,6 +126,10 @@ struct Top {
     /// Name of the scene, shown to people.
     #[schemars(length(min = 1, max = 100))]
     name: String,
+    /// One sentence that says what the sphere feels like, shown to people. Empty: none.
+    #[schemars(length(max = 300))]
+    #[serde(skip_serializing_if = "String::is_empty")]
+    description: String,
     /// The effects of the scene. Their torques are added in this order.
     #[schemars(length(max = MAX_EFFECTS))]
     effect: Vec<Map<String, Value>>,
@@ -134,7 +142,7 @@ struct Top {
 
 impl Default for Top {
     fn default() -> Self {
-        Self { name: "unnamed".to_owned(), effect: Vec::new(), simulate: None }
+        Self { name: "unnamed".to_owned(), description: String::new(), effect: Vec::new(), simulate: None }
     }
 }
 
@@ -177,7 +185,11 @@ impl SceneFile {
         Ok(Self::from_document(document)?)
     }
 
-    fn from_document(Document { tree, mut report }: Document) -> Result<Self, Diagnostics> {
+    fn from_document(Document { mut tree, mut report }: Document) -> Result<Self, Diagnostics> {
+        if let Some(simulate) = tree.get_mut("simulate") {
+            to_radians(&simulate::SCHEMA, simulate, "simulate", &mut report);
+        }
+        refuse_rig(&tree, &mut report);
         validate(&TOP_SCHEMA, &tree, "", &mut report);
         let mut effects: Vec<SceneEffect> = Vec::new();
         // A list that is too long has already been reported. Mistakes in the surplus effects do not
@@ -192,12 +204,20 @@ impl SceneFile {
             effects.push(effect);
         }
         check_figures(&effects, "effect", &mut report);
-        // Other users see the name in their terminals, so it must not contain control characters.
-        if tree["name"].as_str().is_some_and(|name| !name.chars().all(is_visible)) {
-            report.push("name", "it has control or invisible characters", "text of one line".to_owned());
+        // Other users see these texts in their terminals, so they must not contain control
+        // characters.
+        for key in ["name", "description"] {
+            if tree[key].as_str().is_some_and(|text| !text.chars().all(is_visible)) {
+                report.push(key, "it has control or invisible characters", "text of one line".to_owned());
+            }
         }
         let top = if report.clean_under("") { decode::<Top>(&tree, "", &mut report) } else { None };
-        report.finish(top.map(|top| Self { name: top.name, effects, simulate: top.simulate }))
+        report.finish(top.map(|top| Self {
+            name: top.name,
+            description: top.description,
+            effects,
+            simulate: top.simulate,
+        }))
     }
 
     /// Returns the scene as JSON, including all parameters that have their default.
@@ -208,16 +228,34 @@ impl SceneFile {
             "name": self.name,
             "effect": self.effects.iter().map(SceneEffect::to_json).collect::<Vec<_>>(),
         });
+        if !self.description.is_empty() {
+            scene["description"] = self.description.clone().into();
+        }
         if let Some(simulate) = &self.simulate {
             scene["simulate"] = json!(simulate);
         }
         scene
     }
 
+    /// Returns the scene as the text of a scene file, including all parameters that have their
+    /// default.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(&without_null(self.to_json())).unwrap_or_else(|error| {
+            unreachable!("a legal scene has no null and no map without text keys: {error}")
+        })
+    }
+
     /// Returns the name of the scene.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Returns the sentence that says what the scene feels like. Empty if the scene has none.
+    #[must_use]
+    pub fn description(&self) -> &str {
+        &self.description
     }
 
     /// Returns the effects of the scene, at most [`MAX_EFFECTS`]. Their torques are added in this
@@ -232,6 +270,29 @@ impl SceneFile {
     #[must_use]
     pub fn simulate(&self) -> Option<&Simulate> {
         self.simulate.as_ref()
+    }
+}
+
+/// Removes keys without a value, which TOML cannot write, from all tables in `value`.
+fn without_null(value: Value) -> Value {
+    match value {
+        Value::Object(table) => table
+            .into_iter()
+            .filter(|(_, value)| !value.is_null())
+            .map(|(key, value)| (key, without_null(value)))
+            .collect(),
+        other => other,
+    }
+}
+
+/// Adds a mistake to the report if the file is a rig file, which a command line can confuse with a
+/// scene file.
+fn refuse_rig(tree: &Value, report: &mut Report) {
+    for key in ["wheel", "sphere"] {
+        if tree.get(key).is_some() {
+            report.push_key(key, "this is a rig file, not a scene file", "a file with [[effect]]".to_owned());
+            return;
+        }
     }
 }
 
@@ -319,7 +380,10 @@ impl SceneEffect {
     fn parse(value: &Value, path: &str, report: &mut Report) -> Option<Self> {
         let table = value.as_object()?;
         let entry = table.get("kind").and_then(Value::as_str).and_then(KindEntry::named);
-        validate(entry.map_or(&EFFECT_SCHEMA, |e| &e.effect_schema), value, path, report);
+        let schema = entry.map_or(&*EFFECT_SCHEMA, |e| &e.effect_schema);
+        let mut value = value.clone();
+        to_radians(schema, &mut value, path, report);
+        validate(schema, &value, path, report);
         let id = table.get("id").and_then(Value::as_str).unwrap_or_default();
         let at = join(path, "id");
         if report.clean_under(&at) && !id.bytes().all(|b| b.is_ascii_alphanumeric() || b"_-.".contains(&b)) {
@@ -332,7 +396,7 @@ impl SceneEffect {
         if !report.clean_under(path) {
             return None;
         }
-        Self::compile(id, entry?, value, path, report)
+        Self::compile(id, entry?, &value, path, report)
     }
 
     /// Creates an effect from values that its schema allows. If the values are not legal together,

@@ -6,6 +6,7 @@ use hbot_core::scene::{CompiledScene, MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value};
 
 use super::{KindEntry, SceneEffect, SceneFile, check_figures};
+use crate::angle::to_radians;
 use crate::diagnostic::Diagnostics;
 use crate::document::Report;
 use crate::validate::validate;
@@ -73,7 +74,12 @@ impl RunningScene {
     /// with which the loop starts.
     #[must_use]
     pub fn new() -> Self {
-        let file = SceneFile { name: "empty".to_owned(), effects: Vec::new(), simulate: None };
+        let file = SceneFile {
+            name: "empty".to_owned(),
+            description: String::new(),
+            effects: Vec::new(),
+            simulate: None,
+        };
         Self { file, memories: Vec::new(), leaving: Vec::new(), revision: 0, last_epoch: 0 }
     }
 
@@ -216,9 +222,10 @@ impl SceneEffect {
                 all.insert(key.clone(), value.clone());
             }
         }
-        let all = Value::Object(all);
+        let mut all = Value::Object(all);
         let entry = KindEntry::named(self.kind_name)
             .unwrap_or_else(|| unreachable!("effects are made of listed kinds alone"));
+        to_radians(&entry.schema, &mut all, "", &mut report);
         validate(&entry.schema, &all, "", &mut report);
         let changed =
             if report.clean_under("") { Self::compile(&self.id, entry, &all, "", &mut report) } else { None };

@@ -16,6 +16,8 @@ const HOLD_S: f64 = 0.5;
 const FAR: f64 = 0.3;
 /// Smallest turn of a joint that counts as motion, rad.
 const STILL: f64 = 0.02;
+/// Largest change of the counts of an encoder whose joint does not move.
+const JITTER: u32 = 4;
 /// Smallest relative difference between the turn by encoder counts and the turn by reported rates
 /// that counts as a contradiction.
 const DISAGREEMENT: f64 = 0.1;
@@ -176,7 +178,13 @@ fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outc
     } else if along < STILL {
         let far = |j: &usize| moved(bench, &last, *j).abs();
         let furthest = (0..joints).filter(|j| *j != joint).max_by(|a, b| far(a).total_cmp(&far(b)));
+        let counted = last.counts[joint].wrapping_sub(before.counts[joint]).unsigned_abs();
         match furthest.filter(|j| far(j) >= STILL) {
+            // An encoder that is dead jitters by a count. One that counts is alive, and a gear that
+            // is far too large in the rig file makes little of its counts.
+            _ if outcome.by_rate.abs() >= STILL && counted > JITTER => {
+                Verdict::Gear(outcome.moved / outcome.by_rate)
+            }
             _ if outcome.by_rate.abs() >= STILL => Verdict::CountsStand,
             Some(other) => Verdict::Another(other),
             None => Verdict::Stands,

@@ -7,6 +7,7 @@
 mod device;
 mod machine;
 mod punctuality;
+mod rate;
 
 use std::thread;
 
@@ -16,6 +17,7 @@ use serde::Serialize;
 pub use device::serial;
 pub use machine::Machine;
 pub use punctuality::{Punctuality, lead, punctuality, verdict};
+pub use rate::{MOST_LOAD, highest_rate, line_rate, machine_rate, slowest_line};
 
 use crate::processor::Processor;
 use crate::realtime::{LOOP_PRIORITY, WakeLatency, lock_memory, real_time};

@@ -124,7 +124,7 @@ impl Hub {
             publisher: Publisher::new(Arc::clone(&changed)),
             lease: Lease::default(),
             orders: Orders::default(),
-            scenes: Scenes::new(scene, phenomena, rig.rig, Arc::clone(&changed)),
+            scenes: Scenes::new(scene, phenomena, &rig, Arc::clone(&changed)),
             incidents: Incidents::new(rig.rig, simulated),
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, Arc::clone(&changed)),
             latest: None,

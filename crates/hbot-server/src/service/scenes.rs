@@ -6,13 +6,14 @@ use std::task::{Context, Poll};
 
 use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, SceneEvent};
 use hbot_config::scene::{EffectPlace, SetError};
-use hbot_config::{RunningScene, SceneFile};
+use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Rig;
 use serde_json::{Map, Value, json};
 use tokio::sync::Notify;
 use tokio::task::{JoinError, JoinSet};
 
 use super::{SetPhenomena, cost};
+use hbot_host::abilities::Abilities;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 
@@ -28,6 +29,8 @@ pub(super) struct Scenes {
     phenomena: Option<SetPhenomena>,
     /// The rig for which the computing time of effects is measured.
     rig: Rig,
+    /// What the rig can make and keep stable.
+    abilities: Abilities,
     /// The scenes that are being loaded, in the order in which they were sent to the loop.
     loading: VecDeque<Loading>,
     measuring: JoinSet<Measured>,
@@ -44,6 +47,7 @@ struct Loading {
     name: String,
     effects: Vec<EffectCost>,
     ignored: Vec<String>,
+    warnings: Vec<String>,
     measured: bool,
     /// The first tick that rendered the scene. `None` before it.
     tick: Option<u64>,
@@ -68,10 +72,20 @@ impl Scenes {
     pub(super) fn new(
         running: RunningScene,
         phenomena: Option<SetPhenomena>,
-        rig: Rig,
+        rig: &RigConfig,
         changed: Arc<Notify>,
     ) -> Self {
-        Self { running, phenomena, rig, loading: VecDeque::new(), measuring: JoinSet::new(), changed }
+        let abilities = Abilities::of(rig);
+        let rig = rig.rig;
+        Self {
+            running,
+            phenomena,
+            rig,
+            abilities,
+            loading: VecDeque::new(),
+            measuring: JoinSet::new(),
+            changed,
+        }
     }
 
     /// Returns the scene that was loaded or changed last. The loop may not have adopted it yet.
@@ -132,6 +146,7 @@ impl Scenes {
                 Vec::new()
             }
         };
+        let warnings = self.abilities.warnings(&file);
         let compiled = self.running.load(file);
         let (rig, parts) = (self.rig, compiled.clone());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::LoadScene))?;
@@ -151,6 +166,7 @@ impl Scenes {
             name,
             effects,
             ignored,
+            warnings,
             measured: false,
             tick: None,
         });
@@ -246,8 +262,8 @@ impl Scenes {
     pub(super) fn next_loaded(&mut self) -> Option<Loaded> {
         let front = self.loading.front()?;
         let tick = front.tick.filter(|_| front.measured)?;
-        let Loading { session, id, name, effects, ignored, .. } = self.loading.pop_front()?;
-        let answer = LoadSceneOk { effects: effects.clone(), ignored };
+        let Loading { session, id, name, effects, ignored, warnings, .. } = self.loading.pop_front()?;
+        let answer = LoadSceneOk { effects: effects.clone(), ignored, warnings };
         Some(Loaded { session, id, answer, event: SceneEvent { tick, name, effects } })
     }
 }
@@ -274,8 +290,6 @@ fn shortened(mut message: String) -> String {
 
 #[cfg(test)]
 mod tests {
-    use hbot_config::RigConfig;
-
     use super::*;
     use hbot_host::bridge::bridge;
 
@@ -284,7 +298,7 @@ mod tests {
         let (_loop_end, mut end) = bridge().unwrap();
         let mut running = RunningScene::new();
         let _ = running.load(SceneFile::default_scene());
-        let mut scenes = Scenes::new(running, None, RigConfig::prototype().rig, Arc::default());
+        let mut scenes = Scenes::new(running, None, &RigConfig::prototype(), Arc::default());
         let scene = json!({"name": "Air", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
         scenes.load(&mut end, 3, None, scene.clone()).unwrap();
         let first = scenes.running.revision();

@@ -95,3 +95,20 @@ fn phenomena_go_to_the_simulated_rig_and_a_real_one_has_its_own() {
     let mut client = real.holder();
     assert_eq!(client.call(scene(wanted)).unwrap()["ignored"], json!(["hand"]));
 }
+
+#[test]
+fn a_scene_that_the_rig_cannot_make_is_loaded_with_warnings() {
+    let bench = TestService::start(TestOptions::default());
+    let mut client = bench.holder();
+    let wall = json!({"name": "Wall", "effect": [
+        {"id": "wall", "kind": "end_stop", "stiffness": 900, "damping": 0.03},
+        {"id": "push", "kind": "constant", "torque": [0, 0, 5]},
+    ]});
+    let warnings = client.call(scene(wall)).unwrap()["warnings"].clone();
+    let warnings = warnings.as_array().unwrap();
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
+    assert!(warnings[0].as_str().unwrap().starts_with("wall: stiffness 900 N m/rad"), "{warnings:?}");
+    assert!(warnings[1].as_str().unwrap().starts_with("push: torque 5 N m"), "{warnings:?}");
+    let calm = json!({"name": "Calm", "effect": [{"id": "s", "kind": "spring", "damping": 0.02}]});
+    assert_eq!(client.call(scene(calm)).unwrap()["warnings"], json!([]));
+}

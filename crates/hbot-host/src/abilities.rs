@@ -1,0 +1,157 @@
+//! What a rig cannot make of a scene, or may not keep stable.
+
+use std::sync::LazyLock;
+
+use hbot_config::scene::{Listed, SceneEffect, kinds};
+use hbot_config::{RigConfig, SceneFile};
+use serde_json::{Map, Value};
+
+use crate::stiffness::StiffnessBound;
+
+/// The kinds of effects with their schemas, which name the unit of each parameter.
+static KINDS: LazyLock<Vec<Listed>> = LazyLock::new(kinds);
+
+/// Units of the parameters that a rig limits.
+const TORQUE: &str = "N m";
+const STIFFNESS: &str = "N m/rad";
+const DAMPING: &str = "N m s/rad";
+
+/// The torque and the stiffness that a rig can make.
+#[derive(Debug, Clone, Copy)]
+pub struct Abilities {
+    /// Largest torque on the sphere, N m.
+    torque: f64,
+    /// Rate of the loop, Hz.
+    rate_hz: u32,
+    /// `None` if the inertias in the rig file contradict each other.
+    bound: Option<StiffnessBound>,
+}
+
+impl Abilities {
+    /// Computes the abilities of a rig.
+    #[must_use]
+    pub fn of(config: &RigConfig) -> Self {
+        let (torque, rate_hz) = (config.rig.limits.torque, config.rate_hz);
+        Self { torque, rate_hz, bound: StiffnessBound::of(config) }
+    }
+
+    /// Returns the largest torque on the sphere, N m.
+    #[must_use]
+    pub fn torque(&self) -> f64 {
+        self.torque
+    }
+
+    /// Returns a sentence for each parameter of the scene that asks for more torque than the rig
+    /// makes, or for more stiffness than it keeps stable.
+    ///
+    /// A stiffness is compared with two limits of [`StiffnessBound`]: above `most` no spring is
+    /// stable; above `stable` it needs more damping than the whole scene has, for example that of
+    /// the hand. Both are for a sphere without friction. Effects that have no stiffness as a
+    /// parameter, such as snaps, are compared by their torque only.
+    #[must_use]
+    pub fn warnings(&self, scene: &SceneFile) -> Vec<String> {
+        let damping: f64 =
+            scene.effects().iter().flat_map(|effect| values(effect, DAMPING)).map(|v| v.1).sum();
+        let mut found = Vec::new();
+        for effect in scene.effects() {
+            let id = effect.id();
+            found.extend(values(effect, STIFFNESS).filter_map(|(name, stiffness)| {
+                Some(format!("{id}: {name} {}", self.too_stiff(stiffness, damping)?))
+            }));
+            for (name, torque) in values(effect, TORQUE).filter(|(_, torque)| *torque > self.torque) {
+                let most = self.torque;
+                found.push(format!(
+                    "{id}: {name} {torque} N m is more than this rig makes; the sum of all torques is cut off at {most} N m \
+                     (limits.torque)"
+                ));
+            }
+        }
+        found
+    }
+
+    /// Returns the words that say why a stiffness, N m/rad, is too large, or `None` if it is not.
+    /// `damping` is that of the scene, N m s/rad.
+    fn too_stiff(&self, stiffness: f64, damping: f64) -> Option<String> {
+        let bound = self.bound?;
+        let ([most, _], stable, rate) = (bound.most(), bound.stable(damping), self.rate_hz);
+        if stiffness > most {
+            return Some(format!(
+                "{stiffness} N m/rad is unstable on this rig with any damping: at {rate} Hz it keeps at most {most:.0} N m/rad stable"
+            ));
+        }
+        (stiffness > stable).then(|| {
+            format!(
+                "{stiffness} N m/rad may buzz: at {rate} Hz the damping of this scene, {damping:.3} N m s/rad, keeps {stable:.1} \
+                 N m/rad stable; more damping, or a hand that holds firmly, keeps more"
+            )
+        })
+    }
+}
+
+/// Returns the names of the parameters of `effect` that have the unit `unit`, with their values
+/// times the effect's gain. Of a vector it is the length, and of a matrix the largest sum of a row's
+/// absolute values, which its largest eigenvalue does not exceed.
+fn values(effect: &SceneEffect, unit: &'static str) -> impl Iterator<Item = (String, f64)> {
+    let kind = KINDS.iter().find(|kind| kind.name == effect.kind_name());
+    let written = effect.to_json().as_object().cloned().unwrap_or_else(Map::new);
+    let gain = effect.gain();
+    written.into_iter().filter_map(move |(name, value)| {
+        let property = &kind?.schema["properties"][&name];
+        let size = size(&value).filter(|_| property["unit"] == unit)?;
+        Some((name, gain * size))
+    })
+}
+
+fn size(value: &Value) -> Option<f64> {
+    let Some(rows) = value.as_array() else { return value.as_f64().map(f64::abs) };
+    let numbers = |row: &Value| -> Option<Vec<f64>> { row.as_array()?.iter().map(Value::as_f64).collect() };
+    match rows.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>() {
+        Some(vector) => Some(vector.iter().map(|x| x * x).sum::<f64>().sqrt()),
+        None => {
+            let sums = rows.iter().map(|row| Some(numbers(row)?.iter().map(|x| x.abs()).sum()));
+            sums.collect::<Option<Vec<f64>>>().map(|sums| sums.into_iter().fold(0.0, f64::max))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn warnings(text: &str) -> Vec<String> {
+        let scene = SceneFile::from_toml(text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
+        Abilities::of(&RigConfig::prototype()).warnings(&scene)
+    }
+
+    #[test]
+    fn every_scene_of_the_shelf_is_within_the_prototype() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+        let mut seen = 0;
+        for entry in std::fs::read_dir(folder).expect("scenes") {
+            let path = entry.expect("readable").path();
+            if path.extension().is_some_and(|e| e == "toml") {
+                let text = std::fs::read_to_string(&path).expect("readable");
+                assert_eq!(warnings(&text), Vec::<String>::new(), "{}", path.display());
+                seen += 1;
+            }
+        }
+        assert!(seen >= 17, "{seen} scenes");
+    }
+
+    #[test]
+    fn stiffness_is_judged_with_the_damping_of_the_whole_scene() {
+        let spring =
+            "[[effect]]\nid = 's'\nkind = 'spring'\nstiffness = [[30, 0, 0], [0, 2, 0], [0, 0, 1]]\n";
+        let bare = warnings(spring);
+        assert!(bare.len() == 1 && bare[0].starts_with("s: stiffness 30 N m/rad may buzz"), "{bare:?}");
+        // stable = 0.05/(1.5 ms) = 33 N m/rad.
+        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.05\n";
+        assert_eq!(warnings(&format!("{spring}{air}")), Vec::<String>::new());
+        // most = J/(4 h²) = 850 N m/rad with the prototype's 3.4e-3 kg m².
+        let wall = warnings("[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 860\ndamping = 100\n");
+        assert!(wall[0].contains("unstable on this rig with any damping"), "{wall:?}");
+        let gain =
+            warnings("[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 100\ndamping = 50\ngain = 9\n");
+        assert!(gain[0].contains("stiffness 900"), "{gain:?}");
+    }
+}

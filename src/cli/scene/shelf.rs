@@ -1,0 +1,119 @@
+//! `hbot scene list`: lists the ready-made scenes. The hidden command `hbot scene page` writes
+//! docs/scenes.md from them.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::Context as _;
+use hbot_config::scene::{SHELF, ShelfScene};
+use hbot_config::{RigConfig, SceneFile};
+use hbot_host::abilities::Abilities;
+use serde_json::json;
+
+use super::{plot, say, style};
+
+pub(super) fn list(as_json: bool) -> anyhow::Result<()> {
+    if as_json {
+        let all: Vec<_> = SHELF
+            .iter()
+            .map(|entry| {
+                let scene = entry.scene();
+                json!({
+                    "file": entry.file, "name": scene.name(), "description": scene.description(), "kinds": kinds(&scene),
+                })
+            })
+            .collect();
+        return say!("{}", json!(all));
+    }
+    for entry in SHELF {
+        let scene = entry.scene();
+        say!("{}{:22}{} {}", style::NAME, entry.file, style::OFF, scene.description())?;
+        say!("{:22} {}{}{}", "", style::DIM, kinds(&scene).join(", "), style::OFF)?;
+    }
+    say!(
+        "\n`hbot scene load NAME` loads one into a running server, and `hbot server --scene FILE` starts with a file"
+    )
+}
+
+/// Returns the kinds of a scene's effects, each once, in the order of the scene.
+fn kinds(scene: &SceneFile) -> Vec<&'static str> {
+    let mut all = Vec::new();
+    for effect in scene.effects() {
+        if !all.contains(&effect.kind_name()) {
+            all.push(effect.kind_name());
+        }
+    }
+    all
+}
+
+/// Writes the page `scenes.md` and the plots `scenes/FILE.svg` into a folder.
+pub(super) fn page(folder: &Path) -> anyhow::Result<()> {
+    let plots = folder.join("scenes");
+    std::fs::create_dir_all(&plots).with_context(|| format!("{}: cannot be made", plots.display()))?;
+    let abilities = Abilities::of(&RigConfig::prototype());
+    for entry in SHELF {
+        let axes = plot::usual_axes()?;
+        plot::write(
+            &plots.join(format!("{}.svg", entry.file)),
+            &plot::draw(&entry.scene(), &axes, &abilities),
+        )?;
+    }
+    let path = folder.join("scenes.md");
+    std::fs::write(&path, text()?).with_context(|| format!("{}: cannot be written", path.display()))?;
+    say!("{}", path.display())
+}
+
+fn text() -> anyhow::Result<String> {
+    let mut text = String::from(HEAD);
+    for ShelfScene { file, .. } in SHELF {
+        let scene = ShelfScene::named(file).map(ShelfScene::scene).context("a scene of the shelf")?;
+        write!(
+            text,
+            "\n## {}\n\n{}\n\nKinds: {}. File: [`scenes/{file}.toml`](../scenes/{file}.toml).\n\n![{}: torque against angle](scenes/{file}.svg)\n",
+            scene.name(),
+            wrapped(scene.description()),
+            kinds(&scene)
+                .iter()
+                .map(|kind| format!("[`{kind}`](effects.md#{kind})"))
+                .collect::<Vec<_>>()
+                .join(", "),
+            scene.name(),
+        )?;
+    }
+    Ok(text)
+}
+
+/// The beginning of the page.
+const HEAD: &str = "\
+# Scenes
+
+For everybody who looks for something to feel. After reading this page you know the scenes that come with hbot, what each
+feels like, and what its torque looks like before you feel it.
+
+`hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and the panel
+loads them too. To write a scene of your own, copy a file of `scenes/`; [files.md](files.md#the-scene-file) has every key.
+
+Each plot shows the torque about an axis while the sphere turns about this axis and back. Black is the scene, and each
+colour is one of its effects. Dashed is the way back, where it differs. Grey lines are the largest torque of the prototype,
+and what lies beyond them is cut off.
+
+This page is generated from the files by `cargo run -- scene page docs`.
+";
+
+/// Breaks a text into lines of at most 120 characters.
+fn wrapped(text: &str) -> String {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let last = lines.last_mut().map_or(0, |line| line.chars().count());
+        if last > 0 && last + 1 + word.chars().count() > 120 {
+            lines.push(String::new());
+        }
+        if let Some(line) = lines.last_mut() {
+            if !line.is_empty() {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+    }
+    lines.join("\n")
+}

@@ -1,0 +1,114 @@
+//! `hbot info` and `hbot stats`: show what a running server reports about its rig and its loop.
+
+use std::process::ExitCode;
+
+use clap::Args;
+use hbot_api::{InfoOk, StatsOk};
+
+use super::out::{foreign, say};
+use super::{ServerAddress, orders, style};
+
+/// Options of `hbot info` and `hbot stats`.
+#[derive(Debug, Args)]
+pub(crate) struct ShowArgs {
+    #[command(flatten)]
+    address: ServerAddress,
+    /// Print one object of JSON, for programs
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
+    let mut client = orders::connect(&args.address, "hbot info")?;
+    let info = client.info().map_err(orders::remedied)?;
+    if args.json {
+        say!("{}", serde_json::to_string(&info)?)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let hello = client.hello();
+    say!("{} {} on {}", live_or_simulated(&info), foreign(&hello.rig), args.address.server)?;
+    say!(
+        "  server     {}, {} Hz, accuracy {}",
+        foreign(&hello.server),
+        info.rig.rate_hz,
+        foreign(&info.accuracy)
+    )?;
+    let limits = &info.limits;
+    say!(
+        "  limits     {} N m, {} N m/s, {} rad/s, slip {} m/s",
+        limits.torque,
+        limits.torque_rate,
+        limits.speed,
+        limits.slip
+    )?;
+    if let Some([a, b, c]) = info.capability {
+        say!("  torque     at these steering angles up to {a:.2} {b:.2} {c:.2} N m about n1 n2 n3")?;
+    }
+    if let Some(render) = info.render {
+        say!(
+            "  stiffness  stable up to {:.1} N m/rad with a damping of {} N m s/rad, never above {:.0}",
+            render.stiffness_stable,
+            render.damping,
+            render.stiffness_most
+        )?;
+    }
+    let holder = info.lease.as_ref().and_then(|lease| lease.holder.as_deref());
+    say!(
+        "  lease      {}",
+        holder.map_or_else(|| "free".to_owned(), |name| format!("held by {}", foreign(name)))
+    )?;
+    let text = |value: &serde_json::Value| foreign(value.as_str().unwrap_or("?")).to_string();
+    say!("  scene      {}", text(&info.scene["name"]))?;
+    for effect in info.scene["effect"].as_array().into_iter().flatten() {
+        say!("    {:12} {}", text(&effect["id"]), text(&effect["kind"]))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the word that tells at a glance whether motors can push.
+pub(crate) fn live_or_simulated(info: &InfoOk) -> String {
+    let (colour, word) = if info.rig.simulated { (style::WARN, "SIMULATED") } else { (style::BAD, "LIVE") };
+    format!("{colour}{word}{}", style::OFF)
+}
+
+pub(crate) fn stats(args: &ShowArgs) -> anyhow::Result<ExitCode> {
+    let mut client = orders::connect(&args.address, "hbot stats")?;
+    let stats = client.stats().map_err(orders::remedied)?;
+    if args.json {
+        say!("{}", serde_json::to_string(&stats)?)?;
+    } else {
+        print(&stats)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the statistics of a running server's loop.
+pub(crate) fn print(stats: &StatsOk) -> anyhow::Result<()> {
+    say!(
+        "the running server after {} ticks: {} late, {} skipped, {} missed; {} damaged frames, {} commands not sent",
+        stats.ticks,
+        stats.late_ticks,
+        stats.skipped_ticks,
+        stats.missed_ticks,
+        stats.corrupt_frames,
+        stats.send_failures,
+    )?;
+    let times = [
+        ("awake_us", stats.awake_us),
+        ("lateness_us", stats.lateness_us),
+        ("compute_us", stats.compute_us),
+        ("link_us", stats.link_us),
+        ("age_us", stats.age_us),
+    ];
+    for (name, d) in times {
+        say!(
+            "  {name:<12} median {:.1}, 99 % {:.1}, 99.9 % {:.1}, 99.99 % {:.1}, most {:.1}",
+            d.p50,
+            d.p99,
+            d.p99_9,
+            d.p99_99,
+            d.max
+        )?;
+    }
+    Ok(())
+}
