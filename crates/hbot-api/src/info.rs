@@ -59,9 +59,9 @@ pub struct RigInfo {
 }
 
 /// The time of tick 0 on two clocks of the server's machine. A state with time `t` belongs to the
-/// moment `unix_ns + 1e9 t`. The time of the built-in simulated rig waits if the machine is busy, and
-/// each wait moves this clock. In virtual time it is the moment at which the loop started, and the
-/// time `t` of later ticks does not follow these clocks.
+/// moment `unix_ns + 1e9 t`. The time of the built-in simulated rig waits if the machine is busy,
+/// and each wait moves this clock. In virtual time it is the moment at which the loop started, and
+/// the time `t` of later ticks does not follow these clocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ClockInfo {

@@ -75,8 +75,8 @@ const RIG_PATIENCE_NS: u64 = 2_000_000_000;
 
 /// Runs ticks at absolute deadlines until `stop` is set or the last tick of `schedule` is done. The
 /// motors are switched off at the end, even if a tick panics. Before the first tick, `settled` is
-/// called with the result of requesting real-time priority (`Ok`, or the reason for the refusal) and
-/// with the time of tick 0.
+/// called with the result of requesting real-time priority (`Ok`, or the reason for the refusal)
+/// and with the time of tick 0.
 pub fn wall(
     mut engine: Engine,
     schedule: &Schedule,
