@@ -3,8 +3,9 @@
 //! sphere had when the program started.
 //!
 //! ```text
-//! cargo run server                                                      # in one terminal: a simulated rig
-//! cargo run --example stream_torque -- [ADDRESS] [SECONDS] [ENCODING]   # in another terminal
+//! cargo run server               # in one terminal: a simulated rig
+//!                                # in another terminal:
+//! cargo run --example stream_torque -- [ADDRESS] [SECONDS] [ENCODING]
 //! ```
 //!
 //! The defaults are 127.0.0.1:4268, 5 s and `json`. The other encoding is `msgpack`.

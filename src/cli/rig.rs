@@ -186,7 +186,7 @@ fn torus(device: &Device) -> impl Iterator<Item = Vec<f64>> {
 fn line(config: &RigConfig) -> anyhow::Result<bool> {
     // The simulated rig has one line for all joints.
     let lines = match &config.link.port {
-        Port::Sim => vec![("sim".to_owned(), config.rig.device.joints())],
+        Port::Sim | Port::SimPty => vec![(config.link.port.to_string(), config.rig.device.joints())],
         Port::Devices(devices) => devices
             .iter()
             .enumerate()
@@ -227,7 +227,7 @@ fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<boo
 /// that say so.
 fn verdict(config: &RigConfig, load: f64) -> (bool, String) {
     // The simulated port and USB accept bytes faster than the baud rate suggests.
-    let simulated = config.link.port == Port::Sim;
+    let simulated = config.link.port.is_simulated();
     if load <= MOST_LOAD {
         (true, format!("{}fits{}", style::GOOD, style::OFF))
     } else if simulated {

@@ -6,6 +6,7 @@
 //! HBOT_FUZZ_INPUTS=10000000 cargo test --release --test fuzz -- --nocapture
 //! ```
 
+mod arduino;
 mod harness;
 
 use std::path::Path;
@@ -73,19 +74,31 @@ fn reframe(input: &mut Vec<u8>) {
     input.splice(..(end + 1).min(input.len()), frame);
 }
 
+/// Replaces `input` by one of `seeds` with up to seven mutations.
+fn next_input(input: &mut Vec<u8>, seeds: &[Vec<u8>], random: &mut Rand64) {
+    input.clone_from(&seeds[random.rand_range(0..seeds.len() as u64) as usize]);
+    for _ in 0..random.rand_range(0..8) {
+        mutate(input, seeds, random);
+    }
+}
+
+fn inputs() -> u64 {
+    std::env::var("HBOT_FUZZ_INPUTS").map_or(INPUTS, |n| n.parse().expect("a number"))
+}
+
+fn target(name: &str) -> &'static Target {
+    TARGETS.iter().find(|target| target.name == name).expect("a target")
+}
+
 fn run(name: &str) {
-    let target = TARGETS.iter().find(|target| target.name == name).expect("a target");
-    let inputs = std::env::var("HBOT_FUZZ_INPUTS").map_or(INPUTS, |n| n.parse().expect("a number"));
+    let (target, inputs) = (target(name), inputs());
     let seeds = corpus(target);
     seeds.iter().for_each(|seed| (target.check)(seed));
     let mut random = Rand64::new(1);
     let (mut input, mut longest) = (Vec::new(), std::time::Duration::ZERO);
     let start = Instant::now();
     for _ in 0..inputs {
-        input.clone_from(&seeds[random.rand_range(0..seeds.len() as u64) as usize]);
-        for _ in 0..random.rand_range(0..8) {
-            mutate(&mut input, &seeds, &mut random);
-        }
+        next_input(&mut input, &seeds, &mut random);
         if name.starts_with("link") && random.rand_range(0..2) == 0 {
             reframe(&mut input);
         }

@@ -29,11 +29,18 @@ def single(pattern):
     return struct.unpack("<f", struct.pack("<I", pattern))[0]
 
 
-QUERY = moteus.QueryResolution()
-QUERY.mode, QUERY.position, QUERY.velocity = mp.INT8, mp.INT32, mp.INT32
-QUERY.torque, QUERY.voltage = mp.IGNORE, mp.IGNORE
-QUERY.home_state, QUERY.temperature, QUERY.fault = mp.INT8, mp.INT8, mp.INT8
-QUERY._extra = {Register.COMMAND_TIMEOUT: mp.F32, Register.MILLISECOND_COUNTER: mp.INT32}
+
+def questions(uptime):
+    """What a command asks for: in turn the home state with the temperature, and the time since power-on."""
+    query = moteus.QueryResolution()
+    query.mode, query.fault, query.voltage = mp.INT8, mp.INT8, mp.IGNORE
+    query.position, query.velocity, query.torque = mp.INT32, mp.INT32, mp.INT32
+    query.temperature, query.home_state = (mp.IGNORE, mp.IGNORE) if uptime else (mp.INT8, mp.INT8)
+    query._extra = {Register.COMMAND_TIMEOUT: mp.F32}
+    if uptime:
+        query._extra[Register.MILLISECOND_COUNTER] = mp.INT32
+    return query
+
 
 FORMAT = moteus.PositionResolution()
 FORMAT.position, FORMAT.kp_scale, FORMAT.kd_scale, FORMAT.ilimit_scale = (mp.INT8,) * 4
@@ -75,17 +82,20 @@ def torque_command(random):
     if random.random() < 0.1:
         torque = bits(random.choice([0.0, -0.0, 1e-30, -1e30]))
     watchdog = bits(random.choice([1, 20, 50, 1000]) / 1000) & ~0xFFF | random.randrange(0x1000)
-    controller = moteus.Controller(id=servo, query_resolution=QUERY, position_resolution=FORMAT)
+    uptime = random.random() < 0.5
+    controller = moteus.Controller(id=servo, query_resolution=questions(uptime), position_resolution=FORMAT)
     command = controller.make_position(
         position=math.nan, feedforward_torque=single(torque), kp_scale=0, kd_scale=0, maximum_torque=single(most),
         watchdog_timeout=single(watchdog), ilimit_scale=0, query=True)
-    return {"id": servo, "torque": torque, "most": most, "watchdog": watchdog, "lines": lines(command)}
+    return {"id": servo, "torque": torque, "most": most, "watchdog": watchdog, "uptime": uptime,
+            "lines": lines(command)}
 
 
 def stop_command(random):
     servo, rezero = random.randrange(1, 127), random.random() < 0.3
     watchdog = bits(0.02) & ~0xFFF | random.randrange(0x1000)
-    controller = moteus.Controller(id=servo, query_resolution=QUERY)
+    uptime = random.random() < 0.5
+    controller = moteus.Controller(id=servo, query_resolution=questions(uptime))
     command = controller.make_stop(query=True)
     stop, query = controller.make_stop(query=False).data, controller.make_query().data
     assert command.data == stop + query
@@ -96,7 +106,7 @@ def stop_command(random):
     writer.write_f32(single(watchdog))
     nearest = controller.make_set_output_nearest(position=0.0, query=False).data if rezero else b""
     command.data = stop + buffer.getvalue() + nearest + query
-    return {"id": servo, "watchdog": watchdog, "rezero": rezero, "lines": lines(command)}
+    return {"id": servo, "watchdog": watchdog, "rezero": rezero, "uptime": uptime, "lines": lines(command)}
 
 
 def answer(random):
@@ -115,11 +125,17 @@ def answer(random):
     if random.random() < 0.1:
         # A register that this servo does not have.
         buffer.write(bytes([mp.READ_ERROR, 0x70, 1]))
-    block(0x000, [(random.randrange(16), mp.INT8), (whole(32), mp.INT32), (whole(32), mp.INT32)])
-    block(0x00C, [(random.randrange(3), mp.INT8)])
-    block(0x00E, [(whole(8), mp.INT8), (random.choice([0, 33, 39, 99, 102]), mp.INT8)])
+    uptime, fault = random.random() < 0.5, (random.choice([0, 33, 39, 99, 102]), mp.INT8)
+    block(0x000, [(random.randrange(16), mp.INT8)] + [(whole(32), mp.INT32) for _ in range(3)])
+    if uptime:
+        block(0x00F, [fault])
+    else:
+        block(0x00C, [(random.randrange(3), mp.INT8)])
+        block(0x00E, [(whole(8), mp.INT8), fault])
     block(0x027, [(single(bits(random.uniform(0, 1))), mp.F32)])
-    block(0x070, [(whole(32), mp.INT32)])
+    if uptime:
+        block(0x070, [(whole(32), mp.INT32)])
+    assert len(buffer.getvalue()) <= (35 if buffer.getvalue()[0] == mp.READ_ERROR else 32)
     if random.random() < 0.2:
         block(0x100, [(whole(32), mp.INT32)] * 3)
     data = buffer.getvalue()

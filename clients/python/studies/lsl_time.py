@@ -105,13 +105,16 @@ def main() -> None:
                 clock: receive(server.address, truth, clock, options.seconds)
                 for clock in ("auto", "ping")
             }
+            with hbot.connect(server.address) as rig:
+                stats = rig.stats()
         finally:
             server.kill()
     print("\n| `--clock` | samples | lost | error: median, ms | 99 % | largest | ", end="")
     print("on the way: median, ms | 99 % |\n|---|---|---|---|---|---|---|---|")
     for clock, received in runs.items():
         print(row(clock, received))
-    print(f"\nload: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
+    print(f"\nserver: {stats.skipped_ticks} ticks skipped, {stats.dropped_states} states dropped")
+    print(f"load: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
 
 
 if __name__ == "__main__":

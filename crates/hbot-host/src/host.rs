@@ -19,7 +19,7 @@ use crate::layout::Layout;
 use crate::motors::Motors;
 use crate::processor::{NoProcessor, Processor};
 use crate::realtime::{WakeLatency, lock_memory};
-use crate::run_loop::{Ended, StopFlag, Time, lockstep, wall};
+use crate::run_loop::{Ended, Schedule, StopFlag, Time, lockstep, wall};
 
 /// The options with which a rig and its control loop are started.
 pub struct HostOptions {
@@ -97,6 +97,7 @@ impl Host {
             lock(&mut notices);
         }
         let layout = Layout::of(&rig);
+        let mut shared = None;
         let (buses, simulator) = match (buses, &rig.link.port) {
             (Some(buses), _) => {
                 let ours = layout.buses();
@@ -111,19 +112,25 @@ impl Host {
             (None, Port::Devices(devices)) => {
                 (serial(&rig, devices, &layout, last_word.as_ref(), true, &mut notices)?, None)
             }
-            (None, Port::Sim) => {
-                let (bus, simulator) = simulated(&rig, &layout, phenomena, time)?;
-                (vec![bus], Some(simulator))
+            (None, Port::Sim | Port::SimPty) => {
+                let attached = simulated(&rig, &layout, phenomena, time)?;
+                shared = attached.shared;
+                (vec![attached.bus], Some(attached.simulator))
             }
         };
         let (loop_end, end) = bridge()?;
         let motors = Motors::new(buses, &layout, rig.link.watchdog_ms);
         let engine = Engine::new(motors, Controller::new(rig.rig), scene, loop_end, recorder)
-            .enabling(simulator.is_some());
+            .enabling(simulator.is_some())
+            .waiting(shared.is_some());
         let stop = StopFlag::default();
         let (thread, origin) = match time {
             Time::Virtual => in_virtual_time(engine, &rig, ticks, stop.clone())?,
-            Time::Wall => by_the_clock(engine, &rig, processor, ticks, stop.clone(), &mut notices)?,
+            Time::Wall => {
+                let (period_ns, early_ns) = (rig.rig.timing.period_ns, rig.early_ns);
+                let schedule = Schedule { period_ns, early_ns, ticks, shared };
+                by_the_clock(engine, schedule, processor, stop.clone(), &mut notices)?
+            }
         };
         let host =
             Self { stop, thread: Some(thread), notices, origin, simulator, _wake_latency: wake_latency };
@@ -185,17 +192,15 @@ fn in_virtual_time(
 /// for each refusal.
 fn by_the_clock(
     engine: Engine,
-    rig: &RigConfig,
+    schedule: Schedule,
     processor: Option<Processor>,
-    ticks: Option<u64>,
     stop: StopFlag,
     notices: &mut Vec<String>,
 ) -> std::io::Result<(JoinHandle<Ended>, Origin)> {
-    let (period_ns, early_ns) = (rig.rig.timing.period_ns, rig.early_ns);
     let (settled, heard) = std::sync::mpsc::sync_channel(1);
     let thread = spawn(move || {
         let pinned = processor.map_or(Ok(()), Processor::keep);
-        wall(engine, period_ns, early_ns, ticks, &stop, move |outcome, origin| {
+        wall(engine, &schedule, &stop, move |outcome, origin| {
             let _ = settled.send((pinned, outcome, origin));
         })
     })?;

@@ -2,7 +2,6 @@
 //! rig's zero.
 
 use hbot_config::RigConfig;
-use hbot_config::rig::Port;
 use hbot_core::MAX_JOINTS;
 
 /// The place of each joint of a rig on the motor buses, and the offset of its zero. Signs and gear
@@ -39,7 +38,7 @@ impl Layout {
             // The offset wraps at 32 bits, as the controllers' own counters do.
             *offset = counts.round() as i64 as i32;
         }
-        if rig.link.port == Port::Sim {
+        if rig.link.port.is_simulated() {
             // The simulated controllers are on one bus, in the order of the joints.
             let first = rig.link.protocol.ids().map_or(0, |ids| *ids.start() as u8);
             return Self { offsets, ..Self::single(0..rig.controllers.len()).numbered_from(first) };

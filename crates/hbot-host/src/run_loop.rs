@@ -5,10 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use hbot_sim::socket::SharedTime;
+
 use crate::clock::{Origin, now_ns};
 use crate::early::Early;
 use crate::engine::{Engine, TickTime};
-use crate::pace::{Beat, Pace};
+use crate::pace::{Beat, Pace, Passed};
 use crate::realtime::{LOOP_PRIORITY, real_time, touch_stack};
 
 /// A flag that asks the loop to end. At most one more tick begins after it is set. Clones share one
@@ -52,30 +54,57 @@ pub enum Ended {
     Panicked,
 }
 
-/// Runs ticks at absolute deadlines, one every `period_ns`, until `stop` is set or the tick number
-/// reaches `ticks`. The thread wakes up to `early_ns` before each deadline. The motors are switched
-/// off at the end, even if a tick panics. Before the first tick, `settled` is called with the
-/// result of requesting real-time priority (`Ok`, or the reason for the refusal) and with the time
-/// of tick 0.
+/// When the ticks of a loop in wall-clock time take place.
+#[derive(Debug, Clone)]
+pub struct Schedule {
+    /// Time between two deadlines, ns.
+    pub period_ns: u64,
+    /// Longest time by which the thread wakes before a deadline, ns.
+    pub early_ns: u64,
+    /// Number of ticks after which the loop ends. With `None` it runs until it is stopped.
+    pub ticks: Option<u64>,
+    /// The time that the loop shares with a simulated rig. The loop's time then waits if a tick
+    /// comes too late or the rig has not answered. With `None` the time does not wait, and ticks
+    /// whose deadlines have passed are skipped.
+    pub shared: Option<SharedTime>,
+}
+
+/// Longest time for which a loop waits for its simulated rig, ns. After that it goes on without a
+/// reading, so that a rig whose thread has ended is reported as a lost link.
+const RIG_PATIENCE_NS: u64 = 2_000_000_000;
+
+/// Runs ticks at absolute deadlines until `stop` is set or the last tick of `schedule` is done. The
+/// motors are switched off at the end, even if a tick panics. Before the first tick, `settled` is
+/// called with the result of requesting real-time priority (`Ok`, or the reason for the refusal) and
+/// with the time of tick 0.
 pub fn wall(
     mut engine: Engine,
-    period_ns: u64,
-    early_ns: u64,
-    ticks: Option<u64>,
+    schedule: &Schedule,
     stop: &StopFlag,
     settled: impl FnOnce(Result<(), String>, Origin),
 ) -> Ended {
     let urgent = real_time(LOOP_PRIORITY);
     touch_stack();
-    let mut early = Early::new(early_ns, period_ns);
+    let Schedule { period_ns, early_ns, ticks, shared } = schedule;
+    let mut early = Early::new(*early_ns, *period_ns);
+    let passed = if shared.is_some() { Passed::Postponed } else { Passed::Skipped };
     let origin = Origin::at(now_ns() + period_ns);
     settled(urgent, origin);
-    let mut pace = Pace::new(origin.monotonic_ns, period_ns);
+    let mut pace = Pace::new(origin.monotonic_ns, *period_ns).with(passed);
     let mut tick = 0;
-    guarded(&mut engine, Duration::from_nanos(period_ns), |engine| {
-        let mut skipped = 0;
+    guarded(&mut engine, Duration::from_nanos(*period_ns), |engine| {
+        let (mut skipped, mut waited_ns) = (0, 0);
         while !stop.is_set() && ticks.is_none_or(|n| tick < n) {
             let awake_ns = early.wait(pace.deadline_ns(), || engine.rehearse(tick));
+            let answered = shared.as_ref().is_none_or(SharedTime::is_answered);
+            if answered {
+                waited_ns = 0;
+            } else if waited_ns < RIG_PATIENCE_NS {
+                let periods = pace.postpone(now_ns());
+                skipped += periods;
+                waited_ns += periods * period_ns;
+                continue;
+            }
             let beat = pace.beat(now_ns());
             tick = beat.tick;
             let t_ns = tick * period_ns;

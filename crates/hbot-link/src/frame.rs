@@ -2,7 +2,7 @@
 
 use crate::{MAX_FIRMWARE_BYTES, MAX_JOINTS, Message};
 use core::fmt;
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use crc::{CRC_32_ISO_HDLC, Crc};
 
 /// Number of bits on the line per byte: a start bit, eight data bits and a stop bit (8N1). For one
 /// direction of a line, the lowest possible baud rate is this number times bytes per frame times
@@ -111,9 +111,16 @@ pub(crate) const DELIMITER: u8 = 0;
 /// Number of bytes of the CRC that follows the body of a frame.
 pub(crate) const CRC_BYTES: usize = 4;
 
-/// Computes the CRC of a frame's body. It uses a table that takes 16 KiB of read-only memory, with
-/// which it processes several bytes at a time.
-pub(crate) static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
+/// How the CRC is computed: with the table that the features of this crate choose.
+#[cfg(feature = "crc-table-16")]
+type Way = crc::Table<16>;
+#[cfg(all(feature = "crc-table", not(feature = "crc-table-16")))]
+type Way = crc::Table<1>;
+#[cfg(not(any(feature = "crc-table", feature = "crc-table-16")))]
+type Way = crc::NoTable;
+
+/// Computes the CRC of a frame's body.
+pub(crate) static CRC: Crc<u32, Way> = Crc::<u32, Way>::new(&CRC_32_ISO_HDLC);
 
 /// Length of the longest frame in either direction, with its delimiter, in bytes.
 pub(crate) const MAX_FRAME: usize = MAX_FEEDBACK_FRAME;

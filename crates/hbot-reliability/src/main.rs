@@ -22,6 +22,7 @@ mod far;
 mod losses;
 mod rigs;
 mod servos;
+mod tick;
 mod timing;
 mod vendors;
 
@@ -65,7 +66,6 @@ type Make = fn(Setup) -> Outcome<Row>;
 const ALL: &[Protocol] = &[Protocol::Hbot, Protocol::Moteus, Protocol::Odrive];
 const HBOT: &[Protocol] = &[Protocol::Hbot];
 const MOTEUS: &[Protocol] = &[Protocol::Moteus];
-const ODRIVE: &[Protocol] = &[Protocol::Odrive];
 /// Protocols with one controller for each joint, from other vendors.
 const VENDORS: &[Protocol] = &[Protocol::Moteus, Protocol::Odrive];
 
@@ -99,7 +99,7 @@ const ROWS: &[(&str, &[Protocol], Make)] = &[
         let fault = "of one joint lose power and come back";
         losses::peer_troubled(on.protocol, "reboot_one", fault, Some(Fault::ControllerFault))
     }),
-    ("one_expired", ODRIVE, |on| {
+    ("one_expired", VENDORS, |on| {
         let fault = "of one joint report an expired watchdog";
         losses::peer_troubled(on.protocol, "expire_one", fault, Some(Fault::LinkLost))
     }),
@@ -115,6 +115,7 @@ const ROWS: &[(&str, &[Protocol], Make)] = &[
     ("sigint", VENDORS, |on| vendors::signalled(on.protocol, "SIGINT", Signal::INT)),
     ("disk_full", HBOT, |_| losses::disk_full()),
     ("disk_read_only", HBOT, |_| losses::disk_read_only()),
+    ("tick", HBOT, |on| tick::measured(on.seconds)),
     ("ping", HBOT, |on| timing::ping(on.seconds)),
     ("ping_paced", HBOT, |on| timing::ping_paced(on.seconds)),
     ("render", HBOT, |on| timing::render(on.seconds)),

@@ -12,6 +12,9 @@ use hbot_host::clock::now_ns;
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::{Hand, Link};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use moteus_protocol::command::{PositionCommand, PositionFormat};
+use moteus_protocol::fdcanusb::{EncodeOptions, MAX_LINE_LENGTH, encode_can_send};
+use moteus_protocol::{CanFdFrame, calculate_arbitration_id};
 use oorandom::Rand64;
 use serde_json::json;
 use serialport::SerialPort as _;
@@ -117,8 +120,33 @@ fn simulated(config: &RigConfig) -> Outcome<SimulatedRig> {
     Ok(rig)
 }
 
+/// Makes the watchdog of one joint's controller expire.
+fn expire(rig: &mut SimulatedRig, protocol: Protocol, now_ns: u64) {
+    if protocol != Protocol::Moteus {
+        // Commands come once in a millisecond, which is then too seldom.
+        rig.controllers_mut().set(ONE, "config.watchdog_timeout", 1e-4);
+        return;
+    }
+    // A servo gets its watchdog time with each command. Another program on the bus commands the
+    // servo no torque for 1 us, which expires before the next command of the server.
+    let mut frame = CanFdFrame::new();
+    frame.arbitration_id = calculate_arbitration_id(0, ONE as i8 + 1, 0, false);
+    PositionCommand::new()
+        .position(f32::NAN)
+        .kp_scale(0.0)
+        .kd_scale(0.0)
+        .watchdog_timeout(1e-6)
+        .serialize(&mut frame, &PositionFormat::default());
+    let options = EncodeOptions { checksum: true, ..EncodeOptions::default() };
+    let mut line = [0; MAX_LINE_LENGTH];
+    // A buffer of this length is always sufficient.
+    let length = encode_can_send(&frame, &options, &mut line).unwrap_or(0);
+    // The server has not asked for the adapter's `OK`.
+    rig.receive(now_ns, &line[..length], &mut Vec::new());
+}
+
 /// Makes the rig misbehave as `order` says.
-fn misbehave(rig: &mut SimulatedRig, order: &str) -> Outcome<()> {
+fn misbehave(rig: &mut SimulatedRig, protocol: Protocol, now_ns: u64, order: &str) -> Outcome<()> {
     match order {
         "mark" => {}
         "mute" => rig.inject(InjectedFault::Mute(true)),
@@ -126,10 +154,7 @@ fn misbehave(rig: &mut SimulatedRig, order: &str) -> Outcome<()> {
         "deafen_one" => rig.inject(InjectedFault::DeafOne { joint: ONE, on: true }),
         "fail_one" => rig.inject(InjectedFault::FailedOne { joint: ONE, on: true }),
         "reboot_one" => rig.inject(InjectedFault::RebootOne(ONE)),
-        // Commands come once in a millisecond, which is then too seldom.
-        "expire_one" => {
-            rig.controllers_mut().set(ONE, "config.watchdog_timeout", 1e-4);
-        }
+        "expire_one" => expire(rig, protocol, now_ns),
         _ => {
             let share = order.strip_prefix("noise ").ok_or(format!("{order}?"))?.parse()?;
             let (latency_s, command_latency_s, jitter_s, loss) = (0.0, 0.0, 0.0, 0.0);
@@ -158,7 +183,7 @@ pub(crate) fn run(protocol: Protocol) -> Outcome<()> {
                 if order == "babble" {
                     babbles = true;
                 } else {
-                    misbehave(&mut rig, &order)?;
+                    misbehave(&mut rig, protocol, now_ns() - start, &order)?;
                 }
             }
             Err(TryRecvError::Empty) => {}

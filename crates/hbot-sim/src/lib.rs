@@ -4,7 +4,7 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`pty`] | serves a rig over a pseudo-terminal in wall time |
+//! | [`served`] | the thread that serves a rig in wall time, over a pseudo-terminal ([`pty`]) or a pair of sockets ([`socket`]) |
 //! | [`exchange`] | a rig at the end of a line in memory, tick by tick |
 //! | [`rig`] | plant, controllers and hand together: time and bytes in, bytes out |
 //! | [`controller`] | virtual motor controllers of each protocol, at the far end of the line |
@@ -14,7 +14,7 @@
 //! | [`motion`] | true motions of a sphere that does not slip, for measuring methods of odometry |
 //! | [`extrapolation`] | the integrator to rounding that they are made by |
 //!
-//! Everything but [`pty`] is a pure function of what comes in: no clock, no thread, and the same
+//! Everything but these three is a pure function of what comes in: no clock, no thread, and the same
 //! bits on every machine. With hbot's own link nothing is allocated after the start.
 //! `docs/simulator.md` has the measurements.
 
@@ -28,3 +28,5 @@ pub mod phenomena;
 pub mod plant;
 pub mod pty;
 pub mod rig;
+pub mod served;
+pub mod socket;

@@ -53,8 +53,9 @@ from .events import (
     Timing,
 )
 from .info import Clock, Hello, Info
+from .opening import connect
 from .rendering import Rendered
-from .rig import Rig, connect
+from .rig import Rig
 
 __all__ = [
     "BadRequest",

@@ -12,7 +12,6 @@ import inspect
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from . import ops
@@ -71,12 +70,7 @@ class Connecting:
         self._rig = await self._open()
         return self._rig
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_error: object) -> None:
         """Close the connection."""
         assert self._rig is not None
         await self._rig.close()
@@ -346,5 +340,5 @@ class Rig:
             yield states, self._connection.timeout + every / self.hello.rate_hz
         finally:
             if self._connection.unsubscribe(states.mailbox):
-                with contextlib.suppress(ConnectionLost):
+                with contextlib.suppress(ConnectionLost, TimedOut):
                     await self._call(ops.unsubscribe())

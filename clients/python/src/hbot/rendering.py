@@ -49,7 +49,6 @@ class Rendering:
             NotHolder: this client has lost the lease.
             Faulted: the rig is in a fault or an emergency stop.
         """
-        self._skipped += skipped
         if not self._connection.holds_lease:
             holder = self._connection.lost_lease_to
             message = (
@@ -63,11 +62,12 @@ class Rendering:
                 f"the rig is in mode {state.mode}: {state.fault or 'somebody stopped it'}",
                 op="render",
             )
-        if self._duration is None:
-            return True
-        if self._end is None:
+        if self._end is None and self._duration is not None:
             self._end = state.tick + round(self._duration * self._connection.hello.rate_hz)
-        return state.tick < self._end
+        if self._end is not None and state.tick >= self._end:
+            return False
+        self._skipped += skipped
+        return True
 
     def send(self, state: State, torque: Sequence[float] | None) -> None:
         """Send the torque that was computed from `state`. None: send nothing."""

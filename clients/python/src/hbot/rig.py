@@ -7,21 +7,17 @@ import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
-from types import TracebackType
 from typing import Any, TypeVar
 
 from . import ops
 from .answers import Loaded, Pong, Stats
-from .connection import MAX_EVENTS, MAX_STATES, Connection, Options
+from .connection import MAX_EVENTS, MAX_STATES, Connection
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
 from .rendering import Rendered, Rendering
 from .scenes import Scene
-from .transport import Tls
-from .wire import Encoding
 
 T = TypeVar("T")
 Torque = Callable[[State], Sequence[float] | None]
@@ -29,38 +25,6 @@ Torque = Callable[[State], Sequence[float] | None]
 
 None: send no torque this time.
 """
-
-
-def connect(
-    address: str = "127.0.0.1:4268",
-    *,
-    name: str = "python",
-    token: str | Path | None = None,
-    tls: Tls | None = None,
-    encoding: Encoding = "json",
-    timeout: float = 5.0,
-    on_event: Callable[[Event], None] | None = None,
-) -> Rig:
-    """Connect to a server.
-
-    Args:
-        address: `HOST:PORT` or `HOST`. The default port is 4268.
-        name: name of this client, shown to people, 1 to 64 bytes.
-        token: the server's token, or the path of the file that holds it. Required if the server has
-            one.
-        tls: what to trust if the server encrypts: a PEM file with the server's own certificate
-            (pinned) or with that of an authority; or an `ssl.SSLContext`. None: no encryption.
-        encoding: `"json"`, or `"msgpack"` with the extra `hbot[msgpack]`.
-        timeout: longest time to connect, and to wait for an answer or for a state, s.
-        on_event: called for each event, in a thread of its own. Without it, `Rig.events` returns
-            them.
-
-    Raises:
-        NoServer: no program listens at the address.
-        NotTrusted: the server's certificate is not trusted, or only one side encrypts.
-        Refused: the server refused the hello, for example `Unauthorized`.
-    """
-    return Rig(Connection(address, Options(name, token, tls, encoding, timeout)), on_event)
 
 
 class Rig:
@@ -96,12 +60,7 @@ class Rig:
         """Return the connection itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Close the connection."""
         self.close()
 
@@ -384,5 +343,5 @@ class Rig:
             yield states, self._connection.timeout + every / self.hello.rate_hz
         finally:
             if self._connection.unsubscribe(states):
-                with contextlib.suppress(ConnectionLost):
+                with contextlib.suppress(ConnectionLost, TimedOut):
                     self._call(ops.unsubscribe())

@@ -41,6 +41,12 @@ pub enum ClientError {
         /// How long the client waited for the answer.
         after: Duration,
     },
+    /// No state arrived in time, although the client has subscribed to states.
+    #[error("no state within {} s: the server's loop does not run, or the connection is cut", after.as_secs_f64())]
+    NoState {
+        /// How long the client waited for a state.
+        after: Duration,
+    },
     /// The server refused the request. The message of the error says why.
     #[error("{0}")]
     Server(ErrorBody),

@@ -11,13 +11,13 @@ use std::time::Duration;
 const SOON: Duration = Duration::from_secs(5);
 
 /// The server's side of one connection, which the test controls.
-struct Peer {
+pub(super) struct Peer {
     stream: TcpStream,
     splitter: Splitter,
 }
 
 impl Peer {
-    fn request(&mut self) -> Option<Request> {
+    pub(super) fn request(&mut self) -> Option<Request> {
         let encoding = self.splitter.encoding();
         loop {
             if let Some(message) = self.splitter.next_message() {
@@ -31,12 +31,12 @@ impl Peer {
         }
     }
 
-    fn send(&mut self, message: &impl serde::Serialize) {
+    pub(super) fn send(&mut self, message: &impl serde::Serialize) {
         self.stream.write_all(&encoded(self.splitter.encoding(), message)).unwrap();
     }
 
     /// Answers the client's first message (`hello`), and changes to the encoding that it asks for.
-    fn welcome(&mut self) -> Hello {
+    pub(super) fn welcome(&mut self) -> Hello {
         let Some(Request { id, op: Op::Hello(hello) }) = self.request() else { panic!("hello comes first") };
         let body =
             HelloOk { server: "test 1".into(), version: 1, rig: "none".into(), rate_hz: 1000.0, session: 3 };
@@ -48,7 +48,9 @@ impl Peer {
 
 /// Starts a server that serves one connection with the function `serve`. Returns its address and
 /// the handle of its thread.
-fn serve<T: Send + 'static>(serve: impl FnOnce(Peer) -> T + Send + 'static) -> (String, JoinHandle<T>) {
+pub(super) fn serve<T: Send + 'static>(
+    serve: impl FnOnce(Peer) -> T + Send + 'static,
+) -> (String, JoinHandle<T>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let thread = thread::spawn(move || {

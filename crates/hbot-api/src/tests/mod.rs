@@ -1,10 +1,12 @@
 //! Tests of the whole crate: the bytes in messages, what is refused, and the client against a small
 //! server.
 
+mod axes;
 mod client;
 mod docs;
 mod golden;
 mod refusals;
+mod render;
 mod round_trip;
 mod samples;
 mod speed;

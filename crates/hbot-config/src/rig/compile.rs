@@ -19,91 +19,6 @@ use crate::document::Report;
 const WATCHDOG_MS: u16 = 20;
 const WATCHDOG_SIM_MS: u16 = 50;
 
-/// A steering axis is refused if all its components are smaller than this, because it then has no
-/// usable direction.
-const LEAST_AXIS: f64 = 1.0e-9;
-
-/// Checks the values of one wheel against each other, and adds mistakes to the report.
-pub(super) fn check_wheel(wheel: &file::Wheel, protocol: Protocol, path: &str, report: &mut Report) {
-    if wheel.axis.iter().all(|x| x.abs() < LEAST_AXIS) {
-        report.push(
-            &format!("{path}.axis"),
-            "the axis has no direction",
-            "[x, y, z], not all zero".to_owned(),
-        );
-    }
-    for (name, joint) in [("steer", &wheel.steer), ("drive", &wheel.drive)] {
-        let at = |key: &str| format!("{path}.{name}.{key}");
-        check_counts(joint, protocol, &at("counts_per_turn"), report);
-        check_id(joint, protocol, &at("controller"), report);
-        if protocol.ids().is_some() && joint.zero == core::Zero::Index {
-            let message = format!("controllers that speak {} report no index", protocol.name());
-            report.push(&at("zero"), message, "\"absolute\", \"assume\" or \"calibrate\"".to_owned());
-        }
-        if joint.motor {
-            for (key, value) in [("peak", joint.peak), ("continuous", joint.continuous)] {
-                if value.is_none() {
-                    report.push(
-                        &at(key),
-                        "missing",
-                        "a number, > 0 and <= 1000 N m; or motor = false".to_owned(),
-                    );
-                }
-            }
-        }
-        // An absent `peak` counts as 0, which is legal for a joint without motor. For a joint with
-        // a motor it was reported above.
-        let peak = joint.peak.unwrap_or(0.0);
-        let stated =
-            core::Joint { peak, continuous: joint.continuous.unwrap_or(peak), ..joint.encoder(protocol) };
-        for mistake in stated.mistakes() {
-            let core::RigError { field, value, range, .. } = mistake;
-            let (key, message) = match field {
-                "counts" => {
-                    let gear = joint.gear;
-                    ("gear", format!("{gear} times counts_per_turn is {value} counts a turn of the joint"))
-                }
-                "continuous" => (field, format!("{value} is more than peak")),
-                _ => (field, format!("{value} is out of range")),
-            };
-            report.push(&at(key), message, range.to_string());
-        }
-    }
-}
-
-/// Checks who counts the turns of an encoder: the file says it, or the protocol.
-fn check_counts(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut Report) {
-    match (joint.counts_per_turn, protocol.counts_per_turn()) {
-        (None, None) => {
-            let core::Range { least, most, .. } = core::legal::COUNTS_PER_TURN;
-            report.push(at, "missing", format!("a whole number, {least} to {most}"));
-        }
-        (Some(counts), Some(fixed)) if counts != fixed => {
-            let name = protocol.name();
-            let message = format!("{counts} counts a turn, and controllers that speak {name} report turns");
-            report.push(at, message, format!("{fixed}; best leave it out"));
-        }
-        _ => {}
-    }
-}
-
-/// Checks the id of a controller where the protocol has ids.
-fn check_id(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut Report) {
-    let Some(ids) = protocol.ids() else { return };
-    let words = || format!("the id of its controller on the bus, {} to {}", ids.start(), ids.end());
-    match joint.controller {
-        None => report.push(at, "missing", words()),
-        Some(id) if !ids.contains(&id) => {
-            report.push(
-                at,
-                format!("{id} is no id of a controller that speaks {}", protocol.name()),
-                words(),
-            );
-        }
-        Some(_) => {}
-    }
-}
-
 /// Finds the value that the core has refused, and returns its path in the rig file.
 fn place(mistake: &core::RigError) -> String {
     let field = match mistake.field {
@@ -249,10 +164,12 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
 fn link(file: &RigFile, timing: &core::Timing, report: &mut Report) -> LineConfig {
     let port = match &file.link.port {
         settings::Ports::One(name) => Port::from(name.as_str()),
-        settings::Ports::Several(names) if names.as_slice() == ["sim"] => Port::Sim,
-        settings::Ports::Several(names) => Port::Devices(names.clone()),
+        settings::Ports::Several(names) => match names.as_slice() {
+            [name] => Port::from(name.as_str()),
+            names => Port::Devices(names.to_vec()),
+        },
     };
-    let default = if port == Port::Sim { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
+    let default = if port.is_simulated() { WATCHDOG_SIM_MS } else { WATCHDOG_MS };
     let watchdog_ms = file.link.watchdog_ms.unwrap_or(default);
     let rate_hz = file.r#loop.rate_hz;
     let least_ms = timing.least_watchdog_ms();

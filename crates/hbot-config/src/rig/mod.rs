@@ -4,6 +4,7 @@ mod compile;
 mod file;
 mod methods;
 mod settings;
+mod wheel;
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -98,15 +99,29 @@ impl LineConfig {
 /// Where the motor controllers are connected: in the simulated rig, or at serial devices.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Port {
-    /// In the simulated rig.
+    /// In the simulated rig, which shares its time with the control loop.
     Sim,
+    /// In the simulated rig behind a pseudo-terminal, which runs in wall-clock time like a real one.
+    SimPty,
     /// Paths of the serial devices, such as `/dev/ttyACM0`. There is at least one.
     Devices(Vec<String>),
 }
 
+impl Port {
+    /// Returns whether the motor controllers are simulated.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        matches!(self, Self::Sim | Self::SimPty)
+    }
+}
+
 impl From<&str> for Port {
     fn from(name: &str) -> Self {
-        if name == "sim" { Self::Sim } else { Self::Devices(vec![name.to_owned()]) }
+        match name {
+            "sim" => Self::Sim,
+            "sim:pty" => Self::SimPty,
+            _ => Self::Devices(vec![name.to_owned()]),
+        }
     }
 }
 
@@ -114,6 +129,7 @@ impl fmt::Display for Port {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Sim => f.write_str("sim"),
+            Self::SimPty => f.write_str("sim:pty"),
             Self::Devices(paths) => f.write_str(&paths.join(", ")),
         }
     }
@@ -227,14 +243,18 @@ impl RigConfig {
         let Document { tree, mut report } = document;
         validate(&SCHEMA, &tree, "", &mut report);
         // Each wheel is checked even if other parts of the file are not legal, so that all mistakes
-        // are reported at once.
-        let protocol = Protocol::deserialize(&tree["link"]["protocol"]).unwrap_or(Protocol::Hbot);
+        // are reported at once. If the protocol is not legal, nobody knows which keys a joint
+        // needs, and only the protocol is reported.
+        let protocol = match &tree["link"]["protocol"] {
+            Value::Null => Some(Protocol::Hbot),
+            name => Protocol::deserialize(name).ok(),
+        };
         for (i, wheel) in tree["wheel"].as_array().into_iter().flatten().enumerate() {
             let path = format!("wheel[{i}]");
             if report.clean_under(&path)
                 && let Some(wheel) = decode(wheel, &path, &mut report)
             {
-                compile::check_wheel(&wheel, protocol, &path, &mut report);
+                wheel::check_wheel(&wheel, protocol, &path, &mut report);
             }
         }
         let mut config = None;

@@ -65,9 +65,10 @@ impl Default for Loop {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Link {
-    /// `sim` for the simulated rig, the path of a serial device, or a list of such paths if the
-    /// motor controllers are on several serial lines.
-    #[schemars(extend("legal" = "`\"sim\"`, a path, or a list of 1 to 8 paths"))]
+    /// `sim` for the simulated rig, `sim:pty` for the simulated rig behind a pseudo-terminal, the
+    /// path of a serial device, or a list of such paths if the motor controllers are on several
+    /// serial lines.
+    #[schemars(extend("legal" = "`\"sim\"`, `\"sim:pty\"`, a path, or a list of 1 to 8 paths"))]
     pub(crate) port: Ports,
     /// The protocol that the motor controllers use.
     pub(crate) protocol: Protocol,
@@ -76,7 +77,7 @@ pub(crate) struct Link {
     #[schemars(range(min = 9600, max = 20_000_000), extend("unit" = "baud"))]
     pub(crate) baud: u32,
     /// Watchdog time: a motor controller switches its motors off if no command arrives for this
-    /// time. At least two loop periods. If absent: 20, or 50 if `port` is `sim`.
+    /// time. At least two loop periods. If absent: 20, or 50 if the rig is simulated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u16", range(min = 1, max = 1000), extend("unit" = "ms"))]
     pub(crate) watchdog_ms: Option<u16>,

@@ -18,7 +18,7 @@ use hbot_core::{MAX_JOINTS, Rig};
 use hbot_sim::phenomena::Hand;
 use thiserror::Error;
 
-use crate::attach::{self, AttachError};
+use crate::attach::{self, AttachError, Attached};
 use crate::last_word::Program;
 use crate::layout::Layout;
 use crate::motors::{Motors, OFF};
@@ -70,8 +70,9 @@ pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> 
     let layout = Layout::of(rig);
     let mut notices = Vec::new();
     let (buses, simulated) = match &rig.link.port {
-        config::Port::Sim => {
-            let (bus, simulator) = attach::simulated(rig, &layout, Default::default(), Time::Virtual)?;
+        config::Port::Sim | config::Port::SimPty => {
+            let Attached { bus, simulator, .. } =
+                attach::simulated(rig, &layout, Default::default(), Time::Virtual)?;
             let hand = turned.then(|| Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() });
             simulator.post(Box::new(move |rig| rig.set_hand(hand)));
             (vec![bus], true)

@@ -43,13 +43,13 @@ impl Scanned {
 pub fn scan(rig: &RigConfig) -> Result<Vec<Scanned>, AttachError> {
     let (layout, protocol) = (Layout::of(rig), driver(rig.link.protocol));
     let ports = match &rig.link.port {
-        Port::Sim => vec![Port::Sim.to_string()],
+        Port::Sim | Port::SimPty => vec![rig.link.port.to_string()],
         Port::Devices(devices) => devices.clone(),
     };
     let one = |(bus, port): (usize, &String)| {
         let expected = Expected::new(port, &rig.rig, &layout, bus);
         let mut line: Box<dyn Line> = match &rig.link.port {
-            Port::Sim => {
+            Port::Sim | Port::SimPty => {
                 // No other thread changes this simulated rig, so its channel has no sender.
                 let (_, calls) = mpsc::channel();
                 Box::new(Memory::new(simulated_rig(rig, Default::default())?, calls))

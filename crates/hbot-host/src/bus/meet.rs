@@ -93,6 +93,8 @@ pub struct Expected {
     port: String,
     /// The expected joints, in their order on the bus.
     joints: Vec<ExpectedJoint>,
+    /// Nominal time between ticks, ns.
+    period_ns: u64,
     /// Numbers that the driver stores about the controllers. All clones of this value share them.
     notes: Arc<[AtomicI64; NOTES]>,
 }
@@ -132,7 +134,15 @@ impl Expected {
             }
         };
         let notes = Arc::new(std::array::from_fn(|_| AtomicI64::new(0)));
-        Self { port: port.to_owned(), joints: joints.into_iter().map(expected).collect(), notes }
+        let joints = joints.into_iter().map(expected).collect();
+        Self { port: port.to_owned(), joints, period_ns: rig.timing.period_ns, notes }
+    }
+
+    /// Returns the number of ticks that last `ms` milliseconds, rounded up. It is at least 1.
+    #[must_use]
+    pub fn ticks(&self, ms: u32) -> u32 {
+        let ticks = (u64::from(ms) * 1_000_000).div_ceil(self.period_ns.max(1));
+        u32::try_from(ticks).unwrap_or(u32::MAX).max(1)
     }
 
     /// Returns the name of the port.

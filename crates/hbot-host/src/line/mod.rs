@@ -1,13 +1,16 @@
 //! A serial line as a motor bus sees it: it moves bytes and never waits.
 //!
-//! A line is a [`serial`] port, or the simulated rig in memory ([`Memory`]).
+//! A line is a [`serial`] port, the simulated rig behind a pair of sockets ([`Socket`]), or the
+//! simulated rig in memory ([`Memory`]).
 
 mod memory;
 pub mod serial;
+mod socket;
 
 use std::io;
 
 pub use self::memory::{Memory, SimulatorCall};
+pub use self::socket::Socket;
 
 /// A connection that carries bytes to and from motor controllers. `now_ns` is the time since the
 /// start of the control loop, in ns. Only a simulated line uses it.

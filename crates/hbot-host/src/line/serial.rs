@@ -101,7 +101,9 @@ impl Serial {
         })
     }
 
-    fn of(line: OwnedFd) -> Self {
+    /// Returns the line of a descriptor that is already open and whose reads and writes return at
+    /// once.
+    pub(super) fn of(line: OwnedFd) -> Self {
         Self { port: Some(Held { line, last_word: None }), reopening: None }
     }
 

@@ -1,6 +1,7 @@
 //! Tests of the engine with disturbed serial lines: frames in pieces, damaged, late, duplicated or
 //! out of order; several lines; lines that are lost and reopened.
 
+mod busy;
 mod frames;
 mod ports;
 mod states;

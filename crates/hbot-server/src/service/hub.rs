@@ -115,7 +115,7 @@ impl Hub {
             lease: Lease::default(),
             orders: Orders::default(),
             scenes: Scenes::new(scene, phenomena, rig.rig, Arc::clone(&changed)),
-            incidents: Incidents::new(rig.rig),
+            incidents: Incidents::new(rig.rig, simulated),
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, Arc::clone(&changed)),
             latest: None,
             long_messages: LongMessages::default(),

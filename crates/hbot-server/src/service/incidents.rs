@@ -14,6 +14,8 @@ use hbot_host::sample::Sample;
 /// Detects faults, emergency stops and resets in the samples of the loop.
 pub(super) struct Incidents {
     rig: Rig,
+    /// Whether the rig is simulated, so that no fault can mean broken hardware.
+    simulated: bool,
     /// Mode and fault cause of the last sample.
     situation: Option<(Mode, Option<Cause>)>,
     /// Total number of skipped ticks that the last sample reported.
@@ -25,8 +27,8 @@ pub(super) struct Incidents {
 }
 
 impl Incidents {
-    pub(super) fn new(rig: Rig) -> Self {
-        Self { rig, situation: None, skipped: 0, skipped_before: 0, stopper: None }
+    pub(super) fn new(rig: Rig, simulated: bool) -> Self {
+        Self { rig, simulated, situation: None, skipped: 0, skipped_before: 0, stopper: None }
     }
 
     /// Records the description of the client that stops the rig, for the message about the stop.
@@ -69,7 +71,7 @@ impl Incidents {
         let mut message = match (state.mode, state.cause) {
             (Mode::Fault, Some(cause)) => {
                 counts.faults.add(convert::fault(cause));
-                explain(cause, sample, self.skipped_before, &self.rig)
+                self.explain(cause, sample)
             }
             (Mode::Fault, None) => "a fault of unknown cause".to_owned(),
             (Mode::Estop, _) => {
@@ -93,6 +95,24 @@ impl Incidents {
         }
         tracing::warn!(tick, "{what}: {message}");
         Some(event(sample, message))
+    }
+
+    /// Returns the message that explains a fault to clients. For a simulated rig it says so, and
+    /// names causes that a simulated rig can have.
+    fn explain(&self, cause: Cause, sample: &Sample) -> String {
+        let timeout_ticks = self.rig.timing.timeout_ticks;
+        if !self.simulated {
+            return explain(cause, sample, self.skipped_before, &self.rig);
+        }
+        let what = match cause {
+            Cause::LinkLost => format!(
+                "the simulated motor controllers have not answered for {timeout_ticks} ticks (link.timeout_ticks), or answered \
+                 late: the scene's table [simulate] loses or delays frames, or other programs kept this machine too busy"
+            ),
+            Cause::LinkCorrupt => "the scene's table [simulate] damages too many frames".to_owned(),
+            _ => explain(cause, sample, self.skipped_before, &self.rig),
+        };
+        format!("{what}. The rig is simulated and nothing is broken: reset, then enable")
     }
 }
 
@@ -205,11 +225,24 @@ mod tests {
         assert!(deadline(20_000_001, 40).starts_with("a tick came 20.0 ms late"));
     }
 
+    #[test]
+    fn a_fault_of_a_simulated_rig_says_that_nothing_is_broken() {
+        let sample = crate::still::still(7);
+        let told =
+            |simulated, cause| Incidents::new(RigConfig::prototype().rig, simulated).explain(cause, &sample);
+        for cause in Cause::ALL {
+            let said = told(true, cause);
+            assert!(said.contains("simulated and nothing is broken: reset, then enable"), "{said}");
+            assert!(!told(false, cause).contains("simulated"), "{cause:?}");
+        }
+        assert!(!told(true, Cause::LinkLost).contains("cable"), "a simulated rig has no cable");
+    }
+
     #[tokio::test]
     async fn a_stop_is_told_once_with_who_did_it_and_so_is_the_reset() {
         let (_loop_end, end) = bridge().unwrap();
         let (mut flights, mut counts) = (Flights::default(), StatsOk::default());
-        let mut incidents = Incidents::new(RigConfig::prototype().rig);
+        let mut incidents = Incidents::new(RigConfig::prototype().rig, false);
         let sample = |tick, mode| {
             let mut sample = crate::still::still(tick);
             sample.state.mode = mode;

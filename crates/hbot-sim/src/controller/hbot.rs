@@ -1,130 +1,60 @@
 //! The simulated firmware of docs/link.md. One controller has all joints of the line.
+//!
+//! hbot-device is the firmware, as it is flashed to real controllers. This module is the hardware
+//! under it: encoders, motors and a clock of microseconds.
 
 use hbot_core::device::MAX_JOINTS;
-use hbot_link::{
-    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointDescription, JointFlags,
-    JointReading, MAX_FEEDBACK_FRAME, PROTOCOL_VERSION, ToController, encode,
-};
+use hbot_device::{Condition, Device, Identity, Joint, JointFlags, JointReading};
 
 use super::joints::{Joints, Truth};
 use super::{InjectedFault, Speaks};
-use crate::plant::JointTorques;
 
 /// Temperature that the simulated motors report, in degrees Celsius.
 const TEMPERATURE: f32 = 25.0;
 
-/// The name of the simulated firmware, as the controller reports it in its [`Description`].
+/// The name of the simulated firmware, as the controller reports it in its description.
 pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
 
 /// A simulated motor controller with hbot's own protocol, which controls all joints of a line.
 #[derive(Debug, Clone)]
 pub(super) struct Hbot {
-    decoder: Decoder<ToController>,
-    /// Commanded torque of each joint, limited to the joint's peak, N m. It is positive in the
-    /// joint's positive direction.
-    torque: JointTorques,
-    enabled: bool,
-    expired: bool,
-    described: bool,
-    /// Time at which the last valid command expires, ns. `None` if no command has arrived since
-    /// power-up.
-    deadline: Option<u64>,
+    device: Device,
+    identity: Identity,
+    /// Latest time that was passed to the device, in µs of a clock that does not wrap.
+    now_us: u64,
     failed: bool,
     /// True if a test makes the controller ignore all commands and send no answers.
     deaf: bool,
+    /// Number of frames that were refused before the last reboot.
     refused: u64,
 }
 
 impl Hbot {
-    pub(super) fn new() -> Self {
-        Self {
-            decoder: Decoder::new(),
-            torque: [0.0; MAX_JOINTS],
-            enabled: false,
-            expired: false,
-            described: false,
-            deadline: None,
-            failed: false,
-            deaf: false,
-            refused: 0,
-        }
-    }
-
-    fn describe(&mut self, joints: &Joints) -> Description {
-        self.described = true;
+    /// Creates a controller that has just powered up. Returns `None` if the protocol cannot
+    /// describe the joints.
+    pub(super) fn new(joints: &mut Joints) -> Option<Self> {
         let each = joints.axes[..joints.count()].iter();
-        let joint = |counts_per_turn| JointDescription { counts_per_turn };
-        Description {
-            protocol: PROTOCOL_VERSION,
-            firmware: FIRMWARE.try_into().unwrap_or_default(),
-            joints: each.map(|axis| joint(axis.joint.counts_per_turn)).collect(),
-        }
-    }
-
-    /// Carries out a command that arrived at `now_ns` and returns the answer. Returns `None` for an
-    /// invalid command, which changes nothing.
-    fn command(
-        &mut self,
-        now_ns: u64,
-        command: &Command,
-        joints: &mut Joints,
-        truth: &Truth<'_>,
-    ) -> Option<Feedback> {
-        let valid = command.torque.len() == joints.count() && command.torque.iter().all(|t| t.is_finite());
-        if !valid {
-            return None;
-        }
-        self.watch(now_ns);
-        if !command.enable {
-            self.expired = false;
-        }
-        self.enabled = command.enable;
-        self.deadline = Some(now_ns.saturating_add(u64::from(command.watchdog_ms) * 1_000_000));
-        self.watch(now_ns);
-        for (j, asked) in command.torque.iter().enumerate() {
-            let given = joints.within_peak(j, *asked);
-            let clipped = given.abs() != f64::from(asked.abs());
-            joints.axes[j].flags.set(JointFlags::OVERCURRENT, command.enable && clipped);
-            self.torque[j] = given;
-        }
-        self.push(joints);
-        Some(self.feedback(command.sequence, joints, truth))
-    }
-
-    fn watch(&mut self, now_ns: u64) {
-        if self.deadline.is_some_and(|deadline| now_ns >= deadline) {
-            self.expired = true;
-        }
-    }
-
-    fn gives_torque(&self) -> bool {
-        self.enabled && !self.expired && !self.failed
-    }
-
-    fn push(&self, joints: &mut Joints) {
-        for (j, torque) in self.torque.iter().enumerate() {
-            joints.ask(j, if self.gives_torque() { *torque } else { 0.0 });
-        }
-    }
-
-    fn feedback(&self, sequence: u32, joints: &Joints, truth: &Truth<'_>) -> Feedback {
-        let mut flags = ControllerFlags::empty();
-        flags.set(ControllerFlags::ENABLED, self.gives_torque());
-        flags.set(ControllerFlags::WATCHDOG_EXPIRED, self.expired);
-        flags.set(ControllerFlags::FAULT, self.failed);
-        flags.set(ControllerFlags::UNDESCRIBED, !self.described);
-        let reading = |j: usize| {
-            let mut flags = joints.axes[j].flags;
-            flags.set(JointFlags::OVERTEMPERATURE, joints.is_hot(j) || joints.derates(j));
-            JointReading {
-                count: joints.count_at(j, truth),
-                rate: joints.rate_at(j, truth),
-                current: 0.0,
-                temperature: TEMPERATURE,
-                flags,
-            }
+        let joint = |axis: &super::joint::Axis| Joint {
+            counts_per_turn: axis.joint.counts_per_turn,
+            peak: axis.peak,
+            // The simulated motors limit their heat themselves.
+            max_temperature: f32::INFINITY,
         };
-        Feedback { sequence, flags, joints: (0..joints.count()).map(reading).collect() }
+        let all: Vec<Joint> = each.map(joint).collect();
+        let identity = Identity::new(FIRMWARE, &all)?;
+        let device = Device::boot(identity, 0, &mut Hardware { joints, truth: None, failed: false });
+        Some(Self { device, identity, now_us: 0, failed: false, deaf: false, refused: 0 })
+    }
+
+    /// Sets the device's clock, which counts microseconds and wraps at 32 bits.
+    fn set_clock(&mut self, now_ns: u64) -> u32 {
+        self.now_us = now_ns / 1000;
+        self.now_us as u32
+    }
+
+    fn poll(&mut self, joints: &mut Joints) {
+        let mut hardware = Hardware { joints, truth: None, failed: self.failed };
+        self.device.poll(self.now_us as u32, &mut hardware);
     }
 }
 
@@ -140,54 +70,79 @@ impl Speaks for Hbot {
         if self.deaf {
             return;
         }
-        let mut decoder = core::mem::replace(&mut self.decoder, Decoder::new());
-        decoder.feed(bytes, |result| {
-            let answer = match result {
-                Ok(ToController::Describe) => Some(FromController::Description(self.describe(joints))),
-                Ok(ToController::Command(command)) => {
-                    self.command(now_ns, &command, joints, truth).map(FromController::Feedback)
-                }
-                Err(_) => {
-                    self.refused += 1;
-                    None
-                }
-            };
-            if let Some(answer) = answer {
-                let mut frame = [0; MAX_FEEDBACK_FRAME];
-                // The buffer is as long as the longest message, so this cannot fail.
-                if let Ok(length) = encode(&answer, &mut frame) {
-                    reply.extend_from_slice(&frame[..length]);
-                }
+        let now_us = self.set_clock(now_ns);
+        let mut hardware = Hardware { joints, truth: Some(truth), failed: self.failed };
+        for byte in bytes {
+            if let Some(answer) = self.device.receive(now_us, *byte, &mut hardware) {
+                reply.extend_from_slice(&answer);
             }
-        });
-        self.decoder = decoder;
+        }
     }
 
     fn next_ns(&self) -> Option<u64> {
-        self.deadline.filter(|_| !self.expired)
+        let left_us = self.device.watchdog_us(self.now_us as u32)?;
+        Some((self.now_us + u64::from(left_us)) * 1000)
     }
 
     fn pass(&mut self, now_ns: u64, joints: &mut Joints, _: &Truth<'_>, _: &mut Vec<u8>) {
-        self.watch(now_ns);
-        self.push(joints);
+        self.set_clock(now_ns);
+        self.poll(joints);
     }
 
     fn inject(&mut self, fault: InjectedFault, joints: &mut Joints, angles: &[f64; MAX_JOINTS]) {
         match fault {
             InjectedFault::Reboot | InjectedFault::RebootOne(_) => {
-                *self = Self { failed: self.failed, deaf: self.deaf, refused: self.refused, ..Self::new() };
+                self.refused = self.refused();
                 joints.reboot(0..MAX_JOINTS, angles);
+                let mut hardware = Hardware { joints, truth: None, failed: self.failed };
+                self.device = Device::boot(self.identity, self.now_us as u32, &mut hardware);
             }
             InjectedFault::DeafOne { on, .. } => self.deaf = on,
             InjectedFault::Failed(on) | InjectedFault::FailedOne { on, .. } => {
                 self.failed = on;
-                self.push(joints);
+                self.poll(joints);
             }
             _ => {}
         }
     }
 
     fn refused(&self) -> u64 {
-        self.refused
+        self.refused + u64::from(self.device.refused())
+    }
+}
+
+/// The encoders and motors of all joints, as the firmware reaches them.
+struct Hardware<'a> {
+    joints: &'a mut Joints,
+    /// `None` while no command arrives: the firmware then reads no encoder.
+    truth: Option<&'a Truth<'a>>,
+    failed: bool,
+}
+
+impl hbot_device::Joints for Hardware<'_> {
+    fn read(&mut self, readings: &mut [JointReading]) {
+        let Some(truth) = self.truth else { return };
+        for (j, reading) in readings.iter_mut().enumerate() {
+            let mut flags = self.joints.axes[j].flags;
+            let hot = self.joints.is_hot(j) || self.joints.derates(j);
+            flags.set(JointFlags::OVERTEMPERATURE, hot);
+            *reading = JointReading {
+                count: self.joints.count_at(j, truth),
+                rate: self.joints.rate_at(j, truth),
+                current: 0.0,
+                temperature: TEMPERATURE,
+                flags,
+            };
+        }
+    }
+
+    fn drive(&mut self, torque: &[f32], on: bool) {
+        for (j, torque) in torque.iter().enumerate() {
+            self.joints.ask(j, if on { self.joints.within_peak(j, *torque) } else { 0.0 });
+        }
+    }
+
+    fn condition(&mut self) -> Condition {
+        if self.failed { Condition::Fault } else { Condition::Ready }
     }
 }

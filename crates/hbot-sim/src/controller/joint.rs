@@ -99,7 +99,7 @@ impl Axis {
     /// Simulates that the motor controller loses power and restarts while the joint is at `angle`,
     /// rad.
     pub(super) fn reboot(&mut self, angle: f64, disc: Option<&Disc>) {
-        self.flags.set(JointFlags::INDEX_SEEN | JointFlags::OVERCURRENT, false);
+        self.flags.set(JointFlags::INDEX_SEEN, false);
         self.power_up(angle, disc);
         self.turn = (self.joint.encoder == EncoderKind::Indexed).then(|| turn_of(angle));
     }

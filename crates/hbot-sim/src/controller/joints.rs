@@ -108,6 +108,14 @@ impl Joints {
         f64::from(if axis.joint.reversed { -given } else { given })
     }
 
+    /// Returns the torque that the controller of joint `j` computes from the current of its motor,
+    /// N m, positive in the controller's direction. [`torque`](Self::torque) is the true torque,
+    /// which can differ.
+    pub(super) fn measured_torque(&self, j: usize) -> f64 {
+        let current = self.motors.as_ref().map_or(&self.asked, |motors| &motors.current)[j];
+        if self.axes[j].joint.reversed { -current } else { current }
+    }
+
     /// Sets the torque that the motor of joint `j` must give, N m. It is positive in the joint's
     /// direction and must be within the motor's peak.
     pub(super) fn ask(&mut self, j: usize, torque: f64) {

@@ -128,10 +128,10 @@ enum Firmware {
 }
 
 impl Firmware {
-    fn new(line: Line, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Option<Self> {
+    fn new(line: Line, joints: &mut Joints, angles: &[f64; MAX_JOINTS]) -> Option<Self> {
         let first_id = line.protocol.ids().map_or(0, |ids| *ids.start() as u8);
         match line.protocol {
-            Protocol::Hbot => Some(Self::Hbot(Box::new(hbot::Hbot::new()))),
+            Protocol::Hbot => Some(Self::Hbot(Box::new(hbot::Hbot::new(joints)?))),
             Protocol::Moteus => {
                 let servos = moteus::Moteus::new(first_id, line.checksums, joints, angles);
                 Some(Self::Moteus(Box::new(servos)))
@@ -207,8 +207,8 @@ impl SimulatedControllers {
         angles: &[f64; MAX_JOINTS],
         encoder: Option<&phenomena::Encoder>,
     ) -> Option<Self> {
-        let joints = Joints::new(specs, angles, encoder);
-        let firmware = Firmware::new(line, &joints, angles)?;
+        let mut joints = Joints::new(specs, angles, encoder);
+        let firmware = Firmware::new(line, &mut joints, angles)?;
         Some(Self { joints, firmware, mute: false, deaf: false })
     }
 

@@ -17,7 +17,7 @@ const NONE: f64 = 1.0e-15;
 #[derive(Debug, Clone)]
 pub(super) struct Motors {
     motor: Motor,
-    current: JointTorques,
+    pub(super) current: JointTorques,
     /// Mean of the squared current of each motor over about its thermal time constant, N² m². The
     /// motor is hot if this mean reaches the square of its continuous torque.
     heat: JointTorques,

@@ -1,12 +1,14 @@
 //! Opens, reads and writes a pseudo-terminal.
 
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::PathBuf;
 
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
+
+use crate::served::End;
 
 /// Both ends of a pseudo-terminal. The far end is the port that other programs open. It is also
 /// kept open here, so that the near end gets no hang-up while no other program has the port open.
@@ -30,10 +32,14 @@ impl Line {
         rustix::io::ioctl_fionbio(&near, true)?;
         Ok((Self { near, far }, path.into()))
     }
+}
 
-    /// Reads the bytes that have arrived into `buffer`, without waiting. Returns their number,
-    /// which is 0 if there are none.
-    pub(super) fn read(&self, buffer: &mut [u8]) -> Result<usize, Errno> {
+impl End for Line {
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        self.near.as_fd()
+    }
+
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Errno> {
         match rustix::io::read(&self.near, buffer) {
             Ok(count) => Ok(count),
             // EIO means hung up. The line is then silent until a program opens it again.
@@ -42,9 +48,7 @@ impl Line {
         }
     }
 
-    /// Writes `bytes` in one call. If the buffer is full because no program reads, the remaining
-    /// bytes are lost.
-    pub(super) fn write(&self, bytes: &[u8]) -> Result<(), Errno> {
+    fn write(&mut self, bytes: &[u8]) -> Result<(), Errno> {
         match rustix::io::write(&self.near, bytes) {
             Ok(_) | Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(()),
             Err(errno) => Err(errno),
@@ -55,7 +59,7 @@ impl Line {
     ///
     /// Exclusive use outlasts the program that asked for it, as long as any program has the port
     /// open. This process always has it open.
-    pub(super) fn unbar(&self) {
+    fn idle(&mut self) {
         // If this fails, the port was not locked.
         let _ = ioctl_tiocnxcl(&self.far);
     }

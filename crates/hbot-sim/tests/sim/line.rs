@@ -43,6 +43,13 @@ impl Host {
         Self { rig: SimulatedRig::new(config).unwrap() }
     }
 
+    /// Returns a host that has asked the controller for its description, at time 0.
+    fn described(config: &SimulatedConfig) -> Self {
+        let mut host = Self::new(config);
+        host.describe(0).unwrap();
+        host
+    }
+
     fn send(&mut self, now_ns: u64, message: &ToController) -> Option<FromController> {
         let mut reply = Vec::new();
         self.rig.receive(now_ns, &frame(message), &mut reply);
@@ -85,7 +92,7 @@ fn describe_is_answered_and_remembered() {
 
 #[test]
 fn torque_acts_in_the_controller_s_sense_up_to_the_peak() {
-    let mut host = Host::new(&prototype());
+    let mut host = Host::described(&prototype());
     let feedback = host.command(0, true, &[0.5, 0.1, -2.0, -0.2]).unwrap();
     let none = JointFlags::empty();
     assert!(feedback.flags.contains(ControllerFlags::ENABLED));
@@ -99,7 +106,7 @@ fn torque_acts_in_the_controller_s_sense_up_to_the_peak() {
     assert_eq!(feedback.joints[0].flags, none);
     // While disabled there is no torque, whatever the command asks for.
     let feedback = host.command(2 * MS, false, &[9.0; 4]).unwrap();
-    assert_eq!((feedback.flags, feedback.joints[0].flags), (ControllerFlags::UNDESCRIBED, none));
+    assert_eq!((feedback.flags, feedback.joints[0].flags), (ControllerFlags::empty(), none));
     assert_eq!(host.rig.joint_torque(), &[0.0; 16]);
 }
 
@@ -127,7 +134,7 @@ fn counts_are_the_floor_of_the_angle_with_gear_and_sign_and_wrap() {
 
 #[test]
 fn a_silent_host_loses_its_torque_at_the_watchdog_s_time_until_it_disables() {
-    let mut host = Host::new(&prototype());
+    let mut host = Host::described(&prototype());
     host.command(5 * MS, true, &[0.0, 0.1, 0.0, 0.1]).unwrap();
     host.rig.advance_to(25 * MS - 1);
     assert!(host.rig.joint_torque()[1] != 0.0);
@@ -148,17 +155,17 @@ fn a_silent_host_loses_its_torque_at_the_watchdog_s_time_until_it_disables() {
 
     for at in [60, 61, 62] {
         let feedback = host.command(at * MS, true, &[0.0, 0.1, 0.0, 0.1]).unwrap();
-        assert_eq!(feedback.flags, ControllerFlags::WATCHDOG_EXPIRED | ControllerFlags::UNDESCRIBED);
+        assert_eq!(feedback.flags, ControllerFlags::WATCHDOG_EXPIRED);
         assert_eq!(host.rig.joint_torque(), &[0.0; 16]);
     }
-    assert_eq!(host.command(63 * MS, false, &[0.0; 4]).unwrap().flags, ControllerFlags::UNDESCRIBED);
+    assert_eq!(host.command(63 * MS, false, &[0.0; 4]).unwrap().flags, ControllerFlags::empty());
     let feedback = host.command(64 * MS, true, &[0.0, 0.1, 0.0, 0.1]).unwrap();
-    assert_eq!(feedback.flags, ControllerFlags::ENABLED | ControllerFlags::UNDESCRIBED);
+    assert_eq!(feedback.flags, ControllerFlags::ENABLED);
 }
 
 #[test]
 fn a_watchdog_of_zero_has_expired_on_arrival() {
-    let mut host = Host::new(&prototype());
+    let mut host = Host::described(&prototype());
     let message = ToController::Command(Command { watchdog_ms: 0, ..command(1, true, &[0.1; 4]) });
     let Some(FromController::Feedback(feedback)) = host.send(0, &message) else { panic!() };
     assert!(feedback.flags.contains(ControllerFlags::WATCHDOG_EXPIRED));
@@ -167,7 +174,7 @@ fn a_watchdog_of_zero_has_expired_on_arrival() {
 
 #[test]
 fn commands_that_are_not_valid_are_neither_answered_nor_heard() {
-    let mut host = Host::new(&prototype());
+    let mut host = Host::described(&prototype());
     host.command(0, true, &[0.0, 0.1, 0.0, 0.1]).unwrap();
     for torque in [&[0.2; 3][..], &[0.2; 5], &[0.2, f32::NAN, 0.2, 0.2], &[0.2, 0.2, f32::INFINITY, 0.2]] {
         assert_eq!(host.command(10 * MS, true, torque), None);
@@ -194,6 +201,9 @@ fn faults_show_and_end() {
     assert_eq!(host.command(0, true, &torque).unwrap().flags, ControllerFlags::FAULT);
     assert_eq!(host.rig.joint_torque(), &[0.0; 16]);
     host.rig.inject(InjectedFault::Failed(false));
+    // The fault is reported until the host has switched the motors off.
+    assert_eq!(host.command(0, true, &torque).unwrap().flags, ControllerFlags::FAULT);
+    assert_eq!(host.command(0, false, &torque).unwrap().flags, ControllerFlags::empty());
     host.rig.inject(InjectedFault::Hot { joint: 3, on: true });
     let feedback = host.command(0, true, &torque).unwrap();
     assert_eq!(

@@ -9,8 +9,9 @@ use hbot_core::Vec3;
 use hbot_link::{ControllerFlags, Decoder, Feedback, FromController, ToController};
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::{Hand, Link};
-use hbot_sim::pty::{PtyError, PtyOptions, PtyRig, spawn_pty};
+use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_sim::served::ServeError;
 use hbot_testing::patience::{PATIENCE, eventually};
 
 use rustix::event::{PollFd, PollFlags, poll};
@@ -83,6 +84,7 @@ fn a_host_describes_commands_and_reads() {
 fn the_watchdog_runs_in_wall_time_with_nobody_writing() {
     let rig = spawn();
     let mut port = Port::open(&rig);
+    port.ask(&ToController::Describe);
     assert!(port.command(1, true, 0.1).flags.contains(ControllerFlags::ENABLED));
     let start = Instant::now();
     eventually("torque off", || rig.call(|rig| rig.joint_torque()[1] == 0.0).unwrap());
@@ -142,8 +144,8 @@ fn it_stops_at_once_and_its_start_can_be_seen() {
 fn a_panic_in_a_call_is_told_as_stopped() {
     let rig = spawn();
     let error = rig.call(|_| panic!("on purpose")).unwrap_err();
-    assert!(matches!(error, PtyError::Stopped), "{error}");
-    assert!(matches!(rig.stop(), Err(PtyError::Stopped)));
+    assert!(matches!(error, ServeError::Stopped), "{error}");
+    assert!(matches!(rig.stop(), Err(ServeError::Stopped)));
 }
 
 /// On a line with latency, an answer arrives when it is due and not before. The host writes nothing

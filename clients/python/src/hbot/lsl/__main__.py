@@ -12,7 +12,8 @@ from pathlib import Path
 from .. import clock
 from ..errors import ConnectionLost, HbotError, NoServer, TimedOut
 from ..events import Event, FaultEvent, SceneEvent
-from ..rig import Rig, connect
+from ..opening import connect
+from ..rig import Rig
 from .streams import MARKERS, SAMPLES, Outlets, channels, marker
 
 RETRY_S = 1.0

@@ -7,6 +7,7 @@ from typing import Any
 
 from ..errors import MissingExtra
 from ..events import (
+    DroppedEvent,
     Event,
     FaultEvent,
     LeaseEvent,
@@ -82,8 +83,10 @@ def marker(event: Event) -> str | None:
             return f"lease {event.cause} by {event.holder}"
         case StoppingEvent():
             return f"stopping: {event.message}"
+        case DroppedEvent():
+            return f"dropped: {event.total} states so far, by the server"
         case LostEvent():
-            return f"lost: {event.states} states were not published"
+            return f"lost: {event.states} states so far, by this program"
     return None
 
 

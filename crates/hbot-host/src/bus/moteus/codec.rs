@@ -60,16 +60,43 @@ pub(super) fn torque_format() -> PositionFormat {
     format
 }
 
-/// Returns the query that each command contains: the registers that the servo must report. The
-/// answer has 32 bytes, which is a valid length of a CAN-FD frame.
+/// The registers that the query of every other command contains. With all of them, an answer would
+/// have 36 bytes of data and be sent as 48, because CAN-FD has no length between 32 and 48.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// The home state and the temperature.
+    Home,
+    /// The time since power-on.
+    Uptime,
+}
+
+impl Turn {
+    /// Returns which registers the query in the command of tick `tick` contains.
+    #[must_use]
+    pub(super) fn of(tick: u32) -> Self {
+        if tick.is_multiple_of(2) { Self::Home } else { Self::Uptime }
+    }
+}
+
+/// Returns the query that a command contains: the registers that the servo must report. Every query
+/// contains mode, position, velocity, torque, fault and the watchdog time, and those of `turn`. The
+/// answer has at most 32 bytes, which is a valid length of a CAN-FD frame.
 #[must_use]
-pub(super) fn state_query() -> QueryFormat {
+pub(super) fn state_query(turn: Turn) -> QueryFormat {
     let mut query = QueryFormat::default();
-    (query.position, query.velocity) = (Resolution::Int32, Resolution::Int32);
-    (query.torque, query.voltage) = (Resolution::Ignore, Resolution::Ignore);
-    query.home_state = Resolution::Int8;
+    // A torque of 32 bits has steps of 0.001 N m. In 16 bits the steps are 0.01 N m, which is more
+    // than the largest torque of a small motor.
+    (query.position, query.velocity, query.torque) =
+        (Resolution::Int32, Resolution::Int32, Resolution::Int32);
+    query.voltage = Resolution::Ignore;
     query.add_extra(WATCHDOG, Resolution::Float);
-    query.add_extra(UPTIME, Resolution::Int32);
+    match turn {
+        Turn::Home => query.home_state = Resolution::Int8,
+        Turn::Uptime => {
+            query.temperature = Resolution::Ignore;
+            query.add_extra(UPTIME, Resolution::Int32);
+        }
+    }
     query
 }
 
@@ -139,6 +166,9 @@ pub(super) struct State {
     /// Velocity in steps of 1e-5 turns per second. `i32::MIN` means that the servo has no valid
     /// velocity.
     pub(super) velocity: Option<i32>,
+    /// Torque at the output shaft that the servo computes from its motor current, in steps of 0.001
+    /// N m. `i32::MIN` means that the servo has no valid torque.
+    pub(super) torque: Option<i32>,
     pub(super) home: Option<i8>,
     /// Supply voltage in steps of 0.5 V.
     pub(super) voltage: Option<i8>,
@@ -211,6 +241,7 @@ fn take(state: &mut State, register: u16, kind: u8, rest: &mut Rest<'_>) -> Opti
         _ if is(Register::Mode) => state.mode = byte,
         _ if is(Register::Position) => state.position = word,
         _ if is(Register::Velocity) => state.velocity = word,
+        _ if is(Register::Torque) => state.torque = word,
         _ if is(Register::HomeState) => state.home = byte,
         _ if is(Register::Voltage) => state.voltage = byte,
         _ if is(Register::Temperature) => state.temperature = byte,

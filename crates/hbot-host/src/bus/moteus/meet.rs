@@ -2,7 +2,7 @@
 //! commands.
 
 use super::REGISTER_MAP;
-use super::codec;
+use super::codec::{self, Turn};
 use super::talk::Talk;
 use crate::bus::{Expected, Found, MeetError, Remedy};
 use crate::line::Line;
@@ -167,7 +167,7 @@ fn echoes(talk: &mut Talk<'_>, id: u8, at: usize) -> Result<(), MeetError> {
     let mut frame = codec::frame_to(id, true);
     // This frame sets no mode, so the watchdog time has no effect on the servo.
     codec::write_watchdog(&mut frame, watchdog);
-    codec::state_query().serialize(&mut frame);
+    codec::state_query(Turn::Uptime).serialize(&mut frame);
     let state = talk.state(id, &frame)?;
     if state.watchdog.map(f32::to_bits) != Some(watchdog.to_bits()) {
         let reason = format!(

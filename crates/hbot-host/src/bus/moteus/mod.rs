@@ -7,16 +7,18 @@
 //! | `text` | the lines of text that carry frames, in both dialects |
 //! | `talk` | questions and answers outside the loop |
 //! | `meet` | checks that the servos are those of the rig file and have the right settings |
+//! | `servo` | what is known of one servo: position, faults, restarts |
 //! | `bus` | the bus that the loop calls |
 //!
 //! The protocol lacks three things, which the driver replaces. *Which command an answer belongs
 //! to*: the watchdog time of a command is returned bit for bit in its answer, and its mantissa
-//! carries the tick. *Restarts*: each answer contains the time since power-on. *Motors on or off*:
-//! an answer shows the mode that the servo had before it carried out the command.
+//! carries the tick. *Restarts*: every other answer contains the time since power-on. *Motors on or
+//! off*: an answer shows the mode that the servo had before it carried out the command.
 
 mod bus;
 mod codec;
 mod meet;
+mod servo;
 mod talk;
 #[cfg(test)]
 mod tests;

@@ -8,7 +8,7 @@ use moteus_protocol::diagnostic::{parse_server_to_client, write_client_poll, wri
 use moteus_protocol::query::QueryFormat;
 use moteus_protocol::{CanFdFrame, Resolution};
 
-use super::codec::{self, State};
+use super::codec::{self, State, Turn};
 use super::text::{self, BREAK, Dialect, Inbox, Said};
 use super::{BROADCAST, DIALECT, POWERED};
 use crate::bus::{Expected, MeetError, converse};
@@ -165,7 +165,7 @@ impl<'a> Talk<'a> {
         for at in 0..self.expected.joints() {
             let Some(joint) = self.expected.joint(at) else { continue };
             let mut frame = codec::stop_frame(joint.id, codec::stamp(1, 0));
-            codec::state_query().serialize(&mut frame);
+            codec::state_query(Turn::Uptime).serialize(&mut frame);
             let uptime = self.ask(joint.id, &frame, |data| codec::state(data)?.uptime_ms)?;
             let before = self.expected.note(POWERED + at).load(Ordering::Relaxed);
             lost |= powered(uptime) > before + SLACK_MS;

@@ -6,9 +6,12 @@
 //! driver moves the position by whole turns of the joint until it is near the mark ([`mark`]).
 //! After a restart a position is within [`BOOT_TURNS`] of 0. A marked position is further away.
 
+mod command;
+
 use hbot_core::inputs::Complaints;
 
-use super::message::{Command, Message, error, state};
+use super::message::{Message, error, state};
+use super::order::{Order, Times};
 
 /// Encoder counts per turn that the driver reports. Equals `counts_per_turn` of this protocol in
 /// hbot-config.
@@ -38,19 +41,6 @@ const STILL: f64 = 0.01;
 const COARSEST: f64 = 1.0 / 8192.0;
 /// Upper bound for the distance between neighbouring `f32` values, as a fraction of the value.
 const STEP: f64 = 1.0 / 8_388_608.0;
-/// Longest time that an axis may take to switch its motor off after the command, in ticks.
-const OFF_TICKS: u32 = 20;
-/// Longest time that an axis may take to reach closed loop after the command, in ticks.
-const ON_TICKS: u32 = 300;
-/// Time for which an expired watchdog is not reported as a complaint, in ticks. It begins with the
-/// first command on a line and with each clearing of errors.
-const EXCUSED_TICKS: u32 = 100;
-/// Time between two attempts to clear the errors of an axis or to set its position, in ticks. An
-/// attempt is repeated because its command can be lost.
-const AGAIN_TICKS: u32 = 100;
-/// Time between two commands to enter closed loop, in ticks. The driver repeats the command until
-/// the axis obeys.
-const ON_AGAIN_TICKS: u32 = 10;
 /// Temperature of a motor or power stage above which the driver reports overtemperature, whatever
 /// limit is set in the ODrive, in degrees Celsius.
 const TOO_HOT: f32 = 150.0;
@@ -87,6 +77,7 @@ enum Trust {
 pub(super) struct Axis {
     pub(super) id: u8,
     gear: f64,
+    times: Times,
     mark: f64,
     /// Turns of the encoder by which the driver has moved the position of the axis back since
     /// bring-up. The reported encoder count includes them.
@@ -116,30 +107,14 @@ pub(super) struct Axis {
     measured: Complaints,
 }
 
-/// Whether the motors are commanded on or off, and since which tick.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Order {
-    /// True if the motors are commanded on.
-    pub(super) on: bool,
-    /// The tick at which the motors were commanded on or off.
-    pub(super) since: u32,
-}
-
-impl Order {
-    /// Returns the number of ticks from the moment when the motors were commanded on or off to
-    /// `tick`.
-    fn age(self, tick: u32) -> u32 {
-        tick.wrapping_sub(self.since)
-    }
-}
-
 impl Axis {
     /// Returns the state of axis `id` after bring-up, before any message has arrived. `gear` is the
     /// number of turns of the encoder for one turn of the joint.
-    pub(super) fn new(id: u8, gear: f64) -> Self {
+    pub(super) fn new(id: u8, gear: f64, times: Times) -> Self {
         Self {
             id,
             gear,
+            times,
             mark: mark(gear),
             base: 0.0,
             position: None,
@@ -162,8 +137,8 @@ impl Axis {
     /// Resets the state after a lost line has been reopened and brought up again. The encoder count
     /// continues.
     pub(super) fn met_again(&mut self) {
-        let Self { id, gear, base, answers, .. } = *self;
-        *self = Self { base, answers, ..Self::new(id, gear) };
+        let Self { id, gear, times, base, answers, .. } = *self;
+        *self = Self { base, answers, ..Self::new(id, gear, times) };
     }
 
     /// Returns the encoder count: the turns of the encoder from the mark, multiplied by
@@ -252,7 +227,7 @@ impl Axis {
         // it.
         let dropped = order.on && self.was_on && !on && error == 0;
         let starting = state == state::UNDEFINED || error & error::INITIALIZING != 0;
-        if self.trust == Trust::Met && (dropped && order.age(tick) > OFF_TICKS || starting) {
+        if self.trust == Trust::Met && (dropped && order.age(tick) > self.times.off || starting) {
             self.distrust();
         }
     }
@@ -271,10 +246,10 @@ impl Axis {
             self.is_lost() || self.excused_until.is_some_and(|until| until.wrapping_sub(tick) as i32 > 0);
         let on = self.state == state::CLOSED_LOOP;
         let disobeyed = if order.on {
-            let late = order.age(tick) > ON_TICKS;
+            let late = order.age(tick) > self.times.on;
             !on && self.error == 0 && !self.is_lost() && (self.was_on || late)
         } else {
-            on && order.age(tick) > OFF_TICKS
+            on && order.age(tick) > self.times.off
         };
         let coarse = self.position.is_some_and(|position| position.abs() * STEP > COARSEST * self.gear);
         let own = Complaints {
@@ -286,85 +261,5 @@ impl Axis {
             not_finite: self.broken,
         };
         own.or(self.measured)
-    }
-
-    /// Appends the command of `tick` for this axis to `line`. `torque` is the torque of the joint,
-    /// in N m.
-    pub(super) fn command(&mut self, tick: u32, order: Order, torque: f64, line: &mut Vec<u8>) {
-        let age = order.age(tick);
-        if age == 0 {
-            self.was_on = false;
-        }
-        if !order.on || self.is_lost() {
-            return self.command_off(tick, age, line);
-        }
-        Command::InputTorque((torque / self.gear) as f32).write(self.id, line);
-        if age == 0 {
-            Command::TorqueMode.write(self.id, line);
-        }
-        let waits = !self.was_on && self.state != state::CLOSED_LOOP;
-        if age == 0 || waits && age < ON_TICKS && age.is_multiple_of(ON_AGAIN_TICKS) {
-            Command::AxisState(state::CLOSED_LOOP).write(self.id, line);
-        }
-    }
-
-    /// Appends to `line` the command of `tick` that switches the motor off or keeps it off. `age`
-    /// is the number of ticks since the motors were commanded on or off.
-    fn command_off(&mut self, tick: u32, age: u32, line: &mut Vec<u8>) {
-        let is_off = self.state == state::IDLE && age > OFF_TICKS;
-        if self.trust == Trust::Proving && is_off {
-            // Nothing is sent, so that the watchdog expires.
-            return;
-        }
-        // Messages of both kinds feed the watchdog. They take turns, so that a tick takes no more
-        // time on the bus than with motors on.
-        if age == 0 || !is_off && tick.is_multiple_of(2) {
-            Command::AxisState(state::IDLE).write(self.id, line);
-        }
-        if age == 0 || is_off || !tick.is_multiple_of(2) {
-            Command::InputTorque(0.0).write(self.id, line);
-        }
-        let again = self.cleared.is_none_or(|cleared| tick.wrapping_sub(cleared) >= AGAIN_TICKS);
-        if self.error != 0 && self.trust != Trust::Proving && again {
-            self.cleared = Some(tick);
-            self.excuse(tick);
-            Command::ClearErrors.write(self.id, line);
-        } else if tick.wrapping_add(u32::from(self.id)).is_multiple_of(AGAIN_TICKS) {
-            // The axes of a line take turns.
-            self.set_back(line);
-        }
-    }
-
-    /// Excuses an expired watchdog for the next [`EXCUSED_TICKS`] ticks. The watchdog may have
-    /// expired while the axis got no commands.
-    pub(super) fn excuse(&mut self, tick: u32) {
-        self.excused_until = Some(tick.wrapping_add(EXCUSED_TICKS));
-    }
-
-    /// Moves the position by whole turns of the joint until it is near the mark, where its steps
-    /// are fine and a restart can be detected. Does nothing while the motor is on or turns, or if
-    /// the position is already near the mark.
-    fn set_back(&mut self, line: &mut Vec<u8>) {
-        self.set_back = None;
-        let Some(position) = self.position else { return };
-        let turns = if self.trust == Trust::Marking {
-            -self.mark
-        } else {
-            // Whole turns of the joint keep its angle, so that a program that is started later
-            // reads it too.
-            ((position - self.mark) / self.gear).round() * self.gear
-        };
-        let near = (position - self.mark).abs() <= 0.75 * self.gear;
-        let marked = self.trust == Trust::Met && near;
-        if marked || self.state != state::IDLE || self.velocity.abs() > STILL {
-            return;
-        }
-        let there = (position - turns) as f32;
-        if self.trust == Trust::Met {
-            self.set_back = Some(position - f64::from(there));
-        } else {
-            Command::TorqueMode.write(self.id, line);
-        }
-        Command::AbsolutePosition(there).write(self.id, line);
     }
 }

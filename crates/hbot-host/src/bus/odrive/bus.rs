@@ -3,14 +3,13 @@
 
 use hbot_core::MAX_JOINTS;
 
-use super::axis::{Axis, Order};
+use super::axis::Axis;
 use super::message::{Command, Question, decode};
+use super::order::{Order, Times};
 use super::slcan::{Decoder, Word};
 use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Reading};
 use crate::line::Line;
 
-/// Number of ticks between two questions. Each question asks one axis for one value.
-const ASK_EVERY: u32 = 50;
 /// The values that the driver asks each axis for, in turn.
 const QUESTIONS: [Question; 2] = [Question::Temperature, Question::Current];
 /// Capacity of the buffer for the commands of one tick, in bytes.
@@ -26,6 +25,7 @@ pub(super) struct OdriveBus {
     decoder: Decoder,
     inbox: [u8; INBOX],
     outbox: Vec<u8>,
+    times: Times,
     /// Whether the motors are commanded on or off, and since which tick.
     order: Order,
     /// True until the bus has sent its first command on a new or reopened line.
@@ -41,13 +41,15 @@ impl OdriveBus {
     /// Returns the bus of a line whose axes have passed bring-up.
     pub(super) fn new(line: Box<dyn Line>, expected: &Expected) -> Self {
         let joints = (0..expected.joints()).filter_map(|at| expected.joint(at));
-        let axes = joints.map(|joint| Axis::new(joint.id, joint.gear)).collect();
+        let times = Times::new(expected);
+        let axes = joints.map(|joint| Axis::new(joint.id, joint.gear, times)).collect();
         Self {
             line,
             axes,
             decoder: Decoder::default(),
             inbox: [0; INBOX],
             outbox: Vec::with_capacity(OUTBOX),
+            times,
             order: Order::default(),
             fresh: true,
             cut: false,
@@ -140,8 +142,8 @@ impl MotorBus for OdriveBus {
         for (axis, torque) in self.axes.iter_mut().zip(torque) {
             axis.command(tick, self.order, torque, &mut self.outbox);
         }
-        if tick.is_multiple_of(ASK_EVERY) && !self.axes.is_empty() {
-            let turn = (tick / ASK_EVERY) as usize;
+        if tick.is_multiple_of(self.times.ask) && !self.axes.is_empty() {
+            let turn = (tick / self.times.ask) as usize;
             let axis = &self.axes[turn % self.axes.len()];
             // An axis whose watchdog must expire gets no message.
             if !axis.is_lost() {

@@ -18,12 +18,15 @@ const LISTEN_MS: u64 = 120;
 const ANSWER_MS: u64 = 1000;
 /// Time after which a question is repeated, in ms.
 const AGAIN_MS: u64 = 50;
-/// Longest time after the last message within which the watchdog of an axis must expire, in ms.
+/// Longest accepted watchdog time of an axis, in ms.
 const WATCHDOG_MS: u64 = 120;
 /// Longest accepted average time between two positions of an axis, in ms.
 const ESTIMATES_MS: u64 = 4;
 /// Longest accepted average time between two heartbeats of an axis, in ms.
 const HEARTBEAT_MS: u64 = 20;
+/// Time after the last message within which each axis must have reported that its watchdog has
+/// expired, in ms: the longest watchdog time, and the time until the next heartbeat.
+const EXPIRED_MS: u64 = WATCHDOG_MS + HEARTBEAT_MS;
 /// Time between two messages that keep a watchdog from expiring, in ms.
 const FEED_MS: u64 = 2;
 /// Oldest firmware that has the messages that the driver needs, as major and minor version.
@@ -93,7 +96,7 @@ pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found
     who_is_there(&mut talk, &ids(expected))?;
     let listened_ms = talk.now_ms;
     let said = talk.met;
-    talk.listen(WATCHDOG_MS + HEARTBEAT_MS)?;
+    talk.listen(EXPIRED_MS)?;
     let mut found = Vec::new();
     for id in talk.there() {
         let met = &said[usize::from(id)];
@@ -215,7 +218,7 @@ fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
 fn no_watchdog() -> Remedy {
     Remedy {
         what: format!(
-            "left alone for {WATCHDOG_MS} ms it does not say that its watchdog has expired: it is off, or slow"
+            "left alone for {EXPIRED_MS} ms it does not say that its watchdog has expired: it is off, or slow"
         ),
         command: format!("{ENABLE}; odrv0.save_configuration()"),
     }
@@ -254,7 +257,7 @@ fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
         let what = format!("its watchdog expires although it is fed every {FEED_MS} ms");
         return Ok(Some((id, Remedy { what, command: format!("{ENABLE}; odrv0.save_configuration()") })));
     }
-    let refused = talk.until(WATCHDOG_MS + HEARTBEAT_MS, ids, expired)?;
+    let refused = talk.until(EXPIRED_MS, ids, expired)?;
     Ok(refused.map(|id| (id, no_watchdog())))
 }
 

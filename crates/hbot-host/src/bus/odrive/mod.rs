@@ -6,6 +6,7 @@
 //! | [`slcan`] | CAN frames as lines of text |
 //! | [`message`] | the messages of CANSimple that the driver needs |
 //! | `axis` | state of one axis: position, errors, detection of a restart |
+//! | `order` | whether motors are commanded on, and how long an axis may take |
 //! | `bus` | torques to the axes and positions from them, in each tick |
 //! | `meet` | bring-up: which axes are on the line, and whether their watchdogs work |
 //! | `talk` | questions and answers before the first tick |
@@ -17,6 +18,7 @@ mod axis;
 mod bus;
 mod meet;
 pub mod message;
+mod order;
 pub mod slcan;
 mod talk;
 #[cfg(test)]

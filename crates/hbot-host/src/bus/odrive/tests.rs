@@ -7,6 +7,7 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::Value;
 
 use super::message::{Command, Message, Question, decode};
+use super::order::Times;
 use super::slcan::{Decoder, Word};
 use crate::bus::{BusCommand, Expected, Protocol as _};
 use crate::layout::Layout;
@@ -160,6 +161,22 @@ fn a_tick_allocates_nothing() {
         }
     });
     assert_eq!((allocated.count_total, readings), (0, TICKS - 1));
+}
+
+/// At each rate, a time in ticks is at least the time in ms, and less than a tick longer.
+#[test]
+fn times_are_the_same_at_every_rate() {
+    let text = include_str!("../../../../../rigs/prototype-odrive.toml");
+    for rate_hz in [1000, 500, 333, 250] {
+        let text = text.replacen("rate_hz = 1000", &format!("rate_hz = {rate_hz}"), 1);
+        let rig = hbot_config::RigConfig::from_toml(&text, "x.toml").expect("it is legal");
+        let times = Times::new(&Expected::new("test", &rig.rig, &Layout::of(&rig), 0));
+        for (ticks, ms) in [(times.off, 20.0), (times.on, 300.0), (times.on_again, 10.0), (times.ask, 50.0)] {
+            let longer_ms = f64::from(ticks) * 1000.0 / f64::from(rate_hz) - ms;
+            // The period is a whole number of nanoseconds.
+            assert!((-1e-3..1000.0 / f64::from(rate_hz)).contains(&longer_ms), "{rate_hz} Hz: {ticks}");
+        }
+    }
 }
 
 /// If a command is cut off and then ended by a carriage return, no simulated ODrive obeys the part

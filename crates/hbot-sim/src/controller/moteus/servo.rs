@@ -60,8 +60,6 @@ pub(super) struct Servo {
     pub(super) console: Console,
     pub(super) deaf: bool,
     pub(super) failed: bool,
-    /// Torque that the motor gives, N m at the shaft with the encoder.
-    torque: f32,
 }
 
 /// The values that a servo needs to handle a frame: the present time, its joint, and the true joint
@@ -88,7 +86,6 @@ impl Servo {
             console: Console::new(id),
             deaf: false,
             failed: false,
-            torque: 0.0,
         };
         servo.find_zero(joint, joints, angles);
         servo
@@ -125,7 +122,6 @@ impl Servo {
     /// limit that was reached.
     fn push(&mut self, joint: usize, joints: &mut Joints) {
         if self.mode != POSITION_MODE {
-            self.torque = 0.0;
             joints.ask(joint, 0.0);
             return;
         }
@@ -135,8 +131,6 @@ impl Servo {
         let asked = if asked.is_nan() { 0.0 } else { asked };
         let within = asked.clamp(-most, most);
         let given = joints.within_peak(joint, within * gear);
-        let peak = joints.axes[joint].peak / gear;
-        self.torque = within.clamp(-peak, peak);
         self.fault = match () {
             () if joints.is_hot(joint) || joints.derates(joint) => AT_FET_TEMPERATURE,
             () if (within * gear).abs() > joints.axes[joint].peak => AT_MAX_CURRENT,
@@ -272,6 +266,8 @@ impl Servo {
     fn read(&self, scene: &Scene<'_, '_>, register: u32) -> Option<Value> {
         let whole = |whole| Value::Whole(i32::from(whole));
         let gear = scene.joints.axes[scene.joint].joint.gear;
+        // The torque at the shaft with the encoder.
+        let torque = || (scene.joints.measured_torque(scene.joint) / gear) as f32;
         Some(match register {
             0x000 => whole(self.mode),
             0x001 => Value::Quantity(self.position(scene) as f32, POSITION),
@@ -279,8 +275,8 @@ impl Servo {
                 let rate = f64::from(scene.joints.rate_at(scene.joint, scene.truth));
                 Value::Quantity((rate * gear / TAU) as f32, VELOCITY)
             }
-            0x003 => Value::Quantity(self.torque, TORQUE),
-            0x004 => Value::Quantity(self.torque / TORQUE_PER_AMPERE, CURRENT),
+            0x003 => Value::Quantity(torque(), TORQUE),
+            0x004 => Value::Quantity(torque() / TORQUE_PER_AMPERE, CURRENT),
             0x005 => Value::Quantity(0.0, CURRENT),
             0x007 => Value::Quantity(0.0, POWER),
             0x00b => whole(1),

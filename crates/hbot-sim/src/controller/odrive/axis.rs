@@ -182,8 +182,7 @@ impl Axis {
     pub(super) fn say(&mut self, at: (usize, u16), joints: &Joints, truth: &Truth<'_>, reply: &mut Vec<u8>) {
         let (j, message) = at;
         let temperature = if joints.is_hot(j) || joints.derates(j) { HOT } else { TEMPERATURE };
-        let torque = if self.is_on() { f64::from(self.input_torque) } else { 0.0 };
-        let current = (torque / TORQUE_CONSTANT) as f32;
+        let current = |torque: f64| ((torque / TORQUE_CONSTANT) as f32).to_bits();
         let (low, high) = match message {
             0x00 => {
                 let [major, _, revision] = FIRMWARE;
@@ -196,7 +195,11 @@ impl Axis {
                 let velocity = f64::from(joints.rate_at(j, truth)) * gear / TAU;
                 ((self.position(j, joints, truth) as f32).to_bits(), (velocity as f32).to_bits())
             }
-            0x14 => (current.to_bits(), current.to_bits()),
+            0x14 => {
+                let asked = if self.is_on() { f64::from(self.input_torque) } else { 0.0 };
+                let gear = joints.axes[j].joint.gear;
+                (current(asked), current(joints.measured_torque(j) / gear))
+            }
             0x15 => (temperature.to_bits(), temperature.to_bits()),
             0x17 => (SUPPLY.to_bits(), 0),
             _ => return,

@@ -11,10 +11,12 @@ use crate::line::{MS, command, frame};
 const PERFECT: Link =
     Link { latency_s: 0.0, command_latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, seed: 1 };
 
+/// Returns a rig that has sent its description, and whose line has been impaired since then.
 fn with(link: Link) -> SimulatedRig {
-    let mut config = SimulatedConfig::new(&rig());
-    config.phenomena = Phenomena { link: Some(link), ..Phenomena::default() };
-    SimulatedRig::new(&config).unwrap()
+    let mut rig = SimulatedRig::new(&SimulatedConfig::new(&rig())).unwrap();
+    rig.receive(0, &frame(&ToController::Describe), &mut Vec::new());
+    rig.set_link(Some(link));
+    rig
 }
 
 fn bytes(sequence: u32) -> Vec<u8> {

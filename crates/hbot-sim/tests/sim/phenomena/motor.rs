@@ -29,6 +29,8 @@ fn controllers(motor: Motor) -> SimulatedControllers {
     let controllers = SimulatedControllers::new(Protocol::Hbot.into(), &joints, &STILL, None);
     let mut controllers = controllers.expect("the simulated rig speaks hbot's own protocol");
     controllers.set_motor(Some(motor));
+    let truth = Truth { angles: &STILL, rates: &STILL };
+    controllers.hear(0, &frame(&ToController::Describe), &truth, &mut Vec::new());
     controllers
 }
 
@@ -184,6 +186,7 @@ fn the_rig_s_plant_feels_what_its_motors_give() {
         config.phenomena = Phenomena { motor, ..Phenomena::default() };
         let mut rig = SimulatedRig::new(&config).unwrap();
         let mut reply = Vec::new();
+        rig.receive(0, &frame(&ToController::Describe), &mut reply);
         let push = hbot_link::ToController::Command(command(1, true, &[0.0, 0.01, 0.0, 0.01]));
         rig.receive(0, &frame(&push), &mut reply);
         rig.advance_to(10 * MS);

@@ -35,7 +35,11 @@ fn eventful(phenomena: Phenomena) -> Vec<u8> {
         let mut bytes = frame(&ToController::Command(command(k, k % 900 > 2, &torque)));
         match k {
             700..730 => continue,
-            1000 => rig.inject(InjectedFault::Reboot),
+            1000 => {
+                rig.inject(InjectedFault::Reboot);
+                // Without it the rebooted controller would give no torque.
+                bytes.splice(..0, frame(&ToController::Describe));
+            }
             1500 => bytes[3] ^= 0x11,
             2000 => rig.set_hand(None),
             2500 => rig.set_state(brisk()),
@@ -54,7 +58,7 @@ fn eventful(phenomena: Phenomena) -> Vec<u8> {
 #[test]
 fn bytes_are_those_of_the_ideal_rig() {
     let bytes = eventful(Phenomena::default());
-    assert_eq!((bytes.len(), hash(&bytes)), (301_060, 12_510_209_690_109_648_662));
+    assert_eq!((bytes.len(), hash(&bytes)), (301_096, 15_162_813_078_176_961_730));
 }
 
 /// Phenomena that are switched on with neutral parameters, such as a latency of 0, change no byte
