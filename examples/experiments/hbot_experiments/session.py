@@ -1,0 +1,88 @@
+"""What the experiments have in common: command line, connection, and the end of a session."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import hbot
+
+from .trial_log import LogError
+
+
+def parser(description: str, trials: int) -> argparse.ArgumentParser:
+    """Return a parser with the options that every experiment has.
+
+    Args:
+        description: one sentence for the help text.
+        trials: default number of trials.
+    """
+    options = argparse.ArgumentParser(description=description)
+    options.add_argument("participant", help="code of the participant; the log is named after it")
+    options.add_argument("--server", default="127.0.0.1:4268", metavar="HOST:PORT")
+    options.add_argument(
+        "--token-file", type=Path, help="file with the server's token, if it has one"
+    )
+    options.add_argument("--folder", type=Path, default=Path("data"), help="where logs are written")
+    options.add_argument("--trials", type=int, default=trials, help=f"default: {trials}")
+    options.add_argument(
+        "--seed", type=int, default=1, help="chooses targets and orders; default: 1"
+    )
+    options.add_argument(
+        "--simulate",
+        action="store_true",
+        help="a simulated participant takes part; the server must have a simulated rig",
+    )
+    return options
+
+
+def run(options: argparse.Namespace, experiment: Callable[[hbot.Rig], None]) -> None:
+    """Connect, take the lease, run an experiment, and switch the torque off.
+
+    Ends the program: with exit code 0 if the experiment is complete, 130 after Ctrl-C, else 1.
+    A session that has ended early continues when the same command is given again.
+    """
+    try:
+        token = options.token_file
+        with hbot.connect(options.server, name="experiment", token=token) as rig, rig.lease():
+            check_rig(rig, options.simulate)
+            try:
+                experiment(rig)
+            finally:
+                rig.disable()
+    except KeyboardInterrupt:
+        print("\nStopped. The same command continues after the last complete trial.")
+        sys.exit(130)
+    except (hbot.HbotError, LogError, EOFError) as error:
+        print(f"error: {error or 'the input has ended'}", file=sys.stderr)
+        print("The same command continues after the last complete trial.", file=sys.stderr)
+        sys.exit(1)
+
+
+def check_rig(rig: hbot.Rig, simulate: bool) -> None:
+    """Refuse a simulated participant on a real rig.
+
+    Raises:
+        LogError: the rig is real and the participant is not.
+    """
+    if simulate and not rig.info.rig.simulated:
+        raise LogError("--simulate needs a server with a simulated rig: `hbot server --port sim`")
+
+
+def start(rig: hbot.Rig, scene: dict[str, Any]) -> None:
+    """Load a scene and enable the rig. A fault that is already there is reset."""
+    rig.load_scene(scene)
+    try:
+        rig.enable()
+    except hbot.Faulted:
+        rig.reset()
+        rig.enable()
+
+
+def unix_time(rig: hbot.Rig, t: float) -> float:
+    """Return the Unix time of the rig's time `t`, s. NaN if the server does not send its clock."""
+    clock = rig.info.clock
+    return float("nan") if clock is None else clock.unix_ns * 1e-9 + t
