@@ -17,11 +17,7 @@ SCENES = REPOSITORY / "scenes"
 PATIENCE_S = 20.0
 """Longest time that a test waits for anything. A busy machine can stop a program for seconds."""
 RATE_HZ = 250
-"""Ticks per second of the servers in tests.
-
-Ten ticks in a row that are skipped are a fault. At this rate a busy machine can stop the loop
-for 40 ms without one.
-"""
+"""Ticks per second of the servers in tests. A low rate leaves the processors to the tests."""
 RAMP_TICKS = 20 * RATE_HZ // 1000 + 1
 """Ticks until a torque that has expired is zero: the ramp of 20 ms, and the tick that sees it."""
 
@@ -35,10 +31,7 @@ def eventually(condition: Callable[[], object], what: str) -> None:
 
 
 def running(states: Iterable[hbot.State]) -> Iterator[hbot.State]:
-    """Return the states as they come. Fails at a fault, after which a test would wait in vain.
-
-    The message of the fault `deadline` makes pytest run the test again (pyproject.toml).
-    """
+    """Return the states as they come. Fails at a fault, after which a test would wait in vain."""
     for state in states:
         assert state.mode != "fault", f"the rig is in the fault {state.fault}"
         yield state
