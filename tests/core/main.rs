@@ -3,8 +3,10 @@
 
 #![allow(unreachable_pub, reason = "a test has no outside")]
 
+mod anew;
 mod bench;
 mod budgets;
+mod counted;
 mod designs;
 mod determinism;
 mod effects;
@@ -12,6 +14,7 @@ mod energy;
 mod faults;
 mod geometry;
 mod hard_cases;
+mod held;
 mod hostile;
 mod laws;
 mod lies;
