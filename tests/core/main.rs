@@ -26,6 +26,7 @@ mod rates;
 mod readings;
 mod references;
 mod rng;
+mod same_bits;
 mod sessions;
 mod shaping;
 mod shelf;
