@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The Python client: types, style, tests against the real server, and both packages installed into an empty environment
-# and used. Needs the server's program, which the tests of the workspace have built.
+# and used; and the experiments. Needs the server's program, which the tests of the workspace have built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -41,3 +41,11 @@ for package in "$target"/python/dist/*; do
     "$target/python/empty/bin/pip" install --quiet --disable-pip-version-check "$package"
     "$target/python/empty/bin/python" tests/installed.py
 done
+
+echo "-- the experiments, with simulated participants"
+cd ../../examples/experiments
+"$venv/bin/pip" install --quiet --disable-pip-version-check --editable .
+"$venv/bin/ruff" format --quiet --check .
+"$venv/bin/ruff" check --quiet .
+"$venv/bin/mypy" --cache-dir "$target/python/mypy"
+"$venv/bin/pytest" -q -o cache_dir="$target/python/pytest"

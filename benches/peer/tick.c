@@ -852,7 +852,8 @@ int main(int argc, char **argv)
         for (int i = 0; i < 4; i++) {
             double phase = k * 0.006, swing = 0.3 + 0.1 * i;
             readings[k].counts[i] = (int32_t)(swing * sin(phase + i) * 2000.0);
-            readings[k].rates[i] = swing * cos(phase + i) * 0.01;
+            /* The joint rate that agrees with these encoder counts at 1 kHz. */
+            readings[k].rates[i] = swing * cos(phase + i) * 2000.0 * 6.0 * the_controller.encoders[i].radians_per_count;
         }
 
     outputs out;

@@ -3,11 +3,11 @@
 
 use crate::bench::{altered, assert_finite, effect, rig, spring};
 use crate::rng::Rng;
+use crate::same_bits::double::hash::Hash;
 use hbot_core::device::MAX_JOINTS;
 use hbot_core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, OnClientLost, Stamp};
 use hbot_core::mode::Mode;
-use hbot_core::outputs::{Outputs, Refusal, Reply};
 use hbot_core::rig::{
     AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, Traction,
 };
@@ -22,55 +22,6 @@ const GOLDEN: u64 = 0xA7E8_5358_E7EE_2A97;
 
 /// The hash of all outputs with the optional stages of a rig.
 const GOLDEN_STAGES: u64 = 0x02DA_B862_0AD4_311F;
-
-/// The hash function FNV-1a over words (Fowler, Noll and Vo).
-struct Hash(u64);
-
-impl Hash {
-    fn word(&mut self, x: u64) {
-        for byte in x.to_le_bytes() {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
-        }
-    }
-
-    fn reals(&mut self, x: &[f64]) {
-        x.iter().for_each(|x| self.word(x.to_bits()));
-    }
-
-    fn reply(&mut self, reply: &Reply) {
-        match *reply {
-            Reply::Done => self.word(1),
-            Reply::Aligned { angle } => self.reals(&[2.0, angle]),
-            Reply::Refused(Refusal::TooFar { slot, angle }) => self.reals(&[3.0, f64::from(slot), angle]),
-            Reply::Refused(Refusal::TooOld { age_ticks }) => self.word(age_ticks),
-            Reply::Refused(Refusal::Mode(_)) => self.word(4),
-            Reply::Refused(Refusal::NoReference) => self.word(5),
-            Reply::Refused(Refusal::NotInHistory) => self.word(6),
-            Reply::Refused(Refusal::NotFinite) => self.word(7),
-            Reply::Refused(Refusal::Ahead { ticks }) => self.reals(&[8.0, ticks as f64]),
-        }
-    }
-
-    fn outputs(&mut self, outputs: &Outputs) {
-        let s = &outputs.state;
-        self.word(s.tick);
-        self.word(s.mode as u64);
-        self.word(s.cause.map_or(99, |cause| cause as u64));
-        self.reals(&s.q.to_array());
-        self.reals(&s.omega.to_array());
-        self.reals(&s.reference.map_or([0.0; 4], |q| q.to_array()));
-        self.reals(&s.torque.to_array());
-        self.reals(&s.angle);
-        self.reals(&s.rate);
-        self.reals(&s.joint_torque);
-        self.reals(&[s.slip, s.scale, s.traction, s.energy]);
-        self.word(u64::from(s.deficient) << 1 | u64::from(s.fresh));
-        self.word(s.client.map_or(u64::MAX, |client| client.age_ticks));
-        self.word(u64::from(outputs.drive.enable));
-        self.reals(&outputs.drive.torque);
-        outputs.replies.iter().flatten().for_each(|reply| self.reply(reply));
-    }
-}
 
 /// A source of random inputs: joints that turn at random, and a server that sends random commands.
 struct Weather {
@@ -207,7 +158,7 @@ fn run(rig: Rig, seed: u64, ticks: u64, hash: &mut Hash) -> (Vec<(usize, Inputs)
 
 #[test]
 fn a_hundred_thousand_ticks_give_the_same_bits_on_every_machine() {
-    let mut hash = Hash(0xCBF2_9CE4_8422_2325);
+    let mut hash = Hash::START;
     let mut seen = [0; 6];
     for (seed, rig) in rigs().into_iter().enumerate() {
         let (_, modes) = run(rig, seed as u64, TICKS.div_ceil(3), &mut hash);
@@ -245,7 +196,7 @@ fn rigs_with_more_stages() -> [Rig; 3] {
 
 #[test]
 fn the_stages_that_are_chosen_give_the_same_bits_too() {
-    let mut hash = Hash(0xCBF2_9CE4_8422_2325);
+    let mut hash = Hash::START;
     let mut seen = [0; 6];
     for (seed, rig) in rigs_with_more_stages().into_iter().enumerate() {
         let (_, modes) = run(rig, 10 + seed as u64, TICKS / 5, &mut hash);

@@ -3,8 +3,10 @@
 
 #![allow(unreachable_pub, reason = "a test has no outside")]
 
+mod anew;
 mod bench;
 mod budgets;
+mod counted;
 mod designs;
 mod determinism;
 mod effects;
@@ -12,6 +14,7 @@ mod energy;
 mod faults;
 mod geometry;
 mod hard_cases;
+mod held;
 mod hostile;
 mod laws;
 mod lies;
@@ -23,6 +26,7 @@ mod rates;
 mod readings;
 mod references;
 mod rng;
+mod same_bits;
 mod sessions;
 mod shaping;
 mod shelf;

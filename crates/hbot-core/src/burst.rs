@@ -41,3 +41,44 @@ impl Burst {
         self.level > self.limit.burst
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bucket() -> Burst {
+        Burst::new(EnergyLimit { burst: 1.0, power: 2.0 })
+    }
+
+    #[test]
+    fn energy_that_came_in_is_no_credit_and_permitted_power_is_none_either() {
+        let mut burst = bucket();
+        burst.add(-100.0);
+        burst.add(1.25);
+        assert!(burst.over(), "absorbed energy is no credit in the same tick");
+        let mut burst = bucket();
+        burst.leak(100.0, true);
+        burst.add(1.25);
+        assert!(burst.over(), "a long time without energy is no credit");
+    }
+
+    #[test]
+    fn the_permitted_power_lowers_the_count_with_time() {
+        let mut burst = bucket();
+        burst.add(1.25);
+        burst.leak(0.0625, true);
+        assert!(burst.over(), "1.125 J of 1 J");
+        burst.leak(0.0625, true);
+        assert!(!burst.over(), "1 J of 1 J");
+    }
+
+    #[test]
+    fn motors_that_are_off_give_nothing_and_empty_the_count() {
+        let mut burst = bucket();
+        burst.add(1.25);
+        burst.leak(0.0, false);
+        assert!(!burst.over());
+        burst.add(0.75);
+        assert!(!burst.over(), "nothing is left of the energy before");
+    }
+}

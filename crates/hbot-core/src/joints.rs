@@ -260,11 +260,35 @@ impl Joints {
     }
 }
 
+/// Returns the slip of the wheel that slips most, of the first `wheels` wheels, in the unit of
+/// `slip`.
 #[inline]
-fn largest_slip(slip: &Slip, wheels: usize) -> Real {
+pub(crate) fn largest_slip(slip: &Slip, wheels: usize) -> Real {
     let mut largest: Real = 0.0;
     for [u, v] in &slip[..wheels] {
         largest = largest.max(u * u + v * v);
     }
     sqrt(largest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slip_has_two_components_and_that_of_the_worst_wheel_counts() {
+        let slip = |first: [Real; 2], second: [Real; 2]| {
+            let mut slip = [[9.0; 2]; MAX_WHEELS];
+            (slip[0], slip[1]) = (first, second);
+            largest_slip(&slip, 2)
+        };
+        for sign in [1.0, -1.0] {
+            assert_eq!(slip([3.0 * sign, 0.0], [0.0; 2]), 3.0, "along c1 alone");
+            assert_eq!(slip([0.0; 2], [0.0, 4.0 * sign]), 4.0, "along c2 alone");
+            assert_eq!(slip([3.0 * sign, -4.0 * sign], [0.0; 2]), 5.0, "along both");
+        }
+        assert_eq!(slip([1.0, 1.0], [3.0, -4.0]), 5.0, "the second wheel slips more");
+        assert_eq!(slip([3.0, -4.0], [1.0, 1.0]), 5.0, "the first wheel slips more");
+        assert_eq!(slip([0.0; 2], [0.0; 2]), 0.0, "wheels that are not there do not count");
+    }
 }

@@ -6,7 +6,7 @@ use crate::kinematics::{ContactFrame, forward};
 use crate::path::Path;
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::OdometryMethod;
-use crate::rotation::{self, renormalized};
+use crate::rotation;
 
 /// sqrt(3)/6: distance of the two Gauss points from the middle of an integration step of length 1.
 #[allow(clippy::excessive_precision, reason = "an f32 rounds it")]
@@ -39,10 +39,18 @@ pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]
 
 /// Returns the orientation that `q` becomes after a `turn` (rotation vector in frame N, rad):
 /// exp(turn) q, normalised to unit length.
+///
+/// In f32 the turn's change is added to `q`, because the rounding errors of a product of
+/// quaternions would add up. In f64 they are a billion times smaller, so the product is taken,
+/// and outputs keep their bits (docs/accuracy.md).
 #[inline]
 #[must_use]
 pub fn advance(q: Quat, turn: Vec3) -> Quat {
-    renormalized(rotation::exp(turn) * q)
+    if Real::EPSILON < 1.0e-10 {
+        rotation::turned_by_product(q, turn)
+    } else {
+        rotation::turned_by_change(q, turn)
+    }
 }
 
 /// Returns the turn of the sphere over one step by the Magnus expansion. `first` and `second` are

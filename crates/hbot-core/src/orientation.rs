@@ -3,7 +3,7 @@
 
 use crate::odometry;
 use crate::real::{Quat, Real, Vec3};
-use crate::rotation::{self, renormalized};
+use crate::rotation::renormalized;
 use crate::shaping::limited;
 
 /// Number of past orientations that a controller stores, one per tick. It limits how old an
@@ -57,7 +57,7 @@ impl Orientation {
         if self.pending != Vec3::ZERO {
             let turn = limited(self.pending, step);
             self.pending -= turn;
-            self.correction = renormalized(rotation::exp(turn) * self.correction);
+            self.correction = odometry::advance(self.correction, turn);
         }
         // Without a correction the integral is the orientation.
         self.q = if self.correction == Quat::IDENTITY {

@@ -110,6 +110,57 @@ pub fn renormalized(q: Quat) -> Quat {
     q * (1.5 - 0.5 * q.length_squared())
 }
 
+/// Returns the orientation that `q` becomes after the turn `v` (rotation vector in frame N, rad):
+/// the product exp(v) q, normalised to unit length.
+///
+/// The product multiplies each component of `q` by the cosine of half the turn. If the turns are
+/// small, that cosine is 1 or one of the numbers next to it, and its rounding error turns the
+/// sphere a little in the same direction in every step. [`turned_by_change`] has no such error.
+///
+/// # Preconditions
+/// `v` is finite and |v|² does not overflow. `q` is of unit length except for rounding.
+#[inline]
+#[must_use]
+pub fn turned_by_product(q: Quat, v: Vec3) -> Quat {
+    renormalized(exp(v) * q)
+}
+
+/// Returns the orientation that `q` becomes after the turn `v` (rotation vector in frame N, rad),
+/// normalised to unit length. It is the sum of `q` and the change (exp(v) - 1) q.
+///
+/// No number near 1 is multiplied, so the rounding errors of many small turns do not add up in one
+/// direction: after n turns they have grown by about the square root of n.
+///
+/// # Preconditions
+/// `v` is finite and |v|² does not overflow. `q` is of unit length except for rounding.
+#[inline]
+#[must_use]
+pub fn turned_by_change(q: Quat, v: Vec3) -> Quat {
+    let (less, s) = exp_less_one(v);
+    let e = vector_part(q);
+    let change = from_parts(less * q.w - s.dot(e), e * less + s * q.w + s.cross(e));
+    // The length is corrected by a change too, the Newton step of `renormalized`. A step below one
+    // rounding error would change only the small components of `q`, which turns it.
+    let short = 0.5 - 0.5 * q.length_squared();
+    if fabs(short) < Real::EPSILON { q + change } else { q + (change + q * short) }
+}
+
+/// Returns exp(v) - 1: its scalar part cos(|v|/2) - 1, without the rounding error of a number near
+/// 1, and its vector part.
+#[inline]
+fn exp_less_one(v: Vec3) -> (Real, Vec3) {
+    let t2 = v.length_squared();
+    if t2 < 1.0 / 1024.0 {
+        // The series of `exp`.
+        let less = -t2 * (1.0 / 8.0) * (1.0 - t2 * (1.0 / 48.0) * (1.0 - t2 * (1.0 / 120.0)));
+        let k = 0.5 - t2 * (1.0 / 48.0) * (1.0 - t2 * (1.0 / 80.0) * (1.0 - t2 * (1.0 / 168.0)));
+        return (less, v * k);
+    }
+    let t = sqrt(t2);
+    let (s, c) = sincos(0.25 * t);
+    (-2.0 * s * s, v * (2.0 * s * c / t))
+}
+
 /// Returns the turn that leads from the orientation `from` to the orientation `to`, as a rotation
 /// vector in frame N (rad): log(to from⁻¹).
 #[inline]
@@ -197,6 +248,23 @@ mod tests {
         assert_eq!(exp(Vec3::ZERO), Quat::IDENTITY);
         assert_eq!(log(Quat::IDENTITY), Vec3::ZERO);
         assert_eq!(log(from_parts(0.0, Vec3::X)), Vec3::X * PI);
+    }
+
+    #[test]
+    fn both_ways_to_apply_a_turn_agree_to_rounding_and_keep_the_length() {
+        let (mut product, mut change) = (Quat::IDENTITY, Quat::IDENTITY);
+        // Turns on both sides of the border of the series, 1/32 rad, and up to a full turn.
+        for (k, t) in
+            [1e-9, 1e-4, 0.0312, 0.0313, 0.5, 1.5, 3.0, 6.0].into_iter().cycle().take(800).enumerate()
+        {
+            let axis = Vec3::new(libm::sin(k as f64), libm::cos(k as f64), 0.5).normalize();
+            product = turned_by_product(product, axis * t);
+            change = turned_by_change(change, axis * t);
+            // Both errors grow by at most a few units in the last place in each turn.
+            let apart = (product - change).length();
+            assert!(apart < 4.0 * f64::EPSILON * (k + 1) as f64, "{apart:e} after {k} turns");
+            assert!((change.length_squared() - 1.0).abs() < 16.0 * f64::EPSILON, "turn {k} by {t}");
+        }
     }
 
     #[test]

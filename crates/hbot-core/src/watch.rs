@@ -8,6 +8,7 @@
 //! rates.
 
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
+use crate::joints::largest_slip;
 use crate::kinematics::{Posture, wheel_velocity};
 use crate::mode::Cause;
 use crate::outputs::Slip;
@@ -226,11 +227,8 @@ impl Watch {
         if sqrt(self.turn.length_squared()) > MARGIN * limits.speed * time {
             return Some(Cause::Overspeed);
         }
-        let mut slip: Real = 0.0;
-        for [u, v] in &self.slip[..rig.device.wheels().len()] {
-            slip = slip.max(u * u + v * v);
-        }
-        if !self.coarse && sqrt(slip) > MARGIN * limits.slip * time + self.grain_slip {
+        let slip = largest_slip(&self.slip, rig.device.wheels().len());
+        if !self.coarse && slip > MARGIN * limits.slip * time + self.grain_slip {
             return Some(Cause::Slip);
         }
         // After a gap or a delay, neither the rates in between nor the times of the counts are

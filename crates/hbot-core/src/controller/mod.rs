@@ -209,25 +209,32 @@ impl Controller {
     }
 
     /// Sets the torque that the motors make from this tick on: as much of `wanted` as motors and
-    /// contacts can make. A torque that is not finite leads to a fault and zero torque.
+    /// contacts can make.
     #[inline]
     fn hold(&mut self, tick: u64, wanted: &Wanted) {
         let made = if wanted.torque == Vec3::ZERO {
             Made { scale: wanted.share, ..Made::NOTHING }
+        } else if wanted.torque.is_finite() {
+            self.feasible(wanted)
         } else {
-            Some(wanted)
-                .filter(|wanted| wanted.torque.is_finite())
-                .map(|wanted| self.feasible(wanted))
-                .filter(Made::is_finite)
-                .unwrap_or_else(|| {
-                    self.machine.take_condition(Some(Cause::NonFinite));
-                    Made::NOTHING
-                })
+            Made { torque: wanted.torque, ..Made::NOTHING }
         };
-        self.made = made;
-        self.observer.record(tick as u32, made.torque);
+        self.send(tick, made);
+    }
+
+    /// Sends `made` to the motors in this tick. If one of its numbers is not finite, the rig goes
+    /// to fault and the motors make no torque.
+    #[inline]
+    fn send(&mut self, tick: u64, made: Made) {
+        self.made = if made.is_finite() {
+            made
+        } else {
+            self.machine.take_condition(Some(Cause::NonFinite));
+            Made::NOTHING
+        };
+        self.observer.record(tick as u32, self.made.torque);
         if let Some(heat) = &mut self.heat {
-            heat.hold(&made.joints);
+            heat.hold(&self.made.joints);
         }
     }
 
@@ -280,6 +287,43 @@ mod tests {
     extern crate std;
 
     use super::*;
+    use crate::device::{Device, WheelSpec};
+    use crate::rig::{Joint, RigParts};
+
+    /// A torque that is not finite, in any one of its numbers, is not sent. The allocation makes no
+    /// such torque, so it is given here.
+    #[test]
+    fn a_torque_that_is_not_finite_is_a_fault_and_no_torque() {
+        let wheel = |side: Real| WheelSpec {
+            axis: Vec3::new(side, 0.0, -1.0),
+            cone: 0.1745,
+            radius: 0.0155,
+            ..WheelSpec::default()
+        };
+        let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).unwrap();
+        let joint = Joint::new(16384, 2.0);
+        let rig = Rig::new(RigParts::new(device).with_joints(joint, joint)).unwrap();
+        let sent = |alter: &dyn Fn(&mut Made)| {
+            let mut controller = Controller::new(rig);
+            let mut made = Made { torque: Vec3::X, joints: [0.1; MAX_JOINTS], ..Made::NOTHING };
+            alter(&mut made);
+            controller.send(1, made);
+            (controller.machine.cause, controller.made.torque, controller.drive().torque)
+        };
+        let whole = sent(&|_| ());
+        assert_eq!((whole.0, whole.1, whole.2[3]), (None, Vec3::X, 0.1));
+        let stopped = (Some(Cause::NonFinite), Vec3::ZERO, [0.0; MAX_JOINTS]);
+        for bad in [Real::NAN, Real::INFINITY, Real::NEG_INFINITY] {
+            for j in 0..4 {
+                assert_eq!(sent(&|made| made.joints[j] = bad), stopped, "{bad} at joint {j}");
+            }
+            for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                assert_eq!(sent(&|made| made.torque += axis * bad), stopped, "{bad} about {axis}");
+            }
+            let both = |made: &mut Made| (made.torque.x, made.joints[0]) = (bad, bad);
+            assert_eq!(sent(&both), stopped, "{bad}");
+        }
+    }
 
     /// Checks that the table of memory sizes in the documentation of the crate is correct. It lists
     /// the sizes for a 64-bit machine.

@@ -121,17 +121,17 @@ fn draw(report: &mut Report, lines: Vec<Series>) {
 /// and rounded to f32. They are then combined to an orientation in f32 in two ways, whose errors
 /// are compared.
 fn rounding(report: &mut Report, device: &Device, segments: &[Segment]) {
-    report.family("odometry_rounding_{way}_{width}_{rate}hz_drift_rad | rad | drift in 0.6 s of f64's turns put together in either width: by the product of quaternions, or by adding what it changes");
+    report.family("odometry_rounding_{way}_{width}_{rate}hz_drift_rad | rad | drift in 0.6 s of f64's turns combined in either width: by the product of quaternions, or by adding the change that it makes");
     report.say(
-        "What f32 errs is not in the turns but in how they are put together. Here they are magnus4's in f64, rounded to the width; the *product* is the core's, the \
-         *change* adds exp(turn) q - q, in which no number near 1 is multiplied:",
+        "How the turns are combined. Here they are those of magnus4 in f64, rounded to the width. The *product* is exp(turn) q, as in the core in f64. The \
+         *change* adds exp(turn) q - q, in which no number near 1 is multiplied, as in the core in f32:",
     );
-    let mut table = vec![row(["put together by", "width"])];
+    let mut table = vec![row(["combined by", "width"])];
     table[0].extend(RATES.map(|hz| format!("{hz} Hz")));
     let turned = RATES.map(|hz| segments.iter().map(|s| turns(device, s, hz)).collect::<Vec<_>>());
     in_both_widths!(stages => {
-        for (way, added) in [("product", false), ("change", true)] {
-            let off = |(turns, s): (&Vec<[f64; 3]>, &Segment)| angle(stages::odometry::after(turns, added), s.end);
+        for (index, (way, _)) in stages::odometry::WAYS.into_iter().enumerate() {
+            let off = |(turns, s): (&Vec<[f64; 3]>, &Segment)| angle(stages::odometry::after(turns, index), s.end);
             let drifts = turned.each_ref().map(|all| median(all.iter().zip(segments).map(off).collect()));
             for (hz, drift) in RATES.iter().zip(drifts) {
                 report.figure(format!("odometry_rounding_{way}_{}_{hz}hz_drift_rad", stages::WIDTH), drift);

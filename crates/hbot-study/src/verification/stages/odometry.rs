@@ -105,28 +105,14 @@ pub(crate) fn segment(
     wide4(q)
 }
 
-/// Returns the orientation [w, x, y, z] after the successive turns `turns` (rotation vectors in
-/// frame N, rad), in this floating-point width.
-///
-/// If `added` is false, each turn is applied by the core's product of quaternions. If it is true,
-/// the change that this product makes is computed separately and added.
-pub(crate) fn after(turns: &[[f64; 3]], added: bool) -> [f64; 4] {
-    let mut q = Quat::IDENTITY;
-    for turn in turns {
-        let turn = vector(*turn);
-        q = if added { q + change(q, turn) } else { advance(q, turn) };
-    }
-    wide4(q)
-}
+/// The ways to combine an orientation and a turn, each with its name in the ids of figures.
+pub(crate) const WAYS: [(&str, fn(Quat, Vec3) -> Quat); 2] =
+    [("product", rotation::turned_by_product), ("change", rotation::turned_by_change)];
 
-/// Returns the change exp(turn) q - q of the quaternion `q` by a turn. No intermediate result is
-/// close to 1, so rounding errors are small.
-fn change(q: Quat, turn: Vec3) -> Quat {
-    let quarter = real(libm::sin(0.25 * super::wide(turn.length())));
-    let (less, s) = (real(-2.0) * quarter * quarter, rotation::vector_part(rotation::exp(turn)));
-    let e = rotation::vector_part(q);
-    let v = e * less + s * q.w + s.cross(e);
-    Quat::from_xyzw(v.x, v.y, v.z, less * q.w - s.dot(e))
+/// Returns the orientation [w, x, y, z] after the successive turns `turns` (rotation vectors in
+/// frame N, rad), in this floating-point width. `way` is an index into [`WAYS`].
+pub(crate) fn after(turns: &[[f64; 3]], way: usize) -> [f64; 4] {
+    wide4(turns.iter().fold(Quat::IDENTITY, |q, turn| WAYS[way].1(q, vector(*turn))))
 }
 
 /// Returns the largest deviation of the quaternion's norm |q| from 1 during `ticks` ticks of
