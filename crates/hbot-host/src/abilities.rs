@@ -55,7 +55,10 @@ impl Abilities {
         let mut found = Vec::new();
         for effect in scene.effects() {
             let id = effect.id();
-            found.extend(values(effect, STIFFNESS).filter_map(|(name, stiffness)| {
+            // The spring of friction gives way at the torque of the friction, so it cannot buzz
+            // with more than that.
+            let springs = effect.kind_name() != "friction";
+            found.extend(values(effect, STIFFNESS).filter(|_| springs).filter_map(|(name, stiffness)| {
                 Some(format!("{id}: {name} {}", self.too_stiff(stiffness, damping)?))
             }));
             for (name, torque) in values(effect, TORQUE).filter(|(_, torque)| *torque > self.torque) {
