@@ -1,5 +1,5 @@
-//! Commands that are clients of a running server: `info`, `stats`, `set`, `scene show`, `scene load`,
-//! and the lease that some of them take.
+//! Commands that are clients of a running server: `info`, `stats`, `set`, `scene show` and `scene
+//! load`, and the lease that some of them take.
 
 use assert_cmd::assert::Assert;
 use hbot_config::SceneFile;

@@ -92,8 +92,8 @@ impl Abilities {
 }
 
 /// Returns the names of the parameters of `effect` that have the unit `unit`, with their values
-/// times the effect's gain. Of a vector it is the length, and of a matrix the largest sum of a row's
-/// absolute values, which its largest eigenvalue does not exceed.
+/// times the effect's gain. Of a vector it is the length. Of a matrix it is the largest sum of a
+/// row's absolute values, which its largest eigenvalue does not exceed.
 fn values(effect: &SceneEffect, unit: &'static str) -> impl Iterator<Item = (String, f64)> {
     let kind = KINDS.iter().find(|kind| kind.name == effect.kind_name());
     let written = effect.to_json().as_object().cloned().unwrap_or_else(Map::new);

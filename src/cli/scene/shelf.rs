@@ -83,16 +83,16 @@ fn text() -> anyhow::Result<String> {
 const HEAD: &str = "\
 # Scenes
 
-For everybody who looks for something to feel. After reading this page you know the scenes that come with hbot, what each
-feels like, and what its torque looks like before you feel it.
+For everybody who looks for something to feel. After reading this page you know the scenes that come with hbot, what
+each feels like, and what its torque looks like before you feel it.
 
-`hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and the panel
-loads them too. To write a scene of your own, copy a file of `scenes/`; [files.md](files.md#the-scene-file) has every key,
-and [effects.md](effects.md) every kind of effect.
+`hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and the
+panel loads them too. To write a scene of your own, copy a file of `scenes/`.
+[files.md](files.md#the-scene-file) has every key, and [effects.md](effects.md) every kind of effect.
 
 Each plot shows the torque about an axis while the sphere turns about this axis and back. Black is the scene, and each
-colour is one of its effects. Dashed is the way back, where it differs. Grey lines are the largest torque of the prototype,
-and what lies beyond them is cut off.
+colour is one of its effects. Dashed is the way back, where it differs. Grey lines are the largest torque of the
+prototype, and what lies beyond them is cut off.
 
 This page is generated from the files by `cargo run -- scene page docs`.
 ";

@@ -101,7 +101,7 @@ impl LineConfig {
 pub enum Port {
     /// In the simulated rig, which shares its time with the control loop.
     Sim,
-    /// In the simulated rig behind a pseudo-terminal, which runs in wall-clock time like a real one.
+    /// In the simulated rig behind a pseudo-terminal. It runs in wall-clock time like a real one.
     SimPty,
     /// Paths of the serial devices, such as `/dev/ttyACM0`. There is at least one.
     Devices(Vec<String>),

@@ -1,5 +1,5 @@
-//! A line to the simulated rig over a pair of sockets, for wall-clock time. It carries the bytes that
-//! a serial line would carry, and moves them as a serial line does.
+//! A line to the simulated rig over a pair of sockets, for wall-clock time. It carries the bytes
+//! that a serial line would carry, and moves them as a serial line does.
 
 use std::io;
 

@@ -1,5 +1,5 @@
-//! Tests of the built-in simulated rig in wall-clock time when loop or rig are held up, as on a busy
-//! machine. A thread that sleeps stands for a thread that gets no processor.
+//! Tests of the built-in simulated rig in wall-clock time when loop or rig are held up, as on a
+//! busy machine. A thread that sleeps stands for a thread that gets no processor.
 
 use std::time::Duration;
 
