@@ -1,4 +1,4 @@
-//! Commands that are clients of a running server: `info`, `stats`, `set`, `scene show`, `scene
+//! Commands that are clients of a running server: `info`, `stats`, `set`, `scene show` and `scene
 //! load`, and the lease that some of them take.
 
 use assert_cmd::assert::Assert;

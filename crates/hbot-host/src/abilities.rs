@@ -55,7 +55,10 @@ impl Abilities {
         let mut found = Vec::new();
         for effect in scene.effects() {
             let id = effect.id();
-            found.extend(values(effect, STIFFNESS).filter_map(|(name, stiffness)| {
+            // The spring of friction gives way at the torque of the friction, so it cannot buzz
+            // with more than that.
+            let springs = effect.kind_name() != "friction";
+            found.extend(values(effect, STIFFNESS).filter(|_| springs).filter_map(|(name, stiffness)| {
                 Some(format!("{id}: {name} {}", self.too_stiff(stiffness, damping)?))
             }));
             for (name, torque) in values(effect, TORQUE).filter(|(_, torque)| *torque > self.torque) {
@@ -89,7 +92,7 @@ impl Abilities {
 }
 
 /// Returns the names of the parameters of `effect` that have the unit `unit`, with their values
-/// times the effect's gain. Of a vector it is the length, and of a matrix the largest sum of a
+/// times the effect's gain. Of a vector it is the length. Of a matrix it is the largest sum of a
 /// row's absolute values, which its largest eigenvalue does not exceed.
 fn values(effect: &SceneEffect, unit: &'static str) -> impl Iterator<Item = (String, f64)> {
     let kind = KINDS.iter().find(|kind| kind.name == effect.kind_name());

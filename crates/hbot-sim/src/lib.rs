@@ -4,7 +4,8 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`served`] | the thread that serves a rig in wall time, by [`pty`] or by [`socket`] |
+//! | [`served`] | the thread that serves a rig in wall time |
+//! | [`pty`], [`socket`] | the lines of that thread: a pseudo-terminal, or a pair of sockets |
 //! | [`exchange`] | a rig at the end of a line in memory, tick by tick |
 //! | [`rig`] | plant, controllers and hand together: time and bytes in, bytes out |
 //! | [`controller`] | virtual motor controllers of each protocol, at the far end of the line |
@@ -14,7 +15,7 @@
 //! | [`motion`] | true motions of a sphere that does not slip, for measuring methods of odometry |
 //! | [`extrapolation`] | the integrator to rounding that they are made by |
 //!
-//! Everything but these three is a pure function of what comes in: no clock, no thread, and the
+//! Everything but the first three is a pure function of what comes in: no clock, no thread, and the
 //! same bits on every machine. With hbot's own link nothing is allocated after the start.
 //! `docs/simulator.md` has the measurements.
 

@@ -67,17 +67,13 @@ fn text() -> anyhow::Result<String> {
     let mut text = String::from(HEAD);
     for ShelfScene { file, .. } in SHELF {
         let scene = ShelfScene::named(file).map(ShelfScene::scene).context("a scene of the shelf")?;
+        let name = scene.name();
+        let links: Vec<_> = kinds(&scene).iter().map(|kind| format!("`{kind}`")).collect();
+        let source = format!("Kinds: {}. File: [`{file}.toml`](../scenes/{file}.toml).", links.join(", "));
+        let (words, source) = (wrapped(scene.description()), wrapped(&source));
         write!(
             text,
-            "\n## {}\n\n{}\n\nKinds: {}. File: [`scenes/{file}.toml`](../scenes/{file}.toml).\n\n![{}: torque against angle](scenes/{file}.svg)\n",
-            scene.name(),
-            wrapped(scene.description()),
-            kinds(&scene)
-                .iter()
-                .map(|kind| format!("[`{kind}`](effects.md#{kind})"))
-                .collect::<Vec<_>>()
-                .join(", "),
-            scene.name(),
+            "\n## {name}\n\n{words}\n\n{source}\n\n![{name}: torque against angle](scenes/{file}.svg)\n"
         )?;
     }
     Ok(text)
@@ -87,15 +83,16 @@ fn text() -> anyhow::Result<String> {
 const HEAD: &str = "\
 # Scenes
 
-For everybody who looks for something to feel. After reading this page you know the scenes that come with hbot, what each
-feels like, and what its torque looks like before you feel it.
+For everybody who looks for something to feel. After reading this page you know the scenes that come with hbot, what
+each feels like, and what its torque looks like before you feel it.
 
-`hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and the panel
-loads them too. To write a scene of your own, copy a file of `scenes/`; [files.md](files.md#the-scene-file) has every key.
+`hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and the
+panel loads them too. To write a scene of your own, copy a file of `scenes/`.
+[files.md](files.md#the-scene-file) has every key, and [effects.md](effects.md) every kind of effect.
 
 Each plot shows the torque about an axis while the sphere turns about this axis and back. Black is the scene, and each
-colour is one of its effects. Dashed is the way back, where it differs. Grey lines are the largest torque of the prototype,
-and what lies beyond them is cut off.
+colour is one of its effects. Dashed is the way back, where it differs. Grey lines are the largest torque of the
+prototype, and what lies beyond them is cut off.
 
 This page is generated from the files by `cargo run -- scene page docs`.
 ";

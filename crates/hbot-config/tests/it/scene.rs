@@ -130,7 +130,7 @@ fn keys_and_types() {
     );
     assert_eq!(
         said_of_spring("[effects]"),
-        "x.toml:4:2: effects: unknown key (did you mean `effect`?); legal: name, effect, simulate"
+        "x.toml:4:2: effects: unknown key (did you mean `effect`?); legal: name, description, effect, simulate"
     );
 }
 

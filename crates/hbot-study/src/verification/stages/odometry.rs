@@ -105,8 +105,11 @@ pub(crate) fn segment(
     wide4(q)
 }
 
+/// A function that returns an orientation after a turn (a rotation vector in frame N, rad).
+type Turn = fn(Quat, Vec3) -> Quat;
+
 /// The ways to combine an orientation and a turn, each with its name in the ids of figures.
-pub(crate) const WAYS: [(&str, fn(Quat, Vec3) -> Quat); 2] =
+pub(crate) const WAYS: [(&str, Turn); 2] =
     [("product", rotation::turned_by_product), ("change", rotation::turned_by_change)];
 
 /// Returns the orientation [w, x, y, z] after the successive turns `turns` (rotation vectors in
