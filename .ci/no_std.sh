@@ -52,7 +52,7 @@ echo "noticed"
 
 mcu=thumbv7em-none-eabihf
 if [ -d "$(rustc --print target-libdir --target "$mcu")" ]; then
-    cargo build --locked --package hbot-core --package hbot-link --target "$mcu"
+    cargo build --locked --package hbot-core --package hbot-device --target "$mcu"
     echo "builds for $mcu"
 else
     echo "$mcu is not installed here: not built for it (rustup target add $mcu)"

@@ -117,10 +117,11 @@ impl Device {
             return None;
         }
         self.watchdog.pass(now_us);
-        let condition = self.check(joints);
+        self.check(joints);
         if !command.enable {
             self.watchdog.clear();
-            self.faulty = condition == Condition::Fault;
+            // If the cause is still there, the next check sets it again before the answer.
+            self.faulty = false;
         }
         self.watchdog.restart(command.watchdog_ms);
         let limited = self.drive(command, joints);

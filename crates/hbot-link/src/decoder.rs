@@ -1,7 +1,7 @@
 //! Decodes bytes from the line into messages. The bytes can arrive in pieces of any size.
 
 use crate::Message;
-use crate::frame::{CRC, CRC_BYTES, DELIMITER, MAX_FRAME};
+use crate::frame::{CRC, CRC_BYTES, DELIMITER};
 use core::{fmt, marker::PhantomData};
 
 /// Collects bytes from the line and decodes each frame into a message or an error. A frame ends at
@@ -13,10 +13,10 @@ use core::{fmt, marker::PhantomData};
 /// an error. So a sender can begin with an extra delimiter, to end any bytes that were sent before.
 /// If reading began in the middle of a frame, the first result can be an error.
 #[derive(Clone, Debug)]
-pub struct Decoder<M> {
+pub struct Decoder<M: Message> {
     /// The bytes received since the last delimiter, still COBS-encoded. Only the first `length`
     /// bytes are valid.
-    frame: [u8; MAX_FRAME],
+    frame: M::Frame,
     length: usize,
     /// True if this frame was already refused because it is too long. Its bytes are then dropped up
     /// to the delimiter.
@@ -28,7 +28,7 @@ impl<M: Message> Decoder<M> {
     /// Creates a decoder that expects the start of a frame.
     #[must_use]
     pub const fn new() -> Self {
-        Self { frame: [0; MAX_FRAME], length: 0, skipping: false, message: PhantomData }
+        Self { frame: M::NO_FRAME, length: 0, skipping: false, message: PhantomData }
     }
 
     /// Takes one byte from the line. Returns a message or an error if the byte completes a frame.
@@ -73,7 +73,7 @@ impl<M: Message> Decoder<M> {
             self.skipping = true;
             return Some(FrameError::TooLong);
         }
-        self.frame[self.length..end].copy_from_slice(bytes);
+        self.frame.as_mut()[self.length..end].copy_from_slice(bytes);
         self.length = end;
         None
     }
@@ -84,7 +84,7 @@ impl<M: Message> Decoder<M> {
         let had_its_result = self.skipping || self.length == 0;
         let length = self.length;
         self.reset();
-        if had_its_result { None } else { Some(decode(&mut self.frame[..length])) }
+        if had_its_result { None } else { Some(decode(&mut self.frame.as_mut()[..length])) }
     }
 }
 

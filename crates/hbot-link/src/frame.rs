@@ -218,6 +218,23 @@ mod tests {
         assert_eq!(CRC.checksum(b"123456789"), 0xCBF4_3926);
     }
 
+    /// Checks that the three ways to compute the CRC give the same result, for each length of a
+    /// body. This test compares them whichever features are chosen.
+    #[test]
+    fn the_check_is_the_same_with_each_table() {
+        let body: [u8; MAX_FRAME] = core::array::from_fn(|i| (i * i + 7 * i) as u8);
+        let (none, small, large) = (
+            Crc::<u32, crc::NoTable>::new(&CRC_32_ISO_HDLC),
+            Crc::<u32, crc::Table<1>>::new(&CRC_32_ISO_HDLC),
+            Crc::<u32, crc::Table<16>>::new(&CRC_32_ISO_HDLC),
+        );
+        for length in 0..=MAX_FRAME {
+            let body = &body[..length];
+            let checks = [none.checksum(body), small.checksum(body), large.checksum(body)];
+            assert_eq!(checks, [CRC.checksum(body); 3], "{length} bytes");
+        }
+    }
+
     #[test]
     fn errors_say_what_would_do() {
         let error = encode(&ToController::Describe, &mut [0; 3]).unwrap_err();

@@ -111,10 +111,26 @@ pub struct JointReading {
     pub flags: JointFlags,
 }
 
-mod sealed {
-    pub trait Sealed {}
-    impl Sealed for super::ToController {}
-    impl Sealed for super::FromController {}
+pub(crate) mod sealed {
+    use crate::{MAX_COMMAND_FRAME, MAX_FEEDBACK_FRAME};
+    use core::fmt::Debug;
+
+    /// What only this crate knows of a type of message.
+    pub trait Sealed {
+        /// Memory for the longest frame.
+        type Frame: Clone + Debug + AsMut<[u8]>;
+        const NO_FRAME: Self::Frame;
+    }
+
+    impl Sealed for super::ToController {
+        type Frame = [u8; MAX_COMMAND_FRAME];
+        const NO_FRAME: Self::Frame = [0; MAX_COMMAND_FRAME];
+    }
+
+    impl Sealed for super::FromController {
+        type Frame = [u8; MAX_FEEDBACK_FRAME];
+        const NO_FRAME: Self::Frame = [0; MAX_FEEDBACK_FRAME];
+    }
 }
 
 /// A type of message that is sent as one frame: [`ToController`] or [`FromController`]. The trait

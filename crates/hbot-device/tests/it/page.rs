@@ -1,5 +1,5 @@
-//! Compares docs/link.md with the tests of this crate, sentence by sentence. A duty that is added to
-//! the page must be added here with its test.
+//! Compares docs/link.md with the tests of this crate, sentence by sentence. A duty that is added
+//! to the page must be added here with its test.
 
 use std::collections::BTreeSet;
 
@@ -366,7 +366,8 @@ fn is_number(mark: &str) -> bool {
     mark.strip_suffix('.').is_some_and(|digits| digits.parse::<u32>().is_ok())
 }
 
-/// Splits a paragraph after each full stop or colon that is followed by the beginning of a sentence.
+/// Splits a paragraph after each full stop or colon that is followed by the beginning of a
+/// sentence.
 fn split(paragraph: &str) -> Vec<String> {
     let mut all = vec![String::new()];
     for word in paragraph.split_whitespace() {
