@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 if ! command -v g++ >/dev/null || [ ! -e /usr/include/doctest/doctest.h ]; then
     apt-get update -qq && apt-get install -y -qq g++ doctest-dev
 fi
-target=${CARGO_TARGET_DIR:-target}
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 out=$target/arduino
 mkdir -p "$out"
 build=tests/arduino/build.sh
@@ -26,7 +26,7 @@ python3 tests/arduino/taken_out.py "$out"
 
 echo "-- a million inputs through the header and through hbot-link"
 "$build" "$out/decoder" tests/arduino/decoder.cpp
-HBOT_ARDUINO_DECODER="$PWD/$out/decoder" HBOT_FUZZ_INPUTS=1000000 \
+HBOT_ARDUINO_DECODER="$out/decoder" HBOT_FUZZ_INPUTS=1000000 \
     cargo test --quiet --workspace --locked --test fuzz -- --ignored --nocapture
 
 echo "-- the examples"

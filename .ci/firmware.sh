@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the firmware images for an emulated board, and checks that they are small enough for a small microcontroller.
-# Also tests the check of frames with the small tables that firmware uses.
+# Also tests the check of frames with the small tables that firmware uses. Then a server drives both images.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -44,3 +44,9 @@ check_size "$rust" "$(firmware/stack.py "$rust" __euninit _stack_start)"
 for features in "" crc-table; do
     cargo test --locked --quiet -p hbot-link --lib --no-default-features --features "$features"
 done
+
+cpp=$(firmware/mps2-cpp/build.sh)
+python3 tests/firmware/sizes.py "$(dirname "$cpp")/image.map" start.o
+
+# A spring for a minute on each, with a reset and a pause of the board. It needs the server that the tests have built.
+HBOT="${HBOT:-${CARGO_TARGET_DIR:-target}/debug/hbot}" python3 tests/firmware/on_emulator.py "$rust" "$cpp"

@@ -1,5 +1,5 @@
-// A controller of four joints for the emulated board mps2-an386 (Cortex-M4F). Its UART 0 is the line
-// to the host. It sleeps between bytes.
+// A controller of four joints for the emulated board mps2-an386 (Cortex-M4F). Its UART 0 is the
+// line to the host. It sleeps between bytes.
 
 #include <HbotLink.h>
 

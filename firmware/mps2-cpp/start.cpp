@@ -22,8 +22,8 @@ volatile uint32_t &at(uintptr_t address) { return *reinterpret_cast<volatile uin
 
 } // namespace
 
-// Starts the processor anew. The controller then comes up without torque and is not described, which
-// the host sees (docs/link.md, "Seeing a reboot").
+// Starts the processor anew. The controller then comes up without torque and is not described,
+// which the host sees (docs/link.md, "Seeing a reboot").
 void fault() {
     at(0xE000ED0Cu) = 0x05FA0004u; // SYSRESETREQ in AIRCR.
     for (;;) {
@@ -56,7 +56,7 @@ union Vector {
     constexpr Vector(const uint32_t *top) : stack(top) {}
 };
 
-// 16 exceptions of the processor, then the interrupts of the board from 0 on: 0 is UART 0, received.
+// 16 exceptions of the processor, then the interrupts of the board: 0 is UART 0, received.
 __attribute__((section(".vectors"), used)) const Vector vectors[] = {
     stackTop, reset, fault, fault, fault, fault, fault, fault,
     fault,     fault, fault, fault, fault, fault, fault, millisecondPassed,

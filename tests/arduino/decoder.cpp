@@ -1,8 +1,8 @@
 // Decodes inputs from the standard input, for tests/fuzz/arduino.rs to compare with hbot-link.
 //
-// An input is its length (4 bytes, least significant first, below 65536) and its bytes. The answer is a length
-// and one record for each result of the decoder: its kind, and for a command its fields and the
-// frame of a feedback that is made of them.
+// An input is its length (4 bytes, least significant first, below 65536) and its bytes. The answer
+// is a length and one record for each result of the decoder: its kind, and for a command its fields
+// and the frame of a feedback that is made of them.
 #include <HbotLink.h>
 #include <stdio.h>
 #include <vector>

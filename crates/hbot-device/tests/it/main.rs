@@ -2,6 +2,7 @@
 
 mod bench;
 mod conversation;
+mod firmware;
 mod page;
 mod run;
 mod safety;

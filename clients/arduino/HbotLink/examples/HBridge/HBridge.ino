@@ -31,7 +31,8 @@ volatile uint8_t before[Motors];
 
 template <int J> void edge() {
     static const int8_t step[16] = {0, -1, 1, 0, 1, 0, 0, -1, -1, 0, 0, 1, 0, 1, -1, 0};
-    const uint8_t now = static_cast<uint8_t>(digitalRead(wiring[J].a) << 1 | digitalRead(wiring[J].b));
+    const uint8_t now =
+        static_cast<uint8_t>(digitalRead(wiring[J].a) << 1 | digitalRead(wiring[J].b));
     counts[J] = counts[J] + step[before[J] << 2 | now];
     before[J] = now;
 }

@@ -29,8 +29,8 @@ constexpr Mechanics Of[Count] = {SteerMechanics, DriveMechanics, SteerMechanics,
 
 // Temperature that the motors report, in degrees Celsius.
 constexpr float Temperature = 25.0f;
-// Longest time by which the joints move on at once, in microseconds. A longer gap, such as a halt in
-// a debugger, does not move them.
+// Longest time by which the joints move on at once, in microseconds. A longer gap, such as a halt
+// in a debugger, does not move them.
 constexpr uint32_t LongestStepUs = 20000;
 constexpr float TwoPi = 6.28318531f;
 

@@ -32,7 +32,8 @@ void readJoints(hbot::Reading *readings) {
         // cannot hold both.
         const int32_t sign = motor.sensor_direction == Direction::CCW ? -1 : 1;
         const float part = motor.sensor->getMechanicalAngle() / TwoPi * CountsPerTurn;
-        const int32_t turns = motor.sensor->getFullRotations() * static_cast<int32_t>(CountsPerTurn);
+        const int32_t turns =
+            motor.sensor->getFullRotations() * static_cast<int32_t>(CountsPerTurn);
         readings[j].count = sign * (turns + static_cast<int32_t>(part));
         readings[j].rate = motor.shaft_velocity / gear[j];
         readings[j].current = motor.current.q;
@@ -68,8 +69,8 @@ bool begin(BLDCMotor &motor, BLDCDriver3PWM &driver, MagneticSensorSPI &sensor,
     motor.torque_controller = TorqueControlType::foc_current;
     motor.current_limit = MostAmperes;
     motor.init();
-    // With both of these known, initFOC does not turn the motor at boot, which docs/link.md forbids.
-    // SimpleFOC's example find_sensor_offset_and_direction prints them; put your own here.
+    // With both of these known, initFOC does not turn the motor at boot, which docs/link.md
+    // forbids. SimpleFOC's example find_sensor_offset_and_direction prints them; put your own here.
     motor.zero_electric_angle = 1.57f;
     motor.sensor_direction = Direction::CW;
     current.skip_align = true;
