@@ -1,9 +1,9 @@
 //! A recorded run of the prototype, and the hash of what the control law computes on it. The same
 //! source serves both widths of the core and all machines.
 //!
-//! The recording contains what the motor controllers measured in 10,000 ticks at 1 kHz, while a hand
-//! turned the sphere (`recording.bin`; tests/core/same_bits of the main workspace makes it). What
-//! clients sent is in [`commands`].
+//! The recording contains what the motor controllers measured in 10,000 ticks at 1 kHz, while a
+//! hand turned the sphere (`recording.bin`; tests/core/same_bits of the main workspace makes it).
+//! What clients sent is in [`commands`].
 
 use super::core as hbot;
 use super::hash::Hash;
@@ -123,7 +123,7 @@ pub(crate) fn rig(more: bool) -> Rig {
     let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).expect("a legal device");
     let joint = |peak| Joint { zero: Zero::Assume, ..Joint::new(16384, peak) };
     let mut parts = RigParts::new(device).with_joints(joint(0.93), Joint { gear: 17.0, ..joint(0.14) });
-    // The recording was made with one rig. Another one may follow it with other torques.
+    // The recorded hand does not yield to torques, and the rates are rounded.
     (parts.limits.slip, parts.limits.enable_max_angle) = (5.0, 3.0);
     if more {
         parts.joints[1].reversed = true;

@@ -1,4 +1,5 @@
-//! The recorded run of firmware/core-hash: its hash is that of all other machines, in f32 and in f64.
+//! The recorded run of firmware/core-hash: its hash is that of all other machines, in f32 and in
+//! f64.
 
 use crate::bench::{DT, Sphere, reading};
 use hbot_core::Vec3;
@@ -31,15 +32,15 @@ use double::run::{Measured, RATE_UNIT, TICKS, follow, rig};
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/firmware/core-hash/src/recording.bin");
 
-/// Returns the angular velocity with which a strong hand turns the sphere at the time `t` (s), rad/s
-/// in N. It is smooth and reverses about each axis.
+/// Returns the angular velocity with which a strong hand turns the sphere at the time `t` (s),
+/// rad/s in N. It is smooth and reverses about each axis.
 fn hand(t: f64) -> Vec3 {
     let wave = |rate: f64, start: f64| libm::sin(rate * t + start);
     Vec3::new(1.5 * wave(3.0, 0.0), 1.2 * wave(2.1, 1.0), wave(1.3, 2.0) + 0.5 * wave(11.0, 0.0))
 }
 
-/// Returns what the motor controllers of the prototype measure in each tick while the hand turns the
-/// sphere.
+/// Returns what the motor controllers of the prototype measure in each tick while the hand turns
+/// the sphere.
 fn record() -> Vec<Measured> {
     let rig = rig(false);
     let mut sphere = Sphere::new(rig.device);
