@@ -172,7 +172,8 @@ class Spring:
     def follow(self, seconds):
         """Moves the spring from orientation to orientation. The sphere must follow.
 
-        Goes on for `seconds`, and until the sphere has reached three more orientations. Counts the orientations that the sphere has reached, and keeps the largest torque, N m.
+        Goes on for `seconds`, and until the sphere has reached three more orientations. Counts
+        the orientations that the sphere has reached, and keeps the largest torque, N m.
         """
         end = time.monotonic() + seconds
         enough = self.reached + 3
