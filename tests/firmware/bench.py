@@ -170,12 +170,14 @@ class Spring:
             self.start()
 
     def follow(self, seconds):
-        """Moves the spring for `seconds` from orientation to orientation. The sphere must follow.
+        """Moves the spring from orientation to orientation. The sphere must follow.
 
-        Counts the orientations that the sphere has reached, and keeps the largest torque, N m.
+        Goes on for `seconds`, and until the sphere has reached three more orientations. Counts
+        the orientations that the sphere has reached, and keeps the largest torque, N m.
         """
         end = time.monotonic() + seconds
-        while time.monotonic() < end:
+        enough = self.reached + 3
+        while time.monotonic() < end or self.reached < enough:
             target = self.next_target()
             try:
                 self.client.state(f"the sphere at {target}", lambda state: self.at(target, state))
