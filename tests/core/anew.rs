@@ -46,7 +46,7 @@ fn the_rate_estimate_that_the_rig_names_is_the_one_used() {
     assert_eq!(rates(RateEstimate::Controller), [0.125; 4], "those that are reported");
     let all = ESTIMATES.map(rates);
     for (i, estimate) in all.iter().enumerate() {
-        let reported = estimate.iter().any(|rate| *rate == 0.125);
+        let reported = estimate.contains(&0.125);
         assert!(!reported, "{:?}: {estimate:?}", ESTIMATES[i]);
         for other in &all[..i] {
             assert_ne!(estimate, other, "{:?}", ESTIMATES[i]);

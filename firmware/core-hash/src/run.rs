@@ -95,7 +95,7 @@ fn commands(tick: u64) -> [Option<Command>; 2] {
         7200 | 8200 => Some(Command::Reset),
         8100 => Some(Command::Estop),
         2000 | 9000 => Some(Command::Align { q: about(0.1, -0.05, 0.02), weight: 0.5, tick: tick - 20 }),
-        4000..4500 if tick % 4 == 0 => Some(Command::Reference {
+        4000..4500 if tick.is_multiple_of(4) => Some(Command::Reference {
             slot: 0,
             epoch: 1,
             q: about(0.0, 0.0, (tick - 4000) as Real * 0.001),
@@ -105,7 +105,7 @@ fn commands(tick: u64) -> [Option<Command>; 2] {
         }),
         _ => None,
     };
-    let stream = (1000..1500).contains(&tick) && tick % 5 == 0;
+    let stream = (1000..1500).contains(&tick) && tick.is_multiple_of(5);
     let torque = Vec3::new(0.2, -0.1, 0.05) * ((tick % 50) as Real * 0.02);
     [first, stream.then_some(Command::Stream { torque, valid_ticks: 10, stamp })]
 }

@@ -13,7 +13,8 @@ use crate::text::read_text;
 /// is reported as a mistake.
 pub(super) fn read_points(document: &mut Document, folder: &Path) {
     let Document { tree, report } = document;
-    let effects = tree["effect"].as_array_mut().into_iter().flatten().enumerate();
+    let effects = tree.get_mut("effect").and_then(Value::as_array_mut);
+    let effects = effects.into_iter().flatten().enumerate();
     for (i, effect) in effects.filter(|(_, effect)| effect["kind"] == "track") {
         let at = join(&format!("effect[{i}]"), "file");
         let Some(name) = effect["file"].as_str().filter(|name| !name.is_empty()) else { continue };

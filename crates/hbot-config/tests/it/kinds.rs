@@ -101,6 +101,14 @@ fn points_begin_at_zero_ascend_and_close_where_they_repeat() {
 }
 
 #[test]
+fn a_scene_file_without_effects_is_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, "name = 'Nothing'\n").unwrap();
+    assert_eq!(SceneFile::from_path(&scene).unwrap().effects().len(), 0);
+}
+
+#[test]
 fn a_scene_file_may_name_a_recorded_file_and_nobody_else() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.toml");
