@@ -14,16 +14,23 @@ can_fuzz() {
     cargo fuzz build
 }
 
+# Fuzzes one decoder. Prints its figures only when it is done, because several run at once.
+fuzz() {
+    local target=$1 found said failed=0
+    # New inputs go beside the corpus that is kept, not into it.
+    found=$(mktemp -d)
+    said=$(cargo fuzz run "$target" "$found" "fuzz/corpus/$target" -- -max_total_time="$seconds" \
+        -max_len=4096 -rss_limit_mb=2048 -timeout=10 -print_final_stats=1 2>&1) || failed=1
+    rm -rf "$found"
+    printf -- '-- %s\n%s\n' "$target" "$(grep -E 'stat::|Done|ERROR|SUMMARY|panicked|artifact' <<<"$said")"
+    [ "$failed" = 0 ] || { printf '%s\n' "$said" | tail -n 40; echo "$target failed"; return 1; }
+}
+
 if can_fuzz; then
-    for target in $(cargo fuzz list); do
-        echo "-- $target"
-        # New inputs go beside the corpus that is kept, not into it.
-        found=$(mktemp -d)
-        cargo fuzz run "$target" "$found" "fuzz/corpus/$target" -- \
-            -max_total_time="$seconds" -max_len=4096 -rss_limit_mb=2048 -timeout=10 -print_final_stats=1 2>&1 |
-            grep -E "stat::|Done|ERROR|SUMMARY|panicked|artifact" || { echo "$target failed"; exit 1; }
-        rm -rf "$found"
-    done
+    # One decoder on each processor at a time.
+    export seconds
+    export -f fuzz
+    cargo fuzz list | xargs -P "$(nproc)" -I{} bash -c 'set -euo pipefail; fuzz "$1"' _ {}
 else
     echo "no libFuzzer on this machine: the same checks under seeded mutations"
     HBOT_FUZZ_INPUTS=${FUZZ_INPUTS:-500000} cargo test --release --locked --test fuzz -- --nocapture

@@ -14,6 +14,8 @@ use serde_json::Value;
 pub struct InfoOk {
     /// Description of the rig.
     pub rig: RigInfo,
+    /// The time of tick 0. `None` if the server does not send this field.
+    pub clock: Option<ClockInfo>,
     /// Limits on the torque, speed and energy of the rig.
     pub limits: LimitsInfo,
     /// Estimates of the stiffest springs that the rig can render. `None` if the inertias of a wheel
@@ -54,6 +56,19 @@ pub struct RigInfo {
     pub sphere: SphereInfo,
     /// Wheels of the rig. State messages list the joints in the same order.
     pub wheels: Vec<WheelInfo>,
+}
+
+/// The time of tick 0 on two clocks of the server's machine. A state with time `t` belongs to the
+/// moment `unix_ns + 1e9 t`. In virtual time it is the moment at which the loop started, and the
+/// time `t` of later ticks does not follow these clocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ClockInfo {
+    /// Deadline of tick 0 on CLOCK_MONOTONIC, ns.
+    pub monotonic_ns: u64,
+    /// The same moment on CLOCK_REALTIME, measured when the loop started: ns since 1970-01-01 00:00
+    /// UTC. A JSON reader that holds numbers as doubles rounds it, by at most 128 ns.
+    pub unix_ns: u64,
 }
 
 /// Size and mass of the sphere.

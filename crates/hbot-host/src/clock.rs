@@ -1,4 +1,4 @@
-//! The monotonic clock, and sleeping until an absolute time.
+//! The monotonic clock, sleeping until an absolute time, and the time of tick 0.
 
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
@@ -14,6 +14,32 @@ pub fn now_ns() -> u64 {
     t.tv_sec.unsigned_abs() * NS + t.tv_nsec.unsigned_abs()
 }
 
+/// The time of tick 0 on two clocks of the system. With it, the time of any tick can be compared
+/// with the time stamps of other devices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Origin {
+    /// Deadline of tick 0 on CLOCK_MONOTONIC, ns.
+    pub monotonic_ns: u64,
+    /// The same moment on CLOCK_REALTIME: ns since 1970-01-01 00:00 UTC. It is measured when the
+    /// loop starts, and does not follow later corrections of that clock.
+    pub unix_ns: u64,
+}
+
+impl Origin {
+    /// Returns the moment `monotonic_ns` of CLOCK_MONOTONIC on both clocks. Reads the two clocks
+    /// once, so the error is at most the time between two reads of a clock, normally below 1 us.
+    #[must_use]
+    pub fn at(monotonic_ns: u64) -> Self {
+        let before = now_ns();
+        let real = clock_gettime(ClockId::Realtime);
+        let middle = before + (now_ns() - before) / 2;
+        let real_ns = i128::from(real.tv_sec) * i128::from(NS) + i128::from(real.tv_nsec);
+        let unix_ns = real_ns + i128::from(monotonic_ns) - i128::from(middle);
+        // A clock that is set to a time before 1970 is taken as 1970.
+        Self { monotonic_ns, unix_ns: u64::try_from(unix_ns).unwrap_or(0) }
+    }
+}
+
 /// Sleeps until `deadline_ns` on CLOCK_MONOTONIC. Returns at once if that time has passed.
 pub fn sleep_until_ns(deadline_ns: u64) {
     let request =
@@ -21,5 +47,23 @@ pub fn sleep_until_ns(deadline_ns: u64) {
     // A signal can end the sleep early. The deadline is absolute, so sleeping again is safe.
     while clock_nanosleep_absolute(ClockId::Monotonic, &request).is_err_and(|e| e == rustix::io::Errno::INTR)
     {
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+    #[test]
+    fn an_origin_is_one_moment_on_both_clocks() {
+        let second = Duration::from_secs(1);
+        let before = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+        let ahead = Origin::at(now_ns() + NS);
+        let after = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+        let unix = Duration::from_nanos(ahead.unix_ns);
+        // The system may correct its clock a little between these reads.
+        let correction = Duration::from_millis(1);
+        assert!(unix + correction >= before + second && unix <= after + second + correction, "{unix:?}");
     }
 }

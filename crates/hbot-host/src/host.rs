@@ -12,6 +12,7 @@ use thiserror::Error;
 use crate::attach::{AttachError, Simulator, serial, simulated};
 use crate::bridge::{ServiceEnd, bridge};
 use crate::bus::MotorBus;
+use crate::clock::{Origin, now_ns};
 use crate::engine::{Engine, Recorder};
 use crate::last_word::Program;
 use crate::layout::Layout;
@@ -73,6 +74,7 @@ pub struct Host {
     stop: StopFlag,
     thread: Option<JoinHandle<Ended>>,
     notices: Vec<String>,
+    origin: Origin,
     /// The simulated rig, if any. This field comes after `thread`, so that the rig is dropped after
     /// the loop's thread has ended.
     simulator: Option<Simulator>,
@@ -119,11 +121,12 @@ impl Host {
         let engine = Engine::new(motors, Controller::new(rig.rig), scene, loop_end, recorder)
             .enabling(simulator.is_some());
         let stop = StopFlag::default();
-        let thread = match time {
+        let (thread, origin) = match time {
             Time::Virtual => in_virtual_time(engine, &rig, ticks, stop.clone())?,
             Time::Wall => by_the_clock(engine, &rig, processor, ticks, stop.clone(), &mut notices)?,
         };
-        let host = Self { stop, thread: Some(thread), notices, simulator, _wake_latency: wake_latency };
+        let host =
+            Self { stop, thread: Some(thread), notices, origin, simulator, _wake_latency: wake_latency };
         Ok((host, end))
     }
 
@@ -131,6 +134,13 @@ impl Host {
     #[must_use]
     pub fn notices(&self) -> &[String] {
         &self.notices
+    }
+
+    /// Returns the time of tick 0 on the system's clocks. In virtual time it is the time at which
+    /// the loop started, and the time of later ticks does not follow those clocks.
+    #[must_use]
+    pub fn origin(&self) -> Origin {
+        self.origin
     }
 
     /// Returns a handle to the simulated rig, or `None` if the motors are real.
@@ -164,13 +174,15 @@ fn in_virtual_time(
     rig: &RigConfig,
     ticks: Option<u64>,
     stop: StopFlag,
-) -> std::io::Result<JoinHandle<Ended>> {
+) -> std::io::Result<(JoinHandle<Ended>, Origin)> {
     let period_ns = rig.rig.timing.period_ns;
-    spawn(move || lockstep(engine, period_ns, ticks, &stop))
+    let origin = Origin::at(now_ns());
+    Ok((spawn(move || lockstep(engine, period_ns, ticks, &stop))?, origin))
 }
 
 /// Starts the loop in wall-clock time, and waits until its thread has requested its processor and
-/// its real-time priority. Adds a notice for the user for each refusal.
+/// its real-time priority. Returns the thread and the time of tick 0. Adds a notice for the user
+/// for each refusal.
 fn by_the_clock(
     engine: Engine,
     rig: &RigConfig,
@@ -178,16 +190,17 @@ fn by_the_clock(
     ticks: Option<u64>,
     stop: StopFlag,
     notices: &mut Vec<String>,
-) -> std::io::Result<JoinHandle<Ended>> {
+) -> std::io::Result<(JoinHandle<Ended>, Origin)> {
     let (period_ns, early_ns) = (rig.rig.timing.period_ns, rig.early_ns);
     let (settled, heard) = std::sync::mpsc::sync_channel(1);
     let thread = spawn(move || {
         let pinned = processor.map_or(Ok(()), Processor::keep);
-        wall(engine, period_ns, early_ns, ticks, &stop, move |outcome| {
-            let _ = settled.send((pinned, outcome));
+        wall(engine, period_ns, early_ns, ticks, &stop, move |outcome, origin| {
+            let _ = settled.send((pinned, outcome, origin));
         })
     })?;
-    let (pinned, urgent) = heard.recv().unwrap_or((Ok(()), Ok(())));
+    // A thread that panics before it sends has run no tick. Its end is reported when it is joined.
+    let (pinned, urgent, origin) = heard.recv().unwrap_or_else(|_| (Ok(()), Ok(()), Origin::at(now_ns())));
     if let Err(reason) = pinned {
         notices.push(format!("the loop is not held on its processor ({reason}): the system may move it"));
     }
@@ -196,7 +209,7 @@ fn by_the_clock(
             "no real-time priority ({reason}): other work may delay ticks; run as root, or raise the limit rtprio"
         ));
     }
-    Ok(thread)
+    Ok((thread, origin))
 }
 
 fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinHandle<Ended>> {

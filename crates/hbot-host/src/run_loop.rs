@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::clock::now_ns;
+use crate::clock::{Origin, now_ns};
 use crate::early::Early;
 use crate::engine::{Engine, TickTime};
 use crate::pace::{Beat, Pace};
@@ -55,19 +55,22 @@ pub enum Ended {
 /// Runs ticks at absolute deadlines, one every `period_ns`, until `stop` is set or the tick number
 /// reaches `ticks`. The thread wakes up to `early_ns` before each deadline. The motors are switched
 /// off at the end, even if a tick panics. Before the first tick, `settled` is called with the
-/// result of requesting real-time priority: `Ok`, or the reason for the refusal.
+/// result of requesting real-time priority (`Ok`, or the reason for the refusal) and with the time
+/// of tick 0.
 pub fn wall(
     mut engine: Engine,
     period_ns: u64,
     early_ns: u64,
     ticks: Option<u64>,
     stop: &StopFlag,
-    settled: impl FnOnce(Result<(), String>),
+    settled: impl FnOnce(Result<(), String>, Origin),
 ) -> Ended {
-    settled(real_time(LOOP_PRIORITY));
+    let urgent = real_time(LOOP_PRIORITY);
     touch_stack();
     let mut early = Early::new(early_ns, period_ns);
-    let mut pace = Pace::new(now_ns() + period_ns, period_ns);
+    let origin = Origin::at(now_ns() + period_ns);
+    settled(urgent, origin);
+    let mut pace = Pace::new(origin.monotonic_ns, period_ns);
     let mut tick = 0;
     guarded(&mut engine, Duration::from_nanos(period_ns), |engine| {
         let mut skipped = 0;

@@ -135,7 +135,9 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let accuracy = rig.accuracy.to_owned();
         let phenomena = host.simulator().cloned().map(replace_phenomena);
-        let setup = ServiceSetup { rig, scene: running, phenomena, token, encryption, flight_dir, accuracy };
+        let origin = host.origin();
+        let setup =
+            ServiceSetup { rig, scene: running, phenomena, token, encryption, flight_dir, accuracy, origin };
         Ok(Self { setup, end, host, notices, period_ns, time, started_ns: now_ns() })
     }
 

@@ -158,6 +158,7 @@ pub(super) fn info() -> InfoOk {
             traction: Some(TractionInfo::default()),
             ..LimitsInfo::default()
         },
+        clock: Some(ClockInfo::default()),
         render: Some(RenderInfo::default()),
         effects: vec![kind.clone()],
         phenomena: Some(vec![kind]),

@@ -101,7 +101,7 @@ impl Hub {
         setup: ServiceSetup,
         status: watch::Sender<Status>,
     ) -> Self {
-        let ServiceSetup { rig, scene, phenomena, token, encryption, flight_dir, accuracy } = setup;
+        let ServiceSetup { rig, scene, phenomena, token, encryption, flight_dir, accuracy, origin } = setup;
         let changed = Arc::new(Notify::new());
         let simulated = phenomena.is_some();
         Self {
@@ -109,7 +109,7 @@ impl Hub {
             token,
             encryption,
             end,
-            info: Info::new(&rig, &accuracy, simulated),
+            info: Info::new(&rig, &accuracy, simulated, origin),
             stats: Stats::new(),
             publisher: Publisher::new(Arc::clone(&changed)),
             lease: Lease::default(),

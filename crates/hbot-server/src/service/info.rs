@@ -1,8 +1,8 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo, SphereInfo,
-    TractionInfo, WheelInfo,
+    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo,
+    SphereInfo, TractionInfo, WheelInfo,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::Listed;
@@ -12,6 +12,7 @@ use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::Value;
 
 use super::convert;
+use hbot_host::clock::Origin;
 use hbot_host::sample::Sample;
 use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
 
@@ -22,9 +23,10 @@ pub(super) struct Info {
 }
 
 impl Info {
-    pub(super) fn new(config: &RigConfig, accuracy: &str, simulated: bool) -> Self {
+    pub(super) fn new(config: &RigConfig, accuracy: &str, simulated: bool, origin: Origin) -> Self {
         let fixed = InfoOk {
             rig: rig(config, simulated),
+            clock: Some(ClockInfo { monotonic_ns: origin.monotonic_ns, unix_ns: origin.unix_ns }),
             limits: limits(config),
             render: render(config),
             accuracy: accuracy.to_owned(),

@@ -72,6 +72,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 pub(crate) use self::strangers::too_few_descriptors;
 use crate::tls::Encryption;
 use hbot_host::bridge::ServiceEnd;
+use hbot_host::clock::Origin;
 use hbot_host::sample::Sample;
 
 /// A function that gives the simulated rig the phenomena of a scene.
@@ -94,6 +95,8 @@ pub struct ServiceSetup {
     pub flight_dir: Option<PathBuf>,
     /// Name of the preset of numerical methods in use, for the answer to `info`.
     pub accuracy: String,
+    /// The time of tick 0 on the system's clocks.
+    pub origin: Origin,
 }
 
 /// A request to the service from another part of the program, such as the metrics page.

@@ -1,7 +1,9 @@
 //! Tests of each op: its effect, which clients may use it, and the table of modes, over the
 //! network.
 
-use hbot_api::{Align, ErrorCode, LeaseInfo, OpName, ReferenceCommand, TorqueCommand, TractionInfo, Who};
+use hbot_api::{
+    Align, ClockInfo, ErrorCode, LeaseInfo, OpName, ReferenceCommand, TorqueCommand, TractionInfo, Who,
+};
 
 use super::*;
 
@@ -323,6 +325,8 @@ fn info_and_stats_have_their_shape() {
     let info = client.info().unwrap();
     assert_eq!(info.rig.wheels.len(), 2);
     assert_eq!((info.rig.simulated, info.accuracy.as_str()), (false, "balanced"));
+    let clock = ClockInfo { monotonic_ns: ORIGIN.monotonic_ns, unix_ns: ORIGIN.unix_ns };
+    assert_eq!(info.clock, Some(clock));
     assert_eq!(info.limits.traction, Some(TractionInfo { mu: 0.8, normal_force: 10.0 }));
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
     // `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1 ms.

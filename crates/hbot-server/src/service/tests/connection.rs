@@ -13,6 +13,7 @@ use super::super::outbox::outbox;
 use super::super::peer::Peer;
 use super::*;
 use hbot_host::bridge::LoopEnd;
+use hbot_host::clock::Origin;
 
 /// Capacity of the pipe between a client and the service, bytes.
 const PIPE: usize = 128 * 1024;
@@ -29,6 +30,7 @@ pub(super) fn still() -> (LoopEnd, Desk) {
         encryption: None,
         flight_dir: None,
         accuracy: "test".to_owned(),
+        origin: Origin::at(0),
     };
     let bounds = Bounds { stuck: Duration::from_millis(50), ..Bounds::default() };
     (loop_end, Desk::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))

@@ -38,11 +38,16 @@ use super::{Bounds, Control, ServiceSetup, SetPhenomena, Status, Summary, serve_
 use hbot_host::bridge::{EmergencyStop, bridge};
 use hbot_host::bus::hbot::HbotLink;
 use hbot_host::bus::{Expected, Protocol as _};
+use hbot_host::clock::Origin;
 use hbot_host::engine::Engine;
 use hbot_host::layout::Layout;
 use hbot_host::line::{Line, Memory, SimulatorCall};
 use hbot_host::motors::Motors;
 use hbot_host::run_loop::{StopFlag, lockstep};
+
+/// The time of tick 0 that the service of a test is given. The Unix time is larger than 2^53, so
+/// that a number that lost its last digits would be noticed.
+const ORIGIN: Origin = Origin { monotonic_ns: 12_345_678_901, unix_ns: 1_795_363_200_123_456_789 };
 
 /// The settings of the service that a test starts.
 struct TestOptions {
@@ -156,8 +161,16 @@ impl TestService {
                 let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
                 ready.send((listener.local_addr().unwrap(), end.emergency_stop(), ticking)).unwrap();
                 let accuracy = rig.accuracy.to_owned();
-                let setup =
-                    ServiceSetup { accuracy, rig, scene: running, phenomena, token, encryption, flight_dir };
+                let setup = ServiceSetup {
+                    accuracy,
+                    rig,
+                    scene: running,
+                    phenomena,
+                    token,
+                    encryption,
+                    flight_dir,
+                    origin: ORIGIN,
+                };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
                 })

@@ -49,6 +49,7 @@ fn info_keeps_its_names_their_order_and_types() {
                         name: text, axis: [real], cone: real, toe: real, radius: real, steer: {joint}, drive: {joint}
                     }}]
                 }},
+                clock: {{monotonic_ns: whole, unix_ns: whole}},
                 limits: {{
                     torque: real, torque_rate: real, speed: real, slip: real, energy: null, traction: {traction},
                     enable_max_angle: real, align_rate: real, reference_rate: real, max_age_ticks: whole
