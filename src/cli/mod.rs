@@ -5,6 +5,8 @@ mod console;
 mod doctor;
 mod orders;
 pub(crate) mod out;
+mod record;
+mod replay;
 mod rig;
 mod scene;
 mod secrets;
@@ -40,6 +42,10 @@ enum Command {
     Server(server::ServerArgs),
     /// Show the state of a running server, live
     Watch(watch::WatchArgs),
+    /// Record a running server: what every viewer understands, without the exact inputs
+    Record(record::RecordArgs),
+    /// Run a recording through the control law again and compare every bit
+    Replay(replay::ReplayArgs),
     /// Check, load and draw scene files; list what they can be made of
     #[command(subcommand)]
     Scene(scene::SceneCommand),
@@ -90,6 +96,8 @@ impl Cli {
         match self.command {
             Command::Server(args) => server::run(args),
             Command::Watch(args) => watch::run(&args),
+            Command::Record(args) => record::run(&args),
+            Command::Replay(args) => replay::run(&args),
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
             Command::Doctor(args) => doctor::run(args),

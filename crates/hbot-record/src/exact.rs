@@ -71,14 +71,19 @@ pub(crate) fn of_tick(inputs: &Inputs, outputs: &Outputs) -> Vec<u8> {
     message(inputs.tick, Record::Run(Tick { inputs: bytes(inputs), outputs: bytes(outputs) }))
 }
 
+/// Returns the part of a scene's table of numbers that its effects use.
+pub(crate) fn numbers(scene: &CompiledScene) -> &[Real] {
+    // A table has at most 4096 numbers, so their count does not wrap.
+    let end = |span: Span| span.start + span.len;
+    let len = scene.effects().iter().map(|effect| end(effect.numbers)).max().unwrap_or(0);
+    scene.numbers(Span { start: 0, len })
+}
+
 /// Returns the stored form of a scene that is rendered from `tick` on.
 #[must_use]
 pub(crate) fn of_scene(tick: u64, scene: &CompiledScene) -> Vec<u8> {
-    let end = |span: Span| usize::from(span.start) + usize::from(span.len);
-    let used = scene.effects().iter().map(|effect| end(effect.numbers)).max().unwrap_or(0);
-    // A table has at most 4096 numbers.
-    let numbers = scene.numbers(Span { start: 0, len: used as u16 }).to_vec();
-    let stored = Scene { revision: scene.revision(), effects: scene.effects().to_vec(), numbers };
+    let (effects, numbers) = (scene.effects().to_vec(), numbers(scene).to_vec());
+    let stored = Scene { revision: scene.revision(), effects, numbers };
     message(tick, Record::Scene(bytes(&stored)))
 }
 

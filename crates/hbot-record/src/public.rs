@@ -102,7 +102,9 @@ pub(crate) fn state(state: &StateEvent, unix_ns: u64) -> hbot::State {
         scale: state.scale,
         traction: state.traction,
         energy: state.energy,
-        client: state.client.map(|client| hbot::ClientStream { seq: client.seq, age_ticks: client.age_ticks }),
+        client: state
+            .client
+            .map(|client| hbot::ClientStream { seq: client.seq, age_ticks: client.age_ticks }),
         timing: Some(hbot::Timing {
             lateness_us: timing.lateness_us,
             compute_us: timing.compute_us,
@@ -165,5 +167,15 @@ pub(crate) fn event(event: &Event, unix_ns: u64) -> Log {
         name: event.name().map_or_else(String::new, |name| name.as_str().to_owned()),
         file: String::new(),
         line: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_causes_of_the_core_are_the_faults_of_the_messages() {
+        assert_eq!(mode::Cause::ALL.map(fault), Fault::ALL);
     }
 }

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::io::Read;
 
+use hbot_core::effects::Effect;
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
 
 use crate::difference;
-use crate::exact::{Exact, FORMAT, same_bits};
+use crate::exact::{self, Exact, FORMAT, same_bits};
 use crate::reader::{Item, ReadError, Reader};
 use crate::topic::Topic;
 
@@ -81,6 +82,16 @@ impl Report {
     }
 }
 
+/// Returns `scene` under numbers that no recorded scene has. So its effects do not take over the
+/// memory of recorded effects, and the change to it blends.
+#[must_use]
+pub fn renumbered(scene: &CompiledScene) -> CompiledScene {
+    let effects = scene.effects().iter().map(|effect| Effect { epoch: effect.epoch | 1 << 31, ..*effect });
+    let effects: Vec<Effect> = effects.collect();
+    CompiledScene::with_numbers(scene.revision() | 1 << 63, &effects, exact::numbers(scene))
+        .unwrap_or_else(|error| unreachable!("the effects of a scene make a scene: {error}"))
+}
+
 /// One tick of a replay.
 pub struct Replayed<'a> {
     /// The recorded inputs.
@@ -89,8 +100,6 @@ pub struct Replayed<'a> {
     pub recorded: &'a Outputs,
     /// The outputs that were computed from the inputs.
     pub computed: &'a Outputs,
-    /// The state of the control law after the tick.
-    pub controller: &'a Controller,
     /// Unix time of the tick's deadline, ns.
     pub log_time: u64,
 }
@@ -206,7 +215,7 @@ impl<R: Read> Replay<R> {
             let first = self.report.range.map_or(inputs.tick, |(first, _)| first);
             self.report.range = Some((first, inputs.tick));
             self.report.ticks += 1;
-            each(Replayed { inputs, recorded, computed: &computed, controller, log_time: 0 })?;
+            each(Replayed { inputs, recorded, computed: &computed, log_time: 0 })?;
         }
         Ok(true)
     }

@@ -7,10 +7,7 @@ fn messages_are_made_from_their_definitions() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let set = protox::compile([root.join("proto/hbot.proto")], [root.join("proto")]).unwrap();
     let out = tempfile::tempdir().unwrap();
-    prost_build::Config::new()
-        .out_dir(out.path())
-        .compile_fds(set.clone())
-        .unwrap();
+    prost_build::Config::new().out_dir(out.path()).compile_fds(set.clone()).unwrap();
     let bare = {
         // Comments and positions in the source are of no use to a reader of a recording.
         let mut set = set;

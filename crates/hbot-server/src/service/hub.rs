@@ -101,7 +101,8 @@ impl Hub {
         setup: ServiceSetup,
         status: watch::Sender<Status>,
     ) -> Self {
-        let ServiceSetup { rig, scene, phenomena, token, encryption, flight_dir, accuracy, origin } = setup;
+        let ServiceSetup { rig, scene, phenomena, token, encryption, flight_dir, accuracy, origin, notes } =
+            setup;
         let changed = Arc::new(Notify::new());
         let simulated = phenomena.is_some();
         Self {
@@ -111,12 +112,12 @@ impl Hub {
             end,
             info: Info::new(&rig, &accuracy, simulated, origin),
             stats: Stats::new(),
-            publisher: Publisher::new(Arc::clone(&changed)),
+            publisher: Publisher::new(Arc::clone(&changed), notes.clone()),
             lease: Lease::default(),
             orders: Orders::default(),
-            scenes: Scenes::new(scene, phenomena, rig.rig, Arc::clone(&changed)),
+            scenes: Scenes::new(scene, phenomena, rig.rig, notes.clone(), Arc::clone(&changed)),
             incidents: Incidents::new(rig.rig),
-            flights: Flights::new(flight_dir, rig.rig.timing.period_ns, Arc::clone(&changed)),
+            flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
             latest: None,
             long_messages: LongMessages::default(),
             wrong_tokens: WrongTokens::default(),

@@ -70,6 +70,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub(crate) use self::strangers::too_few_descriptors;
+use crate::recording::Notes;
 use crate::tls::Encryption;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::clock::Origin;
@@ -97,6 +98,8 @@ pub struct ServiceSetup {
     pub accuracy: String,
     /// The time of tick 0 on the system's clocks.
     pub origin: Origin,
+    /// Passes scenes and events to the recorder.
+    pub(crate) notes: Notes,
 }
 
 /// A request to the service from another part of the program, such as the metrics page.

@@ -170,6 +170,7 @@ impl TestService {
                     encryption,
                     flight_dir,
                     origin: ORIGIN,
+                    notes: crate::recording::Notes::default(),
                 };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
