@@ -40,17 +40,18 @@ fn meddle(address: SocketAddr) {
         r#"{"id": 1, "op": "acquire"}"#,
         r#"{"id": 2, "op": "set", "effect": "spring", "stiffness": 3}"#,
         r#"{"id": 3, "op": "torque", "torque": [0.1, 0, 0.05], "valid_ms": 500, "seq": 1}"#,
-        r#"{"id": 4, "op": "load_scene", "scene": {"name": "two", "effect": [{"id": "a", "kind": "spring", "stiffness": 2, "fade_out": 0.2}, {"id": "b", "kind": "damper", "damping": 0.03}, {"id": "c", "kind": "snaps", "set": "icosahedron", "strength": 0.1, "width": 0.2}]}}"#,
+        r#"{"id": 4, "op": "load_scene", "scene": {"name": "two", "effect": [{"id": "a", "kind": "spring", "stiffness": 2, "fade_out_s": 0.2}, {"id": "b", "kind": "damper", "damping": 0.03}, {"id": "c", "kind": "snaps"}]}}"#,
         r#"{"id": 5, "op": "reference", "effect": "a", "q": [0.98, 0.2, 0, 0], "omega": [0.1, 0, 0], "valid_ms": 300}"#,
         r#"{"id": 6, "op": "align", "q": [1, 0.01, 0, 0], "weight": 0.5}"#,
         r#"{"id": 7, "op": "load_scene", "scene": {"name": "noisy", "simulate": {"link": {"latency_s": 0.0005, "jitter_s": 0, "loss": 0, "corrupt": 0.9}}}}"#,
     ] {
-        first.ask(line);
+        assert!(first.ask(line)["ok"].is_object(), "{line}");
     }
-    first.until(|event| event["event"] == "fault" && event["mode"] == "fault");
+    first.ask(r#"{"id": 12, "op": "subscribe", "every": 10}"#);
+    first.state(|state| state["mode"] == "fault");
     first.ask(r#"{"id": 8, "op": "load_scene", "scene": {"name": "ideal", "effect": [{"id": "d", "kind": "spring", "stiffness": 1}], "simulate": {"link": {"latency_s": 0.0005, "jitter_s": 0, "loss": 0, "corrupt": 0}}}}"#);
     // The fault condition can last for some ticks.
-    while first.ask(r#"{"id": 9, "op": "reset"}"#)["ok"] != true {}
+    while !first.ask(r#"{"id": 9, "op": "reset"}"#)["ok"].is_object() {}
     first.ask(r#"{"id": 10, "op": "enable"}"#);
     first.ask(r#"{"id": 11, "op": "torque", "torque": [0, 0.1, 0], "valid_ms": 2000}"#);
     let mut second = Lines::greeted(address);

@@ -37,7 +37,7 @@ fn rigs() -> [Rig; 3] {
 fn scene() -> CompiledScene {
     let text = r#"{"name": "memories", "effect": [
         {"id": "spring", "kind": "spring", "stiffness": 1, "anchor": "here"},
-        {"id": "friction", "kind": "friction", "torque": 0.05, "stiffness": 5},
+        {"id": "friction", "kind": "friction"},
         {"id": "mass", "kind": "inertia", "mass": 0.0005},
         {"id": "hum", "kind": "vibration", "axis": [0, 0, 1], "amplitude": 0.02, "frequency": 40}]}"#;
     let file = hbot_config::SceneFile::from_json(serde_json::from_str(text).unwrap()).unwrap();
