@@ -56,7 +56,7 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let name = || args.file.display().to_string();
     let into = BufWriter::new(File::create_new(&args.file).with_context(name)?);
     let unix_ns = info.clock.map_or_else(now, |clock| clock.unix_ns);
-    let mut writer = Writer::new(into, &about(&info, &client.hello().version)).with_context(name)?;
+    let mut writer = Writer::new(into, &about(&info, &client.hello().server)).with_context(name)?;
     let title = info.scene.get("name").and_then(|name| name.as_str()).unwrap_or_default();
     writer.scene(0, title, &info.scene.to_string(), unix_ns)?;
     client.subscribe(args.every)?;
@@ -122,8 +122,11 @@ fn now() -> u64 {
     u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
 }
 
-fn about(info: &InfoOk, version: &str) -> About {
-    let wheels = info.rig.wheels.iter().map(|wheel| wheel.name.replace(' ', "_"));
+fn about(info: &InfoOk, server: &str) -> About {
+    let wheels =
+        info.rig.wheels.iter().enumerate().map(|(k, wheel)| {
+            wheel.name.clone().unwrap_or_else(|| format!("wheel {}", k + 1)).replace(' ', "_")
+        });
     let joints = wheels.flat_map(|wheel| ["steer", "drive"].map(|joint| format!("{wheel}.{joint}")));
     let mut entries = BTreeMap::new();
     let mut put = |key: &str, value: String| entries.insert(key.to_owned(), value);
@@ -131,6 +134,6 @@ fn about(info: &InfoOk, version: &str) -> About {
     put("rate_hz", info.rig.rate_hz.to_string());
     put("accuracy", info.accuracy.clone());
     put("scene", info.scene.to_string());
-    put("server_version", version.to_owned());
+    put("server", server.to_owned());
     About { joints: joints.collect(), entries }
 }

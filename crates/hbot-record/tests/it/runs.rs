@@ -10,7 +10,7 @@ use hbot_core::mode::{Cause, Mode};
 use hbot_record::reader::Item;
 use hbot_record::replay::{Replay, ReplayError, renumbered};
 use hbot_record::{Exact, Reader, Topic};
-use hbot_testing::lines::Lines;
+use hbot_testing::lines::JsonLines;
 
 use crate::made::{assert_exact, exact, record, replay};
 
@@ -35,7 +35,7 @@ fn every_scene_of_the_shelf_replays_bit_for_bit() {
 
 /// Clients that stream, change the scene, cause a fault and a stop, recover, and steal the lease.
 fn meddle(address: SocketAddr) {
-    let mut first = Lines::greeted(address);
+    let mut first = JsonLines::greeted(address);
     for line in [
         r#"{"id": 1, "op": "acquire"}"#,
         r#"{"id": 2, "op": "set", "effect": "spring", "stiffness": 3}"#,
@@ -54,7 +54,7 @@ fn meddle(address: SocketAddr) {
     while !first.ask(r#"{"id": 9, "op": "reset"}"#)["ok"].is_object() {}
     first.ask(r#"{"id": 10, "op": "enable"}"#);
     first.ask(r#"{"id": 11, "op": "torque", "torque": [0, 0.1, 0], "valid_ms": 2000}"#);
-    let mut second = Lines::greeted(address);
+    let mut second = JsonLines::greeted(address);
     second.ask(r#"{"id": 1, "op": "acquire", "steal": true}"#);
     second.ask(r#"{"id": 2, "op": "estop"}"#);
     second.ask(r#"{"id": 3, "op": "reset"}"#);
@@ -78,8 +78,11 @@ fn streams_changes_faults_stops_and_stolen_leases_replay_bit_for_bit() {
             Exact::Lost(_) => panic!("nothing is lost in virtual time"),
         }
     }
-    let fault = format!("{:?} {:?}", Mode::Fault, Some(Cause::LinkCorrupt));
-    assert!(modes.contains_key(&fault) && modes.contains_key("Estop None"), "{modes:?}");
+    // With so many damaged frames, either cause can come first.
+    let faults =
+        [Cause::LinkCorrupt, Cause::LinkLost].map(|cause| format!("{:?} {:?}", Mode::Fault, Some(cause)));
+    assert!(faults.iter().any(|fault| modes.contains_key(fault)), "{modes:?}");
+    assert!(modes.contains_key("Estop None"), "{modes:?}");
     let has = |wanted: fn(&Command) -> bool| commands.iter().any(wanted);
     assert!(has(|command| matches!(command, Command::Stream { .. })), "{commands:?}");
     assert!(has(|command| matches!(command, Command::Reference { .. })), "{commands:?}");
@@ -91,7 +94,7 @@ fn streams_changes_faults_stops_and_stolen_leases_replay_bit_for_bit() {
 #[test]
 fn a_recording_has_every_public_topic_of_every_tick_at_its_time() {
     let (recording, finished) = record(SceneFile::default_scene(), 2, |address| {
-        Lines::greeted(address).ask(r#"{"id": 1, "op": "acquire"}"#);
+        JsonLines::greeted(address).ask(r#"{"id": 1, "op": "acquire"}"#);
     });
     let mut reader = Reader::new(&recording[..]).unwrap();
     let mut topics: BTreeMap<String, Vec<u64>> = BTreeMap::new();
