@@ -6,6 +6,8 @@ mod console;
 mod doctor;
 mod orders;
 pub(crate) mod out;
+mod record;
+mod replay;
 mod rig;
 mod rig_new;
 mod scene;
@@ -50,6 +52,10 @@ enum Command {
     Stats(show::ShowArgs),
     /// Change parameters of an effect while a server renders it
     Set(set::SetArgs),
+    /// Record a running server: what every viewer understands, without the exact inputs
+    Record(record::RecordArgs),
+    /// Run a recording through the control law again and compare every bit
+    Replay(replay::ReplayArgs),
     /// List, check, load and draw scenes
     #[command(subcommand)]
     Scene(scene::SceneCommand),
@@ -112,6 +118,8 @@ impl Cli {
         match self.command {
             Command::Server(args) => server::run(args),
             Command::Watch(args) => watch::run(&args),
+            Command::Record(args) => record::run(&args),
+            Command::Replay(args) => replay::run(&args),
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
             Command::Doctor(args) => doctor::run(args),

@@ -1,5 +1,6 @@
 //! `hbot server`: runs the loop and the TCP service until they are stopped.
 
+use std::collections::BTreeMap;
 use std::future::poll_fn;
 use std::io::ErrorKind;
 use std::net::SocketAddr;
@@ -16,6 +17,7 @@ use hbot_host::expectation::{self, Expectation};
 use hbot_host::last_word::Program;
 use hbot_host::signals;
 use hbot_host::stop_signal::StopSignal;
+use hbot_server::recording::{Limit, RecordOptions, is_file};
 use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use serde_json::json;
@@ -60,6 +62,13 @@ pub(crate) struct ServerArgs {
     /// Stop after this time of the loop
     #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
+    /// Record everything the loop does: a file that ends in .mcap, or a folder in which each run gets
+    /// a file; `hbot replay` runs it again
+    #[arg(long, value_name = "PATH")]
+    record: Option<PathBuf>,
+    /// Begin a new file in the folder after this size or time, such as 500MB or 10min
+    #[arg(long, value_name = "SIZE|TIME", requires = "record")]
+    record_limit: Option<Limit>,
     /// File with the token that clients must present
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
@@ -106,7 +115,7 @@ pub(crate) fn hertz(text: &str) -> Result<u32, String> {
     text.parse().map_err(|_| "a whole number of ticks a second, 50 to 20000, such as 1000".to_owned())
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
         _ => Err("a number of seconds above 0, at most 1e9".to_owned()),
@@ -185,6 +194,7 @@ async fn serve(
     let time = if args.time == TimeArg::Virtual { Time::Virtual } else { Time::Wall };
     let secrets = secrets::notices(&rig, args.metrics_token_file.as_deref());
     let banner = banner(&rig, scene.name(), address, time, expected);
+    let recording = recording(&args)?;
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();
     let server = Server::start(ServerOptions {
@@ -197,6 +207,7 @@ async fn serve(
         last_word: Some(Program::this(super::LAST_WORD)),
         flight_dir,
         recorder: None,
+        recording,
     })?;
     stop_signal.obey(server.emergency_stop())?;
     if let Some(at) = metrics_at {
@@ -227,6 +238,29 @@ async fn serve(
     console.status(None);
     console.say(status::summary(&finished));
     Ok(if finished.failed.is_some() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// Returns what to record. The metadata of a recording name the rig file and the command line's
+/// changes to it, and this machine.
+fn recording(args: &ServerArgs) -> anyhow::Result<RecordOptions> {
+    match &args.record {
+        Some(path) if is_file(path) => {
+            anyhow::ensure!(!path.exists(), "--record {}: the file exists", path.display());
+            anyhow::ensure!(args.record_limit.is_none(), "--record-limit needs --record FOLDER");
+        }
+        _ => {}
+    }
+    let mut about = BTreeMap::new();
+    if let Some(path) = &args.rig {
+        about.insert("rig_file".to_owned(), hbot_config::read_text(path)?);
+    }
+    let changes = args.overrides().into_iter().map(|change| format!("{} = {}", change.path, change.value));
+    about.insert("overrides".to_owned(), changes.collect::<Vec<_>>().join("\n"));
+    if let Ok(machine) = std::fs::read_to_string("/proc/sys/kernel/hostname") {
+        about.insert("machine".to_owned(), machine.trim().to_owned());
+    }
+    let (path, limit) = (args.record.clone(), args.record_limit);
+    Ok(RecordOptions { path, limit, about })
 }
 
 /// Measures what the rig's methods cost on this machine and how large their error is. With a

@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 
 use hbot_api::Distribution;
+use hbot_server::recording::Recorded;
 use hbot_server::server::Finished;
 use hbot_server::service::Status;
 
@@ -58,6 +59,9 @@ pub(crate) fn summary(finished: &Finished) -> String {
     );
     if let Some(ratio) = finished.speed {
         let _ = write!(text, "\n  {ratio:.0} times real time");
+    }
+    if let Some(Recorded { written, lost, failed_files }) = finished.recorded {
+        let _ = write!(text, "\n  {written} ticks recorded, {lost} lost, {failed_files} files failed");
     }
     if let Some(part) = finished.failed {
         let _ = write!(

@@ -14,6 +14,7 @@ use hbot_host::bus::{Expected, Protocol as _};
 use hbot_host::conformance::Controllers as _;
 use hbot_host::layout::Layout;
 use hbot_host::line::Line;
+use hbot_server::recording::RecordOptions;
 use hbot_server::server::{ServerOptions, Time};
 use hbot_testing::patience::eventually;
 use hbot_testing::prototype::patient;
@@ -78,6 +79,7 @@ fn served(cable: &Cable) -> TestServer {
         last_word: None,
         flight_dir: None,
         recorder: None,
+        recording: RecordOptions::default(),
     };
     TestServer::start(options, any_port())
 }

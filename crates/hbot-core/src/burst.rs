@@ -10,6 +10,7 @@ use crate::rig::EnergyLimit;
 /// Counts the energy that the rig has recently given to the hand in excess of a permitted constant
 /// power, J. It serves to detect a burst of energy.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Burst {
     limit: EnergyLimit,
     level: Real,

@@ -49,6 +49,7 @@ pub const MIN_BOUNDARY: Real = 1.0e-6;
 
 /// The design of one wheel, before it is checked by [`Device::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct WheelSpec {
     /// Direction of the steer axis in frame N. The axis goes through the sphere's centre. The
     /// vector can have any length except zero.
@@ -93,6 +94,7 @@ impl Default for WheelSpec {
 /// At the steer angle th, each column of the contact frame is C(th) = `p` cos th + `q` sin th +
 /// `s`.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Wheel {
     spec: WheelSpec,
     pub(crate) p: [Vec3; 3],
@@ -107,6 +109,7 @@ pub struct Wheel {
 /// The design of a sphere and its wheels, after it has been checked. Lengths are in m, masses in
 /// kg, axes in frame N.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Device {
     sphere_radius: Real,
     sphere_mass: Real,

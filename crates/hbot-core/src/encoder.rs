@@ -15,6 +15,7 @@ const FRACTION_BITS: u32 = 24;
 /// Follows the encoder of one joint: stores the last encoder count and computes the joint's angle
 /// within a turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Encoder {
     last: i32,
     /// Angle within a turn of the joint, in units of 2⁻²⁴ encoder counts. It is at least 0 and less

@@ -11,6 +11,7 @@ use crate::rig::Rig;
 
 /// The estimated heat of all motors, from the torques that they were commanded to make.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Heat {
     time_s: Real,
     joints: usize,

@@ -9,6 +9,7 @@ pub const MAX_COMMANDS: usize = 8;
 
 /// All inputs of one tick of the control law.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Inputs {
     /// Number of the tick. If ticks are skipped, their numbers are skipped too.
     pub tick: u64,
@@ -44,6 +45,7 @@ impl Inputs {
 /// One reading of all joints, in the order steer, drive of each wheel. All signs follow the motor
 /// controllers' directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct JointReadings {
     /// Number of the command that this reading answers: the low 32 bits of the number of the tick
     /// that sent the command.
@@ -60,6 +62,7 @@ pub struct JointReadings {
 
 /// The complaints of motor controllers: faults and warnings that they report about themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Complaints {
     /// A motor controller reports an internal fault.
     pub fault: bool,
@@ -93,6 +96,7 @@ impl Complaints {
 
 /// A list of at most [`MAX_COMMANDS`] commands.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Commands {
     list: [Option<Command>; MAX_COMMANDS],
     len: usize,
@@ -136,6 +140,7 @@ impl Commands {
 
 /// A command of a client to the control law. Vectors and orientations are in frame N, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Command {
     /// Switches the torque on with a soft start. Refused if the sphere is too far from an
     /// orientation at which the effects rest.
@@ -194,6 +199,7 @@ pub enum Command {
 /// Labels that a client gives to a message of a stream: a sequence number, and the tick of the
 /// state from which the client computed the message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Stamp {
     /// Sequence number that the client has given to the message, if any.
     pub seq: Option<u64>,
@@ -204,8 +210,9 @@ pub struct Stamp {
 /// The reaction of a rig when the client that held the lease no longer holds it, for example
 /// because its connection ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
-#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), serde(rename_all = "snake_case"))]
 pub enum OnClientLost {
     /// The torque that the client streams ramps down to zero. The scene goes on.
     Ramp,

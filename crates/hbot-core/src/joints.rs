@@ -20,6 +20,7 @@ const MAX_RATE: Real = 1.0e4;
 
 /// Angles and rates of all joints, and the motion of the sphere that follows from them.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Joints {
     encoders: [Encoder; MAX_JOINTS],
     /// Number of the last command that a reading has answered. `None` before the first reading.

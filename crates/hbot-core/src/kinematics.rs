@@ -12,6 +12,7 @@ use crate::real::{Real, Vec3, sincos};
 
 /// A wheel's contact frame, expressed in frame N: the columns of C = A0 Rz(th) Rx(a) Rz(b).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactFrame {
     /// Direction of the wheel's axle, a unit vector.
     pub c1: Vec3,
@@ -36,6 +37,7 @@ impl ContactFrame {
 /// The contact frames of all wheels and the rows of the matrix G, for given steer angles. G maps
 /// the sphere's angular velocity to joint rates.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Posture {
     wheels: usize,
     frames: [ContactFrame; MAX_WHEELS],

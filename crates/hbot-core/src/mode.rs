@@ -9,6 +9,7 @@ pub const DISABLE_RAMP_S: Real = 0.05;
 
 /// The mode of the control law, which decides whether the motors make torque.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Mode {
     /// The zero of a steer joint is not known yet, so there is no torque. The mode changes to
     /// `Idle` when homing has found all zeros.
@@ -31,6 +32,7 @@ pub enum Mode {
 
 /// The reason why the rig went to [`Mode::Fault`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Cause {
     /// The link to the motor controllers is lost. No reading came for `timeout_ticks`, readings are
     /// too old or mostly missing, or the watchdog of a motor controller expired.
@@ -80,6 +82,7 @@ impl Cause {
 /// The state machine of the rig: its mode, the cause of a fault, and the factor by which torque is
 /// ramped.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct ModeMachine {
     pub(crate) mode: Mode,
     pub(crate) cause: Option<Cause>,
@@ -92,6 +95,7 @@ pub(crate) struct ModeMachine {
 
 /// The reason why `enable` or `reset` was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Obstacle {
     /// The rig is in mode `fault`, or `reset` was refused because the cause of the fault is still
     /// present.

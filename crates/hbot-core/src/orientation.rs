@@ -21,6 +21,7 @@ pub const ALIGN_HISTORY: usize = 1024;
 /// wheels, the correction from independent measurements. The history contains only the integral, so
 /// later corrections also apply to past orientations.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Orientation {
     /// Orientation of the sphere, a unit quaternion.
     pub(crate) q: Quat,
@@ -28,6 +29,7 @@ pub(crate) struct Orientation {
     correction: Quat,
     /// The part of the correction that is not applied yet, as a rotation vector in frame N, in rad.
     pending: Vec3,
+    #[cfg_attr(feature = "exact", serde(with = "serde_big_array::BigArray"))]
     history: [(u64, Quat); ALIGN_HISTORY],
 }
 

@@ -8,6 +8,7 @@ use crate::real::{Quat, Real, Vec3};
 /// All outputs of one tick: the command to the motors, the replies to clients' commands, and the
 /// state to publish.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Outputs {
     /// The command to the motors.
     pub drive: Drive,
@@ -19,6 +20,7 @@ pub struct Outputs {
 
 /// The command to all motors for one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Drive {
     /// True if the motors are on.
     pub enable: bool,
@@ -28,6 +30,7 @@ pub struct Drive {
 
 /// The reply to a client's command.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Reply {
     /// The command was executed.
     Done,
@@ -43,6 +46,7 @@ pub enum Reply {
 
 /// The reason why a command was refused.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Refusal {
     /// The present mode does not allow the command.
     Mode(Obstacle),
@@ -76,6 +80,7 @@ pub enum Refusal {
 
 /// The state of the rig after a tick. Vectors are in frame N, in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct State {
     /// Number of the tick.
     pub tick: u64,
@@ -127,6 +132,7 @@ pub struct State {
 
 /// Labels of the last message of a torque or reference stream that was accepted from a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct TakenStream {
     /// Sequence number that the client has given to the message, if any.
     pub seq: Option<u64>,

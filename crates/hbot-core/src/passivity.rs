@@ -17,8 +17,10 @@ const DEPTH: usize = 1024;
 /// Computes the energy that the rig has given to the hand since the start, J. It stores the torques
 /// of the last commands, until readings show how far the sphere turned under them.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Observer {
     energy: Real,
+    #[cfg_attr(feature = "exact", serde(with = "serde_big_array::BigArray"))]
     torques: [Vec3; DEPTH],
     /// Number of the last command whose torque was recorded.
     newest: u32,
@@ -88,6 +90,7 @@ impl Observer {
 /// will give out. It then chooses the damping so that the energy stays within the allowance until
 /// the end of the present tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Guard {
     limit: PassivityLimit,
     /// Energy given to the hand since the motors were enabled, J. Negative if more was absorbed,

@@ -61,6 +61,7 @@ impl Path {
 /// Stores how the joints moved between the last few readings, so that a path can be fitted through
 /// these readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Trail {
     /// Changes of the joint angles in earlier steps between readings, rad; the latest step first.
     delta: [[Real; MAX_JOINTS]; 2],

@@ -10,6 +10,7 @@ use crate::shaping::limited;
 /// Computes the torque of a scene, and keeps the memory that its effects need from tick to tick.
 /// The controller uses it. Plots, studies and tests also use it without a controller.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Renderer {
     states: [EffectState; MAX_EFFECTS],
     shared: Shared,

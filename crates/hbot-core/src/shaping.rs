@@ -19,6 +19,7 @@ pub(crate) const STREAM_RAMP_S: Real = 0.02;
 /// The torques must already be within the rig's torque limit. Without this rule, the blend to a
 /// scene that asks for a hundred times the limit would reach the limit at once.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Blend {
     /// Torque that is added to the torque of the scene, N m. `speed` is its rate of change, N m/s.
     offset: Vec3,
@@ -67,6 +68,7 @@ impl Blend {
 
 /// A torque that a client streams, with the time until which it is valid.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Stream {
     torque: Vec3,
     /// Factor on the torque. It is 1 while the torque is valid, and then ramps down to 0.

@@ -58,6 +58,7 @@ pub(crate) struct Interval<'a> {
 /// The motion of one joint over a block of readings, once by its encoder counts and once by its
 /// rates. Each consists of the net change and the length of the path, rad.
 #[derive(Debug, Clone, Copy, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 struct Way {
     counted: Real,
     counted_length: Real,
@@ -68,6 +69,7 @@ struct Way {
 /// Checks the motion of the joints by encoder counts, in blocks of several readings. It holds the
 /// sums since the start of the present block, and the results of earlier blocks.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Watch {
     /// Duration of a block of readings, in ticks.
     block: u32,

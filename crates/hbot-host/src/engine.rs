@@ -7,7 +7,7 @@ use std::time::Duration;
 use hbot_core::inputs::Command::{Disable, Enable, Estop};
 use hbot_core::inputs::{Commands, Inputs, JointReadings, MAX_COMMANDS};
 use hbot_core::mode::Mode;
-use hbot_core::{CompiledScene, Controller};
+use hbot_core::{CompiledScene, Controller, Outputs};
 
 use crate::bridge::LoopEnd;
 use crate::clock::now_ns;
@@ -46,9 +46,23 @@ pub struct Engine {
 /// Ticket of the commands that the engine itself creates. No client waits for their answers.
 const OWN: u64 = 0;
 
-/// A callback that receives the scene, the inputs and the outputs of each tick. The scenes and
-/// inputs suffice to replay a run bit for bit.
-pub type Recorder = Box<dyn FnMut(&CompiledScene, &Inputs, &hbot_core::Outputs) + Send>;
+/// A tick that has been run and whose command has been sent, as a recorder receives it.
+pub struct Ticked<'a> {
+    /// The scene that was rendered.
+    pub scene: &'a CompiledScene,
+    /// The inputs of the tick.
+    pub inputs: &'a Inputs,
+    /// The outputs of the tick.
+    pub outputs: &'a Outputs,
+    /// What the tick has published.
+    pub sample: &'a Sample,
+    /// The state of the control law after the tick.
+    pub controller: &'a Controller,
+}
+
+/// A callback that receives each tick in the loop's thread, after the tick's command has been sent.
+/// The scenes and inputs suffice to replay a run bit for bit.
+pub type Recorder = Box<dyn FnMut(&Ticked<'_>) + Send>;
 
 /// The number and the timing of a tick that begins.
 #[derive(Debug, Clone, Copy)]
@@ -177,7 +191,8 @@ impl Engine {
         };
         self.counters.dropped_samples += u64::from(!self.bridge.publish(sample));
         if let Some(recorder) = &mut self.recorder {
-            recorder(&self.scene, &inputs, &outputs);
+            let (scene, controller) = (&self.scene, &self.controller);
+            recorder(&Ticked { scene, inputs: &inputs, outputs: &outputs, sample: &sample, controller });
         }
     }
 

@@ -4,11 +4,13 @@
 //! - [`service`]: the TCP service with clients, the lease, scenes and statistics.
 //! - [`tls`]: encryption of the TCP service.
 //! - [`flight`]: the log of the ticks around a fault.
+//! - [`recording`]: recordings of everything that the loop does.
 //! - [`metrics`]: statistics for Prometheus.
 //! - [`server`]: starts and stops a loop together with its service.
 
 pub mod flight;
 pub mod metrics;
+pub mod recording;
 pub mod server;
 #[cfg(test)]
 mod server_tests;

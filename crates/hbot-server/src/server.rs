@@ -25,6 +25,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, watch};
 
 use crate::flight;
+use crate::recording::{self, RecordOptions, Recorded, Recording, SceneNote};
 use crate::service::{self, Control, ServiceSetup, SetPhenomena, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
 
@@ -51,6 +52,8 @@ pub struct ServerOptions {
     /// A callback that receives the inputs and outputs of every tick, for tests and replay. It runs
     /// in the loop's thread.
     pub recorder: Option<Recorder>,
+    /// What is recorded, and where.
+    pub recording: RecordOptions,
 }
 
 /// The reason why a server did not start.
@@ -73,6 +76,7 @@ pub struct Server {
     period_ns: u64,
     time: Time,
     started_ns: u64,
+    recording: Option<Recording>,
 }
 
 /// The outcome of a server that has ended.
@@ -85,6 +89,8 @@ pub struct Finished {
     /// The ratio of simulated time to elapsed wall-clock time. `None` unless the loop ran in
     /// virtual time.
     pub speed: Option<f64>,
+    /// The outcome of the recording. `None` if nothing was recorded.
+    pub recorded: Option<Recorded>,
 }
 
 /// One of the two parts of a server.
@@ -113,13 +119,31 @@ impl Server {
     /// operating system refuses a resource, or if the files for encryption cannot be used. Nothing
     /// is left running then.
     pub fn start(options: ServerOptions) -> Result<Self, StartError> {
-        let ServerOptions { rig, scene, time, duration, token, buses, last_word, flight_dir, recorder } =
-            options;
+        let ServerOptions {
+            rig,
+            scene,
+            time,
+            duration,
+            token,
+            buses,
+            last_word,
+            flight_dir,
+            recorder,
+            recording,
+        } = options;
         let encryption = rig.api.tls.as_ref().map(Encryption::from_files).transpose()?;
         let phenomena = at_start(&scene);
         let mut running = RunningScene::new();
         let scene = Box::new(running.load(scene));
         let mut notices = notices(flight_dir.as_deref());
+        let flights = flight_dir.is_some();
+        let (recorder, prepared) = if flights || recording.path.is_some() {
+            let first = SceneNote::new(&scene, running.file());
+            let (own, prepared) = recording::prepare(recording, flights, first, time == Time::Virtual);
+            (Some(both(recorder, own)), Some(prepared))
+        } else {
+            (recorder, None)
+        };
         let ticks = duration.map(|d| (d.as_secs_f64() * f64::from(rig.rate_hz)).ceil() as u64);
         let (host, end) = Host::start(host::HostOptions {
             rig: rig.clone(),
@@ -135,6 +159,10 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let accuracy = rig.accuracy.to_owned();
         let phenomena = host.simulator().cloned().map(replace_phenomena);
+        let origin = host.origin();
+        let recording = prepared.map(|prepared| prepared.start(&rig, origin)).transpose();
+        let recording = recording.map_err(host::HostError::System)?;
+        let notes = recording.as_ref().map(|recording| recording.notes.clone()).unwrap_or_default();
         let setup = ServiceSetup {
             rig,
             scene: running,
@@ -143,10 +171,11 @@ impl Server {
             encryption,
             flight_dir,
             accuracy,
-            origin: host.origin(),
+            origin,
             time_waits: host.time_waits(),
+            notes,
         };
-        Ok(Self { setup, end, host, notices, period_ns, time, started_ns: now_ns() })
+        Ok(Self { setup, end, host, notices, period_ns, time, started_ns: now_ns(), recording })
     }
 
     /// Returns messages for the user about how the server runs, for example that flight logs cannot
@@ -176,7 +205,7 @@ impl Server {
         status: watch::Sender<Status>,
         shutdown: impl Future<Output = ()>,
     ) -> std::io::Result<Finished> {
-        let Self { setup, end, mut host, notices: _, period_ns, time, started_ns } = self;
+        let Self { setup, end, mut host, notices: _, period_ns, time, started_ns, recording } = self;
         // The loop stops, with zero torque, before the clients are notified.
         let stopping = {
             let stop = host.stop_flag();
@@ -193,6 +222,7 @@ impl Server {
         })
         .await;
         let ended = host.end();
+        let recorded = recording.and_then(Recording::end);
         let failed = match (ended, &summary) {
             (Ended::Panicked, _) => Some(Part::Loop),
             (Ended::Stopped, None) => Some(Part::Service),
@@ -201,8 +231,17 @@ impl Server {
         let summary = summary.unwrap_or_default();
         let simulated_ns = summary.ticks.saturating_mul(period_ns) as f64;
         let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
-        Ok(Finished { summary, failed, speed })
+        Ok(Finished { summary, failed, speed, recorded })
     }
+}
+
+/// Returns a callback that calls `first`, if there is one, and then `second`.
+fn both(first: Option<Recorder>, mut second: Recorder) -> Recorder {
+    let Some(mut first) = first else { return second };
+    Box::new(move |ticked| {
+        first(ticked);
+        second(ticked);
+    })
 }
 
 /// Returns the phenomena of the simulated rig at the start: those of the scene. If the scene names

@@ -9,6 +9,7 @@ use hbot_config::rig::Port;
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
+use crate::recording::RecordOptions;
 use crate::server::{Finished, Part, Server, ServerOptions, Time};
 use crate::service::Status;
 use hbot_host::bridge::EmergencyStop;
@@ -72,6 +73,7 @@ fn ended(
                 last_word: None,
                 flight_dir: None,
                 recorder,
+                recording: RecordOptions::default(),
             };
             let server = Server::start(options).unwrap();
             let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
@@ -187,7 +189,8 @@ fn a_request_that_panics_leaves_zero_torque_on_the_line() {
 
 #[test]
 fn a_loop_that_panics_leaves_zero_torque_on_the_line() {
-    let panics: Recorder = Box::new(|_, _, outputs| {
+    let panics: Recorder = Box::new(|ticked| {
+        let outputs = ticked.outputs;
         assert!(
             outputs.drive.torque == [0.0; hbot_core::MAX_JOINTS],
             "as a test asks: in the loop, with torque on the line"

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Inputs, Outputs};
 use hbot_host::engine::Recorder;
+use hbot_server::recording::RecordOptions;
 use hbot_server::server::{Finished, Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use tokio::net::TcpListener;
@@ -29,6 +30,7 @@ pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
         last_word: None,
         flight_dir: None,
         recorder: None,
+        recording: RecordOptions::default(),
     }
 }
 
@@ -64,7 +66,7 @@ pub fn serve<F: Future<Output = ()> + Send + 'static>(
 pub fn paced(rate_hz: u32) -> Recorder {
     let (begin, mut ticks) = (Instant::now(), 0);
     let period = Duration::from_secs(1) / rate_hz;
-    Box::new(move |_, _, _| {
+    Box::new(move |_| {
         ticks += 1;
         // Sleeps until the deadline of the next tick. There is no other condition to wait for.
         std::thread::sleep((begin + ticks * period).saturating_duration_since(Instant::now()));
@@ -82,8 +84,8 @@ pub fn recorded<T: Send + 'static, F: Future<Output = ()> + Send + 'static>(
     over: impl FnOnce(SocketAddr) -> F,
 ) -> Vec<T> {
     let (into, ticks) = mpsc::channel();
-    let recorder: Recorder = Box::new(move |scene, inputs, outputs| {
-        into.send(note(scene, inputs, outputs)).expect("somebody listens");
+    let recorder: Recorder = Box::new(move |ticked| {
+        into.send(note(ticked.scene, ticked.inputs, ticked.outputs)).expect("somebody listens");
     });
     serve(ServerOptions { recorder: Some(recorder), ..options }, any_port(), over);
     ticks.iter().collect()

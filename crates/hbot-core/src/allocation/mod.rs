@@ -61,6 +61,7 @@ pub const LOST: Real = 0.002;
 /// A joint is not driven if it has no motor or a dead one: its peak is then 0. A joint whose peak
 /// or weight is zero, negative, infinite or NaN is also treated as not driven.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct JointLimits {
     /// Largest torque t_j of each joint, N m.
     pub peak: [Real; MAX_JOINTS],

@@ -8,6 +8,7 @@ use crate::real::{Real, sqrt};
 /// Lever arms of a wheel's two joints at its contact with the sphere, m. They are the entries of
 /// the matrix H = \[\[steer, 0\], \[-cross, roll\]\] and constants of the design.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactArms {
     /// Lever arm of the steer joint along the wheel's axle, R l.c2 = R sin a cos b, m. It is the
     /// speed of the contact along the axle per unit of the steer rate.

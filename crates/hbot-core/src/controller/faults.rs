@@ -29,6 +29,7 @@ pub const DISOBEDIENCE_S: Real = 0.02;
 
 /// Counts the readings that are missing on a link, to detect that the link is lost.
 #[derive(Debug, Clone, Copy, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Silence {
     /// Ticks since the last reading.
     ticks: u64,

@@ -41,6 +41,7 @@ use self::torque::{Made, Wanted};
 ///
 /// It has no clock and does no input or output. The same inputs give the same bits on any machine.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Controller {
     rig: Rig,
     limits: JointLimits,

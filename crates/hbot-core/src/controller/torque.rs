@@ -32,6 +32,7 @@ pub(super) struct Wanted {
 
 /// The torque on the sphere that the motors and contacts can make, and the joint torques for it.
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Made {
     /// Torque on the sphere in frame N, in N m.
     pub(super) torque: Vec3,

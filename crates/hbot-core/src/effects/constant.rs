@@ -6,6 +6,7 @@ use crate::real::Vec3;
 
 /// The frame in which a torque is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Frame {
     /// The inertial frame N, which does not turn.
     World,
@@ -15,6 +16,7 @@ pub enum Frame {
 
 /// An effect that makes a constant torque on the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Constant {
     /// Torque on the sphere, N m. It is constant in the frame that `frame` names.
     pub torque: Vec3,

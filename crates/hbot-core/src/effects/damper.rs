@@ -8,6 +8,7 @@ use crate::real::{Mat3, Real, Vec3};
 /// An effect that resists turning of the sphere: a viscous torque proportional to its angular
 /// velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Damper {
     damping: Mat3,
     deadband: Real,

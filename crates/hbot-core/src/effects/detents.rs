@@ -16,6 +16,7 @@ use crate::rotation::shortest;
 /// An effect that gives the sphere the notches of a dial: it snaps into notches as it turns about
 /// an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Detents {
     /// Orientation from which the dial's angle is measured.
     pub target: Target,

@@ -20,6 +20,7 @@ const SOFT: Real = 0.01;
 /// An effect with walls that keep an axis of the sphere within a cone, and its twist about this
 /// axis within a range.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct EndStop {
     /// Orientation from which the cone and the twist are measured.
     pub target: Target,

@@ -14,6 +14,7 @@ use crate::rotation;
 /// An effect of dry (Coulomb) friction, with additional viscous damping. A sphere at rest truly
 /// sticks: it does not creep under a small load.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Friction {
     /// Torque above which the sphere begins to slide, N m.
     pub torque: Real,

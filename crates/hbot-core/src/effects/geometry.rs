@@ -82,6 +82,7 @@ impl Dial {
 
 /// Follows the angle of a dial over many turns.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Turns {
     last: Option<Real>,
 }

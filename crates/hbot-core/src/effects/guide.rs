@@ -18,6 +18,7 @@ use crate::rotation::vector_part;
 
 /// The turns of the sphere that a guide leaves free. All others are held by a spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Freedom {
     /// The sphere turns freely about the guide's axis, as on a hinge. All other turns are held.
     Axis,
@@ -31,6 +32,7 @@ pub enum Freedom {
 /// An effect that lets the sphere turn freely in some directions and holds it with a spring in the
 /// others.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Guide {
     /// Orientation from which turns are measured.
     pub target: Target,

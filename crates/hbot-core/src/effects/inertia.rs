@@ -17,6 +17,7 @@ use crate::real::{Mat3, Real, Vec3, fabs};
 /// An effect that makes the sphere seem heavier: a virtual mass that resists acceleration and
 /// deceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Inertia {
     /// Inertia of the virtual mass in frame N, kg m²: a symmetric, positive semidefinite matrix.
     pub mass: Mat3,

@@ -11,6 +11,7 @@ use crate::rotation::vector_part;
 
 /// An effect that attracts the sphere to an orientation, but only if the sphere is near it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Magnet {
     /// Orientation to which the sphere is attracted.
     pub target: Target,

@@ -92,6 +92,7 @@ pub(crate) trait Law {
 
 /// One effect of a scene, such as a spring, with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Effect {
     /// Index of the controller's memory that the effect uses from tick to tick, below
     /// [`MAX_EFFECTS`](crate::scene::MAX_EFFECTS).
@@ -139,6 +140,7 @@ impl Effect {
 /// A part of a scene's table of numbers. It contains data of an effect that are too long for the
 /// effect's parameters, such as way-points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Span {
     /// Index of the first value of this part in the scene's table of numbers.
     pub start: u16,
@@ -153,6 +155,7 @@ impl Span {
 
 /// The memory that an effect keeps from one tick to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct EffectState {
     /// Epoch of the effect to which this memory belongs (see [`Effect::epoch`]); 0 if it belongs to
     /// none.
@@ -184,12 +187,14 @@ macro_rules! kinds {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
         /// The kinds of effects. Each variant contains the parameters of the effect.
         #[derive(Debug, Clone, Copy, PartialEq)]
+        #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
         pub enum Kind {
             $($(#[$doc])* $name($name)),*
         }
 
         /// The memories of all kinds of effects. Each effect uses the variant of its kind.
         #[derive(Debug, Clone, Copy, PartialEq)]
+        #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
         pub(crate) enum Memory {
             /// Fresh memory: no tick has been rendered yet.
             None,

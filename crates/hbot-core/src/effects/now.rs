@@ -9,6 +9,7 @@ use crate::scene::MAX_EFFECTS;
 
 /// The motion of the sphere at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Motion {
     /// Orientation of the sphere: it maps sphere axes to frame N.
     pub q: Quat,
@@ -85,10 +86,17 @@ impl Now<'_> {
 
 /// Quantities that several effects need in one tick. Each is computed only once.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+// The tables are empty before each tick, so they are no part of a stored state.
+#[cfg_attr(feature = "exact", serde(default = "Shared::empty"))]
 pub(crate) struct Shared {
+    #[cfg_attr(feature = "exact", serde(skip))]
     relatives: Memo<Quat, Quat, MAX_EFFECTS>,
+    #[cfg_attr(feature = "exact", serde(skip))]
     logs: Memo<Quat, (Real, Vec3), MAX_EFFECTS>,
+    #[cfg_attr(feature = "exact", serde(skip))]
     dials: Memo<(Quat, Vec3), Dial, MAX_EFFECTS>,
+    #[cfg_attr(feature = "exact", serde(skip))]
     accelerations: Memo<(), Vec3, 1>,
     /// The sphere's angular velocity in the last tick, if an effect asked for the acceleration in
     /// that tick.
@@ -107,6 +115,11 @@ impl Shared {
         last_omega: None,
         mass_scale: 1.0,
     };
+
+    #[cfg(feature = "exact")]
+    fn empty() -> Self {
+        Self::EMPTY
+    }
 
     /// Returns a copy with which effects can be evaluated at another motion without changing the
     /// original.

@@ -5,6 +5,7 @@ use crate::real::{Real, Vec3};
 
 /// An effect that makes the sphere feel as if it had an off-centre mass under gravity.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pendulum {
     /// Position of the mass, m. It is fixed in the sphere and given in the sphere's axes.
     pub centre: Vec3,

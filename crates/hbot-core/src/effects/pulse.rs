@@ -13,6 +13,7 @@ use crate::real::{Quat, Real, TURN, Vec3, round, sincos};
 /// An effect that makes clicks: short pulses of torque about an axis. It clicks on request,
 /// periodically, or as the sphere turns past notches.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pulse {
     /// Orientation that defines the axis of the clicks and the zero of the dial's angle.
     pub target: Target,
@@ -34,6 +35,7 @@ pub struct Pulse {
 
 /// The memory of a pulse effect from one tick to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Clicks {
     /// Value of `fire` in the last tick, to detect a change.
     fired: u32,

@@ -27,6 +27,7 @@ const MAX_NEAR: usize = MAX_OWN;
 
 /// The set of orientations of the sphere into which a snaps effect pulls it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum SnapSet {
     /// The 12 rotations that bring a tetrahedron onto itself. They include half turns about the
     /// coordinate axes.
@@ -44,6 +45,7 @@ pub enum SnapSet {
 
 /// An effect that makes the sphere snap into the nearest orientation of a set.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Snaps {
     /// Reference orientation, relative to which the orientations of the set are given.
     pub target: Target,

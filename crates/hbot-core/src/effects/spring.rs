@@ -9,6 +9,7 @@ use crate::rotation::{angle_between, vector_part};
 /// The law by which a spring computes its torque from the angle to its reference (physics notes,
 /// section 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum SpringLaw {
     /// The torque is proportional to the angle, up to a half turn.
     Geodesic,
@@ -19,6 +20,7 @@ pub enum SpringLaw {
 
 /// A spring that pulls the sphere to a reference orientation, with a damper.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Spring {
     law: SpringLaw,
     stiffness: Mat3,

@@ -4,6 +4,7 @@ use crate::real::{Quat, Real, Vec3};
 
 /// The orientation relative to which the reference of an effect is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Anchor {
     /// The reference is an orientation in frame N.
     Absolute,
@@ -14,6 +15,7 @@ pub enum Anchor {
 
 /// The reference orientation of an effect, as the scene gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Target {
     reference: Quat,
     anchor: Anchor,
@@ -41,6 +43,7 @@ impl Target {
 /// The reference orientation of an effect while its scene runs. It moves towards its goal at a
 /// limited rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Reference {
     /// Present orientation of the reference.
     pub(crate) q: Quat,

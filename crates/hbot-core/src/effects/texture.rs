@@ -11,6 +11,7 @@ use crate::real::{Real, Vec3, cos, sincos};
 /// An effect that simulates bumps on the sphere's surface, which the hand feels when the sphere
 /// turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Texture {
     /// Direction from the sphere's centre to the fixed point past which the bumps move, a unit
     /// vector in frame N.

@@ -18,6 +18,7 @@ use crate::rotation::{self, from_parts, vector_part};
 
 /// The motion of the reference to which a track effect pulls the sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum TrackPath {
     /// A swing about an axis: a sine whose frequency changes linearly over time.
     Swing {
@@ -49,6 +50,7 @@ pub enum TrackPath {
 
 /// An effect that pulls the sphere to a moving reference, like a spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Track {
     /// Orientation relative to which the path is given.
     pub target: Target,
@@ -65,6 +67,7 @@ pub struct Track {
 
 /// The memory of a track effect from one tick to the next: how far its path has run.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct TrackPlace {
     /// Time since the path started or started over, s.
     time: Real,

@@ -7,6 +7,7 @@ use crate::real::{Real, TURN, Vec3, floor, sincos};
 /// The shape of a vibration's wave. Each shape begins with the half period of positive torque about
 /// the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum Wave {
     /// A sine.
     Sine,
@@ -42,6 +43,7 @@ impl Wave {
 
 /// An effect that makes the sphere vibrate about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Vibration {
     /// Axis of the vibration in frame N, a unit vector.
     pub axis: Vec3,
@@ -63,6 +65,7 @@ pub struct Vibration {
 
 /// The memory of a vibration effect from one tick to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Phase {
     /// Position within the period of the wave, 0 to 1.
     phase: Real,

@@ -30,6 +30,7 @@ const LEAST_NOISE: Real = if Real::EPSILON < 1.0e-10 { 1.0e-9 } else { 1.0e-3 };
 
 /// The Kalman filters of all joints, which estimate joint rates from encoder counts.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Kalman {
     joints: [Filter; MAX_JOINTS],
     /// True if only one reading is known. The next one then gives the rates by a difference.
@@ -37,6 +38,7 @@ pub(crate) struct Kalman {
 }
 
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 struct Filter {
     /// Intensity of the white-noise jerk (rate of change of acceleration) in the filter's model,
     /// counts²/tick⁵.
@@ -55,6 +57,7 @@ struct Filter {
 
 /// Covariance matrix of the errors in the estimated angle x, rate v and acceleration a.
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 struct Covariance {
     xx: Real,
     xv: Real,

@@ -29,6 +29,7 @@ pub(crate) struct Moved<'a> {
 /// Estimates the rates of all joints from encoder counts, with the memory that the selected method
 /// needs.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 #[allow(clippy::large_enum_variant, reason = "there is one, and no heap to put the larger ones on")]
 pub(crate) enum Rates {
     /// No estimate: the rates are those that the motor controllers report.

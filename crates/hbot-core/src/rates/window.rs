@@ -16,6 +16,7 @@ const DEPTH: usize = LONGEST_WINDOW as usize;
 /// The last readings of all joints, from which the adaptive-window method computes joint rates. A
 /// rate is the slope of a chord: a straight line from an earlier reading to the last one.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Window {
     /// Largest permitted distance between a chord and the readings in between, in encoder counts. A
     /// chord is a straight line between two readings, whose slope is the estimated rate.
@@ -24,11 +25,35 @@ pub(crate) struct Window {
     /// readings, whose slope is the estimated rate.
     longest: i64,
     /// Changes of the encoder counts between consecutive readings: a ring buffer for each joint.
+    #[cfg_attr(feature = "exact", serde(with = "exact"))]
     counts: [[i32; DEPTH]; MAX_JOINTS],
     /// Ticks between consecutive readings: a ring buffer.
+    #[cfg_attr(feature = "exact", serde(with = "serde_big_array::BigArray"))]
     ticks: [u32; DEPTH],
     newest: usize,
     known: usize,
+}
+
+/// Writes and reads the ring buffers of all joints. serde alone has no arrays of more than 32
+/// values.
+#[cfg(feature = "exact")]
+mod exact {
+    use super::{DEPTH, MAX_JOINTS};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use serde_big_array::Array;
+
+    pub(super) fn serialize<S: Serializer>(
+        counts: &[[i32; DEPTH]; MAX_JOINTS],
+        into: S,
+    ) -> Result<S::Ok, S::Error> {
+        counts.map(Array).serialize(into)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        from: D,
+    ) -> Result<[[i32; DEPTH]; MAX_JOINTS], D::Error> {
+        Ok(<[Array<i32, DEPTH>; MAX_JOINTS]>::deserialize(from)?.map(|array| array.0))
+    }
 }
 
 impl Window {

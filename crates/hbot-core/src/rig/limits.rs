@@ -6,6 +6,7 @@ use crate::real::Real;
 /// The limits that the control law must not exceed. All values are positive and within the ranges
 /// of [`legal`].
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Limits {
     /// Largest torque on the sphere, N m: the length of the torque vector.
     pub torque: Real,
@@ -106,6 +107,7 @@ impl Limits {
 /// Energy that is given out faster than `power` must not add up to more than `burst`. Both values
 /// are positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct EnergyLimit {
     /// Largest energy in excess of what `power` allows, J.
     pub burst: Real,
@@ -116,6 +118,7 @@ pub struct EnergyLimit {
 /// The friction limit of a contact between wheel and sphere. The contact holds a tangential force
 /// of at most mu times the normal force.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Traction {
     /// Friction coefficient mu.
     pub mu: Real,

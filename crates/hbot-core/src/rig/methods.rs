@@ -7,6 +7,7 @@ use crate::real::Real;
 /// The numerical method for each stage of a tick in which accuracy can be traded for computing
 /// time.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Methods {
     /// Method that integrates the orientation of the sphere from one reading to the next.
     pub odometry: OdometryMethod,
@@ -73,8 +74,9 @@ impl Methods {
 /// A method that integrates the sphere's orientation over one step from reading to reading (physics
 /// notes, section 4). With order n, its error falls with the n-th power of the step length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
-#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), serde(rename_all = "snake_case"))]
 pub enum OdometryMethod {
     /// Euler's method: uses the contact frames at the start of the step. Order 1.
     Euler,
@@ -107,8 +109,9 @@ impl OdometryMethod {
 /// Only the part between the last two readings is used, and the curve passes through both of them.
 /// So it never extrapolates and causes no delay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
-#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), serde(rename_all = "snake_case"))]
 pub enum PathFit {
     /// A straight line through the last two readings.
     Straight,
@@ -135,8 +138,9 @@ impl PathFit {
 
 /// A method that finds the joint torques for a torque on the sphere (physics notes, section 7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
-#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), serde(rename_all = "snake_case"))]
 pub enum AllocationMethod {
     /// Makes as much of the wanted torque as all joints together can make.
     Exact,
@@ -149,6 +153,7 @@ pub enum AllocationMethod {
 /// The source of the joint rates: the motor controllers, or a method that estimates them from
 /// encoder counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub enum RateEstimate {
     /// The rates that the motor controllers report.
     Controller,
@@ -186,6 +191,7 @@ pub const LONGEST_WINDOW: u32 = 64;
 /// The energy limit that the passivity controller keeps, and how strongly it may act (physics
 /// notes, section 9).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct PassivityLimit {
     /// Energy that the rig may give to the hand beyond what it has absorbed, J.
     pub allowance: Real,

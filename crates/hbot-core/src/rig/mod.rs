@@ -49,6 +49,7 @@ use crate::real::{Real, TURN};
 /// A rig whose numbers have all been checked: geometry, joints, limits, timing and methods. It
 /// dereferences to its [`RigParts`].
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Rig(RigParts);
 
 impl Rig {
@@ -86,6 +87,7 @@ impl Deref for Rig {
 
 /// The properties of a rig, which need not be valid. [`Rig::new`] checks them.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct RigParts {
     /// Geometry and mass of the sphere, and geometry and inertia of the wheels.
     pub device: Device,
@@ -137,6 +139,7 @@ impl RigParts {
 
 /// One joint of a wheel: its encoder, gear and motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Joint {
     /// Encoder counts per turn of the encoder, which is on the motor side of the gear. It is four
     /// times the number of lines.
@@ -211,8 +214,9 @@ fn real_to_f64(x: Real) -> f64 {
 
 /// How the zero of a steer joint is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "schema", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
-#[cfg_attr(feature = "schema", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(any(feature = "schema", feature = "exact"), serde(rename_all = "snake_case"))]
 pub enum Zero {
     /// The wheel is assumed to be at zero when the motor controller powers up. The zero is no
     /// longer known after the motor controller reboots.
@@ -227,6 +231,7 @@ pub enum Zero {
 
 /// The period of the loop, and the time after which missing readings are a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Timing {
     /// Nominal time between ticks, ns.
     pub period_ns: u64,

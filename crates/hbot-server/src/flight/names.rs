@@ -73,7 +73,7 @@ impl fmt::Display for Name {
 /// 3. logs of faults that were not the first fault of a server's run,
 /// 4. logs of the first fault of a server's run.
 ///
-/// Files with names that this program does not write stay and do not count.
+/// The recording beside a log is removed with it. Files with names that this program does not write stay and do not count.
 ///
 /// # Errors
 /// Returns the operating system's error if the folder cannot be read or a file cannot be removed.
@@ -84,11 +84,18 @@ pub fn prune(newest: &Path) -> io::Result<()> {
     let paths = in_order_of_removal(names).into_iter().map(|name| dir.join(name.to_string()));
     let others: Vec<PathBuf> = paths.filter(|path| path != newest).collect();
     let surplus = (others.len() + 1).saturating_sub(MAX_FILES);
-    others[..surplus].iter().try_for_each(|log| match fs::remove_file(log) {
-        // Another server has already removed this file.
+    others[..surplus].iter().try_for_each(|log| {
+        remove(log)?;
+        remove(&log.with_extension("mcap"))
+    })
+}
+
+/// Removes a file, unless another server has already removed it.
+fn remove(file: &Path) -> io::Result<()> {
+    match fs::remove_file(file) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
         result => result,
-    })
+    }
 }
 
 /// Returns those of the flight logs `names` that can be removed, in the order of removal.

@@ -10,6 +10,7 @@ use tokio::sync::Notify;
 use tokio::task::{JoinError, JoinSet};
 
 use crate::flight::{Failures, Flight, FlightRecorder};
+use crate::recording::{FlightNote, Notes};
 use hbot_host::sample::Sample;
 
 /// Largest number of flight logs that are written at a time. A further log is discarded and counted
@@ -31,6 +32,8 @@ pub(super) struct Flights {
     logs: u64,
     /// Number of flight logs that could not be written so far.
     failed: u64,
+    /// Passes flight logs to the recorder.
+    notes: Notes,
     /// Wakes the service's task when the writing of a flight log begins.
     changed: Arc<Notify>,
 }
@@ -38,9 +41,9 @@ pub(super) struct Flights {
 impl Flights {
     /// Creates a flight recorder for a loop with period `period_ns`, ns. Flight logs go into the
     /// folder `dir`; with `None` none are written.
-    pub(super) fn new(dir: Option<PathBuf>, period_ns: u64, changed: Arc<Notify>) -> Self {
+    pub(super) fn new(dir: Option<PathBuf>, period_ns: u64, notes: Notes, changed: Arc<Notify>) -> Self {
         let recorder = dir.map(|dir| FlightRecorder::new(dir, period_ns));
-        Self { recorder, changed, ..Self::default() }
+        Self { recorder, notes, changed, ..Self::default() }
     }
 
     /// Records the next sample. If it completes a log, starts to write the log on another thread.
@@ -114,6 +117,9 @@ impl Flights {
     }
 
     fn write(&mut self, flight: Flight) {
+        let tick = |sample: Option<&Sample>| sample.map_or(0, |sample| sample.state.tick);
+        let (from, until) = (tick(flight.samples.first()), tick(flight.samples.last()));
+        self.notes.flight(FlightNote { path: flight.path.with_extension("mcap"), from, until });
         self.writing.spawn_blocking(move || {
             let result = flight.write();
             (flight, result)
@@ -128,7 +134,8 @@ mod tests {
     #[tokio::test]
     async fn what_has_been_begun_is_written_at_the_end() {
         let folder = tempfile::tempdir().unwrap();
-        let mut flights = Flights::new(Some(folder.path().to_owned()), 1_000_000, Arc::default());
+        let mut flights =
+            Flights::new(Some(folder.path().to_owned()), 1_000_000, Notes::default(), Arc::default());
         flights.record(&crate::still::still(1));
         let path = flights.trigger(1, "estop").expect("logs are kept").to_owned();
         assert_eq!(flights.logs(), 0);
@@ -138,7 +145,7 @@ mod tests {
 
     #[tokio::test]
     async fn without_a_folder_nothing_is_written() {
-        let mut flights = Flights::new(None, 1_000_000, Arc::default());
+        let mut flights = Flights::new(None, 1_000_000, Notes::default(), Arc::default());
         flights.record(&crate::still::still(1));
         assert_eq!(flights.trigger(1, "estop"), None);
         let flights = flights.finish().await;

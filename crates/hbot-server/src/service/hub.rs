@@ -111,6 +111,7 @@ impl Hub {
             accuracy,
             origin,
             time_waits,
+            notes,
         } = setup;
         let changed = Arc::new(Notify::new());
         let simulated = phenomena.is_some();
@@ -121,12 +122,12 @@ impl Hub {
             end,
             info: Info::new(&rig, &accuracy, simulated, Clock { origin, time_waits }),
             stats: Stats::new(),
-            publisher: Publisher::new(Arc::clone(&changed)),
+            publisher: Publisher::new(Arc::clone(&changed), notes.clone()),
             lease: Lease::default(),
             orders: Orders::default(),
-            scenes: Scenes::new(scene, phenomena, &rig, Arc::clone(&changed)),
+            scenes: Scenes::new(scene, phenomena, &rig, notes.clone(), Arc::clone(&changed)),
             incidents: Incidents::new(rig.rig, simulated),
-            flights: Flights::new(flight_dir, rig.rig.timing.period_ns, Arc::clone(&changed)),
+            flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
             latest: None,
             long_messages: LongMessages::default(),
             wrong_tokens: WrongTokens::default(),

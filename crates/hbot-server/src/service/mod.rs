@@ -70,6 +70,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
 pub(crate) use self::strangers::too_few_descriptors;
+use crate::recording::Notes;
 use crate::tls::Encryption;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::clock::Origin;
@@ -101,6 +102,8 @@ pub struct ServiceSetup {
     ///
     /// [`Host::time_waits`]: hbot_host::host::Host::time_waits
     pub time_waits: bool,
+    /// Passes scenes and events to the recorder.
+    pub(crate) notes: Notes,
 }
 
 /// A request to the service from another part of the program, such as the metrics page.

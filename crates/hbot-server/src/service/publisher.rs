@@ -11,6 +11,7 @@ use tokio::time::Instant;
 
 use super::convert;
 use super::peer::{Frames, Peer};
+use crate::recording::Notes;
 use hbot_host::sample::Sample;
 
 /// All connected clients, and the messages to them.
@@ -26,10 +27,12 @@ pub(super) struct Publisher {
     doomed: Vec<u64>,
     /// Wakes the service's task when the number of subscribers may have changed.
     changed: Arc<Notify>,
+    /// Passes events to the recorder.
+    notes: Notes,
 }
 
 impl Publisher {
-    pub(super) fn new(changed: Arc<Notify>) -> Self {
+    pub(super) fn new(changed: Arc<Notify>, notes: Notes) -> Self {
         Self {
             peers: BTreeMap::new(),
             subscribers: 0,
@@ -37,6 +40,7 @@ impl Publisher {
             frames: Frames::default(),
             doomed: Vec::new(),
             changed,
+            notes,
         }
     }
 
@@ -172,8 +176,9 @@ impl Publisher {
         Ok(())
     }
 
-    /// Sends an event to all clients that have sent their hello.
+    /// Sends an event to all clients that have sent their hello, and to the recorder.
     pub(super) fn broadcast(&mut self, event: &Event) {
+        self.notes.event(event);
         self.frames.clear();
         for (session, peer) in self.peers.iter().filter(|(_, peer)| peer.listens()) {
             if !peer.outbox.send(self.frames.of(peer.encoding, event)) {
@@ -273,7 +278,7 @@ mod tests {
     use super::*;
 
     fn publisher() -> Publisher {
-        Publisher::new(Arc::default())
+        Publisher::new(Arc::default(), Notes::default())
     }
 
     /// Adds a client whose queue has room for `messages` messages. Returns the connection's end of

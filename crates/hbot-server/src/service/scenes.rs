@@ -13,6 +13,7 @@ use tokio::sync::Notify;
 use tokio::task::{JoinError, JoinSet};
 
 use super::{SetPhenomena, cost};
+use crate::recording::Notes;
 use hbot_host::abilities::Abilities;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
@@ -34,6 +35,8 @@ pub(super) struct Scenes {
     /// The scenes that are being loaded, in the order in which they were sent to the loop.
     loading: VecDeque<Loading>,
     measuring: JoinSet<Measured>,
+    /// Passes scenes to the recorder.
+    notes: Notes,
     /// Wakes the service's task when the measurement of a scene begins.
     changed: Arc<Notify>,
 }
@@ -73,6 +76,7 @@ impl Scenes {
         running: RunningScene,
         phenomena: Option<SetPhenomena>,
         rig: &RigConfig,
+        notes: Notes,
         changed: Arc<Notify>,
     ) -> Self {
         let abilities = Abilities::of(rig);
@@ -84,6 +88,7 @@ impl Scenes {
             abilities,
             loading: VecDeque::new(),
             measuring: JoinSet::new(),
+            notes,
             changed,
         }
     }
@@ -149,6 +154,7 @@ impl Scenes {
         let warnings = self.abilities.warnings(&file);
         let compiled = self.running.load(file);
         let (rig, parts) = (self.rig, compiled.clone());
+        self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::LoadScene))?;
 
         let (file, revision) = (self.running.file(), self.running.revision());
@@ -198,6 +204,7 @@ impl Scenes {
             };
             ErrorBody::new(code, shortened(error.to_string()))
         })?;
+        self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
     }
 
@@ -298,7 +305,8 @@ mod tests {
         let (_loop_end, mut end) = bridge().unwrap();
         let mut running = RunningScene::new();
         let _ = running.load(SceneFile::default_scene());
-        let mut scenes = Scenes::new(running, None, &RigConfig::prototype(), Arc::default());
+        let mut scenes =
+            Scenes::new(running, None, &RigConfig::prototype(), Notes::default(), Arc::default());
         let scene = json!({"name": "Air", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
         scenes.load(&mut end, 3, None, scene.clone()).unwrap();
         let first = scenes.running.revision();

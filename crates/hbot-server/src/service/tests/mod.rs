@@ -171,6 +171,7 @@ impl TestService {
                     flight_dir,
                     origin: ORIGIN,
                     time_waits: false,
+                    notes: crate::recording::Notes::default(),
                 };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;

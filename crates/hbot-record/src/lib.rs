@@ -1,0 +1,24 @@
+//! Recordings of an Hbot as MCAP files, and their exact replay.
+//!
+//! - [`writer`] writes a recording: public topics that viewers understand ([`public`], [`messages`],
+//!   [`topic`]), and one private topic that holds what a replay needs, bit for bit ([`exact`]).
+//! - [`reader`] reads a recording, also one that is cut off or damaged.
+//! - [`replay`] runs the recorded inputs through the control law and compares the outputs.
+//!
+//! docs/recordings.md describes the files.
+
+mod difference;
+pub mod exact;
+#[allow(missing_docs, clippy::all, reason = "made from the definitions in proto/")]
+pub mod messages;
+pub mod public;
+pub mod reader;
+pub mod replay;
+pub mod topic;
+pub mod writer;
+
+pub use exact::Exact;
+pub use reader::Reader;
+pub use replay::Replay;
+pub use topic::Topic;
+pub use writer::{About, Writer};

@@ -1,0 +1,163 @@
+//! Reads recordings, also those that are cut off or damaged.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::io::{ErrorKind, Read};
+
+use mcap::read::{ChunkReader, parse_record};
+use mcap::records::Record;
+use mcap::{MAGIC, McapError};
+
+use crate::writer::METADATA;
+
+/// Largest record that is read, bytes. It is far above the chunks that [`Writer`](crate::Writer)
+/// writes, and keeps a damaged length from filling the memory.
+const MAX_RECORD: u64 = 256 << 20;
+
+/// A part of a recording, in the order of the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Item {
+    /// The metadata record that says what the recording is of.
+    About(BTreeMap<String, String>),
+    /// A message.
+    Message {
+        /// Name of the topic.
+        topic: String,
+        /// Unix time of the message, ns.
+        log_time: u64,
+        /// The message in the encoding of its topic.
+        data: Vec<u8>,
+    },
+    /// A chunk that cannot be read, with the reason. The messages in it are lost.
+    Damaged(String),
+    /// The file ends before the end of the recording, for example because the program was killed.
+    Cut,
+}
+
+/// The reason why a file cannot be read as a recording.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The operating system could not read the file.
+    #[error(transparent)]
+    System(#[from] std::io::Error),
+    /// The file is not an MCAP file.
+    #[error("not an MCAP file")]
+    Foreign,
+    /// The file is damaged outside of its chunks, so the rest cannot be read.
+    #[error("damaged: {0}")]
+    Damaged(String),
+}
+
+/// Reads a recording from its beginning to its end.
+pub struct Reader<R> {
+    from: R,
+    channels: HashMap<u16, String>,
+    waiting: VecDeque<Item>,
+    over: bool,
+}
+
+impl<R: Read> Reader<R> {
+    /// Begins to read a recording.
+    ///
+    /// # Errors
+    /// Fails if `from` cannot be read or is not an MCAP file.
+    pub fn new(mut from: R) -> Result<Self, ReadError> {
+        let mut magic = [0; MAGIC.len()];
+        match from.read_exact(&mut magic) {
+            Ok(()) if magic == *MAGIC => {
+                Ok(Self { from, channels: HashMap::new(), waiting: VecDeque::new(), over: false })
+            }
+            Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(error.into()),
+            _ => Err(ReadError::Foreign),
+        }
+    }
+
+    /// Returns the next part of the recording, or `None` at its end.
+    ///
+    /// # Errors
+    /// Fails if the rest of the file cannot be read. The next call returns `None`.
+    #[allow(clippy::should_implement_trait, reason = "a method that fails is no iterator")]
+    pub fn next(&mut self) -> Result<Option<Item>, ReadError> {
+        while !self.over && self.waiting.is_empty() {
+            let read = self.record();
+            self.over |= read.is_err();
+            read?;
+        }
+        Ok(self.waiting.pop_front())
+    }
+
+    /// Reads one record of the file.
+    fn record(&mut self) -> Result<(), ReadError> {
+        let mut head = [0; 9];
+        if !filled(&mut self.from, &mut head)? {
+            return self.cut();
+        }
+        let [opcode, length @ ..] = head;
+        let length = u64::from_le_bytes(length);
+        if length > MAX_RECORD {
+            return Err(ReadError::Damaged(format!("a record of {length} bytes")));
+        }
+        let mut body = Vec::new();
+        if (&mut self.from).take(length).read_to_end(&mut body)? as u64 != length {
+            return self.cut();
+        }
+        match parse_record(opcode, &body) {
+            Ok(Record::Chunk { header, data }) => {
+                if let Err(error) = ChunkReader::new(header, &data).and_then(|chunk| self.chunk(chunk)) {
+                    self.waiting.push_back(Item::Damaged(error.to_string()));
+                }
+            }
+            Ok(Record::Metadata(metadata)) if metadata.name == METADATA => {
+                self.waiting.push_back(Item::About(metadata.metadata));
+            }
+            // The index follows, which repeats what has been read.
+            Ok(Record::DataEnd(_)) => self.over = true,
+            Ok(record) => self.plain(record),
+            Err(error) => return Err(ReadError::Damaged(error.to_string())),
+        }
+        Ok(())
+    }
+
+    fn cut(&mut self) -> Result<(), ReadError> {
+        self.over = true;
+        self.waiting.push_back(Item::Cut);
+        Ok(())
+    }
+
+    /// Takes the messages of a chunk. If the chunk is damaged, none of them is taken.
+    fn chunk(&mut self, chunk: ChunkReader<'_>) -> Result<(), McapError> {
+        let begin = self.waiting.len();
+        for record in chunk {
+            match record {
+                Ok(record) => self.plain(record),
+                Err(error) => {
+                    self.waiting.truncate(begin);
+                    return Err(error);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn plain(&mut self, record: Record<'_>) {
+        match record {
+            Record::Channel(channel) => {
+                self.channels.insert(channel.id, channel.topic);
+            }
+            Record::Message { header, data } => {
+                let topic = self.channels.get(&header.channel_id).cloned().unwrap_or_default();
+                let (log_time, data) = (header.log_time, data.into_owned());
+                self.waiting.push_back(Item::Message { topic, log_time, data });
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Fills `bytes`. Returns false if the file ends before.
+fn filled(from: &mut impl Read, bytes: &mut [u8]) -> std::io::Result<bool> {
+    match from.read_exact(bytes) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => Ok(false),
+        Err(error) => Err(error),
+    }
+}

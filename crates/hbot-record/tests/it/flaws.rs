@@ -1,0 +1,134 @@
+//! Recordings that are altered, damaged, cut off or of another version.
+
+use hbot_config::SceneFile;
+use hbot_core::CompiledScene;
+use hbot_core::effects::{Effect, Span};
+use hbot_record::Exact;
+use hbot_record::replay::{Flaw, Replay, ReplayError};
+
+use crate::made::{assert_exact, exact, record, replay, written};
+
+/// Returns a recording whose records `alter` has changed.
+fn altered(recording: &[u8], alter: impl FnOnce(&mut Vec<(Exact, u64)>)) -> Vec<u8> {
+    let mut records = exact(recording);
+    alter(&mut records);
+    written(&records)
+}
+
+/// Returns the index of the record of tick `tick`.
+fn at(records: &[(Exact, u64)], tick: u64) -> usize {
+    let is_it = |(record, _): &(Exact, u64)| matches!(record, Exact::Tick(found) if found.0.tick == tick);
+    records.iter().position(is_it).unwrap()
+}
+
+#[test]
+fn a_changed_count_is_found_at_its_tick() {
+    let (recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    assert_exact(&altered(&recording, |_| ()), 2000);
+    let wrong = altered(&recording, |records| {
+        let index = at(records, 1234);
+        let Exact::Tick(tick) = &mut records[index].0 else { unreachable!() };
+        tick.0.feedback.as_mut().unwrap().counts[1] += 1;
+    });
+    let difference = replay(&wrong).unwrap().difference.unwrap();
+    assert_eq!((difference.tick, difference.field.as_str()), (1234, "state.q"));
+    assert_ne!(difference.values[0], difference.values[1]);
+}
+
+#[test]
+fn a_changed_bit_of_an_output_is_found_at_its_tick() {
+    let (recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    let wrong = altered(&recording, |records| {
+        let index = at(records, 1500);
+        let Exact::Tick(tick) = &mut records[index].0 else { unreachable!() };
+        let torque = &mut tick.1.drive.torque[3];
+        *torque = f64::from_bits(torque.to_bits() ^ 1);
+    });
+    let difference = replay(&wrong).unwrap().difference.unwrap();
+    assert_eq!((difference.tick, difference.field.as_str()), (1500, "drive.torque"));
+}
+
+#[test]
+fn a_changed_bit_of_a_scene_is_found_at_its_tick() {
+    let (recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    // The scene is announced again in the middle of the run, with one bit of one gain changed.
+    let wrong = altered(&recording, |records| {
+        let same = |scene: &CompiledScene, gain: fn(f64) -> f64| {
+            let effects: Vec<Effect> =
+                scene.effects().iter().map(|effect| Effect { gain: gain(effect.gain), ..*effect }).collect();
+            let len = effects.iter().map(|effect| effect.numbers.start + effect.numbers.len).max().unwrap();
+            let numbers = scene.numbers(Span { start: 0, len });
+            CompiledScene::with_numbers(scene.revision(), &effects, numbers).unwrap()
+        };
+        let scene = records.iter().find_map(|(record, _)| match record {
+            Exact::Scene(scene) => Some(scene.clone()),
+            _ => None,
+        });
+        let changed = same(&scene.unwrap(), |gain| f64::from_bits(gain.to_bits() ^ 1));
+        let (index, when) = (at(records, 1700), records[0].1);
+        records.insert(index, (Exact::Scene(Box::new(changed)), when));
+    });
+    let difference = replay(&wrong).unwrap().difference.unwrap();
+    assert_eq!((difference.tick, difference.field.as_str()), (1700, "state.torque"));
+}
+
+#[test]
+fn a_file_that_is_cut_anywhere_replays_up_to_there() {
+    let (recording, _) = record(SceneFile::default_scene(), 8, |_| ());
+    let mut last = 0;
+    for tenth in 0..=10 {
+        let length = recording.len() * tenth / 10 * 99 / 100;
+        match replay(&recording[..length]) {
+            Ok(report) => {
+                assert!(report.difference.is_none() && !report.is_exact(), "{report:?}");
+                assert_eq!(report.flaws, [Flaw::Cut]);
+                assert!(report.ticks >= last, "{report:?}");
+                last = report.ticks;
+            }
+            Err(ReplayError::Foreign | ReplayError::Read(_)) => assert!(tenth == 0),
+            Err(other) => panic!("{other}"),
+        }
+    }
+    assert!(last > 6000, "{last} of 8000 ticks in 99 % of the file");
+}
+
+#[test]
+fn a_damaged_chunk_costs_the_ticks_until_the_next_state_of_the_law() {
+    let (mut recording, _) = record(SceneFile::default_scene(), 25, |_| ());
+    // A byte in the middle of the run: in a chunk of several seconds.
+    let middle = recording.len() / 4;
+    recording[middle] ^= 0x10;
+    let report = replay(&recording).unwrap();
+    assert!(report.difference.is_none() && !report.is_exact());
+    assert!(matches!(report.flaws[..], [Flaw::Damaged(_), Flaw::Unknown(_)]), "{:?}", report.flaws);
+    // States of the law are ten seconds apart.
+    assert!((10_000..25_000).contains(&report.ticks), "{}", report.ticks);
+    assert_eq!(report.range.unwrap().1, 24_999);
+}
+
+#[test]
+fn a_gap_is_told_and_the_replay_goes_on_after_it() {
+    // In virtual time, a state of the law arrives up to 4096 ticks after its request.
+    let (recording, _) = record(SceneFile::default_scene(), 16, |_| ());
+    let with_gap = altered(&recording, |records| {
+        let (from, to) = (at(records, 4000), at(records, 4100));
+        let when = records[from].1;
+        drop(records.splice(from..to, [(Exact::Lost(100), when)]));
+    });
+    let report = replay(&with_gap).unwrap();
+    assert!(report.difference.is_none() && !report.is_exact());
+    assert!(matches!(report.flaws[..], [Flaw::Gap(100), Flaw::Unknown(n)] if n > 5000), "{:?}", report.flaws);
+    assert_eq!(report.range.unwrap(), (0, 15_999));
+}
+
+#[test]
+fn what_is_no_recording_of_this_version_is_refused_by_name() {
+    assert!(matches!(replay(b"not an MCAP file, but text").unwrap_err(), ReplayError::Read(_)));
+    let (mut recording, _) = record(SceneFile::default_scene(), 1, |_| ());
+    let entry = b"\x06\0\0\0format\x01\0\0\x001";
+    let place = recording.windows(entry.len()).position(|bytes| bytes == entry).unwrap();
+    recording[place + entry.len() - 1] = b'9';
+    let Err(error) = Replay::new(&recording[..], None) else { panic!("another format is replayed") };
+    let text = error.to_string();
+    assert!(text.contains("in format 9") && text.contains(env!("CARGO_PKG_VERSION")), "{text}");
+}

@@ -1,0 +1,99 @@
+//! The files of a recording: their names, and when a new one begins.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::SystemTime;
+
+use super::limit::Limit;
+use crate::flight::utc;
+
+/// The extension of recordings.
+const EXTENSION: &str = "mcap";
+
+/// Where the files of a recording go.
+pub(super) struct Files {
+    path: Option<PathBuf>,
+    limit: Option<Limit>,
+    /// Number of files begun.
+    begun: u64,
+}
+
+/// Where a recording is written: a file that counts its bytes.
+pub(super) struct Counting {
+    file: BufWriter<File>,
+    bytes: Arc<AtomicU64>,
+}
+
+impl Files {
+    pub(super) fn new(path: Option<PathBuf>, limit: Option<Limit>) -> Self {
+        Self { path, limit, begun: 0 }
+    }
+
+    /// Creates the next file. Returns its path, what to write to, and the count of its bytes.
+    /// Returns `None` if no further file is wanted.
+    pub(super) fn create(&mut self) -> Option<(PathBuf, io::Result<(Counting, Arc<AtomicU64>)>)> {
+        let path = self.path.as_ref()?;
+        let path = if is_file(path) {
+            if self.begun > 0 {
+                return None;
+            }
+            path.clone()
+        } else {
+            let (now, process) = (utc(SystemTime::now()), std::process::id());
+            path.join(format!("hbot-{now}-{process}-{:03}.{EXTENSION}", self.begun + 1))
+        };
+        self.begun += 1;
+        let opened = open(&path);
+        Some((path, opened))
+    }
+
+    /// Returns whether a file of `bytes` bytes that covers `span_ns` of the run is long enough.
+    pub(super) fn is_full(&self, bytes: u64, span_ns: u64) -> bool {
+        match self.limit {
+            None => false,
+            Some(Limit::Size(limit)) => bytes >= limit,
+            Some(Limit::Time(limit)) => u128::from(span_ns) >= limit.as_nanos(),
+        }
+    }
+
+    /// Returns whether another file can be created after the present one.
+    pub(super) fn has_more(&self) -> bool {
+        self.path.as_deref().is_some_and(|path| !is_file(path) || self.begun == 0)
+    }
+}
+
+/// Returns whether a recording goes into the file `path`, and not into a folder of this name.
+pub fn is_file(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == EXTENSION)
+}
+
+/// Creates the file `path`, which must not exist yet.
+pub(super) fn open(path: &Path) -> io::Result<(Counting, Arc<AtomicU64>)> {
+    if let Some(dir) = path.parent() {
+        fs::create_dir_all(dir)?;
+    }
+    let bytes = Arc::new(AtomicU64::new(0));
+    let file = BufWriter::new(File::create_new(path)?);
+    Ok((Counting { file, bytes: Arc::clone(&bytes) }, bytes))
+}
+
+impl Write for Counting {
+    fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(data)?;
+        self.bytes.fetch_add(written as u64, Ordering::Relaxed);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for Counting {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}

@@ -1,0 +1,230 @@
+//! Recordings of a running server (docs/recordings.md).
+//!
+//! ```text
+//! loop -> tap -> ring -> recorder's thread -> file
+//! service -> notes (scenes, events) ---^
+//! ```
+//!
+//! The loop copies each tick into a ring and never waits. If the ring is full, the tick is lost,
+//! and the recorder marks the gap. The recorder's thread makes messages of the ticks and writes
+//! them. It requests a copy of the controller from time to time, so that a replay can begin in the
+//! middle of a recording and after a gap.
+
+mod file;
+mod limit;
+mod memory;
+mod tap;
+mod thread;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+use hbot_api::Event;
+use hbot_config::{RigConfig, SceneFile};
+use hbot_core::{CompiledScene, Controller};
+use hbot_host::clock::Origin;
+use hbot_host::engine::Recorder;
+use hbot_record::About;
+
+pub use self::file::is_file;
+pub use self::limit::Limit;
+pub(crate) use self::memory::FlightNote;
+use self::tap::{Drain, tap};
+use self::thread::{Scribe, Setup};
+
+/// Number of scenes and events that can wait for the recorder's thread.
+const NOTES: usize = 256;
+
+/// What a server records, and where.
+#[derive(Debug, Clone, Default)]
+pub struct RecordOptions {
+    /// A file whose name ends in `.mcap`, or a folder in which each run gets a file. With `None`
+    /// nothing is recorded.
+    pub path: Option<PathBuf>,
+    /// Size or duration after which a new file begins. It needs a folder.
+    pub limit: Option<Limit>,
+    /// Entries of the recording's metadata, such as the text of the rig file.
+    pub about: BTreeMap<String, String>,
+}
+
+/// The counters of a recorder.
+#[derive(Debug, Default)]
+pub(crate) struct Counts {
+    /// Ticks that are in files.
+    written: AtomicU64,
+    /// Ticks that are in no file, because the recorder or the disk was too slow or failed.
+    lost: AtomicU64,
+    /// Files that could not be written to their end.
+    failed_files: AtomicU64,
+}
+
+/// The outcome of a recording.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Recorded {
+    /// Number of ticks that are in files.
+    pub written: u64,
+    /// Number of ticks that are in no file.
+    pub lost: u64,
+    /// Number of files that could not be written to their end.
+    pub failed_files: u64,
+}
+
+/// A note of the service for the recorder's thread.
+pub(crate) enum Note {
+    /// The loop may soon render this scene.
+    Scene(SceneNote),
+    /// An event that all clients receive.
+    Event(Box<Event>),
+    /// A flight log has ended, and a recording of its ticks is to be written beside it.
+    Flight(FlightNote),
+    /// The run is over.
+    End,
+}
+
+/// A compiled scene, with the file from which it was made.
+#[derive(Clone)]
+pub(crate) struct SceneNote {
+    compiled: Box<CompiledScene>,
+    name: String,
+    json: String,
+}
+
+impl SceneNote {
+    pub(crate) fn new(compiled: &CompiledScene, file: &SceneFile) -> Self {
+        let (name, json) = (file.name().to_owned(), file.to_json().to_string());
+        Self { compiled: Box::new(compiled.clone()), name, json }
+    }
+}
+
+/// Passes scenes and events to the recorder's thread. The default value passes them to nobody.
+#[derive(Clone, Default)]
+pub(crate) struct Notes(Option<SyncSender<Note>>);
+
+impl Notes {
+    /// Announces a scene. Must be called before the scene is sent to the loop.
+    pub(crate) fn scene(&self, compiled: &CompiledScene, file: &SceneFile) {
+        if let Some(notes) = &self.0 {
+            // If the thread is far behind, it counts the ticks of a scene that it does not know as
+            // lost.
+            let _ = notes.try_send(Note::Scene(SceneNote::new(compiled, file)));
+        }
+    }
+
+    /// Requests the recording of a flight log whose last tick has been published.
+    pub(crate) fn flight(&self, flight: FlightNote) {
+        if let Some(notes) = &self.0 {
+            let _ = notes.try_send(Note::Flight(flight));
+        }
+    }
+
+    pub(crate) fn event(&self, event: &Event) {
+        if let Some(notes) = &self.0 {
+            let _ = notes.try_send(Note::Event(Box::new(event.clone())));
+        }
+    }
+}
+
+/// A recorder before the loop has started.
+pub(crate) struct Prepared {
+    options: RecordOptions,
+    flights: bool,
+    drain: Drain,
+    scene: SceneNote,
+}
+
+/// A recorder whose thread is running.
+pub(crate) struct Recording {
+    pub(crate) notes: Notes,
+    /// Whether more than flight logs is recorded.
+    to_file: bool,
+    counts: Arc<Counts>,
+    thread: JoinHandle<()>,
+}
+
+/// Prepares a recorder. Returns the callback for the loop and the rest of the recorder. `flights`
+/// says whether recordings of flight logs are written, and `waits` whether the loop may wait for
+/// the recorder, as in virtual time.
+pub(crate) fn prepare(
+    options: RecordOptions,
+    flights: bool,
+    scene: SceneNote,
+    waits: bool,
+) -> (Recorder, Prepared) {
+    let (mut tap, drain) = tap(waits);
+    (Box::new(move |ticked| tap.take(ticked)), Prepared { options, flights, drain, scene })
+}
+
+impl Prepared {
+    /// Starts the recorder's thread.
+    ///
+    /// # Errors
+    /// Fails if the system provides no thread.
+    pub(crate) fn start(self, rig: &RigConfig, origin: Origin) -> std::io::Result<Recording> {
+        let (notes_in, notes) = sync_channel(NOTES);
+        let counts = Arc::new(Counts::default());
+        let entries = about(self.options.about, rig, &self.scene, origin);
+        let to_file = self.options.path.is_some();
+        let setup = Setup {
+            about: About { joints: joints(rig), entries },
+            controller: Controller::new(rig.rig),
+            scene: self.scene,
+            unix_ns: origin.unix_ns,
+            files: file::Files::new(self.options.path, self.options.limit),
+            counts: Arc::clone(&counts),
+            flights: self.flights,
+        };
+        let scribe = Scribe::new(setup, self.drain, notes);
+        let thread =
+            std::thread::Builder::new().name("hbot-record".to_owned()).spawn(move || scribe.run())?;
+        Ok(Recording { notes: Notes(Some(notes_in)), to_file, counts, thread })
+    }
+}
+
+impl Recording {
+    /// Writes what is left and ends the recording. Must be called after the loop has ended. Blocks
+    /// until the files are written. Returns `None` if only flight logs are recorded.
+    pub(crate) fn end(self) -> Option<Recorded> {
+        if let Some(notes) = &self.notes.0 {
+            // Fails only if the thread has ended.
+            let _ = notes.send(Note::End);
+        }
+        if self.thread.join().is_err() {
+            tracing::error!("the recorder's thread has panicked");
+        }
+        let get = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        let Counts { written, lost, failed_files } = &*self.counts;
+        self.to_file.then(|| Recorded {
+            written: get(written),
+            lost: get(lost),
+            failed_files: get(failed_files),
+        })
+    }
+}
+
+/// Returns the names of the joints, in the order steer, drive of each wheel.
+fn joints(rig: &RigConfig) -> Vec<String> {
+    let names = rig.wheels.iter().map(|wheel| wheel.replace(' ', "_"));
+    names.flat_map(|wheel| ["steer", "drive"].map(|joint| format!("{wheel}.{joint}"))).collect()
+}
+
+/// Returns the entries of the recording's metadata.
+fn about(
+    mut entries: BTreeMap<String, String>,
+    rig: &RigConfig,
+    scene: &SceneNote,
+    origin: Origin,
+) -> BTreeMap<String, String> {
+    let mut put = |key: &str, value: String| entries.insert(key.to_owned(), value);
+    put("rig_name", rig.name.clone());
+    put("rate_hz", rig.rate_hz.to_string());
+    put("accuracy", rig.accuracy.to_owned());
+    put("period_ns", rig.rig.timing.period_ns.to_string());
+    put("scene", scene.json.clone());
+    put("clock_unix_ns", origin.unix_ns.to_string());
+    put("clock_monotonic_ns", origin.monotonic_ns.to_string());
+    entries
+}

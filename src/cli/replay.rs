@@ -1,0 +1,161 @@
+//! `hbot replay`: runs a recording through the control law again and compares every bit.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::{Context as _, bail};
+use clap::Args;
+use hbot_api::StateEvent;
+use hbot_config::{RunningScene, SceneFile};
+use hbot_record::replay::{Flaw, Replay, ReplayError, Replayed, Report, renumbered};
+use hbot_record::{About, Writer, public};
+
+use super::out::say;
+use super::style;
+
+/// Options of `hbot replay`.
+#[derive(Debug, Args)]
+pub(crate) struct ReplayArgs {
+    /// Recording that was made by `hbot server --record`, or a flight log (MCAP)
+    file: PathBuf,
+    /// Compare from this time of the run on
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    from: Option<f64>,
+    /// Compare up to this time of the run
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    to: Option<f64>,
+    /// Render this scene instead of the recorded one: what would the same hand have felt?
+    #[arg(long, value_name = "FILE", requires = "out")]
+    scene: Option<PathBuf>,
+    /// New recording with the recorded torque and that of --scene
+    #[arg(long, value_name = "FILE", requires = "scene")]
+    out: Option<PathBuf>,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(s) if (0.0..=1.0e9).contains(&s) => Ok(s),
+        _ => Err("a number of seconds from 0 to 1e9".to_owned()),
+    }
+}
+
+/// Replays a recording. Returns success only if every bit of it agrees.
+pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
+    let begun = Instant::now();
+    let name = || args.file.display().to_string();
+    let file = BufReader::new(File::open(&args.file).with_context(name)?);
+    let other = args.scene.as_deref().map(SceneFile::from_path).transpose()?;
+    let compiled = other.clone().map(|other| Box::new(renumbered(&RunningScene::new().load(other))));
+    let replay = Replay::new(file, compiled).with_context(name)?;
+    let period_ns = period_ns(replay.about()).with_context(name)?;
+    let tick = |s: f64| (s * 1.0e9 / period_ns as f64).round() as u64;
+    let (from, to) = (args.from.map_or(0, tick), args.to.map_or(u64::MAX, tick));
+
+    let report = match (&other, &args.out) {
+        (Some(other), Some(out)) => {
+            let mut output = Output::create(out, replay.about(), other, period_ns)?;
+            let report = replay.run(from, to, |replayed| output.write(replayed))?;
+            output.writer.finish().with_context(|| out.display().to_string())?;
+            report
+        }
+        _ => replay.run(from, to, |_| Ok::<_, ReplayError>(())).with_context(name)?,
+    };
+    tell(&report, period_ns, begun, args.out.as_deref())?;
+    Ok(if report.is_exact() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Returns the period of the recorded loop, ns.
+fn period_ns(about: &BTreeMap<String, String>) -> anyhow::Result<u64> {
+    match about.get("period_ns").and_then(|text| text.parse().ok()) {
+        Some(period_ns) if period_ns > 0 => Ok(period_ns),
+        _ => bail!("its metadata do not have the period of the loop"),
+    }
+}
+
+/// The new recording of a replay with another scene.
+struct Output<'a> {
+    writer: Writer<File>,
+    scene: &'a SceneFile,
+    begun: bool,
+    period_ns: u64,
+    recorded: StateEvent,
+    computed: StateEvent,
+}
+
+impl<'a> Output<'a> {
+    fn create(
+        path: &Path,
+        about: &BTreeMap<String, String>,
+        scene: &'a SceneFile,
+        period_ns: u64,
+    ) -> anyhow::Result<Self> {
+        let name = || path.display().to_string();
+        let joints = about.get("joints").map(|names| names.split(' ').map(str::to_owned).collect());
+        let mut entries = about.clone();
+        entries.insert("other_scene".to_owned(), scene.to_json().to_string());
+        let about = About { joints: joints.unwrap_or_default(), entries };
+        let writer = Writer::new(File::create_new(path).with_context(name)?, &about).with_context(name)?;
+        let (recorded, computed) = Default::default();
+        Ok(Self { writer, scene, begun: false, period_ns, recorded, computed })
+    }
+
+    fn write(&mut self, replayed: &Replayed<'_>) -> anyhow::Result<()> {
+        let (tick, at) = (replayed.inputs.tick, replayed.log_time);
+        if !std::mem::replace(&mut self.begun, true) {
+            self.writer.scene(tick, self.scene.name(), &self.scene.to_json().to_string(), at)?;
+        }
+        public::fill(&mut self.recorded, &replayed.recorded.state, tick * self.period_ns);
+        self.recorded.timing.lateness_us = replayed.inputs.lateness_ns as f64 * 1.0e-3;
+        self.writer.state(&self.recorded, at)?;
+        public::fill(&mut self.computed, &replayed.computed.state, tick * self.period_ns);
+        self.writer.other_torque(&self.computed, at)?;
+        Ok(())
+    }
+}
+
+/// Prints the outcome of a replay.
+fn tell(report: &Report, period_ns: u64, begun: Instant, out: Option<&Path>) -> anyhow::Result<()> {
+    let at = |tick: u64| (tick * period_ns) as f64 * 1.0e-9;
+    for flaw in &report.flaws {
+        say!("{}note{} {}", style::WARN, style::OFF, sentence(flaw))?;
+    }
+    if let Some((first, last)) = report.range {
+        let elapsed = begun.elapsed().as_secs_f64();
+        let speed = at(report.ticks) / elapsed;
+        let what = match out {
+            Some(out) => format!("computed with the other scene, written to {}", out.display()),
+            None => "every bit agrees".to_owned(),
+        };
+        say!(
+            "{} ticks, {first} to {last} ({:.3} to {:.3} s of the run): {what}; {elapsed:.2} s, {speed:.0} times real time",
+            report.ticks,
+            at(first),
+            at(last)
+        )?;
+    }
+    if let Some(difference) = &report.difference {
+        let [recorded, computed] = &difference.values;
+        let (bad, off, tick) = (style::BAD, style::OFF, difference.tick);
+        say!("{bad}differs{off} first at tick {tick} ({:.3} s of the run): {}", at(tick), difference.field)?;
+        say!("  recorded {recorded}\n  computed {computed}")?;
+    }
+    Ok(())
+}
+
+fn sentence(flaw: &Flaw) -> String {
+    match flaw {
+        Flaw::Gap(ticks) => format!("gap: the recorder lost {ticks} ticks here"),
+        Flaw::Damaged(why) => format!("damaged: {why}"),
+        Flaw::Cut => {
+            "cut: the file ends before the end of the recording, which was killed or copied too early"
+                .to_owned()
+        }
+        Flaw::Unknown(ticks) => {
+            format!("{ticks} ticks are not replayed: the state before them is not in the file")
+        }
+    }
+}
