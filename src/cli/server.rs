@@ -60,8 +60,8 @@ pub(crate) struct ServerArgs {
     /// Stop after this time of the loop
     #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
-    /// Record everything the loop does: a file that ends in .mcap, or a folder in which each run gets
-    /// a file; `hbot replay` runs it again
+    /// Record everything the loop does: a file that ends in .mcap, or a folder in which each run
+    /// gets a file; `hbot replay` runs it again
     #[arg(long, value_name = "PATH")]
     record: Option<PathBuf>,
     /// Begin a new file in the folder after this size or time, such as 500MB or 10min

@@ -73,7 +73,8 @@ impl fmt::Display for Name {
 /// 3. logs of faults that were not the first fault of a server's run,
 /// 4. logs of the first fault of a server's run.
 ///
-/// The recording beside a log is removed with it. Files with names that this program does not write stay and do not count.
+/// The recording beside a log is removed with it. Files with names that this program does not write
+/// stay and do not count.
 ///
 /// # Errors
 /// Returns the operating system's error if the folder cannot be read or a file cannot be removed.
