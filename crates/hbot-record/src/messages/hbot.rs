@@ -134,8 +134,8 @@ pub mod exact {
         /// The scene that is rendered from this tick on.
         #[prost(bytes, tag = "3")]
         Scene(::prost::alloc::vec::Vec<u8>),
-        /// The whole state of the control law after this tick. Before tick 0 of a run, it is the state
-        /// in which the run begins, and the number of the tick has no meaning.
+        /// The whole state of the control law after this tick. Before tick 0 of a run, it is the
+        /// state in which the run begins, and the number of the tick has no meaning.
         #[prost(bytes, tag = "4")]
         Controller(::prost::alloc::vec::Vec<u8>),
         /// Number of ticks that are missing before this tick.
