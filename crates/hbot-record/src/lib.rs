@@ -1,7 +1,8 @@
 //! Recordings of an Hbot as MCAP files, and their exact replay.
 //!
 //! - [`writer`] writes a recording: public topics that viewers understand ([`public`],
-//!   [`messages`], [`topic`]), and one private topic that holds what a replay needs, bit for bit ([`exact`]).
+//!   [`messages`], [`topic`]), and one private topic that holds what a replay needs, bit for bit
+//!   ([`exact`]).
 //! - [`reader`] reads a recording, also one that is cut off or damaged.
 //! - [`replay`] runs the recorded inputs through the control law and compares the outputs.
 //!
