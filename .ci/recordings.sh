@@ -17,9 +17,9 @@ work=$(mktemp -d)
 server=
 trap '[ -z "$server" ] || kill -9 "$server" 2>/dev/null || true; rm -rf "$work"' EXIT
 export XDG_STATE_HOME=$work/state
-run() { "$hbot" server --port sim --listen 127.0.0.1:0 "$@"; }
+serve=("$hbot" server --port sim --listen 127.0.0.1:0)
 
-run --time virtual --duration 12 --record "$work/whole.mcap" >"$work/whole.txt"
+"${serve[@]}" --time virtual --duration 12 --record "$work/whole.mcap" >"$work/whole.txt"
 grep -q '12000 ticks recorded, 0 lost' "$work/whole.txt" || { cat "$work/whole.txt" >&2; exit 1; }
 "$hbot" replay "$work/whole.mcap"
 "$venv/bin/python" .ci/recordings.py "$work/whole.mcap" 12000
@@ -43,7 +43,7 @@ partly() {
 }
 
 # Killed without a chance to end the file.
-run --record "$work/killed.mcap" >/dev/null &
+"${serve[@]}" --record "$work/killed.mcap" >/dev/null &
 server=$!
 grown "$work/killed.mcap" 300000
 kill -9 "$server"
@@ -55,7 +55,7 @@ partly "$work/killed.mcap" 'cut'
 (
     trap '' XFSZ
     ulimit -f 400
-    run --time virtual --duration 12 --record "$work/full.mcap" >"$work/full.txt" 2>&1
+    "${serve[@]}" --time virtual --duration 12 --record "$work/full.mcap" >"$work/full.txt" 2>&1
 )
 grep -q 'the recording cannot be written' "$work/full.txt" || { cat "$work/full.txt" >&2; exit 1; }
 grep -q '1 files failed' "$work/full.txt" || { cat "$work/full.txt" >&2; exit 1; }
@@ -63,6 +63,6 @@ partly "$work/full.mcap" 'cut'
 
 # A folder that cannot be made, because its name is that of a file. The server runs without it.
 touch "$work/file"
-run --time virtual --duration 2 --record "$work/file/folder" >"$work/nowhere.txt" 2>&1
+"${serve[@]}" --time virtual --duration 2 --record "$work/file/folder" >"$work/nowhere.txt" 2>&1
 grep -q '0 ticks recorded, 2000 lost' "$work/nowhere.txt" || { cat "$work/nowhere.txt" >&2; exit 1; }
 echo "recordings are read by MCAP's own reader and replay as far as they go"
