@@ -19,9 +19,12 @@ const SECTIONS: [(&str, &str); 8] = [
     ("### Seeing a reboot", ""),
 ];
 
+/// A sentence of the page, and the tests that go red if it does not hold.
+type Duty = (&'static str, &'static [fn()]);
+
 /// The duties of a controller, in the words of the page, and the tests that fail if a duty is not
 /// met.
-const DUTIES: &[(&str, &[fn()])] = &[
+const DUTIES: &[Duty] = &[
     ("A controller sends only when the host has sent something:", &[conversation::nothing_else_is_answered]),
     (
         "| `Describe` | one `Description` | after the port is opened, and again whenever \

@@ -30,8 +30,8 @@ fn start(held_up: Duration) -> (Host, ServiceEnd) {
         ticks: None,
         buses: None,
         last_word: None,
-        recorder: Some(Box::new(move |_, inputs, _| {
-            if inputs.tick == HELD_TICK {
+        recorder: Some(Box::new(move |ticked| {
+            if ticked.inputs.tick == HELD_TICK {
                 std::thread::sleep(held_up);
             }
         })),

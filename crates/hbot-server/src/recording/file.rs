@@ -27,14 +27,17 @@ pub(super) struct Counting {
     bytes: Arc<AtomicU64>,
 }
 
+/// What to write to, and the count of its bytes.
+pub(super) type Opened = (Counting, Arc<AtomicU64>);
+
 impl Files {
     pub(super) fn new(path: Option<PathBuf>, limit: Option<Limit>) -> Self {
         Self { path, limit, begun: 0 }
     }
 
-    /// Creates the next file. Returns its path, what to write to, and the count of its bytes.
-    /// Returns `None` if no further file is wanted.
-    pub(super) fn create(&mut self) -> Option<(PathBuf, io::Result<(Counting, Arc<AtomicU64>)>)> {
+    /// Creates the next file. Returns its path and what [`open`] returned. Returns `None` if no
+    /// further file is wanted.
+    pub(super) fn create(&mut self) -> Option<(PathBuf, io::Result<Opened>)> {
         let path = self.path.as_ref()?;
         let path = if is_file(path) {
             if self.begun > 0 {
@@ -71,7 +74,7 @@ pub fn is_file(path: &Path) -> bool {
 }
 
 /// Creates the file `path`, which must not exist yet.
-pub(super) fn open(path: &Path) -> io::Result<(Counting, Arc<AtomicU64>)> {
+pub(super) fn open(path: &Path) -> io::Result<Opened> {
     if let Some(dir) = path.parent() {
         fs::create_dir_all(dir)?;
     }
