@@ -27,9 +27,9 @@ impl FromStr for Limit {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || "a size or a time, such as 500MB or 10min; units: kB, MB, GB, s, min, h".to_owned();
-        let (_, is_size, factor) =
-            UNITS.into_iter().find(|(unit, ..)| text.ends_with(unit)).ok_or_else(wrong)?;
         let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+        let named = &text[number.len()..];
+        let (_, is_size, factor) = UNITS.into_iter().find(|(unit, ..)| *unit == named).ok_or_else(wrong)?;
         let number: u64 = number.trim().parse().map_err(|_| wrong())?;
         let amount = number.checked_mul(factor).filter(|n| *n > 0).ok_or_else(wrong)?;
         Ok(if is_size { Self::Size(amount) } else { Self::Time(Duration::from_secs(amount)) })
