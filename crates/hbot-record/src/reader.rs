@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::io::{ErrorKind, Read};
 
-use mcap::read::{ChunkReader, parse_record};
-use mcap::records::Record;
+use mcap::read::parse_record;
+use mcap::records::{Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
 
 use crate::writer::METADATA;
@@ -100,12 +101,13 @@ impl<R: Read> Reader<R> {
         if (&mut self.from).take(length).read_to_end(&mut body)? as u64 != length {
             return self.cut();
         }
-        match parse_record(opcode, &body) {
-            Ok(Record::Chunk { header, data }) => {
-                if let Err(error) = ChunkReader::new(header, &data).and_then(|chunk| self.chunk(chunk)) {
-                    self.waiting.push_back(Item::Damaged(error.to_string()));
-                }
+        if opcode == op::CHUNK {
+            if let Err(error) = self.chunk(&body) {
+                self.waiting.push_back(Item::Damaged(error.to_string()));
             }
+            return Ok(());
+        }
+        match parse_record(opcode, &body) {
             Ok(Record::Metadata(metadata)) if metadata.name == METADATA => {
                 self.waiting.push_back(Item::About(metadata.metadata));
             }
@@ -123,16 +125,38 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Takes the messages of a chunk. If the chunk is damaged, none of them is taken.
-    fn chunk(&mut self, chunk: ChunkReader<'_>) -> Result<(), McapError> {
+    /// Takes the messages of the chunk record `body`. If the chunk is damaged, none of them is taken.
+    fn chunk(&mut self, body: &[u8]) -> Result<(), McapError> {
         let begin = self.waiting.len();
-        for record in chunk {
-            match record {
-                Ok(record) => self.plain(record),
-                Err(error) => {
-                    self.waiting.truncate(begin);
-                    return Err(error);
+        let taken = self.records_of(body);
+        if taken.is_err() {
+            self.waiting.truncate(begin);
+        }
+        taken
+    }
+
+    /// Takes the records of the chunk record `body`, up to the first error. The sum of the chunk is
+    /// checked before any length in it is believed, so that damage cannot ask for much memory.
+    fn records_of(&mut self, body: &[u8]) -> Result<(), McapError> {
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(MAX_RECORD as usize);
+        let mut reader = LinearReader::new_with_options(options);
+        let mut bytes = vec![op::CHUNK];
+        bytes.extend_from_slice(&(body.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(body);
+        let mut rest = bytes.as_slice();
+        while let Some(event) = reader.next_event() {
+            match event? {
+                LinearReadEvent::ReadRequest(wanted) => {
+                    let (now, later) = rest.split_at(wanted.min(rest.len()));
+                    reader.insert(now.len()).copy_from_slice(now);
+                    reader.notify_read(now.len());
+                    rest = later;
                 }
+                LinearReadEvent::Record { opcode, data } => self.plain(parse_record(opcode, data)?),
             }
         }
         Ok(())
