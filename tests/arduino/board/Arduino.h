@@ -23,6 +23,7 @@ public:
     void begin(unsigned long baud);
     int available();
     int read();
+    int availableForWrite();
     size_t write(const uint8_t *bytes, size_t length);
 };
 extern SerialPort Serial;
