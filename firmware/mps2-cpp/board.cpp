@@ -83,6 +83,8 @@ int Uart::read() {
     return byte;
 }
 
+int Uart::availableForWrite() const { return (at(UartState) & TransmitFull) == 0 ? 1 : 0; }
+
 void Uart::write(const uint8_t *bytes, size_t length) {
     for (size_t i = 0; i < length; i++) {
         while ((at(UartState) & TransmitFull) != 0) {

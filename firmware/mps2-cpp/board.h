@@ -17,12 +17,14 @@ uint32_t micros();
 // Sleeps until a byte comes, but not longer than a millisecond.
 void sleep();
 
-// UART 0, as `hbot::Device::poll` expects a port. Received bytes wait in a buffer of 256 bytes, of
+// UART 0, as `hbot::Device::serve` expects a port. Received bytes wait in a buffer of 256 bytes, of
 // which the interrupt fills and the main loop empties its own end.
 class Uart {
 public:
     int available() const;
     int read();
+    // Returns 1 if a byte can be written without waiting, and 0 otherwise.
+    int availableForWrite() const;
     void write(const uint8_t *bytes, size_t length);
 };
 

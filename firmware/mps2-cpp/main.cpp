@@ -29,6 +29,8 @@ int main() {
     for (;;) {
         mechanics.advance(board::micros());
         device.serve(uart, board::micros());
-        board::sleep();
+        if (!device.isSending()) {
+            board::sleep();
+        }
     }
 }

@@ -187,6 +187,7 @@ TEST_CASE("conversation: a port is served, and only the bytes that had arrived a
             in.push_back(0); // A line that is never silent.
             return in[next++];
         }
+        int availableForWrite() const { return 64; }
         void write(const uint8_t *bytes, size_t length) {
             out.insert(out.end(), bytes, bytes + length);
         }
@@ -203,6 +204,55 @@ TEST_CASE("conversation: a port is served, and only the bytes that had arrived a
     port.next = 0;
     bench.device.serve(port, bench.nowUs);
     CHECK(isFree());
+}
+
+TEST_CASE("duty 2: a host that stops reading cannot keep torque on") {
+    struct Port {
+        Bench &bench;
+        Bytes in, out;
+        size_t next, room;
+        int available() const { return static_cast<int>(in.size() - next); }
+        int read() { return in[next++]; }
+        int availableForWrite() const { return static_cast<int>(room); }
+        // Waits for the host if there is no room, as the `Serial` of a board does.
+        void write(const uint8_t *bytes, size_t length) {
+            bench.nowUs += length > room ? 20000 : 0;
+            room -= length > room ? room : length;
+            out.insert(out.end(), bytes, bytes + length);
+        }
+    };
+    Bench bench;
+    Port port = {bench, {}, {}, 0, 10};
+    for (uint32_t sequence = 1; sequence <= 5; sequence++) {
+        const Bytes frame = commandFrame(sequence, true, 20, {0.25f, -0.125f});
+        port.in.insert(port.in.end(), frame.begin(), frame.end());
+    }
+    const uint32_t startUs = bench.nowUs;
+    bench.device.serve(port, bench.nowUs);
+    CHECK(bench.nowUs == startUs);
+    CHECK(port.next == port.in.size() / 5);
+    CHECK(port.out.size() == 10);
+    CHECK(bench.device.isSending());
+    CHECK(pushes());
+    bench.nowUs = startUs + 20000;
+    bench.device.serve(port, bench.nowUs);
+    CHECK(isFree());
+    // The host reads again: every answer is whole, and no waiting command brings torque back.
+    for (int i = 0; i < 100; i++) {
+        port.room = 7;
+        bench.device.serve(port, bench.nowUs);
+        CHECK(isFree());
+    }
+    uint32_t sequence = 0;
+    for (size_t begin = 0, end = 0; end < port.out.size(); end++) {
+        if (port.out[end] == 0) {
+            const auto from = port.out.begin();
+            const Bytes frame(from + static_cast<long>(begin), from + static_cast<long>(end + 1));
+            CHECK(decoded(frame).sequence == ++sequence);
+            begin = end + 1;
+        }
+    }
+    CHECK(sequence == 5);
 }
 
 TEST_CASE("duty 1: a command with another number of torques is not applied or answered") {
@@ -368,6 +418,30 @@ TEST_CASE("duty 4: a fault ends torque at once and is reported") {
     CHECK(isFree());
 }
 
+TEST_CASE("duty 4: a fault that is found while the joints are driven ends torque") {
+    static hbot::Device<2> *found;
+    struct Faulty {
+        static void drive(const float *torque, bool on) {
+            if (on) {
+                found->setCondition(hbot::Condition::Fault);
+            }
+            driveJoints(torque, on);
+        }
+    };
+    hardware = Hardware();
+    hbot::Device<2> device("duties 1.0", joints, readJoints, Faulty::drive);
+    found = &device;
+    device.begin();
+    for (const Bytes &frame : {page().vectors.at("describe").at("frame"),
+                               commandFrame(1, true, 20, {0.25f, -0.125f})}) {
+        for (uint8_t byte : frame) {
+            device.receive(byte, 0);
+        }
+    }
+    CHECK(device.flags() == hbot::Fault);
+    CHECK(isFree());
+}
+
 TEST_CASE("duty 4: it stays until its cause is gone and then a command with enable false comes") {
     Bench bench;
     bench.push();
@@ -410,6 +484,23 @@ TEST_CASE("duty 5: no torque beyond the peak of a joint, and the reading says so
     answer = bench.command(true, {1.0f, 0.5f});
     CHECK(hardware.torque[0] == 1.0f);
     CHECK(answer.readings[0].flags == 0);
+}
+
+TEST_CASE("duty 5: a peak torque below zero or not a number gives no torque") {
+    const hbot::Joint wrong[] = {{4096, -0.1f, 80.0f}, {8192, NotANumber, 0.0f}};
+    hardware = Hardware();
+    hbot::Device<2> device("duties 1.0", wrong, readJoints, driveJoints);
+    for (float sign : {1.0f, -1.0f}) {
+        for (const Bytes &frame : {page().vectors.at("describe").at("frame"),
+                                   commandFrame(1, true, 20, {0.25f * sign, 0.25f * sign})}) {
+            for (uint8_t byte : frame) {
+                device.receive(byte, 0);
+            }
+        }
+        CHECK(hardware.on);
+        CHECK(hardware.torque[0] == 0.0f);
+        CHECK(hardware.torque[1] == 0.0f);
+    }
 }
 
 TEST_CASE("duty 5: a joint that is too hot has no torque, and the reading says so") {

@@ -128,7 +128,12 @@ impl Device {
         let condition = self.check(joints);
         let flags = self.flags(condition);
         let mut feedback = Feedback { sequence: command.sequence, flags, ..Feedback::default() };
+        let hot_before = self.hot;
         self.read(&mut feedback, limited, joints);
+        if self.on && self.hot & !hot_before != 0 {
+            // Without this, a joint found too hot would keep its torque until the next command.
+            self.drive(command, joints);
+        }
         Answer::new(&FromController::Feedback(feedback))
     }
 

@@ -13,7 +13,8 @@ pub struct Joint {
     pub peak: f32,
     /// Temperature from which on the joint gets no torque, in degrees Celsius. Its reading then has
     /// the flag `OVERTEMPERATURE`. It is infinite if [`Joints::drive`](crate::Joints::drive) or the
-    /// motor driver limits the heat.
+    /// motor driver limits the heat. If you do not measure the temperature, write
+    /// `f32::INFINITY`; 0 means always too hot.
     pub max_temperature: f32,
 }
 

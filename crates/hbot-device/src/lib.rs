@@ -67,7 +67,7 @@
 //!         if let Some(byte) = board.serial_read()
 //!             && let Some(answer) = device.receive(board.micros(), byte, &mut motors)
 //!         {
-//!             board.serial_write(&answer);
+//!             board.serial_write(&answer); // must not wait for the host: see run()
 //!         }
 //!     }
 //! }
@@ -86,7 +86,8 @@
 //!
 //! # Where to call it
 //!
-//! - **One loop.** As above, if no pass of the loop takes longer than a millisecond.
+//! - **One loop.** As above, if no pass of the loop takes longer than a millisecond, also while the
+//!   host does not read.
 //! - **Interrupts.** Call [`Device::receive`] in the interrupt of the serial port and
 //!   [`Device::poll`] in the interrupt of a timer. Both must have the same priority, or share the
 //!   device by a critical section.

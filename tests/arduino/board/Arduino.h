@@ -10,6 +10,10 @@ constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1, INPUT_PULLUP = 2;
 constexpr int CHANGE = 3;
 constexpr uint8_t A0 = 14, A1 = 15, A2 = 16, A3 = 17;
 
+// A macro as Arduino's, which evaluates its arguments more than once.
+#define constrain(value, low, high) \
+    ((value) < (low) ? (low) : ((value) > (high) ? (high) : (value)))
+
 uint32_t micros();
 void pinMode(uint8_t pin, uint8_t mode);
 void digitalWrite(uint8_t pin, uint8_t level);
@@ -23,6 +27,7 @@ public:
     void begin(unsigned long baud);
     int available();
     int read();
+    int availableForWrite();
     size_t write(const uint8_t *bytes, size_t length);
 };
 extern SerialPort Serial;

@@ -47,6 +47,10 @@ public:
 struct DQCurrent_s {
     float d, q;
 };
+class PIDController {
+public:
+    void reset();
+};
 class BLDCMotor {
 public:
     explicit BLDCMotor(int polePairs);
@@ -59,7 +63,8 @@ public:
     void linkSensor(Sensor *sensor);
     void linkDriver(BLDCDriver *driver);
     void linkCurrentSense(CurrentSense *sense);
-    float target, shaft_velocity, current_limit, zero_electric_angle;
+    float target, shaft_velocity, current_limit, zero_electric_angle, current_sp;
+    PIDController PID_current_q, PID_current_d;
     DQCurrent_s current;
     int8_t enabled;
     Direction sensor_direction;

@@ -65,6 +65,13 @@ int SerialPort::available() { return length - next; }
 
 int SerialPort::read() { return bytes[next++]; }
 
+// The bytes that can be written without waiting.
+int SerialPort::availableForWrite() {
+    pollfd ready = {terminal, POLLOUT, 0};
+    // A terminal that can be written to takes an answer at least.
+    return poll(&ready, 1, 0) > 0 && (ready.revents & POLLOUT) != 0 ? 128 : 0;
+}
+
 size_t SerialPort::write(const uint8_t *from, size_t count) {
     const ssize_t written = ::write(terminal, from, count);
     if (written != static_cast<ssize_t>(count)) {

@@ -121,8 +121,8 @@ constexpr uint32_t crcSteps(uint32_t crc, int bits) {
         HBOT_LINK_CRC_16(n + 32, 8), HBOT_LINK_CRC_16(n + 48, 8)
 
 // Adds one byte to a CRC-32/ISO-HDLC. A CRC begins with 0xFFFFFFFF and is inverted at the end. The
-// table has 16 entries (64 bytes). With `HBOT_LINK_CRC_TABLE_256` defined it has 256 (1 KiB) and is
-// about twice as fast.
+// table has 16 entries (64 bytes). With `HBOT_LINK_CRC_TABLE_256` defined it has 256 (1 KiB), and a
+// byte takes one step instead of two.
 inline uint32_t crcAdd(uint32_t crc, uint8_t byte) {
 #ifdef HBOT_LINK_CRC_TABLE_256
     static constexpr uint32_t table[256] = {HBOT_LINK_CRC_64(0), HBOT_LINK_CRC_64(64),
@@ -453,8 +453,16 @@ public:
         : firmware_(firmware), read_(read), drive_(drive) {
         for (uint8_t j = 0; j < N; j++) {
             joints_[j] = joints[j];
+            // Also true for NaN. Without this, a negative peak would turn a torque round.
+            if (!(joints_[j].peakTorque > 0.0f)) {
+                joints_[j].peakTorque = 0.0f;
+            }
         }
     }
+
+    // Returns whether a part of an answer waits until the port takes it. `serve` sends it in the
+    // next calls, so do not sleep meanwhile.
+    bool isSending() const { return unsent_ > 0; }
 
     // Sets the joints to zero torque. Call it once, after the drivers of the motors are ready.
     void begin() { release(); }
@@ -462,14 +470,13 @@ public:
     // Checks the watchdog at the time `nowUs`, in microseconds; the time wraps at 32 bits. Call it
     // at least once in a millisecond: if no call comes, torque does not end.
     void poll(uint32_t nowUs) {
-        const bool before = givesTorque();
         watch(nowUs);
-        if (before && !givesTorque()) {
+        if (on_ && !givesTorque()) {
             release();
         }
     }
 
-    // Takes one byte from the line, which arrived at `nowUs`. Returns the number of bytes in
+    // Takes one byte from the line. `nowUs` is the time of this call. Returns the number of bytes in
     // `answer()` that must be sent now; it is 0 if there is no answer. Checks the watchdog too.
     size_t receive(uint8_t byte, uint32_t nowUs) {
         poll(nowUs);
@@ -491,23 +498,24 @@ public:
     const uint8_t *answer() const { return answer_; }
 
     // Takes the bytes that have arrived on `port` and sends the answers. `port` is a `Serial` of
-    // Arduino, or any type with `available`, `read` and `write`. Call it in each pass of the loop
-    // with `micros()`.
+    // Arduino, or any type with `available`, `read`, `availableForWrite` and `write`. Call it in
+    // each pass of the loop with `micros()`. A host that stops reading cannot hold this function
+    // up: it writes only what the port takes at once, and takes no byte until the answer is out.
     template <typename Port> void serve(Port &port, uint32_t nowUs) {
         poll(nowUs);
         // Bytes that arrive meanwhile wait for the next call, so a line that is never silent cannot
         // keep the loop here.
-        for (int waiting = port.available(); waiting > 0; waiting--) {
-            const size_t length = receive(static_cast<uint8_t>(port.read()), nowUs);
-            if (length > 0) {
-                port.write(answer_, length);
-            }
+        send(port);
+        for (int waiting = port.available(); waiting > 0 && unsent_ == 0; waiting--) {
+            unsent_ = receive(static_cast<uint8_t>(port.read()), nowUs);
+            sent_ = 0;
+            send(port);
         }
     }
 
     // Reports the present condition of the hardware; it is `Ready` at boot. A fault ends torque at
     // once. It stays until another condition is reported and then a command with `enable` false
-    // comes.
+    // comes. Not for an interrupt: there, set a volatile bool and report it in the loop.
     void setCondition(Condition condition) {
         ready_ = condition != Condition::NotReady;
         faultPresent_ = condition == Condition::Fault;
@@ -528,10 +536,24 @@ public:
     uint32_t refused() const { return refused_; }
 
 private:
+    // Sends what the port takes without waiting: the host can stop reading at any time, and the
+    // watchdog must not wait for it.
+    template <typename Port> void send(Port &port) {
+        const int room = port.availableForWrite();
+        const size_t free = room > 0 ? static_cast<size_t>(room) : 0;
+        const size_t piece = free < unsent_ ? free : unsent_;
+        if (piece > 0) {
+            port.write(answer_ + sent_, piece);
+            sent_ += piece;
+            unsent_ -= piece;
+        }
+    }
+
     bool givesTorque() const { return enable_ && !expired_ && !fault_ && described_; }
 
     void release() {
         const float zero[N] = {};
+        on_ = false;
         drive_(zero, false);
     }
 
@@ -567,8 +589,11 @@ private:
             torque[j] = limited(command, j, readings[j]);
         }
         if (givesTorque()) {
+            on_ = true;
             drive_(torque, true);
-        } else {
+        }
+        // Not `else`: `drive_` may have reported a fault.
+        if (!givesTorque()) {
             release();
         }
         return encodeFeedback(command.sequence, flags(), readings, N, answer_);
@@ -600,12 +625,17 @@ private:
     Drive drive_;
     Decoder decoder_;
     uint8_t answer_[AnswerBytes] = {};
+    // Bytes of the answer that the port has and has not taken.
+    size_t sent_ = 0;
+    size_t unsent_ = 0;
     uint32_t refused_ = 0;
     // Time of the last valid command, if there was one since boot, and its watchdog time.
     uint32_t commandUs_ = 0;
     uint32_t watchdogUs_ = 0;
     bool commanded_ = false;
     bool enable_ = false;
+    // True from a call of `drive_` with torque until the next without.
+    bool on_ = false;
     bool expired_ = false;
     bool described_ = false;
     bool ready_ = true;

@@ -33,7 +33,7 @@ const DUTIES: &[Duty] = &[
     ),
     (
         "| a valid `Command` | one `Feedback` with the `sequence` of the command | in every \
-         tick of the loop, 1000 times a second or more |",
+         tick of the loop, 1000 times a second by default |",
         &[conversation::each_command_is_answered_with_its_sequence],
     ),
     ("| anything else | nothing | |", &[conversation::nothing_else_is_answered]),
@@ -303,6 +303,8 @@ const NO_DUTIES: &[&str] = &[
      infinity, because it checks only the form of a frame.",
     "The host checks that each reading is finite and plausible, and stops the rig if it is \
      not.",
+    "Limit heat in the power stage too: temperatures are checked only when a command \
+     arrives.",
     "These five points are duties of the firmware.",
     "The host cannot do them in its place.",
     "So torque never comes back by surprise after a host that hangs for a moment, or after \

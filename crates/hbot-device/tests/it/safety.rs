@@ -246,8 +246,8 @@ pub(crate) fn no_torque_exceeds_the_peak_of_its_joint() {
     }
 }
 
-/// A joint at its largest temperature gets no torque, from the command after the reading on. The
-/// others keep theirs.
+/// A joint at its largest temperature gets no torque, also if no command comes after the reading.
+/// The others keep theirs.
 #[test]
 pub(crate) fn a_hot_joint_gets_no_torque_until_it_is_cooler() {
     for hot in [80.0, 500.0, f32::NAN, f32::INFINITY] {
@@ -257,6 +257,7 @@ pub(crate) fn a_hot_joint_gets_no_torque_until_it_is_cooler() {
         let feedback = bench.command(true, 20, &PUSH).unwrap();
         assert_eq!(feedback.joints[0].flags, JointFlags::OVERTEMPERATURE);
         assert_eq!(feedback.joints[1].flags, JointFlags::empty());
+        assert_eq!(bench.hardware.torque, [0.0, PUSH[1]]);
         bench.push();
         assert_eq!(bench.hardware.torque, [0.0, PUSH[1]]);
         bench.hardware.readings[0].temperature = 79.9;

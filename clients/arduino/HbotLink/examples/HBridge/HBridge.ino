@@ -12,6 +12,8 @@ struct Wiring {
 const Wiring wiring[Motors] = {{2, 3, 4, 5}, {6, 7, 8, 9}};
 // Pin that is low while the H-bridges report a fault.
 constexpr uint8_t FaultPin = 10;
+// Pin that switches the H-bridges on. With a PWM of 0 alone, many H-bridges brake the motors.
+constexpr uint8_t EnablePin = 11;
 
 // A motor and its gear, from the data sheet.
 struct Motor {
@@ -66,7 +68,8 @@ void readJoints(hbot::Reading *readings) {
 
 void driveJoints(const float *torque, bool on) {
     for (int j = 0; j < Motors; j++) {
-        // The voltage that makes this torque at this rate. `peakTorque` limits the current.
+        // The voltage that makes this torque at this rate. `peakTorque` limits the current at the
+        // present rate only: the driver must limit the current too.
         const Motor &motor = motors[j];
         const float amperes = torque[j] / (motor.torquePerAmpere * motor.gear);
         const float volts = amperes * motor.resistance + motor.torquePerAmpere * rate[j];
@@ -75,6 +78,7 @@ void driveJoints(const float *torque, bool on) {
         duty = duty < 0.0f ? -duty : duty;
         analogWrite(wiring[j].pwm, static_cast<int>(255.0f * (duty < 1.0f ? duty : 1.0f)));
     }
+    digitalWrite(EnablePin, on ? HIGH : LOW);
 }
 
 hbot::Device<Motors> device("h-bridge 1.0", joints, readJoints, driveJoints);
@@ -89,6 +93,8 @@ template <int J> void beginMotor() {
 }
 
 void setup() {
+    pinMode(EnablePin, OUTPUT);
+    digitalWrite(EnablePin, LOW);
     pinMode(FaultPin, INPUT_PULLUP);
     beginMotor<0>();
     beginMotor<1>();

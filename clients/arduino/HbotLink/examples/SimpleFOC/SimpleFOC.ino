@@ -1,5 +1,5 @@
 // Two brushless motors with SimpleFOC (simplefoc.com) and AS5147 encoders: steer and drive of one
-// wheel. The pins are those of your board.
+// wheel. The pins are those of your board; 10 to 13 are its SPI, which reads the encoders.
 
 #include <HbotLink.h>
 #include <SimpleFOC.h>
@@ -17,7 +17,7 @@ const float torquePerAmpere[Motors] = {0.093f, 0.0082f};
 constexpr float MostAmperes = 5.0f;
 
 BLDCMotor steer(11), drive(7);
-BLDCDriver3PWM steerDriver(9, 5, 6, 8), driveDriver(3, 10, 11, 7);
+BLDCDriver3PWM steerDriver(9, 5, 6, 8), driveDriver(3, 22, 23, 7);
 MagneticSensorSPI steerSensor(AS5147_SPI, 2), driveSensor(AS5147_SPI, 4);
 LowsideCurrentSense steerCurrent(0.01f, 50.0f, A0, A1), driveCurrent(0.01f, 50.0f, A2, A3);
 BLDCMotor *const motors[Motors] = {&steer, &drive};
@@ -43,8 +43,13 @@ void readJoints(hbot::Reading *readings) {
 void driveJoints(const float *torque, bool on) {
     for (int j = 0; j < Motors; j++) {
         BLDCMotor &motor = *motors[j];
-        motor.target = torque[j] / (torquePerAmpere[j] * gear[j]);
+        const float amperes = torque[j] / (torquePerAmpere[j] * gear[j]);
+        motor.target = constrain(amperes, -MostAmperes, MostAmperes);
         if (on && !motor.enabled) {
+            // The motor must not start with the current of before it was switched off.
+            motor.current_sp = 0.0f;
+            motor.PID_current_q.reset();
+            motor.PID_current_d.reset();
             motor.enable();
         } else if (!on && motor.enabled) {
             motor.disable();
