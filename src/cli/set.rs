@@ -14,7 +14,7 @@ use super::{Commanding, orders, style};
 pub(crate) struct SetArgs {
     /// Id of the effect in the running scene, such as `spring`
     effect: String,
-    /// Parameters, such as stiffness=2, cone="35 deg" or axis=[0,0,1]
+    /// Parameters, such as `stiffness=2`, `cone="35 deg"` or `axis=[0,0,1]`
     #[arg(required = true, value_name = "KEY=VALUE", value_parser = assignment)]
     values: Vec<(String, Value)>,
     #[command(flatten)]

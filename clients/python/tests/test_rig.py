@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import json
+import socket
 import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgpack
 import pytest
 from serving import PATIENCE_S, RATE_HZ, SCENES, Server, eventually
 
@@ -309,3 +312,42 @@ def test_a_scene_file_that_is_not_toml_is_named(rig: hbot.Rig, tmp_path: Path) -
     (tmp_path / "wrong.toml").write_text("name = ")
     with pytest.raises(ValueError, match=r"wrong\.toml: Invalid value"):
         rig.load_scene(tmp_path / "wrong.toml")
+
+
+@pytest.mark.parametrize("encoding", ["json", "msgpack"])
+def test_events_that_arrive_with_the_answer_to_hello_are_not_lost(encoding: str) -> None:
+    """A server of this test sends the answer, an event and the start of another in one piece."""
+    hello = {"server": "s", "version": 1, "rig": "r", "rate_hz": 1000.0, "session": 1}
+    event = {"event": "lease", "holder": "b", "session": 2, "cause": "acquired"}
+
+    def wire(message: object) -> bytes:
+        if encoding == "json":
+            return json.dumps(message).encode() + b"\n"
+        body = msgpack.packb(message)
+        return len(body).to_bytes(4, "big") + bytes(body)
+
+    def serve(listener: socket.socket) -> None:
+        peer, _ = listener.accept()
+        peer.recv(4096)
+        second = wire(event)
+        answer = json.dumps({"id": 0, "ok": hello}).encode() + b"\n"
+        peer.sendall(answer + wire(event) + second[:9])
+        peer.recv(4096)  # The request `info`, which has the id 1.
+        peer.sendall(second[9:] + wire({"id": 1, "ok": {}}))
+        peer.recv(4096)
+        peer.close()
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=serve, args=(listener,), daemon=True).start()
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        with hbot.connect(address, name="early", encoding=encoding) as rig:  # type: ignore[arg-type]
+            found = list(itertools.islice(rig.events(duration=20.0), 2))
+    assert [event.holder for event in found if isinstance(event, hbot.LeaseEvent)] == ["b", "b"]
+
+
+def test_a_torque_of_two_numbers_is_refused_before_it_is_sent(server: Server) -> None:
+    with hbot.connect(server.address, name="two") as rig, rig.lease():
+        with pytest.raises(ValueError, match="2 numbers"):
+            rig.torque([0.01, 0.02], valid_ms=20)
+        with pytest.raises(ValueError, match="2 numbers"):
+            rig.render(lambda state: [0.01, 0.02], duration=1.0)

@@ -71,6 +71,8 @@ def simulated(weber: float, seed: int) -> Judge:
 
     def judge(trial: int, first: Felt, second: Felt) -> int:
         numbers = random.Random(f"sensation {seed} {trial}")
+        if not (first.stiffness > 0 and second.stiffness > 0):
+            raise LogError("the simulated hand did not move the sphere")
         sensations = [
             math.log(felt.stiffness) + numbers.gauss(0, noise) for felt in (first, second)
         ]
@@ -166,6 +168,7 @@ def experiment(
             second.moved,
         )
         log.append(row)
+        print(f"trial {number} of {trials} is done", flush=True)
 
 
 def _interval(rig: hbot.Rig, stiffness: float, person: bool) -> tuple[Felt, float]:
@@ -203,6 +206,8 @@ def main() -> None:
     def run(rig: hbot.Rig) -> None:
         check(rig)
         with TrialLog(path, Trial, settings) as log:
+            if not options.simulate:
+                input("Hold the sphere at its centre and press Enter. ")
             session.start(rig, scene(options.simulate))
             experiment(rig, log, options.trials, options.seed, judge, not options.simulate)
             found = psychometric.fit(answers(log.rows))

@@ -166,6 +166,7 @@ def experiment(
             if state.mode != "active":
                 raise LogError(f"the rig is {state.fault or state.mode}; mend that and start again")
         log.append(_row(rig, number, target, guidance, states))
+        print(f"trial {number} of {trials} is done", flush=True)
 
 
 def _show(rig: hbot.Rig, target: Quaternion) -> None:
@@ -230,6 +231,8 @@ def main() -> None:
 
     def run(rig: hbot.Rig) -> None:
         with TrialLog(path, Trial, settings) as log:
+            if not options.simulate:
+                input("Hold the sphere at its centre and press Enter. ")
             session.start(rig, scene(options.simulate))
             experiment(rig, log, options.trials, options.seed, participant)
             print(f"{summary(log.rows)}\nLog: {path}")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,9 @@ from typing import Any
 import hbot
 
 from .trial_log import LogError
+
+PATIENCE = 30.0
+"""Longest time to wait until the sphere is near its centre, s."""
 
 
 def parser(description: str, trials: int) -> argparse.ArgumentParser:
@@ -51,8 +56,12 @@ def run(options: argparse.Namespace, experiment: Callable[[hbot.Rig], None]) -> 
             check_rig(rig, options.simulate)
             try:
                 experiment(rig)
-            finally:
-                rig.disable()
+            except BaseException:
+                # The first error says more than one of a lost connection.
+                with contextlib.suppress(hbot.HbotError):
+                    rig.disable()
+                raise
+            rig.disable()
     except KeyboardInterrupt:
         print("\nStopped. The same command continues after the last complete trial.")
         sys.exit(130)
@@ -73,13 +82,32 @@ def check_rig(rig: hbot.Rig, simulate: bool) -> None:
 
 
 def start(rig: hbot.Rig, scene: dict[str, Any]) -> None:
-    """Load a scene and enable the rig. A fault that is already there is reset."""
+    """Load a scene, enable the rig and wait for full torque. A fault that is there is reset once.
+
+    The sphere must be near its centre. A simulated hand may be far from it, so this waits until the
+    hand swings back.
+
+    Raises:
+        hbot.OutOfRange: the sphere stays too far from its centre.
+        hbot.Faulted, LogError: the rig goes into a fault.
+    """
     rig.load_scene(scene)
-    try:
-        rig.enable()
-    except hbot.Faulted:
-        rig.reset()
-        rig.enable()
+    if rig.reset() == "fault":
+        raise LogError("the rig is in a fault; mend that and start again")
+    give_up = time.monotonic() + PATIENCE
+    while True:
+        try:
+            rig.enable()
+            break
+        except hbot.OutOfRange:
+            if time.monotonic() > give_up:
+                raise
+            time.sleep(0.05)
+    for state in rig.states(every=10):
+        if state.mode == "active":
+            return
+        if state.mode != "enabling":
+            raise LogError(f"the rig is {state.fault or state.mode}; mend that and start again")
 
 
 def unix_time(rig: hbot.Rig, t: float) -> float:

@@ -32,7 +32,8 @@ def test_a_run_that_is_killed_continues_without_a_lost_or_doubled_trial(tmp_path
         with subprocess.Popen(run) as first:
             until = time.monotonic() + 60
             while not log.exists() or log.read_bytes().count(b"\n") < 5:
-                assert first.poll() is None and time.monotonic() < until, "no trials"
+                assert first.poll() is None, "the program has ended"
+                assert time.monotonic() < until, "no trials"
                 time.sleep(0.01)
             first.send_signal(signal.SIGKILL)
         before = rows(log)
@@ -67,3 +68,11 @@ def test_guidance_reduces_the_error_as_two_springs_in_parallel_do(tmp_path: Path
         for guided in (True, False)
     }
     assert rms[True] < rms[False]
+
+
+def test_one_experiment_follows_another_on_one_server(tmp_path: Path) -> None:
+    with server() as address:
+        for experiment in ("discrimination", "matching", "discrimination"):
+            folder = tmp_path / "again" if (tmp_path / "p1-matching.csv").exists() else tmp_path
+            run = command(experiment, address, folder, "--trials", "1")
+            subprocess.run(run, check=True)

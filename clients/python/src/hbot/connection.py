@@ -80,7 +80,7 @@ class Connection:
         self._encode = wire.encoder(options.encoding)
         self._transport = open_transport(address, options.tls, options.timeout)
         try:
-            self.hello = _say_hello(self._transport, options)
+            self.hello, self._early = _say_hello(self._transport, options)
         except BaseException:
             self._transport.close()
             raise
@@ -178,7 +178,10 @@ class Connection:
     def _read(self) -> None:
         """Read until the connection ends. Runs in the thread."""
         heard = time.monotonic()
+        early, self._early = self._early, b""
         try:
+            for message in self._splitter.push(early):
+                self._take(message)
             while self._error is None:
                 data = self._transport.receive(HEARTBEAT_S)
                 if data is None:
@@ -272,7 +275,8 @@ class Connection:
         return error
 
 
-def _say_hello(transport: Transport, options: Options) -> Hello:
+def _say_hello(transport: Transport, options: Options) -> tuple[Hello, bytes]:
+    """Open the session. Returns the answer, and the bytes that arrived after it."""
     fields: dict[str, Any] = {
         "version": wire.VERSION,
         "name": options.name,
@@ -284,7 +288,7 @@ def _say_hello(transport: Transport, options: Options) -> Hello:
             text.read_text(encoding="utf-8").strip() if isinstance(text, Path) else text
         )
     transport.send(wire.encode_json({"id": 0, "op": "hello", **fields}))
-    splitter = wire.Splitter("json")
+    received = b""
     until = time.monotonic() + options.timeout
     while (left := until - time.monotonic()) > 0:
         data = transport.receive(left)
@@ -294,10 +298,13 @@ def _say_hello(transport: Transport, options: Options) -> Hello:
             raise NotTrusted("the server encrypts: name its certificate with tls=")
         if not data:
             raise ConnectionLost("the server has closed the connection before its answer to hello")
-        for message in splitter.push(data):
+        received += data
+        # The answer is JSON. What follows it is in the encoding that was asked for.
+        line, newline, rest = received.partition(b"\n")
+        for message in wire.Splitter("json").push(line + newline):
             if "error" in message:
                 raise Refused.of(message["error"], "hello")
             if "ok" in message:
-                return decode(Hello, message["ok"])
+                return decode(Hello, message["ok"]), rest
             raise ProtocolError("the server sent an event before its answer to hello")
     raise TimedOut(f"hello: no answer for {options.timeout} s")

@@ -97,8 +97,15 @@ def change(effect: str, parameters: dict[str, Any]) -> Request[None]:
 def torque(
     torque: Iterable[float], valid_ms: int, tick: int | None = None, seq: int | None = None
 ) -> Request[None]:
-    """Stream a torque."""
-    fields = _given(torque=_numbers(torque), valid_ms=valid_ms, tick=tick, seq=seq)
+    """Stream a torque.
+
+    Raises:
+        ValueError: the torque is not three finite numbers.
+    """
+    numbers = _numbers(torque)
+    if len(numbers) != 3:
+        raise ValueError(f"the torque has {len(numbers)} numbers; legal: 3")
+    fields = _given(torque=numbers, valid_ms=valid_ms, tick=tick, seq=seq)
     return Request("torque", fields, _none)
 
 
