@@ -314,9 +314,23 @@ def test_a_scene_file_that_is_not_toml_is_named(rig: hbot.Rig, tmp_path: Path) -
         rig.load_scene(tmp_path / "wrong.toml")
 
 
-@pytest.mark.parametrize("encoding", ["json", "msgpack"])
-def test_events_that_arrive_with_the_answer_to_hello_are_not_lost(encoding: str) -> None:
+def raw_info(address: str) -> object:
+    """Return the answer to `info` as the real server sends it."""
+    host, _, port = address.rpartition(":")
+    with socket.create_connection((host, int(port))) as peer, peer.makefile("rw") as lines:
+        lines.write(
+            '{"id": 0, "op": "hello", "version": 1, "name": "raw"}\n{"id": 1, "op": "info"}\n'
+        )
+        lines.flush()
+        answers = (json.loads(line) for line in lines)
+        return next(answer["ok"] for answer in answers if answer.get("id") == 1)
+
+
+def test_events_that_arrive_with_the_answer_to_hello_are_not_lost(
+    server: Server, encoding: Encoding
+) -> None:
     """A server of this test sends the answer, an event and the start of another in one piece."""
+    info = raw_info(server.address)
     hello = {"server": "s", "version": 1, "rig": "r", "rate_hz": 1000.0, "session": 1}
     event = {"event": "lease", "holder": "b", "session": 2, "cause": "acquired"}
 
@@ -333,14 +347,14 @@ def test_events_that_arrive_with_the_answer_to_hello_are_not_lost(encoding: str)
         answer = json.dumps({"id": 0, "ok": hello}).encode() + b"\n"
         peer.sendall(answer + wire(event) + second[:9])
         peer.recv(4096)  # The request `info`, which has the id 1.
-        peer.sendall(second[9:] + wire({"id": 1, "ok": {}}))
+        peer.sendall(second[9:] + wire({"id": 1, "ok": info}))
         peer.recv(4096)
         peer.close()
 
     with socket.create_server(("127.0.0.1", 0)) as listener:
         threading.Thread(target=serve, args=(listener,), daemon=True).start()
         address = f"127.0.0.1:{listener.getsockname()[1]}"
-        with hbot.connect(address, name="early", encoding=encoding) as rig:  # type: ignore[arg-type]
+        with hbot.connect(address, name="early", encoding=encoding) as rig:
             found = list(itertools.islice(rig.events(duration=20.0), 2))
     assert [event.holder for event in found if isinstance(event, hbot.LeaseEvent)] == ["b", "b"]
 

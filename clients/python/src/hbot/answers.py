@@ -16,6 +16,8 @@ class Loaded:
     """Effects of the scene with their cost."""
     ignored: tuple[str, ...]
     """Phenomena in the scene that a real rig ignores."""
+    warnings: tuple[str, ...] = ()
+    """What the rig cannot make or keep stable, in words."""
 
 
 @dataclass(frozen=True, slots=True)
