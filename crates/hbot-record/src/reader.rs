@@ -125,7 +125,8 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Takes the messages of the chunk record `body`. If the chunk is damaged, none of them is taken.
+    /// Takes the messages of the chunk record `body`. If the chunk is damaged, none of them is
+    /// taken.
     fn chunk(&mut self, body: &[u8]) -> Result<(), McapError> {
         let begin = self.waiting.len();
         let taken = self.records_of(body);
