@@ -1,5 +1,7 @@
 //! Vectors and quaternions for other programs.
 
+#![allow(rustdoc::broken_intra_doc_links, reason = "annotations for cbindgen look like links")]
+
 use hbot_api::Axes;
 
 use crate::boundary::{Out, guarded, input};

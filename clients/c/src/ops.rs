@@ -1,5 +1,7 @@
 //! One function for each op. Each waits for the answer, except for the streams.
 
+#![allow(rustdoc::broken_intra_doc_links, reason = "annotations for cbindgen look like links")]
+
 use std::ffi::{CString, c_char};
 
 use hbot_api::{Align, ClientError, Mode, Op, ReferenceCommand, TorqueCommand};
