@@ -1,4 +1,4 @@
-//! Serves a simulated rig from a thread of its own, in wall time.
+//! Serves a simulated rig from a separate thread, in wall time.
 //!
 //! The thread owns the rig and one end of the line. It answers as soon as bytes arrive and
 //! simulates the plant in between. The line is a pseudo-terminal ([`crate::pty`]) or a pair of

@@ -33,7 +33,7 @@ def connect(
             (pinned) or with that of an authority; or an `ssl.SSLContext`. None: no encryption.
         encoding: `"json"`, or `"msgpack"` with the extra `hbot[msgpack]`.
         timeout: longest time to connect, and to wait for an answer or for a state, s.
-        on_event: called for each event, in a thread of its own. Without it, `Rig.events` returns
+        on_event: called for each event, in a separate thread. Without it, `Rig.events` returns
             them.
 
     Raises:

@@ -302,7 +302,7 @@ class Rig:
     def _call_back(self) -> None:
         """Pass events to the program's function until the connection ends.
 
-        Runs in a thread of its own.
+        Runs in a separate thread.
         """
         assert self._on_event is not None
         try:

@@ -20,7 +20,7 @@ pub(super) const PART_NS: u64 = 1_000_000_000;
 /// 100 ms, and the time until it is requested.
 const REACH_NS: u64 = 2_000_000_000;
 
-/// A flight log that is to be written.
+/// A request to write the recording of a flight log.
 #[derive(Debug, Clone)]
 pub(crate) struct FlightNote {
     pub(crate) path: PathBuf,

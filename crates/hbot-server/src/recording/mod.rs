@@ -79,7 +79,7 @@ pub(crate) enum Note {
     Scene(SceneNote),
     /// An event that all clients receive.
     Event(Box<Event>),
-    /// A flight log has ended, and a recording of its ticks is to be written beside it.
+    /// A request to write the recording of a flight log that has ended.
     Flight(FlightNote),
     /// The run is over.
     End,

@@ -95,8 +95,8 @@ fn turns_are_taken_off_a_far_position_and_the_count_goes_on() {
     assert!(position.abs() < 10_000_000, "{position} steps of 1e-5 turns");
 }
 
-/// Runs one tick, and returns the state that servo `id` reports in answer to a query of its own
-/// before this tick's command.
+/// Runs one tick. Returns the state that servo `id` reports if it is queried before this tick's
+/// command.
 fn asked(bench: &mut Bench, id: u8, enable: bool) -> State {
     let (speaker, hears) = channel();
     let (mut frame, mut question) = (codec::frame_to(id, true), Vec::new());
