@@ -121,8 +121,8 @@ impl Exact {
     }
 }
 
-/// Returns whether two outputs agree in every bit. So zeros of different sign differ, and so do NaNs
-/// of different bits.
+/// Returns whether two outputs agree in every bit. So zeros of different sign differ, and so do
+/// NaNs of different bits.
 #[must_use]
 pub fn same_bits(a: &Outputs, b: &Outputs) -> bool {
     bytes(a) == bytes(b)
