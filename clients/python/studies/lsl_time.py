@@ -3,7 +3,8 @@
     cargo build --bin hbot
     python studies/lsl_time.py
 
-A simulated rig runs at 1 kHz, `python -m hbot.lsl` publishes it, and this program receives the
+A simulated rig runs at 1 kHz behind a pseudo-terminal: there it keeps to the clock as a real rig
+does, and its time never waits. `python -m hbot.lsl` publishes it, and this program receives the
 stream, as a recorder in another process does. LSL's own correction (`time_correction`) is added to
 each time stamp. The result is compared with the server's clock: `info.clock.monotonic_ns` plus `t`
 of the sample. This is done twice: with the offset that `hbot.clock` takes from `info.clock`, and
@@ -24,6 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import hbot
+from hbot.clock import told
 
 REPOSITORY = Path(__file__).parents[3]
 TESTS = REPOSITORY / "clients" / "python" / "tests"
@@ -96,16 +98,18 @@ def main() -> None:
     from serving import Server
 
     with tempfile.TemporaryDirectory() as folder:
-        server = Server(Path(folder), rate_hz=RATE_HZ)
+        server = Server(Path(folder), rate_hz=RATE_HZ, line="sim:pty")
         try:
             with hbot.connect(server.address) as rig:
-                assert rig.info.clock is not None
-                truth = rig.info.clock.monotonic_ns * 1e-9
+                tick_0 = told(rig)
+                assert tick_0 is not None
+                truth = tick_0.seconds
             runs = {
                 clock: receive(server.address, truth, clock, options.seconds)
                 for clock in ("auto", "ping")
             }
             with hbot.connect(server.address) as rig:
+                assert told(rig) == tick_0, "the clock has moved"
                 stats = rig.stats()
         finally:
             server.kill()

@@ -68,13 +68,28 @@ def rig_file(folder: Path, api: str = "") -> Path:
 class Server:
     """A server with a simulated rig, in a process of its own."""
 
-    def __init__(self, folder: Path, api: str = "", rate_hz: int = RATE_HZ, port: int = 0) -> None:
-        """Start the server and wait until it listens."""
+    def __init__(
+        self,
+        folder: Path,
+        api: str = "",
+        rate_hz: int = RATE_HZ,
+        port: int = 0,
+        line: str = "sim",
+    ) -> None:
+        """Start the server and wait until it listens.
+
+        Args:
+            folder: its rig file, log and files are here.
+            api: lines for the table `[api]` of the rig file.
+            rate_hz: ticks per second.
+            port: TCP port. 0 stands for any that is free.
+            line: line to the motor controllers, as `--port` names it.
+        """
         self._log = folder / "server.log"
         command = [str(program()), "server", "--rig", str(rig_file(folder, api))]
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(
-                [*command, "--rate", str(rate_hz), "--listen", f"127.0.0.1:{port}"],
+                [*command, "--rate", str(rate_hz), "--listen", f"127.0.0.1:{port}", "--port", line],
                 cwd=folder,
                 stdout=log,
                 stderr=subprocess.STDOUT,

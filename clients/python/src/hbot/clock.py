@@ -5,7 +5,8 @@ the clock of this machine, s. There are two ways to it:
 
 `clock`
     `info.clock.monotonic_ns` is this time on CLOCK_MONOTONIC of the server's machine. If server and
-    client run on one machine, it is exact.
+    client run on one machine, it is exact. The time of the simulated rig waits while the machine is
+    busy, and the clock moves by each wait. So ask for it again from time to time (`told`).
 
 `ping`
     Between two machines, round trips enclose the offset. A ping is sent at s, and its answer
@@ -70,14 +71,26 @@ def measure(rig: Rig, now: Callable[[], float], pings: int = PINGS) -> Offset:
 def offset(rig: Rig, now: Callable[[], float] = time.monotonic) -> Offset:
     """Return the time of tick 0 on the clock `now`: exact if the server has this clock.
 
+    Stores a new answer to `info` in `rig.info`.
+
     Args:
         rig: the connection.
         now: the local clock, s. The way `clock` needs a clock that reads CLOCK_MONOTONIC.
     """
     measured = measure(rig, now)
-    if rig.info.clock is None:
+    shared = told(rig)
+    if (
+        shared is None
+        or abs(shared.seconds - measured.seconds) > SAME_CLOCK_S + measured.uncertainty
+    ):
         return measured
-    told = rig.info.clock.monotonic_ns * 1e-9
-    if abs(told - measured.seconds) > SAME_CLOCK_S + measured.uncertainty:
-        return measured
-    return Offset(told, 0.0, shared=True)
+    return shared
+
+
+def told(rig: Rig) -> Offset | None:
+    """Return what the server says of tick 0 now, on CLOCK_MONOTONIC of its machine.
+
+    Stores a new answer to `info` in `rig.info`. None: the server does not tell its clock.
+    """
+    answer = rig.refresh().clock
+    return None if answer is None else Offset(answer.monotonic_ns * 1e-9, 0.0, shared=True)

@@ -18,6 +18,8 @@ from .streams import MARKERS, SAMPLES, Outlets, channels, marker
 
 RETRY_S = 1.0
 """Time between two attempts to reach a server that has gone, s."""
+FOLLOW_EVERY_S = 0.1
+"""Time between two questions for the server's clock, if the server has the same clock, s."""
 MEASURE_EVERY_S = 10.0
 """Time between two estimates of the offset, if the server has another clock, s."""
 SMOOTHING = 0.3
@@ -97,10 +99,14 @@ class Publisher:
         measured = time.monotonic()
         try:
             while True:
-                for event in rig.events(1.0):
+                for event in rig.events(FOLLOW_EVERY_S):
                     self._mark(rig, event)
-                shared = self._offset is None or self._offset.shared
-                if not shared and time.monotonic() - measured > MEASURE_EVERY_S:
+                if self._offset is None:
+                    continue
+                if self._offset.shared:
+                    # It moves when the time of the simulated rig waits for a busy machine.
+                    self._offset = clock.told(rig) or self._offset
+                elif time.monotonic() - measured > MEASURE_EVERY_S:
                     measured = time.monotonic()
                     self._follow(rig)
         except HbotError:
