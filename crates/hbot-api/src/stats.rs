@@ -62,6 +62,13 @@ pub struct StatsOk {
     pub flight_logs: u64,
     /// Number of flight logs that could not be written to disk.
     pub flight_logs_failed: u64,
+    /// Number of ticks that were written to recordings (`hbot server --record`).
+    pub recorded_ticks: u64,
+    /// Number of ticks that are missing in recordings, because the recorder or the disk was too
+    /// slow, or because no recording could be written.
+    pub unrecorded_ticks: u64,
+    /// Number of recordings that could not be begun or not be written to their end.
+    pub recordings_failed: u64,
 }
 
 /// A summary of measured durations: percentiles and maximum, in us, and how many were measured.

@@ -128,8 +128,62 @@ impl WatchedServer {
         Ok(bench)
     }
 
-    /// Runs the command of a server on a free TCP port.
-    fn run(mut command: Command, state: tempfile::TempDir, simulate: Value) -> Outcome<Self> {
+    /// Starts a server at `rate_hz` with its own scene, a spring, and a hand that moves. It writes
+    /// flight logs if `flights` is true, and a recording to `record`, if given. No client receives
+    /// its states.
+    pub(crate) fn recording(rate_hz: u32, flights: bool, record: Option<&Path>) -> Outcome<Self> {
+        let state = tempfile::tempdir()?;
+        let mut command = hbot()?;
+        command.env("HBOT_LOG", "error").args(["server", "--port", "sim", "--rate", &rate_hz.to_string()]);
+        if flights {
+            command.env("XDG_STATE_HOME", state.path());
+        } else {
+            // Without a home there is no folder for flight logs.
+            command.env_remove("XDG_STATE_HOME").env_remove("HOME");
+        }
+        if let Some(path) = record {
+            command.arg("--record").arg(path);
+        }
+        let mut bench = Self::connect(command, state)?;
+        bench.watcher.acquire(false)?;
+        bench.watcher.subscribe(1)?;
+        bench.activate()?;
+        bench.watcher.unsubscribe()?;
+        Ok(bench)
+    }
+
+    /// Returns the resident memory of the server, bytes.
+    pub(crate) fn resident(&self) -> Outcome<u64> {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.server.0.id()))?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let kib = line.and_then(|line| line.split_whitespace().next()).ok_or("no VmRSS")?;
+        Ok(1024 * kib.parse::<u64>()?)
+    }
+
+    /// Stops the server as a user does, and waits until it has ended.
+    pub(crate) fn stop(mut self) -> Outcome<()> {
+        self.server.signal(Signal::TERM)?;
+        let status = self.server.0.wait()?;
+        if status.success() { Ok(()) } else { Err(format!("the server ended with {status}").into()) }
+    }
+
+    /// Runs the command of a server on a free TCP port, with a scene that has no effects.
+    fn run(command: Command, state: tempfile::TempDir, simulate: Value) -> Outcome<Self> {
+        let mut bench = Self::connect(command, state)?;
+        let watcher = &mut bench.watcher;
+        watcher.acquire(false)?;
+        let scene = if simulate.is_null() {
+            json!({"name": "nothing", "effect": []})
+        } else {
+            json!({"name": "nothing", "effect": [], "simulate": simulate})
+        };
+        watcher.load_scene(scene)?;
+        watcher.subscribe(1)?;
+        Ok(bench)
+    }
+
+    /// Runs the command of a server on a free TCP port, and connects to it.
+    fn connect(mut command: Command, state: tempfile::TempDir) -> Outcome<Self> {
         let mut child = command.args(["--listen", "127.0.0.1:0"]).stdout(Stdio::piped()).spawn()?;
         let mut out = BufReader::new(child.stdout.take().ok_or("no output")?);
         let server = Other(child);
@@ -141,15 +195,7 @@ impl WatchedServer {
             }
         }
         let address = line.split_whitespace().last().ok_or("no address")?.to_owned();
-        let mut watcher = Client::connect(&address, "watcher")?;
-        watcher.acquire(false)?;
-        let scene = if simulate.is_null() {
-            json!({"name": "nothing", "effect": []})
-        } else {
-            json!({"name": "nothing", "effect": [], "simulate": simulate})
-        };
-        watcher.load_scene(scene)?;
-        watcher.subscribe(1)?;
+        let watcher = Client::connect(&address, "watcher")?;
         Ok(Self { server, address, watcher, _state: state, _out: out })
     }
 

@@ -4,7 +4,7 @@
 //! ```text
 //! cargo build --release
 //! cargo run --release -p hbot-reliability -- \
-//!     [--protocol P] [--quick] [--seconds N] [--out FILE] [ROW...]
+//!     [--protocol P] [--quick] [--seconds N] [--minutes N] [--out FILE] [ROW...]
 //! ```
 //!
 //! The server, the motor controllers and the clients are separate processes, so that each can be
@@ -14,12 +14,14 @@
 //! and clocks of the motor controllers are read, so no result depends on when this program runs.
 //!
 //! The rows in `losses` and `vendors` take something away from the server. The rows in `timing`
-//! measure something in alternation with a comparison.
+//! measure something in alternation with a comparison. `recording` compares servers that record
+//! with servers that do not; `--minutes` says for how long each of them runs altogether.
 
 mod bench;
 mod clients;
 mod far;
 mod losses;
+mod recording;
 mod rigs;
 mod servos;
 mod tick;
@@ -58,6 +60,9 @@ pub(crate) struct Setup {
     protocol: Protocol,
     /// Duration of each measurement, s.
     seconds: u64,
+    /// Duration of all measurements together of one server of the rows `recording`, s. With `None`
+    /// they take a few measurements.
+    total: Option<u64>,
 }
 
 /// A function that runs a test and returns its row of the table.
@@ -122,6 +127,8 @@ const ROWS: &[(&str, &[Protocol], Make)] = &[
     ("subscribers", HBOT, |on| timing::subscribers(on.seconds)),
     ("attack", HBOT, |on| timing::attack(on.seconds)),
     ("load", HBOT, |on| timing::load(on.seconds)),
+    ("recording", HBOT, |on| recording::measured(1000, on)),
+    ("recording_4_khz", HBOT, |on| recording::measured(4000, on)),
 ];
 
 /// Returns the names and functions of the tests for `protocol`.
@@ -145,7 +152,7 @@ fn main() -> Outcome<()> {
         ["echo"] => return clients::echo(),
         _ => {}
     }
-    let mut on = Setup { protocol: Protocol::Hbot, seconds: SECONDS };
+    let mut on = Setup { protocol: Protocol::Hbot, seconds: SECONDS, total: None };
     let (mut out, mut wanted) = (None, Vec::new());
     let mut args = args.into_iter();
     while let Some(arg) = args.next() {
@@ -153,6 +160,7 @@ fn main() -> Outcome<()> {
         match arg.as_str() {
             "--quick" => on.seconds = QUICK_SECONDS,
             "--seconds" => on.seconds = value()?.parse()?,
+            "--minutes" => on.total = Some(60 * value()?.parse::<u64>()?),
             "--out" => out = Some(value()?),
             "--protocol" => on.protocol = rigs::protocol(&value()?)?,
             _ => wanted.push(arg),
@@ -162,7 +170,7 @@ fn main() -> Outcome<()> {
     if let Some(unknown) = wanted.iter().find(|name| !names.contains(&name.as_str())) {
         let (protocol, names) = (on.protocol.name(), names.join(", "));
         return Err(format!(
-            "{unknown}: legal are --protocol P, --quick, --seconds N, --out FILE, and for {protocol} the rows {names}"
+            "{unknown}: legal are --protocol P, --quick, --seconds N, --minutes N, --out FILE, and for {protocol} the rows {names}"
         )
         .into());
     }

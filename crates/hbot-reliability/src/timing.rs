@@ -25,7 +25,7 @@ pub(crate) fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     quantile(&mut values, 0.5)
 }
 

@@ -189,6 +189,9 @@ impl Collector for Figures {
             connections_cut,
             flight_logs,
             flight_logs_failed,
+            recorded_ticks,
+            unrecorded_ticks,
+            recordings_failed,
         } = &*self.0;
         for (name, help, value) in [
             ("ticks", "Ticks of the loop", ticks),
@@ -210,6 +213,9 @@ impl Collector for Figures {
             ("connections_cut", "Connections cut because their client did not read", connections_cut),
             ("flight_logs", "Flight logs written", flight_logs),
             ("flight_logs_failed", "Flight logs that could not be written", flight_logs_failed),
+            ("recorded_ticks", "Ticks written to recordings", recorded_ticks),
+            ("unrecorded_ticks", "Ticks missing in recordings", unrecorded_ticks),
+            ("recordings_failed", "Recordings that could not be written to their end", recordings_failed),
         ] {
             let counter = ConstCounter::new(*value);
             counter.encode(encoder.encode_descriptor(name, help, None, counter.metric_type())?)?;

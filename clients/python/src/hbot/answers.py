@@ -108,3 +108,9 @@ class Stats:
     """Flight logs written."""
     flight_logs_failed: int
     """Flight logs that could not be written."""
+    recorded_ticks: int = 0
+    """Ticks that were written to recordings."""
+    unrecorded_ticks: int = 0
+    """Ticks that are missing in recordings."""
+    recordings_failed: int = 0
+    """Recordings that could not be written to their end."""

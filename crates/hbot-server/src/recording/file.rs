@@ -35,6 +35,11 @@ impl Files {
         Self { path, limit, begun: 0 }
     }
 
+    /// Returns whether anything but flight logs is to be recorded.
+    pub(super) fn are_wanted(&self) -> bool {
+        self.path.is_some()
+    }
+
     /// Creates the next file. Returns its path and what [`open`] returned. Returns `None` if no
     /// further file is wanted.
     pub(super) fn create(&mut self) -> Option<(PathBuf, io::Result<Opened>)> {

@@ -62,6 +62,14 @@ pub(crate) struct Counts {
     failed_files: AtomicU64,
 }
 
+impl Counts {
+    /// Returns the counters as they are now.
+    pub(crate) fn now(&self) -> Recorded {
+        let get = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        Recorded { written: get(&self.written), lost: get(&self.lost), failed_files: get(&self.failed_files) }
+    }
+}
+
 /// The outcome of a recording.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recorded {
@@ -102,12 +110,20 @@ impl SceneNote {
 
 /// Passes scenes and events to the recorder's thread. The default value passes them to nobody.
 #[derive(Clone, Default)]
-pub(crate) struct Notes(Option<SyncSender<Note>>);
+pub(crate) struct Notes {
+    to: Option<SyncSender<Note>>,
+    counts: Arc<Counts>,
+}
 
 impl Notes {
+    /// Returns the counters of the recorder. They stay at zero if nothing is recorded.
+    pub(crate) fn counts(&self) -> Arc<Counts> {
+        Arc::clone(&self.counts)
+    }
+
     /// Announces a scene. Must be called before the scene is sent to the loop.
     pub(crate) fn scene(&self, compiled: &CompiledScene, file: &SceneFile) {
-        if let Some(notes) = &self.0 {
+        if let Some(notes) = &self.to {
             // If the thread is far behind, it counts the ticks of a scene that it does not know as
             // lost.
             let _ = notes.try_send(Note::Scene(SceneNote::new(compiled, file)));
@@ -116,13 +132,13 @@ impl Notes {
 
     /// Requests the recording of a flight log whose last tick has been published.
     pub(crate) fn flight(&self, flight: FlightNote) {
-        if let Some(notes) = &self.0 {
+        if let Some(notes) = &self.to {
             let _ = notes.try_send(Note::Flight(flight));
         }
     }
 
     pub(crate) fn event(&self, event: &Event) {
-        if let Some(notes) = &self.0 {
+        if let Some(notes) = &self.to {
             let _ = notes.try_send(Note::Event(Box::new(event.clone())));
         }
     }
@@ -141,7 +157,6 @@ pub(crate) struct Recording {
     pub(crate) notes: Notes,
     /// Whether more than flight logs is recorded.
     to_file: bool,
-    counts: Arc<Counts>,
     thread: JoinHandle<()>,
 }
 
@@ -180,7 +195,7 @@ impl Prepared {
         let scribe = Scribe::new(setup, self.drain, notes);
         let thread =
             std::thread::Builder::new().name("hbot-record".to_owned()).spawn(move || scribe.run())?;
-        Ok(Recording { notes: Notes(Some(notes_in)), to_file, counts, thread })
+        Ok(Recording { notes: Notes { to: Some(notes_in), counts }, to_file, thread })
     }
 }
 
@@ -188,20 +203,14 @@ impl Recording {
     /// Writes what is left and ends the recording. Must be called after the loop has ended. Blocks
     /// until the files are written. Returns `None` if only flight logs are recorded.
     pub(crate) fn end(self) -> Option<Recorded> {
-        if let Some(notes) = &self.notes.0 {
+        if let Some(notes) = &self.notes.to {
             // Fails only if the thread has ended.
             let _ = notes.send(Note::End);
         }
         if self.thread.join().is_err() {
             tracing::error!("the recorder's thread has panicked");
         }
-        let get = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        let Counts { written, lost, failed_files } = &*self.counts;
-        self.to_file.then(|| Recorded {
-            written: get(written),
-            lost: get(lost),
-            failed_files: get(failed_files),
-        })
+        self.to_file.then(|| self.notes.counts.now())
     }
 }
 

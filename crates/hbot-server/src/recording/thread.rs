@@ -166,7 +166,7 @@ impl Scribe {
         if let Some(file) = &mut self.file {
             file.gap += missing;
         }
-        self.counts.lost.fetch_add(missing, Ordering::Relaxed);
+        self.count_lost(missing);
         self.remember(&entry, changed, missing);
         self.tick(&entry, changed);
         if let Some(controller) = controller {
@@ -212,7 +212,7 @@ impl Scribe {
 
     fn tick(&mut self, entry: &Entry, changed: bool) {
         if self.file.is_none() {
-            self.counts.lost.fetch_add(1, Ordering::Relaxed);
+            self.count_lost(1);
             return;
         }
         let at = self.newest;
@@ -264,6 +264,13 @@ impl Scribe {
             file.writer.exact_controller(entry.inputs.tick, &controller, at)
         });
         self.controller = controller;
+    }
+
+    /// Counts ticks that are in no file. Without `--record` they need not be in one.
+    fn count_lost(&self, ticks: u64) {
+        if self.files.are_wanted() {
+            self.counts.lost.fetch_add(ticks, Ordering::Relaxed);
+        }
     }
 
     /// Returns whether the file needs a state of the control law, or a new file can begin with one.

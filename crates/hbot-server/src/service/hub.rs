@@ -121,7 +121,7 @@ impl Hub {
             encryption,
             end,
             info: Info::new(&rig, &accuracy, simulated, Clock { origin, time_waits }),
-            stats: Stats::new(),
+            stats: Stats::new(notes.counts()),
             publisher: Publisher::new(Arc::clone(&changed), notes.clone()),
             lease: Lease::default(),
             orders: Orders::default(),

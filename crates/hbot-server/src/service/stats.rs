@@ -1,10 +1,13 @@
 //! The statistics that `stats` returns, as the service measures and counts them.
 
+use std::sync::Arc;
+
 use hbot_api::{Distribution, StatsOk};
 use hdrhistogram::Histogram;
 
 use super::convert;
 use super::flights::Flights;
+use crate::recording::{Counts, Recorded};
 use hbot_host::sample::{Counters, Sample};
 
 /// Longest time that the histograms can record, ns. Longer times are recorded as this one.
@@ -22,14 +25,15 @@ pub(super) struct Stats {
     age: Histogram<u64>,
     /// Counters of the loop, as of the last sample.
     counters: Counters,
+    recorded: Arc<Counts>,
     /// Counters that other parts of the service increment, as fields of the answer to `stats`. Its
     /// other fields stay at zero.
     pub(super) counts: StatsOk,
 }
 
 impl Stats {
-    /// Creates empty statistics.
-    pub(super) fn new() -> Self {
+    /// Creates empty statistics. `recorded` are the counters of the recorder.
+    pub(super) fn new(recorded: Arc<Counts>) -> Self {
         let histogram = || {
             Histogram::new_with_bounds(1, LONGEST_NS, DIGITS)
                 .unwrap_or_else(|error| unreachable!("the bounds of the histograms are legal: {error}"))
@@ -41,6 +45,7 @@ impl Stats {
             link: histogram(),
             age: histogram(),
             counters: Counters::default(),
+            recorded,
             counts: StatsOk::default(),
         }
     }
@@ -72,6 +77,7 @@ impl Stats {
             reopened,
             dropped_samples,
         } = self.counters;
+        let Recorded { written, lost, failed_files } = self.recorded.now();
         StatsOk {
             awake_us: distribution(&self.awake),
             lateness_us: distribution(&self.lateness),
@@ -88,6 +94,9 @@ impl Stats {
             dropped_samples,
             flight_logs: flights.logs(),
             flight_logs_failed: flights.failed(),
+            recorded_ticks: written,
+            unrecorded_ticks: lost,
+            recordings_failed: failed_files,
             ..self.counts.clone()
         }
     }

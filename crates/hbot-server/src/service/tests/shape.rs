@@ -90,7 +90,8 @@ fn stats_keeps_its_names_their_order_and_types() {
                 unknown_effect: whole, out_of_range: whole, faulted: whole, too_large: whole
             }},
             refused_streams: whole, dropped_states: whole, connections: whole, connections_turned_away: whole,
-            handshakes_failed: whole, connections_cut: whole, flight_logs: whole, flight_logs_failed: whole
+            handshakes_failed: whole, connections_cut: whole, flight_logs: whole, flight_logs_failed: whole,
+            recorded_ticks: whole, unrecorded_ticks: whole, recordings_failed: whole
         }}"
     ));
     assert_eq!(ask(&bench, "stats"), stats);

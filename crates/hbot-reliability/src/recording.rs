@@ -1,0 +1,150 @@
+//! What a recording costs the loop: servers with and without one, in alternation.
+
+use std::time::Duration;
+
+use crate::bench::WatchedServer;
+use crate::timing::{median, quantile};
+use crate::{Outcome, Row, Setup};
+
+/// Number of blocks if no total time is wanted. A block is one measurement of each server.
+const BLOCKS: u64 = 5;
+/// Largest ratio of the medians of lateness and computing time, with a recording to without.
+const RATIO: f64 = 1.02;
+/// Time after the start of a server until its memory is read for the first time. It has then
+/// written the first chunks.
+const WARM: Duration = Duration::from_secs(2);
+
+/// The servers that are compared.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Server {
+    /// Nothing receives the ticks of the loop.
+    Bare,
+    /// The last seconds are kept in memory for flight logs, as by default.
+    Flights,
+    /// As `Flights`, and all ticks are recorded to a file.
+    Records,
+}
+
+const SERVERS: [Server; 3] = [Server::Bare, Server::Flights, Server::Records];
+
+/// What one server did in one measurement.
+#[derive(Clone, Copy, Default)]
+struct Run {
+    lateness_us: f64,
+    lateness_99_us: f64,
+    compute_us: f64,
+    late: u64,
+    skipped: u64,
+    ticks: u64,
+    recorded: u64,
+    lost: u64,
+    /// Size of the recording when the server has ended, bytes.
+    bytes: u64,
+    /// Resident memory at the begin and at the end, bytes.
+    resident: [u64; 2],
+}
+
+impl Run {
+    fn of(server: Server, rate_hz: u32, seconds: u64) -> Outcome<Self> {
+        let folder = tempfile::tempdir()?;
+        let file = folder.path().join("run.mcap");
+        let record = (server == Server::Records).then_some(file.as_path());
+        let mut bench = WatchedServer::recording(rate_hz, server != Server::Bare, record)?;
+        std::thread::sleep(WARM);
+        let begun = bench.resident()?;
+        std::thread::sleep(Duration::from_secs(seconds));
+        let (stats, ended) = (bench.stats()?, bench.resident()?);
+        bench.stop()?;
+        Ok(Self {
+            lateness_us: stats.lateness_us.p50,
+            lateness_99_us: stats.lateness_us.p99,
+            compute_us: stats.compute_us.p50,
+            late: stats.late_ticks,
+            skipped: stats.skipped_ticks,
+            ticks: stats.ticks,
+            recorded: stats.recorded_ticks,
+            lost: stats.unrecorded_ticks,
+            bytes: if record.is_some() { std::fs::metadata(&file)?.len() } else { 0 },
+            resident: [begun, ended],
+        })
+    }
+}
+
+/// All measurements of one server.
+struct Runs(Vec<Run>);
+
+impl Runs {
+    fn median(&self, value: fn(&Run) -> f64) -> f64 {
+        median(self.0.iter().map(value).collect())
+    }
+
+    fn sum(&self, value: fn(&Run) -> u64) -> u64 {
+        self.0.iter().map(value).sum()
+    }
+
+    /// Returns the median over the blocks of the ratio of a value to that of `other` in the same
+    /// block.
+    fn ratio(&self, other: &Self, value: fn(&Run) -> f64) -> f64 {
+        median(self.0.iter().zip(&other.0).map(|(run, other)| value(run) / value(other)).collect())
+    }
+
+    fn said(&self, name: &str) -> String {
+        let [begun, ended] = [0, 1].map(|k| {
+            let mut all: Vec<f64> = self.0.iter().map(|run| run.resident[k] as f64 * 1e-6).collect();
+            quantile(&mut all, 0.5)
+        });
+        format!(
+            "{name}: lateness {:.3} us (99 %: {:.1} us), computing time {:.3} us, {} late and {} skipped of {} ticks, \
+             resident memory {begun:.1} MB at the begin and {ended:.1} MB at the end",
+            self.median(|run| run.lateness_us),
+            self.median(|run| run.lateness_99_us),
+            self.median(|run| run.compute_us),
+            self.sum(|run| run.late),
+            self.sum(|run| run.skipped),
+            self.sum(|run| run.ticks),
+        )
+    }
+}
+
+/// Measures lateness, computing time and memory of servers with and without a recording, block
+/// after block. In every second block the order is reversed, so that a steady drift of the machine
+/// affects all servers equally.
+pub(crate) fn measured(rate_hz: u32, on: Setup) -> Outcome<Row> {
+    let blocks = on.total.map_or(BLOCKS, |total| total.div_ceil(on.seconds).max(1));
+    let mut all = SERVERS.map(|_| Runs(Vec::new()));
+    for block in 0..blocks {
+        let mut order = [0, 1, 2];
+        if block % 2 == 1 {
+            order.reverse();
+        }
+        for k in order {
+            all[k].0.push(Run::of(SERVERS[k], rate_hz, on.seconds)?);
+        }
+    }
+    let [bare, flights, records] = &all;
+    let ratios =
+        |runs: &Runs| [runs.ratio(bare, |run| run.lateness_us), runs.ratio(bare, |run| run.compute_us)];
+    let ([late, compute], [late_flights, compute_flights]) = (ratios(records), ratios(flights));
+    let lost = records.sum(|run| run.lost);
+    // The recording also has the ticks after the statistics were read: less than a thousandth.
+    let hourly = records.sum(|run| run.bytes) as f64 / records.sum(|run| run.recorded).max(1) as f64
+        * f64::from(rate_hz)
+        * 3600e-6;
+    Ok(Row::new(
+        &format!(
+            "`hbot server --record` at {rate_hz} Hz; {blocks} blocks of {} s without, with memory for flight logs, and with a recording",
+            on.seconds
+        ),
+        format!(
+            "medians of lateness and computing time at most {RATIO} times those without; no tick is lost"
+        ),
+        format!(
+            "with a recording lateness {late:.3} times, computing time {compute:.3} times; with flight logs alone {late_flights:.3} and \
+             {compute_flights:.3} times; {lost} ticks lost, {hourly:.0} MB an hour. {}; {}; {}",
+            bare.said("Without"),
+            flights.said("With flight logs"),
+            records.said("With a recording"),
+        ),
+        late <= RATIO && compute <= RATIO && lost == 0,
+    ))
+}
