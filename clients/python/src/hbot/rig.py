@@ -123,10 +123,13 @@ class Rig:
         """Replace the scene. The change is blended in.
 
         Args:
-            scene: path of a scene file (TOML), or a map of the same structure.
+            scene: path of a scene file (TOML), or a map of the same structure. Recorded paths
+                (CSV) that a scene file names are read from this machine.
 
         Raises:
+            OSError, ValueError: a file cannot be read; the message names it.
             BadRequest, OutOfRange: the scene is not legal; the message names every mistake.
+            TooLarge: the scene has more than 65536 bytes. `encoding="msgpack"` needs fewer.
             NotHolder: this client does not hold the lease.
         """
         return self._call(ops.load_scene(scene))
