@@ -7,7 +7,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import hbot
@@ -68,10 +68,17 @@ def rig_file(folder: Path, api: str = "") -> Path:
 class Server:
     """A server with a simulated rig, in a process of its own."""
 
-    def __init__(self, folder: Path, api: str = "", rate_hz: int = RATE_HZ, port: int = 0) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        api: str = "",
+        rate_hz: int = RATE_HZ,
+        port: int = 0,
+        options: Sequence[str] = (),
+    ) -> None:
         """Start the server and wait until it listens."""
         self._log = folder / "server.log"
-        command = [str(program()), "server", "--rig", str(rig_file(folder, api))]
+        command = [str(program()), "server", "--rig", str(rig_file(folder, api)), *options]
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(
                 [*command, "--rate", str(rate_hz), "--listen", f"127.0.0.1:{port}"],
