@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -274,6 +275,33 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
     with pytest.raises(ValueError, match="no recording of hbot"):
         hbot.mcap.read(foreign)
+
+
+def test_the_programs_of_the_page_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")  # No display is needed, as the page says.
+    (tmp_path / "run.mcap").write_bytes(KEPT.read_bytes())
+    page = (REPOSITORY / "docs" / "recordings.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"(?s)```python\n(.*?)```", page)
+    assert len(blocks) == 2
+    for block in blocks:
+        exec(compile(block, "docs/recordings.md", "exec"), {"__name__": "__main__"})
+    assert (tmp_path / "torque.png").stat().st_size > 10_000
+    assert len(capsys.readouterr().out.splitlines()) == 1000
+
+
+def test_the_page_lists_every_array() -> None:
+    page = (REPOSITORY / "docs" / "recordings.md").read_text(encoding="utf-8")
+    section = page.split("\n## Arrays\n")[1].split("\n## ")[0]
+    rows = [line.strip("|").split("|") for line in section.splitlines() if line.startswith("| ")]
+    listed = {
+        topic: re.findall(r"`([a-z_]+)`", row[1])
+        for row in rows
+        for topic in re.findall(r"`([a-z/]+)`", row[0])
+    }
+    assert listed == {topic: [field.name for field in fields] for topic, fields in TOPICS.items()}
 
 
 def test_a_missing_package_is_named(tmp_path: Path) -> None:
