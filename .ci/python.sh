@@ -20,8 +20,8 @@ if [ ! -x "$venv/bin/python" ]; then
     python3 -m venv "$venv"
 fi
 cd clients/python
-"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[numpy,msgpack,lsl,toml]' \
-    pytest==9.* pytest-timeout==2.* mypy==2.* ruff==0.* build==1.* hatchling==1.*
+"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[numpy,msgpack,lsl,mcap,toml]' \
+    matplotlib pytest==9.* pytest-timeout==2.* mypy==2.* ruff==0.* build==1.* hatchling==1.*
 
 echo "-- style and types"
 "$venv/bin/ruff" format --quiet --check .

@@ -62,7 +62,7 @@ struct Render {
     std::uint64_t every = 1;
     Milliseconds valid{20};
     hbot_late late = HBOT_LATE_NEWEST;
-    // Without a value the loop does not end by itself.
+    // Time after which the loop ends. Without a value, or with 0, it does not end by itself.
     std::optional<std::chrono::duration<double>> duration;
 };
 
@@ -204,7 +204,9 @@ private:
     hbot_client* client_ = nullptr;
 };
 
-// The lease, from its construction to the end of its life. The client must live longer.
+// The lease, from its construction to the end of its life. A Lease can be neither copied nor moved.
+// It refers to the Client object that it was made with, which must live longer and must not be moved
+// away: the lease would then be free only when the connection ends.
 class Lease {
 public:
     explicit Lease(Client& client, bool steal = false) : client_(&client) { client.acquire(steal); }

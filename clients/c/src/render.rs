@@ -50,7 +50,7 @@ pub struct HbotRenderOptions {
     pub valid_ms: u32,
     /// One of hbot_late. Default: newest.
     pub late: u32,
-    /// Time after which the loop ends, s. Default: it does not end by itself.
+    /// Time after which the loop ends, s. Default (0): it does not end by itself.
     pub duration: f64,
 }
 

@@ -5,8 +5,10 @@ use std::ffi::{CStr, CString, c_char};
 
 use hbot_api::{ClientError, ErrorCode};
 
-/// What a function returns. 0 is success, 1 is success without a result. From 10 on the server
-/// has refused the request, from 30 on the connection has failed, from 50 on the call was wrong.
+/// What a function returns. 0: success. 1: nothing has arrived in the given time, which is no
+/// failure. 10 to 18: the server has refused the request. 30 to 37: the connection failed, or the
+/// answer did not come in time. 38: a number in the request is not finite, so nothing was sent.
+/// 50 to 54: the call was wrong. 55: a defect of this library.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HbotStatus {
@@ -38,7 +40,7 @@ pub enum HbotStatus {
     Address = 31,
     /// Connecting failed for another reason.
     Connect = 32,
-    /// The server did not answer in time, or no state came.
+    /// The server did not answer in time, or no state came. A connection that was open stays open.
     Timeout = 33,
     /// The server has closed the connection, or it has died. Connect again.
     Closed = 34,
@@ -48,7 +50,7 @@ pub enum HbotStatus {
     Protocol = 36,
     /// The encrypted connection failed, or only one side encrypts.
     Tls = 37,
-    /// A number in the request is not finite.
+    /// A number in the request is not finite. Nothing was sent; the connection is intact.
     NotFinite = 38,
     /// A pointer is NULL that must not be.
     NullPointer = 50,

@@ -98,7 +98,7 @@ def main() -> None:
     from serving import Server
 
     with tempfile.TemporaryDirectory() as folder:
-        server = Server(Path(folder), rate_hz=RATE_HZ, line="sim:pty")
+        server = Server(Path(folder), rate_hz=RATE_HZ, options=["--port", "sim:pty"])
         try:
             with hbot.connect(server.address) as rig:
                 tick_0 = told(rig)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 import tempfile
 from pathlib import Path
@@ -16,6 +17,12 @@ def main() -> None:
     package = Path(hbot.__file__).parent
     assert package.is_relative_to(sys.prefix), f"{package} is not the installed package"
     assert (package / "py.typed").exists(), "type checkers find the types"
+    said = ""
+    try:
+        importlib.import_module("hbot.mcap")
+    except hbot.MissingExtra as missing:
+        said = str(missing)
+    assert 'pip install "hbot[mcap]"' in said, "an extra that is missing is named"
     with tempfile.TemporaryDirectory() as folder:
         server = Server(Path(folder))
         try:

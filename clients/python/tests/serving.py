@@ -7,7 +7,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import hbot
@@ -74,7 +74,7 @@ class Server:
         api: str = "",
         rate_hz: int = RATE_HZ,
         port: int = 0,
-        line: str = "sim",
+        options: Sequence[str] = (),
     ) -> None:
         """Start the server and wait until it listens.
 
@@ -83,13 +83,13 @@ class Server:
             api: lines for the table `[api]` of the rig file.
             rate_hz: ticks per second.
             port: TCP port. 0 stands for any that is free.
-            line: line to the motor controllers, as `--port` names it.
+            options: more options of the command line.
         """
         self._log = folder / "server.log"
-        command = [str(program()), "server", "--rig", str(rig_file(folder, api))]
+        command = [str(program()), "server", "--rig", str(rig_file(folder, api)), *options]
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(
-                [*command, "--rate", str(rate_hz), "--listen", f"127.0.0.1:{port}", "--port", line],
+                [*command, "--rate", str(rate_hz), "--listen", f"127.0.0.1:{port}"],
                 cwd=folder,
                 stdout=log,
                 stderr=subprocess.STDOUT,

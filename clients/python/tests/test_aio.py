@@ -165,6 +165,52 @@ def test_events_come_by_a_callback(server: Server, encoding: Encoding) -> None:
     asyncio.run(main())
 
 
+def test_a_callback_that_raises_is_logged_and_gets_the_next_event(
+    server: Server, encoding: Encoding, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def main() -> None:
+        events: list[hbot.Event] = []
+
+        def wrong(event: hbot.Event) -> None:
+            events.append(event)
+            if len(events) == 1:
+                raise RuntimeError("of the callback")
+
+        async with hbot.aio.connect(server.address, encoding=encoding, on_event=wrong) as rig:
+            async with rig.lease():
+                pass
+            until = time.monotonic() + PATIENCE_S
+            while len(events) < 2:
+                assert time.monotonic() < until, "no event comes after the exception"
+                await asyncio.sleep(0.01)
+
+    asyncio.run(main())
+    (record,) = (record for record in caplog.records if record.name == "hbot")
+    assert record.exc_info is not None
+    assert "of the callback" in str(record.exc_info[1])
+
+
+def test_refused_torques_are_counted(run: Run) -> None:
+    """A function so slow that its state is older than the rig allows, when its torque arrives."""
+
+    async def body(rig: hbot.aio.Rig) -> None:
+        late_s = 1.5 * rig.info.limits.max_age_ticks / RATE_HZ
+
+        async def slow(_state: hbot.State) -> list[float]:
+            await asyncio.sleep(late_s)  # Its subject is time: the age of a state.
+            return [0.0, 0.0, 0.0]
+
+        async with rig.lease():
+            await rig.enable()
+            done = await rig.render(slow, duration=2 * late_s)
+        events = [event async for event in rig.events(0.0)]
+        refused = [event for event in events if isinstance(event, hbot.RefusedEvent)]
+        assert 1 <= done.refused <= done.calls
+        assert done.refused == refused[-1].total
+
+    run(body)
+
+
 def test_many_coroutines_can_use_one_connection(run: Run) -> None:
     async def body(rig: hbot.aio.Rig) -> None:
         pongs = await asyncio.gather(*(rig.ping(number) for number in range(200)))

@@ -12,7 +12,7 @@ import pytest
 from serving import REPOSITORY, Server
 
 import hbot
-from hbot import answers, events, info, ops, wire
+from hbot import answers, events, info, ops, scenes, wire
 from hbot.wire import Splitter
 
 PAGE = (REPOSITORY / "docs" / "api.md").read_text(encoding="utf-8")
@@ -171,6 +171,11 @@ def test_limits_of_the_page() -> None:
     assert "up to\n1 MiB" in PAGE or "up to 1 MiB" in PAGE
     assert wire.MAX_ANSWER_BYTES == 1 << 20
     assert f"`version`: {wire.VERSION}." in PAGE
+
+
+def test_the_largest_path_is_that_of_the_page() -> None:
+    page = (REPOSITORY / "docs" / "effects.md").read_text(encoding="utf-8")
+    assert f"up to {scenes.MAX_POINTS} points [{', '.join(scenes.PATH_COLUMNS)}]" in page
 
 
 @pytest.mark.parametrize("encoding", ["json", "msgpack"])

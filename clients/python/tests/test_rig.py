@@ -171,6 +171,26 @@ def test_events_come_by_a_callback_however_slow_it_is(server: Server, encoding: 
             next(rig.events())
 
 
+def test_a_callback_that_raises_is_logged_and_gets_the_next_event(
+    server: Server, encoding: Encoding, caplog: pytest.LogCaptureFixture
+) -> None:
+    events: list[hbot.Event] = []
+
+    def wrong(event: hbot.Event) -> None:
+        events.append(event)
+        if len(events) == 1:
+            raise RuntimeError("of the callback")
+
+    with hbot.connect(server.address, name="me", encoding=encoding, on_event=wrong) as rig:
+        with rig.lease():
+            pass
+        eventually(lambda: len(events) == 2, "the second event comes after the exception")
+    (record,) = (record for record in caplog.records if record.name == "hbot")
+    assert "on_event" in record.getMessage()
+    assert record.exc_info is not None
+    assert "of the callback" in str(record.exc_info[1])
+
+
 def test_a_lease_that_is_stolen_ends_a_render(server: Server, rig: hbot.Rig) -> None:
     with hbot.connect(server.address, name="thief") as thief, rig.lease():
         rig.enable()
@@ -214,6 +234,25 @@ def test_a_slow_function_gets_the_newest_state(rig: hbot.Rig) -> None:
         done = rig.render(slow, duration=1.0)
     assert 9 * (done.calls - 2) <= done.skipped, "at most one of ten ticks is rendered"
     assert done.skipped <= RATE_HZ - done.calls
+
+
+def test_refused_torques_are_counted(rig: hbot.Rig) -> None:
+    """A function so slow that its state is older than the rig allows, when its torque arrives."""
+    late_s = 1.5 * rig.info.limits.max_age_ticks / RATE_HZ
+
+    def slow(_state: hbot.State) -> list[float]:
+        time.sleep(late_s)  # Its subject is time: the age of a state.
+        return [0.0, 0.0, 0.0]
+
+    with rig.lease():
+        rig.enable()
+        done = rig.render(slow, duration=2 * late_s)
+        refused = [event for event in rig.events(0.0) if isinstance(event, hbot.RefusedEvent)]
+        assert 1 <= done.refused <= done.calls
+        assert done.refused == refused[-1].total
+        assert "max_age_ticks" in refused[-1].message
+        again = rig.render(damper, duration=0.2)
+        assert again.refused + done.refused <= done.calls + 1, "an earlier refusal counts once"
 
 
 def test_what_a_slow_program_loses_is_counted_and_told(

@@ -7,6 +7,7 @@ chooses the difference. At the end, the psychometric function is fitted and draw
 
 from __future__ import annotations
 
+import functools
 import math
 import random
 from collections.abc import Callable, Iterable, Sequence
@@ -60,6 +61,8 @@ class Felt:
 
 Judge = Callable[[int, Felt, Felt], int]
 """Returns the interval that is stiffer, 1 or 2. Gets the number of the trial and what was felt."""
+Interval = Callable[[float], tuple[Felt, float]]
+"""Renders a stiffness, N m/rad. Returns what was felt, and the Unix time of its begin, s."""
 
 
 def simulated(weber: float, seed: int) -> Judge:
@@ -137,7 +140,7 @@ def feel(rig: hbot.Rig, stiffness: float) -> tuple[Felt, float]:
 
 
 def experiment(
-    rig: hbot.Rig, log: TrialLog[Trial], trials: int, seed: int, judge: Judge, person: bool
+    render: Interval, log: TrialLog[Trial], trials: int, seed: int, judge: Judge, person: bool
 ) -> None:
     """Run the trials that the log lacks."""
     staircase = Staircase()
@@ -151,7 +154,7 @@ def experiment(
         pair = [STANDARD, STANDARD * (1 + difference)]
         if not standard_first:
             pair.reverse()
-        (first, unix_time), (second, _) = (_interval(rig, k, person) for k in pair)
+        (first, unix_time), (second, _) = (render(k) for k in pair)
         answer = judge(number, first, second)
         correct = answer == (2 if standard_first else 1)
         staircase.record(correct)
@@ -171,7 +174,8 @@ def experiment(
         print(f"trial {number} of {trials} is done", flush=True)
 
 
-def _interval(rig: hbot.Rig, stiffness: float, person: bool) -> tuple[Felt, float]:
+def interval(rig: hbot.Rig, stiffness: float, person: bool) -> tuple[Felt, float]:
+    """Render an interval as `feel` does, and tell a person when to move."""
     if person:
         print("Turn the sphere to and fro.", flush=True)
     result = feel(rig, stiffness)
@@ -209,7 +213,9 @@ def main() -> None:
             if not options.simulate:
                 input("Hold the sphere at its centre and press Enter. ")
             session.start(rig, scene(options.simulate))
-            experiment(rig, log, options.trials, options.seed, judge, not options.simulate)
+            person = not options.simulate
+            render = functools.partial(interval, rig, person=person)
+            experiment(render, log, options.trials, options.seed, judge, person)
             found = psychometric.fit(answers(log.rows))
             picture = path.with_suffix(".svg")
             psychometric.plot(answers(log.rows), found, picture)

@@ -76,3 +76,15 @@ def test_one_experiment_follows_another_on_one_server(tmp_path: Path) -> None:
             folder = tmp_path / "again" if (tmp_path / "p1-matching.csv").exists() else tmp_path
             run = command(experiment, address, folder, "--trials", "1")
             subprocess.run(run, check=True)
+
+
+def test_the_recovery_without_a_hand_prints_a_row_for_each_participant() -> None:
+    run = [sys.executable, "-m", "hbot_experiments.recovery", "--without-hand", "--runs", "2"]
+    said = subprocess.run(run, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert len(said) == 5
+    for weber, line in zip((0.1, 0.2, 0.3), said[2:], strict=True):
+        true, mean, bias = (float(text) for text in line.split()[:3])
+        assert true == weber
+        # Two runs of 80 trials: a standard deviation of 25 % of the true value in each.
+        assert 0.3 * weber < mean < 1.7 * weber
+        assert mean - weber == pytest.approx(bias, abs=1.1e-3)  # The table has three digits.

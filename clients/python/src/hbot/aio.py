@@ -11,12 +11,14 @@ import contextlib
 import inspect
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Sequence
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from . import ops
 from .answers import Loaded, Pong, Stats
-from .connection import MAX_EVENTS, MAX_STATES, Connection, Options
+from .callbacks import call_back
+from .connection import MAX_EVENTS, MAX_STATES, Connection, Options, Send
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
@@ -281,9 +283,10 @@ class Rig:
                 later, skipped = states.mailbox.newest(0.0)
                 state = first if later is None else later
                 if not rendering.goes_on(state, skipped + (later is not None)):
-                    return rendering.result
+                    break
                 value = torque(state)
                 rendering.send(state, await value if inspect.isawaitable(value) else value)
+        return rendering.result
 
     async def events(self, duration: float | None = None) -> AsyncIterator[Event]:
         """Iterate over the events that were not taken yet.
@@ -298,9 +301,9 @@ class Rig:
     async def _call_back(self, on_event: Callable[[Event], None]) -> None:
         with contextlib.suppress(ConnectionLost):  # The program's next call raises it.
             while (event := await self._events.get(None)) is not None:
-                on_event(event)
+                call_back(on_event, event)
 
-    async def _call(self, request: ops.Request[T]) -> T:
+    async def _call(self, request: ops.Request[T], send: Send | None = None) -> T:
         answered: asyncio.Future[Any] = self._loop.create_future()
 
         def settle(body: Any, error: Exception | None) -> None:
@@ -315,10 +318,11 @@ class Rig:
             with contextlib.suppress(RuntimeError):  # The event loop has been closed.
                 self._loop.call_soon_threadsafe(settle, body, error)
 
+        send = send or self._connection.request
         if self._connection.writable():
-            self._connection.request(request.op, request.fields, answer)
+            send(request.op, request.fields, answer)
         else:
-            await asyncio.to_thread(self._connection.request, request.op, request.fields, answer)
+            await asyncio.to_thread(send, request.op, request.fields, answer)
         try:
             body = await asyncio.wait_for(answered, self._connection.timeout)
         except asyncio.TimeoutError:
@@ -334,11 +338,11 @@ class Rig:
     @asynccontextmanager
     async def _subscription(self, every: int) -> AsyncIterator[tuple[_Box[State], float]]:
         states: _Box[State] = _Box(MAX_STATES)
-        self._connection.subscribe(states.mailbox)
+        subscribe = partial(self._connection.subscribe, states.mailbox)
+        unsubscribe = partial(self._connection.unsubscribe, states.mailbox)
         try:
-            await self._call(ops.subscribe(every))
+            await self._call(ops.subscribe(every), subscribe)
             yield states, self._connection.timeout + every / self.hello.rate_hz
         finally:
-            if self._connection.unsubscribe(states.mailbox):
-                with contextlib.suppress(ConnectionLost, TimedOut):
-                    await self._call(ops.unsubscribe())
+            with contextlib.suppress(ConnectionLost, TimedOut):
+                await self._call(ops.unsubscribe(), unsubscribe)

@@ -24,7 +24,15 @@ from .errors import (
     SubscriptionTaken,
     TimedOut,
 )
-from .events import Event, LeaseEvent, LostEvent, State, StoppingEvent, read_event
+from .events import (
+    Event,
+    LeaseEvent,
+    LostEvent,
+    RefusedEvent,
+    State,
+    StoppingEvent,
+    read_event,
+)
 from .info import Hello
 from .mailbox import Mailbox
 from .transport import ALERT, Tls, Transport, open_transport
@@ -40,6 +48,8 @@ MAX_STATES = 4096
 
 Answer: TypeAlias = Callable[[Any, Exception | None], None]
 """Receives the body of an answer or the reason why there is none. The reading thread calls it."""
+Send: TypeAlias = Callable[[str, dict[str, Any], Answer], None]
+"""Sends a request: its op, its fields, and what receives the answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +85,7 @@ class Connection:
         """
         self.timeout = options.timeout
         self.lost = LostEvent(states=0, events=0, sends=0)
+        self.refused = 0
         self.holds_lease = False
         self.lost_lease_to: str | None = None
         self._encode = wire.encoder(options.encoding)
@@ -91,8 +102,12 @@ class Connection:
         self._error: Exception | None = None
         self._told_at = -1.0
         self._stopping: str | None = None
+        # A subscription is registered and requested under this lock, so the last one that is
+        # registered is also the last one that the server hears of. It is re-entrant because the
+        # garbage collector can end an iteration of states within it.
+        self._subscribing = threading.RLock()
+        self._subscriber: Mailbox[State] | None = None
         self._states: Mailbox[State] | None = None
-        self._next_states: Mailbox[State] | None = None
         self._events: Mailbox[Event] = Mailbox(MAX_EVENTS)
         self._thread = threading.Thread(target=self._read, name="hbot-reader", daemon=True)
 
@@ -136,28 +151,52 @@ class Connection:
         """Return whether a short message can be sent without waiting."""
         return self._transport.writable()
 
-    def subscribe(self, states: Mailbox[State]) -> None:
-        """Put states into this mailbox, from the answer to the next `subscribe` on.
+    def subscribe(
+        self, states: Mailbox[State], op: str, fields: dict[str, Any], answer: Answer
+    ) -> None:
+        """Send a request that subscribes, and put states into this mailbox from its answer on.
 
-        Ends an earlier mailbox.
+        Ends an earlier mailbox, also one whose request has no answer yet.
+
+        Raises:
+            ConnectionLost: the connection has ended.
         """
-        before, self._states, self._next_states = self._states, None, states
-        if before is not None:
-            before.end(
-                SubscriptionTaken(
-                    "a later states() or render() of this connection has replaced this one"
+
+        def begin(body: Any, error: Exception | None) -> None:
+            with self._lock:
+                if error is None and self._subscriber is states:
+                    self._states = states
+            answer(body, error)
+
+        with self._subscribing:
+            with self._lock:
+                before, self._subscriber, self._states = self._subscriber, states, None
+            if before is not None:
+                before.end(
+                    SubscriptionTaken(
+                        "a later states() or render() of this connection has replaced this one"
+                    )
                 )
-            )
+            self.request(op, fields, begin)
 
-    def unsubscribe(self, states: Mailbox[State]) -> bool:
-        """Put no more states into this mailbox.
+    def unsubscribe(
+        self, states: Mailbox[State], op: str, fields: dict[str, Any], answer: Answer
+    ) -> None:
+        """Put no more states into this mailbox, and send a request that ends the subscription.
 
-        Return whether it was the last one that subscribed.
+        If a later mailbox has replaced this one, nothing is sent, and `answer` is called at once.
+
+        Raises:
+            ConnectionLost: the connection has ended.
         """
-        if self._next_states is not states:
-            return False
-        self._states = self._next_states = None
-        return True
+        with self._subscribing:
+            with self._lock:
+                last = self._subscriber is states
+                if last:
+                    self._subscriber = self._states = None
+            if last:
+                return self.request(op, fields, answer)
+        answer(None, None)
 
     def close(self) -> None:
         """End the connection. Calls and iterations that wait raise `ConnectionLost`."""
@@ -215,6 +254,8 @@ class Connection:
         elif event is not None:
             if isinstance(event, LeaseEvent):
                 self._take_lease(event)
+            elif isinstance(event, RefusedEvent):
+                self.refused = event.total
             elif isinstance(event, StoppingEvent):
                 self._stopping = event.message
             self._put_event(event)
@@ -228,8 +269,6 @@ class Connection:
             pending = self._pending.pop(number, None) if isinstance(number, int) else None
         if pending is None:
             return  # The late answer to a call that has timed out.
-        if pending.op == "subscribe" and "ok" in message:
-            self._states = self._next_states
         if "error" in message:
             pending.answer(None, Refused.of(message["error"], pending.op))
         else:
@@ -265,13 +304,14 @@ class Connection:
                 return self._error
             self._error = error
             pending, self._pending = list(self._pending.values()), {}
+            subscriber = self._subscriber
         self._transport.shutdown()
         for waiting in pending:
             with contextlib.suppress(Exception):
                 waiting.answer(None, error)
         self._events.end(error)
-        if (states := self._states) is not None:
-            states.end(error)
+        if subscriber is not None:
+            subscriber.end(error)
         return error
 
 

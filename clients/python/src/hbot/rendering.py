@@ -22,6 +22,11 @@ class Rendered:
     """States that were skipped because the function was still at work on an older one."""
     unsent: int
     """Torques that were not sent because the connection took no more bytes."""
+    refused: int
+    """Stream messages of this connection that the server refused, as far as it has reported them.
+
+    It reports them at most once a second. The reason is in the last `RefusedEvent`.
+    """
 
 
 class Rendering:
@@ -36,11 +41,13 @@ class Rendering:
         self._duration = duration
         self._end: int | None = None
         self._calls = self._skipped = self._unsent = 0
+        self._refused_before = connection.refused
 
     @property
     def result(self) -> Rendered:
         """What the rendering has done so far."""
-        return Rendered(self._calls, self._skipped, self._unsent)
+        refused = self._connection.refused - self._refused_before
+        return Rendered(self._calls, self._skipped, self._unsent, refused)
 
     def goes_on(self, state: State, skipped: int) -> bool:
         """Return whether a torque is wanted for this state.

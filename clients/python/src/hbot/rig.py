@@ -7,11 +7,13 @@ import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, TypeVar
 
 from . import ops
 from .answers import Loaded, Pong, Stats
-from .connection import MAX_EVENTS, MAX_STATES, Connection
+from .callbacks import call_back
+from .connection import MAX_EVENTS, MAX_STATES, Connection, Send
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
@@ -121,10 +123,13 @@ class Rig:
         """Replace the scene. The change is blended in.
 
         Args:
-            scene: path of a scene file (TOML), or a map of the same structure.
+            scene: path of a scene file (TOML), or a map of the same structure. Recorded paths
+                (CSV) that a scene file names are read from this machine.
 
         Raises:
+            OSError, ValueError: a file cannot be read; the message names it.
             BadRequest, OutOfRange: the scene is not legal; the message names every mistake.
+            TooLarge: the scene has more than 65536 bytes. `encoding="msgpack"` needs fewer.
             NotHolder: this client does not hold the lease.
         """
         return self._call(ops.load_scene(scene))
@@ -280,8 +285,9 @@ class Rig:
                 if state is None:
                     raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
                 if not rendering.goes_on(state, skipped):
-                    return rendering.result
+                    break
                 rendering.send(state, torque(state))
+        return rendering.result
 
     def events(self, duration: float | None = None) -> Iterator[Event]:
         """Iterate over the events that were not taken yet, since the connection began.
@@ -307,15 +313,14 @@ class Rig:
         assert self._on_event is not None
         try:
             while (event := self._events.get(None)) is not None:
-                self._on_event(event)
+                call_back(self._on_event, event)
         except ConnectionLost:
             pass  # The program's next call raises it.
 
-    def _call(self, request: ops.Request[T]) -> T:
+    def _call(self, request: ops.Request[T], send: Send | None = None) -> T:
         answers: queue.SimpleQueue[tuple[Any, Exception | None]] = queue.SimpleQueue()
-        self._connection.request(
-            request.op, request.fields, lambda body, error: answers.put((body, error))
-        )
+        send = send or self._connection.request
+        send(request.op, request.fields, lambda body, error: answers.put((body, error)))
         try:
             body, error = answers.get(timeout=self._connection.timeout)
         except queue.Empty:
@@ -337,11 +342,9 @@ class Rig:
         Returns the states, and the longest time to wait for one, s.
         """
         states: Mailbox[State] = Mailbox(MAX_STATES)
-        self._connection.subscribe(states)
         try:
-            self._call(ops.subscribe(every))
+            self._call(ops.subscribe(every), partial(self._connection.subscribe, states))
             yield states, self._connection.timeout + every / self.hello.rate_hz
         finally:
-            if self._connection.unsubscribe(states):
-                with contextlib.suppress(ConnectionLost, TimedOut):
-                    self._call(ops.unsubscribe())
+            with contextlib.suppress(ConnectionLost, TimedOut):
+                self._call(ops.unsubscribe(), partial(self._connection.unsubscribe, states))

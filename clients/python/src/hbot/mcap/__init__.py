@@ -1,0 +1,20 @@
+"""Turns a recording (MCAP) into arrays of numpy. Needs `hbot[mcap]`.
+
+    recording = hbot.mcap.read("run.mcap", topics=["/hbot/state"])
+    state = recording["/hbot/state"]
+    state["t"], state["torque"]  # shapes (n,) and (n, 3)
+
+It reads the files of `hbot server --record` and `hbot record`, flight logs, and what `hbot replay`
+writes. docs/recordings.md describes the topics.
+"""
+
+from ..errors import MissingExtra
+
+try:
+    from .reading import Gap, Recording, read
+except ImportError as missing:
+    raise MissingExtra(
+        f'hbot.mcap needs packages ({missing}): pip install "hbot[mcap]"'
+    ) from missing
+
+__all__ = ["Gap", "Recording", "read"]

@@ -1,0 +1,319 @@
+"""Recordings become arrays: the one that the repository keeps, and those of a fresh server."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import signal
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_protobuf.decoder import DecoderFactory
+from serving import PATIENCE_S, RATE_HZ, REPOSITORY, SCENES, Server, program
+
+import hbot
+import hbot.mcap
+from hbot.mcap.topics import TOPICS
+
+KEPT = REPOSITORY / "crates" / "hbot-record" / "tests" / "it" / "kept" / "format-1.mcap"
+EVERY_TICK = ("/hbot/state", "/hbot/joints", "/tf", "/hbot/torque")
+
+
+def rewrite(source: Path, target: Path, lost: range) -> None:
+    """Copy a recording without the ticks in `lost`, as a recorder that was too slow leaves it."""
+    with source.open("rb") as old, target.open("wb") as new:
+        reader, writer = make_reader(old), Writer(new, chunk_size=20_000)
+        writer.start()
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        schemas: dict[int, int] = {}
+        channels: dict[int, int] = {}
+        first = None
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            if channel.id not in channels:
+                schemas.setdefault(
+                    schema.id, writer.register_schema(schema.name, schema.encoding, schema.data)
+                )
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schemas[schema.id]
+                )
+            first = message.log_time if first is None else first
+            if (message.log_time - first) // 1_000_000 not in lost:
+                writer.add_message(
+                    channels[channel.id], message.log_time, message.data, message.publish_time
+                )
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def test_the_arrays_are_what_an_independent_reader_finds() -> None:
+    recording = hbot.mcap.read(KEPT)
+    found = defaultdict(list)
+    with KEPT.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _schema, channel, message, decoded in reader.iter_decoded_messages():
+            found[channel.topic].append((message.log_time, decoded))
+    assert set(recording) == set(TOPICS)
+    for topic in EVERY_TICK:
+        assert recording[topic]["log_time"].tolist() == [time for time, _ in found[topic]]
+        assert recording[topic]["t"].tolist() == recording["/hbot/state"]["t"].tolist()
+    assert (recording.gaps, recording.lost_ticks, recording.damaged) == ((), 0, ())
+    assert recording.complete
+    assert recording.joints == ("A.steer", "A.drive", "B.steer", "B.drive")
+    state = recording["/hbot/state"]
+    last = found["/hbot/state"][-1][1]
+    assert state["q"][-1].tolist() == [last.q.w, last.q.x, last.q.y, last.q.z]
+    assert state["joint_torque"][-1].tolist() == list(last.joint_torque)
+    assert state["t"][-1] == last.t
+    assert numpy.array_equal(recording["/tf"]["sphere"], state["q"])
+    assert numpy.array_equal(recording["/hbot/joints"]["angle"], state["joint_angle"])
+    assert numpy.array_equal(recording["/hbot/torque"]["torque"], state["torque"])
+    assert numpy.abs(state["torque"]).max() > 0.0
+    assert recording["/hbot/scene"]["scene"][0]["effect"][0]["kind"] == "spring"
+
+
+def test_the_names_are_those_of_the_messages() -> None:
+    """Every field of a state has its array, and those of `hbot.arrays` have the same name."""
+    have = {field.name for field in TOPICS["/hbot/state"]} | {"t"}
+    expected = {field.name for field in dataclasses.fields(hbot.State)} - {"joints"}
+    expected |= {f"joint_{field.name}" for field in dataclasses.fields(hbot.Joint)}
+    for part, kind in (("client", hbot.Stream), ("timing", hbot.Timing)):
+        expected.remove(part)
+        expected |= {f"{part}_{field.name}" for field in dataclasses.fields(kind)}
+    assert have == expected
+
+
+def flat(state: hbot.State) -> dict[str, Any]:
+    """Return the values of a state by the names of the arrays."""
+    nothing = (math.nan,) * 4
+    values = {name: getattr(state, name) for name in ("tick", "t", "mode", "q", "omega", "torque")}
+    values |= {name: getattr(state, name) for name in ("slip", "scale", "traction", "energy")}
+    values |= {"fault": state.fault or "", "reference": state.reference or nothing}
+    for name in ("angle", "rate", "torque"):
+        values[f"joint_{name}"] = tuple(getattr(joint, name) for joint in state.joints)
+    for field in dataclasses.fields(state.timing):
+        values[f"timing_{field.name}"] = getattr(state.timing, field.name)
+    stream = state.client
+    values["client_seq"] = math.nan if stream is None or stream.seq is None else float(stream.seq)
+    values["client_age_ticks"] = math.nan if stream is None else float(stream.age_ticks)
+    return values
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> tuple[Path, list[hbot.State], list[hbot.Event]]:
+    """Record a run of a server, and keep the states and events that a client received."""
+    path = tmp_path / "run.mcap"
+    server = Server(tmp_path, options=["--record", str(path)])
+    try:
+        with hbot.connect(server.address, name="me", encoding="msgpack") as rig:
+            with rig.lease():
+                rig.load_scene(SCENES / "compass.toml")
+                rig.enable()
+                rig.torque([0.01, 0.0, 0.0], valid_ms=500, seq=7)
+                states = list(rig.states(duration=0.6))
+                rig.estop()
+            events = list(rig.events(0.0))
+        server.signal(signal.SIGTERM)
+        server.process.wait(PATIENCE_S)
+    finally:
+        server.kill()
+    return path, states, events
+
+
+def test_a_recording_of_a_server_has_what_its_clients_received(
+    recorded: tuple[Path, list[hbot.State], list[hbot.Event]],
+) -> None:
+    path, states, events = recorded
+    recording = hbot.mcap.read(path)
+    state = recording["/hbot/state"]
+    row_of = {int(tick): row for row, tick in enumerate(state["tick"])}
+    assert len(states) > 100
+    for received in states:
+        for name, value in flat(received).items():
+            # Equal in every bit: both messages have the same numbers.
+            assert numpy.array_equal(
+                state[name][row_of[received.tick]],
+                value,
+                equal_nan=isinstance(value, tuple | float),
+            ), name
+    assert 7.0 in state["client_seq"]
+    assert [type(event) for event in recording["/hbot/event"]["event"]][-1] is hbot.StoppingEvent
+    kept = [event for event in events if isinstance(event, hbot.FaultEvent | hbot.LeaseEvent)]
+    assert kept
+    assert all(event in list(recording["/hbot/event"]["event"]) for event in kept)
+    assert recording["/hbot/scene"]["name"][-1] == "Compass"
+    assert recording.complete
+    # The numbers of the ticks say which ones are missing. On a busy machine some are.
+    missing = numpy.diff(state["tick"]).sum() - (len(state["tick"]) - 1)
+    assert sum(gap.ticks for gap in recording.gaps) == missing
+
+
+def test_topics_and_a_time_can_be_chosen() -> None:
+    whole = hbot.mcap.read(KEPT)["/hbot/torque"]
+    part = hbot.mcap.read(KEPT, ["/hbot/torque"], start=0.25, end=0.5)
+    assert list(part) == ["/hbot/torque"]
+    assert len(part["/hbot/torque"]["t"]) == 250
+    inside = (whole["t"] >= 0.25) & (whole["t"] < 0.5)
+    assert numpy.array_equal(part["/hbot/torque"]["torque"], whole["torque"][inside])
+    with pytest.raises(ValueError, match=r"'/hbot/exact' is no topic; legal: /hbot/state"):
+        hbot.mcap.read(KEPT, ["/hbot/exact"])
+    with pytest.raises(KeyError):
+        part["/hbot/state"]
+
+
+def test_a_gap_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "gap.mcap"
+    rewrite(KEPT, path, lost=range(300, 340))
+    for topics in (None, ["/hbot/event"]):
+        recording = hbot.mcap.read(path, topics)
+        assert [gap.ticks for gap in recording.gaps] == [40]
+        assert recording.gaps[0].t == pytest.approx(0.34, abs=1e-9)  # rounding of a double
+        assert recording.complete
+
+
+def test_a_damaged_chunk_is_a_gap_and_is_named(tmp_path: Path) -> None:
+    small = tmp_path / "small.mcap"
+    rewrite(KEPT, small, lost=range(0))
+    data = bytearray(small.read_bytes())
+    data[len(data) // 3] ^= 0x40
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    recording = hbot.mcap.read(damaged)
+    assert len(recording.damaged) == 1
+    assert "the chunk at" in recording.damaged[0]
+    assert recording.complete
+    lost = sum(gap.ticks for gap in recording.gaps)
+    assert lost > 0
+    assert len(recording["/hbot/state"]["t"]) == 1000 - lost
+
+
+def test_a_file_that_was_cut_is_read_up_to_there(tmp_path: Path) -> None:
+    small, cut = tmp_path / "small.mcap", tmp_path / "cut.mcap"
+    rewrite(KEPT, small, lost=range(0))
+    data = small.read_bytes()
+    whole = hbot.mcap.read(small, ["/hbot/state"])["/hbot/state"]
+    # The metadata is the second record of the file, and its last text is a version, 0.1.0.
+    metadata_end = data.index(b"version", data.index(b"clock_unix_ns")) + len(b"version") + 4 + 5
+    counts = set()
+    for length in range(0, len(data), len(data) // 37):
+        cut.write_bytes(data[:length])
+        if length < metadata_end:
+            with pytest.raises(ValueError, match=r"cut\.mcap"):
+                hbot.mcap.read(cut)
+            continue
+        recording = hbot.mcap.read(cut, ["/hbot/state"])
+        state = recording["/hbot/state"]
+        count = len(state["t"])
+        counts.add(count)
+        assert not recording.complete
+        assert recording.damaged == ()
+        assert numpy.array_equal(state["torque"], whole["torque"][:count])
+    assert len(counts) > 10
+    assert max(counts) > 900
+
+
+def test_a_client_records_the_same_times(tmp_path: Path) -> None:
+    """`hbot record` does not store the clock; the arrays have the times of the states anyway."""
+    server = Server(tmp_path)
+    path = tmp_path / "client.mcap"
+    try:
+        command = [
+            str(program()),
+            "record",
+            str(path),
+            "--server",
+            server.address,
+            "--duration",
+            "0.5",
+        ]
+        subprocess.run(command, check=False, timeout=PATIENCE_S, stdout=subprocess.DEVNULL)
+        with hbot.connect(server.address) as rig:
+            clock = rig.info.clock
+    finally:
+        server.kill()
+    recording = hbot.mcap.read(path)
+    state = recording["/hbot/state"]
+    assert len(state["tick"]) > 10
+    assert clock is not None
+    assert (state["log_time"] - clock.unix_ns).tolist() == (
+        state["tick"] * (1_000_000_000 // RATE_HZ)
+    ).tolist()
+    assert state["t"] == pytest.approx(state["tick"] / RATE_HZ, rel=1e-12)  # rounding
+    assert not len(recording["/hbot/torque/other"]["t"])
+    assert recording["/hbot/torque/other"]["joint_torque"].shape == (0, 4)
+
+
+def test_another_scene_is_a_topic_of_its_own(tmp_path: Path) -> None:
+    other = tmp_path / "other.mcap"
+    scene = SCENES / "compass.toml"
+    command = [str(program()), "replay", str(KEPT), "--scene", str(scene), "--out", str(other)]
+    subprocess.run(command, check=True, timeout=PATIENCE_S, stdout=subprocess.DEVNULL)
+    recording = hbot.mcap.read(other, ["/hbot/torque", "/hbot/torque/other"])
+    torques = [recording[topic]["torque"] for topic in recording]
+    assert torques[0].shape == torques[1].shape == (1000, 3)
+    assert numpy.abs(torques[0] - torques[1]).max() > 0.0
+
+
+def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+    for name, data in {"empty": b"", "text": b"t,w,x,y,z\n0,1,0,0,0\n"}.items():
+        path = tmp_path / name
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match=name):
+            hbot.mcap.read(path)
+    foreign = tmp_path / "foreign.mcap"
+    with foreign.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.finish()  # type: ignore[no-untyped-call]
+    with pytest.raises(ValueError, match="no recording of hbot"):
+        hbot.mcap.read(foreign)
+
+
+def test_the_programs_of_the_page_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")  # No display is needed, as the page says.
+    (tmp_path / "run.mcap").write_bytes(KEPT.read_bytes())
+    page = (REPOSITORY / "docs" / "recordings.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"(?s)```python\n(.*?)```", page)
+    assert len(blocks) == 2
+    for block in blocks:
+        exec(compile(block, "docs/recordings.md", "exec"), {"__name__": "__main__"})
+    assert (tmp_path / "torque.png").stat().st_size > 10_000
+    assert len(capsys.readouterr().out.splitlines()) == 1000
+
+
+def test_the_page_lists_every_array() -> None:
+    page = (REPOSITORY / "docs" / "recordings.md").read_text(encoding="utf-8")
+    section = page.split("\n## Arrays\n")[1].split("\n## ")[0]
+    rows = [line.strip("|").split("|") for line in section.splitlines() if line.startswith("| ")]
+    listed = {
+        topic: re.findall(r"`([a-z_]+)`", row[1])
+        for row in rows
+        for topic in re.findall(r"`([a-z/]+)`", row[0])
+    }
+    assert listed == {topic: [field.name for field in fields] for topic, fields in TOPICS.items()}
+
+
+def test_a_missing_package_is_named(tmp_path: Path) -> None:
+    """Without the extra the package works, and the error names the command that installs it."""
+    (tmp_path / "mcap.py").write_text("raise ImportError('no mcap here')")
+    code = (
+        "import hbot\n"
+        "try:\n    import hbot.mcap\n"
+        "except hbot.MissingExtra as error:\n    print(error)"
+    )
+    run = [sys.executable, "-c", code]
+    done = subprocess.run(
+        run, env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True
+    )
+    assert 'pip install "hbot[mcap]"' in done.stdout
