@@ -7,7 +7,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import hbot
@@ -45,12 +45,13 @@ def program() -> Path:
     return path
 
 
-def rig_file(folder: Path, api: str = "") -> Path:
+def rig_file(folder: Path, api: str = "", edits: Mapping[str, str] | None = None) -> Path:
     """Write a rig file: the prototype with long time-outs, so that a busy machine is no fault.
 
     Args:
         folder: where to write it.
         api: lines for the table `[api]`.
+        edits: pieces of the prototype's text, each present once, and what replaces them.
     """
     text = (REPOSITORY / "rigs" / "prototype.toml").read_text(encoding="utf-8")
     text, changes = re.subn(
@@ -60,6 +61,9 @@ def rig_file(folder: Path, api: str = "") -> Path:
     if api:
         text, changes = re.subn(r"(?m)^\[api\]\n(.+\n)*", f"[api]\n{api}\n", text)
         assert changes == 1, "the prototype's table [api] is written otherwise"
+    for old, new in (edits or {}).items():
+        assert text.count(old) == 1, f"the prototype does not have one {old!r}"
+        text = text.replace(old, new)
     path = folder / "rig.toml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -68,10 +72,17 @@ def rig_file(folder: Path, api: str = "") -> Path:
 class Server:
     """A server with a simulated rig, in a process of its own."""
 
-    def __init__(self, folder: Path, api: str = "", rate_hz: int = RATE_HZ, port: int = 0) -> None:
-        """Start the server and wait until it listens."""
+    def __init__(
+        self,
+        folder: Path,
+        api: str = "",
+        rate_hz: int = RATE_HZ,
+        port: int = 0,
+        edits: Mapping[str, str] | None = None,
+    ) -> None:
+        """Start the server and wait until it listens. The arguments are those of `rig_file`."""
         self._log = folder / "server.log"
-        command = [str(program()), "server", "--rig", str(rig_file(folder, api))]
+        command = [str(program()), "server", "--rig", str(rig_file(folder, api, edits))]
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(
                 [*command, "--rate", str(rate_hz), "--listen", f"127.0.0.1:{port}"],
