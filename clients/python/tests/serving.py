@@ -7,7 +7,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import hbot
@@ -45,12 +45,13 @@ def program() -> Path:
     return path
 
 
-def rig_file(folder: Path, api: str = "") -> Path:
+def rig_file(folder: Path, api: str = "", edits: Mapping[str, str] | None = None) -> Path:
     """Write a rig file: the prototype with long time-outs, so that a busy machine is no fault.
 
     Args:
         folder: where to write it.
         api: lines for the table `[api]`.
+        edits: pieces of the prototype's text, each present once, and what replaces them.
     """
     text = (REPOSITORY / "rigs" / "prototype.toml").read_text(encoding="utf-8")
     text, changes = re.subn(
@@ -60,6 +61,9 @@ def rig_file(folder: Path, api: str = "") -> Path:
     if api:
         text, changes = re.subn(r"(?m)^\[api\]\n(.+\n)*", f"[api]\n{api}\n", text)
         assert changes == 1, "the prototype's table [api] is written otherwise"
+    for old, new in (edits or {}).items():
+        assert text.count(old) == 1, f"the prototype does not have one {old!r}"
+        text = text.replace(old, new)
     path = folder / "rig.toml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -75,6 +79,7 @@ class Server:
         rate_hz: int = RATE_HZ,
         port: int = 0,
         options: Sequence[str] = (),
+        edits: Mapping[str, str] | None = None,
     ) -> None:
         """Start the server and wait until it listens.
 
@@ -84,9 +89,10 @@ class Server:
             rate_hz: ticks per second.
             port: TCP port. 0 stands for any that is free.
             options: more options of the command line.
+            edits: changes of the rig file, as `rig_file` takes them.
         """
         self._log = folder / "server.log"
-        command = [str(program()), "server", "--rig", str(rig_file(folder, api)), *options]
+        command = [str(program()), "server", "--rig", str(rig_file(folder, api, edits)), *options]
         with self._log.open("wb") as log:
             self.process = subprocess.Popen(
                 [*command, "--rate", str(rate_hz), "--listen", f"127.0.0.1:{port}"],

@@ -1,0 +1,1 @@
+"""The theory of two coupled rigs, and the study that measures it."""
