@@ -15,6 +15,7 @@ mod secrets;
 mod server;
 mod set;
 mod show;
+mod sockets;
 mod status;
 mod style;
 mod watch;

@@ -81,6 +81,13 @@ pub(crate) fn notices(rig: &RigConfig, metrics_token_file: Option<&Path>) -> Vec
     notices
 }
 
+/// Returns a notice if live viewers on other machines can connect to the address `at`.
+pub(crate) fn live_notice(at: std::net::SocketAddr) -> Option<String> {
+    (!at.ip().is_loopback()).then(|| {
+        format!("whoever reaches {at} sees everything that this rig does, unencrypted and without a token")
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use std::fs::Permissions;
@@ -106,6 +113,12 @@ mod tests {
             let error = metrics_token(at, Some(&file), token.as_deref()).unwrap_err().to_string();
             assert!(error.contains("the same token"), "{error}");
         }
+    }
+
+    #[test]
+    fn live_viewers_from_other_machines_are_told() {
+        assert_eq!(live_notice(HERE), None);
+        assert!(live_notice(ANYWHERE).is_some_and(|told| told.contains("without a token")));
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::future::poll_fn;
-use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -25,7 +24,7 @@ use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
-use super::{secrets, status, style};
+use super::{secrets, sockets, status, style};
 
 /// Options of `hbot server`. Values that are not given come from the rig file.
 #[derive(Debug, Args)]
@@ -41,7 +40,7 @@ pub(crate) struct ServerArgs {
     #[arg(long, value_name = "sim|sim:pty|DEVICE")]
     port: Option<String>,
     /// Address to listen on; addresses other than loopback need a token
-    #[arg(long, value_name = "ADDR:PORT", value_parser = socket)]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address)]
     listen: Option<SocketAddr>,
     /// Ticks a second
     #[arg(long, value_name = "HZ", value_parser = hertz)]
@@ -69,12 +68,16 @@ pub(crate) struct ServerArgs {
     /// Begin a new file in the folder after this size or time, such as 500MB or 10min
     #[arg(long, value_name = "SIZE|TIME", requires = "record")]
     record_limit: Option<Limit>,
+    /// Show the run live in Foxglove, Lichtblick or PlotJuggler, over WebSocket [default address:
+    /// 127.0.0.1:8765]; without a token, and nothing can be commanded there
+    #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address, num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
+    foxglove: Option<SocketAddr>,
     /// File with the token that clients must present
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// Offer metrics for Prometheus at http://ADDR:PORT/metrics; addresses other than loopback need
     /// a token for the page
-    #[arg(long, value_name = "ADDR:PORT", value_parser = socket)]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address)]
     metrics: Option<SocketAddr>,
     /// File with the token that requests for metrics must present; must not be the clients' token
     #[arg(long, value_name = "FILE", requires = "metrics")]
@@ -97,17 +100,6 @@ enum TimeArg {
     Wall,
     /// Ticks in lock-step with the simulated rig
     Virtual,
-}
-
-/// Parses an address with a port.
-fn socket(text: &str) -> Result<SocketAddr, String> {
-    text.parse().map_err(|_| {
-        let guess = text.parse::<u16>().map(|port| format!("127.0.0.1:{port}"));
-        format!(
-            "an address with a port, such as {}",
-            guess.unwrap_or_else(|_| "127.0.0.1:4268 or [::1]:4268".to_owned())
-        )
-    })
 }
 
 /// Parses a rate of the loop. The rig file's check judges its range.
@@ -179,20 +171,19 @@ async fn serve(
     console: &Console,
 ) -> anyhow::Result<ExitCode> {
     let stop_signal = StopSignal::listen()?;
-    let listener = bind(rig.api.listen, "--listen").await?;
+    let listener = sockets::bind(rig.api.listen, "--listen").await?;
     let address = listener.local_addr()?;
-    let metrics = match args.metrics {
-        None => None,
-        Some(at) => Some((bind(at, "--metrics").await?, metrics_token)),
-    };
-    let metrics_at = metrics.as_ref().map(|(listener, _)| listener.local_addr()).transpose()?;
+    let metrics = sockets::bind_if(args.metrics, "--metrics").await?;
+    let live = sockets::bind_if(args.foxglove, "--foxglove").await?;
+    let (live, live_at) = live.unzip();
     let mut stopping = Vec::new();
     for number in signals::STOPPING {
         stopping.push(signal(SignalKind::from_raw(number))?);
     }
 
     let time = if args.time == TimeArg::Virtual { Time::Virtual } else { Time::Wall };
-    let secrets = secrets::notices(&rig, args.metrics_token_file.as_deref());
+    let mut secrets = secrets::notices(&rig, args.metrics_token_file.as_deref());
+    secrets.extend(live_at.and_then(secrets::live_notice));
     let banner = banner(&rig, scene.name(), address, time, expected);
     let recording = recording(&args)?;
     let flight_dir = flight_dir();
@@ -208,10 +199,14 @@ async fn serve(
         flight_dir,
         recorder: None,
         recording,
+        live: live.map(TcpListener::into_std).transpose()?,
     })?;
     stop_signal.obey(server.emergency_stop())?;
-    if let Some(at) = metrics_at {
+    if let Some((_, at)) = &metrics {
         console.say(format!("metrics http://{at}/metrics"));
+    }
+    if let Some(at) = live_at {
+        console.say(format!("viewers ws://{at}"));
     }
     console.say(banner);
     let nowhere = nowhere.then(|| {
@@ -222,8 +217,8 @@ async fn serve(
     }
 
     let (control_in, control) = tokio::sync::mpsc::channel(8);
-    if let Some((listener, token)) = metrics {
-        tokio::spawn(hbot_server::metrics::serve(listener, control_in, token));
+    if let Some((listener, _)) = metrics {
+        tokio::spawn(hbot_server::metrics::serve(listener, control_in, metrics_token));
     }
     let (status_in, status) = tokio::sync::watch::channel(Status::default());
     console.status(Some(status));
@@ -338,45 +333,10 @@ fn live_or_simulated(port: &Port) -> String {
     }
 }
 
-/// Returns a socket that listens on `at`. An error states the reason and how to correct it.
-async fn bind(at: SocketAddr, option: &str) -> anyhow::Result<TcpListener> {
-    TcpListener::bind(at).await.map_err(|error| {
-        let what = cannot_listen(at, option, error.kind());
-        anyhow::Error::from(error).context(what)
-    })
-}
-
-fn cannot_listen(at: SocketAddr, option: &str, kind: ErrorKind) -> String {
-    let free = format!("`{option} {}:0` takes a free port", at.ip());
-    let what = match kind {
-        ErrorKind::AddrInUse => format!("is another hbot server running there? {free}"),
-        ErrorKind::PermissionDenied => {
-            format!("the system does not let this user have the port; those below 1024 need a right. {free}")
-        }
-        ErrorKind::AddrNotAvailable => "this machine does not have the address".to_owned(),
-        _ => free,
-    };
-    format!("cannot listen on {at}: {what}")
-}
-
 /// Returns the directory for flight logs, in the user's state directory (XDG base directories).
 /// Returns `None` if neither `XDG_STATE_HOME` nor `HOME` is an absolute path.
 pub(crate) fn flight_dir() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
     let state = absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")));
     state.map(|dir| dir.join("hbot/flight"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_hinders_a_socket_is_named() {
-        let said = |kind| cannot_listen(SocketAddr::from(([127, 0, 0, 1], 80)), "--listen", kind);
-        assert!(said(ErrorKind::AddrInUse).contains("another hbot server"));
-        let denied = said(ErrorKind::PermissionDenied);
-        assert!(denied.contains("below 1024 need a right") && !denied.contains("another"), "{denied}");
-        assert!(said(ErrorKind::AddrNotAvailable).contains("does not have the address"));
-    }
 }

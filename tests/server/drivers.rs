@@ -80,6 +80,7 @@ fn served(cable: &Cable) -> TestServer {
         flight_dir: None,
         recorder: None,
         recording: RecordOptions::default(),
+        live: None,
     };
     TestServer::start(options, any_port())
 }

@@ -69,6 +69,8 @@ pub struct StatsOk {
     pub unrecorded_ticks: u64,
     /// Number of recordings that could not be begun or not be written to their end.
     pub recordings_failed: u64,
+    /// Number of messages dropped because a live viewer (`hbot server --foxglove`) read too slowly.
+    pub dropped_live: u64,
 }
 
 /// A summary of measured durations: percentiles and maximum, in us, and how many were measured.

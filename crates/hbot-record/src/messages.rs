@@ -14,4 +14,4 @@ pub mod foxglove {
 }
 
 /// All definitions as a `FileDescriptorSet`, which MCAP stores as the schema of protobuf messages.
-pub(crate) const DESCRIPTORS: &[u8] = include_bytes!("messages/descriptors.bin");
+pub const DESCRIPTORS: &[u8] = include_bytes!("messages/descriptors.bin");

@@ -3,9 +3,11 @@
 use hbot_api::{ClientStream, Event, Fault, JointState, Mode, StateEvent};
 use hbot_core::mode;
 use hbot_core::outputs::State;
+use prost::Message;
 
 use crate::messages::foxglove::{self, FrameTransform, FrameTransforms, Log, Quaternion, Vector3};
 use crate::messages::hbot;
+use crate::topic::Topic;
 
 /// Name of the frame fixed in space.
 pub const FRAME_N: &str = "N";
@@ -69,6 +71,63 @@ pub fn fill(event: &mut StateEvent, state: &State, t_ns: u64) {
     event.client = state.client.map(|client| ClientStream { seq: client.seq, age_ticks: client.age_ticks });
 }
 
+/// Encodes messages of the public topics in the format of protobuf. `unix_ns` is the Unix time of a
+/// tick's deadline, ns.
+#[derive(Debug, Default)]
+pub struct Encoder {
+    /// Names of the joints, in the order steer, drive of each wheel.
+    joints: Vec<String>,
+    buffer: Vec<u8>,
+}
+
+impl Encoder {
+    /// Returns an encoder for a rig whose joints have these names, in the order steer, drive of
+    /// each wheel.
+    #[must_use]
+    pub fn new(joints: Vec<String>) -> Self {
+        Self { joints, buffer: Vec::new() }
+    }
+
+    /// Encodes the messages of a tick, one for each topic of every tick, and passes each to `put`.
+    ///
+    /// # Errors
+    /// Fails with the first error of `put`.
+    pub fn state<E>(
+        &mut self,
+        state: &StateEvent,
+        unix_ns: u64,
+        mut put: impl FnMut(Topic, &[u8]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        put(Topic::State, self.encode(&self::state(state, unix_ns)))?;
+        let joints = joints(state, &self.joints, unix_ns);
+        put(Topic::Joints, self.encode(&joints))?;
+        put(Topic::Transforms, self.encode(&transforms(state, unix_ns)))?;
+        put(Topic::Torque, self.torque(state, unix_ns))
+    }
+
+    /// Encodes the torque of a tick.
+    pub fn torque(&mut self, state: &StateEvent, unix_ns: u64) -> &[u8] {
+        self.encode(&torque(state, unix_ns))
+    }
+
+    /// Encodes an event of the TCP API.
+    pub fn event(&mut self, event: &Event, unix_ns: u64) -> &[u8] {
+        self.encode(&self::event(event, unix_ns))
+    }
+
+    /// Encodes that the scene `name` is rendered from `tick` on. `json` is its file as JSON.
+    pub fn scene(&mut self, tick: u64, name: &str, json: &str, unix_ns: u64) -> &[u8] {
+        self.encode(&scene(tick, name, json, unix_ns))
+    }
+
+    fn encode(&mut self, message: &impl Message) -> &[u8] {
+        self.buffer.clear();
+        // This cannot fail: the buffer grows.
+        let _ = message.encode(&mut self.buffer);
+        &self.buffer
+    }
+}
+
 fn timestamp(unix_ns: u64) -> Option<prost_types::Timestamp> {
     // A nanosecond count of 64 bits ends in the year 2554, so neither cast wraps.
     Some(prost_types::Timestamp { seconds: (unix_ns / NS) as i64, nanos: (unix_ns % NS) as i32 })
@@ -82,7 +141,7 @@ fn quaternion([w, x, y, z]: [f64; 4]) -> Quaternion {
     Quaternion { x, y, z, w }
 }
 
-pub(crate) fn state(state: &StateEvent, unix_ns: u64) -> hbot::State {
+fn state(state: &StateEvent, unix_ns: u64) -> hbot::State {
     let joints = |value: fn(&JointState) -> f64| state.joints.iter().map(value).collect();
     let timing = &state.timing;
     hbot::State {
@@ -114,7 +173,7 @@ pub(crate) fn state(state: &StateEvent, unix_ns: u64) -> hbot::State {
     }
 }
 
-pub(crate) fn joints(state: &StateEvent, names: &[String], unix_ns: u64) -> foxglove::JointState {
+fn joints(state: &StateEvent, names: &[String], unix_ns: u64) -> foxglove::JointState {
     let joints = |value: fn(&JointState) -> f64| state.joints.iter().map(value).collect();
     foxglove::JointState {
         timestamp: timestamp(unix_ns),
@@ -127,7 +186,7 @@ pub(crate) fn joints(state: &StateEvent, names: &[String], unix_ns: u64) -> foxg
 
 /// Returns the orientations of the sphere and of its reference in frame N. Both frames have their
 /// origin at the centre of the sphere.
-pub(crate) fn transforms(state: &StateEvent, unix_ns: u64) -> FrameTransforms {
+fn transforms(state: &StateEvent, unix_ns: u64) -> FrameTransforms {
     let transform = |child: &str, q| FrameTransform {
         timestamp: timestamp(unix_ns),
         parent_frame_id: FRAME_N.to_owned(),
@@ -140,7 +199,7 @@ pub(crate) fn transforms(state: &StateEvent, unix_ns: u64) -> FrameTransforms {
     FrameTransforms { transforms }
 }
 
-pub(crate) fn torque(state: &StateEvent, unix_ns: u64) -> hbot::Torque {
+fn torque(state: &StateEvent, unix_ns: u64) -> hbot::Torque {
     hbot::Torque {
         timestamp: timestamp(unix_ns),
         sphere: Some(vector(state.torque)),
@@ -148,13 +207,13 @@ pub(crate) fn torque(state: &StateEvent, unix_ns: u64) -> hbot::Torque {
     }
 }
 
-pub(crate) fn scene(tick: u64, name: &str, json: &str, unix_ns: u64) -> hbot::Scene {
+fn scene(tick: u64, name: &str, json: &str, unix_ns: u64) -> hbot::Scene {
     hbot::Scene { timestamp: timestamp(unix_ns), tick, name: name.to_owned(), json: json.to_owned() }
 }
 
 /// Returns an event of the TCP API as a message for people. Its text is the event as JSON, as
 /// clients receive it.
-pub(crate) fn event(event: &Event, unix_ns: u64) -> Log {
+fn event(event: &Event, unix_ns: u64) -> Log {
     let level = match event {
         Event::Fault(fault) if matches!(fault.mode, Mode::Fault | Mode::Estop) => foxglove::log::Level::Error,
         Event::Dropped(_) | Event::Refused(_) => foxglove::log::Level::Warning,

@@ -31,8 +31,19 @@ pub enum ReplayError {
         /// The format of its private topic.
         format: String,
     },
+    /// The recording was made over TCP.
+    #[error(
+        "made by `hbot record`: it has no exact inputs, because they do not pass through TCP. To replay a run, record it on the rig's computer: \
+         `hbot server --record FILE.mcap`"
+    )]
+    OverTcp,
+    /// The recording was made by a replay.
+    #[error(
+        "made by `hbot replay --scene`: it has no exact inputs. Replay the recording from which it was made"
+    )]
+    OfReplay,
     /// The file has nothing to replay.
-    #[error("no exact inputs: it was recorded over TCP, or is cut off before the first second")]
+    #[error("no exact inputs in the wanted part, or the file is cut off before the first second")]
     Empty,
 }
 
@@ -129,6 +140,13 @@ impl<R: Read> Replay<R> {
         let entry = |key: &str| about.get(key).cloned().unwrap_or_else(|| "unknown".to_owned());
         if entry("format") != FORMAT.to_string() {
             return Err(ReplayError::Version { version: entry("version"), format: entry("format") });
+        }
+        // Only `hbot record` writes the one entry, and only `hbot replay --scene` the other.
+        if about.contains_key("server") {
+            return Err(ReplayError::OverTcp);
+        }
+        if about.contains_key("other_scene") {
+            return Err(ReplayError::OfReplay);
         }
         let report = Report::default();
         Ok(Self { reader, about, controller: None, scene: None, other, unknown: 0, report })

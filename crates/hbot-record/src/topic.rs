@@ -34,6 +34,10 @@ impl Topic {
         Self::Exact,
     ];
 
+    /// The topics that a running server can show to viewers.
+    pub const LIVE: [Self; 6] =
+        [Self::State, Self::Joints, Self::Transforms, Self::Torque, Self::Event, Self::Scene];
+
     /// Returns the name of the topic in a recording.
     #[must_use]
     pub const fn name(self) -> &'static str {

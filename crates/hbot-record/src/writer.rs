@@ -7,11 +7,10 @@ use hbot_api::{Event, StateEvent};
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions};
-use prost::Message;
 
 use crate::exact;
 use crate::messages::DESCRIPTORS;
-use crate::public;
+use crate::public::Encoder;
 use crate::topic::Topic;
 
 /// Name of the metadata record that says what a recording is of.
@@ -35,8 +34,7 @@ pub struct Writer<W: Write + Seek> {
     mcap: mcap::Writer<W>,
     /// The channel of each topic that has been written to, and the number of its messages.
     channels: [Option<(u16, u32)>; Topic::ALL.len()],
-    joints: Vec<String>,
-    buffer: Vec<u8>,
+    encoder: Encoder,
 }
 
 impl<W: Write + Seek> Writer<W> {
@@ -60,7 +58,7 @@ impl<W: Write + Seek> Writer<W> {
         metadata.insert("joints".to_owned(), about.joints.join(" "));
         mcap.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
         mcap.flush()?;
-        Ok(Self { mcap, channels: [None; _], joints: about.joints.clone(), buffer: Vec::new() })
+        Ok(Self { mcap, channels: [None; _], encoder: Encoder::new(about.joints.clone()) })
     }
 
     /// Writes the state of a tick to the public topics of every tick. `unix_ns` is the Unix time of
@@ -69,11 +67,9 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if the recording cannot be written. It is unusable then.
     pub fn state(&mut self, state: &StateEvent, unix_ns: u64) -> Result<(), McapError> {
-        self.put(Topic::State, unix_ns, &public::state(state, unix_ns))?;
-        let joints = public::joints(state, &self.joints, unix_ns);
-        self.put(Topic::Joints, unix_ns, &joints)?;
-        self.put(Topic::Transforms, unix_ns, &public::transforms(state, unix_ns))?;
-        self.put(Topic::Torque, unix_ns, &public::torque(state, unix_ns))
+        self.encoded(|writer, encoder| {
+            encoder.state(state, unix_ns, |topic, data| writer.put(topic, unix_ns, data))
+        })
     }
 
     /// Writes the torque of `state` as that of another scene.
@@ -81,7 +77,9 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if the recording cannot be written. It is unusable then.
     pub fn other_torque(&mut self, state: &StateEvent, unix_ns: u64) -> Result<(), McapError> {
-        self.put(Topic::OtherTorque, unix_ns, &public::torque(state, unix_ns))
+        self.encoded(|writer, encoder| {
+            writer.put(Topic::OtherTorque, unix_ns, encoder.torque(state, unix_ns))
+        })
     }
 
     /// Writes an event of the TCP API.
@@ -89,7 +87,7 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if the recording cannot be written. It is unusable then.
     pub fn event(&mut self, event: &Event, unix_ns: u64) -> Result<(), McapError> {
-        self.put(Topic::Event, unix_ns, &public::event(event, unix_ns))
+        self.encoded(|writer, encoder| writer.put(Topic::Event, unix_ns, encoder.event(event, unix_ns)))
     }
 
     /// Writes that the scene `name` is rendered from `tick` on. `json` is its file as JSON.
@@ -97,7 +95,9 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if the recording cannot be written. It is unusable then.
     pub fn scene(&mut self, tick: u64, name: &str, json: &str, unix_ns: u64) -> Result<(), McapError> {
-        self.put(Topic::Scene, unix_ns, &public::scene(tick, name, json, unix_ns))
+        self.encoded(|writer, encoder| {
+            writer.put(Topic::Scene, unix_ns, encoder.scene(tick, name, json, unix_ns))
+        })
     }
 
     /// Writes the inputs and outputs of a tick to the private topic.
@@ -105,7 +105,7 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if the recording cannot be written. It is unusable then.
     pub fn exact_tick(&mut self, inputs: &Inputs, outputs: &Outputs, unix_ns: u64) -> Result<(), McapError> {
-        self.put_bytes(Topic::Exact, unix_ns, &exact::of_tick(inputs, outputs))
+        self.put(Topic::Exact, unix_ns, &exact::of_tick(inputs, outputs))
     }
 
     /// Writes the compiled scene that is rendered from `tick` on to the private topic.
@@ -113,7 +113,7 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if the recording cannot be written. It is unusable then.
     pub fn exact_scene(&mut self, tick: u64, scene: &CompiledScene, unix_ns: u64) -> Result<(), McapError> {
-        self.put_bytes(Topic::Exact, unix_ns, &exact::of_scene(tick, scene))
+        self.put(Topic::Exact, unix_ns, &exact::of_scene(tick, scene))
     }
 
     /// Writes the state of the control law after `tick` to the private topic.
@@ -121,7 +121,7 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if the recording cannot be written. It is unusable then.
     pub fn exact_controller(&mut self, tick: u64, law: &Controller, unix_ns: u64) -> Result<(), McapError> {
-        self.put_bytes(Topic::Exact, unix_ns, &exact::of_controller(tick, law))
+        self.put(Topic::Exact, unix_ns, &exact::of_controller(tick, law))
     }
 
     /// Marks that `ticks` ticks are missing before `tick`.
@@ -129,7 +129,7 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if the recording cannot be written. It is unusable then.
     pub fn gap(&mut self, tick: u64, ticks: u64, unix_ns: u64) -> Result<(), McapError> {
-        self.put_bytes(Topic::Exact, unix_ns, &exact::of_gap(tick, ticks))
+        self.put(Topic::Exact, unix_ns, &exact::of_gap(tick, ticks))
     }
 
     /// Ends the present chunk and passes everything to the operating system.
@@ -149,17 +149,18 @@ impl<W: Write + Seek> Writer<W> {
         Ok(self.mcap.into_inner())
     }
 
-    fn put(&mut self, topic: Topic, unix_ns: u64, message: &impl Message) -> Result<(), McapError> {
-        let mut buffer = std::mem::take(&mut self.buffer);
-        buffer.clear();
-        // This cannot fail: the buffer grows.
-        let _ = message.encode(&mut buffer);
-        let put = self.put_bytes(topic, unix_ns, &buffer);
-        self.buffer = buffer;
-        put
+    /// Calls `write` with the encoder, whose buffer the messages are in while they are written.
+    fn encoded(
+        &mut self,
+        write: impl FnOnce(&mut Self, &mut Encoder) -> Result<(), McapError>,
+    ) -> Result<(), McapError> {
+        let mut encoder = std::mem::take(&mut self.encoder);
+        let written = write(self, &mut encoder);
+        self.encoder = encoder;
+        written
     }
 
-    fn put_bytes(&mut self, topic: Topic, unix_ns: u64, data: &[u8]) -> Result<(), McapError> {
+    fn put(&mut self, topic: Topic, unix_ns: u64, data: &[u8]) -> Result<(), McapError> {
         let (channel_id, sequence) = match self.channels[topic as usize] {
             Some(channel) => channel,
             None => {

@@ -5,10 +5,13 @@
 //! - [`tls`]: encryption of the TCP service.
 //! - [`flight`]: the log of the ticks around a fault.
 //! - [`recording`]: recordings of everything that the loop does.
+//! - `live`: the same messages to viewers that are connected.
 //! - [`metrics`]: statistics for Prometheus.
 //! - [`server`]: starts and stops a loop together with its service.
 
+mod background;
 pub mod flight;
+mod live;
 pub mod metrics;
 pub mod recording;
 pub mod server;

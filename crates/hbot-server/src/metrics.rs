@@ -192,6 +192,7 @@ impl Collector for Figures {
             recorded_ticks,
             unrecorded_ticks,
             recordings_failed,
+            dropped_live,
         } = &*self.0;
         for (name, help, value) in [
             ("ticks", "Ticks of the loop", ticks),
@@ -216,6 +217,7 @@ impl Collector for Figures {
             ("recorded_ticks", "Ticks written to recordings", recorded_ticks),
             ("unrecorded_ticks", "Ticks missing in recordings", unrecorded_ticks),
             ("recordings_failed", "Recordings that could not be written to their end", recordings_failed),
+            ("dropped_live", "Messages that slow live viewers did not get", dropped_live),
         ] {
             let counter = ConstCounter::new(*value);
             counter.encode(encoder.encode_descriptor(name, help, None, counter.metric_type())?)?;

@@ -54,6 +54,9 @@ pub struct ServerOptions {
     pub recorder: Option<Recorder>,
     /// What is recorded, and where.
     pub recording: RecordOptions,
+    /// The socket on which the public topics of a recording are served to live viewers, without
+    /// authorization. With `None` none are served.
+    pub live: Option<std::net::TcpListener>,
 }
 
 /// The reason why a server did not start.
@@ -130,6 +133,7 @@ impl Server {
             flight_dir,
             recorder,
             recording,
+            live,
         } = options;
         let encryption = rig.api.tls.as_ref().map(Encryption::from_files).transpose()?;
         let phenomena = at_start(&scene);
@@ -137,9 +141,10 @@ impl Server {
         let scene = Box::new(running.load(scene));
         let mut notices = notices(flight_dir.as_deref());
         let flights = flight_dir.is_some();
-        let (recorder, prepared) = if flights || recording.path.is_some() {
+        let (recorder, prepared) = if flights || recording.path.is_some() || live.is_some() {
             let first = SceneNote::new(&scene, running.file());
-            let (own, prepared) = recording::prepare(recording, flights, first, time == Time::Virtual);
+            let waits = time == Time::Virtual;
+            let (own, prepared) = recording::prepare(recording, flights, live, first, waits);
             (Some(both(recorder, own)), Some(prepared))
         } else {
             (recorder, None)

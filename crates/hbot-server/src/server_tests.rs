@@ -74,6 +74,7 @@ fn ended(
                 flight_dir: None,
                 recorder,
                 recording: RecordOptions::default(),
+                live: None,
             };
             let server = Server::start(options).unwrap();
             let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();

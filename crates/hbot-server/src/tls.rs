@@ -5,8 +5,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use hbot_config::rig::TlsFiles;
-use rustix::process::setpriority_process;
-use rustix::thread::gettid;
 use thiserror::Error;
 use tokio::net::TcpStream;
 use tokio::runtime::Runtime;
@@ -18,12 +16,12 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::rustls::{Error as TlsError, ServerConfig, ServerConnection, version};
 use tokio_rustls::server::TlsStream;
 
+use crate::background;
+
 /// Limit of the unsent bytes that a TLS session buffers: one TLS record. The limit is small so that
 /// the server notices progress of a client that reads slowly, and does not cut it as one that does
 /// not read.
 const RECORD: usize = 16 * 1024;
-/// Niceness of the handshake thread. A positive value gives other threads priority.
-const NICENESS: i32 = 10;
 
 /// The reason why the files named in `[api] tls` of the rig file cannot be used.
 #[derive(Debug, Error)]
@@ -79,11 +77,7 @@ impl Shaker {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name("hbot-tls")
-            .on_thread_start(|| {
-                // Give way to the service's thread. If the system refuses, only the priority is
-                // lost.
-                let _ = setpriority_process(Some(gettid()), NICENESS);
-            })
+            .on_thread_start(background::give_way)
             .enable_io()
             .build()?;
         Ok(Self(Some(runtime)))
@@ -185,12 +179,12 @@ mod tests {
     async fn hands_are_shaken_on_a_thread_that_gives_way() {
         let shaker = Shaker::start().unwrap();
         let work = shaker.work(async {
-            let niceness = rustix::process::getpriority_process(Some(gettid()))?;
+            let niceness = rustix::process::getpriority_process(Some(rustix::thread::gettid()))?;
             Ok((std::thread::current().name().map(str::to_owned), niceness))
         });
         let (name, niceness) = work.await.unwrap();
         assert_eq!(name.as_deref(), Some("hbot-tls"));
-        assert!(niceness >= NICENESS, "{niceness}");
+        assert!(niceness >= background::NICENESS, "{niceness}");
     }
 
     #[test]

@@ -31,6 +31,7 @@ pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
         flight_dir: None,
         recorder: None,
         recording: RecordOptions::default(),
+        live: None,
     }
 }
 

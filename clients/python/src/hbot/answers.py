@@ -114,3 +114,5 @@ class Stats:
     """Ticks that are missing in recordings."""
     recordings_failed: int = 0
     """Recordings that could not be written to their end."""
+    dropped_live: int = 0
+    """Messages that slow live viewers did not get."""

@@ -1,7 +1,7 @@
 //! Recordings of a running server (docs/recordings.md).
 //!
 //! ```text
-//! loop -> tap -> ring -> recorder's thread -> file
+//! loop -> tap -> ring -> recorder's thread -> file, memory for flight logs, live viewers
 //! service -> notes (scenes, events) ---^
 //! ```
 //!
@@ -13,15 +13,20 @@
 mod file;
 mod limit;
 mod memory;
+mod output;
 mod tap;
+#[cfg(test)]
+mod tests;
 mod thread;
 
 use std::collections::BTreeMap;
+use std::net::TcpListener;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use hbot_api::Event;
 use hbot_config::{RigConfig, SceneFile};
@@ -29,6 +34,8 @@ use hbot_core::{CompiledScene, Controller};
 use hbot_host::clock::Origin;
 use hbot_host::engine::Recorder;
 use hbot_record::About;
+
+use crate::live;
 
 pub use self::file::is_file;
 pub use self::limit::Limit;
@@ -60,9 +67,21 @@ pub(crate) struct Counts {
     lost: AtomicU64,
     /// Files that could not be written to their end.
     failed_files: AtomicU64,
+    /// Messages that live viewers did not get, because they read too slowly.
+    viewers_dropped: AtomicU64,
 }
 
 impl Counts {
+    /// Counts messages that a live viewer did not get.
+    pub(crate) fn drop_for_viewer(&self, messages: u64) {
+        self.viewers_dropped.fetch_add(messages, Ordering::Relaxed);
+    }
+
+    /// Returns the number of messages that live viewers did not get.
+    pub(crate) fn dropped_for_viewers(&self) -> u64 {
+        self.viewers_dropped.load(Ordering::Relaxed)
+    }
+
     /// Returns the counters as they are now.
     pub(crate) fn now(&self) -> Recorded {
         let get = |count: &AtomicU64| count.load(Ordering::Relaxed);
@@ -97,8 +116,8 @@ pub(crate) enum Note {
 #[derive(Clone)]
 pub(crate) struct SceneNote {
     compiled: Box<CompiledScene>,
-    name: String,
-    json: String,
+    pub(crate) name: String,
+    pub(crate) json: String,
 }
 
 impl SceneNote {
@@ -148,6 +167,8 @@ impl Notes {
 pub(crate) struct Prepared {
     options: RecordOptions,
     flights: bool,
+    live: Option<TcpListener>,
+    retry_after: Duration,
     drain: Drain,
     scene: SceneNote,
 }
@@ -158,23 +179,28 @@ pub(crate) struct Recording {
     /// Whether more than flight logs is recorded.
     to_file: bool,
     thread: JoinHandle<()>,
+    /// The thread that serves live viewers, if any.
+    viewers: Option<JoinHandle<()>>,
 }
 
-/// Prepares a recorder. Returns the callback for the loop and the rest of the recorder. `flights`
-/// says whether recordings of flight logs are written, and `waits` whether the loop may wait for
-/// the recorder, as in virtual time.
+/// Prepares a recorder that begins with the scene `scene`. Returns the callback for the loop and
+/// the rest of the recorder. `flights` says whether recordings of flight logs are written, and
+/// `waits` whether the loop may wait for the recorder, as in virtual time. Live viewers are served
+/// on `live`, if given.
 pub(crate) fn prepare(
     options: RecordOptions,
     flights: bool,
+    live: Option<TcpListener>,
     scene: SceneNote,
     waits: bool,
 ) -> (Recorder, Prepared) {
     let (mut tap, drain) = tap(waits);
-    (Box::new(move |ticked| tap.take(ticked)), Prepared { options, flights, drain, scene })
+    let retry_after = output::RETRY_AFTER;
+    (Box::new(move |ticked| tap.take(ticked)), Prepared { options, flights, live, retry_after, drain, scene })
 }
 
 impl Prepared {
-    /// Starts the recorder's thread.
+    /// Starts the recorder's thread, and that of live viewers.
     ///
     /// # Errors
     /// Fails if the system provides no thread.
@@ -183,6 +209,8 @@ impl Prepared {
         let counts = Arc::new(Counts::default());
         let entries = about(self.options.about, rig, &self.scene, origin);
         let to_file = self.options.path.is_some();
+        let live = self.live.map(|at| live::start(at, &rig.name, joints(rig), Arc::clone(&counts)));
+        let (feed, viewers) = live.transpose()?.unzip();
         let setup = Setup {
             about: About { joints: joints(rig), entries },
             controller: Controller::new(rig.rig),
@@ -191,11 +219,13 @@ impl Prepared {
             files: file::Files::new(self.options.path, self.options.limit),
             counts: Arc::clone(&counts),
             flights: self.flights,
+            retry_after: self.retry_after,
+            feed,
         };
         let scribe = Scribe::new(setup, self.drain, notes);
         let thread =
             std::thread::Builder::new().name("hbot-record".to_owned()).spawn(move || scribe.run())?;
-        Ok(Recording { notes: Notes { to: Some(notes_in), counts }, to_file, thread })
+        Ok(Recording { notes: Notes { to: Some(notes_in), counts }, to_file, thread, viewers })
     }
 }
 
@@ -209,6 +239,10 @@ impl Recording {
         }
         if self.thread.join().is_err() {
             tracing::error!("the recorder's thread has panicked");
+        }
+        // The recorder's thread has ended, and with it the messages of the viewers.
+        if self.viewers.is_some_and(|viewers| viewers.join().is_err()) {
+            tracing::error!("the thread of live viewers has panicked");
         }
         self.to_file.then(|| self.notes.counts.now())
     }

@@ -6,7 +6,7 @@ use hbot_host::sample::TickTiming;
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
 /// Number of ticks that can wait for the recorder's thread: one second at 4 kHz.
-const ENTRIES: usize = 4096;
+pub(super) const ENTRIES: usize = 4096;
 /// Number of copies of the controller that can be requested at a time.
 const BLANKS: usize = 2;
 

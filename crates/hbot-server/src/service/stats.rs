@@ -97,6 +97,7 @@ impl Stats {
             recorded_ticks: written,
             unrecorded_ticks: lost,
             recordings_failed: failed_files,
+            dropped_live: self.recorded.dropped_for_viewers(),
             ..self.counts.clone()
         }
     }

@@ -91,7 +91,7 @@ fn stats_keeps_its_names_their_order_and_types() {
             }},
             refused_streams: whole, dropped_states: whole, connections: whole, connections_turned_away: whole,
             handshakes_failed: whole, connections_cut: whole, flight_logs: whole, flight_logs_failed: whole,
-            recorded_ticks: whole, unrecorded_ticks: whole, recordings_failed: whole
+            recorded_ticks: whole, unrecorded_ticks: whole, recordings_failed: whole, dropped_live: whole
         }}"
     ));
     assert_eq!(ask(&bench, "stats"), stats);

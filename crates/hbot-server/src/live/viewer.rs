@@ -1,0 +1,208 @@
+//! One viewer: its subscriptions, and the messages on their way to it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures_util::{SinkExt as _, StreamExt as _};
+use hbot_record::Topic;
+use tokio::net::TcpStream;
+use tokio::sync::broadcast;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::time::timeout;
+use tokio_tungstenite::tungstenite::handshake::server::{ErrorResponse, Request, Response};
+use tokio_tungstenite::tungstenite::http::{HeaderValue, StatusCode, header};
+use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
+use tokio_tungstenite::tungstenite::protocol::{CloseFrame, WebSocketConfig};
+use tokio_tungstenite::tungstenite::{self, Message as Frame};
+use tokio_tungstenite::{WebSocketStream, accept_hdr_async_with_config};
+
+use super::protocol::{self, Subscription};
+use super::{Hall, Message};
+
+/// Time limit for the handshake.
+const HANDSHAKE: Duration = Duration::from_secs(5);
+/// A viewer that accepts no bytes for this time is disconnected.
+const STALL: Duration = Duration::from_secs(10);
+/// Largest size of a message from a viewer, bytes. A subscription takes about 30.
+const REQUEST: usize = 16 * 1024;
+/// Largest number of subscriptions of a viewer. There are fewer topics.
+const SUBSCRIPTIONS: usize = 32;
+/// Number of messages after which the viewer's requests are read again.
+const BATCH: usize = 256;
+/// Number of bytes that are collected before they are passed to the operating system.
+const COLLECT: usize = 16 * 1024;
+
+/// The reason why a connection ends.
+enum End {
+    /// The viewer has gone, or its connection has failed.
+    Gone,
+    /// The viewer does not read.
+    Stalled,
+    /// The viewer has sent what only a client that commands would send.
+    Unwanted,
+    /// The run is over.
+    Over,
+}
+
+impl From<tungstenite::Error> for End {
+    fn from(_: tungstenite::Error) -> Self {
+        Self::Gone
+    }
+}
+
+struct Viewer {
+    socket: WebSocketStream<TcpStream>,
+    hall: Arc<Hall>,
+    subscriptions: Vec<Subscription>,
+    /// Number of messages that this viewer has lost.
+    dropped: u64,
+}
+
+/// Serves one viewer until it leaves or the run is over.
+pub(super) async fn serve(stream: TcpStream, hall: Arc<Hall>) {
+    // Without it, some messages would wait for the acknowledgement of those before them.
+    let _ = stream.set_nodelay(true);
+    let config = WebSocketConfig::default()
+        .read_buffer_size(4096)
+        .write_buffer_size(COLLECT)
+        .max_message_size(Some(REQUEST))
+        .max_frame_size(Some(REQUEST));
+    let handshake = accept_hdr_async_with_config(stream, agree, Some(config));
+    let Ok(Ok(socket)) = timeout(HANDSHAKE, handshake).await else { return };
+    let Some(mut messages) = hall.messages.upgrade().map(|messages| messages.subscribe()) else { return };
+    let mut viewer = Viewer { socket, hall, subscriptions: Vec::new(), dropped: 0 };
+    let (code, reason) = match viewer.run(&mut messages).await {
+        Ok(()) | Err(End::Gone) => return,
+        Err(End::Stalled) => return viewer.hall.counts.drop_for_viewer(messages.len() as u64),
+        Err(End::Unwanted) => (CloseCode::Unsupported, "this server shows, and takes no commands"),
+        Err(End::Over) => (CloseCode::Away, "the run is over"),
+    };
+    let farewell = viewer.socket.close(Some(CloseFrame { code, reason: reason.into() }));
+    // A viewer that does not read is not waited for.
+    let _ = timeout(STALL, farewell).await;
+}
+
+/// Chooses the name of the protocol. Refuses a connection that offers none that is known, such as
+/// that of a browser which was led here.
+#[expect(clippy::result_large_err, reason = "the type is that of tungstenite's callback")]
+fn agree(request: &Request, mut response: Response) -> Result<Response, ErrorResponse> {
+    let offers = request.headers().get_all(header::SEC_WEBSOCKET_PROTOCOL).iter();
+    let offered: Vec<&str> = offers
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split(',').map(str::trim))
+        .collect();
+    match protocol::NAMES.into_iter().find(|name| offered.contains(name)) {
+        Some(name) => {
+            let name = HeaderValue::from_static(name);
+            response.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, name);
+            Ok(response)
+        }
+        None => {
+            let what = format!("the WebSocket subprotocol must be {}\n", protocol::NAMES.join(" or "));
+            let mut refused = ErrorResponse::new(Some(what));
+            *refused.status_mut() = StatusCode::BAD_REQUEST;
+            Err(refused)
+        }
+    }
+}
+
+impl Viewer {
+    async fn run(&mut self, messages: &mut broadcast::Receiver<Message>) -> Result<(), End> {
+        for text in self.hall.greeting.clone() {
+            self.send(text.into()).await?;
+        }
+        loop {
+            tokio::select! {
+                next = messages.recv() => self.pass(next, messages).await?,
+                heard = self.socket.next() => match heard {
+                    Some(frame) => self.hear(frame?).await?,
+                    None => return Ok(()),
+                },
+            }
+        }
+    }
+
+    /// Sends the next message and those that wait behind it, up to [`BATCH`].
+    async fn pass(
+        &mut self,
+        mut next: Result<Message, RecvError>,
+        messages: &mut broadcast::Receiver<Message>,
+    ) -> Result<(), End> {
+        for _ in 0..BATCH {
+            match next {
+                Ok(message) => self.feed(&message).await?,
+                Err(RecvError::Lagged(lost)) => {
+                    self.dropped += lost;
+                    self.hall.counts.drop_for_viewer(lost);
+                    self.send(protocol::dropped(self.dropped).into()).await?;
+                }
+                Err(RecvError::Closed) => return Err(End::Over),
+            }
+            if messages.is_empty() {
+                break;
+            }
+            next = messages.recv().await;
+        }
+        in_time(self.socket.flush()).await
+    }
+
+    /// Collects a message for each subscription to its topic.
+    async fn feed(&mut self, message: &Message) -> Result<(), End> {
+        for k in 0..self.subscriptions.len() {
+            let Subscription { id, channel_id } = self.subscriptions[k];
+            if protocol::topic(channel_id) == Some(message.topic) {
+                let bytes = protocol::message_data(id, message.unix_ns, &message.data);
+                in_time(self.socket.feed(Frame::Binary(bytes.into()))).await?;
+            }
+        }
+        Ok(())
+    }
+
+    async fn send(&mut self, frame: Frame) -> Result<(), End> {
+        in_time(self.socket.send(frame)).await
+    }
+
+    /// Obeys a subscription. Ignores all other texts. Binary messages are those of clients that
+    /// publish or call services, and end the connection.
+    async fn hear(&mut self, frame: Frame) -> Result<(), End> {
+        let text = match frame {
+            Frame::Text(text) => text,
+            Frame::Binary(_) => return Err(End::Unwanted),
+            // Pings are answered with the next message.
+            Frame::Ping(_) | Frame::Pong(_) | Frame::Close(_) | Frame::Frame(_) => return Ok(()),
+        };
+        match serde_json::from_str(&text) {
+            Ok(protocol::Request::Subscribe { subscriptions }) => self.subscribe(subscriptions).await,
+            Ok(protocol::Request::Unsubscribe { subscription_ids }) => {
+                self.subscriptions.retain(|subscribed| !subscription_ids.contains(&subscribed.id));
+                Ok(())
+            }
+            Ok(protocol::Request::Other) | Err(_) => Ok(()),
+        }
+    }
+
+    async fn subscribe(&mut self, wanted: Vec<Subscription>) -> Result<(), End> {
+        for subscription in wanted {
+            self.subscriptions.retain(|subscribed| subscribed.id != subscription.id);
+            let Some(topic) = protocol::topic(subscription.channel_id) else { continue };
+            if self.subscriptions.len() >= SUBSCRIPTIONS {
+                continue;
+            }
+            self.subscriptions.push(subscription);
+            let scene = self.hall.scene.borrow().clone();
+            if let (Topic::Scene, Some(scene)) = (topic, scene) {
+                let bytes = protocol::message_data(subscription.id, scene.unix_ns, &scene.data);
+                self.send(Frame::Binary(bytes.into())).await?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Waits until the connection has accepted what is sent, but at most [`STALL`].
+async fn in_time(sent: impl Future<Output = Result<(), tungstenite::Error>>) -> Result<(), End> {
+    match timeout(STALL, sent).await {
+        Ok(sent) => Ok(sent?),
+        Err(_) => Err(End::Stalled),
+    }
+}

@@ -1,0 +1,172 @@
+//! Tests of what happens if the recorder or the disk cannot follow, and of new files. The loop is
+//! played by the test, so that it can be faster than the recorder.
+
+use std::path::Path;
+
+use hbot_core::Inputs;
+use hbot_host::engine::Ticked;
+use hbot_host::sample::{Counters, Sample, TickTiming};
+use hbot_record::Replay;
+use hbot_record::replay::{Flaw, ReplayError, Report};
+use hbot_testing::patience::eventually;
+
+use super::tap::ENTRIES;
+use super::*;
+
+const UNIX_NS: u64 = 1_000_000_000_000_000;
+
+/// A loop that passes its ticks to a recorder.
+struct Loop {
+    recorder: Recorder,
+    controller: Controller,
+    scene: Box<CompiledScene>,
+    rig: RigConfig,
+    tick: u64,
+}
+
+/// Returns a loop and its recorder, which records to `path`. `waits` says whether the loop waits
+/// for the recorder.
+fn prepared(path: &Path, limit: Option<Limit>, waits: bool) -> (Loop, Prepared) {
+    let rig = RigConfig::prototype();
+    let file = SceneFile::default_scene();
+    let scene = Box::new(hbot_config::RunningScene::new().load(file.clone()));
+    let options = RecordOptions { path: Some(path.to_owned()), limit, ..RecordOptions::default() };
+    let (recorder, prepared) = prepare(options, false, None, SceneNote::new(&scene, &file), waits);
+    let controller = Controller::new(rig.rig);
+    (Loop { recorder, controller, scene, rig, tick: 0 }, prepared)
+}
+
+impl Loop {
+    fn tick(&mut self) {
+        let inputs = Inputs::quiet(self.tick);
+        let outputs = self.controller.tick(&self.scene, &inputs);
+        let sample = Sample {
+            state: outputs.state,
+            t_ns: self.tick * self.rig.rig.timing.period_ns,
+            scene: self.scene.revision(),
+            timing: TickTiming::default(),
+            counters: Counters::default(),
+            answers: Default::default(),
+        };
+        (self.recorder)(&Ticked {
+            scene: &self.scene,
+            inputs: &inputs,
+            outputs: &outputs,
+            sample: &sample,
+            controller: &self.controller,
+        });
+        self.tick += 1;
+    }
+
+    /// Starts the recorder's thread.
+    fn start(&self, prepared: Prepared) -> Recording {
+        prepared.start(&self.rig, Origin { monotonic_ns: 0, unix_ns: UNIX_NS }).unwrap()
+    }
+
+    /// Ticks, one tick every millisecond, until `condition` holds.
+    fn until(&mut self, what: &str, recording: &Recording, condition: impl Fn(Recorded) -> bool) {
+        eventually(what, || {
+            self.tick();
+            condition(recording.notes.counts().now())
+        });
+    }
+}
+
+fn replayed(path: &Path) -> Report {
+    let file = std::fs::read(path).unwrap();
+    Replay::new(file.as_slice(), None).unwrap().run(0, u64::MAX, |_| Ok::<_, ReplayError>(())).unwrap()
+}
+
+/// Returns the files of a folder in the order in which they were begun.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    let mut all: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    // The numbers are at the end of the names.
+    all.sort_by_key(|path| path.to_string_lossy().rsplit('-').next().map(str::to_owned));
+    all
+}
+
+#[test]
+fn a_full_ring_is_a_gap_of_which_the_replay_tells() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let (mut run, prepared) = prepared(&path, None, false);
+    // The recorder's thread does not run yet, as on a machine that gives it no time.
+    let (room, lost) = (ENTRIES as u64, 900);
+    (0..room + lost).for_each(|_| run.tick());
+    let recording = run.start(prepared);
+    run.until("ticks after the gap", &recording, |recorded| recorded.written >= room + 100);
+    let recorded = recording.end().unwrap();
+    assert!(recorded.lost >= lost && recorded.failed_files == 0, "{recorded:?}");
+    assert_eq!(recorded.written + recorded.lost, run.tick);
+    let report = replayed(&path);
+    assert_eq!(report.flaws, [Flaw::Gap(recorded.lost)]);
+    assert_eq!((report.ticks, report.difference), (recorded.written, None));
+    assert_eq!(report.range, Some((0, run.tick - 1)));
+}
+
+#[test]
+fn a_new_file_begins_at_the_limit_and_replays_without_the_one_before() {
+    for limit in [Limit::Size(100_000), Limit::Time(Duration::from_secs(5))] {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut run, prepared) = prepared(folder.path(), Some(limit), true);
+        let recording = run.start(prepared);
+        (0..20_000).for_each(|_| run.tick());
+        assert_eq!(recording.end(), Some(Recorded { written: 20_000, lost: 0, failed_files: 0 }));
+        let (files, mut next) = (files(folder.path()), 0);
+        assert!(files.len() >= 3, "{limit:?}: {files:?}");
+        for path in &files {
+            let report = replayed(path);
+            assert!(report.is_exact(), "{limit:?}: {report:?}");
+            let (first, last) = report.range.unwrap();
+            assert_eq!(first, next, "{limit:?}: no tick is missing or in two files");
+            next = last + 1;
+            let is_last = next == run.tick;
+            match limit {
+                Limit::Size(bytes) => assert!(is_last || path.metadata().unwrap().len() >= bytes),
+                // The next file begins after the limit, with the next copy of the controller. That
+                // takes at most as many ticks as the ring has room for.
+                Limit::Time(_) => assert!(is_last || (5000..5000 + ENTRIES as u64).contains(&report.ticks)),
+            }
+        }
+        assert_eq!(next, run.tick, "{limit:?}");
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_tried_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let (blocked, folder) = (dir.path().join("blocked"), dir.path().join("blocked/recordings"));
+    std::fs::write(&blocked, "a file where the folder should be").unwrap();
+    let (mut run, mut prepared) = prepared(&folder, None, true);
+    prepared.retry_after = Duration::ZERO;
+    let recording = run.start(prepared);
+    run.until("a second attempt", &recording, |recorded| recorded.failed_files >= 2);
+    std::fs::remove_file(&blocked).unwrap();
+    run.until("a recording", &recording, |recorded| recorded.written >= 100);
+    let recorded = recording.end().unwrap();
+    assert_eq!(recorded.written + recorded.lost, run.tick);
+    let files = files(&folder);
+    let report = replayed(&files[0]);
+    assert!(files.len() == 1 && report.is_exact(), "{files:?} {report:?}");
+    assert_eq!(report.range, Some((run.tick - recorded.written, run.tick - 1)));
+}
+
+#[test]
+fn a_file_that_is_deleted_while_it_is_recorded_is_followed_by_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut run, mut prepared) = prepared(folder.path(), None, true);
+    prepared.retry_after = Duration::ZERO;
+    let recording = run.start(prepared);
+    run.until("a recording", &recording, |recorded| recorded.written >= 100);
+    let pulled = files(folder.path());
+    std::fs::remove_file(&pulled[0]).unwrap();
+    run.until("its loss is noticed", &recording, |recorded| recorded.failed_files == 1);
+    let before = recording.notes.counts().now().written;
+    run.until("another recording", &recording, |recorded| recorded.written >= before + 100);
+    let recorded = recording.end().unwrap();
+    assert_eq!((recorded.written + recorded.lost, recorded.failed_files), (run.tick, 1));
+    let files = files(folder.path());
+    assert!(files.len() == 1 && files[0] != pulled[0], "{files:?}");
+    assert!(replayed(&files[0]).is_exact());
+}
