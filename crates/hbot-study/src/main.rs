@@ -2,7 +2,7 @@
 //! plots and figures into a folder.
 
 use std::io::{ErrorKind, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anstyle::{AnsiColor, Reset, Style};
@@ -63,6 +63,7 @@ const WORKER: &str = "effects-worker";
 const INTERRUPTED: u8 = 130;
 
 const GOOD: Style = AnsiColor::Green.on_default().bold();
+const BOLD: Style = Style::new().bold();
 const BAD: Style = AnsiColor::Red.on_default().bold();
 
 fn main() -> ExitCode {
@@ -96,23 +97,32 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         }
         Err(error) => return Err(error.into()),
     };
-    say(&format!(
-        "{}{} figures in {}\nread {}\n",
-        verdicts(&report),
-        report.figures().len(),
-        out.join("summary.json").display(),
-        out.join("report.html").display()
-    ))?;
+    say(&told(&report, &out))?;
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Returns the result of each check of the report, as one line of text per check.
-fn verdicts(report: &Report) -> String {
-    let line = |check: &hbot_study::Check| {
-        let (colour, verdict) = if check.holds { (GOOD, "holds") } else { (BAD, "does not hold") };
-        format!("{colour}{verdict}{Reset}  {}: {}\n", check.what, check.found)
-    };
-    report.checks().iter().map(line).collect()
+/// Returns what the terminal shows of a report in the folder `out`: warnings, conclusions, how many
+/// checks hold and which do not, and where the rest is.
+fn told(report: &Report, out: &Path) -> String {
+    let mut text = String::new();
+    for warning in report.warnings() {
+        text.push_str(&format!("{BAD}warning:{Reset} {warning}\n\n"));
+    }
+    text.push_str(&format!("{BOLD}In short{Reset}\n"));
+    for sentence in report.conclusions() {
+        // The report marks names as code, which a terminal does not show.
+        text.push_str(&format!("- {}\n", sentence.replace('`', "")));
+    }
+    let colour = if report.holds() { GOOD } else { BAD };
+    text.push_str(&format!("\n{colour}{}{Reset}\n", report.verdict()));
+    for check in report.checks().iter().filter(|check| !check.holds) {
+        text.push_str(&format!("{BAD}does not hold{Reset}  {}: {}\n", check.what, check.found));
+    }
+    let path = |name: &str| out.join(name).display().to_string();
+    let (html, plot, figures) = (path("report.html"), path(&report.chief_plot()), path("summary.json"));
+    text.push_str(&format!("report   {html}\nplot     {plot}\n"));
+    text.push_str(&format!("figures  {figures} ({})\n", report.figures().len()));
+    text
 }
 
 /// Writes `text` to standard output. It is not an error if the reader has closed the pipe (`|

@@ -8,6 +8,7 @@ mod linear;
 mod long;
 mod passive;
 mod rig;
+mod search;
 mod wall;
 mod whole;
 
@@ -17,7 +18,7 @@ use hbot_plot::short;
 use hbot_sim::plant::{Plant, PlantState};
 
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Figure, Report, row};
 
 /// Runs the study `stability` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
@@ -61,9 +62,10 @@ struct Border {
     predicted: f64,
 }
 
-/// Reports a measured stability limit together with the predicted one, both in N m/rad.
-fn border(report: &mut Report, id: String, measured: f64, predicted: f64) {
-    report.figure(id, measured).note("measured", measured).note("predicted", predicted);
+/// Reports a measured stability limit together with the predicted one, both in N m/rad. Returns the
+/// figure, to which further properties can be added.
+fn border(report: &mut Report, id: String, measured: f64, predicted: f64) -> &mut Figure {
+    report.figure(id, measured).note("measured", measured).note("predicted", predicted)
 }
 
 /// Reports all stability limits as figures, and those at 1 kHz as a table. Returns the largest
