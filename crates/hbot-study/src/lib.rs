@@ -41,7 +41,7 @@ use std::time::Instant;
 
 pub use context::Interrupt;
 pub use report::{Check, Figure, Report};
-pub use verification::effects::{Counter, count_worker};
+pub use verification::callgrind::{Counter, count_worker};
 
 use context::{Context, Interrupted};
 use load::Load;
@@ -143,7 +143,7 @@ pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> R
     let context = Context::new(study.name(), options.quick, interrupt);
     let (started, load) = (Instant::now(), Load::begin());
     let report = match study {
-        Study::Accuracy => accuracy::study(&context),
+        Study::Accuracy => accuracy::study(&context, options.counter.as_ref()),
         Study::Effects => effects::study(&context, options.counter.as_ref()),
         Study::Stability => stability::study(&context),
         Study::Paper => paper::study(&context),

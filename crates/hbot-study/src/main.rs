@@ -36,12 +36,12 @@ enum Command {
     /// Search for the dimensions of a better Hbot: a Pareto front, and rig files of the best
     /// designs
     Design(StudyArgs),
-    /// Runs the ticks whose instructions are counted. The study `effects` starts this command under
-    /// valgrind
+    /// Runs the ticks whose instructions are counted. The studies `accuracy` and `effects` start this
+    /// command under valgrind
     #[command(hide = true)]
-    EffectsWorker {
-        /// The setups, as JSON
-        setups: String,
+    CountWorker {
+        /// The jobs, as JSON
+        jobs: String,
     },
 }
 
@@ -56,9 +56,9 @@ struct StudyArgs {
     quick: bool,
 }
 
-/// Name of the hidden command that runs a few ticks. The study `effects` starts it under valgrind
-/// to count instructions.
-const WORKER: &str = "effects-worker";
+/// Name of the hidden command that runs a few ticks. Studies start it under valgrind to count
+/// instructions.
+const WORKER: &str = "count-worker";
 /// Exit code after Ctrl-C, by the convention of shells: 128 plus the number of SIGINT.
 const INTERRUPTED: u8 = 130;
 
@@ -80,8 +80,8 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Stability(args) => (Study::Stability, args),
         Command::Paper(args) => (Study::Paper, args),
         Command::Design(args) => (Study::Design, args),
-        Command::EffectsWorker { setups } => {
-            hbot_study::count_worker(&setups).map_err(anyhow::Error::msg)?;
+        Command::CountWorker { jobs } => {
+            hbot_study::count_worker(&jobs).map_err(anyhow::Error::msg)?;
             return Ok(ExitCode::SUCCESS);
         }
     };

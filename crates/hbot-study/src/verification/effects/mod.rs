@@ -2,18 +2,21 @@
 //! simulated rig, alone and in pairs. It also checks that anything a scene does not name costs
 //! nothing.
 
-mod callgrind;
 mod desk;
 mod short;
 
+use std::cell::OnceCell;
 use std::fmt::Write as _;
+
+use serde_json::Value;
 
 use crate::context::{Context, Interrupted};
 use crate::names;
 use crate::report::{Report, row, spread};
 use crate::timing::{Difference, Time, Timed, compared};
 
-pub use callgrind::{Counter, count_worker};
+use super::Job;
+use super::callgrind::{Counter, MANY};
 use desk::{Desk, SceneSetup};
 use hbot_plot::{Bar, bars};
 
@@ -30,7 +33,7 @@ const NOTHING_NS: f64 = 0.25;
 /// Number of ticks in a run whose time is measured. It equals the number of ticks in the run whose
 /// instructions are counted, because another number would give another cost per tick: a solver
 /// needs more steps while contacts stick or slide.
-const TICKS: usize = callgrind::MANY;
+const TICKS: usize = MANY;
 
 /// Measured computing time and number of instructions per tick with one setup.
 struct Cost {
@@ -59,7 +62,7 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
 
     context.part("instructions")?;
     let counted = match counter {
-        Some(counter) => counter.count(context, &all)?,
+        Some(counter) => counter.count(context, &all.iter().map(SceneSetup::to_json).collect::<Vec<_>>())?,
         None => Err("this program cannot run itself under valgrind".to_owned()),
     };
     context.part("times")?;
@@ -92,6 +95,14 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
     tell(&mut report, &costs, names.len());
     short::conclude(&mut report, &costs[..=names.len()], counted.as_ref().err());
     Ok(report)
+}
+
+/// Returns the ticks with one setup, whose instructions are counted. `job` is the setup as JSON.
+/// Returns `None` if it is something else. `active` is made at the first call.
+pub(super) fn job(job: &Value, active: &OnceCell<Desk>) -> Option<Job> {
+    let setup = SceneSetup::from_json(job)?;
+    let desk = active.get_or_init(Desk::active).with(&setup);
+    Some(Box::new(move |ticks| desk.clone().run(ticks)))
 }
 
 /// Returns a sentence for the report that says why instructions were not counted.
@@ -209,10 +220,10 @@ fn added_time(report: &mut Report, name: &str, cost: &Cost) {
 fn time_bar(name: &str, colour: usize, longer: &Difference) -> Bar {
     if longer.is_found() {
         let spread = Some([longer.q1, longer.q3]);
-        return Bar { name: name.to_owned(), value: longer.median, spread, colour };
+        return Bar { name: name.to_owned(), value: longer.median, label: None, spread, colour };
     }
     let spread = Some([0.0, longer.bound()]);
-    Bar { name: format!("{name} ({})", longer.told()), value: 0.0, spread, colour }
+    Bar { name: name.to_owned(), value: 0.0, label: Some(longer.told()), spread, colour }
 }
 
 /// Plots the instructions per tick that each effect and phenomenon adds, if they were counted. Also
@@ -221,7 +232,7 @@ fn all_plots(report: &mut Report, times: &[Bar], instructions: Vec<(String, f64)
     if !instructions.is_empty() {
         let bar = |(name, value): (String, f64)| {
             let colour = usize::from(!desk::is_kind(&name));
-            Bar { name, value, spread: None, colour }
+            Bar { name, value, label: None, spread: None, colour }
         };
         let all: Vec<Bar> = instructions.into_iter().map(bar).collect();
         plots(report, "instructions", "Instructions", &all);

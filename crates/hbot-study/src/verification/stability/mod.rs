@@ -9,12 +9,12 @@ mod long;
 mod passive;
 mod rig;
 mod search;
+mod short;
 mod wall;
 mod whole;
 
 use hbot_config::RigConfig;
 use hbot_core::Vec3;
-use hbot_plot::short;
 use hbot_sim::plant::{Plant, PlantState};
 
 use crate::context::{Context, Interrupted};
@@ -47,6 +47,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     });
     rest?;
     long::study(context, &mut report, &device, &day?)?;
+    short::conclude(&mut report);
     Ok(report)
 }
 
@@ -77,7 +78,7 @@ fn borders(report: &mut Report, borders: &[Border]) -> f64 {
         border(report, id.clone(), *measured, *predicted);
         worst = worst.max((measured / predicted - 1.0).abs());
         if *rate == 1000 {
-            let numbers = [*own, *damping, *measured, *predicted, measured / predicted].map(short);
+            let numbers = [*own, *damping, *measured, *predicted, measured / predicted].map(hbot_plot::short);
             table.push(row([rate.to_string(), delay.to_string()].into_iter().chain(numbers)));
         }
     }

@@ -22,7 +22,7 @@ const WITHIN: f64 = 0.1;
 /// characteristic polynomial, which has all orders. It covers half the resolution of the search and
 /// what the polynomial leaves out: the sphere's inertia varies by some 1e-4 with the posture on the
 /// way.
-const EXACTLY: f64 = 5.0e-4;
+const EXACTLY: f64 = 2.0e-4;
 /// Amplitude of the initial swing, rad. It is so small that the torques stay far below their
 /// limits.
 const THROWN: f64 = 0.01;
