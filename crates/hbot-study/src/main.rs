@@ -36,8 +36,8 @@ enum Command {
     /// Search for the dimensions of a better Hbot: a Pareto front, and rig files of the best
     /// designs
     Design(StudyArgs),
-    /// Runs the ticks whose instructions are counted. The studies `accuracy` and `effects` start this
-    /// command under valgrind
+    /// Runs the ticks whose instructions are counted. The studies `accuracy` and `effects` start
+    /// this command under valgrind
     #[command(hide = true)]
     CountWorker {
         /// The jobs, as JSON

@@ -88,13 +88,14 @@ impl Difference {
         self.q3 - self.q1
     }
 
-    /// Returns whether the difference is more than noise: it is positive and larger than its spread.
+    /// Returns whether the difference is more than noise: it is positive and larger than its
+    /// spread.
     pub(crate) fn is_found(&self) -> bool {
         self.median > self.spread()
     }
 
-    /// Returns the size below which the difference lies if it is not found, ns. It is the spread, or
-    /// the size of the quartile that is farther from zero if that is larger.
+    /// Returns the size below which the difference lies if it is not found, ns. It is the spread,
+    /// or the size of the quartile that is farther from zero if that is larger.
     pub(crate) fn bound(&self) -> f64 {
         self.spread().max(self.q3.abs()).max(self.q1.abs())
     }

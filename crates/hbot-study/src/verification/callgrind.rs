@@ -29,7 +29,8 @@ pub struct Counter {
 }
 
 /// Runs the jobs that the JSON list `all` describes, while callgrind counts the instructions. The
-/// worker process that [`Counter`] starts calls this function. Callgrind writes the counts to files.
+/// worker process that [`Counter`] starts calls this function. Callgrind writes the counts to
+/// files.
 ///
 /// # Errors
 ///

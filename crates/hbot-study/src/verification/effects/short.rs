@@ -5,8 +5,9 @@ use hbot_plot::short;
 use super::{Cost, desk, not_counted};
 use crate::report::Report;
 
-/// Adds the conclusions to the report. `costs` holds first the cost of the empty setup, then of each
-/// effect and phenomenon alone. `why` says why instructions were not counted, if they were not.
+/// Adds the conclusions to the report. `costs` holds first the cost of the empty setup, then of
+/// each effect and phenomenon alone. `why` says why instructions were not counted, if they were
+/// not.
 pub(super) fn conclude(report: &mut Report, costs: &[Cost], why: Option<&String>) {
     let (none, alone) = (&costs[0], &costs[1..]);
     let (effects, phenomena): (Vec<&Cost>, Vec<&Cost>) =
