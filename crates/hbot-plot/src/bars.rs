@@ -12,6 +12,8 @@ pub struct Bar {
     pub name: String,
     /// Value that gives the length of the bar.
     pub value: f64,
+    /// Text at the end of the bar. `None` for the value.
+    pub label: Option<String>,
     /// Lower and upper quartile of the value, drawn as a line over the bar.
     pub spread: Option<[f64; 2]>,
     /// Index into the palette of eight colours. Larger numbers start again from the first.
@@ -68,7 +70,7 @@ pub fn bars(title: &str, x: &str, bars: &[Bar]) -> String {
                 chart.draw_series([line]).map_err(failed)?;
             }
             let text = EmptyElement::at((reach(bar).max(0.0), y + 0.5))
-                + Text::new(short(bar.value), (6, -6), label.clone());
+                + Text::new(bar.label.clone().unwrap_or_else(|| short(bar.value)), (6, -6), label.clone());
             chart.draw_series([text]).map_err(failed)?;
             // Names are drawn left of the axis.
             let (x0, middle) = chart.backend_coord(&(1.05 * least, y + 0.5));
@@ -87,8 +89,12 @@ mod tests {
 
     #[test]
     fn bars_carry_their_names_and_values() {
-        let bar = |name: &str, value| Bar { name: name.to_owned(), value, spread: None, colour: 0 };
+        let bar =
+            |name: &str, value| Bar { name: name.to_owned(), value, label: None, spread: None, colour: 0 };
         let svg = bars("Costs", "ns", &[bar("spring", 51.0), bar("damper", 7.5)]);
+        assert!(!svg.contains("below"));
+        let hidden = Bar { label: Some("below 30 ns".to_owned()), ..bar("friction", 0.0) };
+        assert!(bars("Costs", "ns", &[hidden]).contains("below 30 ns"));
         for text in ["spring", "damper", "51", "7.5", "Costs"] {
             assert!(svg.contains(text), "{text}");
         }

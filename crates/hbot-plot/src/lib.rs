@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `lines` | lines in a plane, with linear or logarithmic axes: [`Lines`] |
 //! | `scatter` | groups of points and one marked point: [`Scatter`] |
+//! | `named` | points with their names and with bars for their spread: [`NamedPoints`] |
 //! | `bars` | horizontal bars, one below the other: [`bars()`] |
 //! | `map` | a value over a square of angles, as colours: [`maps`] |
 //! | `sketch` | a sphere with lines, arrows and points around it: [`Sketch`] |
@@ -17,6 +18,7 @@ mod bars;
 mod hemispheres;
 mod lines;
 mod map;
+mod named;
 mod panels;
 mod plane;
 mod scatter;
@@ -29,6 +31,7 @@ pub use bars::{Bar, bars};
 pub use hemispheres::Hemispheres;
 pub use lines::{Lines, Series};
 pub use map::{Map, maps};
+pub use named::{NamedPoint, NamedPoints, PointGroup};
 pub use panels::{Curve, PlotPanel, sheet};
 pub use scatter::{Cloud, Scatter};
 pub use sketch::{Pen, Sketch};

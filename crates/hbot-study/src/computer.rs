@@ -58,7 +58,7 @@ impl Computer {
     /// not compiled for speed.
     pub(crate) fn warning(&self) -> Option<&'static str> {
         (!self.optimised).then_some(
-            "**The times of this run count for nothing: the program was not compiled with `--release`.** \
+            "The times of this run count for nothing: the program was not compiled with `--release`. \
              They are marked `\"marked\": \"not release\"` in summary.json.",
         )
     }

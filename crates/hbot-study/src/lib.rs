@@ -14,8 +14,9 @@
 //! - `research`: studies of the rig.
 //!   - `paper`: every analysis and experiment of the paper.
 //!   - `design`: the dimensions of a better Hbot.
-//! - `report`, `machine`, `names`: the report, its description of the machine, and the ids of
-//!   figures.
+//! - `report`, `computer`, `load`, `names`: the report, its description of the machine, how busy
+//!   others kept the machine, and the ids of figures.
+//! - `folder`: a study finds out at its start whether it can write its results.
 //! - `whole`: the whole loop: controller, line and simulated rig in lock-step.
 //! - `timing`, `context`, `rng`: time measurement, progress and interruption, random numbers.
 //!
@@ -25,6 +26,8 @@
 
 mod computer;
 mod context;
+mod folder;
+mod load;
 mod names;
 mod report;
 mod research;
@@ -38,9 +41,10 @@ use std::time::Instant;
 
 pub use context::Interrupt;
 pub use report::{Check, Figure, Report};
-pub use verification::effects::{Counter, count_worker};
+pub use verification::callgrind::{Counter, count_worker};
 
 use context::{Context, Interrupted};
+use load::Load;
 use research::{design, paper};
 use verification::{accuracy, effects, stability};
 
@@ -115,18 +119,19 @@ impl From<Interrupted> for StudyError {
 ///
 /// # Errors
 ///
-/// Fails if `interrupt` was raised during the study, or if the folder cannot be written. A check
-/// that does not hold is not an error: see [`Report::holds`].
+/// Fails if `interrupt` was raised during the study, or if the folder cannot be written. The latter
+/// is found out before the study begins. A check that does not hold is not an error: see
+/// [`Report::holds`].
 pub fn run(
     study: Study,
     options: &StudyOptions,
     interrupt: &Interrupt,
 ) -> Result<(Report, PathBuf), StudyError> {
-    let started = Instant::now();
-    let mut report = measure(study, options, interrupt)?;
-    report.seconds = started.elapsed().as_secs_f64();
+    let write = |(path, source)| StudyError::Write { path, source };
     let out = options.out.clone().unwrap_or_else(|| Path::new("target/study").join(study.name()));
-    report.write(&out).map_err(|(path, source)| StudyError::Write { path, source })?;
+    folder::check_writable(&out).map_err(write)?;
+    let report = measure(study, options, interrupt)?;
+    report.write(&out).map_err(write)?;
     Ok((report, out))
 }
 
@@ -136,13 +141,16 @@ pub fn run(
 /// Fails if `interrupt` was raised during the study.
 pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> Result<Report, StudyError> {
     let context = Context::new(study.name(), options.quick, interrupt);
+    let (started, load) = (Instant::now(), Load::begin());
     let report = match study {
-        Study::Accuracy => accuracy::study(&context),
+        Study::Accuracy => accuracy::study(&context, options.counter.as_ref()),
         Study::Effects => effects::study(&context, options.counter.as_ref()),
         Study::Stability => stability::study(&context),
         Study::Paper => paper::study(&context),
         Study::Design => design::study(&context),
     };
     context.finish();
-    Ok(report?)
+    let mut report = report?;
+    (report.seconds, report.others) = (started.elapsed().as_secs_f64(), load.of_others());
+    Ok(report)
 }

@@ -2,7 +2,7 @@
 //! plots and figures into a folder.
 
 use std::io::{ErrorKind, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anstyle::{AnsiColor, Reset, Style};
@@ -36,12 +36,12 @@ enum Command {
     /// Search for the dimensions of a better Hbot: a Pareto front, and rig files of the best
     /// designs
     Design(StudyArgs),
-    /// Runs the ticks whose instructions are counted. The study `effects` starts this command under
-    /// valgrind
+    /// Runs the ticks whose instructions are counted. The studies `accuracy` and `effects` start
+    /// this command under valgrind
     #[command(hide = true)]
-    EffectsWorker {
-        /// The setups, as JSON
-        setups: String,
+    CountWorker {
+        /// The jobs, as JSON
+        jobs: String,
     },
 }
 
@@ -56,13 +56,14 @@ struct StudyArgs {
     quick: bool,
 }
 
-/// Name of the hidden command that runs a few ticks. The study `effects` starts it under valgrind
-/// to count instructions.
-const WORKER: &str = "effects-worker";
+/// Name of the hidden command that runs a few ticks. Studies start it under valgrind to count
+/// instructions.
+const WORKER: &str = "count-worker";
 /// Exit code after Ctrl-C, by the convention of shells: 128 plus the number of SIGINT.
 const INTERRUPTED: u8 = 130;
 
 const GOOD: Style = AnsiColor::Green.on_default().bold();
+const BOLD: Style = Style::new().bold();
 const BAD: Style = AnsiColor::Red.on_default().bold();
 
 fn main() -> ExitCode {
@@ -79,8 +80,8 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Stability(args) => (Study::Stability, args),
         Command::Paper(args) => (Study::Paper, args),
         Command::Design(args) => (Study::Design, args),
-        Command::EffectsWorker { setups } => {
-            hbot_study::count_worker(&setups).map_err(anyhow::Error::msg)?;
+        Command::CountWorker { jobs } => {
+            hbot_study::count_worker(&jobs).map_err(anyhow::Error::msg)?;
             return Ok(ExitCode::SUCCESS);
         }
     };
@@ -96,23 +97,32 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         }
         Err(error) => return Err(error.into()),
     };
-    say(&format!(
-        "{}{} figures in {}\nread {}\n",
-        verdicts(&report),
-        report.figures().len(),
-        out.join("summary.json").display(),
-        out.join("report.html").display()
-    ))?;
+    say(&told(&report, &out))?;
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Returns the result of each check of the report, as one line of text per check.
-fn verdicts(report: &Report) -> String {
-    let line = |check: &hbot_study::Check| {
-        let (colour, verdict) = if check.holds { (GOOD, "holds") } else { (BAD, "does not hold") };
-        format!("{colour}{verdict}{Reset}  {}: {}\n", check.what, check.found)
-    };
-    report.checks().iter().map(line).collect()
+/// Returns what the terminal shows of a report in the folder `out`: warnings, conclusions, how many
+/// checks hold and which do not, and where the rest is.
+fn told(report: &Report, out: &Path) -> String {
+    let mut text = String::new();
+    for warning in report.warnings() {
+        text.push_str(&format!("{BAD}warning:{Reset} {warning}\n\n"));
+    }
+    text.push_str(&format!("{BOLD}In short{Reset}\n"));
+    for sentence in report.conclusions() {
+        // The report marks names as code, which a terminal does not show.
+        text.push_str(&format!("- {}\n", sentence.replace('`', "")));
+    }
+    let colour = if report.holds() { GOOD } else { BAD };
+    text.push_str(&format!("\n{colour}{}{Reset}\n", report.verdict()));
+    for check in report.checks().iter().filter(|check| !check.holds) {
+        text.push_str(&format!("{BAD}does not hold{Reset}  {}: {}\n", check.what, check.found));
+    }
+    let path = |name: &str| out.join(name).display().to_string();
+    let (html, plot, figures) = (path("report.html"), path(&report.chief_plot()), path("summary.json"));
+    text.push_str(&format!("report   {html}\nplot     {plot}\n"));
+    text.push_str(&format!("figures  {figures} ({})\n", report.figures().len()));
+    text
 }
 
 /// Writes `text` to standard output. It is not an error if the reader has closed the pipe (`|

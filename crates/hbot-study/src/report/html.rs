@@ -2,7 +2,7 @@
 
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 
-use super::Report;
+use super::{Plot, Report};
 
 /// Style sheet of the HTML report. It uses light or dark colours as the reader's system does, and
 /// lets wide tables scroll.
@@ -47,8 +47,8 @@ impl Report {
     /// Returns the plot that is stored in the file `name`, as SVG text to embed in HTML. The XML
     /// declaration is left out, because it is only allowed at the start of a file.
     fn inline(&self, name: &str) -> String {
-        let plot = self.plots.iter().find(|(plot, _)| name.strip_suffix(".svg") == Some(plot));
-        let Some((_, svg)) = plot else {
+        let plot = self.plots.iter().find(|plot| name.strip_suffix(".svg") == Some(plot.name.as_str()));
+        let Some(Plot { svg, .. }) = plot else {
             unreachable!("the report names no plot that it does not have: {name}")
         };
         svg.find("<svg").map_or("", |start| &svg[start..]).to_owned()

@@ -2,6 +2,7 @@
 //! bounds.
 
 mod html;
+mod short;
 mod write;
 
 use hbot_plot::{Lines, short};
@@ -10,6 +11,7 @@ use serde_json::{Map, Value};
 use crate::computer::Computer;
 use crate::names;
 use crate::timing::Time;
+use short::Short;
 
 /// A number that a study computed or measured. `summary.json` lists all figures.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +46,14 @@ pub(crate) struct Family {
     pub(crate) meaning: &'static str,
 }
 
+/// A picture of a report: the name of its file without `.svg`, the text below it, and the SVG.
+#[derive(Debug, Clone)]
+pub(crate) struct Plot {
+    name: String,
+    caption: String,
+    svg: String,
+}
+
 /// A place in the text of a report at which a table can be inserted later. It is a byte offset.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ReportPlace(usize);
@@ -54,9 +64,14 @@ pub struct Report {
     study: &'static str,
     pub(crate) seconds: f64,
     pub(crate) quick: bool,
+    /// Share of all processors that other programs used meanwhile, 0 to 1. `None` if unknown.
+    pub(crate) others: Option<f64>,
+    /// Whether a figure is a measured computing time.
+    has_times: bool,
     machine: Computer,
     body: String,
-    plots: Vec<(String, String)>,
+    plots: Vec<Plot>,
+    short: Short,
     /// Further files that are written into the folder of the report, each with its name and
     /// content.
     files: Vec<(String, String)>,
@@ -71,9 +86,12 @@ impl Report {
             study,
             seconds: 0.0,
             quick,
+            others: None,
+            has_times: false,
             machine: Computer::here(),
             body: String::new(),
             plots: Vec::new(),
+            short: Short::default(),
             files: Vec::new(),
             figures: Vec::new(),
             checks: Vec::new(),
@@ -126,8 +144,9 @@ impl Report {
 
     /// Appends a plot and its caption to the text. The plot is written to the file `name.svg`.
     pub(crate) fn plot(&mut self, name: &str, caption: &str, svg: String) {
-        self.body.push_str(&format!("![{caption}]({name}.svg)\n\n*{caption}*\n\n"));
-        self.plots.push((name.to_owned(), svg));
+        let plot = Plot { name: name.to_owned(), caption: caption.to_owned(), svg };
+        self.body.push_str(&plot.markdown());
+        self.plots.push(plot);
     }
 
     /// Adds a line plot to the report. `name` is the name of its file, and `caption` is the text
@@ -170,6 +189,7 @@ impl Report {
     /// Adds a measured time with its quartiles as a figure. The figure is marked if the program was
     /// not compiled for speed.
     pub(crate) fn time(&mut self, id: String, time: Time) {
+        self.has_times = true;
         let marked = self.machine.warning().is_some();
         let figure = self.figure(id, time.median);
         figure.note("q1", time.q1).note("q3", time.q3).note("samples", time.samples);

@@ -11,11 +11,10 @@ impl Report {
     #[must_use]
     pub fn markdown(&self) -> String {
         let mut text = format!("# `hbot-study {}`\n\n", self.study);
-        if let Some(warning) = self.machine.warning() {
-            text.push_str(&format!("{warning}\n\n"));
-        }
+        text.push_str(&self.beginning());
         let quick = if self.quick { ", with `--quick`: fewer samples" } else { "" };
-        text.push_str(&format!("{} Took {:.0} s{quick}.\n", self.machine.sentence(), self.seconds));
+        let machine = self.machine.sentence();
+        text.push_str(&format!("\n## This run\n\n{machine} Took {:.0} s{quick}.\n\n", self.seconds));
         text.push_str(&self.body);
         text.push_str("\n## Checks\n\nThe command's exit code is 0 only where all of them hold.\n\n");
         text.push_str("| what must hold | found | holds |\n|---|---|---|\n");
@@ -42,6 +41,8 @@ impl Report {
             "machine": self.machine.to_json(),
             "seconds": self.seconds,
             "quick": self.quick,
+            "others_share": self.others,
+            "in_short": self.conclusions(),
             "results": self.figures.iter().map(Figure::to_json).collect::<Vec<_>>(),
             "checks": self.checks.iter().map(|check| json!({
                 "what": check.what, "found": check.found, "holds": check.holds,
@@ -55,7 +56,7 @@ impl Report {
     pub(crate) fn write(&self, out: &Path) -> Result<(), (PathBuf, std::io::Error)> {
         let mut files =
             vec![("report.md".to_owned(), self.markdown()), ("report.html".to_owned(), self.html())];
-        files.extend(self.plots.iter().map(|(name, svg)| (format!("{name}.svg"), svg.clone())));
+        files.extend(self.plots.iter().map(|plot| (format!("{}.svg", plot.name), plot.svg.clone())));
         files.extend(self.files.iter().cloned());
         // summary.json is last, so that it exists only if all other files do.
         files.push(("summary.json".to_owned(), format!("{:#}\n", self.summary())));

@@ -5,8 +5,21 @@
 //! the f32 version of the core.
 
 pub(crate) mod accuracy;
+pub(crate) mod callgrind;
 pub(crate) mod effects;
 pub(crate) mod stability;
+
+use serde_json::Value;
+
+/// Work whose instructions are counted: a function that starts anew in each call and runs the given
+/// number of ticks. It returns a sum of their results, so that the compiler cannot remove them.
+type Job = Box<dyn FnMut(usize) -> f64>;
+
+/// Returns the jobs that `all` describes. Returns `None` if one of them is no job of any study.
+fn jobs(all: &[Value]) -> Option<Vec<Job>> {
+    let desk = std::cell::OnceCell::new();
+    all.iter().map(|job| effects::job(job, &desk).or_else(|| accuracy::job(job))).collect()
+}
 
 /// The stages of the computation under study, compiled with `Real = f64`.
 #[path = "."]

@@ -58,9 +58,12 @@ fn a_study_that_is_stopped_leaves_nothing() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_made_is_named() {
+fn a_folder_that_cannot_be_made_is_named_before_the_study_begins() {
     let file = tempfile::NamedTempFile::new().expect("a file");
     let options = StudyOptions { out: Some(file.path().join("below")), ..options() };
-    let error = run(Study::Effects, &options, &Interrupt::default()).expect_err("a file is no folder");
+    // A study that was stopped would say so, but this one does not begin.
+    let interrupt = Interrupt::default();
+    interrupt.raise();
+    let error = run(Study::Effects, &options, &interrupt).expect_err("a file is no folder");
     assert!(error.to_string().contains("below"), "{error}");
 }

@@ -36,6 +36,26 @@ fn assert_documented(report: &Report) {
         assert!(figure.value.is_finite(), "{id} is {}", figure.value);
         assert!(!figure.unit.is_empty(), "{id} is of no family that the report documents");
     }
+    assert_concludes(report);
+}
+
+/// Asserts that a report begins with three to five sentences, all of whose figures are numbers, and
+/// with a plot of its own.
+fn assert_concludes(report: &Report) {
+    let said = report.conclusions();
+    assert!((3..=5).contains(&said.len()), "{said:?}");
+    for sentence in said {
+        let words: Vec<&str> = sentence.split(|c: char| !c.is_alphanumeric()).collect();
+        assert!(sentence.ends_with('.') && words.len() > 5, "{sentence}");
+        assert!(!words.iter().any(|word| ["NaN", "inf"].contains(word)), "{sentence}");
+        assert!(
+            sentence.contains(|c: char| c.is_ascii_digit()) || words.contains(&"No"),
+            "no figure: {sentence}"
+        );
+    }
+    let text = report.markdown();
+    let plot = text.find(&format!("]({})", report.chief_plot())).expect("the plot that matters");
+    assert!(plot < text.find("## This run").expect("a description of the run"), "the plot comes first");
 }
 
 fn assert_holds(report: &Report) {

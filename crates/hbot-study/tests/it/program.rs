@@ -4,6 +4,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use hbot_testing::patience::eventually;
+use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -21,10 +22,25 @@ fn a_study_ends_well_and_says_where_its_report_is() {
         .timeout(Duration::from_secs(120))
         .assert()
         .success()
-        .stdout(contains("report.html"));
+        .stdout(contains("In short\n- In 10 s of brisk motion").and(contains("44 of 44 checks hold\n")))
+        .stdout(contains("report.html").and(contains("tick.svg")));
     let summary = std::fs::read_to_string(folder.path().join("summary.json")).expect("a summary");
     let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
     assert_eq!(summary["study"], "accuracy");
+}
+
+/// The study would take minutes. It does not begin.
+#[test]
+fn a_study_that_cannot_write_says_so_at_its_start() {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    assert_cmd::Command::from_std(program())
+        .args(["stability", "--out"])
+        .arg(file.path())
+        .timeout(Duration::from_secs(60))
+        .assert()
+        .failure()
+        .stdout("")
+        .stderr(contains("is a file, not a folder").and(contains("the linear border").not()));
 }
 
 #[test]

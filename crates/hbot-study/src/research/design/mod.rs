@@ -17,6 +17,7 @@ mod results;
 mod rigfile;
 mod search;
 mod shapes;
+mod short;
 mod space;
 mod torus;
 mod wheels;
@@ -61,6 +62,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     wheels::study(context, &mut report, &parts)?;
     context.part("conclusions")?;
     conclusions::tell(&mut report, &parts, &fronts);
+    short::conclude(&mut report);
     Ok(report)
 }
 

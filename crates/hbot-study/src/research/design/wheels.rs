@@ -198,6 +198,7 @@ fn plots(report: &mut Report, counts: &[Count]) {
         let bar = |(colour, count): (usize, &Count)| Bar {
             name: format!("{name}, {} wheels", count.wheels),
             value: of(count),
+            label: None,
             spread: None,
             colour,
         };

@@ -119,7 +119,7 @@ pub(crate) fn study(
         "back-drive torque about n1, n2, n3 (table II)",
         "5, 4, 4 mN m",
         format!("{} mN m", ours.join(", ")),
-        "friction is assumed, not given; the mean over all headings, over which n1 and n3 must be equal by symmetry; the paper names no heading and rounds to 1 mN m",
+        "a fit: the paper gives no friction, and ours was chosen so that these torques come out about right. It proves nothing but that such friction is possible. Means over all headings, over which n1 and n3 must be equal by symmetry; the paper names no heading and rounds to 1 mN m",
     );
     Ok(())
 }
@@ -128,12 +128,12 @@ fn introduce(report: &mut Report, grid: u32) {
     report.heading("Back-driveability (table II)");
     report.say(&format!(
         "The paper measured the least torque that visibly turns the sphere about n1, n2 and n3. Here each axis is held as a hinge, as a hand does it, and a torque about it \
-         grows by {} mN m/s until the sphere turns; joints have Coulomb friction of 0.2 mN m, the cage of 2 mN m (docs/physics.md, section 8; both assumed, for the paper gives none). \
+         grows by {} mN m/s until the sphere turns; joints have Coulomb friction of 0.2 mN m, the cage of 2 mN m (docs/physics.md, section 8). The paper gives neither; both are a fit: they were chosen so that the torques come near the paper's. \
          The mean is over {grid} pairs of steering angles, even over a turn of each wheel. Prediction: about a hinge n the cage holds 2 mN m and each joint 0.2 mN m times |g.n|, g its row of G. \
          Beside it the same with what else may hold a real sphere: contacts that resist pivoting and may slip, gears with losses.",
         short(1.0e3 * RAMP / STEP_S)
     ));
-    report.family("backdrive_{axis}_nm | N m | torque from which the sphere turns about an axis, held as a hinge: mean over the steering angles, joint and cage friction; `predicted`, `least` and `most` of the postures, `paper`");
+    report.family("backdrive_{axis}_nm | N m | torque from which the sphere turns about an axis, held as a hinge: mean over the steering angles, joint and cage friction; `predicted`, `least` and `most` of the pairs of steering angles that were tried, which are no bounds over all; `paper`");
     report.family("backdrive_{axis}_all_nm | N m | the same with pivoting friction, contacts that may slip and geared drives as well");
 }
 
@@ -176,7 +176,7 @@ fn milli(torque: f64) -> String {
 /// Adds figures, a table and text about back-driving to the report.
 fn tell(report: &mut Report, found: &[Found], nearest: &Nearest) {
     let mut table = vec![head(
-        "axis | measured, mN m | predicted | over the postures | with pivoting, slip, gears | notes | paper",
+        "axis | measured, mN m | predicted | least and most of the pairs | with pivoting, slip, gears | notes | paper",
     )];
     for Found { name, paper, notes, plain: [mean, least, most], expected, all } in found {
         report
@@ -198,7 +198,7 @@ fn tell(report: &mut Report, found: &[Found], nearest: &Nearest) {
     }
     report.table(&table);
     report.say(&format!(
-        "The size agrees, the order does not: the paper's hardest axis is n1, ours is n2. Over all headings n1 and n3 must be equal, whatever the friction of joints and an even cage: a quarter turn about n2 takes the two wheels into one another. \
+        "The size agrees because friction was chosen for it; the order does not: the paper's hardest axis is n1, ours is n2. Over all headings n1 and n3 must be equal, whatever the friction of joints and an even cage: a quarter turn about n2 takes the two wheels into one another. \
          So the paper's difference between n1 and n3 is one of a heading, of its cage, or of rounding to 1 mN m. Headings do shift the three against one another, but none has all of 5, 4, 4 to rounding with these figures: the nearest, th = ({1:.2}, {2:.2}) rad, has {3:.2}, {4:.2}, {5:.2} mN m, off by {0:.2} at worst. \
          Pivoting friction of 0.5 mN m at each contact adds about as much as all joints do: a device with it has less friction elsewhere, or a smaller patch.",
         nearest.off, nearest.steer[0], nearest.steer[1], nearest.torque[0], nearest.torque[1], nearest.torque[2]
@@ -236,7 +236,7 @@ fn check(report: &mut Report, found: &[Found]) {
     );
     report.check(
         format!(
-            "back-drive torques are those of docs/physics.md, 4.2, 5.0, 4.1 mN m, within {NOTES_WITHIN} mN m"
+            "back-drive torques are those of this project's own notes (docs/physics.md), 4.2, 5.0, 4.1 mN m, within {NOTES_WITHIN} mN m; the paper's are not tested"
         ),
         format!("{off_notes:.3} mN m at worst"),
         off_notes <= NOTES_WITHIN,

@@ -197,7 +197,7 @@ pub(crate) fn study(
         "RMS of e_O about n1, n2, n3 (V.D)",
         "0.0354, 0.0368, 0.0312 rad",
         format!("{a}, {b}, {c} rad"),
-        format!("K_O t is not given; {product:.2} makes the mean the paper's (fitted). Over even samples the axes do not differ"),
+        format!("a fit: K_O t is not given, and {product:.1} makes the mean the paper's. Over even samples the axes do not differ"),
     );
     Ok(())
 }
@@ -254,7 +254,7 @@ fn tell(report: &mut Report, runs: &[Run], left: &Left) {
     for Run { name, id, product, whole_product, .. } in runs {
         report.figure(format!("ik_product_{id}"), *product);
         report.figure(format!("ik_product_whole_{id}"), *whole_product);
-        table.push(row([*name, &short(*product), &short(*whole_product)]));
+        table.push(row([(*name).to_owned(), format!("{product:.1}"), format!("{whole_product:.0}")]));
     }
     for (k, axis) in ["n1", "n2", "n3"].into_iter().enumerate() {
         report
@@ -269,10 +269,10 @@ fn tell(report: &mut Report, runs: &[Run], left: &Left) {
     let [a, b, c] = ours.map(|x| format!("{x:.4}"));
     let [ga, gb, gc] = grid.map(|x| format!("{x:.4}"));
     report.say(&format!(
-        "The size of the paper's error is one unknown number, K_O t; we take the one at which the mean over the axes is the paper's, {product:.2}: a gain of {gain:.2} 1/s for {TIME_S} s, say. What is left to compare are the three axes: \
+        "The size of the paper's error is one unknown number, K_O t; we take the one at which the mean over the axes is the paper's, {product:.1}: a gain of {gain:.1} 1/s for {TIME_S} s, say. What is left to compare are the three axes: \
          {a}, {b}, {c} rad here, 0.0354, 0.0368, 0.0312 in the paper. Over even samples no axis differs from another, so the paper's spread of 8 % each way is that of its samples; on its own grid of equal steps of each Hopf coordinate the closed form gives {ga}, {gb}, {gc}. \
          Such errors are no property of the device: a gain of {BETTER} 1/s, which a loop of 1 kHz bears easily, leaves {} rad after the same second. \
-         As printed the loop turns the long way round wherever eq. 23 gives the farther of the two quaternions, half of all; with the nearer one K_O t = {:.2} does. \
+         As printed the loop turns the long way round wherever eq. 23 gives the farther of the two quaternions, half of all; with the nearer one K_O t = {:.1} does. \
          Were the RMS taken over the whole run instead, the transient would have to be diluted by K_O t of hundreds (the table's last column): not what one would run.",
         short(worst(better)),
         runs[1].product

@@ -24,6 +24,7 @@ mod literal;
 mod nested;
 mod position;
 mod readings;
+mod short;
 mod singularity;
 mod so3;
 mod springs;
@@ -60,5 +61,6 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     tracking::study(context, &mut report, &mut comparison)?;
     stiffness::study(context, &mut report, &mut comparison)?;
     comparison.put(&mut report, place);
+    short::conclude(&mut report);
     Ok(report)
 }

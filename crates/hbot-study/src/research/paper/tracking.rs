@@ -247,7 +247,7 @@ fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
     let mut line = |name: &str, run: &Followed, colour| {
         let cells = [run.joints_rms, run.camera_rms, run.aside].map(|x| format!("{x:.3}"));
         table.push(row([name.to_owned()].into_iter().chain(cells)));
-        costs.push(Bar { name: name.to_owned(), value: run.camera_rms, spread: None, colour });
+        costs.push(Bar { name: name.to_owned(), value: run.camera_rms, label: None, spread: None, colour });
     };
     line("none (ideal)", plain, 6);
     for (effect, run) in runs.alone() {

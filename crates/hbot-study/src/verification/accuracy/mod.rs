@@ -7,6 +7,7 @@ mod motions;
 mod order;
 mod plant;
 mod segments;
+mod short;
 mod sliding;
 mod spring;
 mod tick;
@@ -14,8 +15,10 @@ mod velocity;
 
 use hbot_config::RigConfig;
 
+use super::callgrind::Counter;
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
+pub(super) use tick::job;
 
 /// Rates at which the joints are read when the drift of odometry is measured, Hz.
 const RATES: [u32; 5] = [500, 1000, 2000, 4000, 8000];
@@ -39,10 +42,10 @@ macro_rules! in_both_widths {
 use in_both_widths;
 
 /// Runs the study `accuracy` and returns its report.
-pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Report, Interrupted> {
     let mut report = Report::new("accuracy", context.quick);
     let rig = RigConfig::prototype().rig;
-    context.expect(14);
+    context.expect(15);
     report.say(
         "What each choice of method costs in time and brings in accuracy, on this machine. Where a plot has time and error on its \
          axes, the front is marked: what is not on it is beaten, in both, by something that is. Errors are against adaptive \
@@ -58,7 +61,8 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     allocation::study(context, &mut report, &rig.device)?;
     kinematics::study(context, &mut report)?;
     velocity::study(context, &mut report, &rig)?;
-    tick::study(context, &mut report)?;
+    let ticks = tick::study(context, &mut report, counter)?;
+    short::conclude(&mut report, &ticks);
     Ok(report)
 }
 

@@ -231,7 +231,7 @@ pub(super) struct Budget {
     pub(super) path: f64,
     pub(super) counts: f64,
     /// Error that the integration method and the assumed path cause together, rad.
-    both: f64,
+    pub(super) both: f64,
     /// Error that the integration method, the assumed path and the encoder counts cause together,
     /// rad.
     all: f64,

@@ -1,24 +1,39 @@
-//! Accuracy and computing time of the whole tick under each preset of the rig file.
+//! Accuracy and cost of the whole tick with each odometry method and path of the rig file, the
+//! presets among them.
 
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::Mode;
+use hbot_core::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
+use hbot_core::rig::PathFit::{self, Cubic, Quadratic, Straight};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, rotation};
-use hbot_plot::{Lines, Series, short};
+use hbot_plot::{NamedPoint, NamedPoints, PointGroup, short};
 use hbot_sim::motion::{LEAD, MOTIONS, MotionSample, TrueMotion, angle};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::motions::{Budget, budget};
 use super::sci;
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, head, row, spread};
-use crate::timing::{Time, Timed, in_turn};
+use crate::report::{Report, head, spread};
+use crate::timing::{Difference, Time, Timed, compared};
+use crate::verification::Job;
+use crate::verification::callgrind::{Counter, MANY};
 
 /// The motion that the controller follows. It is fast and does not change its direction.
 const MOTION: TrueMotion = MOTIONS[1];
-/// Accuracy presets that a rig file can name.
-const PRESETS: [&str; 3] = ["fast", "balanced", "exact"];
+/// The odometry methods and paths that are compared, by increasing cost: their name in the ids of
+/// figures, and the accuracy preset of a rig file that stands for them, if there is one. Euler's
+/// method does not depend on the path.
+const CHOICES: [(&str, Option<&str>, OdometryMethod, PathFit); 7] = [
+    ("fast", Some("fast"), Euler, Straight),
+    ("balanced", Some("balanced"), Midpoint, Straight),
+    ("midpoint_quadratic", None, Midpoint, Quadratic),
+    ("midpoint_cubic", None, Midpoint, Cubic),
+    ("magnus4_straight", None, Magnus4, Straight),
+    ("magnus4_quadratic", None, Magnus4, Quadratic),
+    ("exact", Some("exact"), Magnus4, Cubic),
+];
 /// Duration of the motion that the controller follows, s.
 const TIME_S: u32 = 10;
 /// Rate of the control loop, Hz.
@@ -29,10 +44,16 @@ const LOAD: f64 = 0.1;
 /// Number of ticks after which the soft start is over.
 const STARTED: usize = 600;
 
-/// Returns the configuration of the prototype with the accuracy preset `preset`.
-fn rig(preset: &str) -> RigConfig {
+/// Returns the configuration of the prototype with the choice `choice`, an index into [`CHOICES`].
+fn rig(choice: usize) -> RigConfig {
+    let (_, preset, odometry, path) = CHOICES[choice];
+    let preset = preset.unwrap_or("balanced");
     let with = Override { path: "loop.accuracy", value: json!(preset), from: "the study" };
-    RigConfig::load(None, &[with]).unwrap_or_else(|error| unreachable!("a preset of the prototype: {error}"))
+    let config = RigConfig::load(None, &[with]);
+    let mut config = config.unwrap_or_else(|error| unreachable!("a preset of the prototype: {error}"));
+    let rig = config.rig.with(|rig| (rig.methods.odometry, rig.methods.path) = (odometry, path));
+    config.rig = rig.unwrap_or_else(|error| unreachable!("methods of the core: {error}"));
+    config
 }
 
 /// Returns a scene with one spring and one damper.
@@ -71,9 +92,11 @@ fn tick(controller: &mut Controller, scene: &CompiledScene, feedback: &JointRead
     controller.tick(scene, &inputs)
 }
 
-/// Accuracy and computing time of a whole tick with one accuracy preset.
-struct Found {
-    preset: &'static str,
+/// Accuracy and cost of a whole tick with one odometry method and path.
+pub(super) struct Found {
+    /// Name in the ids of figures: the preset's, if there is one.
+    pub(super) name: &'static str,
+    is_preset: bool,
     /// Names, as in rig files, of the odometry method and of the path that it assumes between
     /// readings.
     methods: String,
@@ -84,30 +107,70 @@ struct Found {
     /// Mode of the controller in the last tick.
     mode: Mode,
     time: Time,
+    /// How much longer a tick takes than with the first choice.
+    pub(super) longer: Difference,
+    /// Instructions of a tick, if they were counted.
+    pub(super) instructions: Option<f64>,
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+pub(super) fn study(
+    context: &Context,
+    report: &mut Report,
+    counter: Option<&Counter>,
+) -> Result<Vec<Found>, Interrupted> {
     context.part("the whole tick: error")?;
     introduce(report);
-    let found = measured(context)?;
+    let mut found = measured(context)?;
+    context.part("the whole tick: instructions")?;
+    let jobs: Vec<Value> = (0..CHOICES.len()).map(|choice| json!({ "tick": choice })).collect();
+    let counted = match counter {
+        Some(counter) => counter.count(context, &jobs)?,
+        None => Err("this program cannot run itself under valgrind".to_owned()),
+    };
+    match counted {
+        Ok(counted) => {
+            found.iter_mut().zip(counted).for_each(|(found, count)| found.instructions = Some(count));
+        }
+        Err(why) => report.say(&format!(
+            "**Instructions were not counted: {why}.** The cost is told by times alone, which vary."
+        )),
+    }
     tell(report, &found);
-    Ok(())
+    draw(report, &found);
+    Ok(found)
+}
+
+/// Returns the ticks with one choice, whose instructions are counted: ticks of the motion after the
+/// soft start. Returns `None` if `job` is something else.
+pub(in crate::verification) fn job(job: &Value) -> Option<Job> {
+    let choice = usize::try_from(job.get("tick")?.as_u64()?).ok().filter(|choice| *choice < CHOICES.len())?;
+    let config = rig(choice);
+    let moments = MOTION.moments(&config.rig.device, RATE, STARTED + MANY + LEAD + 2, LEAD);
+    let (scene, feedbacks) = (scene(), feedbacks(&config, &MOTION, &moments[LEAD..]));
+    let (.., started) = followed(&config, &scene, &feedbacks, &moments[LEAD..]);
+    Some(Box::new(move |ticks| {
+        let mut controller = started.clone();
+        let rest = feedbacks[STARTED + 1..].iter().take(ticks);
+        rest.map(|feedback| tick(&mut controller, &scene, feedback).state.torque.x).sum()
+    }))
 }
 
 fn introduce(report: &mut Report) {
     report.heading("The whole tick");
     report.say(&format!(
-        "Controller::tick of the prototype at {RATE} Hz with a spring and a damper, active, under each preset of the rig file: from counts to \
+        "Controller::tick of the prototype at {RATE} Hz with a spring and a damper, active, with every odometry method and path of the rig file, the presets among them: from counts to \
          joint torques. The error is the largest of its orientation in {TIME_S} s of {} motion (3 rad/s and ever on: some five turns), read by \
-         the prototype's encoders; beside it where it comes from. The highest rate is the one at which the tick takes {:.0} % of a period; the \
+         the prototype's encoders; beside it where it comes from. Instructions are callgrind's and the same in every run. The highest rate is the one at which the tick takes {:.0} % of a period; the \
          serial line and the kernel come on top (docs/performance.md).",
         MOTION.name,
         100.0 * LOAD
     ));
-    report.family("tick_{preset}_error_rad | rad | largest orientation error of the whole tick in 10 s of brisk motion at 1 kHz");
-    report.family("tick_{preset}_{part}_part_rad | rad | the part of that error that {part} (method, path, counts) has by itself");
-    report.family("tick_{preset}_ns | ns | one active tick with a spring and a damper, 2 wheels");
-    report.family("tick_{preset}_max_hz | Hz | the loop rate at which the tick takes a tenth of a period");
+    report.family("tick_{choice}_error_rad | rad | largest orientation error of the whole tick in 10 s of brisk motion at 1 kHz; {choice}: a preset (fast, balanced, exact), or another odometry method and path");
+    report.family("tick_{choice}_{part}_part_rad | rad | the part of that error that {part} (method, path, counts) has by itself; method_and_path: without the counts");
+    report.family("tick_{choice}_instructions | 1 | instructions of one active tick with a spring and a damper, 2 wheels");
+    report.family("tick_{choice}_ns | ns | time of such a tick");
+    report.family("tick_{choice}_longer_ns | ns | how much longer it takes than `fast` in the same round: median, with `q1`, `q3` and whether it is `found`, that is, more than its spread");
+    report.family("tick_{choice}_max_hz | Hz | the loop rate at which the tick takes a tenth of a period");
 }
 
 /// Makes a new controller follow a motion. Returns the largest error of its orientation (rad), its
@@ -134,7 +197,7 @@ fn followed(
 }
 
 fn measured(context: &Context) -> Result<Vec<Found>, Interrupted> {
-    let configs = PRESETS.map(rig);
+    let configs: Vec<RigConfig> = (0..CHOICES.len()).map(rig).collect();
     let ticks = (TIME_S * RATE) as usize;
     let moments = MOTION.moments(&configs[0].rig.device, RATE, ticks + LEAD + 1, LEAD);
     let scene = scene();
@@ -157,61 +220,96 @@ fn measured(context: &Context) -> Result<Vec<Found>, Interrupted> {
         );
     }
     context.part("the whole tick: time")?;
-    let times = in_turn(context, &mut timed)?;
-    let found = |(((preset, config), (error, mode)), time): (((_, &RigConfig), (f64, Mode)), Time)| Found {
-        preset,
-        methods: format!("{}, {}", config.rig.methods.odometry.name(), config.rig.methods.path.name()),
-        error,
-        budget: budget(&config.rig, config.rig.methods, &moments),
-        mode,
-        time,
-    };
-    Ok(PRESETS.into_iter().zip(&configs).zip(errors).zip(times).map(found).collect())
+    let times = compared(context, &mut timed)?;
+    let mut found = Vec::new();
+    for (k, ((config, (error, mode)), (time, longer))) in configs.iter().zip(errors).zip(times).enumerate() {
+        let (name, preset, odometry, path) = CHOICES[k];
+        found.push(Found {
+            name,
+            is_preset: preset.is_some(),
+            methods: format!("{}, {}", odometry.name(), path.name()),
+            error,
+            budget: budget(&config.rig, config.rig.methods, &moments),
+            mode,
+            time,
+            longer,
+            instructions: None,
+        });
+    }
+    Ok(found)
 }
 
 fn tell(report: &mut Report, found: &[Found]) {
     let mut table = vec![head(
-        "preset | odometry, path | error, rad in 10 s | of the method | of the path | of the counts | ns a tick (quartiles) | highest rate, Hz",
+        "preset | odometry, path | error, rad in 10 s | of the method | of the path | method and path | of the counts | instructions a tick | ns a tick (quartiles) | highest rate, Hz",
     )];
-    for Found { preset, methods, error, budget, mode, time } in found {
-        let Budget { method, path, counts, .. } = *budget;
-        let highest = LOAD * 1.0e9 / time.median;
-        report.check("the tick is active to the end", format!("{mode:?}"), *mode == Mode::Active);
-        report.time(format!("tick_{preset}_ns"), *time);
-        report.figure(format!("tick_{preset}_error_rad"), *error);
-        for (part, value) in [("method", method), ("path", path), ("counts", counts)] {
-            report.figure(format!("tick_{preset}_{part}_part_rad"), value);
-        }
-        report.figure(format!("tick_{preset}_max_hz"), highest);
-        table.push(row([
-            *preset,
-            methods,
-            &sci(*error),
-            &sci(method),
-            &sci(path),
-            &sci(counts),
-            &spread(*time),
-            &short(highest),
-        ]));
+    for found in found {
+        figures(report, found);
+        let Found { name, is_preset, methods, error, budget, time, instructions, .. } = found;
+        let errors = [*error, budget.method, budget.path, budget.both, budget.counts].map(sci);
+        let name = if *is_preset { (*name).to_owned() } else { "-".to_owned() };
+        let counted = instructions.map_or("-".to_owned(), |count| format!("{count:.0}"));
+        let costs = [counted, spread(*time), short(LOAD * 1.0e9 / time.median)];
+        table.push([name, methods.clone()].into_iter().chain(errors).chain(costs).collect());
     }
+    let all_active = found.iter().all(|found| found.mode == Mode::Active);
+    report.check(
+        "the tick is active to the end",
+        if all_active { "with every method" } else { "not with every method" },
+        all_active,
+    );
     report.table(&table);
     report.say(
-        "The other stages of the tick add nothing to the orientation. The spring laws and the allocation are exact to rounding in every preset as long as \
+        "The other stages of the tick add nothing to the orientation. The spring laws and the allocation are exact to rounding with every method as long as \
          the motors are not saturated (sections above): an error of the orientation is felt as that error times the stiffness.",
     );
-    let point = |(colour, of): (usize, &Found)| {
-        Series::new(of.preset.to_owned(), vec![(of.time.median, of.error)], colour)
+}
+
+/// Adds the figures of one method and path.
+fn figures(report: &mut Report, found: &Found) {
+    let Found { name, error, budget, time, longer, instructions, .. } = found;
+    let Budget { method, path, counts, both, .. } = *budget;
+    report.time(format!("tick_{name}_ns"), *time);
+    if *name != CHOICES[0].0 {
+        let figure = report.figure(format!("tick_{name}_longer_ns"), longer.median);
+        figure.note("q1", longer.q1).note("q3", longer.q3).note("found", longer.is_found());
+    }
+    if let Some(count) = instructions {
+        report.figure(format!("tick_{name}_instructions"), *count);
+    }
+    report.figure(format!("tick_{name}_error_rad"), *error);
+    for (part, value) in [("method", method), ("path", path), ("method_and_path", both), ("counts", counts)] {
+        report.figure(format!("tick_{name}_{part}_part_rad"), value);
+    }
+    report.figure(format!("tick_{name}_max_hz"), LOAD * 1.0e9 / time.median);
+}
+
+/// Plots what accuracy costs: each method at its error and time, with the prototype's encoders and
+/// with exact readings.
+fn draw(report: &mut Report, found: &[Found]) {
+    let point = |found: &Found, y: f64, named: bool| {
+        let preset = if found.is_preset { format!(" ({})", found.name) } else { String::new() };
+        let name = if named { format!("{}{preset}", found.methods) } else { String::new() };
+        NamedPoint { name, x: found.time.median, spread: [found.time.q1, found.time.q3], y }
     };
-    report.lines(
+    let group = |name: &str, colour, named, of: fn(&Found) -> f64| PointGroup {
+        name: name.to_owned(),
+        colour,
+        points: found.iter().map(|found| point(found, of(found), named)).collect(),
+    };
+    let groups = vec![
+        group("exact readings", 0, true, |found| found.budget.both),
+        group("16384 counts a turn", 1, false, |found| found.error),
+    ];
+    let named = NamedPoints {
+        title: "What accuracy costs: the tick with every method".to_owned(),
+        x: "ns a tick: median, bar from quartile to quartile".to_owned(),
+        y: "error of the orientation in 10 s, rad".to_owned(),
+        groups,
+    };
+    report.plot(
         "tick",
-        "The whole tick under each preset: error in 10 s of brisk motion against time",
-        Lines::new(
-            "The presets",
-            "ns a tick",
-            "error in 10 s, rad",
-            found.iter().enumerate().map(point).collect(),
-        )
-        .log([false, true])
-        .front(),
+        "What accuracy costs: error in 10 s of brisk motion against the time of a tick, for every odometry method and path, with exact readings and with the prototype's encoders",
+        named.svg(),
     );
 }

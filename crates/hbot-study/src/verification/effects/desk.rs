@@ -96,7 +96,7 @@ impl SceneSetup {
 /// A test bench: a controller and a simulated rig that are active and in the middle of a motion.
 /// The controller gets recorded encoder readings, and the rig gets prescribed commands.
 #[derive(Clone)]
-pub(super) struct Desk {
+pub(in crate::verification) struct Desk {
     controller: Controller,
     running: RunningScene,
     scene: Rc<CompiledScene>,

@@ -2,19 +2,23 @@
 //! simulated rig, alone and in pairs. It also checks that anything a scene does not name costs
 //! nothing.
 
-mod callgrind;
 mod desk;
+mod short;
 
+use std::cell::OnceCell;
 use std::fmt::Write as _;
+
+use serde_json::Value;
 
 use crate::context::{Context, Interrupted};
 use crate::names;
 use crate::report::{Report, row, spread};
-use crate::timing::{Time, Timed, in_turn};
+use crate::timing::{Difference, Time, Timed, compared};
 
-pub use callgrind::{Counter, count_worker};
+use super::Job;
+use super::callgrind::{Counter, MANY};
 use desk::{Desk, SceneSetup};
-use hbot_plot::{Bar, bars, short};
+use hbot_plot::{Bar, bars};
 
 /// Largest allowed cost that remains after a scene has removed an effect or phenomenon: the number
 /// of instructions per tick, relative to a whole tick.
@@ -29,12 +33,14 @@ const NOTHING_NS: f64 = 0.25;
 /// Number of ticks in a run whose time is measured. It equals the number of ticks in the run whose
 /// instructions are counted, because another number would give another cost per tick: a solver
 /// needs more steps while contacts stick or slide.
-const TICKS: usize = callgrind::MANY;
+const TICKS: usize = MANY;
 
 /// Measured computing time and number of instructions per tick with one setup.
 struct Cost {
     setup: SceneSetup,
-    time: Option<Time>,
+    time: Time,
+    /// How much longer a tick takes than one without any effect or phenomenon.
+    longer: Difference,
     instructions: Option<f64>,
 }
 
@@ -56,7 +62,7 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
 
     context.part("instructions")?;
     let counted = match counter {
-        Some(counter) => counter.count(context, &all)?,
+        Some(counter) => counter.count(context, &all.iter().map(SceneSetup::to_json).collect::<Vec<_>>())?,
         None => Err("this program cannot run itself under valgrind".to_owned()),
     };
     context.part("times")?;
@@ -68,24 +74,40 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
             Timed::new(move || desk.clone().run(TICKS)).in_units_of(TICKS as f64)
         })
         .collect();
-    let times = in_turn(context, &mut runs)?;
+    let times = compared(context, &mut runs)?;
     drop(runs);
 
     context.part("tables")?;
     let costs: Vec<Cost> = all
         .into_iter()
+        .zip(times)
         .enumerate()
-        .map(|(k, setup)| Cost {
+        .map(|(k, (setup, (time, longer)))| Cost {
             setup,
-            time: times.get(k).copied(),
+            time,
+            longer,
             instructions: counted.as_ref().ok().map(|all| all[k]),
         })
         .collect();
     if let Err(why) = &counted {
-        report.say(&format!("**Instructions were not counted: {why}.** What follows rests on times alone."));
+        report.say(&format!("**{}**", not_counted(why)));
     }
     tell(&mut report, &costs, names.len());
+    short::conclude(&mut report, &costs[..=names.len()], counted.as_ref().err());
     Ok(report)
+}
+
+/// Returns the ticks with one setup, whose instructions are counted. `job` is the setup as JSON.
+/// Returns `None` if it is something else. `active` is made at the first call.
+pub(super) fn job(job: &Value, active: &OnceCell<Desk>) -> Option<Job> {
+    let setup = SceneSetup::from_json(job)?;
+    let desk = active.get_or_init(Desk::active).with(&setup);
+    Some(Box::new(move |ticks| desk.clone().run(ticks)))
+}
+
+/// Returns a sentence for the report that says why instructions were not counted.
+fn not_counted(why: &str) -> String {
+    format!("Instructions were not counted: {why}. All costs are times, which vary.")
 }
 
 fn introduce(report: &mut Report) {
@@ -94,7 +116,7 @@ fn introduce(report: &mut Report) {
          nothing but it: `{}`. One tick is `Controller::tick` of the prototype, active, on recorded readings of a brisk motion, and one exchange with the \
          simulated rig over its line in memory: command frame, a step of the plant, feedback frame. Costs are those beyond the same tick without any of \
          them. Instructions are callgrind's, of two runs of different length, subtracted, so that the start of the program is not in them; they are the same in every \
-         run. Times vary with the machine; they are of the same ticks, from the rig's rest on. Where something sticks, slides or has play (joint and cage friction, slip, pivoting, gear) the rig solves for it in steps \
+         run. Times vary with the machine; they are of the same ticks, from the rig's rest on. A time is the median over rounds of its difference from the tick without anything in the same round; where it is not larger than its spread, the distance of the quartiles of these differences, the report says \"below\" and a bound. Where something sticks, slides or has play (joint and cage friction, slip, pivoting, gear) the rig solves for it in steps \
          of 250 microseconds, four a tick. Most of a tick without any of them is the line's: two frames written, checked and read byte by byte.",
     );
     report.say(
@@ -103,8 +125,9 @@ fn introduce(report: &mut Report) {
     );
     report.family("effects_none_instructions | 1 | instructions of a tick without any effect or phenomenon");
     report.family("effects_none_ns | ns | time of such a tick");
+    report.family("effects_dropped_left | 1 | most that is left of an effect or phenomenon once a scene has dropped it, over a tick's instructions");
     report.family("effects_{name}_instructions | 1 | instructions a tick that a kind or phenomenon adds");
-    report.family("effects_{name}_added_ns | ns | time a tick that it adds");
+    report.family("effects_{name}_added_ns | ns | time a tick that it adds, as measured; `q1`, `q3`: quartiles; `found`: whether it is larger than their distance, so that it is more than noise; `tick`: the time of the whole tick");
     report.family("effects_{name}_afterwards_instructions | 1 | instructions a tick that are left of it once a scene has dropped it");
     report.family("effects_{a}_with_{b}_instructions | 1 | instructions a tick that two of them add together; `more_than_sum`: beyond what each adds alone");
     report.family("effects_{a}_with_{b}_added_ns | ns | time a tick that two of them add together");
@@ -119,15 +142,15 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
     if let Some(base) = base {
         report.figure("effects_none_instructions".to_owned(), base);
     }
-    if let Some(time) = none.time {
-        report.time("effects_none_ns".to_owned(), time);
-    }
+    report.time("effects_none_ns".to_owned(), none.time);
     let (alone, rest) = costs[1..].split_at(count);
     let (afterwards, pairs) = rest.split_at(count);
     let added = |cost: &Cost| Some(cost.instructions? - base?);
-    let added_ns = |cost: &Cost| Some(cost.time?.median - none.time?.median);
 
-    let (left, left_ns) = alone_table(report, none, [alone, afterwards], &added, &added_ns);
+    let (left, left_ns) = alone_table(report, none, [alone, afterwards], &added);
+    if base.is_some() {
+        report.figure("effects_dropped_left".to_owned(), left);
+    }
     // Counts say it exactly; where there are none, times have to.
     let (unit, bound, shown, holds) = if base.is_some() {
         ("of a tick's instructions", NOTHING, format!("{left:.1e}"), left <= NOTHING)
@@ -142,7 +165,7 @@ fn tell(report: &mut Report, costs: &[Cost], count: usize) {
         report.say("Pairs are measured without `--quick`.");
         return;
     }
-    in_pairs(report, pairs, alone, &added, &added_ns);
+    in_pairs(report, pairs, alone, &added);
 }
 
 type Added<'a> = &'a dyn Fn(&Cost) -> Option<f64>;
@@ -155,13 +178,12 @@ fn alone_table(
     none: &Cost,
     [alone, afterwards]: [&[Cost]; 2],
     added: Added<'_>,
-    added_ns: Added<'_>,
 ) -> (f64, f64) {
     let base = none.instructions;
-    let or_dash = |x: Option<f64>| x.map_or("-".to_owned(), short);
+    let or_dash = |x: Option<f64>| x.map_or("-".to_owned(), hbot_plot::short);
     report.heading("Each alone");
     let mut table =
-        vec![row(["", "what it is", "instructions a tick", "ns a tick", "afterwards, instructions"])];
+        vec![row(["", "what it is", "instructions a tick", "time a tick", "afterwards, instructions"])];
     let (mut instructions, mut times) = (Vec::new(), Vec::new());
     let (mut left, mut left_ns) = (0.0_f64, 0.0_f64);
     for (cost, after) in alone.iter().zip(afterwards) {
@@ -173,44 +195,49 @@ fn alone_table(
             left = left.max((after / base).abs());
             instructions.push((name.clone(), more));
         }
-        if let (Some(more), Some(time), Some(of)) = (added_ns(cost), cost.time, none.time) {
-            report.figure(format!("effects_{name}_added_ns"), more).note("tick", time.median);
-            times.push(Bar {
-                name: name.clone(),
-                value: more,
-                spread: Some([time.q1 - of.median, time.q3 - of.median]),
-                colour: usize::from(kind == "phenomenon"),
-            });
-        }
-        if let (Some(time), Some(of)) = (after.time, none.time) {
-            // Compares the shortest times, because noise only adds time.
-            let more = time.least - of.least;
-            left_ns = left_ns.max(more / of.least);
-        }
-        let costs = [added(cost), added_ns(cost), added(after)].map(or_dash);
-        table.push(row([name, kind.to_owned()].into_iter().chain(costs)));
+        added_time(report, &name, cost);
+        times.push(time_bar(&name, usize::from(kind == "phenomenon"), &cost.longer));
+        // Compares the shortest times, because noise only adds time.
+        left_ns = left_ns.max(after.time.least / none.time.least - 1.0);
+        let [counted, left] = [added(cost), added(after)].map(or_dash);
+        table.push(row([name, kind.to_owned(), counted, cost.longer.told(), left]));
     }
     report.table(&table);
-    if let Some(time) = none.time {
-        let counted = base.map_or(String::new(), |base| format!("{base:.0} instructions, "));
-        report.say(&format!("A tick without any of them: {counted}{} ns.", spread(time)));
-    }
+    let counted = base.map_or(String::new(), |base| format!("{base:.0} instructions, "));
+    report.say(&format!("A tick without any of them: {counted}{} ns.", spread(none.time)));
     all_plots(report, &times, instructions);
     (left, left_ns)
 }
 
-/// Plots the time per tick that each effect and phenomenon adds. Also plots the added instructions,
-/// if they were counted.
+/// Adds a figure: the time per tick that the effect, phenomenon or pair `name` adds.
+fn added_time(report: &mut Report, name: &str, cost: &Cost) {
+    let Difference { median, q1, q3 } = cost.longer;
+    let figure = report.figure(format!("effects_{name}_added_ns"), median);
+    figure.note("q1", q1).note("q3", q3).note("found", cost.longer.is_found()).note("tick", cost.time.median);
+}
+
+/// Returns the bar of an added time. A time that noise hides has no bar, only its spread.
+fn time_bar(name: &str, colour: usize, longer: &Difference) -> Bar {
+    if longer.is_found() {
+        let spread = Some([longer.q1, longer.q3]);
+        return Bar { name: name.to_owned(), value: longer.median, label: None, spread, colour };
+    }
+    let spread = Some([0.0, longer.bound()]);
+    Bar { name: name.to_owned(), value: 0.0, label: Some(longer.told()), spread, colour }
+}
+
+/// Plots the instructions per tick that each effect and phenomenon adds, if they were counted. Also
+/// plots the added time.
 fn all_plots(report: &mut Report, times: &[Bar], instructions: Vec<(String, f64)>) {
-    plots(report, "ns", "Time", times);
     if !instructions.is_empty() {
         let bar = |(name, value): (String, f64)| {
             let colour = usize::from(!desk::is_kind(&name));
-            Bar { name, value, spread: None, colour }
+            Bar { name, value, label: None, spread: None, colour }
         };
         let all: Vec<Bar> = instructions.into_iter().map(bar).collect();
         plots(report, "instructions", "Instructions", &all);
     }
+    plots(report, "ns", "Time", times);
 }
 
 /// Plots the cost that each effect and each phenomenon adds, in `unit`. Effects and phenomena have
@@ -228,7 +255,7 @@ fn plots(report: &mut Report, unit: &str, what: &str, all: &[Bar]) {
     }
 }
 
-fn in_pairs(report: &mut Report, pairs: &[Cost], alone: &[Cost], added: Added<'_>, added_ns: Added<'_>) {
+fn in_pairs(report: &mut Report, pairs: &[Cost], alone: &[Cost], added: Added<'_>) {
     report.heading("In pairs");
     report.say(
         "What two add together, in instructions a tick (in ns where they were not counted), and in brackets how much that is beyond what each adds alone: \
@@ -259,11 +286,9 @@ fn in_pairs(report: &mut Report, pairs: &[Cost], alone: &[Cost], added: Added<'_
                 .note("more_than_sum", beyond);
             let _ = write!(cell, "{together:.0} ({beyond:+.0})");
         }
-        if let Some(together) = added_ns(pair) {
-            report.figure(format!("effects_{a}_with_{b}_added_ns"), together);
-            if cell.is_empty() {
-                cell = short(together);
-            }
+        added_time(report, &pair.setup.name(), pair);
+        if cell.is_empty() {
+            cell = pair.longer.told();
         }
         rows[i][j + 1] = cell;
     }

@@ -9,6 +9,7 @@ use hbot_core::{Device, MAX_JOINTS, Vec3, rotation};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::phenomena::{CageFriction, Encoder, Hand, Link, Phenomena};
 
+use super::search::bisected;
 use super::whole::{Loop, Wanted};
 use super::{given, micro};
 use crate::context::{Context, Interrupted};
@@ -33,9 +34,10 @@ const FROM: f64 = 0.25;
 const UP_TO: f64 = 32.0;
 /// Factor between two successive stiffnesses that are tried.
 const RATIO: f64 = core::f64::consts::SQRT_2;
-/// Number of bisections between the last two stiffnesses that were tried. They give the largest
-/// stable stiffness to 1 %.
-const HALVINGS: u32 = 5;
+/// Width of the range to which bisection between the last two stiffnesses narrows the limit,
+/// relative to the limit. A finer search would find the limit of [`LOSES`]: on the rig with the
+/// least damping, a swing that loses less than that is within 0.4 % of the border.
+const RESOLUTION: f64 = 1.0e-3;
 /// Required effect of the passivity stage. With it, the sphere must come to rest on every spring up
 /// to this many times the stability limit of the linear theory, if friction and encoder steps are
 /// small.
@@ -95,7 +97,7 @@ impl Setting {
             hand: Some(still),
             ..Phenomena::default()
         };
-        Wanted { rate: self.rate, stiffness, damping: 0.0, phenomena, guard }
+        Wanted { rate: self.rate, stiffness, damping: 0.0, phenomena, finer: 1, guard }
     }
 
     fn id(&self, guard: bool) -> String {
@@ -161,12 +163,11 @@ fn border(context: &Context, setting: &Setting, guard: bool, floor: f64) -> Resu
         }
         high *= RATIO;
     }
-    let mut low = high / RATIO;
-    for _ in 0..HALVINGS {
-        let middle = (low * high).sqrt();
-        if tapped(setting, middle, guard, floor).settles { low = middle } else { high = middle }
-    }
-    Ok(Some((low * high).sqrt()))
+    let found = bisected([high / RATIO, high], RESOLUTION, |stiffness| {
+        context.go_on()?;
+        Ok(!tapped(setting, stiffness, guard, floor).settles)
+    });
+    found.map(Some)
 }
 
 /// Returns the largest turn of the sphere that corresponds to one encoder count of a joint, rad.
@@ -240,13 +241,14 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
 fn introduce(report: &mut Report, count: f64) {
     report.heading("With and without the passivity stage");
     report.say(&format!(
-        "The same whole loop, its rig now with a little damping of its own, b, as of bearings and a light hand, and a spring without any. The sphere is tapped to 1 rad/s, 1.7 mJ of motion: up to which stiffness \
+        "The same whole loop, with the prototype's encoders, its rig now with a little damping of its own, b, as of bearings and a light hand, and a spring without any. The sphere is tapped to 1 rad/s, 1.7 mJ of motion: up to which stiffness \
          does it come to rest, without and with `passivity = true` in the rig file? It counts as coming to rest where, {WATCH_S} s later, its swing has less energy than the tap gave it and still loses {LOSES} of that or more every {:.1} s, \
          or is less than three steps of the encoder, and no fault has ended it. Beside it the linear border b/(h (1/2 + D)), and where there is friction Abbott and Okamura's 2 c/d. All is as in \
          the first line of a table ({} Hz, D = {}, b = {} N m s/rad, counts as fine as the prototype's, no friction) but for what it varies. One count of the joint that moves the sphere most turns it by d = {count:.1e} rad. \
+         Stiffnesses a factor of {RATIO:.3} apart are tried, then halved to {} %. \
          The search ends at {UP_TO} times the border, where the stage has most often not failed yet; with much damping it fails before, at a swing that lasts some twenty ticks, \
          because the damping that it may add is bounded.",
-        WATCH_S / f64::from(STRETCHES), BASE.rate, BASE.delay, BASE.own
+        WATCH_S / f64::from(STRETCHES), BASE.rate, BASE.delay, BASE.own, 100.0 * RESOLUTION
     ));
     report.family("border_guard_{rate}hz_delay{d}_own{b}_step{s}_coulomb{c}_{guard} | N m/rad | stiffness from which a tap does not come to rest, passivity stage on or off; b and c in 1e-6 of their SI units, s in counts; `measured`, and in `predicted` the linear border; `or_more`: the search ended there");
 }

@@ -2,6 +2,7 @@
 
 use hbot_plot::{Lines, Series};
 
+use super::search::{RESOLUTION, Swing, bisected};
 use super::wall::Wall;
 use super::{Border, borders, micro};
 use crate::context::{Context, Interrupted};
@@ -18,47 +19,37 @@ const OWN: [f64; 3] = [0.001, 0.003, 0.01];
 const DAMPING: [f64; 3] = [0.0, 0.003, 0.01];
 /// Largest allowed relative difference between the measured and the predicted stability limit.
 const WITHIN: f64 = 0.05;
-/// Number of bisections in the search for the stability limit. They narrow a range of a factor of 4
-/// to 0.1 %.
-const HALVINGS: u32 = 11;
-
 /// Returns the stiffness of the wall at which a swing of the axis begins to grow, N m/rad. It is
 /// found by bisection between half of the predicted stiffness `predicted` and twice this stiffness.
-pub(crate) fn measured(wall: &Wall, predicted: f64) -> f64 {
-    let (mut low, mut high) = (0.5 * predicted, 2.0 * predicted);
-    for _ in 0..HALVINGS {
-        let middle = (low * high).sqrt();
-        if grows(&Wall { stiffness: middle, ..*wall }) { high = middle } else { low = middle }
-    }
-    (low * high).sqrt()
+///
+/// # Errors
+///
+/// Fails if the study was asked to stop.
+fn measured(context: &Context, wall: &Wall, predicted: f64) -> Result<f64, Interrupted> {
+    bisected([0.5 * predicted, 2.0 * predicted], RESOLUTION, |stiffness| {
+        context.go_on()?;
+        Ok(grows(&Wall { stiffness, ..*wall }))
+    })
 }
 
 /// Returns whether the swing of the axis is larger late in the simulation than early in it.
 fn grows(wall: &Wall) -> bool {
-    // If the stiffness is 0.1 % off the border, the swing changes at a tenth of the rate of the
-    // damping. Peaks are read to (w h)²/8.
+    // A stiffness that is off the border by the resolution changes the swing at that share of the
+    // rate of the damping: by 1e-4 or more in this time.
     let pace = (wall.own + wall.damping) / (2.0 * wall.inertia);
-    let ticks = ((60.0 / pace) / wall.period).clamp(4000.0, 60_000.0) as usize;
-    let (mut early, mut late) = (0.0_f64, 0.0_f64);
-    let mut k = 0;
-    wall.released(1.0, ticks, |x| {
-        if k >= ticks / 10 && k < ticks / 5 {
-            early = early.max(x.abs());
-        } else if k >= 9 * ticks / 10 {
-            late = late.max(x.abs());
-        }
-        k += 1;
-    });
-    // The negated comparison also counts an overflow to NaN as growth.
-    !(late <= early)
+    let ticks = ((60.0 / pace) / wall.period).clamp(4000.0, 60_000.0) as u32;
+    let mut swing = Swing::new(ticks);
+    wall.released(1.0, ticks as usize, |x| swing.see(x));
+    swing.grows()
 }
 
 pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Result<(), Interrupted> {
     context.part("the linear border")?;
     report.heading("The linear border");
     report.say(&format!(
-        "The largest stiffness at which a swing dies, found by bisection, beside (b + B)/(h (1/2 + D)). The prediction is that of a short delay: it leaves out what is of \
+        "The largest stiffness at which a swing dies, found by bisection to {} %, beside (b + B)/(h (1/2 + D)). The prediction is that of a short delay: it leaves out what is of \
          the next order in (b + B) h (1/2 + D)/J, here at most {:.2}, and that the wall's damping is delayed too.",
+        100.0 * RESOLUTION,
         0.02 * 2.5 / (500.0 * inertia)
     ));
     report.family("border_linear_{rate}hz_delay{d}_own{b}_wall{B} | N m/rad | stiffness from which a swing grows; own and wall damping in 1e-6 N m s/rad; `measured` and `predicted` in the row");
@@ -80,11 +71,10 @@ fn measure(context: &Context, inertia: f64) -> Result<Vec<Border>, Interrupted> 
     for delay in DELAYS {
         for (own, damping) in OWN.into_iter().flat_map(|own| DAMPING.map(|damping| (own, damping))) {
             for rate in RATES {
-                context.go_on()?;
                 let period = 1.0 / f64::from(rate);
                 let wall = Wall { delay, damping, ..Wall::of(inertia, own, period) };
                 let predicted = (own + damping) / (period * (0.5 + delay as f64));
-                let measured = measured(&wall, predicted);
+                let measured = measured(context, &wall, predicted)?;
                 let (b, wall) = (micro(own), micro(damping));
                 let id = format!("border_linear_{rate}hz_delay{delay}_own{b}_wall{wall}");
                 found.push(Border { id, rate, delay, own, damping, measured, predicted });

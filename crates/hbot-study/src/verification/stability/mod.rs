@@ -8,16 +8,17 @@ mod linear;
 mod long;
 mod passive;
 mod rig;
+mod search;
+mod short;
 mod wall;
 mod whole;
 
 use hbot_config::RigConfig;
 use hbot_core::Vec3;
-use hbot_plot::short;
 use hbot_sim::plant::{Plant, PlantState};
 
 use crate::context::{Context, Interrupted};
-use crate::report::{Report, row};
+use crate::report::{Figure, Report, row};
 
 /// Runs the study `stability` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
@@ -46,6 +47,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     });
     rest?;
     long::study(context, &mut report, &device, &day?)?;
+    short::conclude(&mut report);
     Ok(report)
 }
 
@@ -61,9 +63,10 @@ struct Border {
     predicted: f64,
 }
 
-/// Reports a measured stability limit together with the predicted one, both in N m/rad.
-fn border(report: &mut Report, id: String, measured: f64, predicted: f64) {
-    report.figure(id, measured).note("measured", measured).note("predicted", predicted);
+/// Reports a measured stability limit together with the predicted one, both in N m/rad. Returns the
+/// figure, to which further properties can be added.
+fn border(report: &mut Report, id: String, measured: f64, predicted: f64) -> &mut Figure {
+    report.figure(id, measured).note("measured", measured).note("predicted", predicted)
 }
 
 /// Reports all stability limits as figures, and those at 1 kHz as a table. Returns the largest
@@ -75,7 +78,7 @@ fn borders(report: &mut Report, borders: &[Border]) -> f64 {
         border(report, id.clone(), *measured, *predicted);
         worst = worst.max((measured / predicted - 1.0).abs());
         if *rate == 1000 {
-            let numbers = [*own, *damping, *measured, *predicted, measured / predicted].map(short);
+            let numbers = [*own, *damping, *measured, *predicted, measured / predicted].map(hbot_plot::short);
             table.push(row([rate.to_string(), delay.to_string()].into_iter().chain(numbers)));
         }
     }

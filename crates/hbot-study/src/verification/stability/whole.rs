@@ -24,6 +24,8 @@ pub(super) struct Wanted {
     pub(super) damping: f64,
     /// Phenomena of a real rig that the simulated rig shows.
     pub(super) phenomena: Phenomena,
+    /// How many times as fine the encoders are as the prototype's.
+    pub(super) finer: u32,
     /// Whether the controller's passivity stage is on.
     pub(super) guard: bool,
 }
@@ -39,8 +41,12 @@ pub(super) struct Loop {
 
 impl Loop {
     pub(super) fn new(wanted: &Wanted) -> Self {
-        let config =
+        let mut config =
             prototype(&[("loop.rate_hz", json!(wanted.rate)), ("loop.passivity", json!(wanted.guard))]);
+        let finer = config
+            .rig
+            .with(|rig| rig.joints.iter_mut().for_each(|joint| joint.counts_per_turn *= wanted.finer));
+        config.rig = finer.unwrap_or_else(|error| unreachable!("counts that fit the counters: {error}"));
         let scene = json!({"name": "study", "effect": [
             {"id": "spring", "kind": "spring", "stiffness": wanted.stiffness, "damping": wanted.damping, "fade_s": 0}
         ]});

@@ -3,6 +3,7 @@
 use super::{filled, left_over, numbers};
 
 const PAGE: &str = include_str!("../../../../../docs/accuracy.md");
+const PHYSICS: &str = include_str!("../../../../../docs/physics.md");
 /// The report that a full run of `hbot-study accuracy` has written, without `--quick`.
 pub(crate) const REPORT: &str = include_str!("../../../../../docs/accuracy/report.md");
 
@@ -118,6 +119,10 @@ fn the_rest() -> Vec<String> {
             "`fast` errs by {} rad, `balanced` by {} and `exact` by {}",
             &["fast", "balanced", "exact"].map(|preset| tick(preset, "error, rad in 10 s")),
         ),
+        filled(
+            "With exact readings `balanced` would err by {} and `exact` by {}",
+            &["balanced", "exact"].map(|preset| tick(preset, "method and path")),
+        ),
         filled("The counts err by {} in all three", &[tick("balanced", "of the counts")]),
         filled(
             "The path contributes {} in `balanced` and {} in `exact`",
@@ -138,6 +143,17 @@ const OF_THE_SERVER: [&str; 3] = [
     "`hbot server --accuracy-target 1e-3`",
     "Euler down to 7e-3 rad, midpoint down to 7.4e-5, and nothing below",
 ];
+
+#[test]
+fn the_drift_of_each_method_in_the_physics_notes_is_the_reports() {
+    let row = |label: &str| PHYSICS.lines().find(|line| line.starts_with(label)).expect("a row").to_owned();
+    for (label, method) in [("| Euler |", "euler"), ("| midpoint |", "midpoint"), ("| Magnus 4 |", "magnus4")]
+    {
+        let drift = cell("Odometry: the method's error", &[method, "f64"], "1000 Hz");
+        let last = row(label).trim_end_matches(" |").rsplit("| ").next().expect("a cell").to_owned();
+        assert_eq!(last.trim_end_matches(" rad"), drift, "docs/physics.md, section 4: {label}");
+    }
+}
 
 /// Every number with an exponent in docs/accuracy.md agrees with the report. Times have no exponent
 /// on that page. They depend on the computer and are not compared.

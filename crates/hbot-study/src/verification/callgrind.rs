@@ -1,5 +1,5 @@
 //! Counting of instructions by callgrind. The program starts itself under valgrind as a worker. The
-//! worker runs one setup after another, each with one short and one long call of [`counted`].
+//! worker runs one job after another, each with one short and one long call of [`counted`].
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::desk::{Desk, SceneSetup};
+use super::jobs;
 use crate::context::{Context, Interrupted};
 
 /// Number of ticks in the shorter of the two runs whose instructions are counted. The difference
@@ -15,7 +15,7 @@ use crate::context::{Context, Interrupted};
 const FEW: usize = 20;
 /// Number of ticks in the longer of the two runs whose instructions are counted. It exceeds the
 /// shorter run by one period of the simulated rig's joint torques.
-pub(super) const MANY: usize = FEW + 128;
+pub(crate) const MANY: usize = FEW + 128;
 /// Full name of the function [`counted`], by which callgrind finds it.
 const FUNCTION: &str = concat!(module_path!(), "::counted");
 
@@ -24,26 +24,23 @@ const FUNCTION: &str = concat!(module_path!(), "::counted");
 pub struct Counter {
     /// Path of the program.
     pub program: PathBuf,
-    /// Arguments for the worker. The list of setups is appended as the last argument.
+    /// Arguments for the worker. The list of jobs is appended as the last argument.
     pub arguments: Vec<String>,
 }
 
-/// Runs the setups that the JSON list `setups` describes, while callgrind counts the instructions.
-/// The worker process that [`Counter`] starts calls this function. Callgrind writes the counts to
+/// Runs the jobs that the JSON list `all` describes, while callgrind counts the instructions. The
+/// worker process that [`Counter`] starts calls this function. Callgrind writes the counts to
 /// files.
 ///
 /// # Errors
 ///
-/// Fails if `setups` is not a JSON list of setups.
-pub fn count_worker(setups: &str) -> Result<(), String> {
-    let value: Value = serde_json::from_str(setups).map_err(|error| error.to_string())?;
-    let setups: Option<Vec<SceneSetup>> =
-        value.as_array().and_then(|all| all.iter().map(SceneSetup::from_json).collect());
-    let active = Desk::active();
-    for setup in setups.ok_or("a list of {names, gone}")? {
-        let desk = active.with(&setup);
+/// Fails if `all` is not a JSON list of jobs.
+pub fn count_worker(all: &str) -> Result<(), String> {
+    let value: Value = serde_json::from_str(all).map_err(|error| error.to_string())?;
+    let all = value.as_array().and_then(|all| jobs(all)).ok_or("a list of jobs")?;
+    for mut job in all {
         for ticks in [FEW, MANY] {
-            std::hint::black_box(counted(&mut desk.clone(), ticks));
+            std::hint::black_box(counted(&mut *job, ticks));
         }
     }
     Ok(())
@@ -52,23 +49,23 @@ pub fn count_worker(setups: &str) -> Result<(), String> {
 /// Runs the ticks whose instructions are counted. It must not be inlined, because callgrind finds
 /// it by its name.
 #[inline(never)]
-fn counted(desk: &mut Desk, ticks: usize) -> f64 {
-    desk.run(ticks)
+fn counted(job: &mut dyn FnMut(usize) -> f64, ticks: usize) -> f64 {
+    job(ticks)
 }
 
 impl Counter {
-    /// Returns the number of instructions per tick for each setup, or the reason why they cannot be
-    /// counted.
+    /// Returns the number of instructions per tick for each job, or the reason why they cannot be
+    /// counted. The jobs are those that [`jobs`] understands.
     pub(super) fn count(
         &self,
         context: &Context,
-        setups: &[SceneSetup],
+        jobs: &[Value],
     ) -> Result<Result<Vec<f64>, String>, Interrupted> {
         let folder = std::env::temp_dir().join(format!("hbot-callgrind-{}", std::process::id()));
         if let Err(error) = std::fs::create_dir_all(&folder) {
             return Ok(Err(format!("{}: {error}", folder.display())));
         }
-        let result = self.count_in(context, &folder, setups);
+        let result = self.count_in(context, &folder, jobs);
         // Leftover files in the temporary folder do no harm.
         let _ = std::fs::remove_dir_all(&folder);
         result
@@ -78,9 +75,9 @@ impl Counter {
         &self,
         context: &Context,
         folder: &Path,
-        setups: &[SceneSetup],
+        jobs: &[Value],
     ) -> Result<Result<Vec<f64>, String>, Interrupted> {
-        let list: Value = setups.iter().map(SceneSetup::to_json).collect();
+        let list = Value::from(jobs);
         let out = folder.join("out");
         let child = Command::new("valgrind")
             .args(["--tool=callgrind", "--quiet"])
@@ -106,11 +103,11 @@ impl Counter {
             return Ok(Err("the worker under valgrind failed".to_owned()));
         }
         let mut counts = Vec::new();
-        for k in 0..setups.len() {
+        for k in 0..jobs.len() {
             let total = |call: usize| total(&folder.join(format!("out.{}", 2 * k + call)));
             match (total(1), total(2)) {
                 (Some(few), Some(many)) => counts.push((many - few) / (MANY - FEW) as f64),
-                _ => return Ok(Err(format!("callgrind left no count of setup {k}"))),
+                _ => return Ok(Err(format!("callgrind left no count of job {k}"))),
             }
         }
         Ok(Ok(counts))
