@@ -52,6 +52,7 @@ impl Default for PlotDesk {
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
     controls(ui, model, &mut desk.plots, acts);
+    super::faded_unless_live(ui, model);
     let plots = &desk.plots;
     let history = plots.paused.as_deref().unwrap_or(&model.history);
     let palette = Palette::of(ui);
