@@ -146,7 +146,7 @@ impl Model {
             self.news(news);
         }
         for sample in delivery.samples.drain(..) {
-            self.lateness.add(sample.lateness_us);
+            self.lateness.add(sample.timing.lateness_us);
             self.history.push(sample);
         }
         self.dropped += std::mem::take(&mut delivery.lost);
@@ -269,7 +269,7 @@ impl Model {
     /// Records that a stop was not confirmed. The window shows this in the place of the mode until
     /// a state proves that the rig has stopped.
     fn stop_failed(&mut self, why: String) {
-        self.messages.add_told(Weight::Bad, format!("{}: {why}", Intent::Stop.name()));
+        self.messages.add_told(Weight::Bad, format!("{why}: cut the motors' power"));
         let (server, state) = (&self.server, self.state.as_ref());
         self.stop.get_or_insert_with(|| PendingStop::new(server, state)).fail(why);
     }

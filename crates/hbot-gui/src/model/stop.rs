@@ -27,9 +27,10 @@ impl PendingStop {
         Self { server: server.to_owned(), asked: Instant::now(), after, why: None }
     }
 
-    /// Records that the stop could not be sent or was not answered.
+    /// Records that the stop could not be sent or was not answered. The first reason stays, because
+    /// further attempts fail for the same or for a lesser reason.
     pub(crate) fn fail(&mut self, why: String) {
-        self.why = Some(why);
+        self.why.get_or_insert(why);
     }
 
     /// Records that a new connection was made. Its ticks can begin again at 0, and all of its

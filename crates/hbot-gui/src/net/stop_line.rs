@@ -73,7 +73,7 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
                 }
                 let result = result.map_err(|error| {
                     let why = in_words(&error);
-                    format!("the server has not confirmed the stop ({why}): cut the motors' power")
+                    format!("the server has not confirmed the stop ({why})")
                 });
                 mailbox.post(News::Answer { intent: Intent::Stop, result });
             }

@@ -91,7 +91,7 @@ fn a_server_that_encrypts_says_so_to_a_panel_without_a_certificate() {
     // A stop that cannot be sent must be reported.
     seat.click("Stop");
     seat.until_text("the server has not confirmed the stop (hbot-gui --ca FILE names whom to trust");
-    assert!(seat.shows("cut the motors' power"), "{}", seat.texts());
+    assert!(seat.shows("Cut the motors' power."), "{}", seat.texts());
 }
 
 #[test]
@@ -192,23 +192,6 @@ fn a_panel_is_named_after_its_user_and_machine() {
     let (_seat, mut witness) = seated(&bench);
     let holder = witness.info().lease.and_then(|lease| lease.holder);
     assert_eq!(holder, Some(hbot_api::client_name("panel")));
-}
-
-#[test]
-fn the_title_of_the_window_says_that_the_rig_is_simulated() {
-    let bench = AloneServer::start(&ServerSetup::default());
-    let mut seat = Seat::at(bench.address);
-    let mut title = None;
-    seat.until("a title", |harness| {
-        let commands = harness.output().viewport_output.values().flat_map(|output| &output.commands);
-        let new = commands.filter_map(|command| match command {
-            eframe::egui::ViewportCommand::Title(text) => Some(text.clone()),
-            _ => None,
-        });
-        title = new.last().or(title.take());
-        title.as_ref().is_some_and(|title| title.contains("SIMULATED: Hbot prototype"))
-    });
-    assert!(seat.shows("SIMULATED") && !seat.shows("LIVE"));
 }
 
 #[test]

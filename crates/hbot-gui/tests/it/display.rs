@@ -17,11 +17,20 @@ pub(crate) struct Display {
 impl Display {
     /// Presses the mouse button at a place of the screen. Windows stand in its upper left corner.
     pub(crate) fn click(&self, [x, y]: [u32; 2]) {
+        let pressed = self.xdotool(&["mousemove", &x.to_string(), &y.to_string(), "click", "1"]);
+        assert!(pressed, "xdotool cannot press the mouse button");
+    }
+
+    /// Returns whether a window has a title that begins with this text.
+    pub(crate) fn has_window(&self, title: &str) -> bool {
+        self.xdotool(&["search", "--name", &format!("^{title}")])
+    }
+
+    /// Runs the program xdotool, and returns whether it succeeded.
+    fn xdotool(&self, args: &[&str]) -> bool {
         let mut xdotool = Command::new("xdotool");
-        xdotool.args(["mousemove", &x.to_string(), &y.to_string(), "click", "1"]);
-        let status = xdotool.env("DISPLAY", &self.name).status();
-        let status = status.expect("xdotool is needed for these tests (apt-get install xdotool)");
-        assert!(status.success(), "xdotool: {status}");
+        let status = xdotool.args(args).env("DISPLAY", &self.name).stdout(Stdio::null()).status();
+        status.expect("xdotool is needed for these tests (apt-get install xdotool)").success()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Pictures of each state of the panel in a real window, in two sizes.
 
 use std::net::SocketAddr;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use hbot_config::rig::Port;
 use hbot_config::{RigConfig, SceneFile};
@@ -63,8 +63,13 @@ fn pictures_of_each_state() {
         pictures(&displays, state, bench.address, meanwhile, check);
     };
 
-    see("simulated", &nothing, &|name, pixels| {
+    let titles = AtomicUsize::new(0);
+    let title = |display: &Display, _: [u32; 2]| {
+        titles.fetch_add(usize::from(display.has_window("SIMULATED: Hbot prototype")), Ordering::Relaxed);
+    };
+    see("simulated", &title, &|name, pixels| {
         assert!(count(pixels, N3) > 200 && count(pixels, WARN) > 1_000, "{name}: the badge and curves");
+        assert!(titles.load(Ordering::Relaxed) > 0, "the title says it too");
     });
     let mut other = bench.client("panel anna@lab2");
     other.acquire(true).expect("stolen");
@@ -114,16 +119,26 @@ fn silent(displays: &[Display; 2], bench: &AloneServer, state: &str, stopped: bo
 /// Takes pictures with motor controllers on a serial port, in wall-clock time. To the server, this
 /// is a real rig.
 fn live(displays: &[Display; 2], scene: &str) {
-    // A busy machine delays the bytes of a pseudo-terminal. These pictures are not about faults.
-    let patient = |text: &str| text.replace("timeout_ticks = 20 ", "timeout_ticks = 1000 ");
-    let file = patient(include_str!("../../../../rigs/prototype.toml"));
+    let mut file = include_str!("../../../../rigs/prototype.toml").to_owned();
+    // These pictures are not about faults. A busy machine delays the ticks and the bytes of a
+    // pseudo-terminal, and at a low rate the limits for both are longer.
+    for (from, to) in [("rate_hz = 1000", "rate_hz = 100"), ("timeout_ticks = 20 ", "timeout_ticks = 100 ")] {
+        assert!(file.contains(from), "{from}");
+        file = file.replace(from, to);
+    }
     let mut rig = RigConfig::from_toml(&file, "test.toml").expect("a legal rig");
     let far = Far::start(&rig);
     rig.link.port = Port::Devices(vec![far.path.clone()]);
     let scene = SceneFile::from_toml(scene, "test.toml").expect("a legal scene");
     let server = TestServer::start(options(rig, scene, Time::Wall), any_port());
-    pictures(displays, "live", server.address, nothing, |name, pixels| {
-        assert!(count(pixels, STOP) > 10_000, "{name}: the badge has the colour of the stop button");
+    let titles = AtomicUsize::new(0);
+    let title = |display: &Display, _: [u32; 2]| {
+        titles.fetch_add(usize::from(display.has_window("LIVE: Hbot prototype")), Ordering::Relaxed);
+    };
+    pictures(displays, "live", server.address, title, |name, pixels| {
+        // The badge has the colour of the stop button.
+        assert!(count(pixels, STOP) > 14_000, "{name}: {}", count(pixels, STOP));
+        assert!(titles.load(Ordering::Relaxed) > 0, "the title says it too");
     });
     server.stop();
 }
