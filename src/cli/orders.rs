@@ -4,7 +4,7 @@
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Trust};
+use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Trust, client_name};
 
 use super::out::say;
 use super::{Commanding, ServerAddress};
@@ -14,7 +14,7 @@ pub(crate) fn unheld(
     address: &ServerAddress,
     order: impl FnOnce(&mut Client) -> Result<Mode, ClientError>,
 ) -> anyhow::Result<ExitCode> {
-    print(order(&mut connect(address, "hbot command line")?).map_err(remedied)?)
+    print(order(&mut connect(address, "hbot")?).map_err(remedied)?)
 }
 
 /// Sends an order that needs the lease, and prints the mode that follows.
@@ -22,7 +22,7 @@ pub(crate) fn held(
     to: &Commanding,
     order: impl FnOnce(&mut Client) -> Result<Mode, ClientError>,
 ) -> anyhow::Result<ExitCode> {
-    print(holding(&mut connect(&to.address, "hbot command line")?, to.steal, order)?)
+    print(holding(&mut connect(&to.address, "hbot")?, to.steal, order)?)
 }
 
 fn print(mode: Mode) -> anyhow::Result<ExitCode> {
@@ -30,9 +30,10 @@ fn print(mode: Mode) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Connects to the server, with a token if one is given.
-pub(crate) fn connect(address: &ServerAddress, name: &str) -> anyhow::Result<Client> {
-    let mut options = ConnectOptions::new(name);
+/// Connects to the server, with a token if one is given. `program` begins the name of the client;
+/// the user and the machine follow.
+pub(crate) fn connect(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
+    let mut options = ConnectOptions::new(&client_name(program));
     if let Some(file) = &address.token_file {
         let token = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
         options.token = Some(token.trim().to_owned().into());

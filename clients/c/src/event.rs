@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ffi::c_char;
 use std::time::{Duration, Instant};
 
-use hbot_api::{Event, LeaseCause, StateEvent};
+use hbot_api::{Event, LeaseCause, Requester, StateEvent};
 
 use crate::boundary::{Out, copied};
 use crate::client::{HbotClient, Inner, with};
@@ -83,6 +83,11 @@ pub struct HbotEvent {
     pub status: HbotStatus,
     /// Text for people. A longer text is cut.
     pub text: [c_char; 512],
+    /// Name of the client that asked for what a fault, lease or scene event reports, or of the signal
+    /// that stopped the rig. Empty if the rig stopped by itself.
+    pub by: [c_char; 72],
+    /// Session of that client; 0 if there is none.
+    pub by_session: u64,
 }
 
 impl HbotEvent {
@@ -100,7 +105,15 @@ impl HbotEvent {
             total: 0,
             status: HbotStatus::Ok,
             text: copied(text),
+            by: copied(""),
+            by_session: 0,
         }
+    }
+
+    /// Adds who asked for what the event reports.
+    fn by(self, by: Option<&Requester>) -> Self {
+        let Some(by) = by else { return self };
+        Self { by: copied(&by.name), by_session: by.session.unwrap_or_default(), ..self }
     }
 
     /// Converts an event. `session` is the number of this connection.
@@ -111,7 +124,7 @@ impl HbotEvent {
                 t: fault.t,
                 mode: fault.mode.into(),
                 fault: fault.fault.into(),
-                ..Self::new(HbotEventKind::Fault, &fault.message)
+                ..Self::new(HbotEventKind::Fault, &fault.message).by(fault.by.as_ref())
             },
             Event::Lease(lease) => Self {
                 cause: match lease.cause {
@@ -123,8 +136,12 @@ impl HbotEvent {
                 mine: lease.session == Some(session),
                 session: lease.session.unwrap_or_default(),
                 ..Self::new(HbotEventKind::Lease, lease.holder.as_deref().unwrap_or_default())
+                    .by(lease.by.as_ref())
             },
-            Event::Scene(scene) => Self { tick: scene.tick, ..Self::new(HbotEventKind::Scene, &scene.name) },
+            Event::Scene(scene) => Self {
+                tick: scene.tick,
+                ..Self::new(HbotEventKind::Scene, &scene.name).by(scene.by.as_ref())
+            },
             Event::Dropped(dropped) => {
                 Self { count: dropped.count, total: dropped.total, ..Self::new(HbotEventKind::Dropped, "") }
             }

@@ -21,6 +21,7 @@ from hbot.arrays import columns
 from hbot.wire import Encoding
 
 DAMPING = 0.01  # N m s/rad
+NAMED = (hbot.LeaseEvent, hbot.SceneEvent, hbot.FaultEvent)  # Events that name who asked.
 
 
 def damper(state: hbot.State) -> list[float]:
@@ -149,6 +150,21 @@ def test_events_come_by_iteration(rig: hbot.Rig) -> None:
     fault = next(event for event in events if isinstance(event, hbot.FaultEvent))
     assert (fault.mode, fault.fault) == ("estop", None)
     assert "me" in fault.message
+
+
+def test_events_name_who_asked(server: Server, rig: hbot.Rig) -> None:
+    me = hbot.Requester("me", rig.hello.session)
+    with hbot.connect(server.address, name="other") as other:
+        rig.acquire()
+        rig.load_scene(SCENES / "compass.toml")
+        other.estop()
+        rig.reset()
+        rig.release()
+        stopper = hbot.Requester("other", other.hello.session)
+    wanted = [(hbot.LeaseEvent, me), (hbot.SceneEvent, me), (hbot.FaultEvent, stopper)]
+    wanted += [(hbot.FaultEvent, me), (hbot.LeaseEvent, me)]
+    named = (event for event in rig.events(duration=20.0) if isinstance(event, NAMED))
+    assert [(type(event), event.by) for event in itertools.islice(named, 5)] == wanted
 
 
 def test_events_come_by_a_callback_however_slow_it_is(server: Server, encoding: Encoding) -> None:

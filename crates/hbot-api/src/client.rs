@@ -2,12 +2,14 @@
 
 mod connect;
 mod error;
+mod name;
 mod ops;
 mod render;
 mod tls;
 
 pub use connect::ConnectOptions;
 pub use error::ClientError;
+pub use name::client_name;
 pub use render::{LatePolicy, RenderEnd, RenderOptions, RenderReport};
 pub use tls::Trust;
 

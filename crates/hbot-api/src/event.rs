@@ -81,6 +81,19 @@ pub struct FaultEvent {
     pub fault: Option<Fault>,
     /// Description for people: what was measured, which limit it exceeded, and what to do.
     pub message: String,
+    /// Who stopped or reset the rig. `None` if the rig stopped by itself.
+    #[serde(default)]
+    pub by: Option<Requester>,
+}
+
+/// Who asked for what an event reports.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Requester {
+    /// Name of the client, from its `hello`. The name of the signal if a signal stopped the rig.
+    pub name: String,
+    /// Number of the client's connection, as in its [`HelloOk`](crate::HelloOk). `None` for a
+    /// signal.
+    pub session: Option<u64>,
 }
 
 /// The fields of [`Event::Lease`], sent when the lease (the right to command) has changed hands.
@@ -93,6 +106,9 @@ pub struct LeaseEvent {
     pub session: Option<u64>,
     /// Why the lease changed hands.
     pub cause: LeaseCause,
+    /// Who took the lease, gave it back, or lost it with the connection.
+    #[serde(default)]
+    pub by: Option<Requester>,
 }
 
 names! {
@@ -118,6 +134,9 @@ pub struct SceneEvent {
     pub name: String,
     /// Effects of the new scene, with the computing time that each needs.
     pub effects: Vec<EffectCost>,
+    /// Who loaded the scene.
+    #[serde(default)]
+    pub by: Option<Requester>,
 }
 
 /// The fields of [`Event::Dropped`], sent when state messages were dropped because the client reads

@@ -76,12 +76,13 @@ pub use answer::{
 pub use axes::Axes;
 pub use client::{
     Client, ClientError, ConnectOptions, LatePolicy, RenderEnd, RenderOptions, RenderReport, Trust,
+    client_name,
 };
 pub use counts::CountsByName;
 pub use encoding::{Encoding, MessageEncodeError};
 pub use error::{ErrorBody, ErrorCode, RequestRefusal};
 pub use event::{
-    DroppedEvent, Event, EventName, FaultEvent, LeaseCause, LeaseEvent, RefusedEvent, SceneEvent,
+    DroppedEvent, Event, EventName, FaultEvent, LeaseCause, LeaseEvent, RefusedEvent, Requester, SceneEvent,
     StoppingEvent,
 };
 pub use frame::{SplitError, Splitter};

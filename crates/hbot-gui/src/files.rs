@@ -5,6 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
 use hbot_config::SceneFile;
+use serde::Serialize;
 use serde_json::Value;
 
 use crate::model::PlotSample;
@@ -41,15 +42,10 @@ pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<Pa
     let path = folder.join(format!("hbot-{now}.csv"));
     let write = || -> anyhow::Result<()> {
         let mut csv = csv::Writer::from_path(&path)?;
-        csv.write_record(COLUMNS)?;
-        for s in samples {
-            csv.serialize((
-                (s.tick, s.t),
-                (s.q.w, s.q.x, s.q.y, s.q.z),
-                s.omega.to_array(),
-                s.torque.to_array(),
-                (s.scale, s.slip, s.energy, s.lateness_us),
-            ))?;
+        let joints = samples.iter().map(|sample| sample.joints().len()).max().unwrap_or_default();
+        csv.write_record(columns(joints))?;
+        for sample in samples {
+            csv.serialize(row(sample, joints))?;
         }
         Ok(csv.flush()?)
     };
@@ -57,11 +53,13 @@ pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<Pa
     Ok(path)
 }
 
-/// The columns of the CSV file, in SI units except for the last. Each has the meaning of the field
-/// of state messages in docs/api.md.
-const COLUMNS: [&str; 16] = [
+/// The columns before those of the joints, in SI units except for times in us. Each has the meaning
+/// of the field of state messages in docs/api.md. A field that is null there is an empty cell.
+const COLUMNS: [&str; 28] = [
     "tick",
     "t",
+    "mode",
+    "fault",
     "q_w",
     "q_x",
     "q_y",
@@ -69,19 +67,58 @@ const COLUMNS: [&str; 16] = [
     "omega_1",
     "omega_2",
     "omega_3",
+    "reference_w",
+    "reference_x",
+    "reference_y",
+    "reference_z",
     "torque_1",
     "torque_2",
     "torque_3",
-    "scale",
     "slip",
+    "scale",
+    "traction",
     "energy",
+    "client_seq",
+    "client_age_ticks",
     "lateness_us",
+    "compute_us",
+    "link_us",
+    "age_us",
 ];
+
+/// Returns the names of the columns for a rig with so many joints.
+fn columns(joints: usize) -> Vec<String> {
+    let fixed = COLUMNS.into_iter().map(str::to_owned);
+    let of_joint = |k: usize| ["angle", "rate", "torque"].map(|what| format!("joint{}_{what}", k + 1));
+    fixed.chain((0..joints).flat_map(of_joint)).collect()
+}
+
+/// Returns the cells of one sample, in the order of [`columns`].
+fn row(s: &PlotSample, joints: usize) -> impl Serialize + use<> {
+    let of_joints: Vec<_> = (0..joints)
+        .map(|k| s.joints().get(k).map(|joint| [joint.angle, joint.rate, joint.torque]))
+        .flat_map(|joint| (0..3).map(move |part| joint.map(|joint| joint[part])))
+        .collect();
+    let reference = s.reference.map(|q| [q.w, q.x, q.y, q.z]);
+    let times = [s.timing.lateness_us, s.timing.compute_us, s.timing.link_us, s.timing.age_us];
+    (
+        (s.tick, s.t, s.mode, s.fault),
+        [s.q.w, s.q.x, s.q.y, s.q.z],
+        s.omega.to_array(),
+        [0, 1, 2, 3].map(|part| reference.map(|q| q[part])),
+        s.torque.to_array(),
+        [s.slip, s.scale, s.traction, s.energy],
+        (s.client.and_then(|client| client.seq), s.client.map(|client| client.age_ticks)),
+        times,
+        of_joints,
+    )
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_api::StateEvent;
+    use hbot_api::{ClientStream, Fault, JointState, StateEvent};
+    use std::collections::BTreeSet;
 
     #[test]
     fn a_scene_that_is_saved_is_the_scene_that_is_loaded() {
@@ -97,13 +134,60 @@ mod tests {
         }
     }
 
+    /// Returns the names of the columns for a field of a state.
+    fn names(key: &str, value: &Value) -> Vec<String> {
+        let with = |ends: &[&str]| ends.iter().map(|end| format!("{key}_{end}")).collect();
+        match (key, value) {
+            ("joints", Value::Array(joints)) => {
+                let parts =
+                    |k: usize| ["angle", "rate", "torque"].map(|part| format!("joint{}_{part}", k + 1));
+                (0..joints.len()).flat_map(parts).collect()
+            }
+            ("timing", Value::Object(times)) => times.keys().cloned().collect(),
+            (_, Value::Object(parts)) => parts.keys().map(|part| format!("{key}_{part}")).collect(),
+            (_, Value::Array(parts)) if parts.len() == 4 => with(&["w", "x", "y", "z"]),
+            (_, Value::Array(_)) => with(&["1", "2", "3"]),
+            _ => vec![key.to_owned()],
+        }
+    }
+
     #[test]
-    fn every_sample_is_a_line_of_as_many_figures_as_there_are_columns() {
+    fn a_csv_file_has_every_field_of_a_state() {
         let folder = tempfile::tempdir().expect("a folder");
-        let samples = [PlotSample::of(&StateEvent::default()); 3];
+        let joint = JointState { angle: 1.5, rate: -2.5, torque: 0.25 };
+        let full = StateEvent {
+            tick: 7,
+            reference: Some([0.5; 4]),
+            fault: Some(Fault::LinkLost),
+            joints: vec![joint; 4],
+            client: Some(ClientStream { seq: Some(9), age_ticks: 2 }),
+            traction: 0.75,
+            ..StateEvent::default()
+        };
+        let samples =
+            [PlotSample::of(&full), PlotSample::of(&StateEvent { tick: 8, ..StateEvent::default() })];
         let path = export(folder.path(), &samples).expect("written");
-        let text = std::fs::read_to_string(path).expect("a file");
-        assert_eq!(text.lines().count(), 4);
-        assert!(text.lines().all(|line| line.split(',').count() == COLUMNS.len()), "{text}");
+        let mut csv = csv::Reader::from_path(path).expect("a file");
+        let heads: Vec<String> = csv.headers().expect("a line").iter().map(str::to_owned).collect();
+        let Ok(Value::Object(fields)) = serde_json::to_value(&full) else { panic!("a map") };
+        let wanted: BTreeSet<String> = fields.iter().flat_map(|(key, value)| names(key, value)).collect();
+        assert_eq!(heads.iter().cloned().collect::<BTreeSet<_>>(), wanted);
+        let rows: Vec<Vec<String>> = csv
+            .records()
+            .map(|row| row.expect("as many cells as columns").iter().map(str::to_owned).collect())
+            .collect();
+        let cell = |row: usize, head: &str| {
+            rows[row][heads.iter().position(|name| name == head).expect("a column")].clone()
+        };
+        for (head, with, without) in [
+            ("fault", "link_lost", ""),
+            ("mode", "unreferenced", "unreferenced"),
+            ("reference_w", "0.5", ""),
+            ("client_seq", "9", ""),
+            ("traction", "0.75", "0.0"),
+            ("joint4_rate", "-2.5", ""),
+        ] {
+            assert_eq!((cell(0, head).as_str(), cell(1, head).as_str()), (with, without), "{head}");
+        }
     }
 }

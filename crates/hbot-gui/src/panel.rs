@@ -25,6 +25,8 @@ pub struct Panel {
     delivery: Delivery,
     /// Folder in which exported samples are saved.
     out: PathBuf,
+    /// The present title of the window.
+    title: String,
 }
 
 /// The folders in which the panel reads and writes files.
@@ -44,11 +46,18 @@ impl Panel {
     /// Fails if the operating system refuses a thread.
     pub fn new(ctx: &egui::Context, options: PanelOptions, folders: Folders) -> std::io::Result<Self> {
         theme::install(ctx);
-        let model = Model::new(&options.server, options.samples_per_s);
+        let model = Model::new(&options.server, &options.name, options.samples_per_s);
         let desk = Desk::new(folders.scenes, &options.server);
         let waker = ctx.clone();
         let network = Network::start(options, Arc::new(move || waker.request_repaint()))?;
-        Ok(Self { model, desk, network, delivery: Delivery::default(), out: folders.out })
+        Ok(Self {
+            model,
+            desk,
+            network,
+            delivery: Delivery::default(),
+            out: folders.out,
+            title: String::new(),
+        })
     }
 
     /// Returns whether the panel is connected and has received a state of the rig.
@@ -71,11 +80,21 @@ impl Panel {
         if stop_keys(ui) {
             acts.push(Act::Ask(Intent::Stop));
         }
+        self.retitle(ui.ctx());
         view::show(ui, &self.model, &mut self.desk, &mut acts);
         for act in acts {
             self.obey(act);
         }
         ui.ctx().request_repaint_after(FRAME_AT_LEAST_EVERY);
+    }
+
+    /// Sets the title of the window, if it has changed.
+    fn retitle(&mut self, ctx: &egui::Context) {
+        let title = self.model.title();
+        if title != self.title {
+            ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
     }
 
     fn obey(&mut self, act: Act) {

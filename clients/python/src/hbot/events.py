@@ -107,6 +107,16 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
+class Requester:
+    """Who asked for what an event reports."""
+
+    name: str
+    """Name of the client. `"SIGUSR1"` if that signal stopped the rig."""
+    session: int | None
+    """Number of the client's connection. None for a signal."""
+
+
+@dataclass(frozen=True, slots=True)
 class FaultEvent:
     """The rig went into a fault or an emergency stop, or left it."""
 
@@ -120,6 +130,8 @@ class FaultEvent:
     """Cause of the fault. None except in mode `"fault"`."""
     message: str
     """Description for people."""
+    by: Requester | None = None
+    """Who stopped or reset the rig. None if the rig stopped by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +144,8 @@ class LeaseEvent:
     """Number of that client's connection. None if the lease is free."""
     cause: Literal["acquired", "released", "stolen", "disconnected"]
     """Why the lease changed hands."""
+    by: Requester | None = None
+    """Who took the lease, gave it back, or lost it with the connection."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +170,8 @@ class SceneEvent:
     """Name of the scene."""
     effects: tuple[Effect, ...]
     """Effects of the scene."""
+    by: Requester | None = None
+    """Who loaded the scene."""
 
 
 @dataclass(frozen=True, slots=True)

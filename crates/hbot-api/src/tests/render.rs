@@ -80,10 +80,11 @@ fn a_late_program_renders_only_the_newest_state() {
 
 #[test]
 fn what_ends_the_loop_is_told() {
-    let lease = |session| Event::Lease(LeaseEvent { holder: None, session, cause: LeaseCause::Stolen });
+    let lease =
+        |session| Event::Lease(LeaseEvent { holder: None, session, cause: LeaseCause::Stolen, by: None });
     let fault = |mode| {
-        let (tick, t, fault, message) = (2, 0.0, None, "stop".into());
-        Event::Fault(FaultEvent { tick, t, mode, fault, message })
+        let (tick, t, fault, message, by) = (2, 0.0, None, "stop".into(), None);
+        Event::Fault(FaultEvent { tick, t, mode, fault, message, by })
     };
     let stopping = Event::Stopping(StoppingEvent { message: "bye".into() });
     // The session of the small server's client is 3.

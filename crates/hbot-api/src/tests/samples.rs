@@ -124,8 +124,16 @@ pub(super) fn events() -> Vec<ServerMessage> {
         mode: Mode::Fault,
         fault: Some(Fault::LinkLost),
         message: "x".into(),
+        by: None,
     };
-    let lease = LeaseEvent { holder: Some("other".into()), session: Some(8), cause: LeaseCause::Stolen };
+    let by = Some(Requester { name: "other".into(), session: Some(8) });
+    let lease = LeaseEvent {
+        holder: Some("other".into()),
+        session: Some(8),
+        cause: LeaseCause::Stolen,
+        by: by.clone(),
+    };
+    let signal = Some(Requester { name: "SIGUSR1".into(), session: None });
     let effects = vec![EffectCost { id: "dial".into(), kind: "detents".into(), cost_ns: 95 }];
     [
         Event::State(state()),
@@ -137,10 +145,10 @@ pub(super) fn events() -> Vec<ServerMessage> {
             ..state()
         }),
         Event::Fault(fault.clone()),
-        Event::Fault(FaultEvent { mode: Mode::Estop, fault: None, ..fault }),
+        Event::Fault(FaultEvent { mode: Mode::Estop, fault: None, by: signal, ..fault }),
         Event::Lease(lease),
-        Event::Lease(LeaseEvent { holder: None, session: None, cause: LeaseCause::Released }),
-        Event::Scene(SceneEvent { tick: 77, name: "Dial".into(), effects }),
+        Event::Lease(LeaseEvent { holder: None, session: None, cause: LeaseCause::Released, by: None }),
+        Event::Scene(SceneEvent { tick: 77, name: "Dial".into(), effects, by }),
         Event::Dropped(DroppedEvent { count: 3, total: 300 }),
         Event::Refused(RefusedEvent {
             count: 1,

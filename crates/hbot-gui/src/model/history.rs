@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::PlotSample;
 
-/// Largest number of samples kept for the plots: 30 s at 1 kHz, 4 MB.
+/// Largest number of samples kept for the plots: 30 s at 1 kHz, 20 MB.
 const MAX_SAMPLES: usize = 32_768;
 
 /// Longest time that the plots can show, in seconds of the control loop's time.

@@ -2,23 +2,29 @@
 //! arrives from the server, and [`Model::asked`] with what the user asks.
 
 mod fit;
+mod headline;
 mod histogram;
 mod history;
 mod messages;
 pub(crate) mod sample;
 mod scene;
+mod stop;
+#[cfg(test)]
+pub(crate) mod tests;
 pub(crate) mod words;
 
 use std::time::{Duration, Instant};
 
-use hbot_api::{FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, StateEvent, StatsOk};
+use hbot_api::{FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, StateEvent, StatsOk};
 
 pub(crate) use fit::{Fit, fit};
+pub(crate) use headline::{Headline, person};
 pub(crate) use histogram::{BINS, Histogram};
 pub(crate) use history::{History, SPAN_S, thinned};
 pub(crate) use messages::{Messages, Weight};
 pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
+pub(crate) use stop::{PendingStop, has_torque};
 
 use crate::net::{Delivery, Intent, Lease, News};
 
@@ -46,6 +52,16 @@ pub(crate) struct Model {
     pub(crate) server: String,
     pub(crate) link: Link,
     pub(crate) lease: Lease,
+    /// Name of this panel's clients.
+    name: String,
+    /// Number of the connection that sends the user's requests.
+    session: Option<u64>,
+    /// Number of the connection that sends stops.
+    stop_session: Option<u64>,
+    /// Whether the rig is simulated, as the server at this address last said.
+    simulated: Option<bool>,
+    /// A stop that the user has asked for and that is not confirmed yet.
+    stop: Option<PendingStop>,
     /// The newest state message from the server.
     pub(crate) state: Option<StateEvent>,
     /// Time at which the newest state message arrived.
@@ -65,11 +81,18 @@ pub(crate) struct Model {
 }
 
 impl Model {
-    pub(crate) fn new(server: &str, samples_per_s: u32) -> Self {
+    /// Creates the model of a panel that is not connected yet. `name` is the name of the panel's
+    /// clients.
+    pub(crate) fn new(server: &str, name: &str, samples_per_s: u32) -> Self {
         Self {
             server: server.to_owned(),
             link: Link::Connecting,
             lease: Lease::Unknown,
+            name: name.to_owned(),
+            session: None,
+            stop_session: None,
+            simulated: None,
+            stop: None,
             state: None,
             heard: None,
             history: History::default(),
@@ -95,10 +118,21 @@ impl Model {
         (self.is_online() && silent > SILENT_AFTER).then_some(silent)
     }
 
-    /// Returns whether the panel can send commands to the server: it is connected, and no other
-    /// client holds the lease.
-    pub(crate) const fn may_command(&self) -> bool {
-        self.is_online() && !matches!(self.lease, Lease::Other(_))
+    /// Returns whether what the window shows is what the rig does now: the panel is connected and
+    /// receives states.
+    pub(crate) fn is_live(&self) -> bool {
+        self.is_online() && self.state.is_some() && self.silent_for().is_none()
+    }
+
+    /// Returns whether the user can command the rig: the panel is connected, the server is not
+    /// silent, and no other client holds the lease.
+    pub(crate) fn may_command(&self) -> bool {
+        self.is_online() && self.silent_for().is_none() && !matches!(self.lease, Lease::Other(_))
+    }
+
+    /// Returns the stop that the user has asked for, if nothing has confirmed it in time.
+    pub(crate) fn unconfirmed_stop(&self) -> Option<&PendingStop> {
+        self.stop.as_ref().filter(|stop| stop.is_unconfirmed())
     }
 
     pub(crate) fn mode(&self) -> Option<Mode> {
@@ -112,13 +146,18 @@ impl Model {
             self.news(news);
         }
         for sample in delivery.samples.drain(..) {
-            self.lateness.add(sample.lateness_us);
+            self.lateness.add(sample.timing.lateness_us);
             self.history.push(sample);
         }
         self.dropped += std::mem::take(&mut delivery.lost);
         if let Some(state) = delivery.state.take() {
-            if !matches!(state.mode, Mode::Fault | Mode::Estop) {
-                self.fault = None;
+            // The message about a stop can overtake the states before it.
+            let over = |fault: &FaultEvent| {
+                state.tick > fault.tick && !matches!(state.mode, Mode::Fault | Mode::Estop)
+            };
+            self.fault = self.fault.take().filter(|fault| !over(fault));
+            if self.stop.as_ref().is_some_and(|stop| stop.is_proved_by(&self.server, &state)) {
+                self.stop = None;
             }
             self.state = Some(state);
             self.heard = Some(Instant::now());
@@ -130,7 +169,14 @@ impl Model {
     pub(crate) fn asked(&mut self, intent: &Intent) {
         match intent {
             Intent::Set { effect, key, value } => self.scene.ask(effect, key, value),
-            Intent::Connect(address) => self.server.clone_from(address),
+            Intent::Connect(address) if *address != self.server => {
+                self.server.clone_from(address);
+                self.simulated = None;
+            }
+            // A key that is held down asks many times. The time limit begins with the first.
+            Intent::Stop if self.stop.is_none() => {
+                self.stop = Some(PendingStop::new(&self.server, self.state.as_ref()));
+            }
             Intent::Samples(n) => self.samples_per_s = *n,
             _ => {}
         }
@@ -143,17 +189,8 @@ impl Model {
                     self.link = Link::Connecting;
                 }
             }
-            News::Connected(hello) => {
-                self.messages.add(Weight::Good, format!("connected to {}, {}", hello.server, hello.rig));
-                self.link = Link::Online(hello);
-                // The new server can have another clock. Discard what the old one reported.
-                self.history.clear();
-                self.lateness = Histogram::default();
-                self.state = None;
-                self.heard = Some(Instant::now());
-                self.fault = None;
-                self.dropped = 0;
-            }
+            News::Connected(hello) => self.connected(hello),
+            News::StopLine(session) => self.stop_session = Some(session),
             News::Offline { why, absent, again_in } => {
                 if self.is_online() {
                     self.messages.add(Weight::Bad, format!("connection lost: {why}"));
@@ -165,45 +202,83 @@ impl Model {
                 self.scene.forget_pending();
             }
             News::Info(info) => {
+                self.simulated = Some(info.rig.simulated);
                 self.scene.take(&info.scene);
                 self.info = *info;
             }
             News::Stats(stats) => self.stats = Some(*stats),
             News::Lease { lease, cause } => self.lease(lease, cause),
-            News::Fault(fault) => {
-                let stopped = matches!(fault.mode, Mode::Fault | Mode::Estop);
-                let name = fault.fault.map_or_else(|| fault.mode.to_string(), |fault| fault.to_string());
-                let weight = if stopped { Weight::Bad } else { Weight::Good };
-                // The window shows this message below the mode while the fault lasts.
-                self.messages.add_told(weight, format!("{name}: {}", fault.message));
-                self.fault = stopped.then_some(fault);
-            }
-            News::Scene(scene) => {
-                self.messages.add(Weight::Good, format!("scene: {}", scene.name));
-                self.scene.take_costs(scene.effects);
-            }
+            News::Fault(fault) => self.fault(fault),
+            News::Scene(scene) => self.scene_loaded(scene),
             News::Dropped(dropped) => self.dropped = dropped.total,
-            News::Stopping(message) => self.messages.add(Weight::Bad, format!("the server ends: {message}")),
             News::Answer { intent, result } => self.answer(&intent, result),
             News::Note(Ok(message)) => self.messages.add(Weight::Good, message),
             News::Note(Err(message)) => self.messages.add(Weight::Bad, message),
         }
     }
 
+    fn connected(&mut self, hello: HelloOk) {
+        self.messages.add(Weight::Good, format!("connected to {}, {}", hello.server, hello.rig));
+        self.session = Some(hello.session);
+        self.link = Link::Online(hello);
+        // The new server can have another clock. Discard what the old one reported.
+        self.history.clear();
+        self.lateness = Histogram::default();
+        self.state = None;
+        self.heard = Some(Instant::now());
+        self.fault = None;
+        self.dropped = 0;
+        // The server can have started again with another rig. The answer to `info` says which.
+        self.simulated = None;
+        if let Some(stop) = &mut self.stop {
+            stop.reconnected();
+        }
+    }
+
+    fn fault(&mut self, fault: FaultEvent) {
+        let stopped = matches!(fault.mode, Mode::Fault | Mode::Estop);
+        let name = fault.fault.map_or_else(|| fault.mode.to_string(), |fault| fault.to_string());
+        let weight = if stopped { Weight::Bad } else { Weight::Good };
+        // The server's message about a stop names the client. That about a reset does not.
+        let by = fault.by.as_ref().filter(|_| !stopped).map(|by| format!(" by {}", self.who(by)));
+        // The window shows this message below the mode while the fault lasts.
+        self.messages.add_told(weight, format!("{name}: {}{}", fault.message, by.unwrap_or_default()));
+        self.fault = stopped.then_some(fault);
+    }
+
+    fn scene_loaded(&mut self, scene: SceneEvent) {
+        let by = scene.by.as_ref().map(|by| format!(", loaded by {}", self.who(by)));
+        self.messages.add(Weight::Good, format!("scene: {}{}", scene.name, by.unwrap_or_default()));
+        self.scene.take_costs(scene.effects);
+    }
+
     fn answer(&mut self, intent: &Intent, result: Result<(), String>) {
-        if let Intent::Set { effect, key, value } = intent {
-            self.scene.answered(effect, key, value, result.is_ok());
+        match (intent, &result) {
+            (Intent::Set { effect, key, value }, _) => {
+                self.scene.answered(effect, key, value, result.is_ok());
+            }
+            (Intent::Stop, Ok(())) => self.stop = self.stop.take().filter(PendingStop::is_unconfirmed),
+            (Intent::Stop, Err(why)) => return self.stop_failed(why.clone()),
+            _ => {}
         }
         if let Err(why) = result {
             self.messages.add(Weight::Bad, format!("{}: {why}", intent.name()));
         }
     }
 
+    /// Records that a stop was not confirmed. The window shows this in the place of the mode until
+    /// a state proves that the rig has stopped.
+    fn stop_failed(&mut self, why: String) {
+        self.messages.add_told(Weight::Bad, format!("{why}: cut the motors' power"));
+        let (server, state) = (&self.server, self.state.as_ref());
+        self.stop.get_or_insert_with(|| PendingStop::new(server, state)).fail(why);
+    }
+
     fn lease(&mut self, lease: Lease, cause: Option<LeaseCause>) {
         if self.lease == Lease::Mine
             && let (Lease::Other(holder), Some(LeaseCause::Stolen)) = (&lease, cause)
         {
-            self.messages.add(Weight::Bad, format!("{holder} has taken over command"));
+            self.messages.add(Weight::Bad, format!("{} has taken over command", person(holder)));
         }
         self.lease = lease;
     }

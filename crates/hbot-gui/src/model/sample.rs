@@ -1,9 +1,13 @@
 //! The part of a state that the panel keeps.
 
 use glam::{DQuat, DVec3};
-use hbot_api::StateEvent;
+use hbot_api::{ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
 
-/// A state of the rig in one tick, without its joints. Histories and plots consist of samples.
+/// Largest number of joints of a rig: a steer and a drive of each of at most eight wheels.
+const MAX_JOINTS: usize = 16;
+
+/// A state of the rig in one tick, in a form that needs no further memory. Histories and plots
+/// consist of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PlotSample {
     pub(crate) tick: u64,
@@ -23,8 +27,18 @@ pub(crate) struct PlotSample {
     pub(crate) slip: f64,
     /// Energy delivered to the hand since the start, J.
     pub(crate) energy: f64,
-    /// Time from the tick's deadline to its start, us.
-    pub(crate) lateness_us: f64,
+    /// Fraction of the friction limit that the most loaded contact uses, 0 to 1.
+    pub(crate) traction: f64,
+    /// Cause of the fault. `None` except in mode fault.
+    pub(crate) fault: Option<Fault>,
+    /// The last stream message that the control loop has accepted.
+    pub(crate) client: Option<ClientStream>,
+    /// Lateness, computing time and other times of the tick, us.
+    pub(crate) timing: StateTiming,
+    pub(crate) mode: Mode,
+    joints: [JointState; MAX_JOINTS],
+    /// Number of joints of the rig.
+    joint_count: usize,
     /// Whether the rig rendered the scene with full torque (mode `active`).
     pub(crate) active: bool,
 }
@@ -41,9 +55,20 @@ impl PlotSample {
             scale: state.scale,
             slip: state.slip,
             energy: state.energy,
-            lateness_us: state.timing.lateness_us,
-            active: state.mode == hbot_api::Mode::Active,
+            traction: state.traction,
+            fault: state.fault,
+            client: state.client,
+            timing: state.timing,
+            mode: state.mode,
+            joints: std::array::from_fn(|k| state.joints.get(k).copied().unwrap_or_default()),
+            joint_count: state.joints.len().min(MAX_JOINTS),
+            active: state.mode == Mode::Active,
         }
+    }
+
+    /// Returns the joints of the rig: steer and drive of the first wheel, then of the next.
+    pub(crate) fn joints(&self) -> &[JointState] {
+        &self.joints[..self.joint_count]
     }
 
     /// Returns the orientation from which the sphere's deflection is measured: `chosen` if it is

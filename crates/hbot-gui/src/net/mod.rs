@@ -19,7 +19,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use hbot_api::{DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, StatsOk, Token, Trust};
+use hbot_api::{
+    DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, StatsOk, Token, Trust, client_name,
+};
 use serde_json::Value;
 
 use mailbox::Outgoing;
@@ -48,11 +50,14 @@ pub struct PanelOptions {
     pub observe: bool,
     /// Number of state messages that the panel requests per second of the control loop's time.
     pub samples_per_s: u32,
+    /// Name under which other clients see the panel.
+    pub name: String,
 }
 
 impl PanelOptions {
     /// Creates options for the server at the address `server`, without a token or encryption. With
-    /// these options the panel takes the lease (the right to command) if it is free.
+    /// these options the panel takes the lease (the right to command) if it is free. Its name is
+    /// `panel USER@HOST`.
     #[must_use]
     pub fn new(server: &str) -> Self {
         Self {
@@ -61,6 +66,7 @@ impl PanelOptions {
             trust: None,
             observe: false,
             samples_per_s: DEFAULT_SAMPLES_PER_S,
+            name: client_name("panel"),
         }
     }
 }
@@ -128,6 +134,8 @@ pub(crate) enum Lease {
 pub(crate) enum News {
     Connecting,
     Connected(HelloOk),
+    /// The connection for stops was made. This is its number.
+    StopLine(u64),
     Offline {
         why: String,
         /// Whether the address refuses connections, which means that no server is running there.
@@ -143,7 +151,6 @@ pub(crate) enum News {
     Fault(FaultEvent),
     Scene(SceneEvent),
     Dropped(DroppedEvent),
-    Stopping(String),
     /// The result of a request of the user: success, or the reason why it failed.
     Answer {
         intent: Intent,

@@ -37,7 +37,7 @@ pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mail
     let mut pause = FIRST_PAUSE;
     loop {
         mailbox.post(News::Connecting);
-        let over = match connect(&options, "hbot panel") {
+        let over = match connect(&options) {
             Ok(client) => {
                 pause = FIRST_PAUSE;
                 Session::new(client, &mut options, outgoing, mailbox).run()
@@ -63,14 +63,14 @@ pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mail
     }
 }
 
-/// Opens a connection to the server, with `name` as the name of the client.
-pub(super) fn connect(options: &PanelOptions, name: &str) -> Result<Client, ClientError> {
+/// Opens a connection to the server.
+pub(super) fn connect(options: &PanelOptions) -> Result<Client, ClientError> {
     let connect = ConnectOptions {
         token: options.token.clone(),
         encoding: Encoding::Msgpack,
         trust: options.trust.clone(),
         timeout: ANSWER_TIMEOUT,
-        ..ConnectOptions::new(name)
+        ..ConnectOptions::new(&options.name)
     };
     Client::connect_with(&options.server, &connect)
 }
@@ -163,7 +163,6 @@ impl<'a> Session<'a> {
             self.poll()?;
             if let Some(event) = self.client.next_event(IDLE)? {
                 if let Event::Stopping(stopping) = event {
-                    self.mailbox.post(News::Stopping(stopping.message.clone()));
                     return Ok(Over::Lost(stopping.message));
                 }
                 self.event(event);
@@ -288,7 +287,7 @@ impl<'a> Session<'a> {
                 self.info_due = Instant::now();
                 self.mailbox.post(News::Scene(scene));
             }
-            Event::Lease(LeaseEvent { holder, session, cause }) => {
+            Event::Lease(LeaseEvent { holder, session, cause, .. }) => {
                 self.lease = self.lease_of(holder, session);
                 self.mailbox.post(News::Lease { lease: self.lease.clone(), cause: Some(cause) });
             }

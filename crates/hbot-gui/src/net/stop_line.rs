@@ -63,7 +63,7 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
                         client = None;
                     }
                 }
-                let result = estop(&mut client, &options);
+                let result = estop(&mut client, &options, mailbox);
                 if let Err(error) = &result {
                     client = None;
                     if !matches!(error, ClientError::NoServer { .. }) {
@@ -73,7 +73,7 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
                 }
                 let result = result.map_err(|error| {
                     let why = in_words(&error);
-                    format!("the server has not confirmed the stop ({why}): cut the motors' power")
+                    format!("the server has not confirmed the stop ({why})")
                 });
                 mailbox.post(News::Answer { intent: Intent::Stop, result });
             }
@@ -83,7 +83,7 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
             }
             Err(RecvTimeoutError::Timeout) => {
                 if client.as_mut().is_none_or(|client| !drain(client)) {
-                    client = open(&options).ok();
+                    client = open(&options, mailbox).ok();
                 }
             }
             Err(RecvTimeoutError::Disconnected) => return,
@@ -91,21 +91,23 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
     }
 }
 
-fn open(options: &PanelOptions) -> Result<Client, ClientError> {
-    let mut client = connect(options, "hbot panel: stop")?;
+/// Opens a connection for stops, and reports its number to the window.
+fn open(options: &PanelOptions, mailbox: &Mailbox) -> Result<Client, ClientError> {
+    let mut client = connect(options)?;
     client.set_timeout(TIMEOUT);
+    mailbox.post(News::StopLine(client.hello().session));
     Ok(client)
 }
 
 /// Sends an emergency stop to the server over `client`, or over a new connection if that is broken.
-fn estop(client: &mut Option<Client>, options: &PanelOptions) -> Result<(), ClientError> {
+fn estop(client: &mut Option<Client>, options: &PanelOptions, mailbox: &Mailbox) -> Result<(), ClientError> {
     if let Some(client) = client.as_mut() {
         match client.estop() {
             Err(ClientError::Closed | ClientError::Io(_)) => {}
             result => return result.map(drop),
         }
     }
-    client.insert(open(options)?).estop().map(drop)
+    client.insert(open(options, mailbox)?).estop().map(drop)
 }
 
 /// Discards the events that have arrived. Returns false if the connection has ended.

@@ -1,65 +1,129 @@
-//! The bar at the top of the window: the connection, and who holds the lease.
+//! The bar at the top of the window: whether the rig is simulated, the connection, and who holds the
+//! lease.
 
-use eframe::egui::{self, RichText, TextEdit, Ui};
+use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
-use super::theme::{Palette, heading, lamp, named, weak};
-use crate::model::{Link, Model};
+use super::theme::{Palette, STOP, badge, heading, lamp, named, weak};
+use crate::model::{Link, Model, has_torque, person};
 use crate::net::{Intent, Lease};
 
-pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
+/// Width of the button for the lease, points. It is wide enough for every text of the button.
+const LEASE: f32 = 112.0;
+/// Width of the box that asks before the lease is taken over, points.
+const QUESTION: f32 = 380.0;
+
+pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     let palette = Palette::of(ui);
     ui.horizontal(|ui| {
         let (color, text) = match &model.link {
+            Link::Online(hello) if model.silent_for().is_some() => {
+                (palette.bad, format!("{}  silent", hello.rig))
+            }
             Link::Online(hello) => (palette.good, format!("{}  {} Hz", hello.rig, hello.rate_hz)),
             Link::Connecting => (palette.warn, "connecting".to_owned()),
             Link::Offline { .. } => (palette.bad, "not connected".to_owned()),
         };
+        kind_of_rig(ui, model, palette);
         lamp(ui, color);
         ui.label(RichText::new(text).strong());
         weak(ui, &model.server);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             theme_switch(ui);
-            if model.is_online() {
-                lease(ui, model, palette, intents);
-            }
+            lease(ui, model, palette, desk, intents);
         });
     });
+}
+
+/// Draws whether motors can push, in the words of the server's banner.
+fn kind_of_rig(ui: &mut Ui, model: &Model, palette: Palette) {
+    let (ground, word, hint) = match model.badge() {
+        Some(word @ "LIVE") => (STOP, word, "a real rig: its motors can push"),
+        Some(word) => (palette.warn, word, "a simulated rig: there are no motors"),
+        None => (palette.weak, "UNKNOWN", "no server has said yet whether its rig is simulated"),
+    };
+    badge(ui, ground, word).on_hover_text(hint);
 }
 
 fn theme_switch(ui: &mut Ui) {
     let dark = ui.visuals().dark_mode;
     let (text, theme) = if dark { ("Light", egui::Theme::Light) } else { ("Dark", egui::Theme::Dark) };
-    if named(ui.button(text), "Light or dark").on_hover_text("light or dark ground").clicked() {
+    let button = egui::Button::new(text).min_size(vec2(54.0, 0.0));
+    if named(ui.add(button), "Light or dark").on_hover_text("light or dark ground").clicked() {
         ui.ctx().set_theme(theme);
     }
 }
 
-fn lease(ui: &mut Ui, model: &Model, palette: Palette, intents: &mut Vec<Intent>) {
-    // The layout goes from right to left, so the button comes first.
-    match &model.lease {
+/// Draws who commands, and the button that changes it. The button is always there and always of one
+/// size.
+fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents: &mut Vec<Intent>) {
+    let (text, hint, intent) = match &model.lease {
         Lease::Mine => {
-            let hint = "let another client command; a scene that runs goes on";
-            if ui.button("Release").on_hover_text(hint).clicked() {
-                intents.push(Intent::Release);
-            }
-            ui.colored_label(palette.good, "you command");
+            let hint = "let another client command; a scene that runs goes on".to_owned();
+            ("Release", hint, Intent::Release)
         }
         Lease::Free | Lease::Unknown => {
-            if ui.button("Take command").clicked() {
-                intents.push(Intent::Acquire { steal: false });
-            }
-            ui.label(if model.lease == Lease::Free { "nobody commands" } else { "watching" });
+            ("Take command", "command this rig".to_owned(), Intent::Acquire { steal: false })
         }
         Lease::Other(holder) => {
-            let hint = format!("command in place of {holder}");
-            if ui.button("Take over").on_hover_text(hint).clicked() {
-                intents.push(Intent::Acquire { steal: true });
+            ("Take over", format!("command in place of {holder}"), Intent::Acquire { steal: true })
+        }
+    };
+    let live = model.is_online() && model.silent_for().is_none();
+    // The layout goes from right to left, so the button comes first.
+    let button = egui::Button::new(text).min_size(vec2(LEASE, 0.0));
+    if ui.add_enabled(live, button).on_hover_text(hint).clicked() {
+        match &model.lease {
+            Lease::Other(holder) if model.mode().is_some_and(has_torque) => {
+                desk.taking_over = Some(holder.clone());
             }
-            let text = RichText::new(format!("observer: {holder} commands")).color(palette.warn);
-            ui.add(egui::Label::new(text).truncate());
+            _ => intents.push(intent),
         }
     }
+    let text = match &model.lease {
+        _ if !model.is_online() => return,
+        Lease::Mine => RichText::new("you command").color(palette.good),
+        Lease::Free => RichText::new("nobody commands"),
+        Lease::Unknown => RichText::new("watching"),
+        Lease::Other(holder) => {
+            RichText::new(format!("observer: {} commands", person(holder))).color(palette.warn)
+        }
+    };
+    ui.add(egui::Label::new(text).truncate());
+}
+
+/// Asks whether the user really wants to take the lease from a client whose scene pushes now. The
+/// question covers no part of the column with the stop button.
+pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
+    let Some(asked) = &desk.taking_over else { return };
+    if !model.is_live() || model.lease != Lease::Other(asked.clone()) {
+        desk.taking_over = None;
+        return;
+    }
+    let holder = person(asked).to_owned();
+    let area = egui::Area::new(egui::Id::unique("taking over")).order(egui::Order::Foreground);
+    area.anchor(egui::Align2::CENTER_TOP, vec2(0.0, 90.0)).show(ui.ctx(), |ui| {
+        let frame = egui::Frame::popup(ui.style()).stroke((2.0, Palette::of(ui).warn)).inner_margin(12);
+        frame.show(ui, |ui| {
+            ui.set_width(QUESTION);
+            heading(ui, &format!("Take over from {holder}?"));
+            let text = format!(
+                "The sphere pushes, and {holder} commands it. The scene goes on when you take over. If the program of {holder} \
+                 sends torques of its own, they end."
+            );
+            ui.add(egui::Label::new(text).wrap());
+            ui.add_space(6.0);
+            ui.horizontal(|ui| {
+                if named(ui.button("Take over"), "Take over now").clicked() {
+                    intents.push(Intent::Acquire { steal: true });
+                    desk.taking_over = None;
+                }
+                if ui.button("Cancel").clicked() {
+                    desk.taking_over = None;
+                }
+            });
+        });
+    });
 }
 
 /// Draws the middle of the window while there is no connection. It shows why, and has a field for

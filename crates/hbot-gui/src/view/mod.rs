@@ -12,6 +12,8 @@ mod schema;
 mod sphere;
 mod state;
 mod stiffness;
+#[cfg(test)]
+mod tests;
 pub(crate) mod theme;
 mod wheels;
 
@@ -62,6 +64,8 @@ pub(crate) struct Desk {
     spring: String,
     /// For each effect that the user has switched off, the gain it had before, by the effect's id.
     gains: BTreeMap<String, f64>,
+    /// The lease holder, while the panel asks whether to take the lease from this client.
+    taking_over: Option<String>,
 }
 
 impl Desk {
@@ -74,6 +78,7 @@ impl Desk {
             address: address.to_owned(),
             spring: String::new(),
             gains: BTreeMap::new(),
+            taking_over: None,
         }
     }
 }
@@ -83,13 +88,14 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     let mut intents = Vec::new();
     let narrow = ui.available_width() < 1100.0;
     let (left, right) = if narrow { (262.0, 286.0) } else { (300.0, 330.0) };
-    Panel::top("bar").show(ui, |ui| bar::show(ui, model, &mut intents));
+    Panel::top("bar").show(ui, |ui| bar::show(ui, model, desk, &mut intents));
     Panel::left("state").exact_size(left).resizable(false).show(ui, |ui| {
         ui.add_space(6.0);
         state::stop(ui, &mut intents);
         ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
             state::show(ui, model, &mut intents);
-            if model.is_online() {
+            // A scene stays while the server is away, so that its sliders stay in their places.
+            if model.is_online() || !model.scene.effects().is_empty() {
                 ui.separator();
                 ui.add_enabled_ui(model.may_command(), |ui| stiffness::show(ui, model, desk, &mut intents));
             }
@@ -105,26 +111,43 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         });
         ui.separator();
         ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(ui, |ui| match desk.tab {
-            Tab::Scene if !model.is_online() => drop(weak(ui, "Not connected.")),
+            Tab::Scene if !model.is_online() && model.scene.effects().is_empty() => {
+                drop(weak(ui, "Not connected."));
+            }
             Tab::Scene => scene::show(ui, model, desk, acts),
-            Tab::Health => health::show(ui, model),
+            Tab::Health => drop(ui.add_enabled_ui(model.is_live(), |ui| health::show(ui, model))),
             Tab::Messages => messages(ui, model),
         });
     });
     CentralPanel::default().show(ui, |ui| {
-        if matches!(model.link, Link::Online(_)) {
+        let online = matches!(model.link, Link::Online(_));
+        // The plots stay while the server is away, so that their samples can be looked at and saved.
+        if online || model.history.newest().is_some() {
             let height = (ui.available_height() * 0.42).max(190.0);
             Panel::bottom("plots").exact_size(height).resizable(false).show(ui, |ui| {
                 ui.add_space(4.0);
                 plots::show(ui, model, desk, acts);
             });
-            sphere::show(ui, model, desk);
+        }
+        if online {
+            ui.scope(|ui| {
+                faded_unless_live(ui, model);
+                sphere::show(ui, model, desk);
+            });
         } else {
             bar::no_server(ui, model, desk, &mut intents);
         }
     });
+    bar::question(ui, model, desk, &mut intents);
     toasts(ui, model);
     acts.extend(intents.into_iter().map(Act::Ask));
+}
+
+/// Greys out what is drawn in `ui` from now on, unless it shows what the rig does now.
+fn faded_unless_live(ui: &mut Ui, model: &Model) {
+    if !model.is_live() {
+        ui.multiply_opacity(ui.visuals().disabled_alpha());
+    }
 }
 
 fn messages(ui: &mut Ui, model: &Model) {
@@ -168,16 +191,4 @@ fn toasts(ui: &Ui, model: &Model) {
 fn round_up(x: f64) -> f64 {
     let decade = 10_f64.powf(x.log10().floor());
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * decade).find(|y| *y >= x * (1.0 - 1e-9)).unwrap_or(x)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn scales_end_at_round_numbers() {
-        for (x, end) in [(9.0, 10.0), (10.0, 10.0), (0.13, 0.2), (42.0, 50.0), (1.0, 1.0)] {
-            assert!((round_up(x) - end).abs() < 1e-12 * end, "{x}: {}", round_up(x));
-        }
-    }
 }

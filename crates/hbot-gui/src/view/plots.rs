@@ -52,6 +52,7 @@ impl Default for PlotDesk {
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
     controls(ui, model, &mut desk.plots, acts);
+    super::faded_unless_live(ui, model);
     let plots = &desk.plots;
     let history = plots.paused.as_deref().unwrap_or(&model.history);
     let palette = Palette::of(ui);
@@ -91,10 +92,10 @@ fn controls(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act
         }
         let export = ui
             .button("Export CSV")
-            .on_hover_text("writes what is shown to a file in the folder the panel runs in");
+            .on_hover_text("writes the last 30 s to a file in the folder the panel runs in");
         if export.clicked() {
             let history = plots.paused.as_deref().unwrap_or(&model.history);
-            acts.push(Act::Export(history.last(plots.window).copied().collect()));
+            acts.push(Act::Export(history.last(SPAN_S).copied().collect()));
         }
         let rates =
             ComboBox::from_id_salt("rate").selected_text(format!("{}/s", model.samples_per_s)).width(64.0);

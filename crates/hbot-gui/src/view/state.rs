@@ -1,12 +1,18 @@
 //! The mode of the rig, and the buttons that change it, with the stop button first.
 
-use eframe::egui::{self, Button, RichText, Role, Ui, WidgetInfo, vec2};
+use eframe::egui::{self, Button, RichText, Role, ScrollArea, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use hbot_api::Mode;
+use hbot_api::{Fault, Mode, StateEvent};
 
 use super::theme::{Palette, STOP, coloured, column, named, weak};
-use crate::model::{Model, words};
+use crate::model::{Headline, Model, PendingStop, words};
 use crate::net::Intent;
+
+/// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
+/// holds the explanation of every fault and its remedy without scrolling.
+const STATUS: [f32; 2] = [120.0, 150.0];
+/// A window of at least this height is tall, points.
+const TALL: f32 = 720.0;
 
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
@@ -21,42 +27,91 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     ui.vertical_centered(|ui| weak(ui, "Esc or Space, anywhere in this window"));
 }
 
-/// Draws the buttons that enable, disable and reset the rig, and the present mode of the rig.
+/// Draws the buttons that enable, disable and reset the rig, what the rig does now, and how near it
+/// is to its limits.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
     let palette = Palette::of(ui);
-    egui::Frame::group(ui.style()).show(ui, |ui| {
+    status(ui, model, palette);
+    ui.add_enabled_ui(model.is_live(), |ui| meters(ui, model, palette));
+}
+
+/// Draws what the rig does now, and what the user must know about it. The box has a fixed height,
+/// so that the sliders below it stay in their place; a longer text scrolls in it.
+fn status(ui: &mut Ui, model: &Model, palette: Palette) {
+    let headline = model.headline();
+    let mut frame = egui::Frame::group(ui.style());
+    if headline == Headline::NotStopped {
+        frame = frame.fill(STOP);
+    }
+    let height = if ui.ctx().content_rect().height() < TALL { STATUS[0] } else { STATUS[1] };
+    frame.show(ui, |ui| {
         ui.set_width(ui.available_width());
-        let Some(state) = &model.state else {
-            ui.label(RichText::new("NO STATE").strong().size(18.0).color(palette.weak));
-            weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
-            return;
-        };
-        let name = state.mode.as_str().to_uppercase();
-        ui.label(RichText::new(name).strong().size(18.0).color(palette.mode(state.mode)));
-        if let Some(silent) = model.silent_for() {
-            let text = format!(
-                "The server has said nothing for {:.0} s: what is shown is old.",
-                silent.as_secs_f64()
-            );
-            coloured(ui, palette.bad, text);
+        ui.set_height(height);
+        ui.spacing_mut().item_spacing.y = 3.0;
+        let title = RichText::new(headline.text()).strong().size(18.0);
+        if headline == Headline::NotStopped {
+            ui.visuals_mut().override_text_color = Some(egui::Color32::WHITE);
+            ui.label(title);
+        } else {
+            ui.label(title.color(palette.headline(headline)));
         }
-        match state.fault {
-            Some(fault) => {
-                let (what, cure) = words::fault(fault);
-                coloured(ui, palette.bad, what);
-                ui.add(egui::Label::new(cure).wrap());
-                match &model.fault {
-                    Some(told) => weak(ui, format!("{fault}: {}", without_log(&told.message))),
-                    None => weak(ui, fault.as_str()),
-                };
-            }
-            None => {
-                weak(ui, words::mode(state.mode));
-            }
-        }
+        let area = ScrollArea::vertical().id_salt("status").auto_shrink(false);
+        area.show(ui, |ui| details(ui, model, headline, palette));
     });
-    meters(ui, model, palette);
+}
+
+fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
+    match (headline, &model.state) {
+        (Headline::NotStopped, _) => {
+            let stop = model.unconfirmed_stop();
+            ui.add(egui::Label::new(RichText::new("Cut the motors' power.").strong().size(15.0)).wrap());
+            let why = stop.map_or("", PendingStop::why);
+            let server = stop.map_or("", |stop| &stop.server);
+            ui.add(egui::Label::new(format!("At {server}: {why}.")).wrap());
+        }
+        (Headline::NoContact, _) => no_contact(ui, model, palette),
+        (Headline::Mode(Mode::Fault), Some(state)) => fault(ui, model, state.fault, palette),
+        (Headline::Mode(Mode::Estop), _) => match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
+            Some(by) => {
+                coloured(ui, palette.bad, format!("Stopped by {}.", model.who(by)));
+                weak(ui, "No torque until Reset, then Enable.");
+            }
+            None => drop(weak(ui, words::mode(Mode::Estop))),
+        },
+        (Headline::Mode(mode), _) => drop(weak(ui, words::mode(mode))),
+        (Headline::NoState, _) => {
+            weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
+        }
+    }
+}
+
+fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
+    match (model.silent_for(), &model.state) {
+        (Some(silent), state) => {
+            let text = format!("The server has said nothing for {:.0} s.", silent.as_secs_f64());
+            coloured(ui, palette.bad, text);
+            if let Some(state) = state {
+                let last = format!("What is shown is old. The last mode was {}.", state.mode);
+                ui.add(egui::Label::new(last).wrap());
+            }
+        }
+        (None, _) => drop(coloured(ui, palette.bad, "Not connected.")),
+    }
+    weak(ui, "What the rig does now is not known. If in doubt, cut the motors' power.");
+}
+
+fn fault(ui: &mut Ui, model: &Model, fault: Option<Fault>, palette: Palette) {
+    let Some(fault) = fault else { return };
+    let (what, cure) = words::fault(fault);
+    let by = model.fault.as_ref().and_then(|told| told.by.as_ref());
+    let by = by.map(|by| format!(" It was {}.", model.who(by))).unwrap_or_default();
+    coloured(ui, palette.bad, format!("{what}{by}"));
+    ui.add(egui::Label::new(cure).wrap());
+    match &model.fault {
+        Some(told) => weak(ui, format!("{fault}: {}", without_log(&told.message))),
+        None => weak(ui, fault.as_str()),
+    };
 }
 
 /// Removes the path of the flight log from a message, because the path is long. The list of
@@ -102,8 +157,11 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
 
 /// Draws bars that show how near the rig is to each of its limits.
 fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
-    let Some(state) = &model.state else { return };
+    // Without a state, the bars keep their places.
+    let empty = StateEvent::default();
+    let state = model.state.as_ref().unwrap_or(&empty);
     let limits = &model.info.limits;
+    ui.spacing_mut().item_spacing.y = 2.0;
     let torque = DVec3::from(state.torque).length();
     let speed = DVec3::from(state.omega).length();
     meter(

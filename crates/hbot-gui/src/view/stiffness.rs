@@ -46,9 +46,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     let stable = stable(model);
     let names = ["Stiffness", "Stiffness n1", "Stiffness n2", "Stiffness n3"];
     impedance(ui, model, effect, "stiffness", names, stiffest, stable, intents);
-    limits(ui, model, effect, stable);
     let names = ["Damping", "Damping n1", "Damping n2", "Damping n3"];
     impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, None, intents);
+    // The length of this text depends on the value of the sliders, so it comes below them.
+    limits(ui, model, effect, stable);
 }
 
 /// Returns the largest stiffness with which the rig is expected to be stable, N m/rad. Returns
@@ -238,7 +239,7 @@ mod tests {
         let scene = json!({"name": "S", "effect": [
             {"id": "s", "kind": "spring", "gain": 1.0, "stiffness": stiffness, "damping": 0.0}]});
         let info = json!({"limits": {"torque": 0.9}, "effects": kinds, "scene": scene, "render": render});
-        let mut model = Model::new("", 1);
+        let mut model = Model::new("", "panel me@here", 1);
         model.info = serde_json::from_value(info).expect("an answer to info");
         model.scene.take(&scene);
         let mut desk = Desk::new(".".into(), "");

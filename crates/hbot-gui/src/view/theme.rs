@@ -4,6 +4,8 @@
 use eframe::egui::{self, Color32, Response, RichText, Ui};
 use hbot_api::Mode;
 
+use crate::model::Headline;
+
 /// The colours of the window, named by what they mean.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Palette {
@@ -54,6 +56,15 @@ impl Palette {
                 wheel: rgb(0x38, 0x38, 0x38),
                 weak,
             }
+        }
+    }
+
+    /// Returns the colour of a headline.
+    pub(crate) const fn headline(&self, headline: Headline) -> Color32 {
+        match headline {
+            Headline::NotStopped | Headline::NoContact => self.bad,
+            Headline::NoState => self.weak,
+            Headline::Mode(mode) => self.mode(mode),
         }
     }
 
@@ -116,6 +127,18 @@ pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>)
         ui.add(egui::Label::new(text).truncate())
     })
     .inner
+}
+
+/// Draws a word on a coloured ground, in a place of fixed size.
+pub(crate) fn badge(ui: &mut Ui, ground: Color32, word: &str) -> Response {
+    let (rect, response) = ui.allocate_exact_size(egui::vec2(96.0, 20.0), egui::Sense::hover());
+    let ink = if ground.intensity() > 0.5 { Color32::BLACK } else { Color32::WHITE };
+    let painter = ui.painter();
+    painter.rect_filled(rect, 4.0, ground);
+    let font = egui::FontId::proportional(13.0);
+    painter.text(rect.center(), egui::Align2::CENTER_CENTER, word, font, ink);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, word));
+    response
 }
 
 /// Draws a small coloured dot, which shows a state like a lamp.

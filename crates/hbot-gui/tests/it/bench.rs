@@ -4,7 +4,7 @@
 use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener as StdListener, TcpStream};
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -285,6 +285,8 @@ impl Seat {
 pub(crate) struct Wire {
     pub(crate) address: SocketAddr,
     frozen: Arc<AtomicBool>,
+    /// Number of bytes that have passed, in both directions.
+    passed: Arc<AtomicU64>,
 }
 
 impl Wire {
@@ -292,18 +294,20 @@ impl Wire {
         let listener = StdListener::bind(("127.0.0.1", 0)).expect("a free port");
         let address = listener.local_addr().expect("an address");
         let frozen = Arc::new(AtomicBool::new(false));
-        let hold = Arc::clone(&frozen);
+        let passed = Arc::new(AtomicU64::new(0));
+        let (hold, count) = (Arc::clone(&frozen), Arc::clone(&passed));
         std::thread::spawn(move || {
             for near in listener.incoming().flatten() {
                 let Ok(far) = TcpStream::connect(server) else { continue };
                 for (mut from, mut to) in [(&near, &far), (&far, &near)]
                     .map(|(a, b)| (a.try_clone().expect("a socket"), b.try_clone().expect("a socket")))
                 {
-                    let hold = Arc::clone(&hold);
+                    let (hold, count) = (Arc::clone(&hold), Arc::clone(&count));
                     std::thread::spawn(move || {
                         let mut piece = [0; 4096];
                         while let Ok(n @ 1..) = from.read(&mut piece) {
                             eventually("the wire is let go", || !hold.load(Ordering::Relaxed));
+                            count.fetch_add(n as u64, Ordering::Relaxed);
                             if to.write_all(&piece[..n]).is_err() {
                                 break;
                             }
@@ -313,7 +317,12 @@ impl Wire {
                 }
             }
         });
-        Self { address, frozen }
+        Self { address, frozen, passed }
+    }
+
+    /// Returns how many bytes have passed, in both directions.
+    pub(crate) fn passed(&self) -> u64 {
+        self.passed.load(Ordering::Relaxed)
     }
 
     pub(crate) fn freeze(&self, frozen: bool) {

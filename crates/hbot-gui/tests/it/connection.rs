@@ -91,7 +91,7 @@ fn a_server_that_encrypts_says_so_to_a_panel_without_a_certificate() {
     // A stop that cannot be sent must be reported.
     seat.click("Stop");
     seat.until_text("the server has not confirmed the stop (hbot-gui --ca FILE names whom to trust");
-    assert!(seat.shows("cut the motors' power"), "{}", seat.texts());
+    assert!(seat.shows("Cut the motors' power."), "{}", seat.texts());
 }
 
 #[test]
@@ -143,14 +143,31 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
     let mut seat = Seat::at(bench.address);
     seat.until_text("observer: the experiment commands");
     seat.until_text("ACTIVE");
+    // While the sphere pushes for another client, taking over needs a second click.
+    for (answer, wanted) in
+        [("Cancel", "observer: the experiment commands"), ("Take over now", "you command")]
+    {
+        seat.click("Take over");
+        seat.until_text("Take over from the experiment?");
+        let holder = witness.info().lease.and_then(|lease| lease.holder);
+        assert_eq!(holder.as_deref(), Some("the experiment"), "nothing happens before the answer");
+        assert!(seat.is_enabled("Stop"));
+        seat.click(answer);
+        seat.until_text(wanted);
+        assert!(!seat.shows("Take over from"));
+    }
+    other.acquire(true).expect("stolen");
+    seat.until_text("observer: the experiment commands");
     for control in ["Stiffness", "Enable", "Reset", "spring on", "spring stiffness", "Load"] {
         assert!(!seat.is_enabled(control), "{control}");
     }
     seat.click("Stop");
     witness.state("stopped by an observer", |state| state.mode == Mode::Estop);
+    seat.until_text("ESTOP");
+    seat.until_text("Stopped by you.");
+    // A rig without torque changes hands at once.
     seat.click("Take over");
     seat.until_text("you command");
-    seat.until_text("ESTOP");
     assert!(seat.is_enabled("Reset"));
     other.acquire(true).expect("stolen");
     seat.until_text("the experiment has taken over command");
@@ -163,6 +180,18 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
     seat.until_text("nobody commands");
     seat.click("Take command");
     seat.until_text("you command");
+    // Another client stops the rig.
+    seat.until_text("IDLE");
+    other.estop().expect("stopped");
+    seat.until_text("Stopped by the experiment.");
+}
+
+#[test]
+fn a_panel_is_named_after_its_user_and_machine() {
+    let bench = AloneServer::start(&ServerSetup::default());
+    let (_seat, mut witness) = seated(&bench);
+    let holder = witness.info().lease.and_then(|lease| lease.holder);
+    assert_eq!(holder, Some(hbot_api::client_name("panel")));
 }
 
 #[test]
@@ -196,10 +225,11 @@ fn a_server_that_hangs_does_not_hang_the_window() {
     wire.freeze(true);
     seat.longest = Duration::ZERO;
     seat.until_text("The server has said nothing for");
-    seat.set("Stiffness", 1.0);
+    assert!(seat.shows("NO CONTACT") && !seat.shows("ACTIVE"), "{}", seat.texts());
+    assert!(!seat.is_enabled("Stiffness") && seat.is_enabled("Stop"));
     seat.click("Stop");
     seat.until_text("the server has not confirmed the stop");
-    assert!(seat.shows("cut the motors' power"));
+    assert!(seat.shows("NOT STOPPED") && seat.shows("Cut the motors' power."), "{}", seat.texts());
     // The network threads wait up to 2 s for an answer. This limit is far below, so it shows that
     // the window does not wait for them.
     assert!(seat.longest < Duration::from_secs(1), "a frame took {:?}", seat.longest);
@@ -207,6 +237,7 @@ fn a_server_that_hangs_does_not_hang_the_window() {
     // What was held up arrives now, including the stop.
     witness.state("stopped", |state| state.mode == Mode::Estop);
     seat.until_text("ESTOP");
+    assert!(!seat.shows("NOT STOPPED"), "{}", seat.texts());
 }
 
 #[test]

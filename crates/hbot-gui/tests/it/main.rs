@@ -4,7 +4,9 @@
 mod bench;
 mod connection;
 mod controls;
+mod display;
 mod identity;
 mod plots;
 mod scene;
+mod states;
 mod window;

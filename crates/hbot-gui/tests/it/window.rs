@@ -1,54 +1,8 @@
 //! Tests with a real window on a virtual display (Xvfb), drawn in software, in seven situations.
-//! The pictures stay in the build folder, so that people can look at them.
-
-use std::io::{BufRead as _, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 
 use crate::bench::{AloneServer, ServerSetup, alone};
+use crate::display::{Display, Shot, folder};
 use crate::identity::Identity;
-use hbot_testing::patience::until;
-
-/// A virtual screen on which tests open the panel's window, provided by the program Xvfb.
-struct Display {
-    name: String,
-    _server: Running,
-}
-
-/// A child process that is killed when this value is dropped, so that no process outlives its test.
-struct Running(Child);
-
-impl Display {
-    /// Starts Xvfb, which provides a virtual screen. Returns `None` on a computer without Xvfb. In
-    /// CI its absence is an error.
-    fn start() -> Option<Self> {
-        let mut command = Command::new("Xvfb");
-        command.args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp"]);
-        let mut server = match command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn() {
-            Ok(server) => server,
-            Err(error) => {
-                assert!(
-                    std::env::var_os("CI").is_none(),
-                    "Xvfb is needed here (apt-get install xvfb): {error}"
-                );
-                println!("no Xvfb on this machine ({error}): the real window is not tested here");
-                return None;
-            }
-        };
-        let mut number = String::new();
-        let out = server.stdout.take().expect("piped");
-        BufReader::new(out).read_line(&mut number).expect("Xvfb names its display");
-        Some(Self { name: format!(":{}", number.trim()), _server: Running(server) })
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // Xvfb may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 /// Starts the panel for a server and waits until it has saved a picture of its window. Returns the
 /// pixels of the picture.
@@ -59,60 +13,27 @@ fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &
 /// Starts the panel with the given arguments and waits until it has saved a picture of its window.
 /// Returns the pixels of the picture.
 fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], theme: &str) -> Vec<u8> {
-    let path = folder().join(format!("{name}.png"));
     // The picture for the documentation shows curves over the whole width of the plot.
-    let after = if name == "running" { "12" } else { "4" };
-    // Remove the picture of an earlier run, so that it is not mistaken for this one.
-    let _ = std::fs::remove_file(&path);
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-    let panel = Command::new(env!("CARGO_BIN_EXE_hbot-gui"))
-        .args(args)
-        .args(["--theme", theme, "--picture-after", after])
-        .arg(format!("--size={}x{}", size[0], size[1]))
-        .arg("--picture")
-        .arg(&path)
-        .arg("--scenes")
-        .arg(scenes)
-        .env("DISPLAY", &display.name)
-        .env("LIBGL_ALWAYS_SOFTWARE", "1")
-        .env_remove("WAYLAND_DISPLAY")
-        .spawn();
-    let mut panel = Running(panel.expect("the panel runs"));
-    let status = until(&format!("the picture {name}"), || panel.0.try_wait().expect("a child"));
-    assert!(status.success(), "{name}: {status}");
-    println!("{}", path.display());
-    let decoder = png::Decoder::new(BufReader::new(std::fs::File::open(&path).expect("a picture")));
-    let mut reader = decoder.read_info().expect("PNG");
-    let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
-    let info = reader.next_frame(&mut pixels).expect("PNG");
-    assert_eq!([info.width, info.height], size, "{name}");
-    assert!(std::fs::metadata(&path).expect("a file").len() < 300_000, "{name} is too large for a README");
-    pixels
-}
-
-/// Returns the folder in which the pictures are saved.
-fn folder() -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("panel");
-    std::fs::create_dir_all(&folder).expect("a folder");
-    folder
+    let seconds = if name == "running" { 12 } else { 4 };
+    Shot::start(display, name, &[args, &["--theme", theme]].concat(), size, seconds).pixels(|| ())
 }
 
 /// Counts the pixels whose colour is nearly this one.
-fn count(pixels: &[u8], [r, g, b]: [u8; 3]) -> usize {
+pub(crate) fn count(pixels: &[u8], [r, g, b]: [u8; 3]) -> usize {
     let near = |a: u8, b: u8| a.abs_diff(b) <= 2;
     pixels.chunks_exact(3).filter(|p| near(p[0], r) && near(p[1], g) && near(p[2], b)).count()
 }
 
 /// Red of the stop button.
-const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
+pub(crate) const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
 /// Colour of good news to the user, on a dark background.
-const GOOD: [u8; 3] = [0x22, 0xb8, 0x8c];
+pub(crate) const GOOD: [u8; 3] = [0x22, 0xb8, 0x8c];
 /// Colour of bad news to the user, on a dark background.
-const BAD: [u8; 3] = [0xff, 0x80, 0x48];
+pub(crate) const BAD: [u8; 3] = [0xff, 0x80, 0x48];
 /// Colour of warnings to the user, on a dark background.
-const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
+pub(crate) const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
 /// Colour of the axis n3 in the picture of the sphere, on a dark background.
-const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
+pub(crate) const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 
 const DESKTOP: [u32; 2] = [1280, 800];
 
@@ -137,11 +58,6 @@ fn pictures_of_seven_situations() {
         let pixels = picture(&display, name, &address, [900, 600], theme);
         assert!(count(&pixels, STOP) > 8_000, "{name}");
     }
-    let mut other = running.client("the experiment");
-    other.acquire(false).expect("free");
-    let pixels = picture(&display, "observer", &address, DESKTOP, "dark");
-    assert!(count(&pixels, STOP) > 10_000 && count(&pixels, WARN) > 50, "an observer can stop too");
-    drop(other);
     running.stop();
 
     let saturated = bench(&stiff, &[]);
@@ -167,12 +83,6 @@ fn pictures_of_seven_situations() {
     let pixels = picture_with(&display, "wrong-certificate", &args, DESKTOP, "dark");
     assert!(count(&pixels, STOP) > 10_000 && count(&pixels, N3) < 50, "nothing is drawn of a stranger's");
     encrypted.stop();
-
-    let fault = bench("name = \"Nothing\"", &[("speed = 30 ", "speed = 0.05 ")]);
-    let address = fault.address.to_string();
-    let pixels = picture(&display, "fault", &address, DESKTOP, "dark");
-    assert!(count(&pixels, STOP) > 10_000 && count(&pixels, BAD) > 100, "the fault is told");
-    fault.stop();
 
     let pixels = picture(&display, "no-server", &address, DESKTOP, "dark");
     assert!(count(&pixels, STOP) > 10_000, "the stop button is there whatever else is");

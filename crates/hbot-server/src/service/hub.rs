@@ -18,8 +18,8 @@ mod samples;
 use std::sync::Arc;
 
 use hbot_api::{
-    Encoding, ErrorBody, ErrorCode, Event, Id, LeaseCause, OpName, RequestRefusal, Response, StatsOk,
-    StoppingEvent,
+    Encoding, ErrorBody, ErrorCode, Event, Id, LeaseCause, OpName, RequestRefusal, Requester, Response,
+    StatsOk, StoppingEvent,
 };
 use hbot_config::RigConfig;
 use hbot_core::inputs::{Command, OnClientLost};
@@ -275,6 +275,7 @@ impl Hub {
     /// apply the rig file's policy for a lost client, and frees the lease. The client stays known
     /// until its pending answers are sent.
     pub(super) fn gone(&mut self, session: u64) {
+        let by = self.publisher.requester(session);
         if !self.publisher.gone(session) {
             return;
         }
@@ -282,7 +283,8 @@ impl Hub {
             let policy = self.rig.api.on_client_lost;
             self.order_internally("client lost", Command::ClientLost(policy));
             self.lease.free(session);
-            self.lease_changed(LeaseCause::Disconnected);
+            self.incidents.lost(by.clone());
+            self.lease_changed(LeaseCause::Disconnected, by);
         }
         self.tell_status();
     }
@@ -317,9 +319,9 @@ impl Hub {
         self.orders.insist(&mut self.end, Asker::Service(what), command);
     }
 
-    /// Announces a change of the lease to all clients. If the lease was stolen or released, also
-    /// ramps down the torque stream of the old holder.
-    fn lease_changed(&mut self, cause: LeaseCause) {
+    /// Announces a change of the lease, caused by the client `by`, to all clients. If the lease was
+    /// stolen or released, also ramps down the torque stream of the old holder.
+    fn lease_changed(&mut self, cause: LeaseCause, by: Option<Requester>) {
         // A stream must not continue under the next holder, or without a holder.
         match cause {
             LeaseCause::Stolen => {
@@ -332,7 +334,7 @@ impl Hub {
             LeaseCause::Acquired | LeaseCause::Disconnected => {}
         }
         tracing::info!(holder = self.lease.name().unwrap_or("nobody"), ?cause, "lease");
-        self.publisher.broadcast(&Event::Lease(self.lease.event(cause)));
+        self.publisher.broadcast(&Event::Lease(self.lease.event(cause, by)));
         self.tell_status();
     }
 

@@ -1,7 +1,7 @@
 //! Incidents in samples that all clients are notified of: the rig stops because of a fault or a
 //! stop, or is reset.
 
-use hbot_api::{FaultEvent, Mode as ApiMode, StatsOk};
+use hbot_api::{FaultEvent, Mode as ApiMode, Requester, StatsOk};
 use hbot_core::Rig;
 use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
 use hbot_core::mode::{Cause, Mode};
@@ -22,18 +22,42 @@ pub(super) struct Incidents {
     skipped: u64,
     /// Number of ticks that were skipped just before the last sample.
     skipped_before: u64,
-    /// Description of the client that stopped the rig last, for the message about the stop.
-    stopper: Option<String>,
+    /// The client that stopped the rig last.
+    stopper: Option<Requester>,
+    /// The client whose request to reset the rig was carried out in the sample that is examined.
+    resetter: Option<Requester>,
+    /// The last lease holder whose connection ended.
+    lost: Option<Requester>,
 }
 
 impl Incidents {
     pub(super) fn new(rig: Rig, simulated: bool) -> Self {
-        Self { rig, simulated, situation: None, skipped: 0, skipped_before: 0, stopper: None }
+        Self {
+            rig,
+            simulated,
+            situation: None,
+            skipped: 0,
+            skipped_before: 0,
+            stopper: None,
+            resetter: None,
+            lost: None,
+        }
     }
 
-    /// Records the description of the client that stops the rig, for the message about the stop.
-    pub(super) fn stopped_by(&mut self, who: Option<String>) {
+    /// Records the client that stops the rig.
+    pub(super) fn stopped_by(&mut self, who: Option<Requester>) {
         self.stopper = who;
+    }
+
+    /// Records the client whose request to reset the rig was carried out. Call it before
+    /// [`look`](Self::look) examines the sample with the answer.
+    pub(super) fn reset_by(&mut self, who: Option<Requester>) {
+        self.resetter = who;
+    }
+
+    /// Records the lease holder whose connection ended.
+    pub(super) fn lost(&mut self, who: Option<Requester>) {
+        self.lost = who;
     }
 
     /// Examines a sample for an incident: a fault, an emergency stop or a reset. An incident is
@@ -47,6 +71,7 @@ impl Incidents {
         flights: &mut Flights,
         counts: &mut StatsOk,
     ) -> Option<FaultEvent> {
+        let resetter = self.resetter.take();
         let skipped = std::mem::replace(&mut self.skipped, sample.counters.skipped);
         // Before the first sample, no tick is known to have been skipped.
         self.skipped_before = self.situation.map_or(0, |_| sample.counters.skipped - skipped);
@@ -55,46 +80,49 @@ impl Incidents {
             return None;
         }
         let before = self.situation.replace(situation).map(|(mode, _)| mode);
-        self.changed(before, sample, end, flights, counts)
+        let stopped_before = matches!(before, Some(Mode::Fault | Mode::Estop));
+        match (sample.state.mode, sample.state.cause) {
+            (Mode::Fault | Mode::Estop, _) => Some(self.stopped(sample, end, flights, counts)),
+            (mode, _) if stopped_before => {
+                tracing::info!(tick = sample.state.tick, mode = %convert::mode(mode), "reset");
+                // Discard a signal that found the rig already stopped.
+                let _ = end.take_signalled();
+                Some(event(sample, "reset".to_owned(), resetter))
+            }
+            _ => None,
+        }
     }
 
-    fn changed(
+    /// Counts and logs a fault or an emergency stop, and begins a flight log.
+    fn stopped(
         &mut self,
-        before: Option<Mode>,
         sample: &Sample,
         end: &ServiceEnd,
         flights: &mut Flights,
         counts: &mut StatsOk,
-    ) -> Option<FaultEvent> {
+    ) -> FaultEvent {
         let state = &sample.state;
         let tick = state.tick;
-        let mut message = match (state.mode, state.cause) {
+        let (mut message, by) = match (state.mode, state.cause) {
             (Mode::Fault, Some(cause)) => {
                 counts.faults.add(convert::fault(cause));
-                self.explain(cause, sample)
+                let by = (cause == Cause::ClientLost).then(|| self.lost.take()).flatten();
+                (self.explain(cause, sample), by)
             }
-            (Mode::Fault, None) => "a fault of unknown cause".to_owned(),
-            (Mode::Estop, _) => {
+            (Mode::Fault, None) => ("a fault of unknown cause".to_owned(), None),
+            _ => {
                 counts.estops += 1;
-                let by_signal = end.take_signalled().then(|| "SIGUSR1".to_owned());
-                let by = self.stopper.take().filter(|_| by_signal.is_none()).or(by_signal);
-                let by = by.map(|by| format!(" by {by}")).unwrap_or_default();
-                format!("stopped{by}; reset to go on")
+                let by_client = self.stopper.take();
+                let by = if end.take_signalled() { Some(signal()) } else { by_client };
+                (format!("stopped{}; reset to go on", by.as_ref().map(in_words).unwrap_or_default()), by)
             }
-            (mode, _) if matches!(before, Some(Mode::Fault | Mode::Estop)) => {
-                tracing::info!(tick, mode = %convert::mode(mode), "reset");
-                // Discard a signal that found the rig already stopped.
-                let _ = end.take_signalled();
-                return Some(event(sample, "reset".to_owned()));
-            }
-            _ => return None,
         };
         let what = state.cause.map_or(ApiMode::Estop.as_str(), |cause| convert::fault(cause).as_str());
         if let Some(path) = flights.trigger(tick, what) {
             message = format!("{message}; flight log: {}", path.display());
         }
         tracing::warn!(tick, "{what}: {message}");
-        Some(event(sample, message))
+        event(sample, message, by)
     }
 
     /// Returns the message that explains a fault to clients. For a simulated rig it says so, and
@@ -116,7 +144,19 @@ impl Incidents {
     }
 }
 
-fn event(sample: &Sample, message: String) -> FaultEvent {
+/// The signal that stops the rig, in the place of a client.
+fn signal() -> Requester {
+    Requester { name: "SIGUSR1".to_owned(), session: None }
+}
+
+fn in_words(by: &Requester) -> String {
+    match by.session {
+        Some(session) => format!(" by client {:?} (session {session})", by.name),
+        None => format!(" by {}", by.name),
+    }
+}
+
+fn event(sample: &Sample, message: String, by: Option<Requester>) -> FaultEvent {
     let state = &sample.state;
     FaultEvent {
         tick: state.tick,
@@ -124,6 +164,7 @@ fn event(sample: &Sample, message: String) -> FaultEvent {
         mode: convert::mode(state.mode),
         fault: state.cause.map(convert::fault),
         message,
+        by,
     }
 }
 
@@ -250,15 +291,20 @@ mod tests {
         };
         let mut told = |incidents: &mut Incidents, tick, mode| {
             let event = incidents.look(&sample(tick, mode), &end, &mut flights, &mut counts);
-            event.map(|event| event.message)
+            event.map(|event| (event.message, event.by))
         };
+        let ann = Some(Requester { name: "ann".to_owned(), session: Some(1) });
         assert_eq!(told(&mut incidents, 1, Mode::Idle), None);
-        incidents.stopped_by(Some("client \"ann\" (session 1)".to_owned()));
-        let stopped = "stopped by client \"ann\" (session 1); reset to go on";
-        assert_eq!(told(&mut incidents, 2, Mode::Estop).as_deref(), Some(stopped));
+        incidents.stopped_by(ann.clone());
+        let stopped = "stopped by client \"ann\" (session 1); reset to go on".to_owned();
+        assert_eq!(told(&mut incidents, 2, Mode::Estop), Some((stopped, ann.clone())));
         assert_eq!(told(&mut incidents, 3, Mode::Estop), None, "once");
-        assert_eq!(told(&mut incidents, 4, Mode::Idle).as_deref(), Some("reset"));
-        assert_eq!(told(&mut incidents, 5, Mode::Estop).as_deref(), Some("stopped; reset to go on"));
+        incidents.reset_by(ann.clone());
+        assert_eq!(told(&mut incidents, 4, Mode::Idle), Some(("reset".to_owned(), ann.clone())));
+        incidents.reset_by(ann);
+        assert_eq!(told(&mut incidents, 5, Mode::Idle), None, "a reset that changed nothing");
+        assert_eq!(told(&mut incidents, 6, Mode::Estop), Some(("stopped; reset to go on".to_owned(), None)));
+        assert_eq!(told(&mut incidents, 7, Mode::Idle), Some(("reset".to_owned(), None)));
         assert_eq!(counts.estops, 2);
     }
 }

@@ -1,6 +1,6 @@
 //! The lease: which client may command the rig.
 
-use hbot_api::{ErrorBody, ErrorCode, LeaseCause, LeaseEvent, LeaseInfo, OpName};
+use hbot_api::{ErrorBody, ErrorCode, LeaseCause, LeaseEvent, LeaseInfo, OpName, Requester};
 
 /// The lease, which is the right to command the rig, and the client that holds it, if any.
 #[derive(Default)]
@@ -31,10 +31,11 @@ impl Lease {
         }
     }
 
-    /// Returns the event that all clients receive after a change of the lease.
-    pub(super) fn event(&self, cause: LeaseCause) -> LeaseEvent {
+    /// Returns the event that all clients receive after a change of the lease. `by` is the client
+    /// that took the lease, gave it back, or lost it with its connection.
+    pub(super) fn event(&self, cause: LeaseCause, by: Option<Requester>) -> LeaseEvent {
         let LeaseInfo { holder, session } = self.info();
-        LeaseEvent { holder, session, cause }
+        LeaseEvent { holder, session, cause, by }
     }
 
     /// Checks that `session` holds the lease, which the op `what` requires.
@@ -106,7 +107,7 @@ mod tests {
         let busy = lease.acquire(2, "bob", false).unwrap_err();
         assert_eq!((busy.code, busy.holder.as_deref()), (ErrorCode::Busy, Some("ann")));
         assert_eq!(lease.acquire(2, "bob", true), Ok(Some(LeaseCause::Stolen)));
-        let event = lease.event(LeaseCause::Stolen);
+        let event = lease.event(LeaseCause::Stolen, None);
         assert_eq!((event.holder.as_deref(), event.session), (Some("bob"), Some(2)));
         assert!(!lease.free(1) && lease.free(2) && lease.name().is_none());
     }

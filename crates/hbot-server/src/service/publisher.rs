@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::sync::Arc;
 
-use hbot_api::{Encoding, ErrorBody, Event, MessageEncodeError, OpName, StateEvent};
+use hbot_api::{Encoding, ErrorBody, Event, MessageEncodeError, OpName, Requester, StateEvent};
 use serde::Serialize;
 use tokio::sync::Notify;
 use tokio::time::Instant;
@@ -92,6 +92,11 @@ impl Publisher {
     /// Returns the name that a client gave in its hello.
     pub(super) fn name(&self, session: u64) -> Option<&str> {
         self.peers.get(&session)?.name.as_deref()
+    }
+
+    /// Returns a client as events name it. `None` if it is not known or has not sent its hello.
+    pub(super) fn requester(&self, session: u64) -> Option<Requester> {
+        self.name(session).map(|name| Requester { name: name.to_owned(), session: Some(session) })
     }
 
     /// Returns the number of connected clients that have not sent their hello yet.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
-use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, SceneEvent};
+use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, Requester, SceneEvent};
 use hbot_config::scene::{EffectPlace, SetError};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Rig;
@@ -47,6 +47,7 @@ struct Loading {
     revision: u64,
     session: u64,
     id: Option<Id>,
+    by: Option<Requester>,
     name: String,
     effects: Vec<EffectCost>,
     ignored: Vec<String>,
@@ -137,6 +138,7 @@ impl Scenes {
         session: u64,
         id: Option<Id>,
         scene: Value,
+        by: Option<Requester>,
     ) -> Result<(), ErrorBody> {
         if self.loading.len() >= MAX_LOADING || !end.can_install() {
             return Err(busy(OpName::LoadScene));
@@ -169,6 +171,7 @@ impl Scenes {
             revision,
             session,
             id,
+            by,
             name,
             effects,
             ignored,
@@ -269,9 +272,9 @@ impl Scenes {
     pub(super) fn next_loaded(&mut self) -> Option<Loaded> {
         let front = self.loading.front()?;
         let tick = front.tick.filter(|_| front.measured)?;
-        let Loading { session, id, name, effects, ignored, warnings, .. } = self.loading.pop_front()?;
+        let Loading { session, id, by, name, effects, ignored, warnings, .. } = self.loading.pop_front()?;
         let answer = LoadSceneOk { effects: effects.clone(), ignored, warnings };
-        Some(Loaded { session, id, answer, event: SceneEvent { tick, name, effects } })
+        Some(Loaded { session, id, answer, event: SceneEvent { tick, name, effects, by } })
     }
 }
 
@@ -308,9 +311,10 @@ mod tests {
         let mut scenes =
             Scenes::new(running, None, &RigConfig::prototype(), Notes::default(), Arc::default());
         let scene = json!({"name": "Air", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
-        scenes.load(&mut end, 3, None, scene.clone()).unwrap();
+        let ann = Some(Requester { name: "ann".to_owned(), session: Some(3) });
+        scenes.load(&mut end, 3, None, scene.clone(), ann.clone()).unwrap();
         let first = scenes.running.revision();
-        scenes.load(&mut end, 4, None, scene).unwrap();
+        scenes.load(&mut end, 4, None, scene, None).unwrap();
         let second = scenes.running.revision();
         let measured = |revision, cost| Ok(Measured { revision, costs: vec![cost] });
         scenes.rendered(&Sample { scene: first - 1, ..crate::still::still(6) });
@@ -320,6 +324,7 @@ mod tests {
         scenes.rendered(&Sample { scene: second, ..crate::still::still(8) });
         let loaded = scenes.next_loaded().expect("both");
         assert_eq!((loaded.session, loaded.event.tick, loaded.answer.effects[0].cost_ns), (3, 7, 42));
+        assert_eq!(loaded.event.by, ann);
         assert!(scenes.next_loaded().is_none() && scenes.is_loading(), "rendered and not measured");
         scenes.measured(measured(second, 43));
         let loaded = scenes.next_loaded().expect("both");

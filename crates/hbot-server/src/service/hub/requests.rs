@@ -71,8 +71,7 @@ impl Hub {
 
     /// Records which client stops the rig, so that the `fault` event can name it.
     pub(in crate::service) fn stopped_by(&mut self, session: u64) {
-        let name = self.publisher.name(session);
-        self.incidents.stopped_by(name.map(|name| format!("client {name:?} (session {session})")));
+        self.incidents.stopped_by(self.publisher.requester(session));
     }
 
     fn allowed(&self, session: u64, op: &Op) -> Result<(), ErrorBody> {
@@ -174,7 +173,8 @@ impl Hub {
     }
 
     fn load_scene(&mut self, session: u64, id: Option<Id>, scene: Value) -> Result<(), ErrorBody> {
-        self.scenes.load(&mut self.end, session, id, scene)?;
+        let by = self.publisher.requester(session);
+        self.scenes.load(&mut self.end, session, id, scene, by)?;
         self.publisher.owe(session);
         self.tell_status();
         Ok(())
@@ -182,7 +182,7 @@ impl Hub {
 
     fn release(&mut self, session: u64) {
         if self.lease.free(session) {
-            self.lease_changed(LeaseCause::Released);
+            self.lease_changed(LeaseCause::Released, self.publisher.requester(session));
         }
     }
 
@@ -190,7 +190,7 @@ impl Hub {
     fn acquire(&mut self, session: u64, steal: bool) -> Result<(), ErrorBody> {
         let name = self.publisher.name(session).unwrap_or_default();
         if let Some(cause) = self.lease.acquire(session, name, steal)? {
-            self.lease_changed(cause);
+            self.lease_changed(cause, self.publisher.requester(session));
         }
         Ok(())
     }

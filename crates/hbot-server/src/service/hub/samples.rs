@@ -2,7 +2,7 @@
 
 use std::task::{Context, Poll};
 
-use hbot_api::{AlignOk, ErrorBody, ErrorCode, Event, ModeOk, Response};
+use hbot_api::{AlignOk, ErrorBody, ErrorCode, Event, ModeOk, OpName, Response};
 use hbot_core::outputs::Reply;
 use tokio::task::JoinError;
 
@@ -89,6 +89,9 @@ impl Hub {
             Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle }),
             Some(Reply::Done) if op.row().stream => self.respond(session, &Response::done(id)),
             Some(Reply::Done) => {
+                if op == OpName::Reset {
+                    self.incidents.reset_by(self.publisher.requester(session));
+                }
                 self.answer(session, id, ModeOk { mode: convert::mode(sample.state.mode) });
             }
             None => {

@@ -19,7 +19,7 @@ fn a_fault_leaves_a_log_of_the_second_before_and_a_tenth_after() {
     bench.wait_ticks(1200);
     bench.with_rig(|rig| rig.inject(InjectedFault::Hot { joint: 1, on: true }));
     let told = fault_event(&mut client);
-    assert_eq!(told.fault, Some(hbot_api::Fault::Thermal));
+    assert_eq!((told.fault, &told.by), (Some(hbot_api::Fault::Thermal), &None), "by itself");
     bench.wait_ticks(150);
     let summary = bench.finish();
     assert_eq!((summary.flight_logs, summary.dropped_samples), (1, 0));

@@ -1,6 +1,6 @@
 //! Tests of the lease, and of what the rig does when the lease holder disconnects.
 
-use hbot_api::{ErrorCode, Fault, LeaseCause, LeaseEvent, TorqueCommand};
+use hbot_api::{ErrorCode, Fault, LeaseCause, LeaseEvent, Requester, TorqueCommand};
 use hbot_core::inputs::OnClientLost;
 
 use super::*;
@@ -31,14 +31,17 @@ fn the_lease_has_one_holder_and_everybody_knows() {
     assert_eq!(refused(a.call(Op::Enable)).holder, None);
     a.call(Op::Acquire { steal: true }).unwrap();
     drop(a);
-    for (holder, session, cause) in [
-        (Some("a"), at, LeaseCause::Acquired),
-        (Some("b"), bt, LeaseCause::Stolen),
-        (None, None, LeaseCause::Released),
-        (Some("a"), at, LeaseCause::Acquired),
-        (None, None, LeaseCause::Disconnected),
+    let by_a = Some(Requester { name: "a".to_owned(), session: at });
+    let by_b = Some(Requester { name: "b".to_owned(), session: bt });
+    for (holder, session, cause, by) in [
+        (Some("a"), at, LeaseCause::Acquired, &by_a),
+        (Some("b"), bt, LeaseCause::Stolen, &by_b),
+        (None, None, LeaseCause::Released, &by_b),
+        (Some("a"), at, LeaseCause::Acquired, &by_a),
+        (None, None, LeaseCause::Disconnected, &by_a),
     ] {
-        assert_eq!(held(&lease(&mut watcher)), (holder, session, cause));
+        let event = lease(&mut watcher);
+        assert_eq!((held(&event), &event.by), ((holder, session, cause), by));
     }
     bench.wait_until("a free lease", |status| status.holder.is_none());
 }
@@ -62,7 +65,9 @@ fn lost(policy: OnClientLost) -> (TestService, Client) {
 #[test]
 fn a_lost_holder_is_a_fault_where_the_rig_says_so() {
     let (bench, mut watcher) = lost(OnClientLost::Fault);
-    assert_eq!(fault_event(&mut watcher).fault, Some(Fault::ClientLost));
+    let told = fault_event(&mut watcher);
+    assert_eq!(told.fault, Some(Fault::ClientLost));
+    assert_eq!(told.by.map(|by| by.session), Some(Some(1)), "the client that was lost");
     bench.wait_for(Mode::Fault);
 }
 

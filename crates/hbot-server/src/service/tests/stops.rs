@@ -231,8 +231,14 @@ fn who_has_stopped_the_rig_is_told() {
     let mut watcher = bench.client("watcher");
     let mut stopper = bench.client("a \"careful\" one");
     stopper.call(Op::Estop).unwrap();
-    let told = fault_event(&mut watcher).message;
-    assert!(told.starts_with(r#"stopped by client "a \"careful\" one" (session 2); reset"#), "{told}");
+    let told = fault_event(&mut watcher);
+    let words = r#"stopped by client "a \"careful\" one" (session 2); reset"#;
+    assert!(told.message.starts_with(words), "{told:?}");
+    let by = |told: hbot_api::FaultEvent| told.by.map(|by| (by.name, by.session));
+    assert_eq!(by(told), Some(("a \"careful\" one".to_owned(), Some(2))));
+    watcher.call(Op::Acquire { steal: false }).unwrap();
+    watcher.call(Op::Reset).unwrap();
+    assert_eq!(by(fault_event(&mut watcher)), Some(("watcher".to_owned(), Some(1))), "the reset");
 }
 
 #[test]

@@ -1,0 +1,77 @@
+//! What the panel says at a glance: what the rig does, whether it is simulated, and who did it.
+
+use hbot_api::{Mode, Requester};
+
+use super::{Link, Model};
+
+/// The one thing that the user must know first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Headline {
+    /// The user has asked for a stop, and no state proves that the rig has stopped.
+    NotStopped,
+    /// The server is silent or unreachable, so what the rig does is not known.
+    NoContact,
+    /// The connection is new, and no state has arrived yet.
+    NoState,
+    /// The mode of the rig in the newest state.
+    Mode(Mode),
+}
+
+impl Headline {
+    /// Returns the headline as it stands in the window.
+    pub(crate) fn text(self) -> String {
+        match self {
+            Self::NotStopped => "NOT STOPPED".to_owned(),
+            Self::NoContact => "NO CONTACT".to_owned(),
+            Self::NoState => "NO STATE".to_owned(),
+            Self::Mode(mode) => mode.as_str().to_uppercase(),
+        }
+    }
+}
+
+impl Model {
+    /// Returns what the user must know first.
+    pub(crate) fn headline(&self) -> Headline {
+        if self.unconfirmed_stop().is_some() {
+            return Headline::NotStopped;
+        }
+        match (&self.link, &self.state) {
+            (Link::Offline { .. }, _) => Headline::NoContact,
+            _ if self.silent_for().is_some() => Headline::NoContact,
+            (Link::Online(_), Some(state)) => Headline::Mode(state.mode),
+            _ => Headline::NoState,
+        }
+    }
+
+    /// Returns the word that tells at a glance whether motors can push. The server's banner and
+    /// `hbot watch` use the same words. `None` if the server has not told it yet.
+    pub(crate) fn badge(&self) -> Option<&'static str> {
+        self.simulated.map(|simulated| if simulated { "SIMULATED" } else { "LIVE" })
+    }
+
+    /// Returns the title of the window.
+    pub(crate) fn title(&self) -> String {
+        match self.badge() {
+            Some(badge) => format!("{badge}: {} at {} - hbot panel", self.info.rig.name, self.server),
+            None => "hbot panel".to_owned(),
+        }
+    }
+
+    /// Returns who asked for something, as the user of this panel would say it: "you", the user and
+    /// machine of another panel, or the name of another client.
+    pub(crate) fn who(&self, by: &Requester) -> String {
+        let own = [self.session, self.stop_session].into_iter().flatten();
+        match by.session {
+            None => format!("the signal {}", by.name),
+            Some(session) if by.name == self.name && own.into_iter().any(|own| own == session) => {
+                "you".to_owned()
+            }
+            Some(_) => person(&by.name).to_owned(),
+        }
+    }
+}
+
+/// Returns the user and machine in the name of a panel, and the whole name of any other client.
+pub(crate) fn person(name: &str) -> &str {
+    name.strip_prefix("panel ").unwrap_or(name)
+}

@@ -1,0 +1,179 @@
+//! Tests of what the panel concludes from what arrives, and models for the tests of the views.
+
+use std::time::Duration;
+
+use hbot_api::{Requester, WheelInfo};
+use serde_json::json;
+
+use super::*;
+
+/// Name of the panel in these tests.
+pub(crate) const ME: &str = "panel anna@lab2";
+
+/// Returns the model of a panel that commands an active rig with one spring.
+pub(crate) fn commanding(simulated: bool) -> Model {
+    let mut model = Model::new("rig:4268", ME, 120);
+    let scene = json!({"name": "Spring", "effect": [
+        {"id": "spring", "kind": "spring", "gain": 1.0, "law": "geodesic", "stiffness": 2.0, "damping": 0.01}]});
+    let info = json!({"limits": {"torque": 0.9}, "effects": hbot_config::scene::kinds(), "scene": scene,
+        "rig": {"name": "Prototype", "simulated": simulated}, "render": {"stiffness_stable": 5.0}});
+    let mut info: InfoOk = serde_json::from_value(info).expect("an answer to info");
+    info.rig.wheels = vec![WheelInfo::default(); 3];
+    hear(&mut model, News::Connected(hello(3)));
+    hear(&mut model, News::StopLine(4));
+    hear(&mut model, News::Info(Box::new(info)));
+    hear(&mut model, News::Lease { lease: Lease::Mine, cause: None });
+    see(&mut model, 100, Mode::Active);
+    model
+}
+
+/// Returns the answer to the hello of the connection `session`.
+fn hello(session: u64) -> HelloOk {
+    let (server, rig) = ("hbot 0.1.0".to_owned(), "Prototype".to_owned());
+    HelloOk { server, version: 1, rig, rate_hz: 1000.0, session }
+}
+
+/// Gives the model news from the network.
+pub(crate) fn hear(model: &mut Model, news: News) {
+    model.take(&mut Delivery { news: [news].into(), ..Delivery::default() });
+}
+
+/// Gives the model a state of the rig.
+pub(crate) fn see(model: &mut Model, tick: u64, mode: Mode) {
+    see_state(model, StateEvent { tick, mode, t: tick as f64 / 1000.0, ..StateEvent::default() });
+}
+
+/// Gives the model a state of the rig.
+pub(crate) fn see_state(model: &mut Model, state: StateEvent) {
+    let samples = [PlotSample::of(&state)].into();
+    model.take(&mut Delivery { state: Some(state), samples, ..Delivery::default() });
+}
+
+/// Lets so much time pass for the model that a silent server is noticed.
+pub(crate) fn grow_silent(model: &mut Model) {
+    model.heard = Instant::now().checked_sub(2 * SILENT_AFTER);
+}
+
+/// Ends the model's connection.
+pub(crate) fn disconnect(model: &mut Model) {
+    let again_in = Duration::from_secs(1);
+    hear(model, News::Offline { why: "the server stops".to_owned(), absent: true, again_in });
+}
+
+/// Returns the event of a stop by the client `name` with the session `session`.
+pub(crate) fn stopped_by(name: &str, session: Option<u64>) -> FaultEvent {
+    let (mode, message) = (Mode::Estop, "stopped; reset to go on".to_owned());
+    let by = Some(Requester { name: name.to_owned(), session });
+    FaultEvent { tick: 200, t: 0.2, mode, fault: None, message, by }
+}
+
+/// Makes the model's user stop the rig, without a confirmation by the server.
+pub(crate) fn stop_in_vain(model: &mut Model) {
+    model.asked(&Intent::Stop);
+    let result = Err("the server has not confirmed the stop (no answer)".to_owned());
+    hear(model, News::Answer { intent: Intent::Stop, result });
+}
+
+#[test]
+fn a_stop_that_is_not_confirmed_stays_until_a_state_proves_it() {
+    let mut model = commanding(false);
+    stop_in_vain(&mut model);
+    assert_eq!(model.headline(), Headline::NotStopped);
+    see(&mut model, 100, Mode::Estop);
+    assert_eq!(model.headline(), Headline::NotStopped, "that state is not newer");
+    see(&mut model, 101, Mode::Active);
+    assert_eq!(model.headline(), Headline::NotStopped);
+    hear(&mut model, News::Answer { intent: Intent::Stop, result: Ok(()) });
+    assert_eq!(model.headline(), Headline::NotStopped, "no state has proved it");
+    disconnect(&mut model);
+    assert_eq!(model.headline(), Headline::NotStopped);
+    hear(&mut model, News::Connected(hello(9)));
+    see(&mut model, 5, Mode::Active);
+    assert_eq!(model.headline(), Headline::NotStopped);
+    see(&mut model, 6, Mode::Idle);
+    assert_eq!(model.headline(), Headline::Mode(Mode::Idle));
+}
+
+#[test]
+fn the_state_of_another_server_does_not_prove_a_stop() {
+    let mut model = commanding(false);
+    stop_in_vain(&mut model);
+    model.asked(&Intent::Connect("other:4268".to_owned()));
+    hear(&mut model, News::Connected(hello(1)));
+    see(&mut model, 500, Mode::Idle);
+    assert_eq!(model.headline(), Headline::NotStopped);
+    let stop = model.unconfirmed_stop().expect("a stop");
+    assert_eq!(stop.server, "rig:4268");
+}
+
+#[test]
+fn a_stop_that_is_confirmed_at_once_is_not_reported() {
+    let mut model = commanding(false);
+    model.asked(&Intent::Stop);
+    assert_eq!(model.headline(), Headline::Mode(Mode::Active), "the answer is still to come");
+    hear(&mut model, News::Answer { intent: Intent::Stop, result: Ok(()) });
+    assert!(model.stop.is_none());
+    model.asked(&Intent::Stop);
+    see(&mut model, 101, Mode::Estop);
+    assert!(model.stop.is_none(), "a state is as good as an answer");
+}
+
+#[test]
+fn a_silent_or_lost_server_is_no_contact() {
+    let mut model = commanding(true);
+    assert!(model.is_live() && model.may_command());
+    grow_silent(&mut model);
+    assert_eq!(model.headline(), Headline::NoContact);
+    assert!(!model.is_live() && !model.may_command());
+    see(&mut model, 102, Mode::Active);
+    assert_eq!(model.headline(), Headline::Mode(Mode::Active));
+    disconnect(&mut model);
+    assert_eq!(model.headline(), Headline::NoContact);
+    assert_eq!(model.badge(), Some("SIMULATED"), "what it was is still known");
+}
+
+#[test]
+fn the_badge_and_the_title_say_whether_motors_can_push() {
+    assert_eq!(commanding(true).title(), "SIMULATED: Prototype at rig:4268 - hbot panel");
+    let mut model = commanding(false);
+    assert_eq!(model.title(), "LIVE: Prototype at rig:4268 - hbot panel");
+    model.asked(&Intent::Connect("other:4268".to_owned()));
+    assert_eq!((model.badge(), model.title()), (None, "hbot panel".to_owned()));
+}
+
+#[test]
+fn who_did_it_is_said_as_the_user_would_say_it() {
+    let model = commanding(true);
+    for (name, session, who) in [
+        (ME, Some(3), "you"),
+        (ME, Some(4), "you"),
+        (ME, Some(5), "anna@lab2"),
+        ("panel ben@lab3", Some(3), "ben@lab3"),
+        ("hbot set ben@lab3", Some(6), "hbot set ben@lab3"),
+        ("SIGUSR1", None, "the signal SIGUSR1"),
+    ] {
+        assert_eq!(model.who(&Requester { name: name.to_owned(), session }), who);
+    }
+}
+
+#[test]
+fn who_stopped_the_rig_stays_known_if_older_states_follow_the_event() {
+    let mut model = commanding(true);
+    hear(&mut model, News::Fault(stopped_by("panel ben@lab3", Some(7))));
+    see(&mut model, 199, Mode::Active);
+    see(&mut model, 200, Mode::Estop);
+    assert!(model.fault.is_some());
+    see(&mut model, 300, Mode::Idle);
+    assert!(model.fault.is_none());
+}
+
+#[test]
+fn the_end_of_a_server_is_one_message() {
+    let mut model = commanding(true);
+    let before = model.messages.newest_first().len();
+    disconnect(&mut model);
+    disconnect(&mut model);
+    let texts: Vec<_> = model.messages.newest_first().map(|message| message.text.clone()).collect();
+    assert_eq!(texts.len(), before + 1, "{texts:?}");
+    assert_eq!(texts[0], "connection lost: the server stops");
+}

@@ -1,0 +1,221 @@
+//! Tests of the whole window, drawn into memory from a model.
+
+use std::path::Path;
+
+use eframe::egui::{Rect, Ui};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
+use hbot_api::{Fault, Mode, Requester, StateEvent};
+
+use super::{Act, Desk, round_up, show, theme};
+use crate::model::Model;
+use crate::model::tests::{
+    ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
+};
+use crate::net::{Lease, News};
+
+/// The sizes of the window in these tests, points.
+const SIZES: [[f32; 2]; 2] = [[1280.0, 800.0], [1024.0, 600.0]];
+
+/// What the user drags or clicks in the window, by name.
+const CONTROLS: [&str; 20] = [
+    "Stop",
+    "Enable",
+    "Disable",
+    "Reset",
+    "Law",
+    "Each axis",
+    "Stiffness",
+    "Stiffness value",
+    "Damping",
+    "Damping value",
+    "Scene",
+    "Health",
+    "Messages",
+    "Scene file",
+    "Load",
+    "spring on",
+    "spring gain",
+    "Pause",
+    "Export CSV",
+    "Light or dark",
+];
+
+struct Window {
+    model: Model,
+    desk: Desk,
+    acts: Vec<Act>,
+}
+
+type Seen = Harness<'static, Window>;
+
+/// Draws a panel with this model in a window of this size.
+fn window(size: [f32; 2], model: Model) -> Seen {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    let window = Window { model, desk: Desk::new(scenes, "rig:4268"), acts: Vec::new() };
+    let mut styled = false;
+    let draw = move |ui: &mut Ui, window: &mut Window| {
+        if !std::mem::replace(&mut styled, true) {
+            theme::install(ui.ctx());
+        }
+        show(ui, &window.model, &mut window.desk, &mut window.acts);
+    };
+    let mut seen = Harness::builder().with_size(size).build_ui_state(draw, window);
+    settle(&mut seen);
+    seen
+}
+
+/// Draws so many frames that every part has found its size.
+fn settle(seen: &mut Seen) {
+    seen.run_steps(4);
+}
+
+fn shows(seen: &Seen, text: &str) -> bool {
+    seen.query_all_by_label_contains(text).next().is_some()
+}
+
+/// Returns where everything is that the user drags or clicks.
+fn places(seen: &Seen) -> Vec<(&'static str, Rect)> {
+    let mut places: Vec<_> =
+        CONTROLS.into_iter().map(|name| (name, seen.get_by_label(name).rect())).collect();
+    let lease = ["Release", "Take command", "Take over"];
+    let button = lease.into_iter().find_map(|name| seen.query_by_label(name)).expect("the lease's button");
+    places.push(("the button for the lease", button.rect()));
+    places
+}
+
+/// Changes a model in which this panel commands an active rig into one of another state.
+type Change = Box<dyn Fn(&mut Model)>;
+
+/// Returns the states of the panel: a name, and how it comes about.
+fn states() -> Vec<(String, Change)> {
+    let mut states: Vec<(String, Change)> = Vec::new();
+    let mut add = |name: &str, change: Change| states.push((name.to_owned(), change));
+    for mode in [Mode::Unreferenced, Mode::Idle, Mode::Enabling] {
+        add(mode.as_str(), Box::new(move |model| see(model, 200, mode)));
+    }
+    for fault in Fault::ALL {
+        add(fault.as_str(), Box::new(move |model| fault_of(model, fault)));
+    }
+    for (name, session) in [(ME, 4), ("panel ben@a-machine-with-a-long-name", 9)] {
+        add(
+            name,
+            Box::new(move |model| {
+                hear(model, News::Fault(stopped_by(name, Some(session))));
+                see(model, 200, Mode::Estop);
+            }),
+        );
+    }
+    let observer = |model: &mut Model| {
+        let lease = Lease::Other("panel ben@a-machine-with-a-very-long-name-indeed".to_owned());
+        hear(model, News::Lease { lease, cause: None });
+    };
+    add("observer", Box::new(observer));
+    add("free", Box::new(|model| hear(model, News::Lease { lease: Lease::Free, cause: None })));
+    add("no contact", Box::new(grow_silent));
+    add("not stopped", Box::new(stop_in_vain));
+    add("silent and not stopped", Box::new(|model| (grow_silent(model), stop_in_vain(model)).0));
+    add("disconnected", Box::new(disconnect));
+    add("disconnected and not stopped", Box::new(|model| (disconnect(model), stop_in_vain(model)).0));
+    states
+}
+
+fn fault_of(model: &mut Model, fault: Fault) {
+    let message = "some quantity is 12.3 of some unit, and the limit of the rig file is 4.5. ".repeat(4);
+    let by = (fault == Fault::ClientLost).then(|| Requester { name: "test".to_owned(), session: Some(9) });
+    let event =
+        hbot_api::FaultEvent { mode: Mode::Fault, fault: Some(fault), message, by, ..stopped_by("", None) };
+    hear(model, News::Fault(event));
+    let state =
+        StateEvent { tick: 200, t: 0.2, mode: Mode::Fault, fault: Some(fault), ..StateEvent::default() };
+    see_state(model, state);
+}
+
+#[test]
+fn nothing_that_is_dragged_or_clicked_moves_when_the_state_changes() {
+    for size in SIZES {
+        let mut seen = window(size, commanding(true));
+        let before = places(&seen);
+        let whole = Rect::from_min_size(Default::default(), size.into());
+        for (name, place) in &before {
+            assert!(whole.contains_rect(*place), "{name} is outside a window of {size:?}: {place:?}");
+        }
+        for simulated in [true, false] {
+            for (name, change) in states() {
+                seen.state_mut().model = commanding(simulated);
+                change(&mut seen.state_mut().model);
+                settle(&mut seen);
+                for ((control, place), (_, was)) in places(&seen).into_iter().zip(&before) {
+                    assert_eq!(place, *was, "{control}: {name}, simulated: {simulated}, {size:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn simulated_or_live_is_said_in_every_state() {
+    for (simulated, word) in [(true, "SIMULATED"), (false, "LIVE")] {
+        let mut seen = window(SIZES[1], commanding(simulated));
+        assert!(shows(&seen, word));
+        for (name, change) in states() {
+            seen.state_mut().model = commanding(simulated);
+            change(&mut seen.state_mut().model);
+            settle(&mut seen);
+            assert!(shows(&seen, word), "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_stop_that_failed_is_shown_above_all_else() {
+    let mut seen = window(SIZES[1], commanding(false));
+    assert!(shows(&seen, "ACTIVE"));
+    for lost in [false, true] {
+        seen.state_mut().model = commanding(false);
+        if lost {
+            disconnect(&mut seen.state_mut().model);
+        }
+        stop_in_vain(&mut seen.state_mut().model);
+        settle(&mut seen);
+        assert!(shows(&seen, "NOT STOPPED") && shows(&seen, "Cut the motors' power."));
+        assert!(!shows(&seen, "ACTIVE") && !shows(&seen, "NO CONTACT"));
+    }
+}
+
+#[test]
+fn a_silent_server_is_no_contact_and_nothing_can_be_set() {
+    let mut seen = window(SIZES[0], commanding(false));
+    for name in ["Stiffness", "Damping", "spring gain", "Load", "Release"] {
+        let enabled = |seen: &Seen| !seen.get_by_label(name).accesskit_node().is_disabled();
+        seen.state_mut().model = commanding(false);
+        settle(&mut seen);
+        assert!(enabled(&seen) || name == "Load", "{name}");
+        grow_silent(&mut seen.state_mut().model);
+        settle(&mut seen);
+        assert!(!enabled(&seen), "{name}");
+        assert!(shows(&seen, "NO CONTACT") && !shows(&seen, "ACTIVE"));
+    }
+}
+
+#[test]
+fn who_stopped_the_rig_is_shown() {
+    let mut seen = window(SIZES[1], commanding(true));
+    for (name, session, who) in
+        [(ME, Some(4), "Stopped by you."), ("panel ben@lab3", Some(9), "Stopped by ben@lab3.")]
+    {
+        let model = &mut seen.state_mut().model;
+        *model = commanding(true);
+        hear(model, News::Fault(stopped_by(name, session)));
+        see(model, 200, Mode::Estop);
+        settle(&mut seen);
+        assert!(shows(&seen, who));
+    }
+}
+
+#[test]
+fn scales_end_at_round_numbers() {
+    for (x, end) in [(9.0, 10.0), (10.0, 10.0), (0.13, 0.2), (42.0, 50.0), (1.0, 1.0)] {
+        assert!((round_up(x) - end).abs() < 1e-12 * end, "{x}: {}", round_up(x));
+    }
+}

@@ -1,0 +1,154 @@
+//! Pictures of each state of the panel in a real window, in two sizes.
+
+use std::net::SocketAddr;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use hbot_api::Client;
+use hbot_config::rig::Port;
+use hbot_config::{RigConfig, SceneFile};
+use hbot_server::server::Time;
+use hbot_testing::far::Far;
+use hbot_testing::server::{TestServer, any_port, options};
+
+use crate::bench::{AloneServer, ServerSetup, Wire, alone};
+use crate::display::{Display, Shot};
+use crate::window::{BAD, GOOD, N3, STOP, WARN, count};
+
+const SIZES: [[u32; 2]; 2] = [[1280, 800], [1024, 600]];
+
+/// The middle of the stop button, in every window.
+const STOP_BUTTON: [u32; 2] = [140, 75];
+
+/// Returns the middle of the button for the lease, in a window of this size.
+const fn lease_button([width, _]: [u32; 2]) -> [u32; 2] {
+    [width - 126, 16]
+}
+
+/// Takes a picture of a state in both sizes, and calls `meanwhile` with the size of each window
+/// while it is open. `check` gets the pixels.
+fn pictures(
+    displays: &[Display; 2],
+    state: &str,
+    server: SocketAddr,
+    meanwhile: impl Fn(&Display, [u32; 2]) + Sync,
+    check: impl Fn(&str, &[u8]) + Sync,
+) {
+    let server = server.to_string();
+    std::thread::scope(|scope| {
+        for (display, size) in displays.iter().zip(SIZES) {
+            let (server, meanwhile, check) = (&server, &meanwhile, &check);
+            scope.spawn(move || {
+                let name = format!("{state}-{}x{}", size[0], size[1]);
+                let args = ["--server", server, "--theme", "dark"];
+                let pixels = Shot::start(display, &name, &args, size, 10).pixels(|| meanwhile(display, size));
+                assert!(count(&pixels, STOP) > 8_000, "{name}: the stop button is there, and big");
+                check(&name, &pixels);
+            });
+        }
+    });
+}
+
+fn nothing(_: &Display, _: [u32; 2]) {}
+
+#[test]
+fn pictures_of_each_state() {
+    let _alone = alone();
+    let (Some(large), Some(small)) = (Display::start(), Display::start()) else { return };
+    let displays = [large, small];
+    let spring = include_str!("../../../../scenes/spring.toml");
+    let setup = ServerSetup { scene: spring, paced: true, ..ServerSetup::default() };
+    let bench = AloneServer::beside(&setup);
+    let see = |state: &str,
+               meanwhile: &(dyn Fn(&Display, [u32; 2]) + Sync),
+               check: &(dyn Fn(&str, &[u8]) + Sync)| {
+        pictures(&displays, state, bench.address, meanwhile, check);
+    };
+
+    let titles = AtomicUsize::new(0);
+    let title = |display: &Display, _: [u32; 2]| {
+        titles.fetch_add(usize::from(display.has_window("SIMULATED: Hbot prototype")), Ordering::Relaxed);
+    };
+    see("simulated", &title, &|name, pixels| {
+        assert!(count(pixels, N3) > 200 && count(pixels, WARN) > 1_000, "{name}: the badge and curves");
+        assert!(titles.load(Ordering::Relaxed) > 0, "the title says it too");
+    });
+    let mut other = bench.client("panel anna@lab2");
+    other.acquire(true).expect("stolen");
+    see("observer", &nothing, &|name, pixels| {
+        assert!(count(pixels, WARN) > 1_000 && count(pixels, GOOD) > 50, "{name}");
+    });
+    see("taking-over", &|display, size| display.click(lease_button(size)), &|name, pixels| {
+        // The frame of the question.
+        assert!(count(pixels, WARN) > 3_000, "{name}");
+    });
+    other.release().expect("released");
+    silent(&displays, &bench, "no-contact", false);
+    silent(&displays, &bench, "not-stopped", true);
+    bench.stop();
+
+    let rig = [("speed = 30 ", "speed = 0.05 ")];
+    let fault = AloneServer::beside(&ServerSetup { scene: "name = \"Nothing\"", rig: &rig, ..setup });
+    pictures(&displays, "fault", fault.address, nothing, |name, pixels| {
+        assert!(count(pixels, BAD) > 100, "{name}: the fault is told");
+    });
+    fault.stop();
+    live(&displays, spring);
+}
+
+/// Takes pictures of a server that falls silent. With `stopped`, the user presses the stop button
+/// then.
+fn silent(displays: &[Display; 2], bench: &AloneServer, state: &str, stopped: bool) {
+    let wire = Wire::to(bench.address);
+    let frozen = AtomicBool::new(false);
+    let meanwhile = |display: &Display, _: [u32; 2]| {
+        // Both windows have curves to show by then.
+        if wire.passed() > 800_000 && !frozen.swap(true, Ordering::Relaxed) {
+            wire.freeze(true);
+        }
+        if stopped && frozen.load(Ordering::Relaxed) {
+            display.click(STOP_BUTTON);
+        }
+    };
+    pictures(displays, state, wire.address, meanwhile, |name, pixels| {
+        let lamps = if stopped { STOP } else { BAD };
+        assert!(count(pixels, lamps) > 100 && count(pixels, GOOD) < 50, "{name}: nothing looks well");
+    });
+    assert!(frozen.load(Ordering::Relaxed), "{state}: the server never fell silent");
+    wire.freeze(false);
+}
+
+/// Takes pictures with motor controllers on a serial port, in wall-clock time. To the server, this
+/// is a real rig.
+fn live(displays: &[Display; 2], scene: &str) {
+    let mut file = include_str!("../../../../rigs/prototype.toml").to_owned();
+    // These pictures are not about faults. A busy machine delays the ticks and the bytes of a
+    // pseudo-terminal, and at a low rate the limits for both are longer.
+    for (from, to) in [("rate_hz = 1000", "rate_hz = 100"), ("timeout_ticks = 20 ", "timeout_ticks = 100 ")] {
+        assert!(file.contains(from), "{from}");
+        file = file.replace(from, to);
+    }
+    let mut rig = RigConfig::from_toml(&file, "test.toml").expect("a legal rig");
+    let far = Far::start(&rig);
+    rig.link.port = Port::Devices(vec![far.path.clone()]);
+    let scene = SceneFile::from_toml(scene, "test.toml").expect("a legal scene");
+    let server = TestServer::start(options(rig, scene, Time::Wall), any_port());
+    let mut commander = Client::connect(&server.address.to_string(), "panel anna@lab2").expect("a server");
+    commander.acquire(false).expect("free");
+    let commander = Mutex::new(commander);
+    let titles = AtomicUsize::new(0);
+    let meanwhile = |display: &Display, _: [u32; 2]| {
+        titles.fetch_add(usize::from(display.has_window("LIVE: Hbot prototype")), Ordering::Relaxed);
+        // Changes nothing while the rig is active. Two windows that open at once can stop a busy machine for
+        // so long that the loop reports a fault.
+        let mut commander = commander.lock().expect("no panic");
+        let _ = commander.reset().and_then(|_| commander.enable());
+    };
+    pictures(displays, "live", server.address, meanwhile, |name, pixels| {
+        // The badge has the colour of the stop button.
+        assert!(count(pixels, STOP) > 14_000, "{name}: {}", count(pixels, STOP));
+        assert!(titles.load(Ordering::Relaxed) > 0, "the title says it too");
+    });
+    drop(commander);
+    server.stop();
+}
