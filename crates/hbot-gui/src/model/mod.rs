@@ -4,23 +4,30 @@
 mod fit;
 mod histogram;
 mod history;
+mod marks;
 mod messages;
+mod reach;
 pub(crate) mod sample;
 mod scene;
 pub(crate) mod words;
 
 use std::time::{Duration, Instant};
 
+use glam::DQuat;
 use hbot_api::{FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, StateEvent, StatsOk};
 
 pub(crate) use fit::{Fit, fit};
 pub(crate) use histogram::{BINS, Histogram};
 pub(crate) use history::{History, SPAN_S, thinned};
+pub(crate) use marks::{Mark, Marks, What};
 pub(crate) use messages::{Messages, Weight};
+pub(crate) use reach::reach;
 pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 
 use crate::net::{Delivery, Intent, Lease, News};
+use crate::shape::Placing;
+use sample::quaternion;
 
 /// If no state message arrives for this time, the window reports that the server is silent.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
@@ -51,6 +58,12 @@ pub(crate) struct Model {
     /// Time at which the newest state message arrived.
     heard: Option<Instant>,
     pub(crate) history: History,
+    /// Moments that the plots mark: scenes, changed parameters, stops.
+    pub(crate) marks: Marks,
+    /// Orientation of the sphere when rendering began, if the panel saw it.
+    began: Option<DQuat>,
+    /// Marks of this delivery, whose time is that of its newest sample.
+    unmarked: Vec<(What, String, Option<u64>)>,
     pub(crate) lateness: Histogram,
     pub(crate) info: InfoOk,
     pub(crate) stats: Option<StatsOk>,
@@ -73,6 +86,9 @@ impl Model {
             state: None,
             heard: None,
             history: History::default(),
+            marks: Marks::default(),
+            began: None,
+            unmarked: Vec::new(),
             lateness: Histogram::default(),
             info: InfoOk::default(),
             stats: None,
@@ -115,13 +131,50 @@ impl Model {
             self.lateness.add(sample.lateness_us);
             self.history.push(sample);
         }
+        self.mark();
         self.dropped += std::mem::take(&mut delivery.lost);
         if let Some(state) = delivery.state.take() {
             if !matches!(state.mode, Mode::Fault | Mode::Estop) {
                 self.fault = None;
             }
+            let now = is_rendering(state.mode);
+            match self.mode().map(is_rendering) {
+                Some(false) if now => self.began = Some(quaternion(state.q)),
+                Some(true) if now => {}
+                _ => self.began = None,
+            }
             self.state = Some(state);
             self.heard = Some(Instant::now());
+        }
+    }
+
+    /// Returns what the panel knows about the places of the scene's references.
+    pub(crate) fn placing(&self) -> Placing {
+        let Some(state) = &self.state else { return Placing::default() };
+        Placing {
+            q: quaternion(state.q),
+            reference: state.reference.map(quaternion),
+            began: self.began,
+            rendering: is_rendering(state.mode),
+        }
+    }
+
+    /// Adds the marks of this delivery. Each is at its tick, or at the newest sample if the panel
+    /// does not know the tick.
+    fn mark(&mut self) {
+        let newest = self.history.newest().map(|newest| (newest.t, newest.tick));
+        for (what, text, tick) in std::mem::take(&mut self.unmarked) {
+            let Some((now, newest)) = newest else { continue };
+            if what == What::Scene && self.mode().is_some_and(is_rendering) {
+                // A scene that is loaded into an active rig begins where the sphere is.
+                self.began = self.history.newest().map(|newest| newest.q);
+            }
+            let rate = f64::from(self.info.rig.rate_hz);
+            let ago = match tick {
+                Some(tick) if rate > 0.0 => (newest as f64 - tick as f64) / rate,
+                _ => 0.0,
+            };
+            self.marks.add(Mark { what, t: now - ago, text }, self.scene.fading_s());
         }
     }
 
@@ -148,8 +201,11 @@ impl Model {
                 self.link = Link::Online(hello);
                 // The new server can have another clock. Discard what the old one reported.
                 self.history.clear();
+                self.marks.clear();
+                self.unmarked.clear();
                 self.lateness = Histogram::default();
                 self.state = None;
+                self.began = None;
                 self.heard = Some(Instant::now());
                 self.fault = None;
                 self.dropped = 0;
@@ -165,7 +221,13 @@ impl Model {
                 self.scene.forget_pending();
             }
             News::Info(info) => {
-                self.scene.take(&info.scene);
+                let known = !self.info.scene.is_null();
+                if self.scene.take(&info.scene) && known {
+                    self.marks.fades(self.scene.fading_s());
+                    if self.marks.is_foreign() {
+                        self.unmarked.push((What::Set, "changed by another client".to_owned(), None));
+                    }
+                }
                 self.info = *info;
             }
             News::Stats(stats) => self.stats = Some(*stats),
@@ -176,10 +238,14 @@ impl Model {
                 let weight = if stopped { Weight::Bad } else { Weight::Good };
                 // The window shows this message below the mode while the fault lasts.
                 self.messages.add_told(weight, format!("{name}: {}", fault.message));
+                if stopped {
+                    self.unmarked.push((What::Fault, name, Some(fault.tick)));
+                }
                 self.fault = stopped.then_some(fault);
             }
             News::Scene(scene) => {
                 self.messages.add(Weight::Good, format!("scene: {}", scene.name));
+                self.unmarked.push((What::Scene, format!("scene {}", scene.name), Some(scene.tick)));
                 self.scene.take_costs(scene.effects);
             }
             News::Dropped(dropped) => self.dropped = dropped.total,
@@ -193,6 +259,11 @@ impl Model {
     fn answer(&mut self, intent: &Intent, result: Result<(), String>) {
         if let Intent::Set { effect, key, value } = intent {
             self.scene.answered(effect, key, value, result.is_ok());
+            if result.is_ok() {
+                // Lists and matrices are too long for a mark.
+                let value = if value.is_array() { String::new() } else { format!(" = {value}") };
+                self.unmarked.push((What::Set, format!("{effect}: {key}{value}"), None));
+            }
         }
         if let Err(why) = result {
             self.messages.add(Weight::Bad, format!("{}: {why}", intent.name()));
@@ -207,4 +278,9 @@ impl Model {
         }
         self.lease = lease;
     }
+}
+
+/// Returns whether the rig renders the scene in a mode.
+const fn is_rendering(mode: Mode) -> bool {
+    matches!(mode, Mode::Enabling | Mode::Active)
 }

@@ -4,6 +4,7 @@ use eframe::egui::{self, Button, RichText, Role, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use hbot_api::Mode;
 
+use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
 use crate::model::{Model, words};
 use crate::net::Intent;
@@ -24,6 +25,7 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
 /// Draws the buttons that enable, disable and reset the rig, and the present mode of the rig.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
+    recover::show(ui, model, intents);
     let palette = Palette::of(ui);
     egui::Frame::group(ui.style()).show(ui, |ui| {
         ui.set_width(ui.available_width());

@@ -114,6 +114,38 @@ const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
 /// Colour of the axis n3 in the picture of the sphere, on a dark background.
 const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 
+/// A scene with a shape of each sort.
+const FELT: &str = r#"
+name = "Shapes"
+[[effect]]
+id = "room"
+kind = "end_stop"
+walls = "both"
+cone = 0.5
+twist = [-0.8, 0.8]
+[[effect]]
+id = "dial"
+kind = "detents"
+count = 12
+[[effect]]
+id = "hinge"
+kind = "guide"
+axis = [1, 0, 0]
+stiffness = 0.2
+[[effect]]
+id = "faces"
+kind = "snaps"
+strength = 0.05
+[[effect]]
+id = "magnet"
+kind = "magnet"
+reference = [0.94, 0.2, 0.28, 0]
+[[effect]]
+id = "weight"
+kind = "pendulum"
+mass = 0.1
+"#;
+
 const DESKTOP: [u32; 2] = [1280, 800];
 
 #[test]
@@ -143,6 +175,13 @@ fn pictures_of_seven_situations() {
     assert!(count(&pixels, STOP) > 10_000 && count(&pixels, WARN) > 50, "an observer can stop too");
     drop(other);
     running.stop();
+
+    // A hand that is in the wall of a cone and off the middle of a twist.
+    let felt = FELT.to_owned() + "[simulate]\nhand = { amplitude = 0.6, rate = 0.05 }\n";
+    let felt = bench(&felt, &[]);
+    let pixels = picture(&display, "felt", &felt.address.to_string(), DESKTOP, "dark");
+    assert!(count(&pixels, BAD) > 300, "the walls are drawn");
+    felt.stop();
 
     let saturated = bench(&stiff, &[]);
     let pixels = picture(&display, "saturated", &saturated.address.to_string(), DESKTOP, "dark");
