@@ -37,7 +37,9 @@ impl Ring {
         pen.line(role, self.about.circle(self.radius), 0.0);
         let pointer = vec![self.about.at(0.4 * self.radius, self.psi), self.at(self.psi)];
         pen.line(Role::Pointer, pointer, 0.0);
-        pen.label(role, self.about.at(self.radius + 0.14, -0.5 * PI), id);
+        // The label of a wall is opposite to that of the notches inside its ring.
+        let side = if role == Role::Wall { 0.5 } else { -0.5 };
+        pen.label(role, self.about.at(self.radius + 0.14, side * PI), id);
     }
 
     fn at(&self, angle: f64) -> DVec3 {

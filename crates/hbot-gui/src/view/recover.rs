@@ -33,13 +33,13 @@ impl Distance {
         if angle <= model.info.limits.enable_max_angle { Self::Near(angle) } else { Self::Far(angle) }
     }
 
-    fn in_words(self, allowed: f64) -> String {
+    fn in_words(self, allowed: f64, stopped: bool) -> String {
         match self {
-            Self::Near(angle) => {
-                format!("{angle:.2} rad from the reference (enable: up to {allowed:.2})")
+            Self::Far(angle) if stopped => {
+                format!("{angle:.2} rad from reference: turn to within {allowed:.2}")
             }
-            Self::Far(angle) => {
-                format!("{angle:.2} rad from the reference: turn the sphere to within {allowed:.2}")
+            Self::Near(angle) | Self::Far(angle) => {
+                format!("{angle:.2} rad from reference (enable: up to {allowed:.2})")
             }
             Self::Here => "The scene begins where the sphere is.".to_owned(),
             Self::None => "No reference: nothing pulls at once.".to_owned(),
@@ -59,10 +59,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         if response.on_disabled_hover_text(hint).clicked() {
             intents.push(Intent::Recover);
         }
-        let text = distance.in_words(model.info.limits.enable_max_angle);
+        let text = distance.in_words(model.info.limits.enable_max_angle, stopped);
         // The text has two lines of room beside the button, whatever it says.
         ui.allocate_ui(vec2(ui.available_width(), 34.0), |ui| match distance {
-            Distance::Far(_) => coloured(ui, Palette::of(ui).warn, text),
+            Distance::Far(_) if stopped => coloured(ui, Palette::of(ui).warn, text),
             _ => weak(ui, text),
         });
     });

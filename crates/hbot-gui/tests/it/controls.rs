@@ -222,7 +222,7 @@ fn recover_leads_back_in_one_step() {
     let (mut seat, mut witness) = seated(&bench);
     assert!(!seat.is_enabled("Recover"), "nothing to recover from");
     // The hand holds the sphere 0.2 rad away.
-    seat.until_text("0.20 rad from the reference (enable: up to 0.50)");
+    seat.until_text("0.20 rad from reference (enable: up to 0.50)");
     seat.click("Stop");
     witness.state("stopped", |state| state.mode == Mode::Estop);
     seat.until("Recover", |harness| {
@@ -247,6 +247,6 @@ fn recover_waits_until_the_sphere_is_near_its_reference() {
     seat.until_text("you command");
     seat.click("Stop");
     witness.state("stopped", |state| state.mode == Mode::Estop);
-    seat.until_text("0.80 rad from the reference: turn the sphere to within 0.50");
+    seat.until_text("0.80 rad from reference: turn to within 0.50");
     assert!(!seat.is_enabled("Recover"));
 }
