@@ -10,15 +10,52 @@ use serde_json::Value;
 
 use crate::model::PlotSample;
 
+/// A scene file from which the user can choose.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ShelfFile {
+    pub(crate) path: PathBuf,
+    /// When the file was last changed. `None` if the file system does not tell.
+    modified: Option<SystemTime>,
+    /// The sentence that says what the scene feels like, or what is wrong with the file.
+    description: Result<String, String>,
+}
+
+impl ShelfFile {
+    /// Reads the description of the scene in a file. Takes it from `known` if the file has not
+    /// changed since.
+    fn at(path: PathBuf, known: &[Self]) -> Self {
+        let modified = std::fs::metadata(&path).and_then(|file| file.modified()).ok();
+        let same = |file: &&Self| file.path == path && file.modified == modified && modified.is_some();
+        if let Some(file) = known.iter().find(same) {
+            return file.clone();
+        }
+        let description = match SceneFile::from_path(&path) {
+            Ok(scene) => Ok(scene.description().to_owned()),
+            // Mistakes are told in full when the user loads the file.
+            Err(_) => Err("This file has mistakes: load it to read them.".to_owned()),
+        };
+        Self { path, modified, description }
+    }
+
+    /// Returns the description of the scene, or what to say in its place.
+    pub(crate) fn said(&self) -> &str {
+        match &self.description {
+            Ok(text) if text.is_empty() => "This scene has no description.",
+            Ok(text) | Err(text) => text,
+        }
+    }
+}
+
 /// Returns the scene files (`*.toml`) in a folder, sorted by name. Returns an empty list if the
-/// folder cannot be read.
-pub(crate) fn scenes(folder: &Path) -> Vec<PathBuf> {
+/// folder cannot be read. `known` is the list that this function returned before.
+pub(crate) fn scenes(folder: &Path, known: &[ShelfFile]) -> Vec<ShelfFile> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<_> = entries
         .map(|entry| entry.path())
         .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        .map(|path| ShelfFile::at(path, known))
         .collect();
-    files.sort();
+    files.sort_by(|a, b| a.path.cmp(&b.path));
     files
 }
 
@@ -124,9 +161,11 @@ mod tests {
     fn a_scene_that_is_saved_is_the_scene_that_is_loaded() {
         let folder = tempfile::tempdir().expect("a folder");
         let scenes_of_the_project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-        let files = scenes(&scenes_of_the_project);
+        let files = scenes(&scenes_of_the_project, &[]);
         assert!(files.len() >= 3, "{files:?}");
-        for file in files {
+        assert!(files.iter().all(|file| file.said().ends_with('.')), "{files:?}");
+        assert_eq!(scenes(&scenes_of_the_project, &files), files);
+        for ShelfFile { path: file, .. } in files {
             let scene = load(&file).expect("legal");
             let path = folder.path().join("saved.toml");
             save(&path, &scene).expect("written");

@@ -89,12 +89,47 @@ pub(super) fn draw(scene: &SceneFile, axes: &[Axis], abilities: &Abilities) -> S
     panels.extend(still_time(&kinds).map(|(time, every)| still(&probe, time, every)));
     for panel in &mut panels {
         panel.limit = Some(abilities.torque()).filter(|limit| panel.y_range.end > *limit);
+        if let Some(most) = panel.limit.map(|limit| BEYOND * limit).filter(|most| panel.y_range.end > *most) {
+            panel.y_range = -most..most;
+            panel.curves = panel.curves.iter().flat_map(|curve| within(curve, most)).collect();
+        }
     }
     let landscape = kinds.contains(&LANDSCAPE).then(|| {
         let title = "where the sphere's third axis points, and the least energy there; dark is deep";
         Hemispheres::new(title, |direction| probe.least_energy(direction))
     });
     sheet(scene.name(), &panels, landscape.as_ref())
+}
+
+/// The vertical axis ends at this multiple of the rig's torque limit at most. Walls that are many
+/// times as strong would flatten everything that the hand can feel.
+const BEYOND: f64 = 1.25;
+
+/// Returns the parts of a curve between `-most` and `most`. The first has the curve's name.
+fn within(curve: &Curve, most: f64) -> Vec<Curve> {
+    let mut parts: Vec<Vec<(f64, f64)>> = vec![Vec::new()];
+    let inside = |point: &(f64, f64)| point.1.abs() <= most;
+    for (k, point) in curve.points.iter().enumerate() {
+        if let Some(before) = k.checked_sub(1).map(|k| &curve.points[k])
+            && inside(before) != inside(point)
+        {
+            let edge = most.copysign(if inside(before) { point.1 } else { before.1 });
+            let share = (edge - before.1) / (point.1 - before.1);
+            let at = (before.0 + share * (point.0 - before.0), edge);
+            if inside(point) {
+                parts.push(vec![at]);
+            } else if let Some(part) = parts.last_mut() {
+                part.push(at);
+            }
+        }
+        if let (true, Some(part)) = (inside(point), parts.last_mut()) {
+            part.push(*point);
+        }
+    }
+    parts.retain(|part| part.len() > 1);
+    let name = |k: usize| curve.name.clone().filter(|_| k == 0);
+    let part = |(k, points)| Curve { name: name(k), points, colour: curve.colour, dashed: curve.dashed };
+    parts.into_iter().enumerate().map(part).collect()
 }
 
 /// For kinds that depend on time, returns how long the sphere is held still, s, and the number of
@@ -171,5 +206,22 @@ fn still(probe: &Probe, time: f64, every: u64) -> PlotPanel {
                 dashed: false,
             })
             .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_curve_is_cut_where_it_leaves_the_picture() {
+        let points = vec![(0.0, -3.0), (1.0, -1.0), (2.0, 1.0), (3.0, 5.0), (4.0, -3.0)];
+        let curve = Curve { name: Some("wall".to_owned()), points, colour: Some(1), dashed: false };
+        let parts = within(&curve, 2.0);
+        let points: Vec<_> = parts.iter().map(|part| part.points.clone()).collect();
+        assert_eq!(points[0], [(0.5, -2.0), (1.0, -1.0), (2.0, 1.0), (2.25, 2.0)]);
+        // From 5 to -3 N m the line is inside without a point of its own, and is left out.
+        assert_eq!(points.len(), 1);
+        assert_eq!(parts[0].name.as_deref(), Some("wall"));
     }
 }

@@ -336,6 +336,13 @@ impl SceneEffect {
         &self.kind
     }
 
+    /// Returns the positions (rad), orientations or points of the effect as a list of numbers, in
+    /// the form that the core computes. Empty for kinds without such a list.
+    #[must_use]
+    pub fn numbers(&self) -> &[f64] {
+        &self.numbers
+    }
+
     /// Returns the factor by which the effect's torque is multiplied, 0 to 10.
     #[must_use]
     pub fn gain(&self) -> f64 {

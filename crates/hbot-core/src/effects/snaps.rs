@@ -83,6 +83,13 @@ impl Snaps {
         0.05 * nearest
     }
 
+    /// Returns the orientations of the set relative to the reference, as unit quaternions `[w, x, y,
+    /// z]`. `numbers` are the orientations given one by one for [`SnapSet::Own`].
+    #[must_use]
+    pub fn orientations<'a>(&self, numbers: &'a [Real]) -> &'a [[Real; 4]] {
+        Wells::new(self.set, numbers).all
+    }
+
     /// Returns a smooth measure U of the distance from the orientation `x` to the nearest
     /// orientation of the set, and the gradient of U. U is 0 at each orientation of the set.
     #[inline]

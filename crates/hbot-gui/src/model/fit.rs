@@ -8,6 +8,10 @@ use super::PlotSample;
 const LEAST_SAMPLES: usize = 20;
 /// Smallest standard deviation of the deflection from which stiffness and damping are fitted, rad.
 const LEAST_SPREAD: f64 = 2e-3;
+/// Largest root mean square of what a fit leaves unexplained, as a share of the torque's standard
+/// deviation, with which the samples count as those of one spring. 0.1 leaves 1 % of the variance.
+/// A spring whose stiffness doubled half way leaves 10 %.
+const MOST_UNEXPLAINED: f64 = 0.1;
 
 /// Stiffness and damping about one axis, fitted to samples by the law torque = offset - stiffness ×
 /// deflection - damping × rate.
@@ -21,6 +25,18 @@ pub(crate) struct Fit {
     pub(crate) offset: f64,
     /// Smallest and largest deflection among the samples, rad.
     pub(crate) range: [f64; 2],
+    /// Root mean square of the torque that the law leaves unexplained, N m.
+    pub(crate) residual: f64,
+    /// Standard deviation of the torque, N m.
+    spread: f64,
+}
+
+impl Fit {
+    /// Returns whether the samples are those of one spring and damper. Otherwise the fitted values
+    /// describe nothing that exists: a wall, friction, or two springs one after the other.
+    pub(crate) fn is_one_spring(&self) -> bool {
+        self.residual <= MOST_UNEXPLAINED * self.spread
+    }
 }
 
 /// Fits stiffness and damping about each axis to samples, by least squares. Deflections are
@@ -51,6 +67,7 @@ struct Axis {
     count: usize,
     matrix: [[f64; 3]; 3],
     right: [f64; 3],
+    squares: f64,
     range: Option<[f64; 2]>,
 }
 
@@ -63,6 +80,7 @@ impl Axis {
             }
             self.right[i] += row[i] * torque;
         }
+        self.squares += torque * torque;
         self.count += 1;
         let [low, high] = self.range.unwrap_or([deflection; 2]);
         self.range = Some([low.min(deflection), high.max(deflection)]);
@@ -87,7 +105,12 @@ impl Axis {
             DVec3::new(slope, 0.0, right.z - slope * mean)
         };
         let range = self.range?;
-        let fit = Fit { stiffness: -solution.x, damping: -solution.y, offset: solution.z, range };
+        let square = self.squares / n;
+        let [residual, spread] =
+            [square - solution.dot(2.0 * right - matrix * solution), square - right.z * right.z]
+                .map(|variance| variance.max(0.0).sqrt());
+        let fit =
+            Fit { stiffness: -solution.x, damping: -solution.y, offset: solution.z, range, residual, spread };
         (fit.stiffness.is_finite() && fit.damping.is_finite()).then_some(fit)
     }
 }
@@ -121,6 +144,20 @@ mod tests {
         assert!((a.stiffness - 4.0).abs() < 1e-9 && (a.damping - 0.05).abs() < 1e-9, "{a:?}");
         assert!((b.stiffness - 2.0).abs() < 1e-9 && b.offset.abs() < 1e-9, "{b:?}");
         assert_eq!(c, None, "an axis that did not move says nothing");
+    }
+
+    #[test]
+    fn two_springs_one_after_the_other_are_not_told_as_one() {
+        let stiff = |k: usize| if k < 500 { 2.0 } else { 4.0 };
+        let samples: Vec<_> =
+            (0..1000).map(|k| moving(k, DQuat::IDENTITY, DVec3::splat(stiff(k)), 0.05)).collect();
+        let [both, ..] = fit(samples.iter(), None);
+        let both = both.expect("moved");
+        assert!(!both.is_one_spring(), "{both:?}");
+        for (part, stiffness) in [(&samples[..500], 2.0), (&samples[500..], 4.0)] {
+            let fit = fit(part.iter(), None)[0].expect("moved");
+            assert!(fit.is_one_spring() && (fit.stiffness - stiffness).abs() < 1e-9, "{fit:?}");
+        }
     }
 
     #[test]

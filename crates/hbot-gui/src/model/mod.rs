@@ -5,7 +5,9 @@ mod fit;
 mod headline;
 mod histogram;
 mod history;
+mod marks;
 mod messages;
+mod reach;
 pub(crate) mod sample;
 mod scene;
 mod stop;
@@ -15,18 +17,23 @@ pub(crate) mod words;
 
 use std::time::{Duration, Instant};
 
+use glam::DQuat;
 use hbot_api::{FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, StateEvent, StatsOk};
 
 pub(crate) use fit::{Fit, fit};
 pub(crate) use headline::{Headline, person};
 pub(crate) use histogram::{BINS, Histogram};
 pub(crate) use history::{History, SPAN_S, thinned};
+pub(crate) use marks::{Mark, Marks, What};
 pub(crate) use messages::{Messages, Weight};
+pub(crate) use reach::reach;
 pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 pub(crate) use stop::{PendingStop, has_torque};
 
 use crate::net::{Delivery, Intent, Lease, News};
+use crate::shape::Placing;
+use sample::quaternion;
 
 /// If no state message arrives for this time, the window reports that the server is silent.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
@@ -67,6 +74,12 @@ pub(crate) struct Model {
     /// Time at which the newest state message arrived.
     heard: Option<Instant>,
     pub(crate) history: History,
+    /// Moments that the plots mark: scenes, changed parameters, stops.
+    pub(crate) marks: Marks,
+    /// Orientation of the sphere when rendering began, if the panel saw it.
+    began: Option<DQuat>,
+    /// Marks of this delivery, whose time is that of its newest sample.
+    unmarked: Vec<(What, String, Option<u64>)>,
     pub(crate) lateness: Histogram,
     pub(crate) info: InfoOk,
     pub(crate) stats: Option<StatsOk>,
@@ -96,6 +109,9 @@ impl Model {
             state: None,
             heard: None,
             history: History::default(),
+            marks: Marks::default(),
+            began: None,
+            unmarked: Vec::new(),
             lateness: Histogram::default(),
             info: InfoOk::default(),
             stats: None,
@@ -149,6 +165,7 @@ impl Model {
             self.lateness.add(sample.timing.lateness_us);
             self.history.push(sample);
         }
+        self.mark();
         self.dropped += std::mem::take(&mut delivery.lost);
         if let Some(state) = delivery.state.take() {
             // The message about a stop can overtake the states before it.
@@ -159,8 +176,44 @@ impl Model {
             if self.stop.as_ref().is_some_and(|stop| stop.is_proved_by(&self.server, &state)) {
                 self.stop = None;
             }
+            let now = is_rendering(state.mode);
+            match self.mode().map(is_rendering) {
+                Some(false) if now => self.began = Some(quaternion(state.q)),
+                Some(true) if now => {}
+                _ => self.began = None,
+            }
             self.state = Some(state);
             self.heard = Some(Instant::now());
+        }
+    }
+
+    /// Returns what the panel knows about the places of the scene's references.
+    pub(crate) fn placing(&self) -> Placing {
+        let Some(state) = &self.state else { return Placing::default() };
+        Placing {
+            q: quaternion(state.q),
+            reference: state.reference.map(quaternion),
+            began: self.began,
+            rendering: is_rendering(state.mode),
+        }
+    }
+
+    /// Adds the marks of this delivery. Each is at its tick, or at the newest sample if the panel
+    /// does not know the tick.
+    fn mark(&mut self) {
+        let newest = self.history.newest().map(|newest| (newest.t, newest.tick));
+        for (what, text, tick) in std::mem::take(&mut self.unmarked) {
+            let Some((now, newest)) = newest else { continue };
+            if what == What::Scene && self.mode().is_some_and(is_rendering) {
+                // A scene that is loaded into an active rig begins where the sphere is.
+                self.began = self.history.newest().map(|newest| newest.q);
+            }
+            let rate = f64::from(self.info.rig.rate_hz);
+            let ago = match tick {
+                Some(tick) if rate > 0.0 => (newest as f64 - tick as f64) / rate,
+                _ => 0.0,
+            };
+            self.marks.add(Mark { what, t: now - ago, text }, self.scene.fading_s());
         }
     }
 
@@ -203,7 +256,13 @@ impl Model {
             }
             News::Info(info) => {
                 self.simulated = Some(info.rig.simulated);
-                self.scene.take(&info.scene);
+                let known = !self.info.scene.is_null();
+                if self.scene.take(&info.scene) && known {
+                    self.marks.fades(self.scene.fading_s());
+                    if self.marks.is_foreign() {
+                        self.unmarked.push((What::Set, "changed by another client".to_owned(), None));
+                    }
+                }
                 self.info = *info;
             }
             News::Stats(stats) => self.stats = Some(*stats),
@@ -223,8 +282,11 @@ impl Model {
         self.link = Link::Online(hello);
         // The new server can have another clock. Discard what the old one reported.
         self.history.clear();
+        self.marks.clear();
+        self.unmarked.clear();
         self.lateness = Histogram::default();
         self.state = None;
+        self.began = None;
         self.heard = Some(Instant::now());
         self.fault = None;
         self.dropped = 0;
@@ -243,12 +305,16 @@ impl Model {
         let by = fault.by.as_ref().filter(|_| !stopped).map(|by| format!(" by {}", self.who(by)));
         // The window shows this message below the mode while the fault lasts.
         self.messages.add_told(weight, format!("{name}: {}{}", fault.message, by.unwrap_or_default()));
+        if stopped {
+            self.unmarked.push((What::Fault, name, Some(fault.tick)));
+        }
         self.fault = stopped.then_some(fault);
     }
 
     fn scene_loaded(&mut self, scene: SceneEvent) {
         let by = scene.by.as_ref().map(|by| format!(", loaded by {}", self.who(by)));
         self.messages.add(Weight::Good, format!("scene: {}{}", scene.name, by.unwrap_or_default()));
+        self.unmarked.push((What::Scene, format!("scene {}", scene.name), Some(scene.tick)));
         self.scene.take_costs(scene.effects);
     }
 
@@ -256,6 +322,11 @@ impl Model {
         match (intent, &result) {
             (Intent::Set { effect, key, value }, _) => {
                 self.scene.answered(effect, key, value, result.is_ok());
+                if result.is_ok() {
+                    // Lists and matrices are too long for a mark.
+                    let value = if value.is_array() { String::new() } else { format!(" = {value}") };
+                    self.unmarked.push((What::Set, format!("{effect}: {key}{value}"), None));
+                }
             }
             (Intent::Stop, Ok(())) => self.stop = self.stop.take().filter(PendingStop::is_unconfirmed),
             (Intent::Stop, Err(why)) => return self.stop_failed(why.clone()),
@@ -282,4 +353,9 @@ impl Model {
         }
         self.lease = lease;
     }
+}
+
+/// Returns whether the rig renders the scene in a mode.
+const fn is_rendering(mode: Mode) -> bool {
+    matches!(mode, Mode::Enabling | Mode::Active)
 }

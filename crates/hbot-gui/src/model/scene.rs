@@ -3,6 +3,9 @@
 use std::collections::BTreeMap;
 
 use hbot_api::{EffectCost, InfoOk};
+use hbot_config::SceneFile;
+use hbot_config::scene::SceneEffect;
+use hbot_core::effects::Anchor;
 use serde_json::{Map, Value};
 
 /// Identifies a parameter of an effect: the effect's id and the parameter's name.
@@ -12,11 +15,15 @@ type Place = (String, String);
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scene {
     name: String,
+    /// The sentence that says what the scene feels like. Empty if the scene has none.
+    description: String,
     effects: Vec<Effect>,
     /// The scene's table of phenomena of the simulated rig, if it has one.
     simulate: Option<Value>,
     /// The scene as the server last reported it. Null if it has changed since.
     told: Value,
+    /// The scene with the laws of its effects, if the panel knows all its kinds.
+    file: Option<SceneFile>,
     /// Parameter values that were sent to the server and not answered yet. The window shows them
     /// instead of the values in use.
     pending: BTreeMap<Place, Value>,
@@ -26,7 +33,7 @@ pub(crate) struct Scene {
 }
 
 /// One effect of the running scene, such as a spring.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Effect {
     pub(crate) id: String,
     pub(crate) kind: String,
@@ -35,22 +42,28 @@ pub(crate) struct Effect {
 }
 
 impl Scene {
-    /// Replaces the scene by the one in an answer to the op `info`.
-    pub(crate) fn take(&mut self, told: &Value) {
+    /// Replaces the scene by the one in an answer to the op `info`. Returns whether the effects of
+    /// the scene are others than the panel knew.
+    pub(crate) fn take(&mut self, told: &Value) -> bool {
         if *told == self.told {
-            return;
+            return false;
         }
         self.name = told["name"].as_str().unwrap_or("unnamed").to_owned();
-        self.effects = told["effect"]
+        self.description = told["description"].as_str().unwrap_or_default().to_owned();
+        let effects: Vec<_> = told["effect"]
             .as_array()
             .into_iter()
             .flatten()
             .filter_map(|effect| Effect::read(effect.as_object()?))
             .collect();
+        let changed = effects != self.effects;
+        self.effects = effects;
         self.simulate = told.get("simulate").cloned();
+        self.file = SceneFile::from_json(told.clone()).ok();
         self.told = told.clone();
         let ids = &self.effects;
         self.pending.retain(|(id, _), _| ids.iter().any(|effect| effect.id == *id));
+        changed
     }
 
     /// Records the computing time of the effects of a scene that was just loaded.
@@ -68,8 +81,29 @@ impl Scene {
         &self.name
     }
 
+    pub(crate) fn description(&self) -> &str {
+        &self.description
+    }
+
     pub(crate) fn effects(&self) -> &[Effect] {
         &self.effects
+    }
+
+    /// Returns the effects with their laws, as the server computes them. Empty if the server is
+    /// newer than the panel and runs a kind that the panel does not know.
+    pub(crate) fn laws(&self) -> &[SceneEffect] {
+        self.file.as_ref().map_or(&[], SceneFile::effects)
+    }
+
+    /// Returns whether the first effect with a reference is anchored where the sphere is at enable.
+    pub(crate) fn is_placed_here(&self) -> bool {
+        let first = self.laws().iter().find_map(|effect| effect.kind().reference());
+        matches!(first, Some((_, Anchor::Here)))
+    }
+
+    /// Returns the longest time in which an effect of the scene fades in or out, s.
+    pub(crate) fn fading_s(&self) -> f64 {
+        self.laws().iter().map(|effect| effect.fade_s().max(effect.fade_out_s())).fold(0.0, f64::max)
     }
 
     /// Returns the value of a parameter: the one that was last requested, if it is not answered
@@ -94,6 +128,7 @@ impl Scene {
         let Some(effect) = self.effects.iter_mut().find(|e| e.id == effect) else { return };
         if taken {
             effect.parameters.insert(key.to_owned(), value.clone());
+            self.file = SceneFile::from_json(self.to_json()).ok();
             // Makes the panel apply the next answer to `info` in any case.
             self.told = Value::Null;
         }
@@ -118,6 +153,9 @@ impl Scene {
         }
         let mut scene = Map::new();
         scene.insert("name".to_owned(), self.name.clone().into());
+        if !self.description.is_empty() {
+            scene.insert("description".to_owned(), self.description.clone().into());
+        }
         scene.insert("effect".to_owned(), effects.into());
         if let Some(simulate) = &self.simulate {
             scene.insert("simulate".to_owned(), simulate.clone());
@@ -153,7 +191,7 @@ mod tests {
 
     fn scene() -> Scene {
         let mut scene = Scene::default();
-        scene.take(&json!({"name": "S", "effect": [
+        scene.take(&json!({"name": "S", "description": "A test.", "effect": [
             {"id": "a", "kind": "spring", "stiffness": 1.0}]}));
         scene
     }

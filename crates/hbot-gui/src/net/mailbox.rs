@@ -135,7 +135,7 @@ fn replaces(later: &Intent, earlier: &Intent) -> bool {
         // A new scene makes requests for the old one obsolete.
         (Intent::Load { .. }, Intent::Load { .. } | Intent::Set { .. }) => true,
         // A stop makes an earlier request to enable obsolete.
-        (Intent::Stop | Intent::Disable, Intent::Enable) => true,
+        (Intent::Stop | Intent::Disable, Intent::Enable | Intent::Recover) => true,
         _ => later == earlier,
     }
 }

@@ -79,6 +79,8 @@ pub(crate) enum Intent {
     Enable,
     Disable,
     Reset,
+    /// Leaves a fault or a stop, and begins to render.
+    Recover,
     Acquire {
         steal: bool,
     },
@@ -106,6 +108,7 @@ impl Intent {
             Self::Enable => "Enable".to_owned(),
             Self::Disable => "Disable".to_owned(),
             Self::Reset => "Reset".to_owned(),
+            Self::Recover => "Recover".to_owned(),
             Self::Acquire { steal: false } => "Take command".to_owned(),
             Self::Acquire { steal: true } => "Take over".to_owned(),
             Self::Release => "Release".to_owned(),

@@ -186,8 +186,10 @@ impl<'a> Session<'a> {
     }
 
     fn ask(&mut self, intent: &Intent) -> Result<(), ClientError> {
-        let commands =
-            matches!(intent, Intent::Enable | Intent::Reset | Intent::Set { .. } | Intent::Load { .. });
+        let commands = matches!(
+            intent,
+            Intent::Enable | Intent::Reset | Intent::Recover | Intent::Set { .. } | Intent::Load { .. }
+        );
         // A request that needs the lease takes it if it may be free. If another client holds it,
         // the server refuses with that reason.
         if commands && matches!(self.lease, Lease::Free | Lease::Unknown) {
@@ -198,6 +200,8 @@ impl<'a> Session<'a> {
             Intent::Enable => self.client.enable().map(drop),
             Intent::Disable => self.client.disable().map(drop),
             Intent::Reset => self.client.reset().map(drop),
+            // A stop between the two makes the server refuse the second.
+            Intent::Recover => self.client.reset().and_then(|_| self.client.enable()).map(drop),
             Intent::Acquire { steal } => self.acquire(*steal),
             Intent::Release => {
                 self.client.release()?;

@@ -5,8 +5,10 @@
 mod bar;
 mod camera;
 mod health;
+mod joints;
 mod parameter;
 mod plots;
+mod recover;
 mod scene;
 mod schema;
 mod sphere;
@@ -46,8 +48,18 @@ pub(crate) enum Act {
 enum Tab {
     #[default]
     Scene,
+    Joints,
     Health,
     Messages,
+}
+
+impl Tab {
+    const ALL: [(Self, &str); 4] = [
+        (Self::Scene, "Scene"),
+        (Self::Joints, "Joints"),
+        (Self::Health, "Health"),
+        (Self::Messages, "Messages"),
+    ];
 }
 
 /// What the user has chosen and typed in the window, such as the open tab. It does not concern the
@@ -105,7 +117,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     Panel::right("details").exact_size(right).resizable(false).show(ui, |ui| {
         ui.add_space(4.0);
         ui.horizontal(|ui| {
-            for (tab, name) in [(Tab::Scene, "Scene"), (Tab::Health, "Health"), (Tab::Messages, "Messages")] {
+            for (tab, name) in Tab::ALL {
                 ui.selectable_value(&mut desk.tab, tab, name);
             }
         });
@@ -115,6 +127,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
                 drop(weak(ui, "Not connected."));
             }
             Tab::Scene => scene::show(ui, model, desk, acts),
+            Tab::Joints => drop(ui.add_enabled_ui(model.is_live(), |ui| joints::show(ui, model))),
             Tab::Health => drop(ui.add_enabled_ui(model.is_live(), |ui| health::show(ui, model))),
             Tab::Messages => messages(ui, model),
         });

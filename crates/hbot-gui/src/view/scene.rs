@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use eframe::egui::{self, CollapsingHeader, ComboBox, RichText, TextEdit, Ui};
+use eframe::egui::{self, CollapsingHeader, ComboBox, RichText, TextEdit, TextStyle, Ui, vec2};
 use serde_json::{Value, json};
 
 use super::parameter;
@@ -17,12 +17,12 @@ use crate::net::Intent;
 /// Time after which the panel reads the list of scene files again, to show new files.
 const LIST_EVERY: Duration = Duration::from_secs(2);
 
-/// The list of scene files in the folder, with the file that the user has picked and the name that
-/// the user has typed.
+/// The list of scene files in the folder with their descriptions, the file that the user has picked, and the name
+/// that the user has typed.
 #[derive(Debug)]
 pub(crate) struct Shelf {
     folder: PathBuf,
-    files: Vec<PathBuf>,
+    files: Vec<files::ShelfFile>,
     listed: Option<Instant>,
     picked: Option<PathBuf>,
     save_as: String,
@@ -33,9 +33,13 @@ impl Shelf {
         Self { folder, files: Vec::new(), listed: None, picked: None, save_as: String::new() }
     }
 
+    fn picked(&self) -> Option<&files::ShelfFile> {
+        self.files.iter().find(|file| Some(&file.path) == self.picked.as_ref())
+    }
+
     fn refresh(&mut self) {
         if self.listed.is_none_or(|at| at.elapsed() > LIST_EVERY) {
-            self.files = files::scenes(&self.folder);
+            self.files = files::scenes(&self.folder, &self.files);
             self.listed = Some(Instant::now());
         }
     }
@@ -44,6 +48,11 @@ impl Shelf {
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
     choose(ui, model, &mut desk.shelf, acts);
     heading(ui, model.scene.name());
+    // The shelf already shows the description of the scene that was picked.
+    let above = desk.shelf.picked().map_or("", files::ShelfFile::said);
+    if !model.scene.description().is_empty() && model.scene.description() != above {
+        weak(ui, model.scene.description());
+    }
     if model.scene.effects().is_empty() {
         weak(ui, "This scene has no effects: nothing is rendered.");
     }
@@ -77,7 +86,9 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         let response =
             ComboBox::from_id_salt("scenes").selected_text(text).width(width).truncate().show_ui(ui, |ui| {
                 for file in &shelf.files {
-                    ui.selectable_value(&mut shelf.picked, Some(file.clone()), stem(file));
+                    let path = Some(file.path.clone());
+                    let entry = ui.selectable_value(&mut shelf.picked, path, stem(&file.path));
+                    entry.on_hover_text(file.said());
                 }
             });
         named(response.response, "Scene file");
@@ -87,6 +98,15 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         {
             acts.push(Act::LoadFile(file.clone()));
         }
+    });
+    // The text always has this much room, so that nothing below it moves when the choice changes.
+    let room = vec2(ui.available_width(), 3.0 * ui.text_style_height(&TextStyle::Body));
+    ui.allocate_ui(room, |ui| {
+        ui.set_min_size(room);
+        match shelf.picked() {
+            Some(file) => weak(ui, file.said()),
+            None => weak(ui, "Point at a scene in the list to read what it feels like."),
+        };
     });
 }
 

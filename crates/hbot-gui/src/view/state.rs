@@ -4,6 +4,7 @@ use eframe::egui::{self, Button, RichText, Role, ScrollArea, Ui, WidgetInfo, vec
 use glam::DVec3;
 use hbot_api::{Fault, Mode, StateEvent};
 
+use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
 use crate::model::{Headline, Model, PendingStop, words};
 use crate::net::Intent;
@@ -31,6 +32,7 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
 /// is to its limits.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
+    recover::show(ui, model, intents);
     let palette = Palette::of(ui);
     status(ui, model, palette);
     ui.add_enabled_ui(model.is_live(), |ui| meters(ui, model, palette));

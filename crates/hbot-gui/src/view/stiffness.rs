@@ -7,7 +7,7 @@ use super::Desk;
 use super::parameter;
 use super::round_up;
 use super::theme::{Palette, coloured, heading, named, weak};
-use crate::model::{Effect, Model};
+use crate::model::{Effect, Model, reach};
 use crate::net::Intent;
 
 /// The slider extends at least to the stiffness that reaches the rig's torque limit at this
@@ -182,7 +182,7 @@ fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
     painter.vline(x, slider.y_range(), Stroke::new(2.0, palette.warn));
 }
 
-/// Draws an explanation of the largest stiffness: at which angle it reaches the rig's torque limit,
+/// Draws an explanation of the largest stiffness: where the effect reaches the rig's torque limit,
 /// and whether the rig is expected to be stable with it.
 fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
     let palette = Palette::of(ui);
@@ -190,14 +190,12 @@ fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
     let gain = model.scene.value(effect, "gain").and_then(Value::as_f64).unwrap_or(1.0);
     let stiffest = diagonal(value).into_iter().fold(0.0, f64::max) * gain;
     let limit = model.info.limits.torque;
-    if stiffest > 0.0 && limit > 0.0 {
-        let angle = limit / stiffest;
-        if angle < std::f64::consts::PI {
-            weak(
-                ui,
-                format!("reaches the rig's {limit} N m at {angle:.2} rad ({:.0}\u{b0})", angle.to_degrees()),
-            );
-        }
+    if stiffest > 0.0
+        && limit > 0.0
+        && let Some(reach) =
+            reach(&effect.kind, [stiffest, gain, limit], |key| model.scene.value(effect, key))
+    {
+        weak(ui, reach.in_words(&effect.kind, limit));
     }
     if let Some(stable) = stable {
         if stiffest > stable {

@@ -28,9 +28,16 @@ pub(crate) const STOP: Color32 = Color32::from_rgb(0xb8, 0x25, 0x08);
 
 impl Palette {
     pub(crate) fn of(ui: &Ui) -> Self {
-        let rgb = Color32::from_rgb;
-        let weak = ui.visuals().weak_text_color();
-        if ui.visuals().dark_mode {
+        Self::of_theme(ui.visuals().dark_mode, ui.visuals().weak_text_color())
+    }
+
+    /// Returns the colours for a dark or a light background. `weak` is the colour of less important
+    /// text.
+    pub(crate) const fn of_theme(dark: bool, weak: Color32) -> Self {
+        const fn rgb(r: u8, g: u8, b: u8) -> Color32 {
+            Color32::from_rgb(r, g, b)
+        }
+        if dark {
             Self {
                 axes: [rgb(0xf2, 0x77, 0x2e), rgb(0x22, 0xb8, 0x8c), rgb(0x56, 0xb4, 0xe9)],
                 torque: rgb(0xe0, 0x8f, 0xbd),

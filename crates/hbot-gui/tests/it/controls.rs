@@ -215,3 +215,38 @@ fn every_control_has_a_name_and_is_reached_by_tab() {
     seat.frame();
     witness.state("idle", |state| state.mode == Mode::Idle);
 }
+
+#[test]
+fn recover_leads_back_in_one_step() {
+    let bench = AloneServer::start(&ServerSetup::default());
+    let (mut seat, mut witness) = seated(&bench);
+    assert!(!seat.is_enabled("Recover"), "nothing to recover from");
+    // The hand holds the sphere 0.2 rad away.
+    seat.until_text("0.20 rad from reference (enable: up to 0.50)");
+    seat.click("Stop");
+    witness.state("stopped", |state| state.mode == Mode::Estop);
+    seat.until("Recover", |harness| {
+        let button = harness.get_by_label("Recover");
+        !egui_kittest::kittest::NodeT::accesskit_node(&button).is_disabled()
+    });
+    seat.click("Recover");
+    witness.state("active", |state| state.mode == Mode::Active);
+    seat.until_text("ACTIVE");
+}
+
+#[test]
+fn recover_waits_until_the_sphere_is_near_its_reference() {
+    // 0.8 rad is more than the rig's 0.5 rad.
+    let far = crate::bench::STILL.replace(
+        "[0.9950041652780258, 0.09983341664682815, 0, 0]",
+        "[0.9210609940028851, 0.3894183423086505, 0, 0]",
+    );
+    let bench = AloneServer::start(&ServerSetup { scene: &far, ..ServerSetup::default() });
+    let mut witness = Witness::new(&bench);
+    let mut seat = Seat::at(bench.address);
+    seat.until_text("you command");
+    seat.click("Stop");
+    witness.state("stopped", |state| state.mode == Mode::Estop);
+    seat.until_text("0.80 rad from reference: turn to within 0.50");
+    assert!(!seat.is_enabled("Recover"));
+}

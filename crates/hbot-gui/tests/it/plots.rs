@@ -1,5 +1,6 @@
 //! Tests of the plots: what they show, pausing, and export.
 
+use eframe::egui::accesskit::Role;
 use egui_kittest::kittest::Queryable as _;
 use hbot_gui::PanelOptions;
 
@@ -29,7 +30,12 @@ struct Row {
 }
 
 fn moved() -> (AloneServer, Seat) {
-    let bench = AloneServer::start(&ServerSetup { scene: MOVED, ..ServerSetup::default() });
+    moving(false)
+}
+
+/// Starts a server, in real time if `paced`, and a panel that shows it.
+fn moving(paced: bool) -> (AloneServer, Seat) {
+    let bench = AloneServer::start(&ServerSetup { scene: MOVED, paced, ..ServerSetup::default() });
     let options = PanelOptions { samples_per_s: 60, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");
@@ -95,4 +101,51 @@ fn the_ground_is_light_or_dark() {
     let dark = seat.harness.ctx.theme();
     seat.click("Light or dark");
     assert_ne!(seat.harness.ctx.theme(), dark);
+}
+
+#[test]
+fn a_fit_describes_the_stiffness_since_its_last_change() {
+    // In real time the samples before the change stay in the plot for ten seconds.
+    let (_bench, mut seat) = moving(true);
+    seat.click("Torque / deflection");
+    seat.until_text("n1 2.000 (0.0200)");
+    seat.type_number("Stiffness value", "3");
+    seat.until_text("since spring: stiffness = 3.0");
+    seat.until_text("n1 3.000 (0.0200)");
+}
+
+#[test]
+fn a_wall_is_not_told_as_a_spring() {
+    let scene =
+        MOVED.replace("kind = \"spring\"\nstiffness = 2", "kind = \"end_stop\"\ncone = 0.05\nstiffness = 2");
+    let bench = AloneServer::start(&ServerSetup { scene: &scene, ..ServerSetup::default() });
+    let options = PanelOptions { samples_per_s: 60, ..PanelOptions::new(&bench.address.to_string()) };
+    let mut seat = Seat::with(options);
+    seat.until_text("ACTIVE");
+    seat.click("Torque / deflection");
+    seat.until_text("is not one spring");
+}
+
+#[test]
+fn every_plot_marks_scenes_changed_parameters_and_stops() {
+    let (_bench, mut seat) = moving(true);
+    seat.until_text("you command");
+    seat.type_number("Stiffness value", "1.5");
+    for (plot, axis) in [
+        ("Torque", "torque, N m"),
+        ("Angle", "rotation vector, rad"),
+        ("Speed", "angular velocity, rad/s"),
+        ("Slip", "slip, m/s"),
+        ("Energy", "energy to the hand, J"),
+    ] {
+        // A bar at the left can have the same name, but only this is a button.
+        seat.harness.get_by_role_and_label(Role::Button, plot).click_accesskit();
+        seat.until_text(&format!("Plot of {axis}"));
+        seat.until_text("; spring: stiffness = 1.5,");
+    }
+    seat.pick("Scene file", "thick-air");
+    seat.click("Load");
+    seat.until_text("; scene Thick air,");
+    seat.click("Stop");
+    seat.until_text("; estop,");
 }

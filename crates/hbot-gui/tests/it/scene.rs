@@ -208,3 +208,28 @@ fn a_matrix_is_made_of_a_number_and_edited() {
     seat.frame();
     assert_eq!(witness.parameter("spring", "stiffness")[1][1], json!(0.5));
 }
+
+#[test]
+fn the_shelf_says_what_a_scene_feels_like() {
+    let bench = AloneServer::start(&ServerSetup::default());
+    let (mut seat, _witness) = seated(&bench);
+    seat.pick("Scene file", "clay");
+    seat.until_text("A lump of clay: it keeps every shape");
+    let bad = "name = \"Bad\"\n[[effect]]\nid = \"s\"\nkind = \"spring\"\nstiffness = -1\n";
+    std::fs::write(seat.out.path().join("scenes/clay.toml"), bad).expect("written");
+    seat.until_text("This file has mistakes");
+}
+
+#[test]
+fn the_picture_shows_the_wall_that_the_hand_meets() {
+    let wall = "name = \"Wall\"\n[[effect]]\nid = \"wall\"\nkind = \"end_stop\"\ncone = 0.1\nstiffness = 2\n";
+    let held = "[simulate]\nhand = { stiffness = 50, damping = 1, amplitude = 0.3, rate = 0.1 }\n";
+    let scene = format!("{wall}{held}");
+    let bench = AloneServer::start(&ServerSetup { scene: &scene, ..ServerSetup::default() });
+    let (mut seat, _witness) = seated(&bench);
+    seat.until_text("; the hand meets wall");
+    seat.until("free inside", |harness| {
+        harness.query_all_by_label_contains("Sphere: orientation").next().is_some()
+            && harness.query_all_by_label_contains("the hand meets").next().is_none()
+    });
+}

@@ -1,4 +1,4 @@
-//! Tests with a real window on a virtual display (Xvfb), drawn in software, in seven situations.
+//! Tests with a real window on a virtual display (Xvfb), drawn in software, in eight situations.
 
 use crate::bench::{AloneServer, ServerSetup, alone};
 use crate::display::{Display, Shot, folder};
@@ -35,10 +35,42 @@ pub(crate) const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
 /// Colour of the axis n3 in the picture of the sphere, on a dark background.
 pub(crate) const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 
+/// A scene with a shape of each sort.
+const FELT: &str = r#"
+name = "Shapes"
+[[effect]]
+id = "room"
+kind = "end_stop"
+walls = "both"
+cone = 0.5
+twist = [-0.8, 0.8]
+[[effect]]
+id = "dial"
+kind = "detents"
+count = 12
+[[effect]]
+id = "hinge"
+kind = "guide"
+axis = [1, 0, 0]
+stiffness = 0.2
+[[effect]]
+id = "faces"
+kind = "snaps"
+strength = 0.05
+[[effect]]
+id = "magnet"
+kind = "magnet"
+reference = [0.94, 0.2, 0.28, 0]
+[[effect]]
+id = "weight"
+kind = "pendulum"
+mass = 0.1
+"#;
+
 const DESKTOP: [u32; 2] = [1280, 800];
 
 #[test]
-fn pictures_of_seven_situations() {
+fn pictures_of_eight_situations() {
     let _alone = alone();
     let Some(display) = Display::start() else { return };
     let bench = |scene: &str, rig: &[(&str, &str)]| {
@@ -59,6 +91,18 @@ fn pictures_of_seven_situations() {
         assert!(count(&pixels, STOP) > 8_000, "{name}");
     }
     running.stop();
+
+    // A hand that is in the wall of a cone and off the middle of a twist.
+    let felt = FELT.to_owned() + "[simulate]\nhand = { amplitude = 0.6, rate = 0.05 }\n";
+    let felt = bench(&felt, &[]);
+    let pixels = picture(&display, "felt", &felt.address.to_string(), DESKTOP, "dark");
+    let orange = |p: &&[u8]| {
+        let [r, g, b] = [p[0], p[1], p[2]].map(u32::from);
+        r > 150 && (71..150).contains(&g) && 4 * b < 3 * g
+    };
+    // The axis s1 and the curve n1 alone have less than half of this.
+    assert!(pixels.chunks_exact(3).filter(orange).count() > 2500, "the walls are drawn and glow");
+    felt.stop();
 
     let saturated = bench(&stiff, &[]);
     let pixels = picture(&display, "saturated", &saturated.address.to_string(), DESKTOP, "dark");

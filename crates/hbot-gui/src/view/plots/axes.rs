@@ -1,0 +1,62 @@
+//! The axes that all plots share, with their grid lines.
+
+use eframe::egui::Ui;
+use egui_plot::{Corner, GridInput, GridMark, Legend, Plot};
+
+use super::PlotDesk;
+use crate::view::round_up;
+
+/// Creates a plot that follows the newest data. While the plots are paused, the user can drag and
+/// zoom it instead.
+pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
+    let still = plots.paused.is_some();
+    Plot::new(id)
+        // Leaves room for the right half of the last number on the horizontal axis.
+        .width(ui.available_width() - 12.0)
+        .legend(Legend::default().position(Corner::LeftTop))
+        .y_axis_label(y)
+        .y_axis_min_width(44.0)
+        .x_grid_spacer(|input| round_steps(input, 9.0))
+        .y_grid_spacer(|input| round_steps(input, 4.0))
+        .x_axis_formatter(|mark, _| figure(mark))
+        .y_axis_formatter(|mark, _| figure(mark))
+        .allow_drag(still)
+        .allow_zoom(still)
+        .allow_scroll(still)
+        .allow_boxed_zoom(still)
+        .allow_axis_zoom_drag(still)
+}
+
+/// Returns the grid lines of a plot. Their distance is a round number (1, 2 or 5 times a power of
+/// ten) and at least `apart` times the smallest distance that the plot proposes, so that each line
+/// has room for its number.
+fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
+    let (low, high) = input.bounds;
+    let step_size = round_up(apart * input.base_step_size);
+    if !(step_size.is_normal() && step_size > 0.0) {
+        return Vec::new();
+    }
+    let (first, last) = ((low / step_size).ceil() as i64, (high / step_size).floor() as i64);
+    (first..=last.min(first + 50)).map(|k| GridMark { value: k as f64 * step_size, step_size }).collect()
+}
+
+/// Formats the number next to a grid line, with as many decimals as the distance between lines
+/// needs.
+fn figure(mark: GridMark) -> String {
+    let decimals = (-mark.step_size.log10() - 1e-9).ceil().clamp(0.0, 9.0) as usize;
+    format!("{:.decimals$}", mark.value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grid_lines_have_round_numbers_with_their_decimals() {
+        let marks = round_steps(GridInput { bounds: (-1.02, 1.02), base_step_size: 0.07 }, 4.0);
+        let figures: Vec<_> = marks.into_iter().map(figure).collect();
+        assert_eq!(figures, ["-1.0", "-0.5", "0.0", "0.5", "1.0"]);
+        let marks = round_steps(GridInput { bounds: (-30.0, 0.0), base_step_size: 1.0 }, 9.0);
+        assert_eq!(marks.into_iter().map(figure).collect::<Vec<_>>(), ["-30", "-20", "-10", "0"]);
+    }
+}

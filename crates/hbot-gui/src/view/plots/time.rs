@@ -1,0 +1,181 @@
+//! Plots of quantities against time, with marks at changes of the scene and at faults.
+
+use eframe::egui::{Align2, Color32, Role, Ui, WidgetInfo};
+use egui_plot::{HLine, Line, LineStyle, PlotPoint, PlotUi, Text, VLine};
+
+use super::axes::plot;
+use super::{PlotDesk, Which};
+use crate::model::{History, Mark, Model, PlotSample, What, thinned};
+use crate::view::theme::{Palette, weak};
+
+/// A curve of a plot.
+struct Curve {
+    name: &'static str,
+    color: Color32,
+    of: Box<dyn Fn(&PlotSample) -> f64>,
+}
+
+/// What a plot against time shows: up to four curves of one unit.
+struct Quantity {
+    /// Name and unit, next to the vertical axis.
+    axis: &'static str,
+    curves: Vec<Curve>,
+    /// The axis extends at least this far from zero, so that smaller noise does not fill the plot.
+    least: f64,
+    /// Upper limit of the last curve, if the rig has one. A limit of a vector bounds its length, so
+    /// the last curve is the length.
+    limit: Option<f64>,
+}
+
+impl Quantity {
+    /// Returns what the plot `which` shows. Returns `None` for the plot against deflection.
+    fn of(which: Which, model: &Model, plots: &PlotDesk, palette: Palette) -> Option<Self> {
+        let limits = &model.info.limits;
+        let color = palette.torque;
+        let length = |name, vector: fn(&PlotSample) -> glam::DVec3| {
+            let mut curves = components(palette, move |sample| vector(sample).to_array());
+            curves.push(Curve { name, color, of: Box::new(move |sample| vector(sample).length()) });
+            curves
+        };
+        let alone = |name, of: fn(&PlotSample) -> f64| vec![Curve { name, color, of: Box::new(of) }];
+        let zero = plots.zero;
+        let (axis, curves, least, limit) = match which {
+            Which::Torque => ("torque, N m", length("length", |sample| sample.torque), 0.02, limits.torque),
+            Which::Speed => {
+                ("angular velocity, rad/s", length("speed", |sample| sample.omega), 0.1, limits.speed)
+            }
+            Which::Angle => {
+                let angle = move |sample: &PlotSample| sample.deflection(sample.zero(zero)).to_array();
+                ("rotation vector, rad", components(palette, angle), 0.02, 0.0)
+            }
+            Which::Slip => ("slip, m/s", alone("largest slip", |sample| sample.slip), 0.002, limits.slip),
+            Which::Energy => {
+                ("energy to the hand, J", alone("since the start", |sample| sample.energy), 0.01, 0.0)
+            }
+            Which::Stiffness => return None,
+        };
+        Some(Self { axis, curves, least, limit: (limit > 0.0).then_some(limit) })
+    }
+}
+
+/// Returns the curves of the three components of a vector in frame N.
+fn components(palette: Palette, vector: impl Fn(&PlotSample) -> [f64; 3] + Copy + 'static) -> Vec<Curve> {
+    let names = ["n1", "n2", "n3"];
+    (0..3)
+        .map(|k| Curve {
+            name: names[k],
+            color: palette.axes[k],
+            of: Box::new(move |sample| vector(sample)[k]),
+        })
+        .collect()
+}
+
+/// Draws the plot that the user has chosen, unless it is the one against deflection.
+pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDesk) {
+    let palette = Palette::of(ui);
+    let Some(quantity) = Quantity::of(plots.which, model, plots, palette) else { return };
+    let Some(newest) = history.newest() else {
+        weak(ui, "No samples yet.");
+        return;
+    };
+    let now = newest.t;
+    let columns = ui.available_width() as usize;
+    let lines: Vec<Vec<[f64; 2]>> = quantity
+        .curves
+        .iter()
+        .map(|curve| {
+            let points = history.last(plots.window).map(|sample| [sample.t - now, (curve.of)(sample)]);
+            thinned(points, columns)
+        })
+        .collect();
+    let most = lines.last().into_iter().flatten().fold(0.0_f64, |most, point| most.max(point[1].abs()));
+    // Show the limit only if the curve is near it. Otherwise it would flatten the curves.
+    let limit = quantity.limit.filter(|limit| most > 0.6 * limit);
+    let marks: Vec<&Mark> = model.marks.between(now - plots.window, now).collect();
+    let shown = plot(ui, quantity.axis, plots, quantity.axis)
+        .include_x(-plots.window)
+        .include_x(0.0)
+        .include_y(-quantity.least)
+        .include_y(quantity.least)
+        .x_axis_label("time before now, s")
+        .show(ui, |plot| {
+            for (curve, points) in quantity.curves.iter().zip(lines) {
+                plot.line(Line::new(curve.name, points).color(curve.color).width(1.6));
+            }
+            if let Some(limit) = limit {
+                let name = quantity.curves.last().map_or("", |curve| curve.name);
+                let line = HLine::new(format!("limit of {name}"), limit);
+                plot.hline(line.color(palette.warn).style(LineStyle::dashed_loose()));
+            }
+            draw(plot, &marks, now, palette);
+        });
+    let text = in_words(quantity.axis, history.last(plots.window).len(), limit, &marks, now);
+    shown.response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &text));
+}
+
+/// Draws a vertical line with a text at each mark. Texts take turns in three heights, so that close
+/// marks do not cover each other.
+fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette) {
+    let bounds = plot.plot_bounds();
+    for (k, mark) in marks.iter().enumerate() {
+        let color = match mark.what {
+            What::Scene => palette.ghost,
+            What::Set => palette.weak,
+            What::Fault => palette.bad,
+        };
+        let x = mark.t - now;
+        plot.vline(VLine::new("", x).color(color).width(1.0).style(LineStyle::dashed_dense()));
+        let y = bounds.min()[1] + (0.03 + 0.08 * (k % 3) as f64) * bounds.height();
+        // The text is on the side of its mark that has room.
+        let right = x > bounds.max()[0] - 0.5 * bounds.width();
+        let (side, text) = if right {
+            (Align2::RIGHT_BOTTOM, format!("{} ", mark.text))
+        } else {
+            (Align2::LEFT_BOTTOM, format!(" {}", mark.text))
+        };
+        plot.text(Text::new("", PlotPoint::new(x, y), text).color(color).anchor(side));
+    }
+}
+
+/// Describes a plot in words, for screen readers.
+fn in_words(axis: &str, points: usize, limit: Option<f64>, marks: &[&Mark], now: f64) -> String {
+    let mut text = format!("Plot of {axis} over {points} samples");
+    if let Some(limit) = limit {
+        text += &format!(", near its limit of {limit}");
+    }
+    for Mark { t, text: what, .. } in marks {
+        text += &format!("; {what}, {:.1} s ago", now - t);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hbot_api::StateEvent;
+
+    /// The rig limits the length of the torque, so a component alone never shows whether a limit is
+    /// reached: at 45 degrees between two axes both are at 0.71 of it.
+    #[test]
+    fn the_limit_is_that_of_the_length_of_the_vector() {
+        let mut model = Model::new("", "panel me@here", 1);
+        model.info.limits.torque = 0.9;
+        model.info.limits.speed = 30.0;
+        let palette = Palette::of_theme(true, Color32::GRAY);
+        let component = 0.9 / 2.0_f64.sqrt();
+        let state = StateEvent {
+            torque: [component, component, 0.0],
+            omega: [18.0, 0.0, 24.0],
+            ..StateEvent::default()
+        };
+        let sample = PlotSample::of(&state);
+        for which in [Which::Torque, Which::Speed] {
+            let quantity = Quantity::of(which, &model, &PlotDesk::default(), palette).expect("against time");
+            let (last, limit) = (quantity.curves.last().expect("a curve"), quantity.limit.expect("limited"));
+            // The tolerance is the rounding of one square root.
+            assert!(((last.of)(&sample) - limit).abs() < 1e-14 * limit, "{}", last.name);
+            let components = &quantity.curves[..3];
+            assert!(components.iter().all(|curve| (curve.of)(&sample) < 0.9 * limit));
+        }
+    }
+}

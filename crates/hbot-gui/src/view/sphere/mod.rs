@@ -1,0 +1,145 @@
+//! The picture of the sphere in three dimensions: its orientation, the reference, the wheels, the
+//! torque, and what the hand meets.
+
+mod drawing;
+mod felt;
+mod objects;
+
+use eframe::egui::{self, Align2, FontId, Key, Painter, Role, Sense, Ui, Vec2, WidgetInfo, pos2, vec2};
+use glam::{DQuat, DVec3};
+use hbot_api::StateEvent;
+
+use super::Desk;
+use super::theme::Palette;
+use super::wheels::Contact;
+use crate::model::Model;
+use crate::model::sample::quaternion;
+use crate::shape::{self, Shapes};
+use drawing::Drawing;
+
+/// Everything in the picture is drawn within this distance from the sphere's centre, in units of
+/// the sphere's radius.
+const REACH: f64 = 1.5;
+/// Height of the text below the picture of the sphere, points.
+const READOUTS: f32 = 50.0;
+/// Length of the arrow that shows the torque, in units of the sphere's radius. The first number is
+/// the least length, so that the direction is always visible. The second is added to it at the
+/// rig's torque limit.
+const TORQUE_LENGTH: [f64; 2] = [0.2, 0.32];
+
+/// Draws the picture of the sphere into the room that is left in the window.
+pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
+    let (response, painter) = ui.allocate_painter(ui.available_size(), Sense::click_and_drag());
+    let rect = response.rect;
+    let room = rect.with_max_y(rect.bottom() - READOUTS);
+    let middle = room.center();
+    let radius = (room.width().min(room.height()) / 2.0 / REACH as f32).max(10.0);
+    if response.dragged() {
+        desk.camera.orbit(response.drag_delta(), radius);
+    }
+    if response.double_clicked() {
+        desk.camera = Default::default();
+    }
+    if response.has_focus() {
+        desk.camera.orbit(arrow_keys(ui) * 12.0, radius);
+    }
+    let state = model.state.as_ref();
+    let q = state.map_or(DQuat::IDENTITY, |state| quaternion(state.q));
+    let shapes = state.map_or_else(Shapes::default, |_| {
+        shape::shapes(model.scene.laws(), &model.placing(), model.info.limits.torque)
+    });
+    response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, describe(state, &shapes)));
+
+    let palette = Palette::of(ui);
+    let draw = Drawing { painter, view: desk.camera.onto(middle, radius), palette };
+    draw.sphere(q);
+    if let Some(reference) = state.and_then(|state| state.reference) {
+        draw.ghost(quaternion(reference));
+    }
+    draw.axes(q);
+    draw.felt(&shapes.pieces);
+    if let Some(state) = state {
+        for (k, wheel) in model.info.rig.wheels.iter().enumerate() {
+            let angle = |joint: usize| state.joints.get(joint).map_or(0.0, |joint| joint.angle);
+            if let Some(contact) = Contact::of(&model.info.rig, wheel, angle(2 * k)) {
+                draw.wheel(&contact, angle(2 * k + 1), wheel.name.as_deref().unwrap_or("?"));
+            }
+        }
+        draw.torque(state.torque.into(), model.info.limits.torque);
+    }
+    draw.corner(rect, desk);
+    readouts(&draw.painter, rect, state, palette);
+    legend(&draw.painter, rect, state, &shapes, palette);
+    if rect.width() > 500.0 {
+        let at = rect.right_bottom() - vec2(8.0, 6.0);
+        let hint = "drag to turn the view, double click to turn it back";
+        draw.painter.text(at, Align2::RIGHT_BOTTOM, hint, FontId::proportional(12.0), palette.weak);
+    }
+}
+
+fn arrow_keys(ui: &Ui) -> Vec2 {
+    ui.input(|input| {
+        let key = |key| f32::from(u8::from(input.key_down(key)));
+        vec2(key(Key::ArrowRight) - key(Key::ArrowLeft), key(Key::ArrowDown) - key(Key::ArrowUp))
+    })
+}
+
+/// Describes the picture of the sphere in words, for screen readers.
+fn describe(state: Option<&StateEvent>, shapes: &Shapes) -> String {
+    let Some(state) = state else { return "Sphere: no state yet".to_owned() };
+    let [w, x, y, z] = state.q;
+    let torque = DVec3::from(state.torque).length();
+    let away = state.reference.map_or(String::new(), |reference| {
+        format!(", {:.3} rad from its reference", quaternion(reference).angle_between(quaternion(state.q)))
+    });
+    let meets = match shapes.met.as_slice() {
+        [] => String::new(),
+        met => format!("; the hand meets {}", met.join(", ")),
+    };
+    format!("Sphere: orientation {w:.3} {x:.3} {y:.3} {z:.3}, torque {torque:.3} N m{away}{meets}")
+}
+
+fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, palette: Palette) {
+    let Some(state) = state else { return };
+    let q = quaternion(state.q);
+    let turn = (if q.w < 0.0 { -q } else { q }).to_scaled_axis();
+    let lines = [
+        format!("q        {:7.4} {:7.4} {:7.4} {:7.4}", q.w, q.x, q.y, q.z),
+        format!("rotation {:7.4} {:7.4} {:7.4} rad", turn.x, turn.y, turn.z),
+        format!("angle    {:7.4} rad, {:.1}\u{b0}", turn.length(), turn.length().to_degrees()),
+    ];
+    let font = FontId::monospace(12.0);
+    for (k, line) in lines.iter().rev().enumerate() {
+        let at = pos2(rect.left() + 8.0, rect.bottom() - 6.0 - 15.0 * k as f32);
+        painter.text(at, Align2::LEFT_BOTTOM, line, font.clone(), palette.weak);
+    }
+}
+
+/// Writes what the colours stand for, in the upper left corner.
+fn legend(
+    painter: &Painter,
+    rect: egui::Rect,
+    state: Option<&StateEvent>,
+    shapes: &Shapes,
+    palette: Palette,
+) {
+    let Some(state) = state else { return };
+    let torque = DVec3::from(state.torque).length();
+    let mut lines = vec![(palette.torque, format!("torque {torque:.3} N m"))];
+    lines.push(match state.reference {
+        Some(_) => (palette.ghost, "reference, dashed".to_owned()),
+        None => (palette.weak, "no reference".to_owned()),
+    });
+    if !shapes.met.is_empty() {
+        lines.push((palette.bad, format!("meets {}", shapes.met.join(", "))));
+    }
+    if shapes.unplaced > 0 {
+        // The server tells the place of the first reference alone.
+        let text = format!("not drawn: {} placed before this panel came", shapes.unplaced);
+        lines.push((palette.weak, text));
+    }
+    for (k, (color, text)) in lines.into_iter().enumerate() {
+        let at = pos2(rect.left() + 8.0, rect.top() + 6.0 + 16.0 * k as f32);
+        painter.text(at, Align2::LEFT_TOP, text, FontId::proportional(13.0), color);
+    }
+}
