@@ -30,8 +30,10 @@
 // Largest number of joints of a rig: two for each of eight wheels.
 #define HBOT_MAX_JOINTS 16
 
-// What a function returns. 0 is success, 1 is success without a result. From 10 on the server
-// has refused the request, from 30 on the connection has failed, from 50 on the call was wrong.
+// What a function returns. 0: success. 1: nothing has arrived in the given time, which is no
+// failure. 10 to 18: the server has refused the request. 30 to 37: the connection failed, or the
+// answer did not come in time. 38: a number in the request is not finite, so nothing was sent.
+// 50 to 54: the call was wrong. 55: a defect of this library.
 typedef enum hbot_status {
   // Success.
   HBOT_STATUS_OK = 0,
@@ -61,7 +63,7 @@ typedef enum hbot_status {
   HBOT_STATUS_ADDRESS = 31,
   // Connecting failed for another reason.
   HBOT_STATUS_CONNECT = 32,
-  // The server did not answer in time, or no state came.
+  // The server did not answer in time, or no state came. A connection that was open stays open.
   HBOT_STATUS_TIMEOUT = 33,
   // The server has closed the connection, or it has died. Connect again.
   HBOT_STATUS_CLOSED = 34,
@@ -71,7 +73,7 @@ typedef enum hbot_status {
   HBOT_STATUS_PROTOCOL = 36,
   // The encrypted connection failed, or only one side encrypts.
   HBOT_STATUS_TLS = 37,
-  // A number in the request is not finite.
+  // A number in the request is not finite. Nothing was sent; the connection is intact.
   HBOT_STATUS_NOT_FINITE = 38,
   // A pointer is NULL that must not be.
   HBOT_STATUS_NULL_POINTER = 50,
@@ -385,7 +387,7 @@ typedef struct hbot_render_options {
   uint32_t valid_ms;
   // One of hbot_late. Default: newest.
   uint32_t late;
-  // Time after which the loop ends, s. Default: it does not end by itself.
+  // Time after which the loop ends, s. Default (0): it does not end by itself.
   double duration;
 } hbot_render_options;
 

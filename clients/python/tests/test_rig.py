@@ -18,6 +18,7 @@ import hbot
 from hbot import connection as connection_module
 from hbot import rig as rig_module
 from hbot.arrays import columns
+from hbot.rendering import Rendering
 from hbot.wire import Encoding
 
 DAMPING = 0.01  # N m s/rad
@@ -250,6 +251,18 @@ def test_a_slow_function_gets_the_newest_state(rig: hbot.Rig) -> None:
         done = rig.render(slow, duration=1.0)
     assert 9 * (done.calls - 2) <= done.skipped, "at most one of ten ticks is rendered"
     assert done.skipped <= RATE_HZ - done.calls
+
+
+def test_states_before_the_first_call_are_not_skipped_by_it(rig: hbot.Rig) -> None:
+    """The function was not at work yet, and the duration begins with the first state it gets."""
+    with rig.lease():
+        state = next(rig.states())
+        rendering = Rendering(rig._connection, valid_ms=20, duration=None)
+        assert rendering.goes_on(state, skipped=3)
+        assert rendering.result.skipped == 0
+        rendering.send(state, None)
+        assert rendering.goes_on(state, skipped=2)
+        assert rendering.result.skipped == 2
 
 
 def test_refused_torques_are_counted(rig: hbot.Rig) -> None:

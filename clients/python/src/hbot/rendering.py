@@ -73,7 +73,8 @@ class Rendering:
             self._end = state.tick + round(self._duration * self._connection.hello.rate_hz)
         if self._end is not None and state.tick >= self._end:
             return False
-        self._skipped += skipped
+        if self._calls > 0:  # Before the first call, no function was at work.
+            self._skipped += skipped
         return True
 
     def send(self, state: State, torque: Sequence[float] | None) -> None:
