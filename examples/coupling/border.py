@@ -20,7 +20,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+Numbers = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 DIFFERENCE, SUM = -1, 1
 
 
@@ -41,14 +44,20 @@ class Coupled:
     grip_damping: float = 0.0
     """Of the damper with which a hand holds each sphere, N m s/rad. It acts without lag."""
 
-    def stiffness(self, omega: float, sign: int) -> complex:
+    def stiffness(self, omega: Numbers, sign: int) -> Complex:
         """Return the stiffness with which `j omega` solves the characteristic equation, N m/rad.
 
         It is real only at a border of stability.
+
+        Args:
+            omega: angular frequencies, rad/s.
+            sign: `DIFFERENCE` or `SUM` of both angles.
         """
         s = 1j * omega
-        own = self._mechanics(s) * cmath.exp(s * self.lag) + self.damping * s
-        return -own / (1.0 - sign * cmath.exp(-s * self.delay))
+        mechanics = self.inertia * s * s + self.grip_damping * s + self.grip_stiffness
+        own = mechanics * np.exp(s * self.lag) + self.damping * s
+        stiffness: Complex = -own / (1.0 - sign * np.exp(-s * self.delay))
+        return stiffness
 
     def border(self) -> tuple[float, float]:
         """Return the least unstable stiffness, N m/rad, and the frequency of its swing, rad/s.
@@ -59,26 +68,29 @@ class Coupled:
         return min(found)
 
     def _crossings(self, sign: int) -> list[tuple[float, float]]:
-        # A swing of the border turns by less than a whole turn within a delay, and its frequency
-        # is far above that of a damper alone.
-        highest = math.pi / self.lag / 2.0 if self.delay == 0.0 else 2.0 * math.pi / self.delay
+        # Without a hand, a swing at the border turns by less than a whole turn of phase within the
+        # delay. A hand's spring adds swings near its own frequency.
+        highest = 2.0 * math.pi / self.delay + 10.0 * math.sqrt(self.grip_stiffness / self.inertia)
         grid = np.linspace(highest * 1e-5, highest * (1.0 - 1e-5), 20001)
-        imaginary = np.array([self.stiffness(omega, sign).imag for omega in grid])
+        imaginary = self.stiffness(grid, sign).imag
         crossings = []
         for at in np.flatnonzero(np.diff(np.sign(imaginary))):
             low, high = float(grid[at]), float(grid[at + 1])
             negative = imaginary[at] < 0.0
             for _ in range(60):
                 middle = 0.5 * (low + high)
-                if (self.stiffness(middle, sign).imag < 0.0) == negative:
+                if (self._at(middle, sign).imag < 0.0) == negative:
                     low = middle
                 else:
                     high = middle
-            value = self.stiffness(low, sign)
+            value = self._at(low, sign)
             # At a pole the sign changes too, with a large value on either side.
             if value.real > 0.0 and abs(value.imag) < 1e-6 * value.real:
                 crossings.append((value.real, low))
         return crossings
+
+    def _at(self, omega: float, sign: int) -> complex:
+        return complex(self.stiffness(np.array([omega]), sign)[0])
 
     def growth(self, stiffness: float) -> complex:
         """Return the root of the difference that grows fastest, 1/s and rad/s.
@@ -95,14 +107,11 @@ class Coupled:
                     break
         return s
 
-    def _mechanics(self, s: complex) -> complex:
-        """Return the torque that turns a sphere and its hand, per angle, N m/rad."""
-        return self.inertia * s * s + self.grip_damping * s + self.grip_stiffness
-
     def _newton(self, s: complex, k: float) -> complex:
         late = cmath.exp(-s * self.lag)
         other = cmath.exp(-s * self.delay)
-        value = self._mechanics(s) + late * (self.damping * s + k * (1.0 + other))
+        hand = self.grip_damping * s + self.grip_stiffness
+        value = self.inertia * s * s + hand + late * (self.damping * s + k * (1.0 + other))
         slope = (
             2.0 * self.inertia * s
             + self.grip_damping

@@ -130,8 +130,9 @@ def measured(
         late = np.array(end.watch.delays)
         delays.append(float(late.mean()))
         jitters.append(float(np.percentile(late, 99) - np.median(late)))
-        speeds.append(float(np.abs(omega).max()))
-        lasts.append(float(np.abs(omega[-RATE_HZ // 2 :]).max()))
+        speed = [math.hypot(*state.omega) for state in log]  # A wild swing leaves its axis.
+        speeds.append(max(speed))
+        lasts.append(max(speed[-RATE_HZ // 2 :]))
         energies.append(max(state.energy for state in log) - log[0].energy)
     known = [fit for fit in fits if fit is not None]
     rate, frequency = np.mean(known, axis=0).tolist() if len(known) == 2 else (None, None)

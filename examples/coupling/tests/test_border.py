@@ -75,6 +75,17 @@ def test_a_weak_spring_is_stable_with_any_delay() -> None:
     assert borders[-1] == pytest.approx(always, rel=0.05**2 * 2)
 
 
+def test_a_hand_makes_a_stiffer_spring_stable_with_any_delay() -> None:
+    grip, held = 3.0, 0.05  # N m/rad, N m s/rad: the simulated hand
+    inertia, damping = INERTIA + 0.002, DAMPING + held
+    always = damping**2 / (2 * inertia) + damping * math.sqrt(grip / inertia)
+    delays = np.arange(0.05, 0.3, 0.002)
+    borders = [Coupled(inertia, DAMPING, float(d), 1e-9, grip, held).border()[0] for d in delays]
+    # Some delay of the scan meets the worst phase within 0.001 s times 30 rad/s. The error is of
+    # the order of its square.
+    assert min(borders) == pytest.approx(always, rel=2e-3)
+
+
 def test_the_growth_is_zero_at_the_border_and_rises_with_the_stiffness() -> None:
     coupled = Coupled(INERTIA, DAMPING, 0.02, 0.0015)
     stiffness, omega = coupled.border()
@@ -82,3 +93,37 @@ def test_the_growth_is_zero_at_the_border_and_rises_with_the_stiffness() -> None
     rates = [coupled.growth(part * stiffness).real for part in (0.7, 0.9, 1.1, 1.5)]
     assert rates == sorted(rates)
     assert rates[1] < 0.0 < rates[2]
+
+
+def last_swing(coupled: Coupled, part: float, apart: float, reference_rate: float) -> float:
+    """Return the speed of two spheres 5 to 6 s after they are let go `apart`, rad/s.
+
+    Integrates both equations in time, with steps of 0.1 ms. References turn at a limited rate.
+    """
+    step, seconds = 1e-4, 6.0
+    lag, delay = round(coupled.lag / step), round(coupled.delay / step)
+    stiffness = part * coupled.border()[0]
+    angles, rates = [[apart / 2], [-apart / 2]], [[0.0], [0.0]]
+    references = [[apart / 2], [-apart / 2]]
+    for now in range(round(seconds / step)):
+        late = max(0, now - lag)
+        for own, other in ((0, 1), (1, 0)):
+            way = angles[other][max(0, now - delay)] - references[own][-1]
+            reach = reference_rate * step
+            references[own].append(references[own][-1] + max(-reach, min(reach, way)))
+        for own in (0, 1):
+            torque = -coupled.damping * rates[own][late]
+            torque -= stiffness * (angles[own][late] - references[own][late])
+            rates[own].append(rates[own][-1] + step * torque / coupled.inertia)
+            angles[own].append(angles[own][-1] + step * rates[own][-1])
+    return max(map(abs, rates[0][-round(1.0 / step) :]))
+
+
+def test_a_limit_on_the_reference_rate_makes_a_large_swing_grow_inside_the_border() -> None:
+    coupled = Coupled(INERTIA, DAMPING, 0.021, 0.0015)
+    # A smaller swing, a higher limit or a softer spring comes to rest. A swing that lasts is
+    # several times as fast as the limit of 2 rad/s, one that fades is slower than the limit.
+    assert last_swing(coupled, 0.8, 0.6, reference_rate=2.0) > 4.0
+    assert last_swing(coupled, 0.8, 0.3, reference_rate=2.0) < 1.0
+    assert last_swing(coupled, 0.8, 0.6, reference_rate=100.0) < 1.0
+    assert last_swing(coupled, 0.7, 0.6, reference_rate=2.0) < 1.0
