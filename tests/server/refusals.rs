@@ -80,9 +80,11 @@ fn a_rig_that_comes_by_standard_input_is_read() {
 fn an_address_in_use() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = taken.local_addr().expect("an address").to_string();
-    run(&["server", "--listen", &address])
-        .failure()
-        .stderr(contains(&address).and(contains("another hbot server")));
+    let said = |assert: assert_cmd::assert::Assert| {
+        assert.failure().code(1).stderr(contains(&address).and(contains("another hbot server")));
+    };
+    said(run(&["server", "--listen", &address]));
+    said(run(&["server", "--listen", "127.0.0.1:0", "--foxglove", &address]));
 }
 
 #[test]

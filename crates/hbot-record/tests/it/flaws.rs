@@ -1,9 +1,12 @@
 //! Recordings that are altered, damaged, cut off or of another version.
 
+use std::io::Cursor;
+
+use hbot_api::StateEvent;
 use hbot_config::SceneFile;
 use hbot_core::CompiledScene;
 use hbot_core::effects::{Effect, Span};
-use hbot_record::Exact;
+use hbot_record::{About, Exact, Writer};
 use hbot_record::replay::{Flaw, Replay, ReplayError};
 
 use crate::made::{assert_exact, exact, record, replay, written};
@@ -119,6 +122,22 @@ fn a_gap_is_told_and_the_replay_goes_on_after_it() {
     assert!(report.difference.is_none() && !report.is_exact());
     assert!(matches!(report.flaws[..], [Flaw::Gap(100), Flaw::Unknown(n)] if n > 5000), "{:?}", report.flaws);
     assert_eq!(report.range.unwrap(), (0, 15_999));
+}
+
+#[test]
+fn a_recording_without_exact_inputs_is_refused_with_what_to_do() {
+    for (entry, words) in [
+        ("server", ["made by `hbot record`", "`hbot server --record FILE.mcap`"]),
+        ("other_scene", ["made by `hbot replay --scene`", "Replay the recording from which"]),
+    ] {
+        let about =
+            About { entries: [(entry.to_owned(), "x".to_owned())].into(), ..About::default() };
+        let mut writer = Writer::new(Cursor::new(Vec::new()), &about).unwrap();
+        writer.state(&StateEvent::default(), 1).unwrap();
+        let recording = writer.finish().unwrap().into_inner();
+        let said = replay(&recording).unwrap_err().to_string();
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+    }
 }
 
 #[test]
