@@ -4,6 +4,7 @@ mod bringup;
 mod completions;
 mod console;
 mod doctor;
+mod man;
 mod orders;
 pub(crate) mod out;
 mod record;
@@ -76,6 +77,9 @@ enum Command {
     Reset(Commanding),
     /// Print a script that completes commands in a shell
     Completions(completions::CompletionsArgs),
+    /// Write the man pages of all commands into a folder
+    #[command(hide = true)]
+    Man(man::ManArgs),
     /// Switch motors off if `hbot server` or `hbot rig` dies (started by them)
     #[command(name = LAST_WORD, hide = true)]
     LastWord,
@@ -132,6 +136,7 @@ impl Cli {
             Command::Enable(to) => orders::held(&to, hbot_api::Client::enable),
             Command::Reset(to) => orders::held(&to, hbot_api::Client::reset),
             Command::Completions(args) => completions::run(&args),
+            Command::Man(args) => man::run(&args),
             Command::LastWord => {
                 // An error cannot be reported: the program that started this one is gone.
                 let _ = hbot_host::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());

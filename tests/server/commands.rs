@@ -94,3 +94,25 @@ fn a_script_completes_commands_in_each_shell() {
             .stdout(contains("scene").and(contains("hbot")));
     }
 }
+
+#[test]
+fn every_command_has_a_man_page_that_names_its_options() {
+    let folder = tempfile::tempdir().expect("a folder");
+    assert_cmd::Command::from_std(hbot()).arg("man").arg(folder.path()).assert().success().stdout("");
+    let page = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect(name);
+    assert!(page("hbot-server.1").contains(r"\-\-rig"));
+    assert!(page("hbot-rig-check.1").contains("hbot\\-rig\\-check"));
+    // Each page that a command refers to exists. Hidden commands have none.
+    let all = page("hbot.1");
+    let named: Vec<&str> =
+        all.lines().filter_map(|l| l.strip_prefix("hbot\\-")?.strip_suffix("(1)")).collect();
+    assert!(named.len() > 10, "{all}");
+    for name in named {
+        page(&format!("hbot-{}.1", name.replace("\\-", "-")));
+    }
+    assert!(!folder.path().join("hbot-last-word.1").exists());
+
+    let nowhere = folder.path().join("nowhere");
+    let mut command = assert_cmd::Command::from_std(hbot());
+    command.arg("man").arg(&nowhere).assert().failure().stderr(contains("nowhere"));
+}

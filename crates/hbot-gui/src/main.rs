@@ -1,11 +1,12 @@
 //! `hbot-gui`: the panel in a window.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow, bail};
-use clap::{Parser, ValueEnum};
+use clap::{CommandFactory as _, Parser, ValueEnum};
 use eframe::egui;
 use hbot_api::Trust;
 use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Panel, PanelOptions, Picture};
@@ -47,6 +48,12 @@ struct Args {
     /// Time from the start until the picture is taken
     #[arg(long, value_name = "SECONDS", default_value_t = 5, requires = "picture", value_parser = clap::value_parser!(u64).range(0..=3600))]
     picture_after: u64,
+    /// Print a script that completes options in a shell
+    #[arg(long, value_name = "SHELL", hide = true)]
+    completions: Option<clap_complete::Shell>,
+    /// Print the man page
+    #[arg(long, hide = true, conflicts_with = "completions")]
+    man: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -96,13 +103,30 @@ impl eframe::App for App {
 }
 
 fn main() -> ExitCode {
-    match run(Args::parse()) {
+    let args = Args::parse();
+    let done = match args.completions {
+        Some(shell) => print_completions(shell),
+        None if args.man => print_man_page(),
+        None => run(args),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
             ExitCode::FAILURE
         }
     }
+}
+
+fn print_completions(shell: clap_complete::Shell) -> anyhow::Result<()> {
+    // It is written to memory first, because `generate` panics if it cannot write.
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Args::command(), "hbot-gui", &mut script);
+    Ok(std::io::stdout().write_all(&script)?)
+}
+
+fn print_man_page() -> anyhow::Result<()> {
+    Ok(clap_mangen::Man::new(Args::command()).render(&mut std::io::stdout())?)
 }
 
 fn run(args: Args) -> anyhow::Result<()> {
