@@ -1,0 +1,146 @@
+"""`render` of the blocking client against the real server, in both encodings."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import pytest
+from serving import RATE_HZ, Server
+
+import hbot
+from hbot.rendering import Rendering
+from hbot.wire import Encoding
+
+DAMPING = 0.01  # N m s/rad
+
+
+def damper(state: hbot.State) -> list[float]:
+    """Return the torque of a damper, N m."""
+    return [-DAMPING * rate for rate in state.omega]
+
+
+@pytest.fixture
+def rig(server: Server, encoding: Encoding) -> Iterator[hbot.Rig]:
+    """Connect to the shared server."""
+    with hbot.connect(server.address, name="me", encoding=encoding) as rig:
+        yield rig
+
+
+def test_the_age_of_a_torque_is_counted_from_the_state_it_was_computed_from(rig: hbot.Rig) -> None:
+    streams = []
+
+    def remember(state: hbot.State) -> list[float]:
+        if state.client is not None and state.client.seq is not None:
+            streams.append((state.tick, state.client))
+        return [0.0, 0.0, 0.0]
+
+    with rig.lease():
+        rig.enable()
+        rig.render(remember, duration=0.5)
+    assert len(streams) > 10
+    for tick, stream in streams:
+        assert stream.seq == tick - stream.age_ticks, "render numbers a torque by its state's tick"
+        # A torque cannot be in force in the tick from which it was computed.
+        assert stream.age_ticks >= 1
+
+
+def test_a_torque_of_none_sends_nothing(rig: hbot.Rig) -> None:
+    with rig.lease():
+        rig.enable()
+        requests = rig.stats().requests
+        done = rig.render(lambda _state: None, duration=0.2)
+        assert done.calls > 0
+        # The two stats are 1; subscribe and unsubscribe are 2.
+        assert rig.stats().requests - requests == 3
+
+
+def test_a_torque_that_is_no_number_is_an_error(rig: hbot.Rig) -> None:
+    with rig.lease():
+        rig.enable()
+        with pytest.raises(ValueError, match="finite"):
+            rig.render(lambda _state: [float("nan"), 0.0, 0.0])
+
+
+def test_a_lease_that_is_stolen_ends_a_render(server: Server, rig: hbot.Rig) -> None:
+    with hbot.connect(server.address, name="thief") as thief, rig.lease():
+        rig.enable()
+
+        def steal_once(state: hbot.State) -> list[float]:
+            if rig_holds(rig):
+                thief.acquire(steal=True)
+            return damper(state)
+
+        with pytest.raises(hbot.NotHolder, match="thief has taken the lease") as caught:
+            rig.render(steal_once)
+        assert caught.value.holder == "thief"
+    stolen = [event for event in rig.events(0.0) if isinstance(event, hbot.LeaseEvent)]
+    assert "stolen" in [event.cause for event in stolen]
+
+
+def rig_holds(rig: hbot.Rig) -> bool:
+    """Return whether the connection holds the lease, as far as it has heard."""
+    return rig._connection.holds_lease
+
+
+def test_a_stop_by_another_client_ends_a_render(server: Server, rig: hbot.Rig) -> None:
+    with hbot.connect(server.address, name="other") as other, rig.lease():
+        rig.enable()
+
+        def stop_once(state: hbot.State) -> list[float]:
+            other.estop()
+            return damper(state)
+
+        with pytest.raises(hbot.Faulted, match="estop"):
+            rig.render(stop_once)
+
+
+def test_a_slow_function_gets_the_newest_state(rig: hbot.Rig) -> None:
+    def slow(state: hbot.State) -> list[float]:
+        time.sleep(0.1)  # Its subject is time: 10 ticks.
+        return damper(state)
+
+    with rig.lease():
+        rig.enable()
+        done = rig.render(slow, duration=1.0)
+    assert 9 * (done.calls - 2) <= done.skipped, "at most one of ten ticks is rendered"
+    assert done.skipped <= RATE_HZ - done.calls
+
+
+def test_states_before_the_first_call_are_not_skipped_by_it(rig: hbot.Rig) -> None:
+    """The function was not at work yet, and the duration begins with the first state it gets."""
+    with rig.lease():
+        state = next(rig.states())
+        rendering = Rendering(rig._connection, valid_ms=20, duration=None)
+        assert rendering.goes_on(state, skipped=3)
+        assert rendering.result.skipped == 0
+        rendering.send(state, None)
+        assert rendering.goes_on(state, skipped=2)
+        assert rendering.result.skipped == 2
+
+
+def test_refused_torques_are_counted(rig: hbot.Rig) -> None:
+    """A function so slow that its state is older than the rig allows, when its torque arrives."""
+    late_s = 1.5 * rig.info.limits.max_age_ticks / RATE_HZ
+
+    def slow(_state: hbot.State) -> list[float]:
+        time.sleep(late_s)  # Its subject is time: the age of a state.
+        return [0.0, 0.0, 0.0]
+
+    with rig.lease():
+        rig.enable()
+        done = rig.render(slow, duration=2 * late_s)
+        refused = [event for event in rig.events(0.0) if isinstance(event, hbot.RefusedEvent)]
+        assert 1 <= done.refused <= done.calls
+        assert done.refused == refused[-1].total
+        assert "max_age_ticks" in refused[-1].message
+        again = rig.render(damper, duration=0.2)
+        assert again.refused + done.refused <= done.calls + 1, "an earlier refusal counts once"
+
+
+def test_a_torque_of_two_numbers_is_refused_before_it_is_sent(server: Server) -> None:
+    with hbot.connect(server.address, name="two") as rig, rig.lease():
+        with pytest.raises(ValueError, match="2 numbers"):
+            rig.torque([0.01, 0.02], valid_ms=20)
+        with pytest.raises(ValueError, match="2 numbers"):
+            rig.render(lambda state: [0.01, 0.02], duration=1.0)
