@@ -7,10 +7,10 @@
 import { execFileSync } from "node:child_process";
 import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
-import { FoxgloveClient } from "@foxglove/ws-protocol";
 import WebSocket from "ws";
 
 const require = createRequire(import.meta.url);
+const { FoxgloveClient } = require("@foxglove/ws-protocol");
 const protobuf = require("protobufjs");
 const descriptor = require("protobufjs/ext/descriptor");
 
@@ -27,9 +27,8 @@ const check = (holds, what) => holds || problems.push(what);
 const client = connect();
 client.on("error", (error) => check(false, `error: ${error}`));
 client.on("status", (status) => check(false, `status: ${status.message}`));
-const info = await once(client, "serverInfo");
+const [info, channels] = await Promise.all([once(client, "serverInfo"), once(client, "advertise")]);
 check(info.capabilities.length === 0, `capabilities: ${info.capabilities}`);
-const channels = await once(client, "advertise");
 
 const topics = new Map();
 for (const channel of channels) {

@@ -20,16 +20,16 @@ trap 'rm -rf "$work"' EXIT
 mkdir "$work/release"
 ln -s "$built/hbot" "$built/hbot-gui" "$work/release"
 
-rm -rf target/package
-mkdir -p target/package/hbot/man target/package/hbot-panel/man target/debian
-"$built/hbot" man target/package/hbot/man
-"$built/hbot-gui" --man >target/package/hbot-panel/man/hbot-gui.1
+rm -rf target/deb
+mkdir -p target/deb/hbot/man target/deb/hbot-panel/man target/debian
+"$built/hbot" man target/deb/hbot/man
+"$built/hbot-gui" --man >target/deb/hbot-panel/man/hbot-gui.1
 for shell in bash zsh fish; do
-    "$built/hbot" completions "$shell" >"target/package/hbot/hbot.$shell"
-    "$built/hbot-gui" --completions "$shell" >"target/package/hbot-panel/hbot-gui.$shell"
+    "$built/hbot" completions "$shell" >"target/deb/hbot/hbot.$shell"
+    "$built/hbot-gui" --completions "$shell" >"target/deb/hbot-panel/hbot-gui.$shell"
 done
-contrib/licences.py hbot | gzip -9n >target/package/hbot/licences.gz
-contrib/licences.py hbot-gui | gzip -9n >target/package/hbot-panel/licences.gz
+contrib/licences.py hbot | gzip -9n >target/deb/hbot/licences.gz
+contrib/licences.py hbot-gui | gzip -9n >target/deb/hbot-panel/licences.gz
 
 # Equal sources and compilers give equal packages: files carry the time of the last change.
 SOURCE_DATE_EPOCH=$(git log -1 --format=%ct 2>/dev/null || date +%s)

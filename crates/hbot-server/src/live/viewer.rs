@@ -128,7 +128,7 @@ impl Viewer {
         mut next: Result<Message, RecvError>,
         messages: &mut broadcast::Receiver<Message>,
     ) -> Result<(), End> {
-        for _ in 0..BATCH {
+        for left in (0..BATCH).rev() {
             match next {
                 Ok(message) => self.feed(&message).await?,
                 Err(RecvError::Lagged(lost)) => {
@@ -138,7 +138,8 @@ impl Viewer {
                 }
                 Err(RecvError::Closed) => return Err(End::Over),
             }
-            if messages.is_empty() {
+            // The next one must not be taken if it is not sent here.
+            if left == 0 || messages.is_empty() {
                 break;
             }
             next = messages.recv().await;

@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# The Debian packages: made from the programs that the tests have built, checked by lintian, and hbot installed, run and
+# purged in a clean root. Then the crates that are ready to publish, and the metrics page. HBOT_BUILT names a folder
+# with the programs hbot and hbot-gui, if it is another one.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+target=${CARGO_TARGET_DIR:-$PWD/target}
+built=${HBOT_BUILT:-$target/debug}
+packages=(lintian debootstrap dpkg-dev)
+dpkg -s "${packages[@]}" >/dev/null 2>&1 || { apt-get update -qq && apt-get install -y -qq "${packages[@]}"; }
+export PATH=$PATH:$target/tools/bin
+command -v cargo-deb >/dev/null || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=$target/tools/build \
+    cargo install cargo-deb --version 3.8.0 --locked --debug --no-default-features --quiet --root "$target/tools"
+[ -n "${HBOT_BUILT:-}" ] || cargo build --locked --quiet
+
+echo "-- packages"
+contrib/package.sh "$built"
+# Pages in which man finds a mistake would show it as warnings.
+for page in target/deb/*/man/*; do
+    warnings=$(LC_ALL=C.UTF-8 groff -man -Tutf8 -ww -z "$page" 2>&1)
+    [ -z "$warnings" ] || { echo "$page: $warnings" >&2; exit 1; }
+done
+lintian --fail-on error --allow-root target/debian/*.deb
+
+echo "-- a clean root"
+contrib/debian/try.sh "$target/tools/bookworm" target/debian/hbot_*.deb
+
+echo "-- crates that are ready to publish"
+# Without compiling them: the workspace was just built from the same sources.
+cargo publish --dry-run --no-verify --locked --allow-dirty --quiet \
+    --package hbot-core --package hbot-link --package hbot-device --package hbot-api
+
+.ci/metrics.sh "$built/hbot"
