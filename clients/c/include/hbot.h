@@ -319,8 +319,8 @@ typedef struct hbot_event {
   enum hbot_status status;
   // Text for people. A longer text is cut.
   char text[512];
-  // Name of the client that asked for what a fault, lease or scene event reports, or of the signal
-  // that stopped the rig. Empty if the rig stopped by itself.
+  // Name of the client that asked for what a fault, lease or scene event reports, or of the
+  // signal that stopped the rig. Empty if the rig stopped by itself.
   char by[72];
   // Session of that client; 0 if there is none.
   uint64_t by_session;

@@ -83,8 +83,8 @@ pub struct HbotEvent {
     pub status: HbotStatus,
     /// Text for people. A longer text is cut.
     pub text: [c_char; 512],
-    /// Name of the client that asked for what a fault, lease or scene event reports, or of the signal
-    /// that stopped the rig. Empty if the rig stopped by itself.
+    /// Name of the client that asked for what a fault, lease or scene event reports, or of the
+    /// signal that stopped the rig. Empty if the rig stopped by itself.
     pub by: [c_char; 72],
     /// Session of that client; 0 if there is none.
     pub by_session: u64,

@@ -1,5 +1,5 @@
-//! The bar at the top of the window: whether the rig is simulated, the connection, and who holds the
-//! lease.
+//! The bar at the top of the window: whether the rig is simulated, the connection, and who holds
+//! the lease.
 
 use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 

@@ -134,7 +134,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     });
     CentralPanel::default().show(ui, |ui| {
         let online = matches!(model.link, Link::Online(_));
-        // The plots stay while the server is away, so that their samples can be looked at and saved.
+        // The plots stay while the server is away, so that their samples can be looked at and
+        // saved.
         if online || model.history.newest().is_some() {
             let height = (ui.available_height() * 0.42).max(190.0);
             Panel::bottom("plots").exact_size(height).resizable(false).show(ui, |ui| {

@@ -1,5 +1,5 @@
-//! A virtual display (Xvfb) on which tests open the panel's window, and the pictures that the window
-//! takes of itself. The pictures stay in the build folder, so that people can look at them.
+//! A virtual display (Xvfb) on which tests open the panel's window, and the pictures that the
+//! window takes of itself. The pictures stay in the build folder, so that people can look at them.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};

@@ -139,8 +139,8 @@ fn live(displays: &[Display; 2], scene: &str) {
     let titles = AtomicUsize::new(0);
     let meanwhile = |display: &Display, _: [u32; 2]| {
         titles.fetch_add(usize::from(display.has_window("LIVE: Hbot prototype")), Ordering::Relaxed);
-        // Changes nothing while the rig is active. Two windows that open at once can stop a busy machine for
-        // so long that the loop reports a fault.
+        // Changes nothing while the rig is active. Two windows that open at once can stop a busy
+        // machine for so long that the loop reports a fault.
         let mut commander = commander.lock().expect("no panic");
         let _ = commander.reset().and_then(|_| commander.enable());
     };
