@@ -43,6 +43,8 @@ pub mod line;
 #[cfg(test)]
 mod line_tests;
 pub mod motors;
+#[cfg(test)]
+mod motors_tests;
 pub mod pace;
 pub mod processor;
 pub mod realtime;

@@ -1,6 +1,7 @@
 //! Tests of the engine with disturbed serial lines: frames in pieces, damaged, late, duplicated or
 //! out of order; several lines; lines that are lost and reopened.
 
+mod anew;
 mod busy;
 mod frames;
 mod ports;

@@ -1,0 +1,135 @@
+//! Tests of what a bus of hbot's own link forgets when its line is reopened, and of the messages
+//! that switch motors off.
+
+use super::*;
+use crate::bus::{BusCommand, Heard, MotorBus};
+use hbot_core::MAX_JOINTS;
+
+/// A bus that has not identified its controllers, and the line to them.
+fn bus_and_line() -> (Box<dyn MotorBus>, Fake) {
+    let fake = Fake::new(4);
+    let rig = RigConfig::prototype().rig;
+    let expected = Expected::new("test", &rig, &Layout::single(0..4), 0);
+    (HbotLink.bus(Box::new(fake.clone()), expected), fake)
+}
+
+/// Lets the bus read `bytes` and nothing else in tick `tick`.
+fn read(bus: &mut dyn MotorBus, fake: &Fake, tick: u32, bytes: &[u8]) -> Heard {
+    fake.with(|far| far.answers = vec![bytes.to_vec()]);
+    bus.receive(0, tick)
+}
+
+fn reopen(fake: &Fake, rebooted: bool) {
+    fake.with(|far| far.renewed = Some(Renewed { rebooted }));
+}
+
+fn description(counts_per_turn: u32) -> Vec<u8> {
+    let joint = JointDescription { counts_per_turn, ..JointDescription::default() };
+    let description = Description {
+        protocol: PROTOCOL_VERSION,
+        joints: (0..4).map(|_| joint).collect(),
+        ..Description::default()
+    };
+    let mut frame = [0; MAX_FEEDBACK_FRAME];
+    let n = encode(&FromController::Description(description), &mut frame).expect("it fits");
+    frame[..n].to_vec()
+}
+
+/// The beginning of a frame from before the loss does not damage the first frame after it.
+#[test]
+fn a_reopened_line_forgets_the_frame_that_its_loss_has_cut() {
+    let (mut bus, fake) = bus_and_line();
+    let frame = |sequence| answer(sequence, ControllerFlags::default(), 4, None);
+    let first = frame(1)[..frame(1).len() / 2].to_vec();
+    // Without a loss the two run into each other: neither is read, and one damaged frame counts.
+    assert_eq!(read(&mut *bus, &fake, 2, &first), Heard::default());
+    let torn = read(&mut *bus, &fake, 3, &frame(2));
+    assert_eq!((torn.reading, torn.damaged), (None, 1));
+    assert_eq!(read(&mut *bus, &fake, 4, &first), Heard::default());
+    reopen(&fake, false);
+    let whole = read(&mut *bus, &fake, 5, &frame(4));
+    assert_eq!((whole.reading.map(|reading| reading.answers), whole.damaged), (Some(4), 0));
+    assert!(whole.reopened && !whole.zeros_lost);
+}
+
+/// Strangers on the line make the zeros worthless for as long as they are there. The thread that
+/// reopens a line identifies its controllers, so the strangers from before are forgotten.
+#[test]
+fn a_reopened_line_forgets_the_strangers() {
+    let (mut bus, fake) = bus_and_line();
+    let counts = RigConfig::prototype().rig.joints[0].counts_per_turn;
+    assert!(!read(&mut *bus, &fake, 1, &description(counts)).zeros_lost, "they are those of the rig");
+    assert!(read(&mut *bus, &fake, 2, &description(counts + 1)).zeros_lost);
+    assert!(read(&mut *bus, &fake, 3, &[]).zeros_lost, "they are still there");
+    reopen(&fake, false);
+    assert!(!read(&mut *bus, &fake, 4, &[]).zeros_lost);
+    assert!(!read(&mut *bus, &fake, 5, &[]).zeros_lost);
+}
+
+/// Controllers that lost power while their line was lost have lost their zeros, whether or not they
+/// say so in the same tick.
+#[test]
+fn controllers_that_lost_power_behind_a_lost_line_have_lost_their_zeros() {
+    for flags in [ControllerFlags::default(), ControllerFlags::UNDESCRIBED] {
+        for rebooted in [false, true] {
+            let (mut bus, fake) = bus_and_line();
+            reopen(&fake, rebooted);
+            let heard = read(&mut *bus, &fake, 3, &answer(2, flags, 4, None));
+            let undescribed = flags == ControllerFlags::UNDESCRIBED;
+            assert_eq!(heard.zeros_lost, rebooted || undescribed, "{flags:?}, rebooted: {rebooted}");
+            assert!(heard.reopened && heard.reading.is_some());
+        }
+    }
+}
+
+/// The commands that a line got, as the controllers read them.
+fn commands(bytes: &[u8]) -> Vec<Command> {
+    let mut found = Vec::new();
+    Decoder::<ToController>::new().feed(bytes, |message| {
+        if let Ok(ToController::Command(command)) = message {
+            found.push(command);
+        }
+    });
+    found
+}
+
+/// The bytes of the helper process work after any bytes: they end a frame that was cut.
+#[test]
+fn the_bytes_that_switch_off_say_off_with_zero_torque_whatever_came_before() {
+    let rig = RigConfig::prototype().rig;
+    let expected = Expected::new("test", &rig, &Layout::single(0..4), 0);
+    let off = HbotLink.off_bytes(&expected);
+    assert!(off.len() <= 255, "{}", off.len());
+    for before in [&[][..], &[5, 1, 2], &[0], &[0xff; 40]] {
+        let found = commands(&[before, &off].concat());
+        assert_eq!(found.len(), 1, "after {before:?}");
+        assert!(!found[0].enable && found[0].watchdog_ms == 1);
+        assert_eq!(found[0].torque[..], [0.0_f32; 4]);
+    }
+}
+
+/// A bus writes the torques and the mode that it is told, and the protocol's `switch_off` writes
+/// motors off and no torque.
+#[test]
+fn a_bus_and_its_protocol_say_on_and_off_as_they_are_told() {
+    let (mut bus, fake) = bus_and_line();
+    let mut torque = [0.0; MAX_JOINTS];
+    torque[..4].copy_from_slice(&[0.125, -0.25, 0.5, -1.0]);
+    let told = BusCommand { tick: 9, enable: true, watchdog_ms: 20, torque };
+    assert!(bus.command(0, &told) && bus.command(0, &BusCommand { tick: 10, enable: false, ..told }));
+    let heard = fake.with(|far| std::mem::take(&mut far.heard));
+    assert_eq!(
+        [(heard[0].enable, heard[0].sequence), (heard[1].enable, heard[1].sequence)],
+        [(true, 9), (false, 10)]
+    );
+    assert_eq!(heard[0].torque[..], [0.125, -0.25, 0.5, -1.0]);
+    assert_eq!((heard[0].watchdog_ms, heard.len()), (20, 2));
+    let rig = RigConfig::prototype().rig;
+    let expected = Expected::new("test", &rig, &Layout::single(0..4), 0);
+    let mut line = fake.clone();
+    assert!(!HbotLink.switch_off(&mut line, &expected).expect("an answer"), "they have not lost power");
+    let off = fake.with(|far| far.heard.last().cloned()).expect("a command");
+    assert!(!off.enable && off.torque[..] == [0.0; 4], "{off:?}");
+    fake.with(|far| far.flags = ControllerFlags::UNDESCRIBED);
+    assert!(HbotLink.switch_off(&mut line, &expected).expect("an answer"), "they have lost power");
+}
