@@ -16,7 +16,7 @@ fn sources(folder: &Path, into: &mut String) {
 #[test]
 fn every_test_that_the_page_names_is_there() {
     let mut code = String::new();
-    for folder in ["clients", "crates", "src", "tests"] {
+    for folder in ["clients", "crates", "examples", "src", "tests"] {
         sources(Path::new(folder), &mut code);
     }
     let page = std::fs::read_to_string("SAFETY.md").expect("readable");
