@@ -6,8 +6,8 @@ use hbot_api::StateEvent;
 use hbot_config::SceneFile;
 use hbot_core::CompiledScene;
 use hbot_core::effects::{Effect, Span};
-use hbot_record::{About, Exact, Writer};
 use hbot_record::replay::{Flaw, Replay, ReplayError};
+use hbot_record::{About, Exact, Writer};
 
 use crate::made::{assert_exact, exact, record, replay, written};
 
@@ -130,8 +130,7 @@ fn a_recording_without_exact_inputs_is_refused_with_what_to_do() {
         ("server", ["made by `hbot record`", "`hbot server --record FILE.mcap`"]),
         ("other_scene", ["made by `hbot replay --scene`", "Replay the recording from which"]),
     ] {
-        let about =
-            About { entries: [(entry.to_owned(), "x".to_owned())].into(), ..About::default() };
+        let about = About { entries: [(entry.to_owned(), "x".to_owned())].into(), ..About::default() };
         let mut writer = Writer::new(Cursor::new(Vec::new()), &about).unwrap();
         writer.state(&StateEvent::default(), 1).unwrap();
         let recording = writer.finish().unwrap().into_inner();
