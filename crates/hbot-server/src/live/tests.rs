@@ -95,6 +95,15 @@ impl Client {
         (subscription, u64::from_le_bytes(bytes[5..13].try_into().unwrap()), bytes[13..].to_vec())
     }
 
+    /// Reads everything that waits. Returns whether a warning is in it.
+    async fn is_warned(&mut self) -> bool {
+        let mut warned = false;
+        while let Ok(Some(Ok(frame))) = timeout(Duration::from_millis(500), self.0.next()).await {
+            warned |= frame.is_text() && frame.to_text().unwrap().contains("were dropped");
+        }
+        warned
+    }
+
     /// Returns why the server closed the connection, after all messages before.
     async fn closed(&mut self) -> Option<CloseCode> {
         while let Some(frame) = self.next().await {
@@ -107,7 +116,8 @@ impl Client {
 }
 
 fn state(tick: u64) -> StateEvent {
-    StateEvent { tick, torque: [0.1, 0.2, 0.3], ..StateEvent::default() }
+    let joints = vec![hbot_api::JointState::default(); 8];
+    StateEvent { tick, torque: [0.1, 0.2, 0.3], joints, ..StateEvent::default() }
 }
 
 fn scene() -> SceneNote {
@@ -214,7 +224,7 @@ async fn a_slow_viewer_loses_messages_which_are_counted_and_delays_no_other() {
     // The scene shows that the subscription is in force. It may come twice.
     served.feed().scene(0, &scene(), 0);
     assert_eq!(fast.message().await.0, 107);
-    let mut tick = 0;
+    let (mut tick, mut warned) = (0, false);
     while served.counts.dropped_for_viewers() == 0 {
         // Far fewer messages than the queue has room for.
         for _ in 0..100 {
@@ -227,14 +237,14 @@ async fn a_slow_viewer_loses_messages_which_are_counted_and_delays_no_other() {
             assert!(at == 0 || (tick - 99..=tick).contains(&at), "nothing is missing: {at} of {tick}");
             left -= u32::from(at > 0);
         }
-        // The system buffers some MB for the slow one. 100,000 ticks are 120 MB.
-        assert!(tick < 100_000, "the slow viewer loses nothing");
-        if tick % 20_000 == 0 {
-            // The slow one notices what it has lost when it reads on.
-            while timeout(Duration::from_millis(100), slow.next()).await.is_ok() {}
+        assert!(tick < 400_000, "the slow viewer loses nothing");
+        // The system buffers about 10 MB for the slow one. 40,000 ticks are more than 20 MB.
+        if tick % 40_000 == 0 {
+            warned |= slow.is_warned().await;
         }
     }
-    assert!(served.counts.dropped_for_viewers() > 0);
+    // On a machine that stands still for 10 s, it is disconnected instead.
+    assert!(warned || slow.closed().await.is_none(), "the slow viewer is told what it has lost");
 }
 
 #[tokio::test]

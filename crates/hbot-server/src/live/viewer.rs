@@ -84,7 +84,7 @@ pub(super) async fn serve(stream: TcpStream, hall: Arc<Hall>) {
 
 /// Chooses the name of the protocol. Refuses a connection that offers none that is known, such as
 /// that of a browser which was led here.
-#[expect(clippy::result_large_err, reason = "the type is that of tungstenite's callback")]
+#[allow(clippy::result_large_err, reason = "the type is that of tungstenite's callback")]
 fn agree(request: &Request, mut response: Response) -> Result<Response, ErrorResponse> {
     let offers = request.headers().get_all(header::SEC_WEBSOCKET_PROTOCOL).iter();
     let offered: Vec<&str> = offers
