@@ -10,8 +10,8 @@ use super::dial::{Ring, off};
 use super::round::{About, LIFT, between};
 use super::{Pen, Role};
 
-/// Angular radii of the rings of a dial, of the stops of a twist, of a guide and of clicks, rad. They
-/// differ, so that effects about one axis do not cover each other.
+/// Angular radii of the rings of a dial, of the stops of a twist, of a guide and of clicks, rad.
+/// They differ, so that effects about one axis do not cover each other.
 const RINGS: [f64; 4] = [0.34, 0.46, 0.24, 0.16];
 /// Length of the lines on the outer side of a wall, rad.
 const HATCH: f64 = 0.05;

@@ -17,8 +17,8 @@ use crate::net::Intent;
 /// Time after which the panel reads the list of scene files again, to show new files.
 const LIST_EVERY: Duration = Duration::from_secs(2);
 
-/// The list of scene files in the folder with their descriptions, the file that the user has picked, and the name
-/// that the user has typed.
+/// The list of scene files in the folder with their descriptions, the file that the user has
+/// picked, and the name that the user has typed.
 #[derive(Debug)]
 pub(crate) struct Shelf {
     folder: PathBuf,
