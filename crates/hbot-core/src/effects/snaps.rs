@@ -83,8 +83,8 @@ impl Snaps {
         0.05 * nearest
     }
 
-    /// Returns the orientations of the set relative to the reference, as unit quaternions `[w, x,
-    /// y, z]`. `numbers` are the orientations given one by one for [`SnapSet::Own`].
+    /// Returns the orientations of the set relative to the reference. Each is a unit quaternion
+    /// `[w, x, y, z]`. `numbers` are the orientations given one by one for [`SnapSet::Own`].
     #[must_use]
     pub fn orientations<'a>(&self, numbers: &'a [Real]) -> &'a [[Real; 4]] {
         Wells::new(self.set, numbers).all

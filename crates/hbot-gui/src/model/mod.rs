@@ -287,6 +287,7 @@ impl Model {
         self.lateness = Histogram::default();
         self.state = None;
         self.began = None;
+        self.info.scene = serde_json::Value::Null;
         self.heard = Some(Instant::now());
         self.fault = None;
         self.dropped = 0;

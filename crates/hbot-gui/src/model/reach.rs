@@ -71,8 +71,8 @@ fn first(limit: f64, torque: impl Fn(f64) -> f64) -> Reach {
 }
 
 impl Reach {
-    /// Says in words where an effect of the kind `kind` reaches the rig's torque limit `limit`, N
-    /// m.
+    /// Says in words where an effect of the kind `kind` reaches the rig's torque limit `limit`,
+    /// N m.
     pub(crate) fn in_words(self, kind: &str, limit: f64) -> String {
         match self {
             Self::At(angle) => {
