@@ -1,18 +1,23 @@
 #!/usr/bin/env bash
-# The Debian packages: made from the programs that the tests have built, checked by lintian, and hbot installed, run and
-# purged in a clean root. Then the crates that are ready to publish, and the metrics page. HBOT_BUILT names a folder
-# with the programs hbot and hbot-gui, if it is another one.
+# The Debian packages: made from the programs that the tests have built, and checked by lintian. Then the crates that are
+# ready to publish, and the metrics page. HBOT_BUILT names a folder with the programs hbot and hbot-gui, if it is another
+# one than target/debug.
+#
+#     .ci/packages.sh                 what .ci/run does
+#     .ci/packages.sh --clean-root    also installs, runs and purges hbot in a clean root. That takes a minute more, and
+#                                     needs the right to mount, which a container may not have
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 target=${CARGO_TARGET_DIR:-$PWD/target}
 built=${HBOT_BUILT:-$target/debug}
-packages=(lintian debootstrap dpkg-dev)
+packages=(lintian dpkg-dev groff-base)
+[ "${1:-}" != --clean-root ] || packages+=(debootstrap)
 dpkg -s "${packages[@]}" >/dev/null 2>&1 || { apt-get update -qq && apt-get install -y -qq "${packages[@]}"; }
 export PATH=$PATH:$target/tools/bin
 command -v cargo-deb >/dev/null || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=$target/tools/build \
     cargo install cargo-deb --version 3.8.0 --locked --debug --no-default-features --quiet --root "$target/tools"
-[ -n "${HBOT_BUILT:-}" ] || cargo build --locked --quiet
+[ -n "${HBOT_BUILT:-}" ] || cargo build --workspace --locked --quiet
 
 echo "-- packages"
 contrib/package.sh "$built"
@@ -23,8 +28,10 @@ for page in target/deb/*/man/*; do
 done
 lintian --fail-on error --allow-root target/debian/*.deb
 
-echo "-- a clean root"
-contrib/debian/try.sh "$target/tools/bookworm" target/debian/hbot_*.deb
+if [ "${1:-}" = --clean-root ]; then
+    echo "-- a clean root"
+    contrib/debian/try.sh "$target/tools/bookworm" target/debian/hbot_*.deb
+fi
 
 echo "-- crates that are ready to publish"
 # Without compiling them: the workspace was just built from the same sources.

@@ -11,7 +11,7 @@ use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
 /// holds the explanation of every fault and its remedy without scrolling.
-const STATUS: [f32; 2] = [120.0, 150.0];
+const STATUS: [f32; 2] = [88.0, 150.0];
 /// A window of at least this height is tall, points.
 const TALL: f32 = 720.0;
 
