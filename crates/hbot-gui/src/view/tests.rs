@@ -18,11 +18,12 @@ use crate::net::{Lease, News};
 const SIZES: [[f32; 2]; 2] = [[1280.0, 800.0], [1024.0, 600.0]];
 
 /// What the user drags or clicks in the window, by name.
-const CONTROLS: [&str; 20] = [
+const CONTROLS: [&str; 22] = [
     "Stop",
     "Enable",
     "Disable",
     "Reset",
+    "Recover",
     "Law",
     "Each axis",
     "Stiffness",
@@ -30,6 +31,7 @@ const CONTROLS: [&str; 20] = [
     "Damping",
     "Damping value",
     "Scene",
+    "Joints",
     "Health",
     "Messages",
     "Scene file",
