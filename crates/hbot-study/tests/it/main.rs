@@ -49,7 +49,8 @@ fn assert_concludes(report: &Report) {
         assert!(sentence.ends_with('.') && words.len() > 5, "{sentence}");
         assert!(!words.iter().any(|word| ["NaN", "inf"].contains(word)), "{sentence}");
     }
-    // One sentence may say in words alone that something was not counted, or that nothing is better.
+    // One sentence may say in words alone that something was not counted, or that nothing is
+    // better.
     let figures = said.iter().filter(|sentence| sentence.contains(|c: char| c.is_ascii_digit())).count();
     assert!(figures + 1 >= said.len(), "{said:?}");
     let text = report.markdown();
