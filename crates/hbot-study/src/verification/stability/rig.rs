@@ -51,8 +51,8 @@ fn wanted(rate: u32, stiffness: f64, damping: f64) -> Wanted {
     Wanted { rate, stiffness, damping, phenomena: Phenomena::default(), finer: FINER, guard: false }
 }
 
-/// Returns the stiffness at which the characteristic polynomial z (z - 1)² + k (z + 1)/2 + d (z -
-/// 1) has a root on the unit circle, N m/rad, with k = K h²/J and d = B h/J. It is that of a free
+/// Returns the stiffness at which the characteristic polynomial `z (z - 1)² + k (z + 1)/2 + d (z -
+/// 1)` has a root on the unit circle, N m/rad, with k = K h²/J and d = B h/J. It is that of a free
 /// inertia `inertia` (kg m²) on a spring and damper one tick late (docs/stability.md).
 fn by_eigenvalues(rate: u32, damping: f64, inertia: f64) -> f64 {
     let h = 1.0 / f64::from(rate);

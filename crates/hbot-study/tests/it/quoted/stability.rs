@@ -62,7 +62,7 @@ fn borders() -> Vec<String> {
 
 fn stage() -> Vec<String> {
     let guard = "With and without the passivity stage";
-    let searched = whole_cell(REPORT, guard, &["5", "3.35"], "on/border");
+    let searched = whole_cell(REPORT, guard, &["5", "3.33"], "on/border");
     let damped = |b: &str| number(&cell(REPORT, guard, &[b], "on, N m/rad"));
     let energy = |column: &str| cell(REPORT, "Energy given out", &["6"], column);
     let about = 0.5 * (damped("20") + damped("50"));
