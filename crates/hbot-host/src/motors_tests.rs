@@ -75,8 +75,8 @@ fn reading(answers: u32, count: i32) -> Heard {
     Heard { reading: Some(Reading { answers, joints }), ..Heard::default() }
 }
 
-/// Motors with torque on every joint are commanded off: no torque remains in the command, and it has
-/// the number of its tick and the watchdog time.
+/// Motors with torque on every joint are commanded off: no torque remains in the command, and it
+/// has the number of its tick and the watchdog time.
 #[test]
 fn switching_off_says_off_with_zero_torque_on_every_joint_of_every_bus() {
     let (mut motors, lines) = two_lines();
@@ -108,8 +108,8 @@ fn a_reading_of_two_lines_is_as_old_as_the_older_one() {
     }
 }
 
-/// A line that falls silent keeps the age of the rig at that of its last reading, whatever the other
-/// one sends.
+/// A line that falls silent keeps the age of the rig at that of its last reading, whatever the
+/// other one sends.
 #[test]
 fn a_line_that_falls_silent_makes_the_reading_old() {
     let (mut motors, lines) = two_lines();
