@@ -163,17 +163,21 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     let Some(expected) = StiffnessBound::of(config) else { return Ok(()) };
     let [most, with] = expected.most();
     say!(
-        "\nstiffness to expect at {} Hz, from a reading to its torque D = {DELAY_TICKS} tick, least apparent inertia J = {:.2e} kg m²",
+        "\nstiffness to expect at {} Hz, from a reading to its torque D = {DELAY_TICKS} tick, lag of the motors {} ms (torque_lag), \
+         least apparent inertia J = {:.2e} kg m²",
         config.rate_hz,
+        1.0e3 * expected.lag,
         expected.inertia
     )?;
     let examples = [USUAL_DAMPING / 2.0, USUAL_DAMPING, 2.5 * USUAL_DAMPING];
     let examples = examples.map(|damping| format!("{:.3} at {damping}", expected.stable(damping)));
     say!(
-        "  stable     up to (b + B) / (h (1/2 + D)), b the device's damping and B the spring's: {} N m s/rad",
+        "  stable     up to (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {} N m s/rad",
         examples.join(", ").replacen(" at", " N m/rad at", 1)
     )?;
-    say!("             whatever the damping, up to J / (4 h²) = {most:.0} N m/rad, with B = {with:.2}")?;
+    say!(
+        "             whatever the damping, up to {most:.0} N m/rad, with B = {with:.2} (J / (4 h²) without the lag)"
+    )?;
     say!(
         "  counts     one turns the sphere by up to {:.1e} rad: passive up to 2 c/d = {:.3} N m/rad for each mN m of Coulomb friction c",
         expected.count,

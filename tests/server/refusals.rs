@@ -167,7 +167,7 @@ fn a_client_command_without_a_server_says_how_to_start_one() {
 fn what_is_legal_checks_out() {
     run(&["rig", "check"])
         .success()
-        .stdout(contains("a legal design").and(contains("6.667 N m/rad at 0.01")));
+        .stdout(contains("a legal design").and(contains("5.000 N m/rad at 0.01")));
     for scene in std::fs::read_dir("scenes").expect("the scenes") {
         let scene = scene.expect("a scene").path();
         run(&["scene", "check", scene.to_str().expect("UTF-8")]).success();

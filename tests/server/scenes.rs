@@ -134,7 +134,7 @@ fn a_check_says_what_the_rig_cannot_make() {
         String::from_utf8(output.expect("the binary runs").stdout).expect("UTF-8")
     };
     assert!(check(&[]).contains("warning: w: stiffness 900 N m/rad is unstable"), "{}", check(&[]));
-    // At 10 kHz the limit is a hundred times as high, and only the damping is too small.
+    // At 10 kHz the limit is twenty times as high, and only the damping is too small.
     let rig = folder.path().join("fast.toml");
     let fast = include_str!("../../rigs/prototype.toml").replace("rate_hz = 1000 ", "rate_hz = 10000 ");
     std::fs::write(&rig, fast).expect("written");

@@ -25,6 +25,8 @@ pub struct Abilities {
     rate_hz: u32,
     /// `None` if the inertias in the rig file contradict each other.
     bound: Option<StiffnessBound>,
+    /// Whether the rig is simulated, so that a scene can make its motors late.
+    is_simulated: bool,
 }
 
 impl Abilities {
@@ -32,7 +34,8 @@ impl Abilities {
     #[must_use]
     pub fn of(config: &RigConfig) -> Self {
         let (torque, rate_hz) = (config.rig.limits.torque, config.rate_hz);
-        Self { torque, rate_hz, bound: StiffnessBound::of(config) }
+        let is_simulated = config.link.port.is_simulated();
+        Self { torque, rate_hz, bound: StiffnessBound::of(config), is_simulated }
     }
 
     /// Returns the largest torque on the sphere, N m.
@@ -69,7 +72,21 @@ impl Abilities {
                 ));
             }
         }
+        found.extend(self.too_late(scene));
         found
+    }
+
+    /// Returns the words that say that the simulated motors of a scene are later than those by
+    /// which a stiffness is judged, or `None` if they are not.
+    fn too_late(&self, scene: &SceneFile) -> Option<String> {
+        let simulated = scene.simulate().filter(|_| self.is_simulated)?.motor?.lag_s;
+        let judged = self.bound?.lag;
+        (simulated > judged).then(|| {
+            format!(
+                "simulate.motor: lag_s {simulated} s is more than the lag of {judged} s by which a stiffness is judged \
+                 (torque_lag of the rig file's joints); springs buzz sooner"
+            )
+        })
     }
 
     /// Returns the words that say why a stiffness, N m/rad, is too large, or `None` if it is not.
@@ -141,17 +158,31 @@ mod tests {
         assert!(seen >= 17, "{seen} scenes");
     }
 
+    /// The stiffness is judged by the lag of the rig file. Simulated motors that are later than
+    /// that would buzz without a warning.
+    #[test]
+    fn simulated_motors_that_are_later_than_the_rig_file_says_are_named() {
+        let motor = |lag: &str| warnings(&format!("[simulate]\nmotor = {{ {lag} }}\n"));
+        assert_eq!(motor("lag_s = 0.0005"), Vec::<String>::new());
+        assert_eq!(motor(""), Vec::<String>::new(), "the defaults of both files agree");
+        let late = motor("lag_s = 0.002");
+        assert!(
+            late.len() == 1 && late[0].contains("lag_s 0.002 s is more than the lag of 0.0005 s"),
+            "{late:?}"
+        );
+    }
+
     #[test]
     fn stiffness_is_judged_with_the_damping_of_the_whole_scene() {
         let spring =
             "[[effect]]\nid = 's'\nkind = 'spring'\nstiffness = [[30, 0, 0], [0, 2, 0], [0, 0, 1]]\n";
         let bare = warnings(spring);
         assert!(bare.len() == 1 && bare[0].starts_with("s: stiffness 30 N m/rad may buzz"), "{bare:?}");
-        // stable = 0.05/(1.5 ms) = 33 N m/rad.
-        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.05\n";
+        // stable = 0.065/(1.5 ms + 0.5 ms) = 32.5 N m/rad.
+        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.065\n";
         assert_eq!(warnings(&format!("{spring}{air}")), Vec::<String>::new());
-        // most = J/(4 h²) = 850 N m/rad with the prototype's 3.4e-3 kg m².
-        let wall = warnings("[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 860\ndamping = 100\n");
+        // most = 0.1465 J/h² = 495 N m/rad with the prototype's 3.4e-3 kg m².
+        let wall = warnings("[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 500\ndamping = 100\n");
         assert!(wall[0].contains("unstable on this rig with any damping"), "{wall:?}");
         let gain =
             warnings("[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 100\ndamping = 50\ngain = 9\n");

@@ -50,6 +50,8 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let device = device(&file, report)?;
     let joints = joints(&file, link.protocol);
     let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
+    let driven = each_joint(&file).filter(|(_, settings)| settings.motor);
+    let torque_lag = driven.map(|(_, settings)| settings.torque_lag).fold(0.0, f64::max);
     let methods = core::Methods {
         rate: file.r#loop.rate_estimate.compile(),
         passivity: file.r#loop.passivity.compile(&device, timing.period_s()),
@@ -71,6 +73,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         ports,
         controllers,
         zero_offsets,
+        torque_lag,
         rate_hz: file.r#loop.rate_hz,
         early_ns: 1000 * u64::from(file.r#loop.early_us),
         wake_us: (file.r#loop.wake_us < settings::ANY_WAKE_US).then_some(file.r#loop.wake_us),

@@ -11,6 +11,7 @@ use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::USUAL_LAG_S;
 use super::settings::{Api, Limits, Link, Loop, Protocol};
 
 /// The number of counts per turn that stands in for a missing one, so that other mistakes in the
@@ -144,6 +145,12 @@ pub(crate) struct Joint {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::PEAK.most), extend("exclusiveMinimum" = legal::PEAK.least, "unit" = legal::PEAK.unit))]
     pub(crate) continuous: Option<f64>,
+    /// Time constant with which the joint torque follows a command. It depends on the current loop
+    /// of the motor controller: a bandwidth of f Hz makes it 1/(2 pi f). The stiffness that the rig
+    /// can render depends on it. Has no effect if the joint has no motor.
+    #[serde(default = "usual_lag")]
+    #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
+    pub(crate) torque_lag: f64,
     /// Whether the joint has a motor. A joint without a motor has only an encoder.
     #[serde(default = "yes")]
     pub(crate) motor: bool,
@@ -173,6 +180,10 @@ fn forwards() -> i8 {
 
 fn unknown() -> core::Zero {
     core::Zero::Calibrate
+}
+
+fn usual_lag() -> f64 {
+    USUAL_LAG_S
 }
 
 fn yes() -> bool {

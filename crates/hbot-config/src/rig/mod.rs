@@ -30,6 +30,11 @@ const PROTOTYPE: &str = include_str!("../../../../rigs/prototype.toml");
 
 static SCHEMA: LazyLock<Value> = LazyLock::new(schema::of::<file::RigFile>);
 
+/// Time constant with which the torque of a joint follows a command if the rig file does not say
+/// it, s. Also that of the simulated rig's motors, if a scene switches their phenomenon on without
+/// a time of its own. It is usual for motors of this size (docs/physics.md, section 8).
+pub const USUAL_LAG_S: f64 = 5.0e-4;
+
 /// A rig file that has been checked and is ready for use. Every number is in range, and the
 /// geometry has been checked for all postures.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +54,9 @@ pub struct RigConfig {
     pub controllers: Vec<usize>,
     /// Angle of each joint when its encoder reads zero, rad.
     pub zero_offsets: Vec<f64>,
+    /// Largest time constant with which the torque of a joint follows a command, s, of all joints
+    /// with a motor.
+    pub torque_lag: f64,
     /// Rate of the control loop in ticks per second, 50 to 20000.
     pub rate_hz: u32,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick, ns. If 0,

@@ -280,3 +280,19 @@ fn what_a_file_does_not_state_is_the_default_of_the_core() {
     parts.joints[3] = hbot_core::rig::Joint::new(4096, 0.0);
     assert_eq!(*rig, parts);
 }
+
+/// The stiffness of a rig is limited by its latest motor. A joint without a motor has none,
+/// whatever the file says.
+#[test]
+fn the_lag_of_a_rig_is_that_of_its_latest_motor() {
+    let lag = |text: &str| RigConfig::from_toml(text, "x.toml").unwrap_or_else(|e| panic!("{e}")).torque_lag;
+    assert_eq!(lag(LEAST), 5e-4, "the usual lag");
+    let with = |lags: [&str; 2]| {
+        let [first, last] = lags.map(|lag| format!("torque_lag = {lag}, "));
+        let text = LEAST.replacen("steer = { ", &format!("steer = {{ {first}"), 1);
+        text.replacen("motor = false", &format!("{last}motor = false"), 1)
+    };
+    assert_eq!(lag(&with(["0.002", "0.05"])), 2e-3);
+    assert_eq!(lag(&with(["0", "0.05"])), 5e-4, "three motors have the usual lag");
+    assert!(said("steer = { ", "steer = { torque_lag = 0.2, ").contains("wheel[0].steer.torque_lag"));
+}

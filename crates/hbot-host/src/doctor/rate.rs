@@ -67,8 +67,10 @@ pub fn highest_rate(config: &RigConfig, measured: &Punctuality) -> Finding {
         let at = |hz: f64| StiffnessBound { period: 1.0 / hz, ..bound }.stable(USUAL_DAMPING);
         let now = f64::from(config.rate_hz);
         found += &format!(
-            ". The torque is one period old, so twice the rate is twice the stiffness: with a damping of {USUAL_DAMPING} N m \
-             s/rad a spring is stable up to {:.1} N m/rad at {now:.0} Hz and {:.1} at {rate:.0} Hz",
+            ". The torque is one period old, so a faster loop makes stiffer springs: with a damping of {USUAL_DAMPING} N m \
+             s/rad and motors that follow in {:.1} ms a spring is stable up to {:.1} N m/rad at {now:.0} Hz and {:.1} at \
+             {rate:.0} Hz",
+            1.0e3 * bound.lag,
             at(now),
             at(rate)
         );
@@ -120,9 +122,9 @@ mod tests {
         let by_machine = said("sim", 3_000_000, 100.0);
         assert!(by_machine.found.contains("up to 2500 Hz"), "{}", by_machine.found);
         assert!(by_machine.found.contains("together 2500 Hz"), "{}", by_machine.found);
-        // stable = damping/(1.5 h): 0.02 * 1000/1.5 = 13.3, and 2.5 times that.
+        // stable = damping/(1.5 h + lag): 0.02/(1.5 ms + 0.5 ms) = 10, and 0.02/(0.6 ms + 0.5 ms).
         assert!(
-            by_machine.found.contains("13.3 N m/rad at 1000 Hz and 33.3 at 2500 Hz"),
+            by_machine.found.contains("10.0 N m/rad at 1000 Hz and 18.2 at 2500 Hz"),
             "{}",
             by_machine.found
         );

@@ -22,6 +22,11 @@ fn borders_stand_beside_theory_and_every_check_holds() {
         if figure.id.starts_with("border_linear_") {
             assert!(off < 0.05, "{}: {off}", figure.id);
         }
+        if figure.id.starts_with("border_lag_") {
+            let eigenvalues = of("eigenvalues").expect("beside the formula");
+            let apart = (measured / eigenvalues - 1.0).abs();
+            assert!(off < 0.01 && apart < 0.01, "{}: {off}, {apart}", figure.id);
+        }
         if figure.id.starts_with("border_passive_") {
             assert!(off < 0.1, "{}: {off}", figure.id);
         }

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::rig::USUAL_LAG_S;
+
 /// Motors that are not ideal. They make less torque than commanded, respond late, lose torque at
 /// high speed, and give only their continuous torque when they are hot. Their peak and continuous
 /// torques are those of the rig file.
@@ -35,8 +37,8 @@ impl Default for Motor {
         Self {
             // Explains the paper's table III, where all stiffnesses are 5 % too soft.
             torque_scale: 0.95,
-            // From the physics notes, section 8.
-            lag_s: 5.0e-4,
+            // The simulated motors are as late as those of a rig file that does not say it.
+            lag_s: USUAL_LAG_S,
             // About 5000 turns per minute, without a gear. Usual for flat brushless motors with a
             // stall torque near 1 N m; assumed.
             steer_no_load_rate: 500.0,

@@ -329,12 +329,13 @@ fn info_and_stats_have_their_shape() {
     assert_eq!(info.clock, Some(clock));
     assert_eq!(info.limits.traction, Some(TractionInfo { mu: 0.8, normal_force: 10.0 }));
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
-    // `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1 ms.
-    // `stiffness_most` is a quarter of the smallest apparent inertia divided by the square of a
-    // tick.
+    // `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1 ms and the lag
+    // of the motors, 0.5 ms. `stiffness_most` is 0.146457 times the smallest apparent inertia
+    // divided by the square of a tick (docs/physics.md, section 9, to six digits).
     let render = info.render.unwrap();
-    assert!((render.stiffness_stable - render.damping / 1.5e-3).abs() < 1e-9, "{render:?}");
-    assert!((render.stiffness_most - 0.25e6 * render.inertia).abs() < 1e-9, "{render:?}");
+    assert!((render.stiffness_stable - render.damping / 2.0e-3).abs() < 1e-9, "{render:?}");
+    let most = 0.146_457e6 * render.inertia;
+    assert!((render.stiffness_most / most - 1.0).abs() < 1e-5, "{render:?}");
     assert!(info.kind("spring").is_some() && info.phenomena.is_none());
     assert_eq!(info.scene["name"], "Spring");
     assert_eq!(info.lease, Some(LeaseInfo::default()));

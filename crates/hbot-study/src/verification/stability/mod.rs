@@ -4,6 +4,7 @@
 mod friction;
 mod given;
 mod guarded;
+mod lag;
 mod linear;
 mod long;
 mod passive;
@@ -26,7 +27,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let device = RigConfig::prototype().rig.device;
     let Ok(plant) = Plant::new(&device) else { unreachable!("the prototype is a plant") };
     let inertia = Vec3::X.dot(plant.apparent_inertia(&PlantState::default()) * Vec3::X);
-    context.expect(7);
+    context.expect(8);
     report.say(&format!(
         "How stiff a virtual wall or spring may be before it buzzes, by simulation, beside the bounds of the literature (physics.md, section 9). h is the loop's \
          period, b the device's own viscous damping, B and K the wall's, D whole ticks of delay. One axis is simulated exactly, with the prototype's apparent inertia \
@@ -40,6 +41,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
             passive::study(context, &mut report)?;
             friction::study(context, &mut report, inertia)?;
             rig::study(context, &mut report)?;
+            lag::study(context, &mut report)?;
             guarded::study(context, &mut report)
         })();
         let day = day.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));

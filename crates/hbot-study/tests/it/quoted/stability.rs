@@ -43,6 +43,10 @@ fn borders() -> Vec<String> {
             ],
         ),
         filled(
+            "The other two agree with the formula within {} %.",
+            &[percent("with a lag the border is B/(h (1/2 + D) + lag), D = 1, within 0.01")],
+        ),
+        filled(
             "for each N m/rad, within {} % of Colgate and Schenkel",
             &[percent("the passive border is that of Colgate and Schenkel within 0.1")],
         ),
@@ -106,9 +110,11 @@ fn whole_day() -> Vec<String> {
 
 /// Texts in docs/stability.md with numbers that are not figures of the report: choices of the
 /// study, and a result of `hbot rig check` for the prototype.
-const OTHERS: [&str; 5] = [
+const OTHERS: [&str; 7] = [
     "Both searches end when they know the border to 0.01 %",
-    "6.7 N m/rad for each 0.01 N m s/rad of damping",
+    "a lag of half a period, 0.5 ms at 1 kHz",
+    "5.0 N m/rad for each 0.01 N m s/rad of damping (the spring's and the device's together), with the motors' lag of 0.5 ms",
+    "Motors without a lag would allow 6.7 N m/rad",
     "stable where k < u - u² with u = d - k/2",
     "86.4 million ticks",
     "z (z - 1)² + k (z + 1)/2 + d (z - 1)",
