@@ -24,7 +24,7 @@ fn reopen(fake: &Fake, rebooted: bool) {
 }
 
 fn description(counts_per_turn: u32) -> Vec<u8> {
-    let joint = JointDescription { counts_per_turn, ..JointDescription::default() };
+    let joint = JointDescription { counts_per_turn };
     let description = Description {
         protocol: PROTOCOL_VERSION,
         joints: (0..4).map(|_| joint).collect(),
