@@ -124,9 +124,9 @@ fn a_new_file_begins_at_the_limit_and_replays_without_the_one_before() {
             let is_last = next == run.tick;
             match limit {
                 Limit::Size(bytes) => assert!(is_last || path.metadata().unwrap().len() >= bytes),
-                // Tick 5000 is the first after the limit. The next file begins with the next copy of
-                // the controller. Before the copy there are at most: a full ring, the tick that waits
-                // for room in it, and the tick in which the loop sees the request.
+                // Tick 5000 is the first after the limit. The next file begins with the next copy
+                // of the controller. Before the copy there are at most: a full ring, the tick that
+                // waits for room in it, and the tick in which the loop sees the request.
                 Limit::Time(_) => {
                     let most = 5001 + ENTRIES as u64 + 2;
                     assert!(is_last || (5001..=most).contains(&report.ticks), "{} ticks", report.ticks);
