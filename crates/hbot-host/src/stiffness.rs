@@ -76,7 +76,7 @@ impl StiffnessBound {
     /// Returns the largest stiffness at which a spring is stable with the best choice of its
     /// damping, N m/rad, and this damping, N m s/rad.
     ///
-    /// It is the maximum of k = K h²/J on the border of stability, which the function `border` computes.
+    /// It is the maximum of k = K h²/J on the border of stability, computed by `border`.
     /// Without a lag it is k = 1/4, at B h/J = 5/8.
     #[must_use]
     pub fn most(&self) -> [f64; 2] {
