@@ -66,7 +66,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     let history = plots.paused.as_deref().unwrap_or(&model.history);
     match plots.which {
         Which::Stiffness => deflection::show(ui, model, history, plots),
-        _ => time::show(ui, model, history, plots),
+        _ => drop(time::show(ui, model, history, plots)),
     }
 }
 

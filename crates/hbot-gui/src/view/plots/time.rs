@@ -1,7 +1,9 @@
 //! Plots of quantities against time, with marks at changes of the scene and at faults.
 
+use std::ops::Range;
+
 use eframe::egui::{Align2, Color32, Role, Ui, WidgetInfo};
-use egui_plot::{HLine, Line, LineStyle, PlotPoint, PlotUi, Text, VLine};
+use egui_plot::{HLine, Line, LineStyle, PlotBounds, PlotPoint, PlotUi, Text, VLine};
 
 use super::axes::plot;
 use super::{PlotDesk, Which};
@@ -71,12 +73,13 @@ fn components(palette: Palette, vector: impl Fn(&PlotSample) -> [f64; 3] + Copy 
 }
 
 /// Draws the plot that the user has chosen, unless it is the one against deflection.
-pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDesk) {
+/// Returns the range of the axes.
+pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDesk) -> Option<PlotBounds> {
     let palette = Palette::of(ui);
-    let Some(quantity) = Quantity::of(plots.which, model, plots, palette) else { return };
+    let quantity = Quantity::of(plots.which, model, plots, palette)?;
     let Some(newest) = history.newest() else {
         weak(ui, "No samples yet.");
-        return;
+        return None;
     };
     let now = newest.t;
     let columns = ui.available_width() as usize;
@@ -91,12 +94,15 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
     let most = lines.last().into_iter().flatten().fold(0.0_f64, |most, point| most.max(point[1].abs()));
     // Show the limit only if the curve is near it. Otherwise it would flatten the curves.
     let limit = quantity.limit.filter(|limit| most > 0.6 * limit);
+    let (low, high) = lines.iter().flatten().fold((-quantity.least, quantity.least), |(low, high), point| {
+        (low.min(point[1]), high.max(point[1]))
+    });
     let marks: Vec<&Mark> = model.marks.between(now - plots.window, now).collect();
     let shown = plot(ui, quantity.axis, plots, quantity.axis)
         .include_x(-plots.window)
         .include_x(0.0)
-        .include_y(-quantity.least)
-        .include_y(quantity.least)
+        .include_y(low)
+        .include_y(high)
         .x_axis_label("time before now, s")
         .show(ui, |plot| {
             for (curve, points) in quantity.curves.iter().zip(lines) {
@@ -107,15 +113,17 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
                 let line = HLine::new(format!("limit of {name}"), limit);
                 plot.hline(line.color(palette.warn).style(LineStyle::dashed_loose()));
             }
-            draw(plot, &marks, now, palette);
+            draw(plot, &marks, now, palette, low..high);
         });
     let text = in_words(quantity.axis, history.last(plots.window).len(), limit, &marks, now);
     shown.response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &text));
+    Some(*shown.transform.bounds())
 }
 
 /// Draws a vertical line with a text at each mark. Texts take turns in three heights, so that close
-/// marks do not cover each other.
-fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette) {
+/// marks do not cover each other. They stay within `span`, the range of the curves: the axis grows
+/// with what is drawn, so a text placed by the range of the axis would make it grow in every frame.
+fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette, span: Range<f64>) {
     let bounds = plot.plot_bounds();
     for (k, mark) in marks.iter().enumerate() {
         let color = match mark.what {
@@ -125,7 +133,7 @@ fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette) {
         };
         let x = mark.t - now;
         plot.vline(VLine::new("", x).color(color).width(1.0).style(LineStyle::dashed_dense()));
-        let y = bounds.min()[1] + (0.03 + 0.08 * (k % 3) as f64) * bounds.height();
+        let y = span.start + 0.08 * (k % 3) as f64 * (span.end - span.start);
         // The text is on the side of its mark that has room.
         let right = x > bounds.max()[0] - 0.5 * bounds.width();
         let (side, text) = if right {
@@ -152,7 +160,25 @@ fn in_words(axis: &str, points: usize, limit: Option<f64>, marks: &[&Mark], now:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use egui_kittest::Harness;
     use hbot_api::StateEvent;
+
+    #[test]
+    fn the_text_of_a_mark_does_not_stretch_the_axis() {
+        let mut model = Model::new("", "panel me@here", 1);
+        for t in [0.0, 1.0] {
+            model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
+        }
+        model.marks.add(Mark { t: 0.5, what: What::Fault, text: "overspeed".to_owned() }, 0.0);
+        let draw = |ui: &mut Ui, (model, range): &mut (Model, Option<PlotBounds>)| {
+            *range = show(ui, model, &model.history, &PlotDesk::default());
+        };
+        let mut seen = Harness::new_ui_state(draw, (model, None));
+        seen.run_steps(200);
+        let range = seen.state().1.expect("drawn");
+        // The curves are at 0. The plot leaves a margin around the least range of 0.02 N m.
+        assert!(range.height() < 0.06, "{range:?}");
+    }
 
     /// The rig limits the length of the torque, so a component alone never shows whether a limit is
     /// reached: at 45 degrees between two axes both are at 0.71 of it.
