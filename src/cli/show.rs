@@ -1,9 +1,10 @@
 //! `hbot info` and `hbot stats`: show what a running server reports about its rig and its loop.
 
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use clap::Args;
-use hbot_api::{InfoOk, StatsOk};
+use hbot_api::{Client, Event, InfoOk, Mode, StateEvent, StatsOk};
 
 use super::out::{foreign, say};
 use super::{ServerAddress, orders, style};
@@ -33,6 +34,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         info.rig.rate_hz,
         foreign(&info.accuracy)
     )?;
+    say!("  mode       {}", mode(newest_state(&mut client)?.as_ref()))?;
     let limits = &info.limits;
     say!(
         "  limits     {} N m, {} N m/s, {} rad/s, slip {} m/s",
@@ -63,6 +65,35 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         say!("    {:12} {}", text(&effect["id"]), text(&effect["kind"]))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A server whose loop runs sends a state well within this time.
+const STATE_WITHIN: Duration = Duration::from_secs(2);
+
+/// Returns the state of the next tick. Returns `None` if none arrives.
+fn newest_state(client: &mut Client) -> anyhow::Result<Option<StateEvent>> {
+    client.subscribe(1).map_err(orders::remedied)?;
+    let until = Instant::now() + STATE_WITHIN;
+    while let Some(left) = until.checked_duration_since(Instant::now()) {
+        if let Some(Event::State(state)) = client.next_event(left)? {
+            return Ok(Some(state));
+        }
+    }
+    Ok(None)
+}
+
+/// Says in which mode the rig is, why, and how torque comes back.
+fn mode(state: Option<&StateEvent>) -> String {
+    let Some(state) = state else {
+        return format!("unknown: no state has arrived for {} s", STATE_WITHIN.as_secs());
+    };
+    let next = match state.mode {
+        Mode::Fault => ". When the cause is gone: `hbot reset`, then `hbot enable`",
+        Mode::Estop => ": the rig was stopped. When it is safe: `hbot reset`, then `hbot enable`",
+        _ => "",
+    };
+    let fault = state.fault.filter(|_| state.mode == Mode::Fault);
+    format!("{}{}{next}", state.mode, fault.map(|fault| format!(" {fault}")).unwrap_or_default())
 }
 
 /// Returns the word that tells at a glance whether motors can push.

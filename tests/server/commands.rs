@@ -53,6 +53,19 @@ fn set_changes_the_running_scene_and_show_prints_it() {
     run(&server, &["set", "spring", "stiffness"]).code(2).stderr(contains("KEY=VALUE"));
 }
 
+/// `enable` after a stop sends the user to `info`, so `info` must say what to do.
+#[test]
+fn info_says_after_a_stop_how_torque_comes_back() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    run(&server, &["estop"]).success();
+    run(&server, &["enable"]).failure().stderr(contains("`hbot info` shows the cause"));
+    let stopped = "mode       estop: the rig was stopped. When it is safe: `hbot reset`, then `hbot enable`";
+    run(&server, &["info"]).success().stdout(contains(stopped));
+    run(&server, &["reset"]).success();
+    run(&server, &["info"]).success().stdout(contains("mode       idle\n"));
+}
+
 #[test]
 fn commands_take_the_lease_from_another_client_only_with_steal() {
     let state = tempfile::tempdir().expect("a folder");
