@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use hbot_api::Client;
+use hbot_api::{Client, InfoOk};
 use serde_json::{Map, Value};
 
 use super::out::{foreign, say};
@@ -35,9 +35,10 @@ fn assignment(text: &str) -> Result<(String, Value), String> {
 pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
     let mut client = orders::connect(&args.to.address, "hbot set")?;
     let parameters: Map<String, Value> = args.values.iter().cloned().collect();
-    let before = effect(&mut client, &args.effect)?;
+    let before = effect(&client.info().map_err(orders::remedied)?, &args.effect);
     orders::holding(&mut client, args.to.steal, |client| client.set(&args.effect, parameters.clone()))?;
-    let after = effect(&mut client, &args.effect)?;
+    let info = client.info().map_err(orders::remedied)?;
+    let after = effect(&info, &args.effect);
     for key in parameters.keys() {
         say!(
             "{}{}{}: {} = {} (before: {})",
@@ -49,14 +50,33 @@ pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
             foreign(&before[key].to_string())
         )?;
     }
+    if let Some(warning) = unstable(&info, &after) {
+        say!("  {}warning:{} {warning}", style::WARN, style::OFF)?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
 /// Returns the effect with the id `id` in the running scene, or null if there is none.
-fn effect(client: &mut Client, id: &str) -> anyhow::Result<Value> {
-    let scene = client.info().map_err(orders::remedied)?.scene;
-    let effects = scene["effect"].as_array().into_iter().flatten();
-    Ok(effects.into_iter().find(|effect| effect["id"] == id).cloned().unwrap_or_default())
+fn effect(info: &InfoOk, id: &str) -> Value {
+    let mut effects = info.scene["effect"].as_array().into_iter().flatten();
+    effects.find(|effect| effect["id"] == id).cloned().unwrap_or_default()
+}
+
+/// Returns a warning if the rig cannot keep the stiffness of the effect stable with any damping.
+fn unstable(info: &InfoOk, effect: &Value) -> Option<String> {
+    let most = info.render.as_ref()?.stiffness_most;
+    let stiffness = largest(&effect["stiffness"])?;
+    (stiffness > most).then(|| {
+        format!("{stiffness} N m/rad is unstable on this rig with any damping: it keeps at most {most:.0}")
+    })
+}
+
+/// Returns the largest number of a value: of a stiffness itself, or of the matrix of one.
+fn largest(value: &Value) -> Option<f64> {
+    match value {
+        Value::Array(rows) => rows.iter().filter_map(largest).max_by(f64::total_cmp),
+        number => number.as_f64(),
+    }
 }
 
 #[cfg(test)]
