@@ -70,3 +70,22 @@ fn a_burst_of_energy_before_a_disable_does_not_count_after_it() {
     let fault = (0..1000).find_map(|_| bench.turn(Vec3::X * 2.0).state.cause);
     assert_eq!(fault, Some(Cause::Overtorque));
 }
+
+/// Counts and rates agree all the time. What was the rate when the motors went off says nothing of
+/// the first interval after they are on again.
+#[test]
+fn a_motion_that_ended_while_the_motors_were_off_is_no_fault_when_they_are_on_again() {
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()] {
+        let mut bench = Bench::active(rig(), CompiledScene::empty());
+        let fast = axis * 25.0;
+        assert!((0..30).all(|_| bench.turn(fast).state.cause.is_none()));
+        bench.command(Command::Disable);
+        let off = (0..1000).find(|_| !bench.turn(fast).drive.enable);
+        assert!(off.is_some(), "the motors go off");
+        bench.sphere.omega = Vec3::ZERO;
+        bench.run(20);
+        assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+        let fault = (0..200).find_map(|_| bench.step().state.cause);
+        assert_eq!(fault, None, "after turning about {axis}");
+    }
+}

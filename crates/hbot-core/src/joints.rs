@@ -106,8 +106,9 @@ impl Joints {
         self.sequence = Some(feedback.sequence);
         self.trail = Trail::START;
         self.estimator.restart();
-        self.watch.restart();
-        self.update_rates(rig, feedback, None)?;
+        let rates = self.update_rates(rig, feedback, None);
+        self.watch.restart(&self.rate);
+        rates?;
         self.locate(rig);
         Ok(())
     }
@@ -167,7 +168,7 @@ impl Joints {
             let moved = Interval { delta: &delta, rate: &self.rate, turn, ticks, late };
             self.watch.end(rig, &self.posture, &moved);
         } else {
-            self.watch.restart();
+            self.watch.restart(&self.rate);
         }
         Ok(Step { turn, answered: [last, feedback.sequence] })
     }

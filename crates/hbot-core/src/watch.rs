@@ -152,9 +152,11 @@ impl Watch {
         self.verdict
     }
 
-    /// Clears all sums and results, so that earlier motion is no longer checked.
-    pub(crate) fn restart(&mut self) {
+    /// Clears all sums and results, so that earlier motion is no longer checked. `rate` holds the
+    /// joint rates of the reading at which the next interval begins, rad/s.
+    pub(crate) fn restart(&mut self, rate: &[Real; MAX_JOINTS]) {
         self.begin_block();
+        self.last_rate = *rate;
         self.last_ways = None;
         self.last_late = 0;
         self.verdict = None;
