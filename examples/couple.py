@@ -313,7 +313,10 @@ def interrupt(_number: int, _frame: FrameType | None) -> None:
 def main() -> None:
     """Run the program. Exit code: 0 after Ctrl-C, 1 if the coupling ended by itself."""
     options = parse()
-    signal.signal(signal.SIGTERM, interrupt)
+    # A shell that starts this program in the background makes it ignore SIGINT. A stop must work
+    # there too.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, interrupt)
     if options.study is not None:
         from coupling import study
 
