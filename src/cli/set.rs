@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use hbot_api::{Client, InfoOk};
+use hbot_api::InfoOk;
 use serde_json::{Map, Value};
 
 use super::out::{foreign, say};
