@@ -14,8 +14,9 @@
 //! and clocks of the motor controllers are read, so no result depends on when this program runs.
 //!
 //! The rows in `losses` and `vendors` take something away from the server. The rows in `timing`
-//! measure something in alternation with a comparison. `recording` compares servers that record
-//! with servers that do not; `--minutes` says for how long each of them runs altogether.
+//! measure something in alternation with a comparison. `recording` compares servers that keep
+//! flight logs or record with servers that do not; `--minutes` says for how long each of them runs
+//! altogether.
 
 mod bench;
 mod clients;
@@ -34,6 +35,8 @@ use std::time::Instant;
 use hbot_api::Fault;
 use hbot_config::rig::Protocol;
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
+
+use crate::recording::Server;
 
 /// The result of a step of a test, which can fail with any error.
 pub(crate) type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -60,8 +63,8 @@ pub(crate) struct Setup {
     protocol: Protocol,
     /// Duration of each measurement, s.
     seconds: u64,
-    /// Duration of all measurements together of one server of the rows `recording`, s. With `None`
-    /// they take a few measurements.
+    /// Duration of all measurements together of one server of the rows `flight_logs` and
+    /// `recording`, s. With `None` they take a few measurements.
     total: Option<u64>,
 }
 
@@ -127,8 +130,9 @@ const ROWS: &[(&str, &[Protocol], Make)] = &[
     ("subscribers", HBOT, |on| timing::subscribers(on.seconds)),
     ("attack", HBOT, |on| timing::attack(on.seconds)),
     ("load", HBOT, |on| timing::load(on.seconds)),
-    ("recording", HBOT, |on| recording::measured(1000, on)),
-    ("recording_4_khz", HBOT, |on| recording::measured(4000, on)),
+    ("flight_logs", HBOT, |on| recording::measured(1000, Server::Flights, on)),
+    ("recording", HBOT, |on| recording::measured(1000, Server::Records, on)),
+    ("recording_4_khz", HBOT, |on| recording::measured(4000, Server::Records, on)),
 ];
 
 /// Returns the names and functions of the tests for `protocol`.

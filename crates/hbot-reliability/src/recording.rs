@@ -1,4 +1,4 @@
-//! What a recording costs the loop: servers with and without one, in alternation.
+//! What flight logs and a recording cost the loop: servers with and without one, in alternation.
 
 use std::time::Duration;
 
@@ -14,9 +14,9 @@ const RATIO: f64 = 1.02;
 /// written the first chunks.
 const WARM: Duration = Duration::from_secs(2);
 
-/// The servers that are compared.
+/// What a server keeps of its ticks.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Server {
+pub(crate) enum Server {
     /// Nothing receives the ticks of the loop.
     Bare,
     /// The last seconds are kept in memory for flight logs, as by default.
@@ -25,7 +25,16 @@ enum Server {
     Records,
 }
 
-const SERVERS: [Server; 3] = [Server::Bare, Server::Flights, Server::Records];
+impl Server {
+    /// Returns the option that makes a server of this kind, and its name in a sentence.
+    fn names(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Bare => ("hbot server", "Without"),
+            Self::Flights => ("Flight logs", "With flight logs"),
+            Self::Records => ("`hbot server --record`", "With a recording"),
+        }
+    }
+}
 
 /// What one server did in one measurement.
 #[derive(Clone, Copy, Default)]
@@ -106,45 +115,37 @@ impl Runs {
     }
 }
 
-/// Measures lateness, computing time and memory of servers with and without a recording, block
-/// after block. In every second block the order is reversed, so that a steady drift of the machine
-/// affects all servers equally.
-pub(crate) fn measured(rate_hz: u32, on: Setup) -> Outcome<Row> {
+/// Measures lateness, computing time and memory of servers that keep nothing and of others of the
+/// kind `server`, block after block. In every second block the order is reversed, so that a steady
+/// drift of the machine affects both equally.
+pub(crate) fn measured(rate_hz: u32, server: Server, on: Setup) -> Outcome<Row> {
     let blocks = on.total.map_or(BLOCKS, |total| total.div_ceil(on.seconds).max(1));
-    let mut all = SERVERS.map(|_| Runs(Vec::new()));
+    let servers = [Server::Bare, server];
+    let mut all = servers.map(|_| Runs(Vec::new()));
     for block in 0..blocks {
-        let mut order = [0, 1, 2];
-        if block % 2 == 1 {
-            order.reverse();
-        }
+        let order = if block % 2 == 0 { [0, 1] } else { [1, 0] };
         for k in order {
-            all[k].0.push(Run::of(SERVERS[k], rate_hz, on.seconds)?);
+            all[k].0.push(Run::of(servers[k], rate_hz, on.seconds)?);
         }
     }
-    let [bare, flights, records] = &all;
-    let ratios =
-        |runs: &Runs| [runs.ratio(bare, |run| run.lateness_us), runs.ratio(bare, |run| run.compute_us)];
-    let ([late, compute], [late_flights, compute_flights]) = (ratios(records), ratios(flights));
-    let lost = records.sum(|run| run.lost);
-    // The recording also has the ticks after the statistics were read: less than a thousandth.
-    let hourly = records.sum(|run| run.bytes) as f64 / records.sum(|run| run.recorded).max(1) as f64
-        * f64::from(rate_hz)
-        * 3600e-6;
+    let [bare, kept] = &all;
+    let (late, compute) = (kept.ratio(bare, |run| run.lateness_us), kept.ratio(bare, |run| run.compute_us));
+    let (fault, name) = server.names();
+    let mut found = format!("lateness {late:.3} times, computing time {compute:.3} times");
+    let lost = kept.sum(|run| run.lost);
+    if server == Server::Records {
+        // The recording also has the ticks after the statistics were read: less than a thousandth.
+        let hourly = kept.sum(|run| run.bytes) as f64 / kept.sum(|run| run.recorded).max(1) as f64
+            * f64::from(rate_hz)
+            * 3600e-6;
+        found += &format!("; {lost} ticks lost, {hourly:.0} MB an hour");
+    }
     Ok(Row::new(
-        &format!(
-            "`hbot server --record` at {rate_hz} Hz; {blocks} blocks of {} s without, with memory for flight logs, and with a recording",
-            on.seconds
-        ),
+        &format!("{fault} at {rate_hz} Hz; {blocks} blocks of {} s without and with", on.seconds),
         format!(
             "medians of lateness and computing time at most {RATIO} times those without; no tick is lost"
         ),
-        format!(
-            "with a recording lateness {late:.3} times, computing time {compute:.3} times; with flight logs alone {late_flights:.3} and \
-             {compute_flights:.3} times; {lost} ticks lost, {hourly:.0} MB an hour. {}; {}; {}",
-            bare.said("Without"),
-            flights.said("With flight logs"),
-            records.said("With a recording"),
-        ),
+        format!("{found}. {}; {}", bare.said(Server::Bare.names().1), kept.said(name)),
         late <= RATIO && compute <= RATIO && lost == 0,
     ))
 }
