@@ -19,6 +19,7 @@ from . import ops
 from .answers import Loaded, Pong, Stats
 from .callbacks import call_back
 from .connection import MAX_EVENTS, MAX_STATES, Connection, Options, Send
+from .environment import server_address, server_token
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
@@ -34,7 +35,7 @@ Torque = Callable[[State], Sequence[float] | Awaitable[Sequence[float] | None] |
 
 
 def connect(
-    address: str = "127.0.0.1:4268",
+    address: str | None = None,
     *,
     name: str = "python",
     token: str | Path | None = None,
@@ -48,7 +49,8 @@ def connect(
     The arguments and exceptions are those of `hbot.connect`. `on_event` is called in the event
     loop.
     """
-    return Connecting(address, Options(name, token, tls, encoding, timeout), on_event)
+    options = Options(name, server_token(token), tls, encoding, timeout)
+    return Connecting(server_address(address), options, on_event)
 
 
 class Connecting:
