@@ -314,7 +314,7 @@ class Rig:
             if error is None:
                 answered.set_result(body)
             else:
-                answered.set_exception(error)
+                answered.set_exception(request.explain(error))
 
         def answer(body: Any, error: Exception | None) -> None:
             with contextlib.suppress(RuntimeError):  # The event loop has been closed.

@@ -128,7 +128,8 @@ class Rig:
 
         Raises:
             OSError, ValueError: a file cannot be read; the message names it.
-            BadRequest, OutOfRange: the scene is not legal; the message names every mistake.
+            BadRequest, OutOfRange: the scene is not legal; the message names every mistake, with
+                its line and column if the scene is a file.
             TooLarge: the scene has more than 65536 bytes. `encoding="msgpack"` needs fewer.
             NotHolder: this client does not hold the lease.
         """
@@ -326,7 +327,7 @@ class Rig:
         except queue.Empty:
             raise TimedOut(f"{request.op}: no answer for {self._connection.timeout} s") from None
         if error is not None:
-            raise error
+            raise request.explain(error)
         return request.read(body)
 
     def _stream(self, request: ops.Request[None], wait: bool) -> None:
