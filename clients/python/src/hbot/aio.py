@@ -129,7 +129,7 @@ class Rig:
 
     Attributes:
         hello: the server's answer to the first message.
-        info: the answer to `info` at the time of connecting. `refresh` asks again.
+        info: the answer to `info` at the time of connecting or of the last `refresh`.
     """
 
     info: Info
@@ -276,7 +276,7 @@ class Rig:
         It runs in the event loop. If something else keeps the event loop busy for `valid_ms`, the
         torque ends.
         """
-        rendering = Rendering(self._connection, valid_ms, duration)
+        rendering = Rendering(self._connection, every, valid_ms, duration)
         async with self._subscription(every) as (states, wait):
             while True:
                 first = await states.get(wait)
