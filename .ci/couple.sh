@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 
 target="$PWD/${CARGO_TARGET_DIR:-target}"
 case ${CARGO_TARGET_DIR:-} in /*) target="$CARGO_TARGET_DIR" ;; esac
-export HBOT_SERVER="${HBOT_SERVER:-$target/debug/hbot}"
+export HBOT_PROGRAM="${HBOT_PROGRAM:-$target/debug/hbot}"
 venv="$target/python/venv"
 if [ ! -x "$venv/bin/pytest" ]; then
     echo "run .ci/python.sh first: it makes $venv" >&2

@@ -6,8 +6,8 @@ cd "$(dirname "$0")/.."
 
 target="$PWD/${CARGO_TARGET_DIR:-target}"
 case ${CARGO_TARGET_DIR:-} in /*) target="$CARGO_TARGET_DIR" ;; esac
-export HBOT_SERVER="${HBOT_SERVER:-$target/debug/hbot}"
-if [ ! -x "$HBOT_SERVER" ]; then
+export HBOT_PROGRAM="${HBOT_PROGRAM:-$target/debug/hbot}"
+if [ ! -x "$HBOT_PROGRAM" ]; then
     cargo build --quiet --locked --workspace --bin hbot
 fi
 if ! python3 -m venv --help >/dev/null 2>&1 || ! command -v openssl >/dev/null; then
@@ -28,7 +28,7 @@ echo "-- style and types"
 "$venv/bin/ruff" check --quiet .
 "$venv/bin/mypy" --cache-dir "$target/python/mypy"
 
-echo "-- tests against $HBOT_SERVER"
+echo "-- tests against $HBOT_PROGRAM"
 "$venv/bin/pytest" -q -o cache_dir="$target/python/pytest"
 
 # Each package is installed alone into an environment that has nothing else.

@@ -93,7 +93,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     options = parser.parse_args()
     sys.path.insert(0, str(TESTS))
-    os.environ["HBOT_SERVER"] = str(options.server)
+    os.environ["HBOT_PROGRAM"] = str(options.server)
     os.environ["LSLAPICFG"] = str(TESTS / "lsl_api.cfg")
     from serving import Server
 

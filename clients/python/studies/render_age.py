@@ -202,7 +202,7 @@ def main() -> None:
         RENDERERS[name](address, encoding, float(seconds))
         return
     sys.path.insert(0, str(REPOSITORY / "clients" / "python" / "tests"))
-    os.environ["HBOT_SERVER"] = str(options.server)
+    os.environ["HBOT_PROGRAM"] = str(options.server)
     from serving import Server
 
     print(f"load before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")

@@ -38,10 +38,10 @@ def running(states: Iterable[hbot.State]) -> Iterator[hbot.State]:
 
 
 def program() -> Path:
-    """Return the server's program: `HBOT_SERVER`, or what cargo has built."""
+    """Return the server's program: `HBOT_PROGRAM`, or what cargo has built."""
     target = Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"))
-    path = Path(os.environ.get("HBOT_SERVER", target / "debug" / "hbot"))
-    assert path.exists(), f"{path} is missing: cargo build, or name the program in HBOT_SERVER"
+    path = Path(os.environ.get("HBOT_PROGRAM", target / "debug" / "hbot"))
+    assert path.exists(), f"{path} is missing: cargo build, or name the program in HBOT_PROGRAM"
     return path
 
 

@@ -6,10 +6,12 @@ import asyncio
 import dataclasses
 import inspect
 import re
+import subprocess
+from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import pytest
-from serving import REPOSITORY, Server
+from serving import PATIENCE_S, REPOSITORY, Server, program
 
 import hbot
 from hbot import answers, events, info, ops, scenes, wire
@@ -208,17 +210,62 @@ def test_bytes_that_are_no_message(encoding: wire.Encoding, data: bytes) -> None
         Splitter(encoding).push(data)
 
 
+def programs(page: str) -> list[str]:
+    """Return the Python programs of a page."""
+    blocks = re.findall(r"(?s)```python\n(.*?)```", (REPOSITORY / page).read_text("utf-8"))
+    assert blocks
+    return blocks
+
+
 @pytest.mark.parametrize("page", ["docs/clients.md", "clients/python/README.md"])
 def test_the_programs_of_the_pages_run(
     page: str, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each runs in the folder of the repository, for a shorter time and with another address."""
     monkeypatch.chdir(REPOSITORY)
-    blocks = re.findall(r"(?s)```python\n(.*?)```", (REPOSITORY / page).read_text("utf-8"))
-    assert blocks
-    for block in blocks:
+    monkeypatch.setenv("HBOT_SERVER", server.address)
+    for block in programs(page):
+        if "hbot.mcap" in block:
+            continue
         assert "duration=5.0" in block
         assert "hbot.connect(" in block
         code = block.replace("duration=5.0", "duration=0.2").replace('"127.0.0.1:4268", ', "")
-        code = code.replace("hbot.connect(", f'hbot.connect("{server.address}", ')
         exec(compile(code, page, "exec"), {"__name__": "__main__"})
+
+
+def test_the_recording_of_the_page_is_read(
+    server: Server,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The command and the program of the page, for a shorter time and with another address."""
+    page = (REPOSITORY / "docs" / "clients.md").read_text("utf-8")
+    words = re.search(r"(?m)^cargo run (record run\.mcap --duration) 5$", page)
+    assert words is not None
+    (block,) = (block for block in programs("docs/clients.md") if "hbot.mcap" in block)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HBOT_SERVER", server.address)
+    command = [str(program()), *words[1].split(), "0.2"]
+    subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE_S)
+    exec(compile(block, "docs/clients.md", "exec"), {"__name__": "__main__"})
+    assert re.match(r"[1-9]\d* states, \d+ gaps\n", capsys.readouterr().out)
+
+
+def test_the_spring_of_the_page_is_the_quaternion_law(server: Server) -> None:
+    """The server's own spring and that of the page ask for the same torque at the same state."""
+    (block,) = (block for block in programs("docs/clients.md") if "def spring" in block)
+    own: dict[str, Any] = {}
+    exec(compile(block.partition("\nwith ")[0], "docs/clients.md", "exec"), own)
+    law = {"id": "s", "kind": "spring", "law": "quaternion"}
+    law |= {"stiffness": own["STIFFNESS"], "damping": own["DAMPING"]}
+    with hbot.connect(server.address, name="me") as rig, rig.lease():
+        rig.load_scene({"name": "Law", "effect": [law]})
+        rig.enable()
+        active = [state for state in rig.states(duration=2.0) if state.mode == "active"]
+        rig.disable()
+    largest = max(abs(part) for state in active[50:] for part in state.torque)
+    assert largest > 0.01, "the simulated hand turns the sphere"
+    for state in active[50:]:
+        # The allocation and the encoding of JSON round.
+        assert own["spring"](state) == pytest.approx(state.torque, abs=1e-6 * largest)

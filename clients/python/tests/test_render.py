@@ -6,9 +6,10 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from serving import RATE_HZ, Server
+from serving import RATE_HZ, Server, running
 
 import hbot
+from hbot import rig as rig_module
 from hbot.rendering import Rendering
 from hbot.wire import Encoding
 
@@ -104,14 +105,57 @@ def test_a_slow_function_gets_the_newest_state(rig: hbot.Rig) -> None:
         rig.enable()
         done = rig.render(slow, duration=1.0)
     assert 9 * (done.calls - 2) <= done.skipped, "at most one of ten ticks is rendered"
-    assert done.skipped <= RATE_HZ - done.calls
+    assert done.calls + done.skipped + done.dropped == RATE_HZ, "no state is unaccounted for"
+
+
+def test_states_that_find_no_room_are_counted_as_skipped(
+    rig: hbot.Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rig_module, "MAX_STATES", 3)
+
+    def slow(state: hbot.State) -> list[float]:
+        time.sleep(0.1)  # Its subject is time: 25 ticks.
+        return damper(state)
+
+    with rig.lease():
+        rig.enable()
+        done = rig.render(slow, duration=1.0)
+    assert rig.lost.states > 0, "the mailbox was full"
+    assert done.calls + done.skipped + done.dropped == RATE_HZ, "no state is unaccounted for"
+
+
+def test_a_skipped_state_leaves_the_last_torque_in_force(rig: hbot.Rig) -> None:
+    """A function that stalls for less than `valid_ms` leaves no tick without its torque."""
+    push = 0.02  # N m: a hundredth of what the prototype makes, so no limit changes it.
+    stall_s = 0.1
+    ticks: list[tuple[int, float]] = []
+
+    def stalls(state: hbot.State) -> list[float]:
+        ticks.append((state.tick, state.torque[2]))
+        if len(ticks) % 20 == 0:
+            time.sleep(stall_s)  # Its subject is time: 25 ticks.
+        return [0.0, 0.0, push]
+
+    with rig.lease():
+        rig.load_scene({"name": "Nothing", "effect": []})
+        rig.enable()
+        for state in running(rig.states()):
+            if state.mode == "active":
+                break
+        done = rig.render(stalls, valid_ms=1000, duration=1.0)
+        rig.disable()
+    assert done.skipped > 0, "the stalls skip states"
+    settled = [torque for tick, torque in ticks if tick - ticks[0][0] > RATE_HZ // 10]
+    assert len(settled) > 10
+    # The allocation and the encoding of JSON round.
+    assert all(torque == pytest.approx(push, rel=1e-6) for torque in settled), settled
 
 
 def test_states_before_the_first_call_are_not_skipped_by_it(rig: hbot.Rig) -> None:
     """The function was not at work yet, and the duration begins with the first state it gets."""
     with rig.lease():
         state = next(rig.states())
-        rendering = Rendering(rig._connection, valid_ms=20, duration=None)
+        rendering = Rendering(rig._connection, every=1, valid_ms=20, duration=None)
         assert rendering.goes_on(state, skipped=3)
         assert rendering.result.skipped == 0
         rendering.send(state, None)

@@ -92,6 +92,16 @@ def test_states_become_arrays(rig: hbot.Rig) -> None:
     assert arrays["joint_angle"][-1, 3] == states[-1].joints[3].angle
 
 
+def test_info_is_a_snapshot_until_it_is_refreshed(rig: hbot.Rig) -> None:
+    before = rig.info
+    with rig.lease():
+        rig.load_scene(SCENES / "compass.toml")
+        assert rig.info is before
+        assert rig.info.scene["name"] == "Spring"
+        assert rig.refresh().scene["name"] == "Compass"
+        assert rig.info.scene["name"] == "Compass"
+
+
 def test_the_lease_is_given_back_after_an_exception(rig: hbot.Rig) -> None:
     with pytest.raises(RuntimeError, match="of the block"), rig.lease():
         assert rig.refresh().lease.session == rig.hello.session

@@ -73,7 +73,9 @@ def recover(render: Interval, runs: int) -> None:
 def main() -> None:
     """Run the program from the command line."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--server", default="127.0.0.1:4268", metavar="HOST:PORT")
+    options.add_argument(
+        "--server", metavar="HOST:PORT", help="default: HBOT_SERVER or 127.0.0.1:4268"
+    )
     options.add_argument("--runs", type=int, default=RUNS, help=f"default: {RUNS}")
     options.add_argument(
         "--without-hand", action="store_true", help="feel the stiffness exactly, without a server"

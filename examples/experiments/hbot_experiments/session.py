@@ -27,9 +27,13 @@ def parser(description: str, trials: int) -> argparse.ArgumentParser:
     """
     options = argparse.ArgumentParser(description=description)
     options.add_argument("participant", help="code of the participant; the log is named after it")
-    options.add_argument("--server", default="127.0.0.1:4268", metavar="HOST:PORT")
     options.add_argument(
-        "--token-file", type=Path, help="file with the server's token, if it has one"
+        "--server", metavar="HOST:PORT", help="default: HBOT_SERVER or 127.0.0.1:4268"
+    )
+    options.add_argument(
+        "--token-file",
+        type=Path,
+        help="file with the server's token, if it has one; default: HBOT_TOKEN_FILE",
     )
     options.add_argument("--folder", type=Path, default=Path("data"), help="where logs are written")
     options.add_argument("--trials", type=int, default=trials, help=f"default: {trials}")

@@ -13,9 +13,9 @@ from contextlib import contextmanager
 def server(*options: str) -> Iterator[str]:
     """Run a server with a simulated rig. Returns its address.
 
-    The environment variable HBOT_SERVER names the program.
+    The environment variable HBOT_PROGRAM names the program.
     """
-    arguments = [os.environ["HBOT_SERVER"], "server", "--listen", "127.0.0.1:0", *options]
+    arguments = [os.environ["HBOT_PROGRAM"], "server", "--listen", "127.0.0.1:0", *options]
     with subprocess.Popen(
         arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as process:

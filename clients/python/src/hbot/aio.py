@@ -19,6 +19,7 @@ from . import ops
 from .answers import Loaded, Pong, Stats
 from .callbacks import call_back
 from .connection import MAX_EVENTS, MAX_STATES, Connection, Options, Send
+from .environment import server_address, server_token
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
@@ -34,7 +35,7 @@ Torque = Callable[[State], Sequence[float] | Awaitable[Sequence[float] | None] |
 
 
 def connect(
-    address: str = "127.0.0.1:4268",
+    address: str | None = None,
     *,
     name: str = "python",
     token: str | Path | None = None,
@@ -48,7 +49,8 @@ def connect(
     The arguments and exceptions are those of `hbot.connect`. `on_event` is called in the event
     loop.
     """
-    return Connecting(address, Options(name, token, tls, encoding, timeout), on_event)
+    options = Options(name, server_token(token), tls, encoding, timeout)
+    return Connecting(server_address(address), options, on_event)
 
 
 class Connecting:
@@ -127,7 +129,7 @@ class Rig:
 
     Attributes:
         hello: the server's answer to the first message.
-        info: the answer to `info` at the time of connecting. `refresh` asks again.
+        info: the answer to `info` at the time of connecting or of the last `refresh`.
     """
 
     info: Info
@@ -274,7 +276,7 @@ class Rig:
         It runs in the event loop. If something else keeps the event loop busy for `valid_ms`, the
         torque ends.
         """
-        rendering = Rendering(self._connection, valid_ms, duration)
+        rendering = Rendering(self._connection, every, valid_ms, duration)
         async with self._subscription(every) as (states, wait):
             while True:
                 first = await states.get(wait)
@@ -312,7 +314,7 @@ class Rig:
             if error is None:
                 answered.set_result(body)
             else:
-                answered.set_exception(error)
+                answered.set_exception(request.explain(error))
 
         def answer(body: Any, error: Exception | None) -> None:
             with contextlib.suppress(RuntimeError):  # The event loop has been closed.

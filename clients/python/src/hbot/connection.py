@@ -25,6 +25,7 @@ from .errors import (
     TimedOut,
 )
 from .events import (
+    DroppedEvent,
     Event,
     LeaseEvent,
     LostEvent,
@@ -86,6 +87,7 @@ class Connection:
         self.timeout = options.timeout
         self.lost = LostEvent(states=0, events=0, sends=0)
         self.refused = 0
+        self.dropped = 0
         self.holds_lease = False
         self.lost_lease_to: str | None = None
         self._encode = wire.encoder(options.encoding)
@@ -256,6 +258,8 @@ class Connection:
                 self._take_lease(event)
             elif isinstance(event, RefusedEvent):
                 self.refused = event.total
+            elif isinstance(event, DroppedEvent):
+                self.dropped = event.total
             elif isinstance(event, StoppingEvent):
                 self._stopping = event.message
             self._put_event(event)

@@ -79,6 +79,10 @@ class Refused(HbotError):
         self.angle = angle
         super().__init__(f"{op}: {message} ({self.code})" if op else f"{message} ({self.code})")
 
+    def with_message(self, message: str) -> Refused:
+        """Return the same refusal with another description."""
+        return type(self)(message, op=self.op, holder=self.holder, angle=self.angle, code=self.code)
+
     def __init_subclass__(cls) -> None:
         """Register the class under its error code."""
         Refused.by_code[cls.code] = cls

@@ -177,7 +177,10 @@ class Clock:
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """The rig, what it can do, and what runs."""
+    """The rig, what it can do, and what runs, at the moment of the answer.
+
+    `Rig.refresh` asks for the present one.
+    """
 
     rig: RigInfo
     """The rig."""

@@ -26,7 +26,7 @@ class Mailbox(Generic[T]):
             wake: called by the reading thread after each item, and at the end. For programs that do
                 not use `get`.
         """
-        self.dropped = 0
+        self.dropped = self._dropped_before = 0
         self._items: deque[T] = deque()
         self._limit = limit
         self._wake = wake
@@ -83,9 +83,11 @@ class Mailbox(Generic[T]):
     def newest(self, timeout: float) -> tuple[T | None, int]:
         """Return the newest item and the number of older ones that are skipped.
 
-        Waits as `get` does.
+        Items that were dropped since the last call count as skipped. Waits as `get` does.
         """
-        item, skipped = self.get(timeout), 0
+        item = self.get(timeout)
+        dropped = self.dropped
+        skipped, self._dropped_before = dropped - self._dropped_before, dropped
         while item is not None and self._items and (later := self.take()) is not None:
             item, skipped = later, skipped + 1
         return item, skipped

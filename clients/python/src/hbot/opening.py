@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from .connection import Connection, Options
+from .environment import server_address, server_token
 from .events import Event
 from .rig import Rig
 from .transport import Tls
@@ -13,7 +14,7 @@ from .wire import Encoding
 
 
 def connect(
-    address: str = "127.0.0.1:4268",
+    address: str | None = None,
     *,
     name: str = "python",
     token: str | Path | None = None,
@@ -25,10 +26,11 @@ def connect(
     """Connect to a server.
 
     Args:
-        address: `HOST:PORT` or `HOST`. The default port is 4268.
+        address: `HOST:PORT` or `HOST`. The default port is 4268. None: the address in the
+            environment variable `HBOT_SERVER`, or `127.0.0.1:4268` if it is not set.
         name: name of this client, shown to people, 1 to 64 bytes.
         token: the server's token, or the path of the file that holds it. Required if the server has
-            one.
+            one. None: the file that the environment variable `HBOT_TOKEN_FILE` names, if it is set.
         tls: what to trust if the server encrypts: a PEM file with the server's own certificate
             (pinned) or with that of an authority; or an `ssl.SSLContext`. None: no encryption.
         encoding: `"json"`, or `"msgpack"` with the extra `hbot[msgpack]`.
@@ -40,5 +42,8 @@ def connect(
         NoServer: no program listens at the address.
         NotTrusted: the server's certificate is not trusted, or only one side encrypts.
         Refused: the server refused the hello, for example `Unauthorized`.
+        ValueError: the address has no legal port, or a variable is set and empty.
+        OSError: the file of the token cannot be read.
     """
-    return Rig(Connection(address, Options(name, token, tls, encoding, timeout)), on_event)
+    options = Options(name, server_token(token), tls, encoding, timeout)
+    return Rig(Connection(server_address(address), options), on_event)

@@ -15,9 +15,13 @@ from .answers import Loaded, Pong, Stats
 from .decode import decode
 from .events import Mode
 from .info import Info
-from .scenes import Scene, read_scene
+from .scenes import Explain, Scene, open_scene
 
 T = TypeVar("T")
+
+
+def _as_it_is(error: Exception) -> Exception:
+    return error
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +31,7 @@ class Request(Generic[T]):
     op: str
     fields: dict[str, Any]
     read: Callable[[Any], T]
+    explain: Explain = _as_it_is
 
 
 def _none(_body: Any) -> None:
@@ -86,7 +91,8 @@ def release() -> Request[None]:
 
 def load_scene(scene: Scene) -> Request[Loaded]:
     """Replace the scene."""
-    return Request("load_scene", {"scene": read_scene(scene)}, lambda body: decode(Loaded, body))
+    fields, explain = open_scene(scene)
+    return Request("load_scene", {"scene": fields}, lambda body: decode(Loaded, body), explain)
 
 
 def change(effect: str, parameters: dict[str, Any]) -> Request[None]:

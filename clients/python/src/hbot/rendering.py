@@ -19,7 +19,10 @@ class Rendered:
     calls: int
     """How often the function was called."""
     skipped: int
-    """States that were skipped because the function was still at work on an older one."""
+    """States that were skipped because the function was still at work on an older one.
+
+    The last torque goes on acting meanwhile, at most for `valid_ms`.
+    """
     unsent: int
     """Torques that were not sent because the connection took no more bytes."""
     refused: int
@@ -27,27 +30,35 @@ class Rendered:
 
     It reports them at most once a second. The reason is in the last `RefusedEvent`.
     """
+    dropped: int
+    """States that the server did not send because this program read too slowly, as far as the
+    server has reported them."""
 
 
 class Rendering:
     """One `render` in progress."""
 
-    def __init__(self, connection: Connection, valid_ms: int, duration: float | None) -> None:
-        """Begin a rendering of `duration` s (None: without end)."""
+    def __init__(
+        self, connection: Connection, every: int, valid_ms: int, duration: float | None
+    ) -> None:
+        """Begin a rendering of `duration` s (None: without end) from every `every`-th tick."""
         if not 1 <= valid_ms <= 1000:
             raise ValueError(f"valid_ms is {valid_ms}; legal: 1 to 1000 ms")
         self._connection = connection
+        self._every = every
         self._valid_ms = valid_ms
         self._duration = duration
         self._end: int | None = None
         self._calls = self._skipped = self._unsent = 0
         self._refused_before = connection.refused
+        self._dropped_before = connection.dropped
 
     @property
     def result(self) -> Rendered:
         """What the rendering has done so far."""
         refused = self._connection.refused - self._refused_before
-        return Rendered(self._calls, self._skipped, self._unsent, refused)
+        dropped = self._connection.dropped - self._dropped_before
+        return Rendered(self._calls, self._skipped, self._unsent, refused, dropped)
 
     def goes_on(self, state: State, skipped: int) -> bool:
         """Return whether a torque is wanted for this state.
@@ -71,11 +82,13 @@ class Rendering:
             )
         if self._end is None and self._duration is not None:
             self._end = state.tick + round(self._duration * self._connection.hello.rate_hz)
-        if self._end is not None and state.tick >= self._end:
-            return False
+        over = self._end is not None and state.tick >= self._end
+        if over and self._end is not None:
+            # Some of the skipped states can be later than the end, too.
+            skipped = max(0, skipped - (state.tick - self._end) // self._every)
         if self._calls > 0:  # Before the first call, no function was at work.
             self._skipped += skipped
-        return True
+        return not over
 
     def send(self, state: State, torque: Sequence[float] | None) -> None:
         """Send the torque that was computed from `state`. None: send nothing."""

@@ -38,7 +38,8 @@ class Rig:
 
     Attributes:
         hello: the server's answer to the first message.
-        info: the answer to `info` at the time of connecting. `refresh` asks again.
+        info: the answer to `info` at the time of connecting or of the last `refresh`. Later changes
+            are not in it: `refresh().scene` is the running scene.
     """
 
     def __init__(
@@ -120,7 +121,7 @@ class Rig:
             self.release()
 
     def load_scene(self, scene: Scene) -> Loaded:
-        """Replace the scene. The change is blended in.
+        """Replace the scene. The change is blended in. `info.scene` is that of before.
 
         Args:
             scene: path of a scene file (TOML), or a map of the same structure. Recorded paths
@@ -128,7 +129,8 @@ class Rig:
 
         Raises:
             OSError, ValueError: a file cannot be read; the message names it.
-            BadRequest, OutOfRange: the scene is not legal; the message names every mistake.
+            BadRequest, OutOfRange: the scene is not legal; the message names every mistake, with
+                its line and column if the scene is a file.
             TooLarge: the scene has more than 65536 bytes. `encoding="msgpack"` needs fewer.
             NotHolder: this client does not hold the lease.
         """
@@ -278,7 +280,7 @@ class Rig:
             TimedOut, ConnectionLost: no state came.
             ValueError: the torque is not three finite numbers.
         """
-        rendering = Rendering(self._connection, valid_ms, duration)
+        rendering = Rendering(self._connection, every, valid_ms, duration)
         with self._subscription(every) as (states, wait):
             while True:
                 state, skipped = states.newest(wait)
@@ -326,7 +328,7 @@ class Rig:
         except queue.Empty:
             raise TimedOut(f"{request.op}: no answer for {self._connection.timeout} s") from None
         if error is not None:
-            raise error
+            raise request.explain(error)
         return request.read(body)
 
     def _stream(self, request: ops.Request[None], wait: bool) -> None:

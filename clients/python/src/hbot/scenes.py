@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import csv
+import datetime
+import errno
 import importlib
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from .errors import MissingExtra
+from .errors import BadRequest, MissingExtra, OutOfRange
+from .places import PATH, Places, join
 
 Scene: TypeAlias = str | os.PathLike[str] | Mapping[str, Any]
 """A scene: the path of a scene file (TOML), or a map of the same structure (docs/files.md)."""
@@ -19,6 +22,10 @@ PATH_COLUMNS = ["t", "w", "x", "y", "z"]
 """First line of a recorded path: time, s, and orientation as a quaternion."""
 MAX_POINTS = 800
 """Largest number of points of a path (docs/effects.md, kind `track`)."""
+
+
+Explain: TypeAlias = Callable[[Exception], Exception]
+"""Returns an error of the server with what this program knows of its cause."""
 
 
 def read_scene(scene: Scene) -> dict[str, Any]:
@@ -32,21 +39,100 @@ def read_scene(scene: Scene) -> dict[str, Any]:
         ValueError: the file is no TOML, or the CSV file is no path; the message names the place.
         MissingExtra: Python 3.10 has no reader of TOML, and the package `tomli` is not installed.
     """
+    return open_scene(scene)[0]
+
+
+def open_scene(scene: Scene) -> tuple[dict[str, Any], Explain]:
+    """Return the scene as `read_scene` does, and what names the lines of the server's refusal."""
     if isinstance(scene, Mapping):
-        return dict(scene)
-    text = Path(scene).read_text(encoding="utf-8")
+        return dict(scene), lambda error: error
+    text = _text(scene)
+    name = os.fspath(scene)
     loads, error = _toml()
     try:
         made = dict(loads(text))
     except error as wrong:
-        raise ValueError(f"{os.fspath(scene)}: {wrong}") from wrong
+        raise ValueError(f"{name}: {wrong}") from wrong
+    places = Places(text)
+    if unsendable := [f"{path}: {what}" for path, what in _unsendable(made)]:
+        raise ValueError(_located("\n".join(unsendable), name, places))
     effects = made.get("effect")
-    for effect in effects if isinstance(effects, list) else []:
+    for number, effect in enumerate(effects if isinstance(effects, list) else []):
         # Points and a file together are a mistake, which the server names.
         if isinstance(effect, dict) and effect.get("file") and "points" not in effect:
             path = Path(scene).parent / str(effect.pop("file"))
             effect["points"] = _points(path)
-    return made
+            places.alias(f"effect[{number}].points", of=f"effect[{number}].file")
+
+    def explain(error: Exception) -> Exception:
+        # Other refusals, such as that of the lease, say nothing of the file.
+        if isinstance(error, BadRequest | OutOfRange):
+            return error.with_message(_located(error.message, name, places))
+        return error
+
+    return made, explain
+
+
+def _text(scene: str | os.PathLike[str]) -> str:
+    """Return the text of a scene file.
+
+    Raises:
+        OSError: it cannot be read. If a name without a folder is no file, the message says how to
+            get a ready-made scene.
+        ValueError: it is no text.
+    """
+    path = Path(scene)
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as wrong:
+        raise ValueError(f"{path}: it is not text (UTF-8): {wrong}") from wrong
+    except FileNotFoundError as missing:
+        if path.suffix or path.name != os.fspath(scene):
+            raise
+        near = (Path(f"{path}.toml"), Path("scenes", f"{path}.toml"))
+        found = [f"{str(other)!r}" for other in near if other.exists()]
+        remedy = (
+            f"did you mean {found[0]}?"
+            if found
+            else "only the program hbot knows the ready-made scenes by name: "
+            f"`hbot scene load {path}` loads one into the server while no client holds the lease, "
+            f"and then `hbot scene show > {path}.toml` writes it to a file for load_scene"
+        )
+        message = f"no such scene file; {remedy}"
+        raise FileNotFoundError(errno.ENOENT, message, os.fspath(scene)) from missing
+
+
+def _located(message: str, name: str, places: Places) -> str:
+    """Return a message of one mistake in each line with the mistakes' places in the file `name`.
+
+    The lines are in the order of the file, as the command line prints them.
+    """
+    lines: list[tuple[tuple[float, float], str]] = []
+    for line in message.split("\n"):
+        path, at = PATH.match(line), None
+        if path is not None and line.startswith(": ", path.end()):
+            at = places.of(path[0], key=line.startswith(": unknown key", path.end()))
+        prefix = name if at is None else f"{name}:{at[0]}:{at[1]}"
+        # The line "... and more" of a list that was cut short stays at its end.
+        order = (math.inf, 0) if line.startswith("...") else at or (0, 0)
+        lines.append((order, f"{prefix}: {line}"))
+    return "\n".join(line for _, line in sorted(lines, key=lambda pair: pair[0]))
+
+
+def _unsendable(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield path and description of each value that TOML has and the messages do not."""
+    if isinstance(value, dict):
+        for key, part in value.items():
+            yield from _unsendable(part, join(path, key))
+    elif isinstance(value, list):
+        for number, part in enumerate(value):
+            yield from _unsendable(part, f"{path}[{number}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield path, f"{value} is not a finite number"
+    elif isinstance(value, datetime.date | datetime.time):
+        yield path, f"{value} is a date"
+    elif isinstance(value, int) and not -(1 << 63) <= value < 1 << 63:
+        yield path, "an integer of more than 64 bits"
 
 
 def _points(path: Path) -> list[list[float]]:

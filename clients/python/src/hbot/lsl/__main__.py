@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 from .. import clock
+from ..environment import server_address
 from ..errors import ConnectionLost, HbotError, NoServer, TimedOut
 from ..events import Event, FaultEvent, SceneEvent
 from ..opening import connect
@@ -34,9 +35,13 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
         prog="python -m hbot.lsl",
         description="Publish an Hbot as streams of the Lab Streaming Layer.",
     )
-    parser.add_argument("address", nargs="?", default="127.0.0.1:4268", help="the server")
+    parser.add_argument(
+        "address", nargs="?", help="the server; default: HBOT_SERVER or 127.0.0.1:4268"
+    )
     parser.add_argument("--every", type=int, default=1, help="ticks from sample to sample")
-    parser.add_argument("--token-file", type=Path, help="file with the server's token")
+    parser.add_argument(
+        "--token-file", type=Path, help="file with the server's token; default: HBOT_TOKEN_FILE"
+    )
     parser.add_argument("--ca", type=Path, help="certificate of the server, if it encrypts (PEM)")
     parser.add_argument("--encoding", choices=("json", "msgpack"), default="json")
     parser.add_argument(
@@ -48,7 +53,12 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
         default="auto",
         help="auto: the server's clock if it is on this machine; ping: always by round trips",
     )
-    return parser.parse_args(given)
+    options = parser.parse_args(given)
+    try:
+        options.address = server_address(options.address)
+    except ValueError as error:
+        parser.error(str(error))
+    return options
 
 
 class Publisher:
