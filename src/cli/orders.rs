@@ -64,7 +64,14 @@ pub(crate) fn holding<T>(
 /// Adds to an error from the server what the command line can do about it.
 pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
     let remedy = match error.code() {
-        Some(ErrorCode::Busy) if holder(&error) => "add `--steal` to take the lease from that client",
+        Some(ErrorCode::Busy) => match holder(&error) {
+            Some(name) if name.starts_with(PANEL) => {
+                "press `Release` in that panel, or start it as an observer by `hbot-gui --observe`. Or add `--steal` to take \
+                 the lease from it"
+            }
+            Some(_) => "add `--steal` to take the lease from that client",
+            None => return error.into(),
+        },
         Some(ErrorCode::Faulted) => {
             "`hbot info` shows the cause. When it is gone, run `hbot reset`, then `hbot enable`"
         }
@@ -80,9 +87,15 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
     anyhow::anyhow!("{error}: {remedy}")
 }
 
-/// Returns whether the error names the client that holds the lease.
-fn holder(error: &ClientError) -> bool {
-    matches!(error, ClientError::Server(body) if body.holder.is_some())
+/// Beginning of the name that a panel gives to the server.
+const PANEL: &str = "panel ";
+
+/// Returns the name of the client that holds the lease, if the error names it.
+fn holder(error: &ClientError) -> Option<&str> {
+    match error {
+        ClientError::Server(body) => body.holder.as_deref(),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -96,7 +109,11 @@ mod tests {
         let told = |body: ErrorBody| format!("{:#}", remedied(ClientError::Server(body)));
         let busy = ErrorBody::new(ErrorCode::Busy, "\"ann\" holds the lease");
         assert!(!told(busy.clone()).contains("--steal"), "the loop is busy, and nobody can be robbed");
-        assert!(told(ErrorBody { holder: Some("ann".to_owned()), ..busy }).contains("--steal"));
+        let held = |name: &str| told(ErrorBody { holder: Some(name.to_owned()), ..busy.clone() });
+        assert!(held("ann").contains("--steal") && !held("ann").contains("panel"), "{}", held("ann"));
+        for words in ["`Release`", "`hbot-gui --observe`", "`--steal`"] {
+            assert!(held("panel ann@lab2").contains(words), "{}", held("panel ann@lab2"));
+        }
         assert!(told(ErrorBody::new(ErrorCode::Faulted, "x")).contains("`hbot reset`, then `hbot enable`"));
         assert!(told(ErrorBody::new(ErrorCode::Unauthorized, "x")).contains("HBOT_TOKEN_FILE"));
         assert_eq!(told(ErrorBody::new(ErrorCode::OutOfRange, "x")), "x (out_of_range)");

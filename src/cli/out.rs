@@ -12,10 +12,12 @@
 //! `console.rs`.
 
 use std::fmt::{Arguments, Display};
+use std::fs::File;
 use std::io::{ErrorKind, Result, Write as _};
+use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use hbot_api::Plain;
 
 use super::style;
@@ -77,6 +79,16 @@ pub(crate) fn foreign(text: &str) -> Plain<'_> {
 /// indented, so that none looks like a line of this program.
 fn foreign_lines(text: &str) -> String {
     text.lines().map(|line| foreign(line).to_string()).collect::<Vec<_>>().join("\n  ")
+}
+
+/// Creates a file that must not exist yet.
+pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
+    File::create_new(path).map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => {
+            anyhow!("{}: the file exists already. Name another one, or remove it first", path.display())
+        }
+        _ => anyhow::Error::from(error).context(format!("{}: cannot be made", path.display())),
+    })
 }
 
 /// Prints clap's answer to the command line: an error, the help or the version.

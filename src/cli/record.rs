@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, IsTerminal as _, Write as _, stderr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -13,13 +13,16 @@ use hbot_api::{ClientError, Event, InfoOk};
 use hbot_host::signals;
 use hbot_record::{About, Writer};
 
-use super::out::{note, say};
-use super::{ServerAddress, orders};
+use super::out::{create_new, note, say};
+use super::{ServerAddress, orders, style};
 
 /// Longest time for which states wait before they are in the file.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 /// Longest time until a signal is noticed if the server sends nothing.
 const LISTEN: Duration = Duration::from_millis(100);
+/// How often the progress is shown on a terminal, and how often elsewhere.
+const SHOWN_EVERY: Duration = Duration::from_secs(1);
+const NOTED_EVERY: Duration = Duration::from_secs(10);
 
 /// Options of `hbot record`.
 #[derive(Debug, Args)]
@@ -31,7 +34,7 @@ pub(crate) struct RecordArgs {
     /// Record every N-th tick
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     every: u64,
-    /// Stop after this time of the run
+    /// Stop after this time, by the clock of this computer
     #[arg(long, value_name = "SECONDS", value_parser = super::server::seconds)]
     duration: Option<f64>,
 }
@@ -43,8 +46,6 @@ struct Session {
     unix_ns: u64,
     /// Unix time of the newest state, ns.
     newest: u64,
-    /// Time of the first state, s since the start of the loop.
-    begun: Option<f64>,
     states: u64,
     dropped: u64,
 }
@@ -54,17 +55,25 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let mut client = orders::connect(&args.address, "hbot record")?;
     let info = client.info()?;
     let name = || args.file.display().to_string();
-    let into = BufWriter::new(File::create_new(&args.file).with_context(name)?);
+    let into = BufWriter::new(create_new(&args.file)?);
     let unix_ns = info.clock.map_or_else(now, |clock| clock.unix_ns);
     let mut writer = Writer::new(into, &about(&info, &client.hello().server)).with_context(name)?;
     let title = info.scene.get("name").and_then(|name| name.as_str()).unwrap_or_default();
     writer.scene(0, title, &info.scene.to_string(), unix_ns)?;
     client.subscribe(args.every)?;
-    let mut session = Session { writer, unix_ns, newest: unix_ns, begun: None, states: 0, dropped: 0 };
+    let mut session = Session { writer, unix_ns, newest: unix_ns, states: 0, dropped: 0 };
+    let mut progress = Progress::new();
 
+    // The time of the run is not that of the clock: on a busy machine the simulated rig waits.
+    let begun = Instant::now();
+    let duration = args.duration.map_or(Duration::MAX, Duration::from_secs_f64);
     let mut flushed = Instant::now();
-    while !stop.is_set() && !session.is_over(args.duration) {
-        match client.next_event(LISTEN) {
+    while !stop.is_set() {
+        let left = duration.saturating_sub(begun.elapsed());
+        if left.is_zero() {
+            break;
+        }
+        match client.next_event(left.min(LISTEN)) {
             Ok(Some(event)) => {
                 session.take(&event).with_context(name)?;
                 if matches!(event, Event::Stopping(_)) {
@@ -73,6 +82,7 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
             }
             Ok(None) => {}
             Err(ClientError::Closed) => {
+                progress.clear();
                 note!("the connection has ended");
                 break;
             }
@@ -82,24 +92,84 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
             session.writer.flush().with_context(name)?;
             flushed = Instant::now();
         }
+        progress.show(session.states, session.dropped + client.events_lost());
     }
-    let dropped = session.dropped + client.events_lost();
+    progress.clear();
+    let lost = session.dropped + client.events_lost();
     session.writer.finish().with_context(name)?;
-    say!("{} states recorded, {dropped} lost", session.states)?;
-    Ok(if dropped == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    say!("{}", counts(session.states, lost))?;
+    if lost == 0 {
+        return Ok(ExitCode::SUCCESS);
+    }
+    note!("{ADVICE}");
+    Ok(ExitCode::FAILURE)
+}
+
+/// Why states are lost, and what to do about it.
+const ADVICE: &str = "\
+The server drops states if this program or the network takes them too slowly. Record fewer of them by `--every N`, or \
+record on the rig's computer by `hbot server --record FILE`, which does not send them over the network.";
+
+/// Says how many states are recorded, and how many are lost.
+fn counts(states: u64, lost: u64) -> String {
+    if lost == 0 {
+        return format!("{states} states recorded, 0 lost");
+    }
+    let percent = 100.0 * lost as f64 / (states + lost) as f64;
+    format!("{states} states recorded, {lost} lost ({percent:.2} %)")
+}
+
+/// Shows while a recording is made how many states it has: on a terminal in one line, and elsewhere
+/// in a line from time to time.
+struct Progress {
+    terminal: bool,
+    begun: Instant,
+    next: Instant,
+}
+
+impl Progress {
+    fn new() -> Self {
+        let (terminal, begun) = (stderr().is_terminal(), Instant::now());
+        Self { terminal, begun, next: begun + if terminal { SHOWN_EVERY } else { NOTED_EVERY } }
+    }
+
+    fn show(&mut self, states: u64, lost: u64) {
+        let now = Instant::now();
+        if now < self.next {
+            return;
+        }
+        let line = format!("{:.0} s: {}", (now - self.begun).as_secs_f64(), counts(states, lost));
+        if self.terminal {
+            self.next = now + SHOWN_EVERY;
+            let (begin, end) = (style::SAME_LINE, style::LINE_END);
+            // Like all text on standard error, it is lost if it cannot be written.
+            let _ = write!(stderr(), "{begin}{line}; Ctrl-C ends{end}");
+        } else {
+            self.next = now + NOTED_EVERY;
+            note!("{line}");
+        }
+    }
+
+    /// Removes the line from the terminal.
+    fn clear(&self) {
+        if self.terminal {
+            let _ = write!(stderr(), "{}", style::CLEAR_LINE);
+        }
+    }
+}
+
+/// An error that ends the recording is then printed on a line of its own.
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.clear();
+    }
 }
 
 impl Session {
-    fn is_over(&self, duration: Option<f64>) -> bool {
-        let since = |begun| (self.newest - self.unix_ns) as f64 * 1.0e-9 - begun;
-        duration.is_some_and(|duration| self.begun.is_some_and(|begun| since(begun) >= duration))
-    }
-
     fn take(&mut self, event: &Event) -> anyhow::Result<()> {
         match event {
             Event::State(state) => {
                 self.newest = self.unix_ns + (state.t * 1.0e9).round() as u64;
-                self.begun.get_or_insert(state.t);
                 self.states += 1;
                 self.writer.state(state, self.newest)?;
             }
@@ -136,4 +206,16 @@ fn about(info: &InfoOk, server: &str) -> About {
     put("scene", info.scene.to_string());
     put("server", server.to_owned());
     About { joints: joints.collect(), entries }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses_are_told_as_a_number_and_a_share() {
+        assert_eq!(counts(7947, 0), "7947 states recorded, 0 lost");
+        assert_eq!(counts(990, 10), "990 states recorded, 10 lost (1.00 %)");
+        assert_eq!(counts(0, 0), "0 states recorded, 0 lost");
+    }
 }

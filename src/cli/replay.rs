@@ -14,8 +14,8 @@ use hbot_config::{RunningScene, SceneFile};
 use hbot_record::replay::{Flaw, Replay, ReplayError, Replayed, Report, renumbered};
 use hbot_record::{About, Writer, public};
 
-use super::out::say;
-use super::style;
+use super::out::{create_new, say};
+use super::{scene, style};
 
 /// Options of `hbot replay`.
 #[derive(Debug, Args)]
@@ -28,8 +28,9 @@ pub(crate) struct ReplayArgs {
     /// Compare up to this time of the run
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     to: Option<f64>,
-    /// Render this scene instead of the recorded one: what would the same hand have felt?
-    #[arg(long, value_name = "FILE", requires = "out")]
+    /// Render this scene (a file, or the name of a ready-made scene) instead of the recorded one:
+    /// what would the same hand have felt?
+    #[arg(long, value_name = "FILE|NAME", requires = "out")]
     scene: Option<PathBuf>,
     /// New recording with the recorded torque and that of --scene
     #[arg(long, value_name = "FILE", requires = "scene")]
@@ -48,7 +49,7 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
     let name = || args.file.display().to_string();
     let file = BufReader::new(File::open(&args.file).with_context(name)?);
-    let other = args.scene.as_deref().map(SceneFile::from_path).transpose()?;
+    let other = args.scene.as_deref().map(scene::scene).transpose()?;
     let compiled = other.clone().map(|other| Box::new(renumbered(&RunningScene::new().load(other))));
     let replay = Replay::new(file, compiled).with_context(name)?;
     let period_ns = period_ns(replay.about()).with_context(name)?;
@@ -98,7 +99,7 @@ impl<'a> Output<'a> {
         let mut entries = about.clone();
         entries.insert("other_scene".to_owned(), scene.to_json().to_string());
         let about = About { joints: joints.unwrap_or_default(), entries };
-        let writer = Writer::new(File::create_new(path).with_context(name)?, &about).with_context(name)?;
+        let writer = Writer::new(create_new(path)?, &about).with_context(name)?;
         let (recorded, computed) = Default::default();
         Ok(Self { writer, scene, begun: false, period_ns, recorded, computed })
     }

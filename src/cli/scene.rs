@@ -5,12 +5,15 @@ mod plot;
 mod shelf;
 mod sweep;
 
-use std::path::PathBuf;
+use std::ffi::OsStr;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use anyhow::anyhow;
 use clap::{Args, Subcommand};
 use hbot_config::scene::ShelfScene;
-use hbot_config::{RigConfig, SceneFile};
+use hbot_config::{LoadError, RigConfig, SceneFile};
 use hbot_host::abilities::Abilities;
 
 use super::out::{foreign, say};
@@ -25,9 +28,10 @@ pub(crate) enum SceneCommand {
         #[arg(long)]
         json: bool,
     },
-    /// List the kinds of effects with their parameters, and the phenomena of the simulated rig
+    /// List the kinds of effects and the phenomena of the simulated rig, or show one with its
+    /// parameters
     Kinds {
-        /// Show this kind or phenomenon only
+        /// Show this kind or phenomenon with its parameters
         kind: Option<String>,
         /// Print JSON, for programs
         #[arg(long, conflicts_with = "kind")]
@@ -80,10 +84,32 @@ impl Which {
 
 /// Reads a scene file. A name without a folder and without `.toml` names a scene of the shelf,
 /// unless there is a file with this name.
-fn scene(path: &std::path::Path) -> anyhow::Result<SceneFile> {
+pub(super) fn scene(path: &Path) -> anyhow::Result<SceneFile> {
     match path.to_str().and_then(ShelfScene::named) {
         Some(shelf) if !path.exists() => Ok(shelf.scene()),
-        _ => Ok(SceneFile::from_path(path)?),
+        _ => SceneFile::from_path(path).map_err(|error| pointed_out(path, error)),
+    }
+}
+
+/// Adds to the error about a scene file that does not exist which scene of the shelf is probably
+/// meant.
+fn pointed_out(path: &Path, error: LoadError) -> anyhow::Error {
+    const LIST: &str = "`hbot scene list` prints the ready-made scenes";
+    let absent = matches!(&error, LoadError::Read { source, .. } if source.kind() == ErrorKind::NotFound);
+    let Some(stem) = path.file_stem().and_then(OsStr::to_str).filter(|_| absent) else { return error.into() };
+    if path.as_os_str() == stem {
+        let guess = ShelfScene::similar(stem).map(|name| format!(" (did you mean `{name}`?)"));
+        return anyhow!(
+            "{stem}: no file and no ready-made scene has this name{}; {LIST}",
+            guess.unwrap_or_default()
+        );
+    }
+    match ShelfScene::named(stem) {
+        Some(ShelfScene { file, .. }) => anyhow!(
+            "{:#}; `{file}` without folder and `.toml` is a ready-made scene",
+            anyhow::Error::from(error)
+        ),
+        None => error.into(),
     }
 }
 
@@ -130,6 +156,9 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
     let mut client = orders::connect(&to.address, "hbot scene load")?;
     let loaded = orders::holding(&mut client, to.steal, |client| client.load_scene(scene.to_json()))?;
     say!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
+    if !scene.description().is_empty() {
+        say!("  {}", scene.description())?;
+    }
     for effect in &loaded.effects {
         let [id, kind] = [&effect.id, &effect.kind].map(|text| foreign(text).to_string());
         say!("  {id:12} {kind:12} {:>5} ns a tick", effect.cost_ns)?;

@@ -32,8 +32,8 @@ pub(crate) struct ServerArgs {
     /// Rig file (TOML) [default: the prototype, built in]
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
-    /// Scene file (TOML) [default: a spring, built in]
-    #[arg(long, value_name = "FILE")]
+    /// Scene file (TOML), or the name of a ready-made scene [default: spring]
+    #[arg(long, value_name = "FILE|NAME")]
     scene: Option<PathBuf>,
     /// `sim` for the simulated rig, `sim:pty` for the same behind a pseudo-terminal, or a serial
     /// device
@@ -149,7 +149,7 @@ pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
 fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
     let mut rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
     let scene = match &args.scene {
-        Some(path) => SceneFile::from_path(path)?,
+        Some(path) => super::scene::scene(path)?,
         None => SceneFile::default_scene(),
     };
     let token = secrets::token(&rig)?;
@@ -240,7 +240,11 @@ async fn serve(
 fn recording(args: &ServerArgs) -> anyhow::Result<RecordOptions> {
     match &args.record {
         Some(path) if is_file(path) => {
-            anyhow::ensure!(!path.exists(), "--record {}: the file exists", path.display());
+            anyhow::ensure!(
+                !path.exists(),
+                "--record {}: the file exists already. Name another one, or a folder, in which each run gets a file",
+                path.display()
+            );
             anyhow::ensure!(args.record_limit.is_none(), "--record-limit needs --record FOLDER");
         }
         _ => {}

@@ -61,6 +61,9 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     )?;
     let text = |value: &serde_json::Value| foreign(value.as_str().unwrap_or("?")).to_string();
     say!("  scene      {}", text(&info.scene["name"]))?;
+    if !info.scene["description"].is_null() {
+        say!("             {}", text(&info.scene["description"]))?;
+    }
     for effect in info.scene["effect"].as_array().into_iter().flatten() {
         say!("    {:12} {}", text(&effect["id"]), text(&effect["kind"]))?;
     }

@@ -47,7 +47,8 @@ pub(crate) fn summary(finished: &Finished) -> String {
          compute {}, line {}, torque age {}",
         style::NAME,
         style::OFF,
-        s.ticks,
+        // The service does not see every tick of a loop that is faster than it.
+        s.ticks + s.dropped_samples,
         s.late_ticks,
         s.skipped_ticks,
         s.missed_ticks,

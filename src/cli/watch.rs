@@ -12,6 +12,7 @@ use super::{ServerAddress, orders, show, style};
 
 /// Options of `hbot watch`.
 #[derive(Debug, Args)]
+#[command(after_help = COLUMNS)]
 pub(crate) struct WatchArgs {
     #[command(flatten)]
     address: ServerAddress,
@@ -41,6 +42,7 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             args.address.server,
             hello.rate_hz
         )?;
+        say!("{}{LEGEND}{}", style::DIM, style::OFF)?;
         // A terminal cuts the header at its right edge, like the rows below it.
         print(&form.header(), screen, screen)?;
         if screen {
@@ -119,7 +121,22 @@ fn columns() -> usize {
 }
 
 /// Width of a row with all components of all vectors, columns.
-const WIDE: usize = 120;
+const WIDE: usize = 128;
+
+/// What the columns mean whose headers do not say it, for the first lines of the output. It fits 80
+/// columns.
+const LEGEND: &str = "scale: part of the wanted torque that is applied; late: how late the tick began";
+
+/// What the columns mean, for the help.
+const COLUMNS: &str = "\
+Columns:
+  t s          time since the start of the loop, s
+  mode         mode of the rig, or its fault
+  orientation  of the sphere in frame N, a quaternion (narrow terminals: its angle, degrees)
+  torque N m   torque on the sphere about n1 n2 n3, and its length (narrow terminals: the length)
+  rate rad/s   angular velocity of the sphere about n1 n2 n3 (narrow terminals: its length)
+  scale        part of the wanted torque that is applied after all limits: 1 is all of it
+  late us      time from the deadline of the tick to its start, microseconds";
 
 /// Which columns a row has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -139,8 +156,15 @@ impl Form {
         let (dim, off) = (style::DIM, style::OFF);
         match self {
             Self::Wide => format!(
-                "{dim}{:>8}  {:12} {:^31}  {:^23}  {:^23}  {:>5} {:>8}{off}",
-                "t s", "mode", "orientation w x y z", "torque N m", "rate rad/s", "scale", "late us",
+                "{dim}{:>8}  {:12} {:^31}  {:^23} {:>7}  {:^23}  {:>5} {:>8}{off}",
+                "t s",
+                "mode",
+                "orientation w x y z",
+                "torque N m",
+                "length",
+                "rate rad/s",
+                "scale",
+                "late us",
             ),
             Self::Narrow => format!(
                 "{dim}{:>8}  {:12} {:>10}  {:>10}  {:>10}  {:>5}  {:>8}{off}",
@@ -156,16 +180,16 @@ impl Form {
         let [w, x, y, z] = s.q;
         let ([o1, o2, o3], [t1, t2, t3]) = (s.omega, s.torque);
         let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let torque = length(s.torque);
         match self {
             Self::Wide => format!(
-                "{t:8.2}  {mode} {w:7.4} {x:7.4} {y:7.4} {z:7.4}  {t1:7.4} {t2:7.4} {t3:7.4}  {o1:7.3} {o2:7.3} {o3:7.3}  \
+                "{t:8.2}  {mode} {w:7.4} {x:7.4} {y:7.4} {z:7.4}  {t1:7.4} {t2:7.4} {t3:7.4} {torque:7.4}  {o1:7.3} {o2:7.3} {o3:7.3}  \
                  {scale:5.2} {late:8.1}"
             ),
             Self::Narrow => {
                 let turned = (2.0 * length([x, y, z]).atan2(w.abs())).to_degrees();
                 format!(
-                    "{t:8.2}  {mode} {turned:10.1}  {:10.4}  {:10.3}  {scale:5.2}  {late:8.1}",
-                    length(s.torque),
+                    "{t:8.2}  {mode} {turned:10.1}  {torque:10.4}  {:10.3}  {scale:5.2}  {late:8.1}",
                     length(s.omega)
                 )
             }
@@ -188,5 +212,15 @@ mod tests {
         let [wide, narrow] = [Form::Wide, Form::Narrow].map(|form| plain(&form.header()).chars().count());
         assert_eq!(wide, WIDE);
         assert!(narrow <= 80, "{narrow}");
+        assert!(LEGEND.chars().count() <= 80);
+    }
+
+    #[test]
+    fn a_wide_row_ends_each_column_under_its_header_and_has_the_length_of_the_torque() {
+        let state = StateEvent { torque: [0.3, 0.0, -0.4], ..StateEvent::default() };
+        let [header, row] = [Form::Wide.header(), Form::Wide.row(&state)].map(|line| plain(&line));
+        assert_eq!(row.chars().count(), WIDE);
+        let at = header.find("length").expect("a column") + "length".len();
+        assert!(row[..at].ends_with(" 0.3000  0.0000 -0.4000  0.5000"), "{header}\n{row}");
     }
 }

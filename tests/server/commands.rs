@@ -1,11 +1,19 @@
-//! Commands that are clients of a running server: `info`, `stats`, `set`, `scene show` and `scene
-//! load`, and the lease that some of them take.
+//! Commands that are clients of a running server: `info`, `stats`, `set`, `watch`, `record`, `scene
+//! show` and `scene load`, and the lease that some of them take. Also the files that a recording
+//! does not overwrite.
+
+use std::io::{BufRead as _, BufReader};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
 
 use assert_cmd::assert::Assert;
 use hbot_config::SceneFile;
+use hbot_config::scene::ShelfScene;
 use hbot_testing::lines::JsonLines;
+use hbot_testing::patience::eventually;
 use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::{contains, starts_with};
+use rustix::process::Signal;
 
 use crate::process::{Process, hbot, patient_rig};
 
@@ -90,6 +98,116 @@ fn commands_take_the_lease_from_another_client_only_with_steal() {
         assert!(!said.contains("lease"), "{command:?}: {said}");
     }
     run(&server, &["info"]).success().stdout(contains("scene      Clay"));
+}
+
+/// The lease is free again after a command has stolen it, also if the server refused the command.
+#[test]
+fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut other = JsonLines::greeted(&server.address);
+    for (command, why) in [
+        (
+            &["set", "spring", "stiffness=-1", "--steal"][..],
+            "effect \"spring\": stiffness: -1 is out of range",
+        ),
+        (&["set", "spring", "stifness=2", "--steal"], "effect \"spring\": stifness: unknown key"),
+        (&["set", "sprung", "stiffness=2", "--steal"], "no effect has the id \"sprung\"; legal: spring"),
+    ] {
+        other.ask(r#"{"id": 1, "op": "acquire"}"#);
+        run(&server, &["info"]).success().stdout(contains("lease      held by a test"));
+        run(&server, command).failure().stderr(contains(why));
+        run(&server, &["info"]).success().stdout(contains("lease      free"));
+    }
+}
+
+#[test]
+fn a_scene_that_is_loaded_and_a_scene_that_runs_say_what_they_feel_like() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&["--rig", &patient_rig(state.path()), "--scene", "compass"], state.path());
+    assert!(server.banner.contains("scene    Compass"), "{}", server.banner);
+    let words = |name: &str| ShelfScene::named(name).expect("on the shelf").scene().description().to_owned();
+    run(&server, &["info"]).success().stdout(contains(words("compass")));
+    run(&server, &["scene", "load", "clay"]).success().stdout(contains(words("clay")));
+    run(&server, &["info"]).success().stdout(contains(words("clay")).and(contains(words("compass")).not()));
+}
+
+/// In virtual time, a second of the run takes far less than a second of the clock.
+#[test]
+fn a_recording_lasts_as_long_as_the_clock_says_and_overwrites_nothing() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&["--time", "virtual"], state.path());
+    let file = state.path().join("x.mcap");
+    let file = file.to_str().expect("UTF-8");
+    let record = ["record", file, "--every", "1000", "--duration", "1"];
+    let begun = Instant::now();
+    // Whether states are lost depends on the machine, and with it the exit code.
+    let recorded = run(&server, &record);
+    assert!(begun.elapsed() >= Duration::from_secs(1), "{:?}", begun.elapsed());
+    let said = String::from_utf8_lossy(&recorded.get_output().stdout).into_owned();
+    assert!(said.contains(" states recorded, ") && said.contains(" lost"), "{said}");
+    let before = std::fs::read(file).expect("a recording");
+    run(&server, &record).failure().stderr(contains(file).and(contains("exists already. Name another one")));
+    assert!(std::fs::read(file).expect("a recording") == before, "it is not touched");
+}
+
+/// Returns the number before `word` in a text.
+fn number_before(word: &str, text: &str) -> u64 {
+    let before = text.split(word).next().and_then(|before| before.split_whitespace().last());
+    before
+        .and_then(|number| number.parse().ok())
+        .unwrap_or_else(|| panic!("no number before {word:?}: {text}"))
+}
+
+#[test]
+fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
+    let state = tempfile::tempdir().expect("a folder");
+    let [file, other] = ["x.mcap", "y.mcap"].map(|name| state.path().join(name));
+    let [file, other] = [&file, &other].map(|path| path.to_str().expect("UTF-8"));
+    let rig = patient_rig(state.path());
+    let server = Process::start(&["--rig", &rig, "--record", file], state.path());
+    // Without subscribers, samples wait for the service until it has another reason to wake.
+    let mut client = JsonLines::greeted(&server.address);
+    eventually("some ticks", || {
+        client.ask(r#"{"id": 1, "op": "stats"}"#)["ok"]["ticks"].as_u64() > Some(200)
+    });
+    server.signal(Signal::INT);
+    let (said, status) = server.end();
+    assert!(status.success(), "{said}");
+    let [ticks, recorded, lost] =
+        [" ticks: ", " ticks recorded", " lost, "].map(|word| number_before(word, &said));
+    assert_eq!(ticks, recorded + lost, "{said}");
+
+    let hbot = |args: &[&str]| assert_cmd::Command::from_std(hbot()).args(args).assert();
+    hbot(&["server", "--listen", "127.0.0.1:0", "--record", file])
+        .failure()
+        .stderr(contains(file).and(contains("exists already. Name another one, or a folder")));
+    std::fs::write(other, "mine").expect("written");
+    hbot(&["replay", file, "--scene", "clay", "--out", other])
+        .failure()
+        .stderr(contains(other).and(contains("exists already. Name another one")));
+    assert_eq!(std::fs::read_to_string(other).expect("readable"), "mine");
+    std::fs::remove_file(other).expect("removed");
+    hbot(&["replay", file, "--scene", "clay", "--out", other])
+        .stdout(contains("computed with the other scene"));
+}
+
+#[test]
+fn watch_explains_its_columns() {
+    let columns = contains("part of the wanted torque that is applied").and(contains("N m"));
+    let mut command = assert_cmd::Command::from_std(hbot());
+    command.args(["watch", "--help"]).assert().success().stdout(columns.and(contains("late us")));
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut watch = hbot();
+    let mut watch =
+        watch.args(["watch", "--server", &server.address]).stdout(Stdio::piped()).spawn().expect("it runs");
+    let lines = BufReader::new(watch.stdout.take().expect("piped")).lines();
+    let first: Vec<String> = lines.take(3).map(|line| line.expect("UTF-8")).collect();
+    watch.kill().expect("it runs");
+    watch.wait().expect("it ends");
+    assert!(first[1].contains("scale: part of the wanted torque"), "{first:?}");
+    assert!(first[2].contains("torque N m") && first[2].contains("length"), "{first:?}");
 }
 
 #[test]

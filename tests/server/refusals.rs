@@ -120,6 +120,51 @@ fn a_scene_with_an_unknown_key_a_wrong_type_and_a_value_out_of_range() {
 }
 
 #[test]
+fn a_description_that_is_too_long_is_told_with_its_length_and_the_limit() {
+    let words = |count: usize| file(&format!("description = \"{}\"\n", "x".repeat(count)));
+    run(&["scene", "check", path(&words(300))]).success();
+    run(&["scene", "check", path(&words(301))]).failure().stderr(
+        contains(":1:15: description: ").and(contains("has 301 characters; legal: at most 300 characters")),
+    );
+}
+
+#[test]
+fn a_name_of_no_scene_is_corrected_and_says_where_the_names_are() {
+    for command in
+        [&["server", "--listen", "127.0.0.1:0", "--scene"][..], &["scene", "load"], &["scene", "check"]]
+    {
+        let with = |name| [command, &[name]].concat();
+        let list = || contains("`hbot scene list` prints the ready-made scenes");
+        run(&with("spirng"))
+            .failure()
+            .stderr(contains("spirng: no file").and(contains("did you mean `spring`?")).and(list()));
+        run(&with("zeppelin")).failure().stderr(list().and(contains("did you mean").not()));
+        run(&with("nowhere/clay.toml"))
+            .failure()
+            .stderr(contains("nowhere/clay.toml: cannot be read").and(contains("`clay` without folder")));
+    }
+}
+
+/// The other mistakes of such a file would only hide what is wrong.
+#[test]
+fn a_rig_file_as_a_scene_and_a_scene_file_as_a_rig_are_told_in_one_line_with_the_command() {
+    let one_line = || predicates::function::function(|text: &str| text.lines().count() == 1);
+    let rig = "rigs/prototype.toml";
+    for command in [&["server", "--scene", rig][..], &["scene", "check", rig], &["scene", "load", rig]] {
+        let said =
+            contains("this is a rig file, not a scene file. `hbot server --rig rigs/prototype.toml` runs it");
+        run(command).failure().stderr(said.and(one_line()));
+    }
+    let scene = "scenes/clay.toml";
+    for command in [&["server", "--rig", scene][..], &["rig", "check", scene]] {
+        let said = contains(
+            "this is a scene file, not a rig file. `hbot server --scene scenes/clay.toml` starts with it",
+        );
+        run(command).failure().stderr(said.and(one_line()));
+    }
+}
+
+#[test]
 fn a_rig_that_is_singular_by_design_says_which_wheel() {
     let prototype = include_str!("../../rigs/prototype.toml");
     let flat = file(&prototype.replacen("cone = 0.1745", "cone = 0.0", 1));
@@ -159,7 +204,7 @@ fn a_client_command_without_a_server_says_how_to_start_one() {
     for command in ["watch", "estop", "enable"] {
         run(&[command, "--server", &free.to_string()])
             .failure()
-            .stderr(contains("hbot server").or(contains("cargo run server")));
+            .stderr(contains("`hbot server`").and(contains("cargo run server")).and(contains("HBOT_SERVER")));
     }
 }
 

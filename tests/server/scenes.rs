@@ -52,6 +52,21 @@ fn every_scene_of_the_shelf_can_be_drawn_about_any_axis() {
     }
 }
 
+/// Clay gives another torque on the way back. A spring without damping has one curve.
+#[test]
+fn a_plot_says_what_the_black_and_the_dashed_line_are() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let out = temporary.path().join("x.svg");
+    let drawn = |scene: &str| {
+        let (ok, said) = plot(&[scene, "--out", out.to_str().expect("UTF-8")]);
+        assert!(ok, "{said}");
+        std::fs::read_to_string(&out).expect("readable")
+    };
+    let (clay, spring) = (drawn("clay"), drawn("docs/effects/spring.toml"));
+    assert!(clay.contains("\nwhole scene\n") && clay.contains("\non the way back\n"));
+    assert!(spring.contains("\nwhole scene\n") && !spring.contains("\non the way back\n"));
+}
+
 #[test]
 fn what_cannot_be_drawn_is_told() {
     let spring = folder("scenes/spring.toml");
@@ -70,12 +85,26 @@ fn what_cannot_be_drawn_is_told() {
 }
 
 #[test]
-fn every_kind_is_listed_with_its_parameters_ranges_and_defaults() {
-    let output = hbot().args(["scene", "kinds"]).output().expect("the binary runs");
-    let text = String::from_utf8(output.stdout).expect("UTF-8");
-    assert!(output.status.success() && !text.contains('\u{1b}'), "no colours but on a terminal");
+fn every_kind_is_listed_in_one_line_and_shown_with_its_parameters_ranges_and_defaults() {
+    let kinds_command = |args: &[&str]| {
+        let output = hbot().args(["scene", "kinds"]).args(args).output().expect("the binary runs");
+        let text = String::from_utf8(output.stdout).expect("UTF-8");
+        assert!(output.status.success() && !text.contains('\u{1b}'), "no colours but on a terminal");
+        text
+    };
+    let list = kinds_command(&[]);
+    let all: Vec<_> =
+        hbot_config::scene::kinds().into_iter().chain(hbot_config::scene::phenomena()).collect();
+    for listed in &all {
+        let line = list.lines().find(|line| line.split_whitespace().next() == Some(listed.name));
+        let words = line.and_then(|line| line.split_once(' ')).expect(listed.name).1.trim();
+        assert!(listed.description.starts_with(words) && words.ends_with('.'), "{}: {words}", listed.name);
+    }
+    // The others are two empty lines, the heading of the phenomena, and the last line.
+    assert_eq!(list.lines().count(), all.len() + 4, "{list}");
+    assert!(list.ends_with("`hbot scene kinds KIND` shows one of them with its parameters\n"), "{list}");
     for kind in hbot_config::scene::kinds() {
-        assert!(text.contains(kind.name), "{}", kind.name);
+        let text = kinds_command(&[kind.name]);
         for parameter in kind.parameters() {
             assert!(!parameter.legal.is_empty() && !parameter.default.is_empty(), "{}", parameter.name);
             assert!(
@@ -84,8 +113,10 @@ fn every_kind_is_listed_with_its_parameters_ranges_and_defaults() {
                 parameter.name
             );
         }
+        if kind.name == "detents" {
+            assert!(text.contains("a number, 0 to 100 N m; default 0.05"), "{text}");
+        }
     }
-    assert!(text.contains("a number, 0 to 100 N m; default 0.05"), "{text}");
     let output = hbot().args(["scene", "kinds", "--json"]).output().expect("the binary runs");
     let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(json["effects"].as_array().map(Vec::len), Some(15));

@@ -136,6 +136,11 @@ impl Report {
         self.more = true;
     }
 
+    /// Returns the name of the file in messages. Returns `None` if the values are not from a file.
+    pub(crate) fn file(&self) -> Option<&str> {
+        self.file.as_deref()
+    }
+
     /// Returns whether the report contains a mistake at exactly `path`.
     pub(crate) fn knows(&self, path: &str) -> bool {
         self.found.iter().any(|d| d.path == path)

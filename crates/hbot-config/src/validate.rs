@@ -59,12 +59,15 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
         Value::String(text) => {
             let count = text.chars().count() as u64;
             let (min, max) = (schema["minLength"].as_u64(), schema["maxLength"].as_u64());
-            if min.is_some_and(|min| count < min) || max.is_some_and(|max| count > max) {
-                let words = match (min, max) {
-                    (Some(min), Some(max)) => format!("{min} to {max} characters"),
-                    _ => "a string that is not empty".to_owned(),
-                };
-                report.push(path, format!("found {}", found(value)), words);
+            let words = || match (min, max) {
+                (Some(min), Some(max)) => format!("{min} to {max} characters"),
+                (None, Some(max)) => format!("at most {max} characters"),
+                _ => "a string that is not empty".to_owned(),
+            };
+            if max.is_some_and(|max| count > max) {
+                report.push(path, format!("{} has {count} characters", found(value)), words());
+            } else if min.is_some_and(|min| count < min) {
+                report.push(path, format!("found {}", found(value)), words());
             }
         }
         Value::Null | Value::Bool(_) => {}

@@ -16,10 +16,10 @@ use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Panel, PanelOptions, Picture};
 #[command(name = "hbot-gui", version)]
 struct Args {
     /// Address of the server
-    #[arg(long, value_name = "HOST[:PORT]", default_value = "127.0.0.1:4268")]
+    #[arg(long, value_name = "HOST[:PORT]", env = "HBOT_SERVER", default_value = "127.0.0.1:4268")]
     server: String,
     /// File with the token that the server requires
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", env = "HBOT_TOKEN_FILE")]
     token_file: Option<PathBuf>,
     /// File with the certificate of an encrypting server, or of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE")]
@@ -174,4 +174,18 @@ fn run(args: Args) -> anyhow::Result<()> {
     )
     .map_err(|error| anyhow!("no window: {error}"))?;
     why.try_recv().map_or(Ok(()), Err)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn server_and_token_come_from_the_variables_that_commands_read() {
+        let command = Args::command();
+        for (option, variable) in [("server", "HBOT_SERVER"), ("token_file", "HBOT_TOKEN_FILE")] {
+            let argument = command.get_arguments().find(|argument| argument.get_id() == option);
+            assert_eq!(argument.expect(option).get_env(), Some(variable.as_ref()), "{option}");
+        }
+    }
 }

@@ -123,7 +123,11 @@ impl PlotPanel {
     fn legend(&self, mut legend: Legend<'_, '_>) -> Result<(), Failed> {
         for curve in &self.curves {
             if let Some(name) = &curve.name {
-                legend.line(curve.style().stroke_width(2))?;
+                if curve.dashed {
+                    legend.dashes(curve.style())?;
+                } else {
+                    legend.line(curve.style().stroke_width(2))?;
+                }
                 legend.name(name)?;
             }
         }
@@ -167,6 +171,13 @@ mod tests {
             assert!(svg.contains(text), "{text}");
         }
         assert!(svg.starts_with(r#"<svg width="840" height="540""#), "{}", &svg[..60]);
+        // A dashed line has a dashed mark: three short lines instead of one.
+        let marks = |dashed| {
+            let svg = sheet("", &[panel("time", vec![curve(Some("a"), dashed)])], None);
+            let (before, _) = svg.split_once("\na\n").expect("the name of the curve");
+            before.matches("<polyline").count()
+        };
+        assert_eq!((marks(false), marks(true)), (1, 3));
         // Without names there is no legend, and the plane takes its place.
         assert!(sheet("A scene", std::slice::from_ref(&alone), None).contains("angle"));
         let discs = Hemispheres::new("energy", |direction| direction.z);

@@ -128,6 +128,14 @@ impl<'a, 'b> Legend<'a, 'b> {
         self.area.draw(&PathElement::new(vec![(4, self.y), (28, self.y)], style)).map_err(failed)
     }
 
+    /// Draws a dashed line as the mark of an entry.
+    pub(crate) fn dashes(&self, style: ShapeStyle) -> Result<(), Failed> {
+        for x in [4, 12, 20] {
+            self.area.draw(&PathElement::new(vec![(x, self.y), (x + 4, self.y)], style)).map_err(failed)?;
+        }
+        Ok(())
+    }
+
     pub(crate) fn dot(&self, radius: i32, style: impl Into<ShapeStyle>) -> Result<(), Failed> {
         self.area.draw(&Circle::new((16, self.y), radius, style)).map_err(failed)
     }

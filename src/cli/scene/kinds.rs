@@ -19,14 +19,16 @@ pub(super) fn run(only: Option<&str>, as_json: bool) -> anyhow::Result<()> {
         };
         return describe(listed);
     }
-    for kind in kinds() {
-        describe(&kind)?;
-    }
-    say!("{}The table [simulate], for the simulated rig alone:{}\n", style::NAME, style::OFF)?;
-    for phenomenon in phenomena() {
-        describe(&phenomenon)?;
-    }
-    Ok(())
+    kinds().iter().try_for_each(summarize)?;
+    say!("\n{}The table [simulate], for the simulated rig alone:{}", style::NAME, style::OFF)?;
+    phenomena().iter().try_for_each(summarize)?;
+    say!("\n`hbot scene kinds KIND` shows one of them with its parameters")
+}
+
+/// Prints the name of a kind or phenomenon and the first sentence of its description.
+fn summarize(listed: &Listed) -> anyhow::Result<()> {
+    let sentence = listed.description.split_inclusive(". ").next().unwrap_or_default();
+    say!("{}{:14}{} {}", style::GOOD, listed.name, style::OFF, sentence.trim_end())
 }
 
 fn describe(listed: &Listed) -> anyhow::Result<()> {

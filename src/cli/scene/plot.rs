@@ -168,11 +168,16 @@ fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> PlotPanel {
             dashed: false,
         })
         .collect();
-    let black = |curve, dashed| Curve { name: None, points: degrees(curve), colour: None, dashed };
-    curves.push(black(&whole.forth, false));
+    let black = |name: &str, curve, dashed| Curve {
+        name: Some(name.to_owned()),
+        points: degrees(curve),
+        colour: None,
+        dashed,
+    };
+    curves.push(black("whole scene", &whole.forth, false));
     let mut pairs = whole.forth.iter().zip(whole.back.iter().rev());
     if pairs.any(|(a, b)| (a.1 - b.1).abs() > 1.0e-3 * most) {
-        curves.push(black(&whole.back, true));
+        curves.push(black("on the way back", &whole.back, true));
     }
     PlotPanel {
         x: format!("angle about {}, degrees", axis.name),

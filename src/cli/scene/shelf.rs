@@ -31,7 +31,7 @@ pub(super) fn list(as_json: bool) -> anyhow::Result<()> {
         say!("{:22} {}{}{}", "", style::DIM, kinds(&scene).join(", "), style::OFF)?;
     }
     say!(
-        "\n`hbot scene load NAME` loads one into a running server, and `hbot server --scene FILE` starts with a file"
+        "\n`hbot scene load NAME` loads one into a running server, and `hbot server --scene NAME` starts with it"
     )
 }
 
@@ -86,13 +86,13 @@ const HEAD: &str = "\
 For everybody who looks for something to feel. After reading this page you know the scenes that come with hbot, what
 each feels like, and what its torque looks like before you feel it.
 
-`hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and the
-panel loads them too. To write a scene of your own, copy a file of `scenes/`.
-[files.md](files.md#the-scene-file) has every key, and [effects.md](effects.md) every kind of effect.
+`hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and
+`hbot server --scene clay` starts a server with it. The panel loads them too. To write a scene of your own, copy a file
+of `scenes/`. [files.md](files.md#the-scene-file) has every key, and [effects.md](effects.md) every kind of effect.
 
-Each plot shows the torque about an axis while the sphere turns about this axis and back. Black is the scene, and each
-colour is one of its effects. Dashed is the way back, where it differs. Grey lines are the largest torque of the
-prototype, and what lies beyond them is cut off.
+Each plot shows the torque about an axis while the sphere turns about this axis and back. Black is the whole scene, and
+each colour is one of its effects. Dashed is the whole scene on the way back, where it differs. Grey lines are the
+largest torque of the prototype, and what lies beyond them is cut off.
 
 This page is generated from the files by `cargo run -- scene page docs`.
 ";

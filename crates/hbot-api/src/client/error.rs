@@ -10,7 +10,8 @@ use std::time::Duration;
 pub enum ClientError {
     /// No program accepts connections at the address.
     #[error(
-        "no server at {address} (connection refused). Start one with `cargo run server`, or name another address"
+        "no server at {address} (connection refused). Start one with `hbot server` (`cargo run server` in the project's \
+         folder), or name another address"
     )]
     NoServer {
         /// The address to which the client tried to connect.

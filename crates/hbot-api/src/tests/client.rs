@@ -209,7 +209,7 @@ fn nobody_there_says_how_to_start_a_server() {
     // A port that was free a moment ago.
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
     let message = Client::connect(&address, "tester").unwrap_err().to_string();
-    assert!(message.contains("connection refused") && message.contains("cargo run server"), "{message}");
+    assert!(message.contains("connection refused") && message.contains("`hbot server`"), "{message}");
     assert!(message.contains(&address), "{message}");
 }
 

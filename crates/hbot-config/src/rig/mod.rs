@@ -20,7 +20,7 @@ pub use self::settings::Protocol;
 use crate::angle::to_radians;
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
-use crate::document::Document;
+use crate::document::{Document, Report};
 use crate::schema;
 use crate::text::read_text;
 use crate::validate::validate;
@@ -251,6 +251,9 @@ impl RigConfig {
             document.replace(o.path, o.value.clone(), o.from);
         }
         let Document { mut tree, mut report } = document;
+        if refuse_scene(&tree, &mut report) {
+            return report.finish(None);
+        }
         to_radians(&SCHEMA, &mut tree, "", &mut report);
         validate(&SCHEMA, &tree, "", &mut report);
         // Each wheel is checked even if other parts of the file are not legal, so that all mistakes
@@ -283,4 +286,21 @@ impl RigConfig {
     pub fn schema() -> Value {
         SCHEMA.clone()
     }
+}
+
+/// Returns whether the file is a scene file, which a command line can confuse with a rig file. Then
+/// adds a mistake to the report. The other mistakes of such a file would only hide this one.
+fn refuse_scene(tree: &Value, report: &mut Report) -> bool {
+    let has = |key: &str| tree.get(key).is_some();
+    let Some(key) = ["effect", "simulate"].into_iter().find(|key| has(key)) else { return false };
+    if has("sphere") || has("wheel") {
+        return false;
+    }
+    let file = report.file().unwrap_or("FILE");
+    let message = format!(
+        "this is a scene file, not a rig file. `hbot server --scene {file}` starts with it, and `hbot scene load {file}` \
+         loads it into a running server"
+    );
+    report.push_key(key, message, "a file with [sphere] and [[wheel]]".to_owned());
+    true
 }

@@ -126,7 +126,8 @@ struct Top {
     /// Name of the scene, shown to people.
     #[schemars(length(min = 1, max = 100))]
     name: String,
-    /// One sentence that says what the sphere feels like, shown to people. Empty: none.
+    /// One sentence that says what the sphere feels like, shown to people. An empty text is the
+    /// same as none.
     #[schemars(length(max = 300))]
     #[serde(skip_serializing_if = "String::is_empty")]
     description: String,
@@ -186,10 +187,12 @@ impl SceneFile {
     }
 
     fn from_document(Document { mut tree, mut report }: Document) -> Result<Self, Diagnostics> {
+        if refuse_rig(&tree, &mut report) {
+            return report.finish(None);
+        }
         if let Some(simulate) = tree.get_mut("simulate") {
             to_radians(&simulate::SCHEMA, simulate, "simulate", &mut report);
         }
-        refuse_rig(&tree, &mut report);
         validate(&TOP_SCHEMA, &tree, "", &mut report);
         let mut effects: Vec<SceneEffect> = Vec::new();
         // A list that is too long has already been reported. Mistakes in the surplus effects do not
@@ -285,15 +288,21 @@ fn without_null(value: Value) -> Value {
     }
 }
 
-/// Adds a mistake to the report if the file is a rig file, which a command line can confuse with a
-/// scene file.
-fn refuse_rig(tree: &Value, report: &mut Report) {
-    for key in ["wheel", "sphere"] {
-        if tree.get(key).is_some() {
-            report.push_key(key, "this is a rig file, not a scene file", "a file with [[effect]]".to_owned());
-            return;
+/// Returns whether the file is a rig file, which a command line can confuse with a scene file. Then
+/// adds a mistake to the report. The other mistakes of such a file would only hide this one.
+fn refuse_rig(tree: &Value, report: &mut Report) -> bool {
+    let Some(key) = ["sphere", "wheel"].into_iter().find(|key| tree.get(key).is_some()) else { return false };
+    let message = match report.file() {
+        Some(file) => {
+            format!(
+                "this is a rig file, not a scene file. `hbot server --rig {file}` runs it, and `hbot rig check {file}` \
+                 checks it"
+            )
         }
-    }
+        None => "this is a rig, not a scene".to_owned(),
+    };
+    report.push_key(key, message, "a file with [[effect]]".to_owned());
+    true
 }
 
 /// Returns whether a character can be shown as it is, by the rules of the standard library's

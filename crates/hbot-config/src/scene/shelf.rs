@@ -1,6 +1,7 @@
 //! The scenes of the folder `scenes/`, compiled into the program.
 
 use super::SceneFile;
+use crate::legal::did_you_mean;
 
 /// A scene that is compiled into the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,6 +54,13 @@ impl ShelfScene {
     #[must_use]
     pub fn named(file: &str) -> Option<Self> {
         SHELF.iter().copied().find(|scene| scene.file == file)
+    }
+
+    /// Returns the file name in the list that is most similar to `file`, for the hint "did you
+    /// mean". Returns `None` if no name is similar enough.
+    #[must_use]
+    pub fn similar(file: &str) -> Option<&'static str> {
+        did_you_mean(file, SHELF.iter().map(|scene| scene.file))
     }
 
     /// Reads the scene.

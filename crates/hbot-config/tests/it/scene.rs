@@ -72,6 +72,33 @@ fn parameters_reach_the_core() {
     assert_eq!(*spring.kind(), Kind::Spring(legal));
 }
 
+#[test]
+fn an_empty_description_is_the_same_as_none() {
+    let [empty, none] = ["description = ''", ""].map(scene);
+    assert_eq!((&empty, empty.description()), (&none, ""));
+    assert!(empty.to_json().get("description").is_none());
+    assert_eq!(
+        said(&format!("description = '{}'", "ä".repeat(301))),
+        format!(
+            "x.toml:1:15: description: the string \"{}\"... has 301 characters; legal: at most 300 characters",
+            "ä".repeat(40)
+        )
+    );
+}
+
+#[test]
+fn a_rig_is_no_scene_and_only_that_is_told() {
+    let rig = include_str!("../../../../rigs/prototype.toml");
+    let said = said(rig);
+    assert!(
+        said.contains("sphere: this is a rig file, not a scene file. `hbot server --rig x.toml`"),
+        "{said}"
+    );
+    assert_eq!(said.lines().count(), 1);
+    let json = SceneFile::from_json(json!({"wheel": [], "gain": 3})).unwrap_err().to_string();
+    assert_eq!(json, "wheel: this is a rig, not a scene; legal: a file with [[effect]]");
+}
+
 /// The names of all kinds of effects, in the form in which an error message lists them.
 const KINDS: &str = "\"constant\", \"spring\", \"damper\", \"inertia\", \"friction\", \"detents\", \"snaps\", \
     \"end_stop\", \"guide\", \"texture\", \"vibration\", \"pendulum\", \"magnet\", \"pulse\", \"track\"";

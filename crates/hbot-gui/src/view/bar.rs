@@ -140,8 +140,9 @@ pub(crate) fn no_server(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &m
         weak(ui, why);
         if absent {
             ui.add_space(12.0);
-            ui.label("Start one in the project's folder:");
-            ui.label(RichText::new("cargo run server").monospace().size(16.0).strong());
+            ui.label("Start one:");
+            ui.label(RichText::new("hbot server").monospace().size(16.0).strong());
+            weak(ui, "In the project's folder, `cargo run server` builds and starts it.");
             let hint = "It drives a simulated rig unless it is told a serial port. This window connects as soon as it is there.";
             weak(ui, hint);
         }

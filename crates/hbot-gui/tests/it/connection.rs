@@ -17,7 +17,7 @@ fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes()
     let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
     let mut seat = Seat::at(free);
     seat.until_text(&format!("No server at {free}"));
-    assert!(seat.shows("cargo run server") && seat.shows("Not connected."));
+    assert!(seat.shows("hbot server") && seat.shows("cargo run server") && seat.shows("Not connected."));
     assert!(!seat.is_enabled("Enable"));
     seat.harness.check_accessibility();
     let setup = ServerSetup { address: free, ..ServerSetup::default() };

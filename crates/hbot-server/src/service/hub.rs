@@ -115,6 +115,10 @@ impl Hub {
         } = setup;
         let changed = Arc::new(Notify::new());
         let simulated = phenomena.is_some();
+        let mut incidents = Incidents::new(rig.rig, simulated);
+        if let Some(simulate) = scene.file().simulate() {
+            incidents.show(simulate);
+        }
         Self {
             bounds,
             token,
@@ -126,7 +130,7 @@ impl Hub {
             lease: Lease::default(),
             orders: Orders::default(),
             scenes: Scenes::new(scene, phenomena, &rig, notes.clone(), Arc::clone(&changed)),
-            incidents: Incidents::new(rig.rig, simulated),
+            incidents,
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
             latest: None,
             long_messages: LongMessages::default(),

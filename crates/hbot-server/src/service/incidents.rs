@@ -1,9 +1,11 @@
 //! Incidents in samples that all clients are notified of: the rig stops because of a fault or a
 //! stop, or is reset.
 
+mod explanation;
+
 use hbot_api::{FaultEvent, Mode as ApiMode, Requester, StatsOk};
+use hbot_config::scene::{Link, Simulate};
 use hbot_core::Rig;
-use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
 use hbot_core::mode::{Cause, Mode};
 
 use super::convert;
@@ -16,6 +18,8 @@ pub(super) struct Incidents {
     rig: Rig,
     /// Whether the rig is simulated, so that no fault can mean broken hardware.
     simulated: bool,
+    /// The errors of the serial line that the simulated rig shows, if any.
+    line: Option<Link>,
     /// Mode and fault cause of the last sample.
     situation: Option<(Mode, Option<Cause>)>,
     /// Total number of skipped ticks that the last sample reported.
@@ -35,6 +39,7 @@ impl Incidents {
         Self {
             rig,
             simulated,
+            line: None,
             situation: None,
             skipped: 0,
             skipped_before: 0,
@@ -42,6 +47,12 @@ impl Incidents {
             resetter: None,
             lost: None,
         }
+    }
+
+    /// Records the phenomena that the simulated rig shows from now on, so that a message about a
+    /// fault can name those that cause it.
+    pub(super) fn show(&mut self, simulate: &Simulate) {
+        self.line = simulate.link;
     }
 
     /// Records the client that stops the rig.
@@ -125,22 +136,13 @@ impl Incidents {
         event(sample, message, by)
     }
 
-    /// Returns the message that explains a fault to clients. For a simulated rig it says so, and
-    /// names causes that a simulated rig can have.
+    /// Returns the message that explains a fault to clients.
     fn explain(&self, cause: Cause, sample: &Sample) -> String {
-        let timeout_ticks = self.rig.timing.timeout_ticks;
-        if !self.simulated {
-            return explain(cause, sample, self.skipped_before, &self.rig);
+        if self.simulated {
+            explanation::simulated(cause, sample, self.skipped_before, &self.rig, self.line.as_ref())
+        } else {
+            explanation::real(cause, sample, self.skipped_before, &self.rig)
         }
-        let what = match cause {
-            Cause::LinkLost => format!(
-                "the simulated motor controllers have not answered for {timeout_ticks} ticks (link.timeout_ticks), or answered \
-                 late: the scene's table [simulate] loses or delays frames, or other programs kept this machine too busy"
-            ),
-            Cause::LinkCorrupt => "the scene's table [simulate] damages too many frames".to_owned(),
-            _ => explain(cause, sample, self.skipped_before, &self.rig),
-        };
-        format!("{what}. The rig is simulated and nothing is broken: reset, then enable")
     }
 }
 
@@ -168,103 +170,12 @@ fn event(sample: &Sample, message: String, by: Option<Requester>) -> FaultEvent 
     }
 }
 
-/// Returns the message that explains a fault to clients: the observed value, the limit that it
-/// exceeded, and the remedy.
-fn explain(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
-    let state = &sample.state;
-    match cause {
-        Cause::LinkLost => format!(
-            "the motor controllers have not answered for {} ticks (link.timeout_ticks), their answers come later than that \
-             or are mostly missing, or they ran out of their watchdog time: check power and cable",
-            rig.timing.timeout_ticks
-        ),
-        Cause::LinkCorrupt => format!(
-            "too many frames on the serial line are damaged ({} so far): check cable, shield and baud rate",
-            sample.counters.corrupt_frames
-        ),
-        Cause::ControllerFault => {
-            "a motor controller reports a fault, has rebooted, is another than the rig file's, or says for 20 ms that its motors \
-             are off although they are switched on, or on although they are off: see its own display, and the motors' supply"
-                .to_owned()
-        }
-        Cause::Overspeed => {
-            let limit = rig.limits.speed;
-            match state.omega.length() {
-                speed if speed > limit => {
-                    format!("the sphere turned at {speed:.3} rad/s; the limit is {limit} (limits.speed)")
-                }
-                _ => format!(
-                    "by its encoders' counts the sphere turned faster than {limit} rad/s (limits.speed) over 25 ms; the rates that \
-                     the controllers report do not show it: check how they are measured"
-                ),
-            }
-        }
-        Cause::Overtorque => match rig.limits.energy {
-            None => "a motor controller reports more current than its motor may have".to_owned(),
-            Some(limit) => format!(
-                "more than {} J went into the hand beyond {} W (limits.energy), or a motor controller reports more current \
-                 than its motor may have",
-                limit.burst, limit.power
-            ),
-        },
-        Cause::Slip => {
-            let limit = rig.limits.slip;
-            let what = match state.slip {
-                slip if slip > limit => format!("a wheel slipped at {slip:.3} m/s"),
-                _ => "by its encoder's counts a wheel slipped faster than that over 25 ms".to_owned(),
-            };
-            format!(
-                "{what}; the limit is {limit} (limits.slip): less torque, or more normal force. A gear that crosses its play looks \
-                 the same"
-            )
-        }
-        Cause::NonFinite => "a number is not finite, in what the controllers report or in a torque".to_owned(),
-        Cause::ImplausibleFeedback => {
-            "a joint moved further between two readings than it can, or its counts and the rate that its controller reports \
-             disagreed for 50 ms: check its encoder"
-                .to_owned()
-        }
-        Cause::Deadline => deadline(sample.timing.lateness_ns, skipped),
-        Cause::ClientLost => {
-            "the client that held the lease is gone, and api.on_client_lost is \"fault\"".to_owned()
-        }
-        Cause::Thermal => "a motor or its controller is too hot: let it cool".to_owned(),
-    }
-}
-
-/// Returns a description of a missed deadline: a tick that began too late, or ticks that were
-/// skipped because the tick before them took too long.
-fn deadline(lateness_ns: u64, skipped: u64) -> String {
-    let late_ms = convert::seconds(lateness_ns) * 1.0e3;
-    let what = if lateness_ns > LATE_FAULT_NS {
-        format!("a tick came {late_ms:.1} ms late (more than {} is a fault)", LATE_FAULT_NS / 1_000_000)
-    } else {
-        format!(
-            "{skipped} ticks in a row were skipped because the one before them took too long ({SKIPPED_FAULT} are a fault)"
-        )
-    };
-    format!(
-        "{what}: other work on this machine, no real-time priority, or a rate too high for it; mend that, then reset and enable"
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use hbot_config::RigConfig;
 
     use super::*;
     use hbot_host::bridge::bridge;
-
-    #[test]
-    fn a_missed_deadline_is_named_by_what_was_missed() {
-        let late = deadline(23_400_000, 0);
-        assert!(late.starts_with("a tick came 23.4 ms late (more than 20 is a fault): "), "{late}");
-        let skipped = deadline(400_000, 12);
-        assert!(skipped.starts_with("12 ticks in a row were skipped because"), "{skipped}");
-        assert!(!skipped.contains("ms late"), "its lateness is not what is wrong: {skipped}");
-        // If both conditions hold, the late tick is named.
-        assert!(deadline(20_000_001, 40).starts_with("a tick came 20.0 ms late"));
-    }
 
     #[test]
     fn a_fault_of_a_simulated_rig_says_that_nothing_is_broken() {
@@ -277,6 +188,29 @@ mod tests {
             assert!(!told(false, cause).contains("simulated"), "{cause:?}");
         }
         assert!(!told(true, Cause::LinkLost).contains("cable"), "a simulated rig has no cable");
+    }
+
+    #[test]
+    fn a_fault_that_the_scene_s_line_causes_names_its_keys_and_no_others() {
+        let told = |cause, line| {
+            let mut incidents = Incidents::new(RigConfig::prototype().rig, true);
+            incidents.show(&Simulate { link: Some(line), ..Simulate::default() });
+            incidents.explain(cause, &crate::still::still(7))
+        };
+        let still = Link { latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, ..Link::default() };
+        let said = told(Cause::LinkLost, Link { loss: 0.6, ..still });
+        assert!(said.contains("[simulate.link] loses frames (loss = 0.6), or other programs"), "{said}");
+        assert!(
+            said.ends_with("If the fault comes back, load the scene with a smaller `loss` first"),
+            "{said}"
+        );
+        let said = told(Cause::LinkLost, Link { latency_s: 0.05, jitter_s: 0.001, ..still });
+        assert!(said.contains("delays answers by up to 52.0 ms") && !said.contains("loss"), "{said}");
+        let said = told(Cause::LinkLost, still);
+        assert!(said.contains("too busy") && !said.contains("simulate.link"), "{said}");
+        assert!(said.ends_with(": reset, then enable"), "{said}");
+        let said = told(Cause::LinkCorrupt, Link { corrupt: 0.4, ..still });
+        assert!(said.contains("corrupt = 0.4") && said.contains("a smaller `corrupt`"), "{said}");
     }
 
     #[tokio::test]

@@ -13,7 +13,7 @@ use hbot_api::{ErrorBody, ErrorCode};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use tokio::task::{Id, JoinError, JoinSet, yield_now};
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until, timeout};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep, sleep_until, timeout};
 
 use super::bell::Ringing;
 use super::desk::Desk;
@@ -31,6 +31,11 @@ const HEARTBEAT: Duration = Duration::from_millis(50);
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
 /// Time limit for sending the remaining messages when the service ends.
 const FLUSH: Duration = Duration::from_millis(200);
+/// Time limit for the last samples when the service ends: two periods of the slowest loop, 50 Hz,
+/// and some time for its end.
+const LAST_SAMPLES: Duration = Duration::from_millis(60);
+/// Pause before the service looks again whether the loop has ended.
+const PAUSE: Duration = Duration::from_millis(1);
 
 /// The tasks of all connections.
 struct Connections {
@@ -169,12 +174,23 @@ async fn accept(listener: &TcpListener, after: Option<Instant>) -> io::Result<(T
 }
 
 /// Informs the clients that the service ends, waits up to [`FLUSH`] for their messages to be sent,
-/// finishes the flight logs, and returns the final statistics.
+/// finishes the flight logs, takes the last samples of the loop, and returns the final statistics.
 async fn close(desk: Desk, mut connections: Connections, why: &str) -> Summary {
     let flights = desk.turn(|hub| hub.farewell(why));
     let _ = timeout(FLUSH, async { while connections.serving.join_next().await.is_some() {} }).await;
     connections.serving.shutdown().await;
     let flights = flights.finish().await;
+    // Samples can still wait in the ring, because the loop does not wake the service for each.
+    // Without them, fewer ticks would be counted than recorded.
+    let _ = timeout(LAST_SAMPLES, async {
+        while !desk.turn(|hub| {
+            hub.drain();
+            hub.is_over()
+        }) {
+            sleep(PAUSE).await;
+        }
+    })
+    .await;
     desk.hub().last_summary(&flights)
 }
 

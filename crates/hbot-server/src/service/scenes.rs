@@ -205,7 +205,7 @@ impl Scenes {
                 SetError::Invalid(_) if self.knows(effect, parameters) => ErrorCode::OutOfRange,
                 SetError::Invalid(_) => ErrorCode::BadRequest,
             };
-            ErrorBody::new(code, shortened(error.to_string()))
+            ErrorBody::new(code, shortened(refusal(effect, &error)))
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
@@ -283,6 +283,17 @@ fn busy(op: OpName) -> ErrorBody {
         ErrorCode::Busy,
         format!("op {op}: the loop has not yet taken the scenes it was given before"),
     )
+}
+
+/// Returns the error message for a `set` that is refused. It names the effect in every line.
+fn refusal(effect: &str, error: &SetError) -> String {
+    match error {
+        SetError::UnknownEffect { .. } => error.to_string(),
+        SetError::Invalid(mistakes) => {
+            let lines = mistakes.iter().map(|mistake| format!("effect {effect:?}: {mistake}"));
+            lines.collect::<Vec<_>>().join("\n")
+        }
+    }
 }
 
 fn names(table: &Value) -> Vec<String> {

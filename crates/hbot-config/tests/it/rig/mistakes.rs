@@ -144,3 +144,20 @@ fn mistakes_are_told_all_at_once() {
          x.toml:14:43: wheel[1].drive.motor: found 0; legal: true or false"
     );
 }
+
+#[test]
+fn a_scene_is_no_rig_and_only_that_is_told() {
+    for (scene, at) in
+        [("name = 'x'\n[[effect]]\nid = 's'", "2:3: effect"), ("[simulate]\nhand = {}", "1:2: simulate")]
+    {
+        assert_eq!(
+            said_of(scene),
+            format!(
+                "x.toml:{at}: this is a scene file, not a rig file. `hbot server --scene x.toml` starts with it, and \
+                 `hbot scene load x.toml` loads it into a running server; legal: a file with [sphere] and [[wheel]]"
+            )
+        );
+    }
+    // A rig with such a key is a rig with a mistake.
+    assert!(said_of(&format!("effect = []\n{LEAST}")).contains("effect: unknown key"));
+}

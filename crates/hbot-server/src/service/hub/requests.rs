@@ -175,6 +175,9 @@ impl Hub {
     fn load_scene(&mut self, session: u64, id: Option<Id>, scene: Value) -> Result<(), ErrorBody> {
         let by = self.publisher.requester(session);
         self.scenes.load(&mut self.end, session, id, scene, by)?;
+        if let Some(simulate) = self.scenes.file().simulate() {
+            self.incidents.show(simulate);
+        }
         self.publisher.owe(session);
         self.tell_status();
         Ok(())

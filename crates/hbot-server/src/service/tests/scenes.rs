@@ -66,9 +66,14 @@ fn parameters_are_set_while_the_scene_runs() {
         (
             set("spring", json!({"gain": 11})),
             ErrorCode::OutOfRange,
-            "gain: 11 is out of range; legal: 0 to 10",
+            "effect \"spring\": gain: 11 is out of range; legal: 0 to 10",
         ),
         (set("spring", json!({"gian": 1})), ErrorCode::BadRequest, "gain"),
+        (
+            set("spring", json!({"gain": 11, "law": "hooke"})),
+            ErrorCode::OutOfRange,
+            "effect \"spring\": law: \"hooke\" is not known here",
+        ),
     ];
     for (op, code, part) in cases {
         let error = refused(client.call(op));

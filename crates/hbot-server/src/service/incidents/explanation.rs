@@ -1,0 +1,163 @@
+//! The messages that explain faults to clients.
+
+use hbot_config::scene::Link;
+use hbot_core::Rig;
+use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
+use hbot_core::mode::Cause;
+
+use super::super::convert;
+use hbot_host::sample::Sample;
+
+/// Returns the message that explains a fault of a simulated rig to clients. It says that the rig is
+/// simulated, and names causes that a simulated rig can have. `line` has the errors of its serial
+/// line, if it has any; the other parameters are those of [`real`].
+pub(super) fn simulated(
+    cause: Cause,
+    sample: &Sample,
+    skipped: u64,
+    rig: &Rig,
+    line: Option<&Link>,
+) -> String {
+    let (what, remedy) = match (cause, line) {
+        (Cause::LinkLost, _) => {
+            let what = format!(
+                "the simulated motor controllers have not answered for {} ticks (link.timeout_ticks), or answered late",
+                rig.timing.timeout_ticks
+            );
+            match line.and_then(delays_and_losses) {
+                Some((line, key)) => (format!("{what}: {line}, or {BUSY}"), again(key)),
+                None => (format!("{what}: {BUSY}"), String::new()),
+            }
+        }
+        (Cause::LinkCorrupt, Some(Link { corrupt, .. })) if *corrupt > 0.0 => (
+            format!("the scene's table [simulate.link] damages too many frames (corrupt = {corrupt})"),
+            again("a smaller `corrupt`"),
+        ),
+        (Cause::LinkCorrupt, _) => {
+            ("too many frames of the simulated serial line are damaged".to_owned(), String::new())
+        }
+        _ => (real(cause, sample, skipped, rig), String::new()),
+    };
+    format!("{what}. The rig is simulated and nothing is broken: reset, then enable{remedy}")
+}
+
+/// What a simulated rig suffers from if its line is not to blame.
+const BUSY: &str = "other programs kept this machine too busy";
+
+/// Returns what to do about a fault that the scene causes, and may cause again.
+fn again(with: &str) -> String {
+    format!(". If the fault comes back, load the scene with {with} first")
+}
+
+/// Returns how the scene's serial line loses and delays frames, with the keys that say so, and what
+/// the scene should have instead. Returns `None` if it does neither.
+fn delays_and_losses(line: &Link) -> Option<(String, &'static str)> {
+    // From a command to the answer that it causes, at most.
+    let delay_ms = 1.0e3 * (line.latency_s + line.command_latency_s + 2.0 * line.jitter_s);
+    let loses = format!("loses frames (loss = {})", line.loss);
+    let delays = format!("delays answers by up to {delay_ms:.1} ms (latency_s, command_latency_s, jitter_s)");
+    let (does, instead) = match (line.loss > 0.0, delay_ms > 0.0) {
+        (false, false) => return None,
+        (true, false) => (loses, "a smaller `loss`"),
+        (true, true) => (format!("{loses} and {delays}"), "a smaller `loss` and smaller delays"),
+        (false, true) => (delays, "smaller delays"),
+    };
+    Some((format!("the scene's table [simulate.link] {does}"), instead))
+}
+
+/// Returns the message that explains a fault of a real rig to clients: the observed value, the limit
+/// that it exceeded, and the remedy. `skipped` is the number of ticks that were skipped just before
+/// the sample.
+pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
+    let state = &sample.state;
+    match cause {
+        Cause::LinkLost => format!(
+            "the motor controllers have not answered for {} ticks (link.timeout_ticks), their answers come later than that \
+             or are mostly missing, or they ran out of their watchdog time: check power and cable",
+            rig.timing.timeout_ticks
+        ),
+        Cause::LinkCorrupt => format!(
+            "too many frames on the serial line are damaged ({} so far): check cable, shield and baud rate",
+            sample.counters.corrupt_frames
+        ),
+        Cause::ControllerFault => {
+            "a motor controller reports a fault, has rebooted, is another than the rig file's, or says for 20 ms that its motors \
+             are off although they are switched on, or on although they are off: see its own display, and the motors' supply"
+                .to_owned()
+        }
+        Cause::Overspeed => {
+            let limit = rig.limits.speed;
+            match state.omega.length() {
+                speed if speed > limit => {
+                    format!("the sphere turned at {speed:.3} rad/s; the limit is {limit} (limits.speed)")
+                }
+                _ => format!(
+                    "by its encoders' counts the sphere turned faster than {limit} rad/s (limits.speed) over 25 ms; the rates that \
+                     the controllers report do not show it: check how they are measured"
+                ),
+            }
+        }
+        Cause::Overtorque => match rig.limits.energy {
+            None => "a motor controller reports more current than its motor may have".to_owned(),
+            Some(limit) => format!(
+                "more than {} J went into the hand beyond {} W (limits.energy), or a motor controller reports more current \
+                 than its motor may have",
+                limit.burst, limit.power
+            ),
+        },
+        Cause::Slip => {
+            let limit = rig.limits.slip;
+            let what = match state.slip {
+                slip if slip > limit => format!("a wheel slipped at {slip:.3} m/s"),
+                _ => "by its encoder's counts a wheel slipped faster than that over 25 ms".to_owned(),
+            };
+            format!(
+                "{what}; the limit is {limit} (limits.slip): less torque, or more normal force. A gear that crosses its play looks \
+                 the same"
+            )
+        }
+        Cause::NonFinite => "a number is not finite, in what the controllers report or in a torque".to_owned(),
+        Cause::ImplausibleFeedback => {
+            "a joint moved further between two readings than it can, or its counts and the rate that its controller reports \
+             disagreed for 50 ms: check its encoder"
+                .to_owned()
+        }
+        Cause::Deadline => deadline(sample.timing.lateness_ns, skipped),
+        Cause::ClientLost => {
+            "the client that held the lease is gone, and api.on_client_lost is \"fault\"".to_owned()
+        }
+        Cause::Thermal => "a motor or its controller is too hot: let it cool".to_owned(),
+    }
+}
+
+/// Returns a description of a missed deadline: a tick that began too late, or ticks that were
+/// skipped because the tick before them took too long.
+fn deadline(lateness_ns: u64, skipped: u64) -> String {
+    let late_ms = convert::seconds(lateness_ns) * 1.0e3;
+    let what = if lateness_ns > LATE_FAULT_NS {
+        format!("a tick came {late_ms:.1} ms late (more than {} is a fault)", LATE_FAULT_NS / 1_000_000)
+    } else {
+        format!(
+            "{skipped} ticks in a row were skipped because the one before them took too long ({SKIPPED_FAULT} are a fault)"
+        )
+    };
+    format!(
+        "{what}: other work on this machine, no real-time priority, or a rate too high for it; mend that, then reset and enable"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missed_deadline_is_named_by_what_was_missed() {
+        let late = deadline(23_400_000, 0);
+        assert!(late.starts_with("a tick came 23.4 ms late (more than 20 is a fault): "), "{late}");
+        let skipped = deadline(400_000, 12);
+        assert!(skipped.starts_with("12 ticks in a row were skipped because"), "{skipped}");
+        assert!(!skipped.contains("ms late"), "its lateness is not what is wrong: {skipped}");
+        // If both conditions hold, the late tick is named.
+        assert!(deadline(20_000_001, 40).starts_with("a tick came 20.0 ms late"));
+    }
+}
