@@ -21,6 +21,7 @@ fn sample() -> Sample {
         timing: TickTiming::default(),
         counters: Counters::default(),
         answers: [None; 8],
+        telemetry: Default::default(),
     }
 }
 

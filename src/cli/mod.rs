@@ -3,6 +3,7 @@
 mod bringup;
 mod completions;
 mod console;
+mod controllers;
 mod doctor;
 mod man;
 mod orders;
@@ -48,7 +49,7 @@ enum Command {
     Server(server::ServerArgs),
     /// Show the state of a running server, live
     Watch(watch::WatchArgs),
-    /// Show the rig, its limits and the scene of a running server
+    /// Show the rig, its limits, its motor controllers and the scene of a running server
     Info(show::ShowArgs),
     /// Show the times and the counters of a running server's loop
     Stats(show::ShowArgs),

@@ -7,7 +7,7 @@ use clap::Args;
 use hbot_api::{Client, Event, InfoOk, Mode, StateEvent, StatsOk};
 
 use super::out::{foreign, say};
-use super::{ServerAddress, orders, style};
+use super::{ServerAddress, controllers, orders, style};
 
 /// Options of `hbot info` and `hbot stats`.
 #[derive(Debug, Args)]
@@ -22,8 +22,11 @@ pub(crate) struct ShowArgs {
 pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     let mut client = orders::connect(&args.address, "hbot info")?;
     let info = client.info().map_err(orders::remedied)?;
+    let controllers = controllers::ask(&mut client)?;
     if args.json {
-        say!("{}", serde_json::to_string(&info)?)?;
+        let mut object = serde_json::to_value(&info)?;
+        object["controllers"] = serde_json::to_value(&controllers)?;
+        say!("{object}")?;
         return Ok(ExitCode::SUCCESS);
     }
     let hello = client.hello();
@@ -59,6 +62,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         "  lease      {}",
         holder.map_or_else(|| "free".to_owned(), |name| format!("held by {}", foreign(name)))
     )?;
+    controllers::print(&info, &controllers)?;
     let text = |value: &serde_json::Value| foreign(value.as_str().unwrap_or("?")).to_string();
     say!("  scene      {}", text(&info.scene["name"]))?;
     if !info.scene["description"].is_null() {

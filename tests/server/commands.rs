@@ -40,7 +40,9 @@ fn the_banner_and_info_say_first_whether_motors_can_push() {
     run(&server, &["info"]).success().stdout(
         starts_with("SIMULATED Hbot prototype on ").and(contains("lease      free")).and(contains("spring")),
     );
-    run(&server, &["info", "--json"]).success().stdout(contains(r#""simulated":true"#));
+    run(&server, &["info", "--json"])
+        .success()
+        .stdout(contains(r#""simulated":true"#).and(contains(r#""controllers":[{"joint":0,"port":"sim""#)));
     run(&server, &["stats"]).success().stdout(contains("late, ").and(contains("lateness_us")));
     run(&server, &["stats", "--json"]).success().stdout(contains(r#""late_ticks":"#));
 }

@@ -4,6 +4,7 @@ mod accuracy;
 mod bringup;
 mod by_hand;
 mod commands;
+mod controllers;
 mod design;
 mod drivers;
 mod last_word;

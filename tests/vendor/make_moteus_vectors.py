@@ -30,14 +30,19 @@ def single(pattern):
 
 
 
-def questions(uptime):
-    """What a command asks for: in turn the home state with the temperature, and the time since power-on."""
+TURNS = ["home", "uptime", "current"]
+
+
+def questions(turn):
+    """What a command asks for: the home state with the temperature, the time since power-on, or the motor current."""
     query = moteus.QueryResolution()
     query.mode, query.fault, query.voltage = mp.INT8, mp.INT8, mp.IGNORE
     query.position, query.velocity, query.torque = mp.INT32, mp.INT32, mp.INT32
-    query.temperature, query.home_state = (mp.IGNORE, mp.IGNORE) if uptime else (mp.INT8, mp.INT8)
+    query.temperature, query.home_state = (mp.INT8, mp.INT8) if turn == "home" else (mp.IGNORE, mp.IGNORE)
+    if turn == "current":
+        query.q_current = mp.INT32
     query._extra = {Register.COMMAND_TIMEOUT: mp.F32}
-    if uptime:
+    if turn == "uptime":
         query._extra[Register.MILLISECOND_COUNTER] = mp.INT32
     return query
 
@@ -82,20 +87,20 @@ def torque_command(random):
     if random.random() < 0.1:
         torque = bits(random.choice([0.0, -0.0, 1e-30, -1e30]))
     watchdog = bits(random.choice([1, 20, 50, 1000]) / 1000) & ~0xFFF | random.randrange(0x1000)
-    uptime = random.random() < 0.5
-    controller = moteus.Controller(id=servo, query_resolution=questions(uptime), position_resolution=FORMAT)
+    turn = random.choice(TURNS)
+    controller = moteus.Controller(id=servo, query_resolution=questions(turn), position_resolution=FORMAT)
     command = controller.make_position(
         position=math.nan, feedforward_torque=single(torque), kp_scale=0, kd_scale=0, maximum_torque=single(most),
         watchdog_timeout=single(watchdog), ilimit_scale=0, query=True)
-    return {"id": servo, "torque": torque, "most": most, "watchdog": watchdog, "uptime": uptime,
+    return {"id": servo, "torque": torque, "most": most, "watchdog": watchdog, "turn": turn,
             "lines": lines(command)}
 
 
 def stop_command(random):
     servo, rezero = random.randrange(1, 127), random.random() < 0.3
     watchdog = bits(0.02) & ~0xFFF | random.randrange(0x1000)
-    uptime = random.random() < 0.5
-    controller = moteus.Controller(id=servo, query_resolution=questions(uptime))
+    turn = random.choice(TURNS)
+    controller = moteus.Controller(id=servo, query_resolution=questions(turn))
     command = controller.make_stop(query=True)
     stop, query = controller.make_stop(query=False).data, controller.make_query().data
     assert command.data == stop + query
@@ -106,7 +111,7 @@ def stop_command(random):
     writer.write_f32(single(watchdog))
     nearest = controller.make_set_output_nearest(position=0.0, query=False).data if rezero else b""
     command.data = stop + buffer.getvalue() + nearest + query
-    return {"id": servo, "watchdog": watchdog, "rezero": rezero, "uptime": uptime, "lines": lines(command)}
+    return {"id": servo, "watchdog": watchdog, "rezero": rezero, "turn": turn, "lines": lines(command)}
 
 
 def answer(random):
@@ -125,15 +130,17 @@ def answer(random):
     if random.random() < 0.1:
         # A register that this servo does not have.
         buffer.write(bytes([mp.READ_ERROR, 0x70, 1]))
-    uptime, fault = random.random() < 0.5, (random.choice([0, 33, 39, 99, 102]), mp.INT8)
-    block(0x000, [(random.randrange(16), mp.INT8)] + [(whole(32), mp.INT32) for _ in range(3)])
-    if uptime:
+    turn, fault = random.choice(TURNS), (random.choice([0, 33, 39, 99, 102]), mp.INT8)
+    # Position, velocity, torque, and the motor current in its turn.
+    words = 4 if turn == "current" else 3
+    block(0x000, [(random.randrange(16), mp.INT8)] + [(whole(32), mp.INT32) for _ in range(words)])
+    if turn != "home":
         block(0x00F, [fault])
     else:
         block(0x00C, [(random.randrange(3), mp.INT8)])
         block(0x00E, [(whole(8), mp.INT8), fault])
     block(0x027, [(single(bits(random.uniform(0, 1))), mp.F32)])
-    if uptime:
+    if turn == "uptime":
         block(0x070, [(whole(32), mp.INT32)])
     assert len(buffer.getvalue()) <= (35 if buffer.getvalue()[0] == mp.READ_ERROR else 32)
     if random.random() < 0.2:

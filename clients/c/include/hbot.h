@@ -512,6 +512,10 @@ enum hbot_status hbot_ping(struct hbot_client *client, uint64_t *tick, double *t
 // to the client and is valid until the next call that returns a text, or until hbot_close().
 enum hbot_status hbot_stats_json(struct hbot_client *client, const char **json);
 
+// Writes to `*json` what the motor controllers report about themselves as JSON text (docs/api.md,
+// `controllers`). The text lives as that of hbot_stats_json().
+enum hbot_status hbot_controllers_json(struct hbot_client *client, const char **json);
+
 // Writes to `*json` the answer to `info` as JSON text (docs/api.md), with the schemas of all
 // effects and the running scene. The text lives as that of hbot_stats_json().
 enum hbot_status hbot_info_json(struct hbot_client *client, const char **json);

@@ -94,6 +94,7 @@ public:
     hbot_info info() { return read<hbot_info>(hbot_info_get); }
     std::string info_json() { return text(hbot_info_json); }
     std::string stats_json() { return text(hbot_stats_json); }
+    std::string controllers_json() { return text(hbot_controllers_json); }
     void set_timeout(Milliseconds timeout) { check(hbot_set_timeout(client_, timeout.count())); }
     // The number of the server's last tick.
     std::uint64_t ping() {

@@ -120,6 +120,17 @@ pub unsafe extern "C" fn hbot_stats_json(client: *mut HbotClient, json: *mut *co
     unsafe { with(client, |inner| inner.answer_text(Op::Stats, Out::new(json, "json")?)) }
 }
 
+/// Writes to `*json` what the motor controllers report about themselves as JSON text (docs/api.md,
+/// `controllers`). The text lives as that of hbot_stats_json().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hbot_controllers_json(
+    client: *mut HbotClient,
+    json: *mut *const c_char,
+) -> HbotStatus {
+    // SAFETY: the contract of all functions, stated at the crate.
+    unsafe { with(client, |inner| inner.answer_text(Op::Controllers, Out::new(json, "json")?)) }
+}
+
 /// Writes to `*json` the answer to `info` as JSON text (docs/api.md), with the schemas of all
 /// effects and the running scene. The text lives as that of hbot_stats_json().
 #[unsafe(no_mangle)]

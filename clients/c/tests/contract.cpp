@@ -100,6 +100,7 @@ void the_rig_is_described(hbot::Client& rig) {
     CHECK(info.has_clock && info.clock_monotonic_ns > 0 && age > 0.0 && age < 86400.0);
     CHECK(rig.info_json().find("\"on_client_lost\"") != std::string::npos);
     CHECK(rig.stats_json().find("\"late_ticks\"") != std::string::npos);
+    CHECK(rig.controllers_json().find("\"temperature_c\":25.0") != std::string::npos);
     const std::uint64_t tick = rig.ping();
     CHECK(eventually([&] { return rig.ping() > tick; }));
 }

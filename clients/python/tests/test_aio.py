@@ -53,6 +53,7 @@ def test_the_contract(run: Run) -> None:
         assert await rig.estop() == "estop"
         assert (await rig.ping({"n": 1})).data == {"n": 1}
         assert (await rig.stats()).estops >= 1
+        assert [controller.joint for controller in await rig.controllers()] == [0, 1, 2, 3]
         async with rig.lease():
             assert await rig.reset() == "idle"
 

@@ -99,6 +99,10 @@ def test_stats() -> None:
     assert names(hbot.Distribution) == named(times[1]) - names(hbot.Stats)
 
 
+def test_controllers() -> None:
+    assert first_cells("### controllers") == names(hbot.Controller)
+
+
 def test_errors() -> None:
     assert first_cells("## Errors") == set(hbot.Refused.by_code)
     assert set(hbot.Refused.by_code.values()) == set(hbot.Refused.__subclasses__())

@@ -59,6 +59,19 @@ def test_the_contract(rig: hbot.Rig) -> None:
     assert stats.compute_us.count > 0
 
 
+def test_the_motor_controllers_report(rig: hbot.Rig) -> None:
+    controllers = rig.controllers()
+    assert [controller.joint for controller in controllers] == [0, 1, 2, 3]
+    for controller in controllers:
+        assert controller.protocol == "hbot"
+        assert controller.port == "sim"
+        assert controller.id is None, "hbot's own protocol has no ids"
+        assert controller.firmware is not None
+        assert controller.firmware.startswith("hbot-sim ")
+        assert controller.temperature_c == 25.0, "what the simulated firmware sends"
+        assert controller.flags == ()
+
+
 def test_a_state_has_the_structure_of_the_rig(rig: hbot.Rig) -> None:
     state = next(rig.states())
     assert len(state.q) == 4

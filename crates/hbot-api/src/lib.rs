@@ -51,6 +51,7 @@
 mod answer;
 mod axes;
 mod client;
+mod controllers;
 mod counts;
 mod encoding;
 mod error;
@@ -78,6 +79,7 @@ pub use client::{
     Client, ClientError, ConnectOptions, LatePolicy, RenderEnd, RenderOptions, RenderReport, Trust,
     client_name,
 };
+pub use controllers::{ControllerFlag, ControllerInfo, ControllersOk};
 pub use counts::CountsByName;
 pub use encoding::{Encoding, MessageEncodeError};
 pub use error::{ErrorBody, ErrorCode, RequestRefusal};

@@ -52,6 +52,9 @@ pub enum Op {
     /// Asks for the statistics and counters of the control loop and the service. Answer:
     /// [`StatsOk`](crate::StatsOk).
     Stats,
+    /// Asks what the motor controller of each joint reports about itself. Answer:
+    /// [`ControllersOk`](crate::ControllersOk).
+    Controllers,
     /// Takes the lease, which is the right to command. The answer has no data, or is
     /// [`ErrorCode::Busy`](crate::ErrorCode::Busy).
     Acquire {
@@ -157,6 +160,7 @@ impl Op {
             Self::Subscribe { .. } => OpName::Subscribe,
             Self::Unsubscribe => OpName::Unsubscribe,
             Self::Stats => OpName::Stats,
+            Self::Controllers => OpName::Controllers,
             Self::Acquire { .. } => OpName::Acquire,
             Self::Release => OpName::Release,
             Self::LoadScene { .. } => OpName::LoadScene,

@@ -75,6 +75,8 @@ impl Simulator {
 pub(crate) struct Attached {
     /// The motor bus through which the rig is commanded.
     pub(crate) bus: Box<dyn MotorBus>,
+    /// The motor controllers that were checked.
+    pub(crate) expected: Expected,
     /// A handle to the rig for other threads.
     pub(crate) simulator: Simulator,
     /// The time that the rig shares with the loop. `None` if its time does not wait for the loop,
@@ -110,7 +112,7 @@ pub(crate) fn simulated(
             (Box::new(Socket::from(end)), Place::Thread(Arc::new(served)))
         }
     };
-    let bus = met(rig, layout, line)?;
+    let (expected, bus) = met(rig, layout, line)?;
     let simulator = Simulator(place);
     let Phenomena { link, hand, .. } = phenomena;
     if link.is_some() || hand.is_some() {
@@ -121,7 +123,7 @@ pub(crate) fn simulated(
             rig.set_hand(hand);
         }));
     }
-    Ok(Attached { bus, simulator, shared })
+    Ok(Attached { bus, expected, simulator, shared })
 }
 
 /// Creates the simulated rig that a rig file describes. Its motor controllers use the protocol that
@@ -134,17 +136,17 @@ pub(crate) fn simulated_rig(
     SimulatedRig::new(&SimulatedConfig { line, phenomena, ..SimulatedConfig::new(&rig.rig) })
 }
 
-/// Checks the simulated motor controllers at the other end of `line`, and returns the motor bus
-/// through which they are commanded. They use the protocol that the rig file names.
-pub(crate) fn met(
-    rig: &RigConfig,
-    layout: &Layout,
-    mut line: Box<dyn Line>,
-) -> Result<Box<dyn MotorBus>, AttachError> {
+/// A motor bus, and the controllers on its line, which have been checked.
+pub(crate) type MetBus = (Expected, Box<dyn MotorBus>);
+
+/// Checks the simulated motor controllers at the other end of `line`, and returns them with the
+/// motor bus through which they are commanded. They use the protocol that the rig file names.
+pub(crate) fn met(rig: &RigConfig, layout: &Layout, mut line: Box<dyn Line>) -> Result<MetBus, AttachError> {
     let expected = Expected::new(&rig.link.port.to_string(), &rig.rig, layout, 0);
     let protocol = driver(rig.link.protocol);
     protocol.meet(line.as_mut(), &expected)?;
-    Ok(protocol.bus(line, expected))
+    let bus = protocol.bus(line, expected.clone());
+    Ok((expected, bus))
 }
 
 /// Requests a real-time priority for the thread of the simulated rig.
@@ -163,7 +165,7 @@ pub(crate) fn serial(
     helper: Option<&Program>,
     reopened: bool,
     notices: &mut Vec<String>,
-) -> Result<Vec<Box<dyn MotorBus>>, AttachError> {
+) -> Result<Vec<MetBus>, AttachError> {
     if helper.is_some() {
         without_core_file();
     }
@@ -181,7 +183,8 @@ pub(crate) fn serial(
             line.keep_open(device, rig.link.baud, peer, helper.cloned())?;
         }
         notices.extend(held_back(device));
-        Ok(protocol.bus(Box::new(line), expected))
+        let bus = protocol.bus(Box::new(line), expected.clone());
+        Ok((expected, bus))
     };
     devices.iter().enumerate().map(open).collect()
 }

@@ -188,6 +188,7 @@ impl Engine {
             },
             counters: self.counters,
             answers,
+            telemetry: *self.motors.telemetry(),
         };
         self.counters.dropped_samples += u64::from(!self.bridge.publish(sample));
         if let Some(recorder) = &mut self.recorder {

@@ -31,7 +31,7 @@ impl Busy {
     fn new(line: impl Line + 'static) -> Self {
         let rig = RigConfig::prototype();
         let layout = Layout::single(0..4);
-        let bus = met(&rig, &layout, Box::new(line)).expect("the simulated rig answers");
+        let (_, bus) = met(&rig, &layout, Box::new(line)).expect("the simulated rig answers");
         let mut running = RunningScene::new();
         let first = Box::new(running.load(SceneFile::default_scene()));
         let scenes = (0..100_u32)

@@ -13,6 +13,7 @@ use crate::attach::{AttachError, Simulator, serial, simulated};
 use crate::bridge::{ServiceEnd, bridge};
 use crate::bus::MotorBus;
 use crate::clock::{Origin, now_ns};
+use crate::controllers::Controllers;
 use crate::engine::{Engine, Recorder};
 use crate::last_word::Program;
 use crate::layout::Layout;
@@ -74,6 +75,7 @@ pub struct Host {
     stop: StopFlag,
     thread: Option<JoinHandle<Ended>>,
     notices: Vec<String>,
+    controllers: Controllers,
     origin: Origin,
     time_waits: bool,
     /// The simulated rig, if any. This field comes after `thread`, so that the rig is dropped after
@@ -99,6 +101,7 @@ impl Host {
         }
         let layout = Layout::of(&rig);
         let mut shared = None;
+        let mut controllers = Controllers::default();
         let (buses, simulator) = match (buses, &rig.link.port) {
             (Some(buses), _) => {
                 let ours = layout.buses();
@@ -111,11 +114,15 @@ impl Host {
                 return Err(HostError::VirtualHardware(rig.link.port.to_string()));
             }
             (None, Port::Devices(devices)) => {
-                (serial(&rig, devices, &layout, last_word.as_ref(), true, &mut notices)?, None)
+                let met = serial(&rig, devices, &layout, last_word.as_ref(), true, &mut notices)?;
+                let (lines, buses) = met.into_iter().unzip();
+                controllers = Controllers::new(rig.link.protocol, lines);
+                (buses, None)
             }
             (None, Port::Sim | Port::SimPty) => {
                 let attached = simulated(&rig, &layout, phenomena, time)?;
                 shared = attached.shared;
+                controllers = Controllers::new(rig.link.protocol, vec![attached.expected]);
                 (vec![attached.bus], Some(attached.simulator))
             }
         };
@@ -135,7 +142,16 @@ impl Host {
             }
         };
         let thread = Some(thread);
-        let host = Self { stop, thread, notices, origin, time_waits, simulator, _wake_latency: wake_latency };
+        let host = Self {
+            stop,
+            thread,
+            notices,
+            controllers,
+            origin,
+            time_waits,
+            simulator,
+            _wake_latency: wake_latency,
+        };
         Ok((host, end))
     }
 
@@ -143,6 +159,13 @@ impl Host {
     #[must_use]
     pub fn notices(&self) -> &[String] {
         &self.notices
+    }
+
+    /// Returns the motor controllers of the rig's joints. If the buses were given in
+    /// [`HostOptions::buses`], nothing is known of them.
+    #[must_use]
+    pub fn controllers(&self) -> &Controllers {
+        &self.controllers
     }
 
     /// Returns the time of tick 0 on the system's clocks. In virtual time it is the time at which

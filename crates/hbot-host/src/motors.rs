@@ -6,7 +6,7 @@ use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::{Complaints, JointReadings};
 use hbot_core::outputs::Drive;
 
-use crate::bus::{BusCommand, Heard, MotorBus, Reading};
+use crate::bus::{BusCommand, Heard, MotorBus, Reading, Telemetry};
 use crate::layout::Layout;
 
 /// The command that switches the motors off.
@@ -38,6 +38,8 @@ pub struct Motors {
     /// The newest readings of the joints on all buses. Readings from different buses can differ in
     /// age.
     readings: JointReadings,
+    /// What the controller of each joint last reported about itself, in the order of the rig.
+    telemetry: [Telemetry; MAX_JOINTS],
 }
 
 /// One motor bus of a rig, with its joints and its state.
@@ -96,6 +98,7 @@ impl Motors {
             offsets: layout.offsets,
             watchdog_ms,
             readings: NO_READINGS,
+            telemetry: [Telemetry::default(); MAX_JOINTS],
         }
     }
 
@@ -115,6 +118,12 @@ impl Motors {
         &self.readings
     }
 
+    /// Returns what the controller of each joint last reported about itself, in the order of the
+    /// rig.
+    pub(crate) fn telemetry(&self) -> &[Telemetry; MAX_JOINTS] {
+        &self.telemetry
+    }
+
     /// Reads all bytes that have arrived on all buses. The control loop calls this function before
     /// it sends the command of the tick number `tick`. Never waits.
     pub fn receive(&mut self, now_ns: u64, tick: u32) -> News {
@@ -131,6 +140,9 @@ impl Motors {
                 news.buses_with_reading += 1;
                 attached.answers = Some(reading.answers);
                 attached.place(&reading, &self.offsets, &mut self.readings);
+            }
+            for (joint, at) in &attached.joints {
+                self.telemetry[*joint] = attached.bus.telemetry(now_ns, *at);
             }
         }
         // The oldest answer defines the age of the combined reading. The core treats a reading as

@@ -8,7 +8,7 @@ use hbot_core::inputs::Complaints;
 use hbot_core::outputs::Drive;
 use hbot_core::{MAX_JOINTS, Rig};
 
-use crate::bus::{BusCommand, Heard, JointReading, MotorBus, Reading};
+use crate::bus::{BusCommand, Heard, JointReading, MotorBus, Reading, Telemetry};
 use crate::layout::{JointPlace, Layout};
 use crate::motors::Motors;
 
@@ -50,6 +50,12 @@ impl MotorBus for Scripted {
     fn command(&mut self, _: u64, command: &BusCommand) -> bool {
         self.desk().commands.push(*command);
         true
+    }
+
+    /// Reports a current of 10 A on the first joint, and 1 A more on each joint after it.
+    fn telemetry(&self, now_ns: u64, at: usize) -> Telemetry {
+        let current = Some(10.0 + at as f32).filter(|_| now_ns == 7);
+        Telemetry { current, ..Telemetry::default() }
     }
 }
 
@@ -244,4 +250,14 @@ fn a_zero_offset_wraps_like_the_counter() {
     let counts = motors.receive(0, 1).feedback.expect("a reading").counts;
     assert!(counts[0] < 0, "{}", counts[0]);
     assert_eq!(counts[0].wrapping_sub(i32::MAX), layout.offsets[0]);
+}
+
+#[test]
+fn telemetry_has_the_order_of_the_rig() {
+    let (mut motors, _lines) = two_lines();
+    motors.receive(7, 1);
+    let currents = motors.telemetry().map(|joint| joint.current);
+    // The second wheel's joints are in the order drive, steer on their bus.
+    assert_eq!(currents[..4], [Some(10.0), Some(11.0), Some(11.0), Some(10.0)]);
+    assert!(motors.telemetry()[4..].iter().all(|joint| *joint == Telemetry::default()), "no such joints");
 }

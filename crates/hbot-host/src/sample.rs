@@ -1,7 +1,10 @@
 //! The sample that the loop publishes in each tick.
 
+use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::MAX_COMMANDS;
 use hbot_core::outputs::{Reply, State};
+
+use crate::bus::Telemetry;
 
 /// The record of one tick that the loop publishes to the rest of the program.
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +21,9 @@ pub struct Sample {
     pub counters: Counters,
     /// Answers to the orders that the loop took from the service in this tick.
     pub answers: [Option<Answer>; MAX_COMMANDS],
+    /// What the controller of each joint last reported about itself, in the order of the rig's
+    /// joints. Entries beyond the number of joints are empty.
+    pub telemetry: [Telemetry; MAX_JOINTS],
 }
 
 /// The loop's answer to one order of the service.

@@ -7,7 +7,7 @@ use hbot_config::RigConfig;
 use hbot_config::rig::Protocol as Name;
 use hbot_core::MAX_JOINTS;
 use hbot_host::bus::odrive::Odrive;
-use hbot_host::bus::{BusCommand, Expected, Heard, MotorBus, Protocol};
+use hbot_host::bus::{BusCommand, Expected, Heard, MotorBus, Protocol, Telemetry};
 use hbot_host::layout::Layout;
 use hbot_host::line::{Memory, SimulatorCall};
 use hbot_sim::controller::InjectedFault;
@@ -117,20 +117,22 @@ struct Bench {
     bus: Box<dyn MotorBus>,
     calls: Sender<SimulatorCall>,
     tick: u32,
+    torque: [f64; MAX_JOINTS],
 }
 
 impl Bench {
     fn new() -> Self {
         let (mut line, calls, expected) = line(|_| ());
         Odrive.meet(&mut line, &expected).expect("they are good");
-        Self { bus: Odrive.bus(Box::new(line), expected), calls, tick: 0 }
+        let bus = Odrive.bus(Box::new(line), expected);
+        Self { bus, calls, tick: 0, torque: [0.0; MAX_JOINTS] }
     }
 
-    /// Runs one tick with zero torque, and returns what the bus has received.
+    /// Runs one tick and returns what the bus has received.
     fn tick(&mut self, enable: bool) -> Heard {
         let now_ns = u64::from(self.tick) * 1_000_000;
         let heard = self.bus.receive(now_ns, self.tick);
-        let command = BusCommand { tick: self.tick, enable, watchdog_ms: 20, torque: [0.0; MAX_JOINTS] };
+        let command = BusCommand { tick: self.tick, enable, watchdog_ms: 20, torque: self.torque };
         assert!(self.bus.command(now_ns, &command));
         self.tick += 1;
         heard
@@ -149,6 +151,10 @@ impl Bench {
         panic!("{what}: {heard:?}")
     }
 
+    fn telemetry(&self, at: usize) -> Telemetry {
+        self.bus.telemetry(u64::from(self.tick - 1) * 1_000_000, at)
+    }
+
     /// Injects a fault into the simulated rig. It takes effect before the next command is written.
     fn inject(&self, fault: InjectedFault) {
         let call: SimulatorCall = Box::new(move |rig| rig.inject(fault));
@@ -159,6 +165,52 @@ impl Bench {
 /// Returns whether the bus has received a reading, without any complaint or lost zero.
 fn good(heard: &Heard) -> bool {
     heard.reading.is_some() && heard.complaints == Default::default() && !heard.zeros_lost
+}
+
+/// The simulated axes have 0.05 N m/A. The second and the fourth have a gear of 17.
+#[test]
+fn each_axis_reports_its_current_its_temperature_and_its_own_complaints() {
+    let mut bench = Bench::new();
+    bench.torque[..4].copy_from_slice(&[0.02, -0.034, -0.01, 0.017]);
+    bench.until(true, "on", good);
+    // Eight questions, one every 50 ms.
+    for _ in 0..450 {
+        bench.tick(true);
+    }
+    for (at, ampere) in [0.4, -0.04, -0.2, 0.02].into_iter().enumerate() {
+        let told = bench.telemetry(at);
+        let current = told.current.expect("reported");
+        // Rounding of single precision.
+        assert!((current - ampere).abs() < 1e-6, "{at}: {told:?}");
+        let rest = Telemetry { current: None, ..told };
+        assert_eq!(rest, Telemetry { temperature: Some(25.0), ..Telemetry::default() }, "{at}");
+    }
+    bench.inject(InjectedFault::Hot { joint: 0, on: true });
+    bench.inject(InjectedFault::FailedOne { joint: 1, on: true });
+    bench.inject(InjectedFault::DeafOne { joint: 2, on: true });
+    for _ in 0..450 {
+        bench.tick(true);
+    }
+    let hot = bench.telemetry(0);
+    assert!(hot.temperature == Some(155.0) && hot.complaints.overtemperature, "{hot:?}");
+    assert!(bench.telemetry(1).complaints.fault && !hot.complaints.fault, "{:?}", bench.telemetry(1));
+    let deaf = bench.telemetry(2);
+    assert_eq!((deaf.current, deaf.temperature, deaf.silent), (None, None, true));
+    bench.inject(InjectedFault::RebootOne(3));
+    bench.until(true, "a restart is seen", |heard| heard.zeros_lost);
+    assert!(bench.telemetry(3).restarted && !bench.telemetry(0).restarted, "{:?}", bench.telemetry(3));
+}
+
+#[test]
+fn the_firmware_of_each_axis_is_known_after_bring_up() {
+    let (mut line, _, expected) = line(|rig| set(rig, 2, "fw_version_minor", 7.0));
+    assert_eq!(expected.firmware(0), None);
+    let clone = expected.clone();
+    Odrive.meet(&mut line, &expected).expect("they are good");
+    let names: Vec<_> = (0..5).map(|at| clone.firmware(at)).collect();
+    let named = |name: &str| Some(name.to_owned());
+    let new = named("ODrive 0.6.10");
+    assert_eq!(names, [new.clone(), new.clone(), named("ODrive 0.7.10"), new, None]);
 }
 
 #[test]

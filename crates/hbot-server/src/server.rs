@@ -164,6 +164,7 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let accuracy = rig.accuracy.to_owned();
         let phenomena = host.simulator().cloned().map(replace_phenomena);
+        let controllers = host.controllers().clone();
         let origin = host.origin();
         let recording = prepared.map(|prepared| prepared.start(&rig, origin)).transpose();
         let recording = recording.map_err(host::HostError::System)?;
@@ -175,6 +176,7 @@ impl Server {
             token,
             encryption,
             flight_dir,
+            controllers,
             accuracy,
             origin,
             time_waits: host.time_waits(),

@@ -16,5 +16,6 @@ pub(crate) fn still(tick: u64) -> Sample {
         timing: TickTiming::default(),
         counters: Counters::default(),
         answers: [None; MAX_COMMANDS],
+        telemetry: Default::default(),
     }
 }

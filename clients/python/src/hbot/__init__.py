@@ -16,7 +16,7 @@ asyncio.
 """
 
 from . import aio
-from .answers import Distribution, Loaded, Pong, Stats
+from .answers import Controller, Distribution, Loaded, Pong, Stats
 from .errors import (
     BadRequest,
     Busy,
@@ -63,6 +63,7 @@ __all__ = [
     "Busy",
     "Clock",
     "ConnectionLost",
+    "Controller",
     "Distribution",
     "DroppedEvent",
     "Effect",

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from . import ops
-from .answers import Loaded, Pong, Stats
+from .answers import Controller, Loaded, Pong, Stats
 from .callbacks import call_back
 from .connection import MAX_EVENTS, MAX_STATES, Connection, Options, Send
 from .environment import server_address, server_token
@@ -167,6 +167,13 @@ class Rig:
     async def stats(self) -> Stats:
         """Return how long things took, and how often events happened, since the server began."""
         return await self._call(ops.stats())
+
+    async def controllers(self) -> tuple[Controller, ...]:
+        """Return what the motor controller of each joint reports, in the order of the joints.
+
+        Current, temperature, complaints and firmware; a value that it does not report is None.
+        """
+        return await self._call(ops.controllers())
 
     async def acquire(self, steal: bool = False) -> None:
         """Take the lease, the right to command."""

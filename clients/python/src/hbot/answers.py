@@ -1,4 +1,4 @@
-"""The server's answers to requests (docs/api.md, "Ops" and "stats")."""
+"""The server's answers to requests (docs/api.md, "Ops", "stats" and "controllers")."""
 
 from __future__ import annotations
 
@@ -30,6 +30,39 @@ class Pong:
     """Number of the last tick."""
     t: float
     """Time of the last tick since the loop began, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """What the motor controller of one joint reports about itself.
+
+    A field is None if it is not reported or not known.
+    """
+
+    joint: int
+    """Number of the joint, from 0: its place in the joints of a state."""
+    port: str | None = None
+    """Port that leads to the controller."""
+    protocol: str | None = None
+    """Protocol, as the rig file names it."""
+    id: int | None = None
+    """Id on its line. None also if the protocol has no ids."""
+    firmware: str | None = None
+    """Name and version of the firmware."""
+    current_a: float | None = None
+    """Motor current that makes torque, A. Positive drives the joint in its positive direction."""
+    temperature_c: float | None = None
+    """The highest temperature that it reports, of the motor or of the power stage, °C."""
+    flags: tuple[str, ...] = ()
+    """What it complains of now, such as `overtemperature`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Controllers:
+    """The answer to `controllers`."""
+
+    controllers: tuple[Controller, ...]
+    """The motor controller of each joint, in the order of a state's joints."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from .answers import Loaded, Pong, Stats
+from .answers import Controller, Controllers, Loaded, Pong, Stats
 from .decode import decode
 from .events import Mode
 from .info import Info
@@ -77,6 +77,11 @@ def unsubscribe() -> Request[None]:
 def stats() -> Request[Stats]:
     """Ask how long things took, and how often events happened."""
     return Request("stats", {}, lambda body: decode(Stats, body))
+
+
+def controllers() -> Request[tuple[Controller, ...]]:
+    """Ask what the motor controllers report about themselves."""
+    return Request("controllers", {}, lambda body: decode(Controllers, body).controllers)
 
 
 def acquire(steal: bool) -> Request[None]:

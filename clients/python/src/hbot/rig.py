@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from . import ops
-from .answers import Loaded, Pong, Stats
+from .answers import Controller, Loaded, Pong, Stats
 from .callbacks import call_back
 from .connection import MAX_EVENTS, MAX_STATES, Connection, Send
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
@@ -84,6 +84,13 @@ class Rig:
     def stats(self) -> Stats:
         """Return how long things took, and how often events happened, since the server began."""
         return self._call(ops.stats())
+
+    def controllers(self) -> tuple[Controller, ...]:
+        """Return what the motor controller of each joint reports, in the order of the joints.
+
+        Current, temperature, complaints and firmware; a value that it does not report is None.
+        """
+        return self._call(ops.controllers())
 
     def acquire(self, steal: bool = False) -> None:
         """Take the lease, the right to command. `lease` does this for the time of a `with` block.

@@ -3,8 +3,8 @@
 use super::connect::typed;
 use super::{Client, ClientError};
 use crate::{
-    Align, AlignOk, InfoOk, LoadSceneOk, Mode, ModeOk, Op, PingOk, ReferenceCommand, StatsOk, SubscribeOk,
-    TorqueCommand,
+    Align, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk, Op, PingOk,
+    ReferenceCommand, StatsOk, SubscribeOk, TorqueCommand,
 };
 use serde_json::{Map, Value};
 
@@ -21,6 +21,13 @@ impl Client {
     /// Asks for the statistics and counters of the control loop and the service.
     pub fn stats(&mut self) -> Result<StatsOk, ClientError> {
         self.call(Op::Stats).and_then(typed)
+    }
+
+    /// Asks what the motor controller of each joint reports about itself. The result has the order
+    /// of the joints in state messages.
+    pub fn controllers(&mut self) -> Result<Vec<ControllerInfo>, ClientError> {
+        let answer: ControllersOk = self.call(Op::Controllers).and_then(typed)?;
+        Ok(answer.controllers)
     }
 
     /// Subscribes to one state message every `every` ticks, from 1 to

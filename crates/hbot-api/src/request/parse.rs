@@ -152,6 +152,7 @@ fn op(
         OpName::Subscribe => fields.subscribe(),
         OpName::Unsubscribe => Ok(Op::Unsubscribe),
         OpName::Stats => Ok(Op::Stats),
+        OpName::Controllers => Ok(Op::Controllers),
         OpName::Acquire => fields.acquire(),
         OpName::Release => Ok(Op::Release),
         OpName::LoadScene => fields.load_scene(),

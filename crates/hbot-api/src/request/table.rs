@@ -120,6 +120,9 @@ ops! {
     Unsubscribe = "unsubscribe": OpRow::new(Who::Any, &[]),
     /// The op [`Op::Stats`](crate::Op::Stats), which asks for statistics and counters.
     Stats = "stats": OpRow::new(Who::Any, &[]).weighing(100),
+    /// The op [`Op::Controllers`](crate::Op::Controllers), which asks what the motor controllers
+    /// report about themselves.
+    Controllers = "controllers": OpRow::new(Who::Any, &[]).weighing(100),
     /// The op [`Op::Acquire`](crate::Op::Acquire), which takes the right to command. Its weight is
     /// high because all clients are notified.
     Acquire = "acquire": OpRow::new(Who::Any, &[may("steal")]).weighing(100),

@@ -154,6 +154,18 @@ fn every_field_of_info_and_stats_is_there() {
 }
 
 #[test]
+fn every_field_and_flag_of_controllers_is_there() {
+    let mut told = BTreeSet::new();
+    keys(&serde_json::to_value(samples::controllers().controllers).unwrap(), &mut told);
+    let rows: BTreeSet<String> =
+        rows("### controllers").into_iter().map(|(name, _)| name.to_owned()).collect();
+    assert_eq!(rows, told, "docs/api.md, controllers");
+    assert!(section("### controllers").contains("`ok` holds `controllers`"));
+    let flags: Vec<&str> = named(row("### controllers", "flags")).into_iter().skip(1).collect();
+    assert_eq!(flags, ControllerFlag::ALL.map(ControllerFlag::as_str));
+}
+
+#[test]
 fn every_event_field_and_name_is_there() {
     for message in samples::events() {
         let ServerMessage::Event(event) = message else { panic!("event") };

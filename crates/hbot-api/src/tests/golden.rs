@@ -83,6 +83,7 @@ fn names_in_text_are_those_on_the_wire() {
     check::<OpName>();
     check::<EventName>();
     check::<Stop>();
+    check::<ControllerFlag>();
 }
 
 #[test]

@@ -75,6 +75,7 @@ fn op() -> impl Strategy<Value = Op> {
             Op::Info,
             Op::Unsubscribe,
             Op::Stats,
+            Op::Controllers,
             Op::Release,
             Op::Enable,
             Op::Disable,

@@ -25,6 +25,7 @@ pub(super) fn requests() -> Vec<Request> {
         request(3, Op::Subscribe { every: 10 }),
         request(4, Op::Unsubscribe),
         request(5, Op::Stats),
+        request(18, Op::Controllers),
         request(6, Op::Acquire { steal: false }),
         request(7, Op::Acquire { steal: true }),
         request(8, Op::Release),
@@ -78,6 +79,7 @@ pub(super) fn answers() -> Vec<ServerMessage> {
             },
         ),
         ok(3, SubscribeOk { every: 10 }),
+        ok(18, controllers()),
         ServerMessage::Response(Response::done(Some(6.into()))),
         ok(
             9,
@@ -94,6 +96,22 @@ pub(super) fn answers() -> Vec<ServerMessage> {
         refused(ErrorBody { holder: Some("other".into()), ..ErrorBody::new(ErrorCode::Busy, "held") }),
         refused(ErrorBody { angle: Some(0.75), ..ErrorBody::new(ErrorCode::OutOfRange, "too far") }),
     ]
+}
+
+/// Returns an answer to the op `controllers` with one controller that reports everything and one
+/// that reports nothing.
+pub(super) fn controllers() -> ControllersOk {
+    let reports = ControllerInfo {
+        joint: 0,
+        port: Some("/dev/ttyACM0".into()),
+        protocol: Some("moteus".into()),
+        id: Some(1),
+        firmware: Some("moteus 0x010f".into()),
+        current_a: Some(-0.125),
+        temperature_c: Some(31.5),
+        flags: vec!["overtemperature".into()],
+    };
+    ControllersOk { controllers: vec![reports, ControllerInfo { joint: 1, ..ControllerInfo::default() }] }
 }
 
 pub(super) fn state() -> StateEvent {

@@ -18,7 +18,9 @@ pub(crate) mod words;
 use std::time::{Duration, Instant};
 
 use glam::DQuat;
-use hbot_api::{FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, StateEvent, StatsOk};
+use hbot_api::{
+    ControllerInfo, FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, StateEvent, StatsOk,
+};
 
 pub(crate) use fit::{Fit, fit};
 pub(crate) use headline::{Headline, person};
@@ -83,6 +85,9 @@ pub(crate) struct Model {
     pub(crate) lateness: Histogram,
     pub(crate) info: InfoOk,
     pub(crate) stats: Option<StatsOk>,
+    /// What the motor controllers report about themselves, in the order of the joints. Empty if the
+    /// server has not said it.
+    pub(crate) controllers: Vec<ControllerInfo>,
     pub(crate) scene: Scene,
     /// The server's message about the fault or emergency stop that the rig is in. `None` otherwise.
     pub(crate) fault: Option<FaultEvent>,
@@ -115,6 +120,7 @@ impl Model {
             lateness: Histogram::default(),
             info: InfoOk::default(),
             stats: None,
+            controllers: Vec::new(),
             scene: Scene::default(),
             fault: None,
             messages: Messages::default(),
@@ -252,6 +258,7 @@ impl Model {
                 self.lease = Lease::Unknown;
                 self.state = None;
                 self.stats = None;
+                self.controllers.clear();
                 self.scene.forget_pending();
             }
             News::Info(info) => {
@@ -266,6 +273,7 @@ impl Model {
                 self.info = *info;
             }
             News::Stats(stats) => self.stats = Some(*stats),
+            News::Controllers(controllers) => self.controllers = controllers,
             News::Lease { lease, cause } => self.lease(lease, cause),
             News::Fault(fault) => self.fault(fault),
             News::Scene(scene) => self.scene_loaded(scene),

@@ -1,6 +1,6 @@
-//! Explanations of modes and faults in plain words, with remedies.
+//! Explanations of modes, faults and complaints of motor controllers in plain words, with remedies.
 
-use hbot_api::{Fault, Mode};
+use hbot_api::{ControllerFlag, Fault, Mode};
 
 /// Returns an explanation of a mode of the rig, for the person who uses it.
 pub(crate) const fn mode(mode: Mode) -> &'static str {
@@ -63,10 +63,32 @@ pub(crate) const fn fault(fault: Fault) -> (&'static str, &'static str) {
     }
 }
 
+/// Returns an explanation of what a motor controller complains of, for the person who uses the rig.
+pub(crate) const fn controller(flag: ControllerFlag) -> &'static str {
+    match flag {
+        ControllerFlag::Fault => "It reports a fault of its own.",
+        ControllerFlag::Watchdog => "Its watchdog has expired: no command arrived in time.",
+        ControllerFlag::Overcurrent => "The motor's current is at its limit or beyond it.",
+        ControllerFlag::Overtemperature => "The motor or the power stage is too hot.",
+        ControllerFlag::Disobeyed => {
+            "The motor is on although it was commanded off, or off although it was commanded on."
+        }
+        ControllerFlag::NotFinite => "It has reported a value that is not a number.",
+        ControllerFlag::Restarted => "It may have lost power, and with it the zero of its joint.",
+        ControllerFlag::Silent => "Nothing has arrived from it for 0.2 s.",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::collections::BTreeSet;
+
+    #[test]
+    fn every_complaint_of_a_controller_has_words_of_its_own() {
+        let words: BTreeSet<_> = ControllerFlag::ALL.iter().map(|flag| controller(*flag)).collect();
+        assert_eq!(words.len(), ControllerFlag::ALL.len());
+    }
 
     #[test]
     fn every_fault_has_words_of_its_own_and_a_way_out() {

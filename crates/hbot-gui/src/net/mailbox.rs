@@ -56,7 +56,7 @@ impl Mailbox {
             let queue = &mut waiting.0.news;
             // For values that are polled, only the newest is kept.
             let kind = std::mem::discriminant(&news);
-            if matches!(news, News::Info(_) | News::Stats(_) | News::Dropped(_)) {
+            if matches!(news, News::Info(_) | News::Stats(_) | News::Controllers(_) | News::Dropped(_)) {
                 queue.retain(|other| std::mem::discriminant(other) != kind);
             }
             if queue.len() == MAX_NEWS {

@@ -20,7 +20,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use hbot_api::{
-    DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, StatsOk, Token, Trust, client_name,
+    ControllerInfo, DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, StatsOk, Token, Trust,
+    client_name,
 };
 use serde_json::Value;
 
@@ -147,6 +148,8 @@ pub(crate) enum News {
     },
     Info(Box<InfoOk>),
     Stats(Box<StatsOk>),
+    /// What the motor controllers report about themselves, in the order of the joints.
+    Controllers(Vec<ControllerInfo>),
     Lease {
         lease: Lease,
         cause: Option<LeaseCause>,

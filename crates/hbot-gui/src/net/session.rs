@@ -15,6 +15,8 @@ const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LONGEST_PAUSE: Duration = Duration::from_secs(2);
 /// Time between two requests for the statistics of the control loop.
 const STATS_EVERY: Duration = Duration::from_secs(1);
+/// Time between two requests for what the motor controllers report about themselves.
+const CONTROLLERS_EVERY: Duration = Duration::from_secs(1);
 /// Time between two requests for `info`. They are repeated because no event reports the parameters
 /// that another client has changed.
 const INFO_EVERY: Duration = Duration::from_secs(2);
@@ -116,6 +118,8 @@ struct Session<'a> {
     lease: Lease,
     stats_due: Instant,
     info_due: Instant,
+    /// `None` if the server does not know the request, because it is older than this panel.
+    controllers_due: Option<Instant>,
 }
 
 impl<'a> Session<'a> {
@@ -127,7 +131,16 @@ impl<'a> Session<'a> {
     ) -> Self {
         let now = Instant::now();
         mailbox.post(News::Connected(client.hello().clone()));
-        Self { client, options, outgoing, mailbox, lease: Lease::Unknown, stats_due: now, info_due: now }
+        Self {
+            client,
+            options,
+            outgoing,
+            mailbox,
+            lease: Lease::Unknown,
+            stats_due: now,
+            info_due: now,
+            controllers_due: Some(now),
+        }
     }
 
     fn run(mut self) -> Over {
@@ -253,7 +266,8 @@ impl<'a> Session<'a> {
         self.client.subscribe(every).map(drop)
     }
 
-    /// Asks the server for `info` and for the statistics when their time has come.
+    /// Asks the server for `info`, for the statistics and for the motor controllers when their time
+    /// has come.
     fn poll(&mut self) -> Result<(), ClientError> {
         if Instant::now() >= self.info_due {
             let info = self.client.info();
@@ -277,6 +291,17 @@ impl<'a> Session<'a> {
             self.stats_due = Instant::now() + STATS_EVERY;
             match stats {
                 Ok(stats) => self.mailbox.post(News::Stats(Box::new(stats))),
+                Err(error) => survivable(error)?,
+            }
+        }
+        if self.controllers_due.is_some_and(|due| Instant::now() >= due) {
+            let controllers = self.client.controllers();
+            self.controllers_due = Some(Instant::now() + CONTROLLERS_EVERY);
+            match controllers {
+                Ok(controllers) => self.mailbox.post(News::Controllers(controllers)),
+                Err(ClientError::Server(error)) if error.code == ErrorCode::BadRequest => {
+                    self.controllers_due = None;
+                }
                 Err(error) => survivable(error)?,
             }
         }

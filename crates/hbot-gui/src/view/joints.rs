@@ -1,9 +1,11 @@
 //! The tab for the joints: angle, rate and torque of the steer and the drive of each wheel, with
-//! the torque as a share of what the motor can give.
+//! the torque as a share of what the motor can give, and what the motor controllers report about
+//! themselves.
 
 use eframe::egui::{Grid, RichText, Role, Sense, StrokeKind, Ui, WidgetInfo, vec2};
 use hbot_api::{JointInfo, JointState, WheelInfo};
 
+use super::controllers;
 use super::theme::{Palette, heading, weak};
 use crate::model::Model;
 
@@ -30,6 +32,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
         });
         for (joint, (name, limits)) in pair.iter().zip(motors(wheel)) {
             effort(ui, joint.torque, name, limits);
+        }
+        if let Some(pair) = model.controllers.chunks(2).nth(k) {
+            ui.scope(|ui| controllers::show(ui, pair));
         }
         ui.add_space(6.0);
     }

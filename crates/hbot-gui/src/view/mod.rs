@@ -4,6 +4,7 @@
 
 mod bar;
 mod camera;
+mod controllers;
 mod health;
 mod joints;
 mod parameter;

@@ -6,6 +6,7 @@ mod connection;
 mod controls;
 mod display;
 mod identity;
+mod joints;
 mod plots;
 mod scene;
 mod states;

@@ -78,7 +78,8 @@ pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> 
             (vec![bus], true)
         }
         config::Port::Devices(devices) => {
-            (attach::serial(rig, devices, &layout, Some(helper), false, &mut notices)?, false)
+            let met = attach::serial(rig, devices, &layout, Some(helper), false, &mut notices)?;
+            (met.into_iter().map(|(_, bus)| bus).collect(), false)
         }
     };
     let motors = Motors::new(buses, &layout, WATCHDOG_MS);

@@ -35,7 +35,7 @@ fn on(line: impl Line + 'static) -> Bench {
 
 fn on_rig(rig: &RigConfig, line: impl Line + 'static) -> Bench {
     let layout = Layout::single(0..rig.rig.device.joints());
-    let bus = attach::met(rig, &layout, Box::new(line)).unwrap();
+    let (_, bus) = attach::met(rig, &layout, Box::new(line)).unwrap();
     Bench::new(&rig.rig, Motors::new(vec![bus], &layout, WATCHDOG_MS), true)
 }
 

@@ -9,7 +9,7 @@ use hbot_link::{
 
 use super::{
     BusCommand, Expected, Found, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading,
-    Traffic, converse,
+    Telemetry, TelemetryLog, Traffic, converse,
 };
 use crate::line::Line;
 
@@ -29,7 +29,12 @@ impl Protocol for HbotLink {
     fn meet(&self, line: &mut dyn Line, expected: &Expected) -> Result<(), MeetError> {
         let description = describe(line, expected)?;
         match difference(expected, &description) {
-            None => Ok(()),
+            None => {
+                for at in 0..expected.joints() {
+                    expected.set_firmware(at, description.firmware.as_str().to_owned());
+                }
+                Ok(())
+            }
             Some(Difference::Version) => {
                 Err(MeetError::Version { theirs: description.protocol, ours: PROTOCOL_VERSION })
             }
@@ -59,6 +64,7 @@ impl Protocol for HbotLink {
             received: [0; 4096],
             frame: [0; MAX_COMMAND_FRAME],
             obedience: Obedience::default(),
+            telemetry: [JointLog::default(); MAX_JOINTS],
             answered: None,
             cut: false,
             stranger: false,
@@ -94,6 +100,7 @@ struct HbotBus {
     received: [u8; 4096],
     frame: [u8; MAX_COMMAND_FRAME],
     obedience: Obedience,
+    telemetry: [JointLog; MAX_JOINTS],
     /// The newest tick whose command has been answered.
     answered: Option<u32>,
     /// True if the line accepted only a part of the last frame, so that the next frame must be
@@ -122,7 +129,8 @@ impl MotorBus for HbotBus {
         // Reads at most 4 x 4096 bytes. The rest waits for the next tick.
         for _ in 0..4 {
             let n = self.line.read(now_ns, &mut self.received).unwrap_or(0);
-            let Self { decoder, expected, obedience, answered, stranger, undescribed, received, .. } = self;
+            let Self { decoder, expected, answered, stranger, undescribed, received, .. } = self;
+            let Self { obedience, telemetry, .. } = self;
             decoder.feed(&received[..n], |frame| match frame {
                 Ok(FromController::Feedback(feedback)) if feedback.joints.len() == expected.joints() => {
                     *undescribed |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
@@ -135,6 +143,10 @@ impl MotorBus for HbotBus {
                     } else if answered.is_none_or(|last| ahead(last) > 0) {
                         *answered = Some(feedback.sequence);
                         heard.reading = Some(reading(&feedback));
+                        let shared = shared_complaints(&feedback, obedience);
+                        for (log, joint) in telemetry.iter_mut().zip(&feedback.joints) {
+                            log.record(now_ns, joint, shared);
+                        }
                     }
                 }
                 Ok(FromController::Feedback(_)) => heard.foreign += 1,
@@ -172,8 +184,38 @@ impl MotorBus for HbotBus {
         whole & (!asks || self.write(now_ns, &ToController::Describe))
     }
 
+    fn telemetry(&self, now_ns: u64, at: usize) -> Telemetry {
+        let log = self.telemetry.get(at);
+        log.map_or_else(Telemetry::default, |joint| joint.log.at(now_ns, self.undescribed))
+    }
+
     fn release(&mut self) {
         self.line.release();
+    }
+}
+
+/// The telemetry of one joint. The link sends 0 for a current or a temperature that is not measured
+/// (docs/link.md), so 0 counts as a value only after the joint has reported another one.
+#[derive(Debug, Clone, Copy, Default)]
+struct JointLog {
+    log: TelemetryLog,
+    measures_current: bool,
+    measures_temperature: bool,
+}
+
+impl JointLog {
+    /// Records what the newest feedback says of the joint. `shared` are the complaints that concern
+    /// all joints.
+    fn record(&mut self, now_ns: u64, joint: &hbot_link::JointReading, shared: Complaints) {
+        self.log.hear(now_ns, shared.or(joint_complaints(joint)));
+        self.measures_current |= joint.current != 0.0;
+        self.measures_temperature |= joint.temperature != 0.0;
+        if self.measures_current {
+            self.log.current(now_ns, joint.current);
+        }
+        if self.measures_temperature {
+            self.log.temperature(now_ns, joint.temperature);
+        }
     }
 }
 
@@ -204,25 +246,33 @@ fn reading(feedback: &Feedback) -> Reading {
     Reading { answers: feedback.sequence, joints }
 }
 
-/// Returns the complaints in one message from the motor controllers. Motors that are on or off
-/// against the command are a complaint, too.
+/// Returns the complaints in one message from the motor controllers.
 fn complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
+    let shared = shared_complaints(feedback, obedience);
+    feedback.joints.iter().fold(shared, |all, joint| all.or(joint_complaints(joint)))
+}
+
+/// Returns the complaints in one message that concern all joints. Motors that are on or off against
+/// the command are a complaint, too.
+fn shared_complaints(feedback: &Feedback, obedience: &Obedience) -> Complaints {
     let on = feedback.flags.contains(ControllerFlags::ENABLED);
     let reasons = ControllerFlags::WATCHDOG_EXPIRED | ControllerFlags::FAULT | ControllerFlags::UNDESCRIBED;
-    let mut complaints = Complaints {
+    Complaints {
         fault: feedback.flags.contains(ControllerFlags::FAULT),
         watchdog: feedback.flags.contains(ControllerFlags::WATCHDOG_EXPIRED),
         disobeyed: obedience.is_broken(feedback.sequence, on, feedback.flags.intersects(reasons)),
         ..Complaints::default()
-    };
-    for joint in &feedback.joints {
-        complaints.overcurrent |=
-            joint.flags.contains(JointFlags::OVERCURRENT) || joint.current.abs() > TOO_STRONG;
-        complaints.overtemperature |=
-            joint.flags.contains(JointFlags::OVERTEMPERATURE) || joint.temperature > TOO_HOT;
-        complaints.not_finite |= !(joint.current.is_finite() && joint.temperature.is_finite());
     }
-    complaints
+}
+
+/// Returns the complaints in one message that concern only this joint.
+fn joint_complaints(joint: &hbot_link::JointReading) -> Complaints {
+    Complaints {
+        overcurrent: joint.flags.contains(JointFlags::OVERCURRENT) || joint.current.abs() > TOO_STRONG,
+        overtemperature: joint.flags.contains(JointFlags::OVERTEMPERATURE) || joint.temperature > TOO_HOT,
+        not_finite: !(joint.current.is_finite() && joint.temperature.is_finite()),
+        ..Complaints::default()
+    }
 }
 
 /// The property in which the controllers on a line differ from those in the rig file.
@@ -293,4 +343,24 @@ fn ask<T>(
         });
         found
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_current_or_a_temperature_of_0_counts_only_after_another_value() {
+        let mut log = JointLog::default();
+        let mut told = |current, temperature| {
+            let joint = hbot_link::JointReading { current, temperature, ..Default::default() };
+            log.record(0, &joint, Complaints::default());
+            let Telemetry { current, temperature, .. } = log.log.at(0, false);
+            (current, temperature)
+        };
+        assert_eq!(told(0.0, 0.0), (None, None));
+        assert_eq!(told(0.0, 21.5), (None, Some(21.5)));
+        assert_eq!(told(-0.5, 0.0), (Some(-0.5), Some(0.0)));
+        assert_eq!(told(0.0, 0.0), (Some(0.0), Some(0.0)));
+    }
 }

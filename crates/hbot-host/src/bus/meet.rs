@@ -2,8 +2,8 @@
 //! lost line has been reopened.
 
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::AtomicI64;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use hbot_core::{MAX_JOINTS, Rig};
@@ -97,6 +97,9 @@ pub struct Expected {
     period_ns: u64,
     /// Numbers that the driver stores about the controllers. All clones of this value share them.
     notes: Arc<[AtomicI64; NOTES]>,
+    /// Name and version of the firmware of each joint's controller, in the order of the bus. All
+    /// clones of this value share them.
+    firmware: Arc<Mutex<Vec<Option<String>>>>,
 }
 
 /// One joint on a line, as the rig file describes it.
@@ -134,8 +137,9 @@ impl Expected {
             }
         };
         let notes = Arc::new(std::array::from_fn(|_| AtomicI64::new(0)));
-        let joints = joints.into_iter().map(expected).collect();
-        Self { port: port.to_owned(), joints, period_ns: rig.timing.period_ns, notes }
+        let joints: Vec<_> = joints.into_iter().map(expected).collect();
+        let firmware = Arc::new(Mutex::new(vec![None; joints.len()]));
+        Self { port: port.to_owned(), joints, period_ns: rig.timing.period_ns, notes, firmware }
     }
 
     /// Returns the number of ticks that last `ms` milliseconds, rounded up. It is at least 1.
@@ -174,6 +178,24 @@ impl Expected {
     #[must_use]
     pub fn note(&self, at: usize) -> &AtomicI64 {
         &self.notes[at]
+    }
+
+    /// Stores the name and the version of the firmware of the controller at place `at` of the bus,
+    /// as text for people. [`meet`](super::Protocol::meet) calls it. All clones share the text, so
+    /// that a line which comes back with other firmware is described correctly. Locks a mutex, so
+    /// the loop must not call it.
+    pub fn set_firmware(&self, at: usize, name: String) {
+        let mut firmware = self.firmware.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(place) = firmware.get_mut(at) {
+            *place = Some(name);
+        }
+    }
+
+    /// Returns the name and the version of the firmware of the controller at place `at` of the bus,
+    /// or `None` if they are not known. Locks a mutex, so the loop must not call it.
+    #[must_use]
+    pub fn firmware(&self, at: usize) -> Option<String> {
+        self.firmware.lock().unwrap_or_else(PoisonError::into_inner).get(at)?.clone()
     }
 
     /// Returns a copy without the last joint, for tests of drivers.

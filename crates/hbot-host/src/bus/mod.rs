@@ -16,6 +16,7 @@ mod meet;
 pub mod moteus;
 mod obedience;
 pub mod odrive;
+mod telemetry;
 
 use std::fmt;
 
@@ -25,6 +26,7 @@ use hbot_core::inputs::Complaints;
 
 pub use self::meet::{Expected, ExpectedJoint, Found, MeetError, Remedy, converse, field};
 pub use self::obedience::Obedience;
+pub use self::telemetry::{Telemetry, TelemetryLog};
 use crate::line::Line;
 
 /// Everything that one bus has received since the previous call of [`MotorBus::receive`].
@@ -96,6 +98,13 @@ pub trait MotorBus: Send {
     /// short, the driver must make sure that its fragment does not corrupt the next one.
     fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool;
 
+    /// Returns what the controller of the joint at a place of the bus, from 0, last reported about
+    /// itself. The loop calls it after [`receive`](Self::receive), in the same tick. By default
+    /// nothing is known.
+    fn telemetry(&self, _now_ns: u64, _at: usize) -> Telemetry {
+        Telemetry::default()
+    }
+
     /// Informs the bus that its motors are off and that no command follows. This call can block.
     fn release(&mut self) {}
 }
@@ -103,8 +112,9 @@ pub trait MotorBus: Send {
 /// A protocol that motor controllers on a serial line use. These functions are called outside the
 /// control loop.
 pub trait Protocol: fmt::Debug + Send + Sync {
-    /// Checks that the controllers on a line answer and match the rig file. Their motors stay off.
-    /// This call can block.
+    /// Checks that the controllers on a line answer and match the rig file, and stores the names of
+    /// their firmware in `expected` ([`Expected::set_firmware`]). Their motors stay off. This call
+    /// can block.
     ///
     /// # Errors
     /// Fails if the controllers do not answer, or if they are not those of the rig.

@@ -47,6 +47,7 @@ impl Loop {
             timing: TickTiming::default(),
             counters: Counters::default(),
             answers: Default::default(),
+            telemetry: Default::default(),
         };
         (self.recorder)(&Ticked {
             scene: &self.scene,

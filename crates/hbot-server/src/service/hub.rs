@@ -41,6 +41,7 @@ use super::strangers::WrongTokens;
 use super::{Bounds, ServiceSetup, Status};
 use crate::tls::Encryption;
 use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
+use hbot_host::controllers::Controllers;
 use hbot_host::sample::Sample;
 
 /// The reason why a connection has ended.
@@ -74,6 +75,7 @@ pub(super) struct Hub {
     encryption: Option<Encryption>,
     /// The service's end of the bridge to the control loop.
     end: ServiceEnd,
+    controllers: Controllers,
     info: Info,
     stats: Stats,
     publisher: Publisher,
@@ -108,6 +110,7 @@ impl Hub {
             token,
             encryption,
             flight_dir,
+            controllers,
             accuracy,
             origin,
             time_waits,
@@ -124,6 +127,7 @@ impl Hub {
             token,
             encryption,
             end,
+            controllers,
             info: Info::new(&rig, &accuracy, simulated, Clock { origin, time_waits }),
             stats: Stats::new(notes.counts()),
             publisher: Publisher::new(Arc::clone(&changed), notes.clone()),

@@ -33,6 +33,7 @@
 mod bell;
 mod bucket;
 mod connection;
+mod controllers;
 pub(crate) mod convert;
 mod cost;
 mod desk;
@@ -74,6 +75,7 @@ use crate::recording::Notes;
 use crate::tls::Encryption;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::clock::Origin;
+use hbot_host::controllers::Controllers;
 use hbot_host::sample::Sample;
 
 /// A function that gives the simulated rig the phenomena of a scene.
@@ -94,6 +96,8 @@ pub struct ServiceSetup {
     pub encryption: Option<Encryption>,
     /// The folder for flight logs. With `None` no logs are written.
     pub flight_dir: Option<PathBuf>,
+    /// The motor controllers of the rig's joints, for the answer to `controllers`.
+    pub controllers: Controllers,
     /// Name of the preset of numerical methods in use, for the answer to `info`.
     pub accuracy: String,
     /// The time of tick 0 on the system's clocks.

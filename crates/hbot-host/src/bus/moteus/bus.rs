@@ -7,7 +7,7 @@ use moteus_protocol::query::QueryFormat;
 use super::codec::{self, Turn};
 use super::servo::{STEPS, Servo, complaints};
 use super::text::{self, BREAK, Inbox, LONGEST, Said};
-use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Obedience, Reading};
+use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Obedience, Reading, Telemetry};
 use crate::line::Line;
 
 /// Largest position of a servo whose motor is off, in steps: 100 turns. Beyond it the driver asks
@@ -20,6 +20,8 @@ const EVERY: u32 = 100;
 /// Largest age of an answer, in ticks. The driver cannot assign an older answer to a command, and
 /// counts it as foreign.
 const OLDEST: u32 = 1000;
+/// Half of the time between two queries for a current, ms. Each query asks one servo, in turn.
+const HALF_TURN_MS: u32 = 50;
 
 /// The bus of the moteus servos on one line. The control loop sends torques and receives readings
 /// through it.
@@ -35,6 +37,11 @@ pub(super) struct MoteusBus {
     format: PositionFormat,
     /// The query of the commands of even ticks, and of odd ticks.
     queries: [QueryFormat; 2],
+    /// The query for a servo's current.
+    current_query: QueryFormat,
+    /// Ticks between two queries for a current. The number is even, so that these queries take the
+    /// place of those of even ticks, and queries for the time since power-on stay as frequent.
+    current_every: u32,
     obedience: Obedience,
     /// The last command sent, or `None` before the first one.
     last: Option<Sent>,
@@ -62,6 +69,8 @@ impl MoteusBus {
             outbox: Vec::with_capacity(BREAK.len() + expected.joints() * LONGEST),
             format: codec::torque_format(),
             queries: [0, 1].map(|tick| codec::state_query(Turn::of(tick))),
+            current_query: codec::state_query(Turn::Current),
+            current_every: 2 * expected.ticks(HALF_TURN_MS),
             obedience: Obedience::default(),
             last: None,
             answered: None,
@@ -70,9 +79,10 @@ impl MoteusBus {
         }
     }
 
-    /// Handles the content of one line of text from a servo or the adapter. Stores the state that a
-    /// servo's answer contains. Counts damaged and foreign frames in `heard`.
-    fn take(&mut self, said: Said, heard: &mut Heard) {
+    /// Handles the content of one line of text from a servo or the adapter. It arrived at `now_ns`.
+    /// Stores the state that a servo's answer contains. Counts damaged and foreign frames in
+    /// `heard`.
+    fn take(&mut self, now_ns: u64, said: Said, heard: &mut Heard) {
         let frame = match said {
             Said::Taken => return,
             // The adapter or servo refused a command, so the command was damaged on its way.
@@ -98,14 +108,24 @@ impl MoteusBus {
             heard.foreign += 1;
             return;
         };
-        heard.complaints = heard.complaints.or(complaints(&state, servo, answers, &self.obedience));
+        let complaints = complaints(&state, servo, answers, &self.obedience);
+        heard.complaints = heard.complaints.or(complaints);
         let newer = servo.answered.is_none_or(|last| answers.wrapping_sub(last) as i32 > 0);
         // The time of the last command stands in for the time of the command that was answered. A
         // late answer makes the servo seem to have got power later, by its delay, which `SLACK_MS`
         // tolerates.
-        if newer && servo.take(&state, answers, (sent.now_ns / 1_000_000) as i64).is_none() {
-            heard.damaged = heard.damaged.saturating_add(1);
+        if newer {
+            match servo.take(&state, answers, (sent.now_ns / 1_000_000) as i64) {
+                Some(()) => servo.log(now_ns, &state, complaints),
+                None => heard.damaged = heard.damaged.saturating_add(1),
+            }
         }
+    }
+
+    /// Returns the index of the servo whose current the command of tick `tick` asks for, if any.
+    pub(super) fn asked_for_current(&self, tick: u32) -> Option<usize> {
+        let turn = (tick / self.current_every) as usize;
+        tick.is_multiple_of(self.current_every).then(|| turn.checked_rem(self.servos.len())).flatten()
     }
 
     /// Returns the newest states of all servos as one reading, which is as old as the oldest of
@@ -149,7 +169,7 @@ impl MotorBus for MoteusBus {
             let n = self.line.read(now_ns, &mut self.received).unwrap_or(0);
             for at in 0..n {
                 if let Some((said, _)) = self.inbox.take(self.received[at]) {
-                    self.take(said, &mut heard);
+                    self.take(now_ns, said, &mut heard);
                 }
             }
             if n < self.received.len() {
@@ -170,7 +190,8 @@ impl MotorBus for MoteusBus {
         if self.cut {
             self.outbox.extend_from_slice(BREAK);
         }
-        for (servo, torque) in self.servos.iter_mut().zip(&command.torque) {
+        let asked = self.asked_for_current(tick);
+        for (at, (servo, torque)) in self.servos.iter_mut().zip(&command.torque).enumerate() {
             let mut frame = if enable {
                 let torque = (torque / servo.gear) as f32;
                 codec::torque_frame(servo.id, torque, servo.most, watchdog, &self.format)
@@ -181,13 +202,19 @@ impl MotorBus for MoteusBus {
                 servo.rezeroing = true;
                 codec::write_nearest_zero(&mut frame);
             }
-            self.queries[tick as usize % 2].serialize(&mut frame);
+            let query =
+                if asked == Some(at) { &self.current_query } else { &self.queries[tick as usize % 2] };
+            query.serialize(&mut frame);
             text::push(&mut self.outbox, &frame, dialect);
         }
         let wrote = self.line.write(now_ns, &self.outbox);
         let whole = wrote.is_ok_and(|written| written == self.outbox.len());
         self.cut = !whole;
         whole
+    }
+
+    fn telemetry(&self, now_ns: u64, at: usize) -> Telemetry {
+        self.servos.get(at).map_or_else(Telemetry::default, |servo| servo.telemetry(now_ns))
     }
 
     fn release(&mut self) {

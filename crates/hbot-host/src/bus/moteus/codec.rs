@@ -60,18 +60,22 @@ pub(super) fn torque_format() -> PositionFormat {
     format
 }
 
-/// The registers that the query of every other command contains. With all of them, an answer would
-/// have 36 bytes of data and be sent as 48, because CAN-FD has no length between 32 and 48.
+/// The registers that take turns in the queries. With all of them, an answer would have more than
+/// 36 bytes of data and be sent as 48, because CAN-FD has no length between 32 and 48.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Turn {
     /// The home state and the temperature.
     Home,
     /// The time since power-on.
     Uptime,
+    /// The motor current, to show it to people. It takes the place of [`Turn::Home`] in the command
+    /// to one servo from time to time.
+    Current,
 }
 
 impl Turn {
-    /// Returns which registers the query in the command of tick `tick` contains.
+    /// Returns which registers the query in the command of tick `tick` contains, if it does not ask
+    /// for the current.
     #[must_use]
     pub(super) fn of(tick: u32) -> Self {
         if tick.is_multiple_of(2) { Self::Home } else { Self::Uptime }
@@ -92,6 +96,10 @@ pub(super) fn state_query(turn: Turn) -> QueryFormat {
     query.add_extra(WATCHDOG, Resolution::Float);
     match turn {
         Turn::Home => query.home_state = Resolution::Int8,
+        Turn::Current => {
+            query.temperature = Resolution::Ignore;
+            query.q_current = Resolution::Int32;
+        }
         Turn::Uptime => {
             query.temperature = Resolution::Ignore;
             query.add_extra(UPTIME, Resolution::Int32);
@@ -169,6 +177,9 @@ pub(super) struct State {
     /// Torque at the output shaft that the servo computes from its motor current, in steps of 0.001
     /// N m. `i32::MIN` means that the servo has no valid torque.
     pub(super) torque: Option<i32>,
+    /// Motor current that makes torque (q current), in steps of 0.001 A. `i32::MIN` means that the
+    /// servo has no valid current.
+    pub(super) current: Option<i32>,
     pub(super) home: Option<i8>,
     /// Supply voltage in steps of 0.5 V.
     pub(super) voltage: Option<i8>,
@@ -242,6 +253,7 @@ fn take(state: &mut State, register: u16, kind: u8, rest: &mut Rest<'_>) -> Opti
         _ if is(Register::Position) => state.position = word,
         _ if is(Register::Velocity) => state.velocity = word,
         _ if is(Register::Torque) => state.torque = word,
+        _ if is(Register::QCurrent) => state.current = word,
         _ if is(Register::HomeState) => state.home = byte,
         _ if is(Register::Voltage) => state.voltage = byte,
         _ if is(Register::Temperature) => state.temperature = byte,

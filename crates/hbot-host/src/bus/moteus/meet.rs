@@ -69,6 +69,10 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
     }
     for (at, id) in ids.iter().enumerate() {
         echoes(&mut talk, *id, at)?;
+        // All ids have been found: `crowd` has checked it.
+        if let Some(it) = found.iter().find(|it| it.id == *id) {
+            expected.set_firmware(at, format!("moteus {}", it.firmware));
+        }
     }
     Ok(())
 }

@@ -6,13 +6,15 @@ use std::f64::consts::TAU;
 use hbot_core::inputs::Complaints;
 
 use super::codec::State;
-use crate::bus::{ExpectedJoint, JointReading, Obedience};
+use crate::bus::{ExpectedJoint, JointReading, Obedience, Telemetry, TelemetryLog};
 
 /// A servo reports positions in steps of 1e-5 turns and velocities in steps of 1e-5 turns per
 /// second. This is the number of steps in one turn.
 pub(super) const STEPS: i64 = 100_000;
 /// A servo reports torques in steps of 0.001 N m. This is the number of steps in 1 N m.
 const TORQUE_STEPS: f32 = 1000.0;
+/// A servo reports currents in steps of 0.001 A. This is the size of a step, A.
+const CURRENT_STEP: f32 = 0.001;
 /// A torque that a servo reports counts as too large if it exceeds the largest torque of its
 /// commands by more than this, N m. The reported torque comes from the measured current, whose
 /// noise must not cause a fault. With a motor of 0.1 N m/A, this is 5 A, far more than the noise.
@@ -70,6 +72,8 @@ pub(super) struct Servo {
     /// The servo's zero counts as lost until the servo has reported its motor off in this many more
     /// answers. It is 0 while the zero is valid.
     pub(super) lost: u32,
+    /// Current, temperature and complaints, to show them to people.
+    log: TelemetryLog,
 }
 
 impl Servo {
@@ -92,6 +96,7 @@ impl Servo {
             home: 0,
             temperature: 0,
             lost: 0,
+            log: TelemetryLog::default(),
         }
     }
 
@@ -105,7 +110,8 @@ impl Servo {
         // `complaints` judges the torque.
         state.torque?;
         // Each answer has the registers of one turn, see `Turn`.
-        if powered_ms.is_none() && (state.home.is_none() || state.temperature.is_none()) {
+        let at_home = state.home.is_some() && state.temperature.is_some();
+        if powered_ms.is_none() && !at_home && state.current.is_none() {
             return None;
         }
         self.temperature = state.temperature.unwrap_or(self.temperature);
@@ -120,6 +126,25 @@ impl Servo {
             self.reading.rate = f64::from(velocity) / STEPS as f64 * TAU / self.gear;
         }
         Some(())
+    }
+
+    /// Records the current, the temperature and the complaints of an answer that arrived at
+    /// `now_ns`.
+    pub(super) fn log(&mut self, now_ns: u64, state: &State, complaints: Complaints) {
+        self.log.hear(now_ns, complaints);
+        if let Some(steps) = state.current {
+            let current = if steps == i32::MIN { f32::NAN } else { steps as f32 * CURRENT_STEP };
+            self.log.current(now_ns, current);
+        }
+        if let Some(degrees) = state.temperature {
+            let temperature = if degrees == i8::MIN { f32::NAN } else { f32::from(degrees) };
+            self.log.temperature(now_ns, temperature);
+        }
+    }
+
+    /// Returns what the servo last reported about itself.
+    pub(super) fn telemetry(&self, now_ns: u64) -> Telemetry {
+        self.log.at(now_ns, self.lost > 0)
     }
 
     /// Checks whether the servo has restarted and so has lost its zero. It has if it got power

@@ -12,6 +12,7 @@ use hbot_core::inputs::Complaints;
 
 use super::message::{Message, error, state};
 use super::order::{Order, Times};
+use crate::bus::{Telemetry, TelemetryLog};
 
 /// Encoder counts per turn that the driver reports. Equals `counts_per_turn` of this protocol in
 /// hbot-config.
@@ -105,6 +106,8 @@ pub(super) struct Axis {
     broken: bool,
     /// Complaints from the last measured current and temperatures.
     measured: Complaints,
+    /// Current, temperature and complaints, to show them to people.
+    log: TelemetryLog,
 }
 
 impl Axis {
@@ -131,6 +134,7 @@ impl Axis {
             cleared: None,
             broken: false,
             measured: Complaints::default(),
+            log: TelemetryLog::default(),
         }
     }
 
@@ -171,12 +175,22 @@ impl Axis {
                 let current = measured.abs().max(setpoint.abs());
                 self.measured.not_finite = !(measured.is_finite() && setpoint.is_finite());
                 self.measured.overcurrent = current > TOO_STRONG;
+                self.log.current(now_ns, measured);
             }
             Message::Temperature { inverter, motor } => {
                 self.measured.overtemperature = inverter > TOO_HOT || motor > TOO_HOT;
+                // The larger of the two that are numbers: a motor without a sensor reports none.
+                self.log.temperature(now_ns, inverter.max(motor));
             }
             Message::Version { .. } | Message::Errors { .. } | Message::Supply { .. } => {}
         }
+        let complaints = self.complaints(tick, order);
+        self.log.hear(now_ns, complaints);
+    }
+
+    /// Returns what the axis last reported about itself.
+    pub(super) fn telemetry(&self, now_ns: u64) -> Telemetry {
+        self.log.at(now_ns, self.is_lost())
     }
 
     /// Updates the state with a position and a velocity, in turns and turns per second, and checks

@@ -7,7 +7,7 @@ use super::axis::Axis;
 use super::message::{Command, Question, decode};
 use super::order::{Order, Times};
 use super::slcan::{Decoder, Word};
-use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Reading};
+use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Reading, Telemetry};
 use crate::line::Line;
 
 /// The values that the driver asks each axis for, in turn.
@@ -154,6 +154,10 @@ impl MotorBus for OdriveBus {
         let taken = self.line.write(now_ns, &self.outbox);
         self.cut = !taken.is_ok_and(|written| written == self.outbox.len());
         !self.cut
+    }
+
+    fn telemetry(&self, now_ns: u64, at: usize) -> Telemetry {
+        self.axes.get(at).map_or_else(Telemetry::default, |axis| axis.telemetry(now_ns))
     }
 
     fn release(&mut self) {

@@ -66,6 +66,11 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
             return Err(said(*id, remedy));
         }
     }
+    for (at, id) in ids.iter().enumerate() {
+        if let Some([major, minor, revision]) = talk.of(*id).firmware {
+            expected.set_firmware(at, format!("ODrive {major}.{minor}.{revision}"));
+        }
+    }
     let refused = match watchdogs(&mut talk, &ids)? {
         None => marks(&mut talk, expected)?,
         refused => refused,

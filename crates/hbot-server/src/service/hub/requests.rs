@@ -8,7 +8,7 @@ use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
 use serde_json::Value;
 
-use super::super::convert;
+use super::super::{controllers, convert};
 use super::Hub;
 use hbot_host::bridge::CONFIRMED;
 
@@ -93,6 +93,7 @@ impl Hub {
             Op::Hello(_) => {}
             Op::Info => self.tell_info(session, id),
             Op::Stats => self.tell_stats(session, id),
+            Op::Controllers => self.tell_controllers(session, id),
             Op::Subscribe { every } => {
                 self.publisher.subscribe(session, every);
                 self.answer(session, id, SubscribeOk { every });
@@ -151,6 +152,13 @@ impl Hub {
     fn tell_stats(&mut self, session: u64, id: Option<Id>) {
         let summary = self.summary();
         self.answer(session, id, summary);
+    }
+
+    #[inline(never)]
+    fn tell_controllers(&mut self, session: u64, id: Option<Id>) {
+        self.drain();
+        let answer = controllers::answer(&self.rig.rig, &self.controllers, self.latest.as_ref());
+        self.answer(session, id, answer);
     }
 
     /// Stops the rig for an `estop` request that was not recognized in the incoming bytes.

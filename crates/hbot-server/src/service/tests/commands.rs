@@ -125,6 +125,7 @@ fn request(op: OpName) -> Op {
         OpName::Subscribe => Op::Subscribe { every: 100 },
         OpName::Unsubscribe => Op::Unsubscribe,
         OpName::Stats => Op::Stats,
+        OpName::Controllers => Op::Controllers,
         OpName::Acquire => Op::Acquire { steal: false },
         OpName::Release => Op::Release,
         OpName::LoadScene => scene(json!({})),

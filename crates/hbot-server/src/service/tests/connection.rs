@@ -29,6 +29,7 @@ pub(super) fn still() -> (LoopEnd, Desk) {
         token: None,
         encryption: None,
         flight_dir: None,
+        controllers: Default::default(),
         accuracy: "test".to_owned(),
         origin: Origin::at(0),
         time_waits: false,

@@ -24,6 +24,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Mode, Op};
+use hbot_config::rig::Protocol;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
 use hbot_sim::rig::SimulatedRig;
@@ -39,6 +40,7 @@ use hbot_host::bridge::{EmergencyStop, bridge};
 use hbot_host::bus::hbot::HbotLink;
 use hbot_host::bus::{Expected, Protocol as _};
 use hbot_host::clock::Origin;
+use hbot_host::controllers::Controllers;
 use hbot_host::engine::Engine;
 use hbot_host::layout::Layout;
 use hbot_host::line::{Line, Memory, SimulatorCall};
@@ -150,6 +152,7 @@ impl TestService {
                 let layout = Layout::single(rig.controllers.clone());
                 let expected = Expected::new("sim", &rig.rig, &layout, 0);
                 HbotLink.meet(&mut line, &expected).unwrap();
+                let controllers = Controllers::new(Protocol::Hbot, vec![expected.clone()]);
                 let bus = HbotLink.bus(Box::new(Breathing(line, breath)), expected);
                 let motors = Motors::new(vec![bus], &layout, rig.link.watchdog_ms);
                 let engine = Engine::new(motors, Controller::new(rig.rig), compiled, loop_end, None)
@@ -169,6 +172,7 @@ impl TestService {
                     token,
                     encryption,
                     flight_dir,
+                    controllers,
                     origin: ORIGIN,
                     time_waits: false,
                     notes: crate::recording::Notes::default(),

@@ -1,5 +1,5 @@
-//! Tests of the form of `info` and `stats` on the wire: names, their order, and which numbers are
-//! integers.
+//! Tests of the form of `info`, `stats` and `controllers` on the wire: names, their order, and
+//! which numbers are integers.
 
 use super::*;
 
@@ -95,4 +95,20 @@ fn stats_keeps_its_names_their_order_and_types() {
         }}"
     ));
     assert_eq!(ask(&bench, "stats"), stats);
+}
+
+#[test]
+fn controllers_keeps_its_names_their_order_and_types() {
+    let bench = bench();
+    bench.wait_for(Mode::Idle);
+    // The simulated controllers report a current only after they have driven a motor.
+    let controllers = said(
+        "{
+            controllers: [{
+                joint: whole, port: text, protocol: text, id: null, firmware: text, current_a: null, temperature_c: real,
+                flags: []
+            }]
+        }",
+    );
+    assert_eq!(ask(&bench, "controllers"), controllers);
 }

@@ -2,16 +2,22 @@
 
 use std::sync::mpsc::channel;
 
+use hbot_config::RigConfig;
 use hbot_core::inputs::Complaints;
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::Motor;
 use hbot_sim::plant::PlantState;
 
+use super::super::Moteus;
+use super::super::bus::MoteusBus;
 use super::super::codec::{self, State, Turn};
 use super::super::servo::{Servo, complaints};
 use super::super::text::{self, Dialect, Said};
-use super::{Bench, said};
-use crate::bus::{ExpectedJoint, Obedience};
+use super::{Bench, rig_and_line, said};
+use crate::attach::simulated_rig;
+use crate::bus::{Expected, ExpectedJoint, Obedience, Protocol as _, Telemetry};
+use crate::layout::Layout;
+use crate::line::Memory;
 
 #[test]
 fn one_servo_that_is_mute_is_a_lost_link() {
@@ -178,4 +184,79 @@ fn a_temperature_counts_until_the_next_one_is_reported() {
     let neither = State { home: Some(1), ..seen };
     assert_eq!(servo.take(&neither, 5, 1005), None, "the registers of no turn");
     assert_eq!(servo.take(&State { torque: None, ..uptime }, 5, 1005), None, "no torque");
+}
+
+#[test]
+fn the_firmware_of_each_servo_is_known_after_bring_up() {
+    let (rig, mut line, _calls) = rig_and_line();
+    let expected = Expected::new("sim", &rig.rig, &Layout::of(&rig), 0);
+    Moteus.meet(&mut line, &expected).expect("they are the rig's");
+    let names: Vec<_> = (0..5).map(|at| expected.firmware(at)).collect();
+    let name = Some("moteus 0x010f, register map 5".to_owned());
+    assert_eq!(names, [name.clone(), name.clone(), name.clone(), name, None]);
+}
+
+impl Bench {
+    fn telemetry(&self, at: usize) -> Telemetry {
+        self.bus.telemetry(u64::from(self.tick - 1) * 1_000_000, at)
+    }
+}
+
+/// The bench commands torques of 0.01, -0.01, 0.02 and 0.005 N m. The simulated servos have 0.1 N
+/// m/A, and the second and the fourth have a gear of 17.
+#[test]
+fn current_and_temperature_of_each_servo_are_reported_and_no_reading_is_missing_for_it() {
+    let mut bench = Bench::new();
+    bench.ticks(50, true);
+    assert_eq!(bench.telemetry(3).current, None, "it has not been asked yet");
+    assert_eq!(bench.ticks(450, true), (Complaints::default(), 450, false));
+    let currents: Vec<f32> = (0..4).map(|at| bench.telemetry(at).current.expect("reported")).collect();
+    for (current, torque) in currents.iter().zip([0.01, -0.01 / 17.0, 0.02, 0.005 / 17.0]) {
+        // A current has steps of 0.001 A and is rounded towards zero.
+        assert!((current - torque / 0.1).abs() <= 0.001, "{currents:?}");
+    }
+    assert!(currents[0] > 0.09 && currents[1] < -0.004, "{currents:?}");
+    let temperatures: Vec<_> = (0..5).map(|at| bench.telemetry(at).temperature).collect();
+    assert_eq!(temperatures, [Some(25.0), Some(25.0), Some(25.0), Some(25.0), None]);
+    bench.ticks(500, false);
+    let currents: Vec<_> = (0..4).map(|at| bench.telemetry(at).current).collect();
+    assert_eq!(currents, [Some(0.0); 4], "the motors are off");
+}
+
+#[test]
+fn complaints_and_silence_are_those_of_one_servo() {
+    let mut bench = Bench::new();
+    bench.ticks(500, true);
+    bench.post(|rig| rig.inject(InjectedFault::Hot { joint: 1, on: true }));
+    bench.post(|rig| rig.inject(InjectedFault::DeafOne { joint: 2, on: true }));
+    bench.post(|rig| rig.inject(InjectedFault::RebootOne(3)));
+    bench.ticks(250, true);
+    let quiet =
+        Telemetry { current: bench.telemetry(0).current, temperature: Some(25.0), ..Telemetry::default() };
+    assert!(quiet.current.is_some() && bench.telemetry(0) == quiet, "{:?}", bench.telemetry(0));
+    let hot = bench.telemetry(1);
+    assert!(hot.complaints.overtemperature && hot.temperature == Some(80.0), "{hot:?}");
+    assert_eq!(bench.telemetry(2), Telemetry { silent: true, ..Telemetry::default() });
+    assert!(bench.telemetry(3).restarted && !hot.restarted);
+}
+
+/// At rates whose period is not a whole number of ms, the queries for a current still take the
+/// place of those of even ticks: the time since power-on shows a restart.
+#[test]
+fn the_time_since_power_on_is_asked_for_in_every_odd_tick_at_each_rate() {
+    for rate_hz in [1000, 500, 333, 250, 100] {
+        let text = include_str!("../../../../../../rigs/prototype-moteus.toml");
+        let text = text.replacen("rate_hz = 1000", &format!("rate_hz = {rate_hz}"), 1);
+        let rig = RigConfig::from_toml(&text, "x.toml").expect("legal");
+        let expected = Expected::new("test", &rig.rig, &Layout::of(&rig), 0);
+        let line = Memory::new(simulated_rig(&rig, Default::default()).expect("legal"), channel().1);
+        let bus = MoteusBus::new(Box::new(line), expected);
+        let asked: Vec<(u32, usize)> =
+            (0..2 * rate_hz).filter_map(|tick| Some((tick, bus.asked_for_current(tick)?))).collect();
+        assert!(asked.iter().all(|(tick, _)| tick % 2 == 0), "{rate_hz} Hz: {asked:?}");
+        let servos: Vec<usize> = asked.iter().map(|(_, servo)| *servo).take(8).collect();
+        assert_eq!(servos, [0, 1, 2, 3, 0, 1, 2, 3], "{rate_hz} Hz");
+        let apart_ms = (asked[1].0 - asked[0].0) * 1000 / rate_hz;
+        assert!((100..=120).contains(&apart_ms), "{rate_hz} Hz: {apart_ms} ms apart");
+    }
 }

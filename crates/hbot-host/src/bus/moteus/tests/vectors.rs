@@ -32,7 +32,12 @@ fn lines(frame: &moteus_protocol::CanFdFrame) -> [String; 2] {
 
 /// Returns the query that a vector's command contains.
 fn turn(vector: &Value) -> Turn {
-    if vector["uptime"] == true { Turn::Uptime } else { Turn::Home }
+    match vector["turn"].as_str().expect("a turn") {
+        "home" => Turn::Home,
+        "uptime" => Turn::Uptime,
+        "current" => Turn::Current,
+        other => panic!("{other}"),
+    }
 }
 
 #[test]
@@ -75,10 +80,11 @@ fn answers_say_what_the_vendor_s_decoder_reads() {
         let raw = |register: &str| vector["registers"][register].as_i64();
         let bytes = [state.mode, state.home, state.temperature, state.fault].map(|it| it.map(i64::from));
         assert_eq!(bytes, ["0x000", "0x00c", "0x00e", "0x00f"].map(raw), "{line}");
-        let words =
-            [state.position, state.velocity, state.torque, state.uptime_ms, state.model, state.register_map];
+        let words = [state.position, state.velocity, state.torque, state.current];
         let words = words.map(|it| it.map(i64::from));
-        assert_eq!(words, ["0x001", "0x002", "0x003", "0x070", "0x100", "0x102"].map(raw), "{line}");
+        assert_eq!(words, ["0x001", "0x002", "0x003", "0x004"].map(raw), "{line}");
+        let words = [state.uptime_ms, state.model, state.register_map].map(|it| it.map(i64::from));
+        assert_eq!(words, ["0x070", "0x100", "0x102"].map(raw), "{line}");
         assert_eq!(state.watchdog.map(|time| i64::from(time.to_bits())), raw("0x027"));
         // Positions are in steps of 1e-5 turns, and the lowest integer means that there is no
         // value.

@@ -1,0 +1,55 @@
+//! Which motor controllers move the joints of a rig: their ports, protocols, ids and firmware.
+
+use hbot_config::rig::Protocol;
+
+use crate::bus::Expected;
+
+/// The motor controllers of all joints of a rig. The names of their firmware are those that were
+/// found when each line was opened last.
+#[derive(Debug, Clone, Default)]
+pub struct Controllers {
+    /// The protocol of all lines. `None` if the motor buses were given by the program.
+    protocol: Option<Protocol>,
+    /// The controllers on each line.
+    lines: Vec<Expected>,
+}
+
+/// The motor controller of one joint. A value is `None` if it is not known.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct JointController {
+    /// Name of the port that leads to the controller.
+    pub port: Option<String>,
+    /// Protocol of the controller.
+    pub protocol: Option<Protocol>,
+    /// Id of the controller on its line. Also `None` if the protocol has no ids.
+    pub id: Option<u8>,
+    /// Name and version of the controller's firmware.
+    pub firmware: Option<String>,
+}
+
+impl Controllers {
+    /// Creates the list of the controllers on `lines`, which all use `protocol`.
+    #[must_use]
+    pub fn new(protocol: Protocol, lines: Vec<Expected>) -> Self {
+        Self { protocol: Some(protocol), lines }
+    }
+
+    /// Returns what is known of the controller of a joint. `joint` is its number in the rig, from
+    /// 0.
+    #[must_use]
+    pub fn of(&self, joint: usize) -> JointController {
+        let place = |line: &Expected| {
+            let at = (0..line.joints()).find(|at| line.joint(*at).is_some_and(|it| it.number == joint))?;
+            Some(JointController {
+                port: Some(line.port().to_owned()),
+                protocol: self.protocol,
+                id: line
+                    .joint(at)
+                    .filter(|_| self.protocol.is_some_and(|it| it.ids().is_some()))
+                    .map(|it| it.id),
+                firmware: line.firmware(at),
+            })
+        };
+        self.lines.iter().find_map(place).unwrap_or_default()
+    }
+}
