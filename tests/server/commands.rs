@@ -134,6 +134,22 @@ fn a_scene_that_is_loaded_and_a_scene_that_runs_say_what_they_feel_like() {
     run(&server, &["info"]).success().stdout(contains(words("clay")).and(contains(words("compass")).not()));
 }
 
+/// A line that loses every frame makes the fault by itself, so the advice is about the scene.
+#[test]
+fn a_scene_whose_line_loses_every_frame_is_named_by_the_fault_that_it_causes() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&["--time", "virtual"], state.path());
+    let mut client = JsonLines::greeted(&server.address);
+    let scene = state.path().join("lossy.toml");
+    std::fs::write(&scene, "[simulate]\nlink = { loss = 1.0 }\n").expect("written");
+    run(&server, &["scene", "load", scene.to_str().expect("UTF-8")]).success();
+    let fault = client.until(|line| line["event"] == "fault");
+    let said = fault["message"].as_str().expect("a text");
+    assert_eq!(fault["fault"], "link_lost", "{said}");
+    assert!(said.contains("[simulate.link] loses frames (loss = 1)"), "{said}");
+    assert!(said.contains("load the scene with a smaller `loss`"), "{said}");
+}
+
 /// In virtual time, a second of the run takes far less than a second of the clock.
 #[test]
 fn a_recording_lasts_as_long_as_the_clock_says_and_overwrites_nothing() {

@@ -65,9 +65,9 @@ fn delays_and_losses(line: &Link) -> Option<(String, &'static str)> {
     Some((format!("the scene's table [simulate.link] {does}"), instead))
 }
 
-/// Returns the message that explains a fault of a real rig to clients: the observed value, the limit
-/// that it exceeded, and the remedy. `skipped` is the number of ticks that were skipped just before
-/// the sample.
+/// Returns the message that explains a fault of a real rig to clients: the observed value, the
+/// limit that it exceeded, and the remedy. `skipped` is the number of ticks that were skipped just
+/// before the sample.
 pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
     let state = &sample.state;
     match cause {
