@@ -1,8 +1,9 @@
 //! Computes the orientation of the sphere from joint angles. It is integrated, because the
 //! mechanism is non-holonomic (physics notes, section 4).
 
-use crate::device::{Device, MAX_JOINTS, MAX_WHEELS};
-use crate::kinematics::{ContactFrame, forward};
+use crate::count::{Any, Count};
+use crate::device::{Device, MAX_JOINTS};
+use crate::kinematics::{ContactFrame, forward_at};
 use crate::path::Path;
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::OdometryMethod;
@@ -26,12 +27,25 @@ const ROOT3_12: Real = 0.144_337_567_297_406_44;
 #[inline]
 #[must_use]
 pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]) -> Vec3 {
+    turn_of(Any::of(device), device, method, th, delta)
+}
+
+/// Implements [`turn`] for a device with `count` wheels.
+#[inline]
+pub(crate) fn turn_of<C: Count>(
+    count: C,
+    device: &Device,
+    method: OdometryMethod,
+    th: &[Real],
+    delta: &[Real],
+) -> Vec3 {
+    let turn_at = |part| turn_at(count, device, th, delta, part);
     match method {
-        OdometryMethod::Euler => turn_at(device, th, delta, 0.0),
-        OdometryMethod::Midpoint => turn_at(device, th, delta, 0.5),
+        OdometryMethod::Euler => turn_at(0.0),
+        OdometryMethod::Midpoint => turn_at(0.5),
         OdometryMethod::Magnus4 => {
-            let first = turn_at(device, th, delta, 0.5 - ROOT3_6);
-            let second = turn_at(device, th, delta, 0.5 + ROOT3_6);
+            let first = turn_at(0.5 - ROOT3_6);
+            let second = turn_at(0.5 + ROOT3_6);
             magnus(first, second)
         }
     }
@@ -61,17 +75,6 @@ fn magnus(first: Vec3, second: Vec3) -> Vec3 {
     (first + second) * 0.5 - first.cross(second) * ROOT3_12
 }
 
-/// Returns the contact frames of all wheels at the point `s` (0 to 1) of `path`. The path begins at
-/// the steer angles `th` (rad).
-#[inline]
-fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactFrame; MAX_WHEELS] {
-    let mut frames = [ContactFrame::default(); MAX_WHEELS];
-    for (i, wheel) in device.wheels().iter().enumerate() {
-        frames[i] = ContactFrame::at(wheel, th[i] + path.turned(2 * i, s));
-    }
-    frames
-}
-
 /// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the joints move
 /// along `path`. The joints begin at the steer angles `th` (one per wheel, rad).
 ///
@@ -85,30 +88,36 @@ fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactF
 #[must_use]
 pub fn turn_along(device: &Device, method: OdometryMethod, th: &[Real], path: &Path) -> Vec3 {
     match method {
-        OdometryMethod::Euler => turn_at(device, th, path.delta(), 0.0),
-        OdometryMethod::Midpoint => {
-            forward(device, &frames_along(device, th, path, 0.5)[..device.wheels().len()], path.delta())
-        }
+        OdometryMethod::Euler => turn_at(Any::of(device), device, th, path.delta(), 0.0),
+        OdometryMethod::Midpoint => forward_along(device, th, path, 0.5, path.delta()),
         OdometryMethod::Magnus4 => {
             let point = |s: Real| {
                 let mut rate = [0.0; MAX_JOINTS];
                 for (j, rate) in rate[..device.joints()].iter_mut().enumerate() {
                     *rate = path.rate(j, s);
                 }
-                forward(device, &frames_along(device, th, path, s)[..device.wheels().len()], &rate)
+                forward_along(device, th, path, s, &rate)
             };
             magnus(point(0.5 - ROOT3_6), point(0.5 + ROOT3_6))
         }
     }
 }
 
+/// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the joints move by
+/// `delta` (rad) and the contact frames are constant. They are those at the point `s` (0 to 1) of
+/// `path`, which begins at the steer angles `th` (rad).
+#[inline]
+fn forward_along(device: &Device, th: &[Real], path: &Path, s: Real, delta: &[Real]) -> Vec3 {
+    let wheels = device.wheels();
+    let frame = |i: usize| ContactFrame::at(&wheels[i], th[i] + path.turned(2 * i, s));
+    forward_at(device, wheels, frame, delta)
+}
+
 /// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the contact frames
 /// are constant. They are those at the fraction `part` (0 to 1) of the step.
 #[inline]
-fn turn_at(device: &Device, th: &[Real], delta: &[Real], part: Real) -> Vec3 {
-    let mut frames = [ContactFrame::default(); MAX_WHEELS];
-    for (i, wheel) in device.wheels().iter().enumerate() {
-        frames[i] = ContactFrame::at(wheel, th[i] + part * delta[2 * i]);
-    }
-    forward(device, &frames[..device.wheels().len()], delta)
+fn turn_at<C: Count>(count: C, device: &Device, th: &[Real], delta: &[Real], part: Real) -> Vec3 {
+    let wheels = device.first(count);
+    let frame = |i: usize| ContactFrame::at(&wheels[i], th[i] + part * delta[2 * i]);
+    forward_at(device, wheels, frame, delta)
 }

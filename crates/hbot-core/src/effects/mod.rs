@@ -181,6 +181,13 @@ impl EffectState {
     };
 }
 
+/// Returns the torque of `law`. Each law is a separate function. If all were inlined into the loop
+/// over the effects, each tick would compute values for laws that are not in the scene.
+#[inline(never)]
+fn apply<L: Law>(law: &L, now: &mut Now<'_>, memory: &mut L::Memory) -> Vec3 {
+    law.render(now, memory)
+}
+
 /// Defines [`Kind`] and [`Memory`] from the list of effects, and functions that call the law of
 /// each kind with its own memory.
 macro_rules! kinds {
@@ -207,10 +214,10 @@ macro_rules! kinds {
                 match self {
                     $(Self::$name(law) => {
                         if let Memory::$name(own) = memory {
-                            return law.render(now, own);
+                            return apply(law, now, own);
                         }
                         let mut own = Default::default();
-                        let torque = law.render(now, &mut own);
+                        let torque = apply(law, now, &mut own);
                         *memory = Memory::$name(own);
                         torque
                     })*

@@ -34,7 +34,7 @@ pub(crate) struct Now<'a> {
 impl Now<'_> {
     /// Returns x = q_d⁻¹ q: the sphere's orientation relative to the effect's reference q_d. Its
     /// scalar part eta is not negative.
-    #[inline]
+    #[inline(never)]
     pub(crate) fn relative(&mut self) -> Quat {
         let (desired, q) = (self.reference.q, self.motion.q);
         self.shared.relatives.get(desired, || shortest(desired.conjugate() * q))
@@ -45,6 +45,13 @@ impl Now<'_> {
     #[inline]
     pub(crate) fn log(&mut self) -> (Real, Vec3) {
         let x = self.relative();
+        self.log_of(x)
+    }
+
+    /// Returns the same as [`log`](Self::log). `x` must be the result of
+    /// [`relative`](Self::relative); a law that already has it saves a second search for it.
+    #[inline]
+    pub(crate) fn log_of(&mut self, x: Quat) -> (Real, Vec3) {
         self.shared.logs.get(self.reference.q, || {
             let factor = angle_over_sine(x.w, vector_part(x));
             (factor, vector_part(x) * factor)

@@ -90,7 +90,7 @@ impl Law for Spring {
                 quaternion_pull(x.w, e, ke)
             }
             SpringLaw::Geodesic => {
-                let (factor, mut p) = now.log();
+                let (factor, mut p) = now.log_of(x);
                 if x.w == 0.0 && vector_part(x).dot(*branch) < 0.0 {
                     (x, p) = (-x, -p);
                 }
