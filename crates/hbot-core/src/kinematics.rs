@@ -26,7 +26,7 @@ pub struct ContactFrame {
 
 impl ContactFrame {
     /// Returns the contact frame of `wheel` at the steer angle `th` (rad).
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn at(wheel: &Wheel, th: Real) -> Self {
         let (sin, cos) = sincos(th);
@@ -154,10 +154,13 @@ impl Posture {
 
     /// Returns the angular velocity of the sphere that [`forward`](Self::forward) returns, without
     /// the slip, for a device with `count` wheels.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn omega_of<C: Count>(&self, count: C, device: &Device, zd: &[Real]) -> Vec3 {
-        let frames = self.first_frames(count);
-        forward_at(device, device.first(count), |i| frames[i], zd)
+        let mut fit = Fit::EMPTY;
+        for (i, (wheel, frame)) in device.first(count).iter().zip(self.first_frames(count)).enumerate() {
+            fit.add(device, wheel, frame, [zd[2 * i], zd[2 * i + 1]]);
+        }
+        fit.omega(device)
     }
 
     /// Implements [`forward`](Self::forward) for a device with `count` wheels.
@@ -211,26 +214,38 @@ pub(crate) fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive:
 #[inline]
 #[must_use]
 pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
-    let wheels = device.wheels();
-    forward_at(device, &wheels[..wheels.len().min(frames.len())], |i| frames[i], zd)
+    let mut fit = Fit::EMPTY;
+    for (i, (wheel, frame)) in device.wheels().iter().zip(frames).enumerate() {
+        fit.add(device, wheel, frame, [zd[2 * i], zd[2 * i + 1]]);
+    }
+    fit.omega(device)
 }
 
-/// Implements [`forward`] for the given `wheels` of `device`. `frame` returns the contact frame of
-/// the wheel with an index. It is a function, so that no array of frames is needed.
-#[inline(always)]
-pub(crate) fn forward_at(
-    device: &Device,
-    wheels: &[Wheel],
-    frame: impl Fn(usize) -> ContactFrame,
-    zd: &[Real],
-) -> Vec3 {
-    let mut b = Vec3::ZERO;
-    let mut planes = Sym3::ZERO;
-    for (i, wheel) in wheels.iter().enumerate() {
-        let frame = frame(i);
-        let [u, v] = wheel_velocity(device, wheel, zd[2 * i], zd[2 * i + 1]);
-        b += frame.c2 * u - frame.c1 * v;
-        planes.add_plane(frame.c3);
+/// The sums over the wheels from which the angular velocity of the sphere follows: both sides of the
+/// normal equations of [`forward`], divided by powers of the sphere's radius. Wheels are added one
+/// by one, so that no array of contact frames is needed.
+pub(crate) struct Fit {
+    b: Vec3,
+    planes: Sym3,
+}
+
+impl Fit {
+    /// The sums over no wheels.
+    pub(crate) const EMPTY: Self = Self { b: Vec3::ZERO, planes: Sym3::ZERO };
+
+    /// Adds `wheel` with the contact frame `frame` and the `rates` of its steer and drive joint,
+    /// rad/s.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, device: &Device, wheel: &Wheel, frame: &ContactFrame, rates: [Real; 2]) {
+        let [u, v] = wheel_velocity(device, wheel, rates[0], rates[1]);
+        self.b += frame.c2 * u - frame.c1 * v;
+        self.planes.add_plane(frame.c3);
     }
-    planes.adjugate().solve_by_division(b) / device.sphere_radius()
+
+    /// Returns the angular velocity of the sphere in frame N that fits the rates of the wheels best,
+    /// rad/s.
+    #[inline(always)]
+    pub(crate) fn omega(&self, device: &Device) -> Vec3 {
+        self.planes.adjugate().solve_by_division(self.b) / device.sphere_radius()
+    }
 }

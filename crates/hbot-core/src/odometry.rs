@@ -3,7 +3,7 @@
 
 use crate::count::{Any, Count};
 use crate::device::{Device, MAX_JOINTS};
-use crate::kinematics::{ContactFrame, forward_at};
+use crate::kinematics::{ContactFrame, Fit};
 use crate::path::Path;
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::OdometryMethod;
@@ -31,7 +31,7 @@ pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]
 }
 
 /// Implements [`turn`] for a device with `count` wheels.
-#[inline]
+#[inline(always)]
 pub(crate) fn turn_of<C: Count>(
     count: C,
     device: &Device,
@@ -39,16 +39,21 @@ pub(crate) fn turn_of<C: Count>(
     th: &[Real],
     delta: &[Real],
 ) -> Vec3 {
-    let turn_at = |part| turn_at(count, device, th, delta, part);
-    match method {
-        OdometryMethod::Euler => turn_at(0.0),
-        OdometryMethod::Midpoint => turn_at(0.5),
-        OdometryMethod::Magnus4 => {
-            let first = turn_at(0.5 - ROOT3_6);
-            let second = turn_at(0.5 + ROOT3_6);
-            magnus(first, second)
-        }
-    }
+    let part = match method {
+        OdometryMethod::Euler => 0.0,
+        OdometryMethod::Midpoint => 0.5,
+        OdometryMethod::Magnus4 => return magnus_turn(count, device, th, delta),
+    };
+    turn_at(count, device, th, delta, part)
+}
+
+/// Returns the turn of [`turn`] by the Magnus expansion. It is a separate function, so that it costs
+/// nothing if the rig uses another method.
+#[inline(never)]
+fn magnus_turn<C: Count>(count: C, device: &Device, th: &[Real], delta: &[Real]) -> Vec3 {
+    let first = turn_at(count, device, th, delta, 0.5 - ROOT3_6);
+    let second = turn_at(count, device, th, delta, 0.5 + ROOT3_6);
+    magnus(first, second)
 }
 
 /// Returns the orientation that `q` becomes after a `turn` (rotation vector in frame N, rad):
@@ -57,7 +62,7 @@ pub(crate) fn turn_of<C: Count>(
 /// In f32 the turn's change is added to `q`, because the rounding errors of a product of
 /// quaternions would add up. In f64 they are a billion times smaller, so the product is taken,
 /// and outputs keep their bits (docs/accuracy.md).
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn advance(q: Quat, turn: Vec3) -> Quat {
     if Real::EPSILON < 1.0e-10 {
@@ -108,16 +113,22 @@ pub fn turn_along(device: &Device, method: OdometryMethod, th: &[Real], path: &P
 /// `path`, which begins at the steer angles `th` (rad).
 #[inline]
 fn forward_along(device: &Device, th: &[Real], path: &Path, s: Real, delta: &[Real]) -> Vec3 {
-    let wheels = device.wheels();
-    let frame = |i: usize| ContactFrame::at(&wheels[i], th[i] + path.turned(2 * i, s));
-    forward_at(device, wheels, frame, delta)
+    let mut fit = Fit::EMPTY;
+    for (i, wheel) in device.wheels().iter().enumerate() {
+        let frame = ContactFrame::at(wheel, th[i] + path.turned(2 * i, s));
+        fit.add(device, wheel, &frame, [delta[2 * i], delta[2 * i + 1]]);
+    }
+    fit.omega(device)
 }
 
 /// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the contact frames
 /// are constant. They are those at the fraction `part` (0 to 1) of the step.
-#[inline]
+#[inline(always)]
 fn turn_at<C: Count>(count: C, device: &Device, th: &[Real], delta: &[Real], part: Real) -> Vec3 {
-    let wheels = device.first(count);
-    let frame = |i: usize| ContactFrame::at(&wheels[i], th[i] + part * delta[2 * i]);
-    forward_at(device, wheels, frame, delta)
+    let mut fit = Fit::EMPTY;
+    for (i, wheel) in device.first(count).iter().enumerate() {
+        let frame = ContactFrame::at(wheel, th[i] + part * delta[2 * i]);
+        fit.add(device, wheel, &frame, [delta[2 * i], delta[2 * i + 1]]);
+    }
+    fit.omega(device)
 }

@@ -42,7 +42,7 @@ impl Renderer {
     /// Creates a memory for each effect of `scene` that has none yet. References with the anchor
     /// [`Anchor::Here`] are placed relative to the orientation `q`. Returns true if `scene` is not
     /// the one of the last tick. Call it before [`render`](Self::render).
-    #[inline]
+    #[inline(always)]
     pub fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
         self.placed = 0;
         if self.revision == Some(scene.revision()) {

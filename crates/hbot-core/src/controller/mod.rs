@@ -222,21 +222,20 @@ impl Controller {
     /// contacts can make.
     #[inline]
     fn hold<C: Count>(&mut self, count: C, tick: u64, wanted: &Wanted) {
-        let made = if wanted.torque == Vec3::ZERO {
-            Made { scale: wanted.share, ..Made::NOTHING }
+        if wanted.torque == Vec3::ZERO {
+            self.made = Made { scale: wanted.share, ..Made::NOTHING };
         } else if wanted.torque.is_finite() {
-            self.feasible(count, wanted)
+            self.make(count, wanted);
         } else {
-            Made { torque: wanted.torque, ..Made::NOTHING }
-        };
-        self.send(count, tick, made);
+            self.made = Made { torque: wanted.torque, ..Made::NOTHING };
+        }
+        self.send(count, tick);
     }
 
     /// Sends `made` to the motors in this tick. If one of its numbers is not finite, the rig goes
     /// to fault and the motors make no torque.
     #[inline]
-    fn send<C: Count>(&mut self, count: C, tick: u64, made: Made) {
-        self.made = made;
+    fn send<C: Count>(&mut self, count: C, tick: u64) {
         if !self.made.is_finite(count) {
             self.machine.take_condition(Some(Cause::NonFinite));
             self.made = Made::NOTHING;

@@ -66,7 +66,8 @@ fn both_copies_of_the_tick_give_the_same_bits() {
     let clipped = Methods { allocation: AllocationMethod::Clipped, ..Methods::BALANCED };
     // Strong motors, weak motors that saturate, and drive joints without motors.
     for (steer, drive) in [(0.93, reversed), (0.02, joint(0.01)), (0.93, joint(0.0))] {
-        for (methods, grip) in [(Methods::FAST, 5.0), (Methods::BALANCED, 8.0), (exact, 2.0), (clipped, 8.0)] {
+        for (methods, grip) in [(Methods::FAST, 5.0), (Methods::BALANCED, 8.0), (exact, 2.0), (clipped, 8.0)]
+        {
             let mut parts = RigParts::new(device()).with_joints(joint(steer), drive);
             parts.limits.traction = Some(Traction { mu: 1.0, normal_force: grip });
             parts.limits.thermal_time = Some(1.0e5);
@@ -80,7 +81,11 @@ fn both_copies_of_the_tick_give_the_same_bits() {
                 let fixed = two.tick_of(Two, &scene, &inputs);
                 let counted = any.tick_of(Any::of(&rig.device), &scene, &inputs);
                 // As text, because a comparison of numbers does not tell -0 from 0.
-                assert_eq!(std::format!("{fixed:?}"), std::format!("{counted:?}"), "tick {tick}, {methods:?}");
+                assert_eq!(
+                    std::format!("{fixed:?}"),
+                    std::format!("{counted:?}"),
+                    "tick {tick}, {methods:?}"
+                );
                 let acts = fixed.state.mode == Mode::Active && fixed.state.torque != Vec3::ZERO;
                 active += usize::from(acts);
             }
@@ -99,7 +104,8 @@ fn a_torque_that_is_not_finite_is_a_fault_and_no_torque() {
         let mut controller = Controller::new(rig);
         let mut made = Made { torque: Vec3::X, joints: [0.1; MAX_JOINTS], ..Made::NOTHING };
         alter(&mut made);
-        controller.send(Two, 1, made);
+        controller.made = made;
+        controller.send(Two, 1);
         (controller.machine.cause, controller.made.torque, controller.drive(Two).torque)
     };
     let whole = sent(&|_| ());

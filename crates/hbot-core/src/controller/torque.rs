@@ -75,7 +75,7 @@ impl Controller {
     /// The sum of the two torques is limited. It is then multiplied by the ramp of a soft start or
     /// a disable, and blended if the scene has changed. Last, its change since the last tick is
     /// limited to the slew limit.
-    #[inline]
+    #[inline(always)]
     pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
         let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
@@ -169,17 +169,23 @@ impl Controller {
         guard.damp(&self.observer, now, wanted, self.joints.omega)
     }
 
-    /// Returns the joint torques that make the torque `wanted` on the sphere, as far as the limits
-    /// of motors, contacts and slew allow.
+    /// Sets `made` to the joint torques that make the torque `wanted` on the sphere, as far as the
+    /// limits of motors, contacts and slew allow.
     #[inline(always)]
-    pub(super) fn feasible<C: Count>(&self, count: C, wanted: &Wanted) -> Made {
-        let mut made = self.allocated(count, wanted);
+    pub(super) fn make<C: Count>(&mut self, count: C, wanted: &Wanted) {
+        let next = self.allocated(count, wanted);
         // Allows for the rounding of an allocation at the slew limit.
         let reach = wanted.reach + 64.0 * Real::EPSILON * self.rig.limits.torque;
-        if (made.torque - self.made.torque).length_squared() > reach * reach {
-            made = self.eased(&made, wanted);
+        if (next.torque - self.made.torque).length_squared() > reach * reach {
+            self.made = self.eased(&next, wanted);
+            return;
         }
-        made
+        // Field by field, because to copy all joints that a rig can have takes longer. The others
+        // have zero torque.
+        let made = &mut self.made;
+        made.torque = next.torque;
+        made.joints[..count.joints()].copy_from_slice(&next.joints[..count.joints()]);
+        (made.scale, made.deficient, made.traction) = (next.scale, next.deficient, next.traction);
     }
 
     #[inline(always)]
