@@ -283,8 +283,8 @@ impl Device {
         &self.wheels[..self.count]
     }
 
-    /// Returns the first `count` wheels. For the number of wheels of the device, these are the same as
-    /// [`wheels`](Self::wheels), but the compiler knows their number if it knows `count`.
+    /// Returns the first `count` wheels. For the number of wheels of the device, these are the same
+    /// as [`wheels`](Self::wheels), but the compiler knows their number if it knows `count`.
     #[inline]
     pub(crate) fn first<C: Count>(&self, count: C) -> &[Wheel] {
         &self.wheels[..count.wheels()]

@@ -221,9 +221,9 @@ pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
     fit.omega(device)
 }
 
-/// The sums over the wheels from which the angular velocity of the sphere follows: both sides of the
-/// normal equations of [`forward`], divided by powers of the sphere's radius. Wheels are added one
-/// by one, so that no array of contact frames is needed.
+/// The sums over the wheels from which the angular velocity of the sphere follows: both sides of
+/// the normal equations of [`forward`], divided by powers of the sphere's radius. Wheels are added
+/// one by one, so that no array of contact frames is needed.
 pub(crate) struct Fit {
     b: Vec3,
     planes: Sym3,
@@ -242,8 +242,8 @@ impl Fit {
         self.planes.add_plane(frame.c3);
     }
 
-    /// Returns the angular velocity of the sphere in frame N that fits the rates of the wheels best,
-    /// rad/s.
+    /// Returns the angular velocity of the sphere in frame N that fits the rates of the wheels
+    /// best, rad/s.
     #[inline(always)]
     pub(crate) fn omega(&self, device: &Device) -> Vec3 {
         self.planes.adjugate().solve_by_division(self.b) / device.sphere_radius()

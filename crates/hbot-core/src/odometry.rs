@@ -47,8 +47,8 @@ pub(crate) fn turn_of<C: Count>(
     turn_at(count, device, th, delta, part)
 }
 
-/// Returns the turn of [`turn`] by the Magnus expansion. It is a separate function, so that it costs
-/// nothing if the rig uses another method.
+/// Returns the turn of [`turn`] by the Magnus expansion. It is a separate function, so that it
+/// costs nothing if the rig uses another method.
 #[inline(never)]
 fn magnus_turn<C: Count>(count: C, device: &Device, th: &[Real], delta: &[Real]) -> Vec3 {
     let first = turn_at(count, device, th, delta, 0.5 - ROOT3_6);

@@ -30,6 +30,7 @@ mod weak;
 pub(crate) use nearest::{Bounds, nearest};
 pub use traction::{ContactArms, traction};
 
+use crate::count::Count;
 use crate::device::{Device, MAX_JOINTS};
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
@@ -181,6 +182,21 @@ pub fn allocate(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation
         allocate_rows(four, limits, wanted)
     } else {
         allocate_rows(&rows[..rows.len().min(MAX_JOINTS)], limits, wanted)
+    }
+}
+
+/// Does the same as [`allocate`], for the `rows` of `count` wheels. The tick takes the fast method
+/// for two wheels inline, because a torque that is passed through memory costs some nanoseconds.
+#[inline(always)]
+pub(crate) fn allocate_in_tick<C: Count>(
+    count: C,
+    rows: &[Vec3],
+    limits: &JointLimits,
+    wanted: Vec3,
+) -> Allocation {
+    match rows.first_chunk::<4>() {
+        Some(four) if count.joints() == 4 => allocate_rows(four, limits, wanted),
+        _ => allocate(rows, limits, wanted),
     }
 }
 

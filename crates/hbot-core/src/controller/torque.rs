@@ -105,7 +105,7 @@ impl Controller {
             self.carried_s = 0.0;
         }
         let gain = self.machine.gain;
-        let rendered = self.renderer.render(scene, &motion, tick, dt, limits.reference_rate * dt);
+        let rendered = self.renderer.render_in_tick(scene, &motion, tick, dt, limits.reference_rate * dt);
         let (asked, share) = self.stream.added_to(rendered, limits.torque);
         self.last_asked = asked;
         let offset = self.blend.advance(asked * gain, before.map(|before| before * gain), dt);
@@ -192,7 +192,7 @@ impl Controller {
     fn allocated<C: Count>(&self, count: C, wanted: &Wanted) -> Made {
         let rows = self.joints.posture.first_rows(count);
         let mut allocation = match self.rig.methods.allocation {
-            AllocationMethod::Exact => allocation::allocate(rows, &self.limits, wanted.torque),
+            AllocationMethod::Exact => allocation::allocate_in_tick(count, rows, &self.limits, wanted.torque),
             AllocationMethod::Clipped => allocation::allocate_clipped(rows, &self.limits, wanted.torque),
         };
         let traction = self.rig.limits.traction.map_or(0.0, |grip| {

@@ -73,8 +73,9 @@ type Branch = Vec3;
 
 impl Law for Spring {
     type Memory = Branch;
+    const COMMON: bool = true;
 
-    #[inline]
+    #[inline(always)]
     fn render(&self, now: &mut Now<'_>, branch: &mut Branch) -> Vec3 {
         let desired = now.reference.q;
         let mut x = now.relative();
