@@ -229,6 +229,7 @@ macro_rules! kinds {
                         }
                         match memory {
                             Memory::$name(own) => apply(law, gain, now, own),
+                            // Not reached, because the memory has just got this variant.
                             _ => Vec3::ZERO,
                         }
                     })*
