@@ -43,7 +43,7 @@ fn swinging(rig: &Rig, tick: u64) -> Inputs {
         let swing = 0.3 + 0.1 * i as Real;
         let (sin, cos) = sincos(tick as Real * 0.006 + i as Real);
         reading.counts[i] = (swing * sin * 2000.0) as i32;
-        reading.rates[i] = swing * cos * 12_000.0 * rig.joints[i].radians_per_count();
+        reading.rates[i] = swing * cos * 12_000.0 * rig.joints[i].radians_per_count().abs();
     }
     inputs.feedback = (tick % 50 != 49).then_some(reading);
     let command = match tick {
