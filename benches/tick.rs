@@ -89,6 +89,9 @@ macro_rules! width {
                 feedback
             }
 
+            /// Number of ticks after which the joint feedback repeats, as in benches/peer/tick.c.
+            const CYCLE: u64 = 1024;
+
             /// Returns a function that runs one tick of a controller in the mode `active`, whose
             /// soft start is already over.
             fn active(rig: Rig) -> impl FnMut() -> Outputs {
@@ -97,13 +100,12 @@ macro_rules! width {
                 let rig = rig.with(|rig| rig.limits.slip = 100.0).expect("a legal rig");
                 let mut controller = Controller::new(rig);
                 let scene = scene();
-                let readings: Vec<_> = (0..1024).map(|tick| feedback(&rig, tick)).collect();
+                let readings: Vec<_> = (0..CYCLE).map(|tick| feedback(&rig, tick)).collect();
                 let mut tick = 0_u64;
                 let mut run = move || {
                     let mut inputs = Inputs::quiet(tick);
-                    let mut reading = readings[tick as usize % readings.len()];
-                    reading.sequence = tick as u32;
-                    inputs.feedback = Some(reading);
+                    let reading = &readings[(tick % CYCLE) as usize];
+                    inputs.feedback = Some(JointReadings { sequence: tick as u32, ..*reading });
                     if tick == 1 {
                         let _ = inputs.commands.push(Command::Enable);
                     }
@@ -127,7 +129,7 @@ macro_rules! width {
                     {
                         let mut run = active(rig(wheels, methods));
                         group.bench_function(BenchmarkId::new(name, wheels), |b| {
-                            b.iter(|| black_box(run()).state.torque);
+                            b.iter(|| black_box(&run()).state.torque);
                         });
                     }
                 }
@@ -166,7 +168,7 @@ macro_rules! width {
                         let rig = none.with(|rig| on.iter().for_each(|on| on(rig)));
                         let mut run = active(rig.expect("a legal rig"));
                         group.bench_function(BenchmarkId::new(name, wheels), |b| {
-                            b.iter(|| black_box(run()).state.torque);
+                            b.iter(|| black_box(&run()).state.torque);
                         });
                         // In any other mode a tick would take less time.
                         assert_eq!(run().state.mode, $core::mode::Mode::Active, "{name}");

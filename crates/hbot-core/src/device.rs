@@ -34,6 +34,7 @@
 
 use core::fmt;
 
+use crate::count::Count;
 use crate::real::{Real, Vec3, sincos};
 use crate::singularity::{self, Meeting};
 
@@ -280,6 +281,13 @@ impl Device {
     #[must_use]
     pub fn wheels(&self) -> &[Wheel] {
         &self.wheels[..self.count]
+    }
+
+    /// Returns the first `count` wheels. For the number of wheels of the device, these are the same
+    /// as [`wheels`](Self::wheels), but the compiler knows their number if it knows `count`.
+    #[inline]
+    pub(crate) fn first<C: Count>(&self, count: C) -> &[Wheel] {
+        &self.wheels[..count.wheels()]
     }
 
     /// Returns the number of joints: two per wheel, steer then drive.

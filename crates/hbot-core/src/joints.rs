@@ -1,10 +1,11 @@
 //! Computes joint angles, rates and the turn of the sphere from a reading: the first stage of a
 //! tick.
 
+use crate::count::{Any, Count};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::encoder::Encoder;
 use crate::inputs::JointReadings;
-use crate::kinematics::{self, Posture};
+use crate::kinematics::Posture;
 use crate::mode::Cause;
 use crate::odometry;
 use crate::outputs::Slip;
@@ -106,10 +107,11 @@ impl Joints {
         self.sequence = Some(feedback.sequence);
         self.trail = Trail::START;
         self.estimator.restart();
-        let rates = self.update_rates(rig, feedback, None);
+        let count = Any::of(&rig.device);
+        let rates = self.update_rates(count, rig, feedback, None);
         self.watch.restart(&self.rate);
         rates?;
-        self.locate(rig);
+        self.locate(count, rig);
         Ok(())
     }
 
@@ -119,18 +121,18 @@ impl Joints {
     /// true if the motors are on or a fault is to be reset. In this case, changes of the encoder
     /// counts that are impossible within the speed limit are refused.
     #[inline]
-    pub(crate) fn advance(
+    pub(crate) fn advance<C: Count>(
         &mut self,
+        count: C,
         rig: &Rig,
         feedback: &JointReadings,
         late: u32,
         judged: bool,
     ) -> Result<Step, Cause> {
-        let n = rig.device.joints();
+        let n = count.joints();
         let last = self.sequence.unwrap_or(feedback.sequence.wrapping_sub(1));
         let ticks = feedback.sequence.wrapping_sub(last).max(1);
         let mut delta = [0.0; MAX_JOINTS];
-        let mut start = [0.0; MAX_WHEELS];
         let mut plausible = true;
         for i in 0..n {
             delta[i] = self.encoders[i].peek(feedback.counts[i]);
@@ -146,27 +148,26 @@ impl Joints {
             self.begin(rig, feedback)?;
             return Err(Cause::ImplausibleFeedback);
         }
-        for i in 0..n / 2 {
-            start[i] = self.angle[2 * i];
-        }
-        self.update_rates(rig, feedback, Some((&delta, ticks)))?;
+        self.update_rates(count, rig, feedback, Some((&delta, ticks)))?;
         for i in 0..n {
             self.encoders[i].advance(feedback.counts[i]);
         }
         self.sequence = Some(feedback.sequence);
         let turn = match (rig.methods.odometry, rig.methods.path) {
             // The posture still holds the frames at the start of the step. It is updated below.
-            (OdometryMethod::Euler, _) => kinematics::forward(&rig.device, self.posture.frames(), &delta),
-            (method, PathFit::Straight) => odometry::turn(&rig.device, method, &start, &delta),
-            _ => self.advance_along_a_curve(rig, &start, &delta, ticks),
+            (OdometryMethod::Euler, _) => self.posture.omega_of(count, &rig.device, &delta),
+            (method, PathFit::Straight) => {
+                odometry::turn_of(count, &rig.device, method, &self.steer_angles(count), &delta)
+            }
+            _ => self.advance_along_a_curve(rig, &delta, ticks),
         };
         if judged {
-            self.watch.begin(rig, &self.posture, turn);
+            self.watch.begin(count, rig, &self.posture, turn);
         }
-        self.locate(rig);
+        self.locate(count, rig);
         if judged {
             let moved = Interval { delta: &delta, rate: &self.rate, turn, ticks, late };
-            self.watch.end(rig, &self.posture, &moved);
+            self.watch.end(count, rig, &self.posture, &moved);
         } else {
             self.watch.restart(&self.rate);
         }
@@ -177,82 +178,80 @@ impl Joints {
     /// N), along a curve that is fitted to the last few readings. It is a separate function, so
     /// that it costs nothing if the rig uses straight paths.
     #[inline(never)]
-    fn advance_along_a_curve(
-        &mut self,
-        rig: &Rig,
-        start: &[Real; MAX_WHEELS],
-        delta: &[Real; MAX_JOINTS],
-        ticks: u32,
-    ) -> Vec3 {
+    fn advance_along_a_curve(&mut self, rig: &Rig, delta: &[Real; MAX_JOINTS], ticks: u32) -> Vec3 {
         let path = self.trail.step(rig.methods.path, delta, ticks as Real);
-        odometry::turn_along(&rig.device, rig.methods.odometry, start, &path)
+        let start = self.steer_angles(Any::of(&rig.device));
+        odometry::turn_along(&rig.device, rig.methods.odometry, &start, &path)
+    }
+
+    /// Returns the steer angle of each wheel, rad.
+    #[inline(always)]
+    fn steer_angles<C: Count>(&self, count: C) -> [Real; MAX_WHEELS] {
+        let mut steer = [0.0; MAX_WHEELS];
+        for i in 0..count.wheels() {
+            steer[i] = self.angle[2 * i];
+        }
+        steer
     }
 
     /// Sets the joint rates by the method that the rig selects. `moved` holds the change of each
     /// joint's angle (rad) and the number of ticks since the last reading.
     #[inline]
-    fn update_rates(
+    fn update_rates<C: Count>(
         &mut self,
+        count: C,
         rig: &Rig,
         feedback: &JointReadings,
         moved: Option<(&[Real; MAX_JOINTS], u32)>,
     ) -> Result<(), Cause> {
-        let mut rate = [0.0; MAX_JOINTS];
-        for i in 0..rig.device.joints() {
-            let reported = feedback.rates[i];
-            if !reported.is_finite() {
-                return Err(Cause::NonFinite);
+        for reported in &feedback.rates[..count.joints()] {
+            if !(fabs(*reported) <= MAX_RATE) {
+                let finite = reported.is_finite();
+                return Err(if finite { Cause::ImplausibleFeedback } else { Cause::NonFinite });
             }
-            if fabs(reported) > MAX_RATE {
-                return Err(Cause::ImplausibleFeedback);
-            }
-            rate[i] = self.encoders[i].signed(reported);
         }
         if !matches!(self.estimator, Rates::Reported) {
-            self.estimate_rates(rig, feedback, moved, &mut rate);
+            self.estimate_rates(rig, feedback, moved);
+            return Ok(());
         }
-        self.rate = rate;
+        for i in 0..count.joints() {
+            self.rate[i] = self.encoders[i].signed(feedback.rates[i]);
+        }
         Ok(())
     }
 
-    /// Estimates the joint rates from encoder counts and writes them to `rate`. They are zero if
-    /// there is only one reading. It is a separate function, so that it costs nothing if the motor
-    /// controllers report rates.
+    /// Sets the joint rates to those estimated from encoder counts. They are zero if there is only
+    /// one reading. It is a separate function, so that it costs nothing if the motor controllers
+    /// report rates.
     #[inline(never)]
     fn estimate_rates(
         &mut self,
         rig: &Rig,
         feedback: &JointReadings,
         moved: Option<(&[Real; MAX_JOINTS], u32)>,
-        rate: &mut [Real; MAX_JOINTS],
     ) {
         let Some((delta, ticks)) = moved else {
-            *rate = [0.0; MAX_JOINTS];
+            self.rate = [0.0; MAX_JOINTS];
             return;
         };
         let mut counts = [0; MAX_JOINTS];
         for i in 0..rig.device.joints() {
             counts[i] = self.encoders[i].counted(feedback.counts[i]);
         }
-        self.estimator.advance(rig, &self.encoders, &Moved { delta, counts: &counts, ticks }, rate);
+        self.estimator.advance(rig, &self.encoders, &Moved { delta, counts: &counts, ticks }, &mut self.rate);
     }
 
     /// Updates the joint angles and the posture, and computes the sphere's angular velocity and the
     /// slip from the joint rates.
-    #[inline]
-    fn locate(&mut self, rig: &Rig) {
-        let n = rig.device.joints();
-        let mut th = [0.0; MAX_WHEELS];
-        for i in 0..n {
+    #[inline(always)]
+    fn locate<C: Count>(&mut self, count: C, rig: &Rig) {
+        for i in 0..count.joints() {
             self.angle[i] = self.encoders[i].angle();
         }
-        for i in 0..n / 2 {
-            th[i] = self.angle[2 * i];
-        }
-        self.posture.update(&rig.device, &th[..n / 2]);
-        let forward = self.posture.forward(&rig.device, &self.rate);
+        self.posture.follow(count, &rig.device, &self.angle);
+        let forward = self.posture.forward_of(count, &rig.device, &self.rate);
         self.omega = forward.omega;
-        self.slip = largest_slip(&forward.slip, n / 2);
+        self.slip = largest_slip(&forward.slip, count.wheels());
     }
 
     /// Converts a joint torque to the sign convention of the joint's motor controller.

@@ -6,6 +6,7 @@
 //! sphere and the slip for joint rates (`forward`), and the torque on the sphere for joint torques
 //! (`torque_on_sphere`).
 
+use crate::count::{Any, Count};
 use crate::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, sincos};
@@ -25,7 +26,7 @@ pub struct ContactFrame {
 
 impl ContactFrame {
     /// Returns the contact frame of `wheel` at the steer angle `th` (rad).
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn at(wheel: &Wheel, th: Real) -> Self {
         let (sin, cos) = sincos(th);
@@ -72,12 +73,28 @@ impl Posture {
     pub fn update(&mut self, device: &Device, th: &[Real]) {
         self.wheels = device.wheels().len();
         for (i, (wheel, th)) in device.wheels().iter().zip(th).enumerate() {
-            let frame = ContactFrame::at(wheel, *th);
-            let [steer, drive] = rows_of(device, wheel, &frame);
-            self.frames[i] = frame;
-            self.rows[2 * i] = steer;
-            self.rows[2 * i + 1] = drive;
+            self.steer(device, wheel, i, *th);
         }
+    }
+
+    /// Updates the posture in place to `angle`, the angles of all joints (rad). Only those of the
+    /// steer joints matter.
+    #[inline(always)]
+    pub(crate) fn follow<C: Count>(&mut self, count: C, device: &Device, angle: &[Real; MAX_JOINTS]) {
+        self.wheels = count.wheels();
+        for (i, wheel) in device.first(count).iter().enumerate() {
+            self.steer(device, wheel, i, angle[2 * i]);
+        }
+    }
+
+    /// Sets the steer angle of `wheel`, which has the index `i`, to `th` (rad).
+    #[inline(always)]
+    fn steer(&mut self, device: &Device, wheel: &Wheel, i: usize, th: Real) {
+        let frame = ContactFrame::at(wheel, th);
+        let [steer, drive] = rows_of(device, wheel, &frame);
+        self.frames[i] = frame;
+        self.rows[2 * i] = steer;
+        self.rows[2 * i + 1] = drive;
     }
 
     /// Returns the contact frames of all wheels, in frame N.
@@ -85,6 +102,18 @@ impl Posture {
     #[must_use]
     pub fn frames(&self) -> &[ContactFrame] {
         &self.frames[..self.wheels]
+    }
+
+    /// Returns the contact frames of the first `count` wheels, in frame N.
+    #[inline]
+    pub(crate) fn first_frames<C: Count>(&self, count: C) -> &[ContactFrame] {
+        &self.frames[..count.wheels()]
+    }
+
+    /// Returns the rows of the matrix G of the first `count` wheels, like [`rows`](Self::rows).
+    #[inline]
+    pub(crate) fn first_rows<C: Count>(&self, count: C) -> &[Vec3] {
+        &self.rows[..count.joints()]
     }
 
     /// Returns the rows of the matrix G (2n x 3, dimensionless), in the order steer, drive of each
@@ -111,11 +140,7 @@ impl Posture {
     #[inline]
     #[must_use]
     pub fn torque_on_sphere(&self, tau: &[Real]) -> Vec3 {
-        let mut torque = Vec3::ZERO;
-        for (row, tau) in self.rows().iter().zip(tau) {
-            torque += *row * *tau;
-        }
-        torque
+        torque_of(self.rows(), tau)
     }
 
     /// Returns the angular velocity of the sphere that fits the joint rates `zd` (rad/s) best, and
@@ -124,15 +149,43 @@ impl Posture {
     #[inline]
     #[must_use]
     pub fn forward(&self, device: &Device, zd: &[Real]) -> Forward {
-        let omega = forward(device, self.frames(), zd);
+        self.forward_of(Any::of(device), device, zd)
+    }
+
+    /// Returns the angular velocity of the sphere that [`forward`](Self::forward) returns, without
+    /// the slip, for a device with `count` wheels.
+    #[inline(always)]
+    pub(crate) fn omega_of<C: Count>(&self, count: C, device: &Device, zd: &[Real]) -> Vec3 {
+        let mut fit = Fit::EMPTY;
+        for (i, (wheel, frame)) in device.first(count).iter().zip(self.first_frames(count)).enumerate() {
+            fit.add(device, wheel, frame, [zd[2 * i], zd[2 * i + 1]]);
+        }
+        fit.omega(device)
+    }
+
+    /// Implements [`forward`](Self::forward) for a device with `count` wheels.
+    #[inline(always)]
+    pub(crate) fn forward_of<C: Count>(&self, count: C, device: &Device, zd: &[Real]) -> Forward {
+        let (wheels, frames) = (device.first(count), self.first_frames(count));
+        let omega = self.omega_of(count, device, zd);
         let mut slip = [[0.0; 2]; MAX_WHEELS];
-        for (i, (wheel, frame)) in device.wheels().iter().zip(self.frames()).enumerate() {
+        for (i, (wheel, frame)) in wheels.iter().zip(frames).enumerate() {
             let [u, v] = wheel_velocity(device, wheel, zd[2 * i], zd[2 * i + 1]);
             let r = device.sphere_radius();
             slip[i] = [u - r * frame.c2.dot(omega), v + r * frame.c1.dot(omega)];
         }
         Forward { omega, slip }
     }
+}
+
+/// Returns the torque on the sphere that the joint torques `tau` make, for the given `rows` of G.
+#[inline]
+pub(crate) fn torque_of(rows: &[Vec3], tau: &[Real]) -> Vec3 {
+    let mut torque = Vec3::ZERO;
+    for (row, tau) in rows.iter().zip(tau) {
+        torque += *row * *tau;
+    }
+    torque
 }
 
 /// Returns the two rows of G that belong to one wheel, steer then drive: g_th = c2 / (l.c2) and
@@ -161,12 +214,38 @@ pub(crate) fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive:
 #[inline]
 #[must_use]
 pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
-    let mut b = Vec3::ZERO;
-    let mut planes = Sym3::ZERO;
+    let mut fit = Fit::EMPTY;
     for (i, (wheel, frame)) in device.wheels().iter().zip(frames).enumerate() {
-        let [u, v] = wheel_velocity(device, wheel, zd[2 * i], zd[2 * i + 1]);
-        b += frame.c2 * u - frame.c1 * v;
-        planes.add_plane(frame.c3);
+        fit.add(device, wheel, frame, [zd[2 * i], zd[2 * i + 1]]);
     }
-    planes.adjugate().solve_by_division(b) / device.sphere_radius()
+    fit.omega(device)
+}
+
+/// The sums over the wheels from which the angular velocity of the sphere follows: both sides of
+/// the normal equations of [`forward`], divided by powers of the sphere's radius. Wheels are added
+/// one by one, so that no array of contact frames is needed.
+pub(crate) struct Fit {
+    b: Vec3,
+    planes: Sym3,
+}
+
+impl Fit {
+    /// The sums over no wheels.
+    pub(crate) const EMPTY: Self = Self { b: Vec3::ZERO, planes: Sym3::ZERO };
+
+    /// Adds `wheel` with the contact frame `frame` and the `rates` of its steer and drive joint,
+    /// rad/s.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, device: &Device, wheel: &Wheel, frame: &ContactFrame, rates: [Real; 2]) {
+        let [u, v] = wheel_velocity(device, wheel, rates[0], rates[1]);
+        self.b += frame.c2 * u - frame.c1 * v;
+        self.planes.add_plane(frame.c3);
+    }
+
+    /// Returns the angular velocity of the sphere in frame N that fits the rates of the wheels
+    /// best, rad/s.
+    #[inline(always)]
+    pub(crate) fn omega(&self, device: &Device) -> Vec3 {
+        self.planes.adjugate().solve_by_division(self.b) / device.sphere_radius()
+    }
 }

@@ -106,6 +106,7 @@
 pub mod allocation;
 mod burst;
 pub mod controller;
+mod count;
 pub mod device;
 pub mod effects;
 mod encoder;

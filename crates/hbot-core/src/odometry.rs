@@ -1,8 +1,9 @@
 //! Computes the orientation of the sphere from joint angles. It is integrated, because the
 //! mechanism is non-holonomic (physics notes, section 4).
 
-use crate::device::{Device, MAX_JOINTS, MAX_WHEELS};
-use crate::kinematics::{ContactFrame, forward};
+use crate::count::{Any, Count};
+use crate::device::{Device, MAX_JOINTS};
+use crate::kinematics::{ContactFrame, Fit};
 use crate::path::Path;
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::OdometryMethod;
@@ -26,15 +27,33 @@ const ROOT3_12: Real = 0.144_337_567_297_406_44;
 #[inline]
 #[must_use]
 pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]) -> Vec3 {
-    match method {
-        OdometryMethod::Euler => turn_at(device, th, delta, 0.0),
-        OdometryMethod::Midpoint => turn_at(device, th, delta, 0.5),
-        OdometryMethod::Magnus4 => {
-            let first = turn_at(device, th, delta, 0.5 - ROOT3_6);
-            let second = turn_at(device, th, delta, 0.5 + ROOT3_6);
-            magnus(first, second)
-        }
-    }
+    turn_of(Any::of(device), device, method, th, delta)
+}
+
+/// Implements [`turn`] for a device with `count` wheels.
+#[inline(always)]
+pub(crate) fn turn_of<C: Count>(
+    count: C,
+    device: &Device,
+    method: OdometryMethod,
+    th: &[Real],
+    delta: &[Real],
+) -> Vec3 {
+    let part = match method {
+        OdometryMethod::Euler => 0.0,
+        OdometryMethod::Midpoint => 0.5,
+        OdometryMethod::Magnus4 => return magnus_turn(count, device, th, delta),
+    };
+    turn_at(count, device, th, delta, part)
+}
+
+/// Returns the turn of [`turn`] by the Magnus expansion. It is a separate function, so that it
+/// costs nothing if the rig uses another method.
+#[inline(never)]
+fn magnus_turn<C: Count>(count: C, device: &Device, th: &[Real], delta: &[Real]) -> Vec3 {
+    let first = turn_at(count, device, th, delta, 0.5 - ROOT3_6);
+    let second = turn_at(count, device, th, delta, 0.5 + ROOT3_6);
+    magnus(first, second)
 }
 
 /// Returns the orientation that `q` becomes after a `turn` (rotation vector in frame N, rad):
@@ -43,7 +62,7 @@ pub fn turn(device: &Device, method: OdometryMethod, th: &[Real], delta: &[Real]
 /// In f32 the turn's change is added to `q`, because the rounding errors of a product of
 /// quaternions would add up. In f64 they are a billion times smaller, so the product is taken,
 /// and outputs keep their bits (docs/accuracy.md).
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn advance(q: Quat, turn: Vec3) -> Quat {
     if Real::EPSILON < 1.0e-10 {
@@ -61,17 +80,6 @@ fn magnus(first: Vec3, second: Vec3) -> Vec3 {
     (first + second) * 0.5 - first.cross(second) * ROOT3_12
 }
 
-/// Returns the contact frames of all wheels at the point `s` (0 to 1) of `path`. The path begins at
-/// the steer angles `th` (rad).
-#[inline]
-fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactFrame; MAX_WHEELS] {
-    let mut frames = [ContactFrame::default(); MAX_WHEELS];
-    for (i, wheel) in device.wheels().iter().enumerate() {
-        frames[i] = ContactFrame::at(wheel, th[i] + path.turned(2 * i, s));
-    }
-    frames
-}
-
 /// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the joints move
 /// along `path`. The joints begin at the steer angles `th` (one per wheel, rad).
 ///
@@ -85,30 +93,42 @@ fn frames_along(device: &Device, th: &[Real], path: &Path, s: Real) -> [ContactF
 #[must_use]
 pub fn turn_along(device: &Device, method: OdometryMethod, th: &[Real], path: &Path) -> Vec3 {
     match method {
-        OdometryMethod::Euler => turn_at(device, th, path.delta(), 0.0),
-        OdometryMethod::Midpoint => {
-            forward(device, &frames_along(device, th, path, 0.5)[..device.wheels().len()], path.delta())
-        }
+        OdometryMethod::Euler => turn_at(Any::of(device), device, th, path.delta(), 0.0),
+        OdometryMethod::Midpoint => forward_along(device, th, path, 0.5, path.delta()),
         OdometryMethod::Magnus4 => {
             let point = |s: Real| {
                 let mut rate = [0.0; MAX_JOINTS];
                 for (j, rate) in rate[..device.joints()].iter_mut().enumerate() {
                     *rate = path.rate(j, s);
                 }
-                forward(device, &frames_along(device, th, path, s)[..device.wheels().len()], &rate)
+                forward_along(device, th, path, s, &rate)
             };
             magnus(point(0.5 - ROOT3_6), point(0.5 + ROOT3_6))
         }
     }
 }
 
+/// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the joints move by
+/// `delta` (rad) and the contact frames are constant. They are those at the point `s` (0 to 1) of
+/// `path`, which begins at the steer angles `th` (rad).
+#[inline]
+fn forward_along(device: &Device, th: &[Real], path: &Path, s: Real, delta: &[Real]) -> Vec3 {
+    let mut fit = Fit::EMPTY;
+    for (i, wheel) in device.wheels().iter().enumerate() {
+        let frame = ContactFrame::at(wheel, th[i] + path.turned(2 * i, s));
+        fit.add(device, wheel, &frame, [delta[2 * i], delta[2 * i + 1]]);
+    }
+    fit.omega(device)
+}
+
 /// Returns how far the sphere turns in frame N, as a rotation vector (rad), if the contact frames
 /// are constant. They are those at the fraction `part` (0 to 1) of the step.
-#[inline]
-fn turn_at(device: &Device, th: &[Real], delta: &[Real], part: Real) -> Vec3 {
-    let mut frames = [ContactFrame::default(); MAX_WHEELS];
-    for (i, wheel) in device.wheels().iter().enumerate() {
-        frames[i] = ContactFrame::at(wheel, th[i] + part * delta[2 * i]);
+#[inline(always)]
+fn turn_at<C: Count>(count: C, device: &Device, th: &[Real], delta: &[Real], part: Real) -> Vec3 {
+    let mut fit = Fit::EMPTY;
+    for (i, wheel) in device.first(count).iter().enumerate() {
+        let frame = ContactFrame::at(wheel, th[i] + part * delta[2 * i]);
+        fit.add(device, wheel, &frame, [delta[2 * i], delta[2 * i + 1]]);
     }
-    forward(device, &frames[..device.wheels().len()], delta)
+    fit.omega(device)
 }

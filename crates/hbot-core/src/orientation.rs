@@ -46,14 +46,14 @@ impl Orientation {
     }
 
     /// Adds a turn of the sphere that was measured at the wheels (rotation vector in frame N, rad).
-    #[inline]
+    #[inline(always)]
     pub(crate) fn advance(&mut self, turn: Vec3) {
         self.integral = odometry::advance(self.integral, turn);
     }
 
     /// Ends the orientation of tick `tick`: applies at most `step` rad of the pending correction,
     /// sets `q`, and adds an entry to the history.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn settle(&mut self, tick: u64, step: Real) {
         self.history[tick as usize % ALIGN_HISTORY] = (tick, self.integral);
         if self.pending != Vec3::ZERO {

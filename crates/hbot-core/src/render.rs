@@ -42,7 +42,7 @@ impl Renderer {
     /// Creates a memory for each effect of `scene` that has none yet. References with the anchor
     /// [`Anchor::Here`] are placed relative to the orientation `q`. Returns true if `scene` is not
     /// the one of the last tick. Call it before [`render`](Self::render).
-    #[inline]
+    #[inline(always)]
     pub fn adopt(&mut self, scene: &CompiledScene, q: Quat) -> bool {
         self.placed = 0;
         if self.revision == Some(scene.revision()) {
@@ -158,8 +158,21 @@ impl Renderer {
     /// Returns the torque of the scene on the sphere in frame N, in N m. Advances all effects by
     /// `dt` seconds, the time since the last tick. References turn towards their goals by at most
     /// `reach` rad.
-    #[inline]
     pub fn render(
+        &mut self,
+        scene: &CompiledScene,
+        motion: &Motion,
+        tick: u64,
+        dt: Real,
+        reach: Real,
+    ) -> Vec3 {
+        self.render_in_tick(scene, motion, tick, dt, reach)
+    }
+
+    /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
+    /// returned through memory costs some nanoseconds.
+    #[inline(always)]
+    pub(crate) fn render_in_tick(
         &mut self,
         scene: &CompiledScene,
         motion: &Motion,
@@ -199,7 +212,7 @@ impl Renderer {
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
             };
-            torque += effect.kind.render(&mut now, &mut state.memory) * gain;
+            torque += effect.kind.render(gain, &mut now, &mut state.memory);
         }
         self.shared.end(motion, dt);
         torque

@@ -119,7 +119,7 @@ pub fn renormalized(q: Quat) -> Quat {
 ///
 /// # Preconditions
 /// `v` is finite and |v|² does not overflow. `q` is of unit length except for rounding.
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn turned_by_product(q: Quat, v: Vec3) -> Quat {
     renormalized(exp(v) * q)

@@ -104,7 +104,7 @@ impl Stream {
     /// After the streamed torque has expired, the result ramps from the limited sum to the limited
     /// torque of the scene. If the ramp were applied before the limit, a streamed torque of a
     /// thousand times the limit would keep the full torque until the end of its ramp.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn added_to(&self, scene: Vec3, limit: Real) -> (Vec3, Real) {
         if self.level == 0.0 {
             return shortened(scene, limit);

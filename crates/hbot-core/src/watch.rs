@@ -7,6 +7,7 @@
 //! mean slip of each wheel. Over two blocks the counts of each joint must also agree with its
 //! rates.
 
+use crate::count::Count;
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::joints::largest_slip;
 use crate::kinematics::{Posture, wheel_velocity};
@@ -174,11 +175,11 @@ impl Watch {
     /// Starts an interval between two readings, with the posture at its start. `turn` is how far
     /// the sphere turns in the interval (rotation vector in frame N, rad).
     #[inline]
-    pub(crate) fn begin(&mut self, rig: &Rig, posture: &Posture, turn: Vec3) {
+    pub(crate) fn begin<C: Count>(&mut self, count: C, rig: &Rig, posture: &Posture, turn: Vec3) {
         // The contact frames at the start and at the end count half each. This is exact to second
         // order in the interval.
         let half = 0.5 * rig.device.sphere_radius();
-        for (slip, frame) in self.slip.iter_mut().zip(posture.frames()) {
+        for (slip, frame) in self.slip.iter_mut().zip(posture.first_frames(count)) {
             slip[0] -= half * frame.c2.dot(turn);
             slip[1] += half * frame.c1.dot(turn);
         }
@@ -187,15 +188,15 @@ impl Watch {
     /// Ends an interval between two readings: adds its motion to the sums of the block, with the
     /// posture at its end. Checks the block if it is complete.
     #[inline]
-    pub(crate) fn end(&mut self, rig: &Rig, posture: &Posture, moved: &Interval<'_>) {
-        self.begin(rig, posture, moved.turn);
+    pub(crate) fn end<C: Count>(&mut self, count: C, rig: &Rig, posture: &Posture, moved: &Interval<'_>) {
+        self.begin(count, rig, posture, moved.turn);
         let time = moved.ticks as Real * self.period_s;
-        for (i, wheel) in rig.device.wheels().iter().enumerate() {
+        for (i, wheel) in rig.device.first(count).iter().enumerate() {
             let [u, v] = wheel_velocity(&rig.device, wheel, moved.delta[2 * i], moved.delta[2 * i + 1]);
             self.slip[i][0] += u;
             self.slip[i][1] += v;
         }
-        for j in 0..rig.device.joints() {
+        for j in 0..count.joints() {
             // The mean of the rates at both ends. After a gap the last rate alone is not enough.
             let counted = moved.delta[j];
             let rated = 0.5 * (self.last_rate[j] + moved.rate[j]) * time;

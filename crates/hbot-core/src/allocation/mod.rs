@@ -30,6 +30,7 @@ mod weak;
 pub(crate) use nearest::{Bounds, nearest};
 pub use traction::{ContactArms, traction};
 
+use crate::count::Count;
 use crate::device::{Device, MAX_JOINTS};
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
@@ -100,7 +101,8 @@ impl JointLimits {
     #[inline]
     fn driven(&self, k: usize) -> bool {
         let (t, w) = (self.peak[k], self.weight[k]);
-        t > 0.0 && t < Real::INFINITY && w > 0.0 && w < Real::INFINITY
+        // A comparison with infinity would become a slow test of the bits of the number.
+        t > 0.0 && t <= Real::MAX && w > 0.0 && w <= Real::MAX
     }
 }
 
@@ -183,6 +185,21 @@ pub fn allocate(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation
     }
 }
 
+/// Does the same as [`allocate`], for the `rows` of `count` wheels. The tick takes the fast method
+/// for two wheels inline, because a torque that is passed through memory costs some nanoseconds.
+#[inline(always)]
+pub(crate) fn allocate_in_tick<C: Count>(
+    count: C,
+    rows: &[Vec3],
+    limits: &JointLimits,
+    wanted: Vec3,
+) -> Allocation {
+    match rows.first_chunk::<4>() {
+        Some(four) if count.joints() == 4 => allocate_rows(four, limits, wanted),
+        _ => allocate(rows, limits, wanted),
+    }
+}
+
 /// Returns the least-cost joint torques for `wanted`, all scaled down by one factor until no joint
 /// exceeds its limit. It is a faster substitute for [`allocate`].
 ///
@@ -252,12 +269,23 @@ struct LeastCost {
 impl LeastCost {
     #[inline(always)]
     fn of(rows: &[Vec3], limits: &JointLimits, u: Vec3) -> Self {
+        if (0..rows.len()).all(|k| limits.driven(k)) {
+            Self::of_driven::<true>(rows, limits, u)
+        } else {
+            Self::of_driven::<false>(rows, limits, u)
+        }
+    }
+
+    /// Implements [`of`](Self::of). `ALL` is true if all joints are driven, which saves the
+    /// question for each joint.
+    #[inline(always)]
+    fn of_driven<const ALL: bool>(rows: &[Vec3], limits: &JointLimits, u: Vec3) -> Self {
         // Below this ratio of determinant to spread, rounding dominates the solution.
         const SPOILT: Real = if Real::EPSILON < 1.0e-10 { 1.0e-6 } else { 1.0e-4 };
         let mut give = [0.0; MAX_JOINTS];
         let (mut moment, mut peaks) = (Sym3::ZERO, Sym3::ZERO);
         for (k, g) in rows.iter().enumerate() {
-            if limits.driven(k) {
+            if ALL || limits.driven(k) {
                 give[k] = 1.0 / limits.weight[k];
                 moment.add(*g, give[k]);
                 peaks.add(*g, limits.peak[k] * limits.peak[k]);
@@ -270,17 +298,17 @@ impl LeastCost {
         let y = inverse.solve(u);
         for (k, g) in rows.iter().enumerate() {
             // The row of a joint that is not driven can hold anything, even NaN.
-            tau[k] = if give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
+            tau[k] = if ALL || give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
         }
         // One step of iterative refinement. The adjugate alone loses accuracy with the square of
         // the rows' condition number.
         let mut left = u;
         for (k, g) in rows.iter().enumerate() {
-            left -= if give[k] > 0.0 { *g * tau[k] } else { Vec3::ZERO };
+            left -= if ALL || give[k] > 0.0 { *g * tau[k] } else { Vec3::ZERO };
         }
         let y = inverse.solve(left);
         for (k, g) in rows.iter().enumerate() {
-            tau[k] += if give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
+            tau[k] += if ALL || give[k] > 0.0 { give[k] * g.dot(y) } else { 0.0 };
         }
         Self { tau, sound }
     }

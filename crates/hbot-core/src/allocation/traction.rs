@@ -63,6 +63,7 @@ impl ContactArms {
 /// is the largest force that a contact holds without slip, N: friction coefficient mu times normal
 /// force N. Returns 0 if there is no force, and infinity if there is a force but `grip` is not
 /// positive.
+#[inline]
 #[must_use]
 pub fn traction(arms: &[ContactArms], tau: &[Real], grip: Real) -> Real {
     let mut square: Real = 0.0;
@@ -84,6 +85,7 @@ impl Allocation {
     ///
     /// `grip` is the friction coefficient mu times the normal force N. The torque on the sphere
     /// keeps its direction and only becomes smaller.
+    #[inline]
     pub fn limit_traction(&mut self, arms: &[ContactArms], grip: Real) -> Real {
         let load = traction(arms, &self.torque, grip);
         if load > 1.0 {

@@ -1,7 +1,7 @@
 //! Executes live commands.
 
 use super::Controller;
-use crate::inputs::{Command, OnClientLost, Stamp};
+use crate::inputs::{Command, Inputs, MAX_COMMANDS, OnClientLost, Stamp};
 use crate::mode::Mode;
 use crate::outputs::{Refusal, Reply};
 use crate::real::{Quat, Real, fabs};
@@ -9,9 +9,28 @@ use crate::rotation;
 use crate::scene::CompiledScene;
 
 impl Controller {
+    /// Executes the commands of a tick and returns the reply to each. It is a separate function,
+    /// because most ticks have no commands.
+    #[inline(never)]
+    pub(super) fn obey_all(
+        &mut self,
+        scene: &CompiledScene,
+        inputs: &Inputs,
+    ) -> [Option<Reply>; MAX_COMMANDS] {
+        let mut replies = [None; MAX_COMMANDS];
+        for (reply, command) in replies.iter_mut().zip(inputs.commands.iter()) {
+            *reply = Some(self.obey(scene, inputs.tick, command));
+        }
+        // A stop overrides all other commands of its tick, also later ones.
+        if inputs.commands.iter().any(|command| matches!(command, Command::Estop)) {
+            self.machine.estop();
+        }
+        replies
+    }
+
     /// Executes a client's command and returns the reply. A refused command changes nothing; the
     /// reply then contains the reason.
-    pub(super) fn obey(&mut self, scene: &CompiledScene, tick: u64, command: &Command) -> Reply {
+    fn obey(&mut self, scene: &CompiledScene, tick: u64, command: &Command) -> Reply {
         match *command {
             Command::Enable => self.enable(scene),
             Command::Disable => {

@@ -2,7 +2,7 @@
 
 use super::Controller;
 use crate::heat::Heat;
-use crate::inputs::{Complaints, Inputs, JointReadings};
+use crate::inputs::{Inputs, JointReadings};
 use crate::joints::Joints;
 use crate::mode::{Cause, Mode};
 use crate::real::Real;
@@ -69,8 +69,8 @@ impl Controller {
         self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
             + Real::from(inputs.corrupt_frames);
         self.corrupt = self.corrupt.min(2.0 * CORRUPT_FAULT);
-        match inputs.feedback.map(|feedback| feedback.complaints) {
-            Some(Complaints { disobeyed: true, .. }) => {
+        match &inputs.feedback {
+            Some(feedback) if feedback.complaints.disobeyed => {
                 self.disobeyed_ticks = self.disobeyed_ticks.saturating_add(elapsed);
             }
             Some(_) => self.disobeyed_ticks = 0,
@@ -80,14 +80,14 @@ impl Controller {
 
     /// Returns the most serious fault condition of this tick, if any. `feedback` is `Ok(true)` if
     /// there was a new reading, and an error if the reading was invalid.
-    #[inline]
+    #[inline(always)]
     pub(super) fn fault_condition(
         &self,
         inputs: &Inputs,
         elapsed: u64,
         feedback: Result<bool, Cause>,
     ) -> Option<Cause> {
-        let complaints = inputs.feedback.map(|f| f.complaints).unwrap_or_default();
+        let complaints = inputs.feedback.as_ref().map(|feedback| feedback.complaints).unwrap_or_default();
         let powered = self.powered();
         if inputs.rebooted || complaints.fault || self.disobeyed() {
             return Some(Cause::ControllerFault);
@@ -122,7 +122,7 @@ impl Controller {
     /// Returns the fault that the measured motion shows, such as excessive speed or slip. With
     /// motors off, it returns only the fault that the rig is already in, because a person may then
     /// spin the sphere by hand.
-    #[inline]
+    #[inline(always)]
     fn motion_fault(&self, powered: bool) -> Option<Cause> {
         let judged = |cause| powered || self.machine.cause == Some(cause);
         let by_counts = self.joints.watch.verdict();

@@ -12,10 +12,11 @@ mod torque;
 
 use crate::allocation::{ContactArms, JointLimits};
 use crate::burst::Burst;
+use crate::count::{Any, Count, Two};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
 use crate::heat::Heat;
-use crate::inputs::{Command, Inputs, Stamp};
+use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::joints::Joints;
 use crate::mode::{Cause, ModeMachine};
 use crate::orientation::Orientation;
@@ -138,7 +139,18 @@ impl Controller {
 
     /// Runs one tick: takes the reading, executes the commands, renders `scene`, and returns joint
     /// torques and the state.
+    #[inline]
     pub fn tick(&mut self, scene: &CompiledScene, inputs: &Inputs) -> Outputs {
+        if self.rig.device.wheels().len() == 2 {
+            self.tick_of(Two, scene, inputs)
+        } else {
+            self.tick_of(Any::of(&self.rig.device), scene, inputs)
+        }
+    }
+
+    /// Implements [`tick`](Self::tick) for a rig with `count` wheels.
+    #[inline(never)]
+    fn tick_of<C: Count>(&mut self, count: C, scene: &CompiledScene, inputs: &Inputs) -> Outputs {
         // A tick with a number not after the last one takes no time.
         let elapsed = self.last_tick.map_or(1, |last| inputs.tick.saturating_sub(last));
         self.last_tick = Some(inputs.tick);
@@ -151,7 +163,7 @@ impl Controller {
             burst.leak(dt, powered);
         }
 
-        let measured = self.measure(inputs, elapsed);
+        let measured = self.measure(count, inputs, elapsed);
         let align_step = if powered { self.rig.limits.align_rate * dt } else { Real::INFINITY };
         self.orientation.settle(inputs.tick, align_step);
         self.count_complaints(inputs, elapsed);
@@ -164,26 +176,23 @@ impl Controller {
         }
         self.machine.take_condition(present);
         let changed = self.renderer.adopt(scene, self.orientation.q);
-        let mut replies = [None; crate::inputs::MAX_COMMANDS];
-        for (reply, command) in replies.iter_mut().zip(inputs.commands.iter()) {
-            *reply = Some(self.obey(scene, inputs.tick, command));
-        }
-        // A stop overrides all other commands of its tick, also later ones.
-        if inputs.commands.iter().any(|command| matches!(command, Command::Estop)) {
-            self.machine.estop();
-        }
+        let replies = (!inputs.commands.is_empty()).then(|| self.obey_all(scene, inputs));
         self.machine.ramp(dt);
 
         let wanted = self.render(scene, inputs.tick, dt, changed);
-        self.hold(inputs.tick, &wanted);
-        let state = self.state(scene, inputs.tick, matches!(measured, Ok(true)));
-        Outputs { drive: self.drive(), replies, state }
+        self.hold(count, inputs.tick, &wanted);
+        let fresh = matches!(measured, Ok(true));
+        Outputs {
+            drive: self.drive(count),
+            replies: replies.unwrap_or([None; MAX_COMMANDS]),
+            state: self.state(count, scene, inputs.tick, fresh),
+        }
     }
 
     /// Takes the motors' reading if it is new. Returns true if it was taken, false if there was no
     /// new reading, and the cause of a fault if the reading is invalid.
     #[inline]
-    fn measure(&mut self, inputs: &Inputs, elapsed: u64) -> Result<bool, Cause> {
+    fn measure<C: Count>(&mut self, count: C, inputs: &Inputs, elapsed: u64) -> Result<bool, Cause> {
         if inputs.rebooted {
             self.homed = false;
             self.rebooted = true;
@@ -197,7 +206,7 @@ impl Controller {
         }
         let judged = self.powered() || self.machine.cause.is_some();
         let late = (inputs.tick as u32).wrapping_sub(feedback.sequence).saturating_sub(elapsed.max(1) as u32);
-        let step = self.joints.advance(&self.rig, feedback, late, judged)?;
+        let step = self.joints.advance(count, &self.rig, feedback, late, judged)?;
         self.orientation.advance(step.turn);
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
         if let Some(guard) = &mut self.guard {
@@ -212,27 +221,25 @@ impl Controller {
     /// Sets the torque that the motors make from this tick on: as much of `wanted` as motors and
     /// contacts can make.
     #[inline]
-    fn hold(&mut self, tick: u64, wanted: &Wanted) {
-        let made = if wanted.torque == Vec3::ZERO {
-            Made { scale: wanted.share, ..Made::NOTHING }
+    fn hold<C: Count>(&mut self, count: C, tick: u64, wanted: &Wanted) {
+        if wanted.torque == Vec3::ZERO {
+            self.made = Made { scale: wanted.share, ..Made::NOTHING };
         } else if wanted.torque.is_finite() {
-            self.feasible(wanted)
+            self.make(count, wanted);
         } else {
-            Made { torque: wanted.torque, ..Made::NOTHING }
-        };
-        self.send(tick, made);
+            self.made = Made { torque: wanted.torque, ..Made::NOTHING };
+        }
+        self.send(count, tick);
     }
 
     /// Sends `made` to the motors in this tick. If one of its numbers is not finite, the rig goes
     /// to fault and the motors make no torque.
     #[inline]
-    fn send(&mut self, tick: u64, made: Made) {
-        self.made = if made.is_finite() {
-            made
-        } else {
+    fn send<C: Count>(&mut self, count: C, tick: u64) {
+        if !self.made.is_finite(count) {
             self.machine.take_condition(Some(Cause::NonFinite));
-            Made::NOTHING
-        };
+            self.made = Made::NOTHING;
+        }
         self.observer.record(tick as u32, self.made.torque);
         if let Some(heat) = &mut self.heat {
             heat.hold(&self.made.joints);
@@ -242,9 +249,9 @@ impl Controller {
     /// Returns the command to the motors. Each torque has the sign convention of the joint's motor
     /// controller.
     #[inline]
-    fn drive(&self) -> Drive {
+    fn drive<C: Count>(&self, count: C) -> Drive {
         let mut drive = Drive { enable: self.powered(), torque: [0.0; MAX_JOINTS] };
-        for i in 0..self.rig.device.joints() {
+        for i in 0..count.joints() {
             drive.torque[i] = self.joints.in_controller_sense(i, self.made.joints[i]);
         }
         drive
@@ -253,7 +260,7 @@ impl Controller {
     /// Returns the state of this tick, which is published to clients. `fresh` is true if the tick
     /// took a new reading.
     #[inline]
-    fn state(&self, scene: &CompiledScene, tick: u64, fresh: bool) -> State {
+    fn state<C: Count>(&self, count: C, scene: &CompiledScene, tick: u64, fresh: bool) -> State {
         let made = &self.made;
         let client = self.client.map(|(stamp, taken)| TakenStream {
             seq: stamp.seq,
@@ -267,7 +274,7 @@ impl Controller {
             omega: self.joints.omega,
             reference: self.renderer.reference(scene),
             torque: made.torque,
-            joints: self.rig.device.joints(),
+            joints: count.joints(),
             angle: self.joints.angle,
             rate: self.joints.rate,
             joint_torque: made.joints,
@@ -284,60 +291,4 @@ impl Controller {
 }
 
 #[cfg(test)]
-mod tests {
-    extern crate std;
-
-    use super::*;
-    use crate::device::{Device, WheelSpec};
-    use crate::rig::{Joint, RigParts};
-
-    /// A torque that is not finite, in any one of its numbers, is not sent. The allocation makes no
-    /// such torque, so it is given here.
-    #[test]
-    fn a_torque_that_is_not_finite_is_a_fault_and_no_torque() {
-        let wheel = |side: Real| WheelSpec {
-            axis: Vec3::new(side, 0.0, -1.0),
-            cone: 0.1745,
-            radius: 0.0155,
-            ..WheelSpec::default()
-        };
-        let device = Device::new(0.102, 0.467, &[wheel(1.0), wheel(-1.0)]).unwrap();
-        let joint = Joint::new(16384, 2.0);
-        let rig = Rig::new(RigParts::new(device).with_joints(joint, joint)).unwrap();
-        let sent = |alter: &dyn Fn(&mut Made)| {
-            let mut controller = Controller::new(rig);
-            let mut made = Made { torque: Vec3::X, joints: [0.1; MAX_JOINTS], ..Made::NOTHING };
-            alter(&mut made);
-            controller.send(1, made);
-            (controller.machine.cause, controller.made.torque, controller.drive().torque)
-        };
-        let whole = sent(&|_| ());
-        assert_eq!((whole.0, whole.1, whole.2[3]), (None, Vec3::X, 0.1));
-        let stopped = (Some(Cause::NonFinite), Vec3::ZERO, [0.0; MAX_JOINTS]);
-        for bad in [Real::NAN, Real::INFINITY, Real::NEG_INFINITY] {
-            for j in 0..4 {
-                assert_eq!(sent(&|made| made.joints[j] = bad), stopped, "{bad} at joint {j}");
-            }
-            for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-                assert_eq!(sent(&|made| made.torque += axis * bad), stopped, "{bad} about {axis}");
-            }
-            let both = |made: &mut Made| (made.torque.x, made.joints[0]) = (bad, bad);
-            assert_eq!(sent(&both), stopped, "{bad}");
-        }
-    }
-
-    /// Checks that the table of memory sizes in the documentation of the crate is correct. It lists
-    /// the sizes for a 64-bit machine.
-    #[test]
-    #[cfg(target_pointer_width = "64")]
-    fn a_controller_takes_as_much_memory_as_the_docs_say() {
-        let width = if size_of::<Real>() == 8 { "f64" } else { "f32" };
-        let row = std::format!(
-            "//! | {width} | {} | {} | {} |",
-            size_of::<Controller>(),
-            size_of::<Orientation>(),
-            size_of::<CompiledScene>()
-        );
-        assert!(include_str!("../lib.rs").contains(&row), "{row}");
-    }
-}
+mod tests;

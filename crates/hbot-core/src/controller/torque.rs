@@ -2,15 +2,17 @@
 //! motors and contacts make as much of it as they can, within the slew limit.
 
 use super::Controller;
-use crate::allocation::{self, Allocation, Bounds};
+use crate::allocation::{self, Bounds};
+use crate::count::{Any, Count};
 use crate::device::MAX_JOINTS;
 use crate::effects::Motion;
+use crate::kinematics::torque_of;
 use crate::mode::Mode;
 use crate::passivity::Moment;
 use crate::real::{Real, Vec3, sqrt};
 use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
-use crate::shaping::{BLEND_S, Blend, limited, slewed};
+use crate::shaping::{BLEND_S, Blend, Stream, limited, slewed};
 
 /// Step in torque above which a change of scene restarts the soft start, as a fraction of the rig's
 /// largest torque. It applies if an effect rests so far away that `enable` would refuse the scene.
@@ -51,8 +53,11 @@ impl Made {
     pub(super) const NOTHING: Self =
         Self { torque: Vec3::ZERO, joints: [0.0; MAX_JOINTS], scale: 1.0, deficient: false, traction: 0.0 };
 
-    pub(super) fn is_finite(&self) -> bool {
-        self.torque.is_finite() && self.joints.iter().all(|t| t.is_finite())
+    /// Returns true if the torque on the sphere and the torques of the joints of `count` wheels are
+    /// finite.
+    #[inline]
+    pub(super) fn is_finite<C: Count>(&self, count: C) -> bool {
+        self.torque.is_finite() && self.joints[..count.joints()].iter().all(|t| t.is_finite())
     }
 }
 
@@ -70,7 +75,7 @@ impl Controller {
     /// The sum of the two torques is limited. It is then multiplied by the ramp of a soft start or
     /// a disable, and blended if the scene has changed. Last, its change since the last tick is
     /// limited to the slew limit.
-    #[inline]
+    #[inline(always)]
     pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
         let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
@@ -91,10 +96,7 @@ impl Controller {
             let torque = if idle { slewed(self.made.torque, Vec3::ZERO, reach) } else { Vec3::ZERO };
             return Wanted { torque, share: 1.0, reach };
         }
-        let before = changed.then(|| {
-            let rendered = self.renderer.clone().render(scene, &last_motion, tick, 0.0, 0.0);
-            last_stream.added_to(rendered, limits.torque).0
-        });
+        let before = changed.then(|| self.rendered_anew(scene, tick, &last_motion, &last_stream));
         if let Some(before) = before
             && self.comes_from_afar(scene, motion, before)
         {
@@ -103,7 +105,7 @@ impl Controller {
             self.carried_s = 0.0;
         }
         let gain = self.machine.gain;
-        let rendered = self.renderer.render(scene, &motion, tick, dt, limits.reference_rate * dt);
+        let rendered = self.renderer.render_in_tick(scene, &motion, tick, dt, limits.reference_rate * dt);
         let (asked, share) = self.stream.added_to(rendered, limits.torque);
         self.last_asked = asked;
         let offset = self.blend.advance(asked * gain, before.map(|before| before * gain), dt);
@@ -122,6 +124,21 @@ impl Controller {
             wanted = limited(self.damp(tick, wanted), bound);
         }
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
+    }
+
+    /// Returns the torque that `scene` would have made in the last tick, N m: at the motion
+    /// `last_motion` and together with the stream `last_stream`. It is a separate function, so that
+    /// only a change of scene needs stack for a copy of the effects' memories.
+    #[inline(never)]
+    fn rendered_anew(
+        &self,
+        scene: &CompiledScene,
+        tick: u64,
+        last_motion: &Motion,
+        last_stream: &Stream,
+    ) -> Vec3 {
+        let rendered = self.renderer.clone().render(scene, last_motion, tick, 0.0, 0.0);
+        last_stream.added_to(rendered, self.rig.limits.torque).0
     }
 
     /// Returns true if the new scene is so far from rest that `enable` would refuse it. This has
@@ -152,35 +169,44 @@ impl Controller {
         guard.damp(&self.observer, now, wanted, self.joints.omega)
     }
 
-    /// Returns the joint torques that make the torque `wanted` on the sphere, as far as the limits
-    /// of motors, contacts and slew allow.
-    #[inline]
-    pub(super) fn feasible(&self, wanted: &Wanted) -> Made {
-        let made = self.allocated(wanted);
+    /// Sets `made` to the joint torques that make the torque `wanted` on the sphere, as far as the
+    /// limits of motors, contacts and slew allow.
+    #[inline(always)]
+    pub(super) fn make<C: Count>(&mut self, count: C, wanted: &Wanted) {
+        let next = self.allocated(count, wanted);
         // Allows for the rounding of an allocation at the slew limit.
         let reach = wanted.reach + 64.0 * Real::EPSILON * self.rig.limits.torque;
-        if (made.torque - self.made.torque).length_squared() > reach * reach {
-            return self.eased(made, wanted);
+        if (next.torque - self.made.torque).length_squared() > reach * reach {
+            self.made = self.eased(&next, wanted);
+            return;
         }
-        made
+        // Field by field, because to copy all joints that a rig can have takes longer. The others
+        // have zero torque.
+        let made = &mut self.made;
+        made.torque = next.torque;
+        made.joints[..count.joints()].copy_from_slice(&next.joints[..count.joints()]);
+        (made.scale, made.deficient, made.traction) = (next.scale, next.deficient, next.traction);
     }
 
-    #[inline]
-    fn allocated(&self, wanted: &Wanted) -> Made {
-        let n = self.rig.device.joints();
-        let rows = self.joints.posture.rows();
+    #[inline(always)]
+    fn allocated<C: Count>(&self, count: C, wanted: &Wanted) -> Made {
+        let rows = self.joints.posture.first_rows(count);
         let mut allocation = match self.rig.methods.allocation {
-            AllocationMethod::Exact => allocation::allocate(rows, &self.limits, wanted.torque),
+            AllocationMethod::Exact => allocation::allocate_in_tick(count, rows, &self.limits, wanted.torque),
             AllocationMethod::Clipped => allocation::allocate_clipped(rows, &self.limits, wanted.torque),
         };
         let traction = self.rig.limits.traction.map_or(0.0, |grip| {
             // The sent torques load no contact beyond its grip, whatever load the allocation had
             // before.
-            allocation.limit_traction(&self.arms[..n / 2], grip.mu * grip.normal_force).min(1.0)
+            allocation.limit_traction(&self.arms[..count.wheels()], grip.mu * grip.normal_force).min(1.0)
         });
-        let Allocation { torque: joints, scale, deficient } = allocation;
-        let torque = self.joints.posture.torque_on_sphere(&joints[..n]);
-        Made { torque, joints, scale: scale * wanted.share, deficient, traction }
+        Made {
+            torque: torque_of(rows, &allocation.torque[..count.joints()]),
+            joints: allocation.torque,
+            scale: allocation.scale * wanted.share,
+            deficient: allocation.deficient,
+            traction,
+        }
     }
 
     /// Moves the joint torques only a part of the way to `next`, so that the torque on the sphere
@@ -194,14 +220,14 @@ impl Controller {
     /// as contact forces are linear in the joint torques with constant arms. Both limits are
     /// convex, so every point in between is within them too.
     #[inline(never)]
-    fn eased(&self, next: Made, wanted: &Wanted) -> Made {
+    fn eased(&self, next: &Made, wanted: &Wanted) -> Made {
         let n = self.rig.device.joints();
         let posture = &self.joints.posture;
         let last = self.made.torque;
         // The wheels have steered since the last tick, so the last joint torques now make another
         // torque. The limits may also leave less of the last torque. The nearer of the two is the
         // start.
-        let again = self.allocated(&Wanted { torque: last, ..*wanted });
+        let again = self.allocated(Any::of(&self.rig.device), &Wanted { torque: last, ..*wanted });
         let held = posture.torque_on_sphere(&self.made.joints[..n]);
         let (mut start, mut from) =
             if (again.torque - last).length_squared() <= (held - last).length_squared() {
@@ -224,7 +250,7 @@ impl Controller {
         let traction = self.rig.limits.traction.map_or(0.0, |grip| {
             allocation::traction(&self.arms[..n / 2], &joints[..n], grip.mu * grip.normal_force).min(1.0)
         });
-        Made { torque, joints, traction, ..next }
+        Made { torque, joints, traction, ..*next }
     }
 }
 

@@ -32,8 +32,9 @@ impl Damper {
 
 impl Law for Damper {
     type Memory = ();
+    const COMMON: bool = true;
 
-    #[inline]
+    #[inline(always)]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         let omega = now.motion.omega;
         if self.deadband > 0.0 {

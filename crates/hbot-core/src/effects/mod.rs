@@ -58,6 +58,9 @@ pub(crate) trait Law {
     /// and at `enable`.
     type Memory: Copy + Default + PartialEq + core::fmt::Debug;
 
+    /// True for a law that most scenes have. It is inlined into the loop over the effects.
+    const COMMON: bool = false;
+
     /// Returns the torque on the sphere in frame N, in N m, before the effect's gain and fading.
     /// Advances `memory` by one tick.
     fn render(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
@@ -181,6 +184,19 @@ impl EffectState {
     };
 }
 
+/// Returns the torque of `law` times `gain`. Each law is a separate function unless it is
+/// [`Law::COMMON`]. If all were inlined into the loop over the effects, each tick would compute
+/// values for laws that are not in the scene.
+#[inline(always)]
+fn apply<L: Law>(law: &L, gain: Real, now: &mut Now<'_>, memory: &mut L::Memory) -> Vec3 {
+    #[inline(never)]
+    fn apart<L: Law>(law: &L, now: &mut Now<'_>, memory: &mut L::Memory) -> Vec3 {
+        law.render(now, memory)
+    }
+    let torque = if L::COMMON { law.render(now, memory) } else { apart(law, now, memory) };
+    torque * gain
+}
+
 /// Defines [`Kind`] and [`Memory`] from the list of effects, and functions that call the law of
 /// each kind with its own memory.
 macro_rules! kinds {
@@ -202,17 +218,20 @@ macro_rules! kinds {
         }
 
         impl Kind {
-            #[inline]
-            pub(crate) fn render(&self, now: &mut Now<'_>, memory: &mut Memory) -> Vec3 {
+            /// Returns the torque of the effect times `gain`, in frame N, N m. Advances `memory` by
+            /// one tick.
+            #[inline(always)]
+            pub(crate) fn render(&self, gain: Real, now: &mut Now<'_>, memory: &mut Memory) -> Vec3 {
                 match self {
                     $(Self::$name(law) => {
-                        if let Memory::$name(own) = memory {
-                            return law.render(now, own);
+                        if !matches!(memory, Memory::$name(_)) {
+                            *memory = Memory::$name(Default::default());
                         }
-                        let mut own = Default::default();
-                        let torque = law.render(now, &mut own);
-                        *memory = Memory::$name(own);
-                        torque
+                        match memory {
+                            Memory::$name(own) => apply(law, gain, now, own),
+                            // Not reached, because the memory has just got this variant.
+                            _ => Vec3::ZERO,
+                        }
                     })*
                 }
             }
@@ -389,7 +408,7 @@ mod tests {
                     numbers: &[],
                     shared: &mut shared,
                 };
-                let torque = kind.render(&mut now, &mut memory);
+                let torque = kind.render(1.0, &mut now, &mut memory);
                 assert!(torque.is_finite(), "{kind:?} at {turn}: {torque}");
                 let energy = kind.energy(&mut now, &memory);
                 assert!(energy.is_none_or(Real::is_finite), "{kind:?} at {turn}: {energy:?}");

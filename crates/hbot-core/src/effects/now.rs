@@ -34,7 +34,7 @@ pub(crate) struct Now<'a> {
 impl Now<'_> {
     /// Returns x = q_d⁻¹ q: the sphere's orientation relative to the effect's reference q_d. Its
     /// scalar part eta is not negative.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn relative(&mut self) -> Quat {
         let (desired, q) = (self.reference.q, self.motion.q);
         self.shared.relatives.get(desired, || shortest(desired.conjugate() * q))
@@ -45,6 +45,13 @@ impl Now<'_> {
     #[inline]
     pub(crate) fn log(&mut self) -> (Real, Vec3) {
         let x = self.relative();
+        self.log_of(x)
+    }
+
+    /// Returns the same as [`log`](Self::log). `x` must be the result of
+    /// [`relative`](Self::relative); a law that already has it saves a second search for it.
+    #[inline(always)]
+    pub(crate) fn log_of(&mut self, x: Quat) -> (Real, Vec3) {
         self.shared.logs.get(self.reference.q, || {
             let factor = angle_over_sine(x.w, vector_part(x));
             (factor, vector_part(x) * factor)
@@ -167,7 +174,7 @@ impl<K: Copy + PartialEq, V: Copy, const N: usize> Memo<K, V, N> {
         Self { len: 0, keys: [key; N], values: [value; N] }
     }
 
-    #[inline]
+    #[inline(always)]
     fn get(&mut self, key: K, make: impl FnOnce() -> V) -> V {
         if let Some(i) = self.keys[..self.len].iter().position(|known| *known == key) {
             return self.values[i];

@@ -73,8 +73,9 @@ type Branch = Vec3;
 
 impl Law for Spring {
     type Memory = Branch;
+    const COMMON: bool = true;
 
-    #[inline]
+    #[inline(always)]
     fn render(&self, now: &mut Now<'_>, branch: &mut Branch) -> Vec3 {
         let desired = now.reference.q;
         let mut x = now.relative();
@@ -90,7 +91,7 @@ impl Law for Spring {
                 quaternion_pull(x.w, e, ke)
             }
             SpringLaw::Geodesic => {
-                let (factor, mut p) = now.log();
+                let (factor, mut p) = now.log_of(x);
                 if x.w == 0.0 && vector_part(x).dot(*branch) < 0.0 {
                     (x, p) = (-x, -p);
                 }
