@@ -30,9 +30,10 @@ small_workspace() {
     local tree=$1
     rm -rf "$tree"
     mkdir -p "$tree"/{crates,src,firmware/core-hash}
-    cp -a .cargo Cargo.lock rust-toolchain.toml rigs scenes tests "$tree"
-    cp -a firmware/core-hash/src "$tree/firmware/core-hash"
-    for room in core core-f32 config link device sim testing; do cp -a "crates/hbot-$room" "$tree/crates"; done
+    # The copies are newer than everything that is built, so nothing of an earlier run, with its mutants, is taken for new.
+    cp -r .cargo Cargo.lock rust-toolchain.toml rigs scenes tests "$tree"
+    cp -r firmware/core-hash/src "$tree/firmware/core-hash"
+    for room in core core-f32 config link device sim testing; do cp -r "crates/hbot-$room" "$tree/crates"; done
     touch "$tree/src/lib.rs"
     sed -E '/^\[package\]/,$d; s/^members = .*/members = ["crates\/*"]/; /^(default-members|exclude) /d
         /^hbot-(api|host|server|record|plot|study) /d' Cargo.toml >"$tree/Cargo.toml"
