@@ -163,8 +163,8 @@ fn a_reboot_counts_although_the_reading_of_its_tick_complains_of_less() {
 
 #[test]
 fn a_blend_that_begins_when_another_ends_makes_no_step() {
-    // Around the 50 ticks of a blend, the second change comes before, in and after its last tick.
-    for apart in 46..=54 {
+    // The second change comes within the 50 ticks of the first blend, and around its last tick.
+    for apart in [5, 20].into_iter().chain(46..=54) {
         let mut bench = Bench::active(rig(), spring_scene(1, 2.0, WOUND));
         let mut last = bench.step().state.torque;
         let mut step = 0.0_f64;
@@ -180,6 +180,24 @@ fn a_blend_that_begins_when_another_ends_makes_no_step() {
                 "{apart}, {k}: {last} to {torque}"
             );
             last = torque;
+        }
+    }
+}
+
+#[test]
+fn a_blend_that_follows_another_is_as_if_there_had_been_none() {
+    // The torques after a change from 3 to 1 N m/rad.
+    let change = |bench: &mut Bench| -> Vec<Vec3> {
+        bench.scene = spring_scene(9, 1.0, WOUND);
+        (0..60).map(|_| bench.step().state.torque).collect()
+    };
+    let alone = change(&mut Bench::active(rig(), spring_scene(1, 3.0, WOUND)));
+    for apart in [52, 60, 500] {
+        let mut bench = Bench::active(rig(), spring_scene(1, 2.0, WOUND));
+        bench.scene = spring_scene(2, 3.0, WOUND);
+        bench.run(apart);
+        for (k, (torque, alone)) in change(&mut bench).iter().zip(&alone).enumerate() {
+            assert!((*torque - *alone).length() < ROUNDING, "{apart}, {k}: {torque}, alone {alone}");
         }
     }
 }

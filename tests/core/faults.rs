@@ -131,3 +131,39 @@ fn one_reading_in_twenty_for_ever_is_a_lost_link_and_one_in_five_is_not() {
         assert_eq!(cause, lost.then_some(Cause::LinkLost), "one in {every}");
     }
 }
+
+#[test]
+fn missing_readings_add_up_to_a_lost_link_above_five_times_the_time_out() {
+    // In ten ticks nine readings are missing, and the one that arrives makes up for four. After 19
+    // rounds 99 are missing. The reading of tick 190 takes off four. With the sixth missing reading
+    // after it there are 101, which is above five times 20.
+    let mut bench = active();
+    let lost = (0..2000).find_map(|k| {
+        let outputs = if k % 10 == 0 { bench.step() } else { bench.deaf() };
+        outputs.state.cause.map(|cause| (k, cause))
+    });
+    assert_eq!(lost, Some((196, Cause::LinkLost)));
+}
+
+#[test]
+fn after_any_silence_25_readings_make_a_link_good_again() {
+    for silence in [201, 400, 5000] {
+        let mut bench = active();
+        let last = (0..silence).map(|_| bench.deaf()).last();
+        assert_eq!(last.and_then(|outputs| outputs.state.cause), Some(Cause::LinkLost));
+        // The count of missing readings is at most 200, and each reading takes off four.
+        bench.run(23);
+        assert!(matches!(bench.command(Command::Reset).reply(), Reply::Refused(_)), "{silence} ticks");
+        assert_eq!(bench.command(Command::Reset).reply(), Reply::Done, "{silence} ticks");
+    }
+}
+
+#[test]
+fn a_tick_that_comes_again_is_no_missing_reading() {
+    let mut bench = active();
+    let now = bench.deaf().state.tick;
+    for _ in 0..300 {
+        let again = bench.step_with(|inputs| (inputs.tick, inputs.feedback) = (now, None));
+        assert_eq!(again.state.cause, None);
+    }
+}

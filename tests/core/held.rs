@@ -1,8 +1,9 @@
 //! The torque that is sent, at the limits of the rig: limit of torque, slew, traction, damping.
 
 use crate::bench::{Bench, DT, TORQUE_RATE, altered, rig, rig_with_grip, stream};
-use crate::shaping::ROUNDING;
+use crate::shaping::{ROUNDING, constant};
 use hbot_core::allocation::{ContactArms, traction};
+use hbot_core::inputs::Command;
 use hbot_core::mode::Mode;
 use hbot_core::rig::PassivityLimit;
 use hbot_core::{CompiledScene, Vec3};
@@ -70,4 +71,39 @@ fn damping_of_the_passivity_controller_stays_within_the_limit_of_torque() {
         beyond
     });
     assert!(asked, "no damping beyond the limit");
+}
+
+#[test]
+fn damping_is_computed_from_the_torque_that_is_sent() {
+    let rig = altered(&rig(), |rig| {
+        (rig.limits.torque, rig.limits.torque_rate) = (0.4, 1e4);
+        let limit = PassivityLimit::of(&rig.device, DT);
+        rig.methods.passivity = Some(PassivityLimit { allowance: 0.035, ..limit });
+    });
+    let mut bench = Bench::active(rig, constant(1, Vec3::X * 0.4));
+    // The scene's torque fades while a stream gives as much again. The sum is almost twice the
+    // limit, and half of it is sent.
+    bench.scene = CompiledScene::empty();
+    bench.command(stream(Vec3::X * 0.4, 2000));
+    bench.turn(Vec3::X * 25.0);
+    // A tick at 25 rad/s gives out 10 mJ. One has been measured, one is on its way, and one is
+    // wanted: 30 mJ. With twice the torque wanted it would be 40 mJ.
+    let state = bench.turn(Vec3::X * 25.0).state;
+    assert!((state.torque - Vec3::X * 0.4).length() < ROUNDING, "{}", state.torque);
+    assert_eq!(state.damping, 0.0);
+    // The next tick is one too many.
+    assert!(bench.turn(Vec3::X * 25.0).state.damping > 0.0);
+    // Motors that are off do not damp.
+    assert_eq!(bench.command(Command::Estop).state.damping, 0.0);
+}
+
+#[test]
+fn a_contact_without_grip_is_overloaded_by_any_force() {
+    let rig = rig();
+    let arms = rig.device.wheels().iter().map(|w| ContactArms::of(w, rig.device.sphere_radius()));
+    let arms: Vec<_> = arms.collect();
+    for grip in [0.0, -1.0, f64::NAN] {
+        assert_eq!(traction(&arms, &[0.0, 1e-3, 0.0, 0.0], grip), f64::INFINITY, "{grip}");
+        assert_eq!(traction(&arms, &[0.0; 4], grip), 0.0, "{grip}");
+    }
 }

@@ -6,7 +6,8 @@ use hbot_core::inputs::{Command, Inputs};
 use hbot_core::kinematics::Posture;
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
-use hbot_core::{Vec3, rotation};
+use hbot_core::rig::Rig;
+use hbot_core::{CompiledScene, Vec3, rotation};
 
 #[test]
 fn more_than_half_a_turn_between_readings_is_not_believed() {
@@ -35,9 +36,9 @@ fn under_power_a_count_beyond_four_times_the_limit_of_speed_is_not_believed() {
         // The joint's rate about the axis that turns it most, at 30 rad/s of the sphere.
         let row = Posture::new(&rig.device, &[0.0; 2]).rows()[joint].length();
         let most = 4.0 * rig.limits.speed * row * DT / rig.joints[joint].radians_per_count();
-        for (share, cause) in [(0.99, None), (1.01, Some(Cause::ImplausibleFeedback))] {
-            // Two counts are allowed for rounding.
-            let by = (most * share + if share > 1.0 { 3.0 } else { 0.0 }) as i32;
+        // Two counts are allowed for rounding.
+        for (more, cause) in [(-1.0, None), (1.0, None), (3.0, Some(Cause::ImplausibleFeedback))] {
+            let by = (most + more) as i32;
             for sign in [1, -1] {
                 let mut bench = active();
                 let state = bench
@@ -52,14 +53,26 @@ fn under_power_a_count_beyond_four_times_the_limit_of_speed_is_not_believed() {
 /// Runs an active rig whose joints move by `counts` per tick while the motor controllers report
 /// `rates` (rad/s). Returns the fault in which it ends, and after how many ticks.
 fn lie(counts: [i32; 4], rates: [f64; 4]) -> Option<(Cause, usize)> {
-    let mut bench = active();
+    lie_to(rig(), 1, counts, rates)
+}
+
+/// Does the same as [`lie`] with the rig `rig`. Only every `every`-th tick has a reading.
+fn lie_to(rig: Rig, every: usize, counts: [i32; 4], rates: [f64; 4]) -> Option<(Cause, usize)> {
+    lie_late(rig, every, 0, counts, rates)
+}
+
+/// Does the same as [`lie_to`]. Each reading answers a command that is `late` ticks older.
+fn lie_late(rig: Rig, every: usize, late: u32, counts: [i32; 4], rates: [f64; 4]) -> Option<(Cause, usize)> {
+    let mut bench = Bench::active(rig, spring_scene(1, 2.0, Vec3::X * 0.1));
     (1..200).find_map(|tick| {
         for (offset, by) in bench.offset.iter_mut().zip(counts) {
             *offset = offset.wrapping_add(by);
         }
-        let state = bench
-            .step_with(|inputs| inputs.feedback.as_mut().unwrap().rates[..4].copy_from_slice(&rates))
-            .state;
+        let mut reading = bench.feedback();
+        reading.rates[..4].copy_from_slice(&rates);
+        reading.sequence = reading.sequence.wrapping_sub(late);
+        let heard = tick % every == 0;
+        let state = bench.step_with(|inputs| inputs.feedback = heard.then_some(reading)).state;
         state.cause.map(|cause| (cause, tick))
     })
 }
@@ -74,21 +87,33 @@ fn a_sphere_that_turns_too_fast_by_its_counts_alone_is_overspeed_within_50_ms() 
     assert_eq!(lie([0; 4], [0.0; 4]), None);
 }
 
-#[test]
-fn a_wheel_that_slips_by_its_counts_alone_is_slip_within_50_ms() {
-    // The part of drive A's rolling that no turn of the sphere explains, scaled so that a contact
-    // slips at 0.2 m/s.
+/// Returns the counts per tick at which a contact slips at 0.2 m/s: the part of drive A's rolling
+/// that no turn of the sphere explains.
+fn slipping() -> [i32; 4] {
     let rig = rig();
     let posture = Posture::new(&rig.device, &[0.0; 2]);
     let alone = posture.forward(&rig.device, &[0.0, 1.0, 0.0, 0.0]);
     let explained = posture.inverse(alone.omega);
     let slip = alone.slip.iter().map(|[u, v]| u.hypot(*v)).fold(0.0, f64::max);
-    let counts = [0, 1, 2, 3].map(|j| {
+    [0, 1, 2, 3].map(|j| {
         let rate = (f64::from(u8::from(j == 1)) - explained[j]) * 0.2 / slip;
         (rate * DT / rig.joints[j].radians_per_count()) as i32
-    });
-    let (cause, tick) = lie(counts, [0.0; 4]).expect("a fault");
+    })
+}
+
+#[test]
+fn a_wheel_that_slips_by_its_counts_alone_is_slip_within_50_ms() {
+    let (cause, tick) = lie(slipping(), [0.0; 4]).expect("a fault");
     assert!(cause == Cause::Slip && tick <= 50, "{cause:?} after {tick} ms");
+}
+
+#[test]
+fn over_gaps_of_more_than_five_ticks_neither_slip_nor_rates_are_judged() {
+    // In six ticks the wheels can have steered far.
+    for (every, cause) in [(4, Some(Cause::Slip)), (5, Some(Cause::Slip)), (6, None), (7, None)] {
+        let found = lie_to(rig(), every, slipping(), [0.0; 4]).map(|(cause, _)| cause);
+        assert_eq!(found, cause, "one reading in {every} ticks");
+    }
 }
 
 #[test]
@@ -120,6 +145,84 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
             })
             .state;
         assert_eq!(state.cause, None, "tick {k}");
+    }
+}
+
+#[test]
+fn counts_and_rates_may_differ_by_half_of_the_larger_and_a_tenth_of_a_rad_per_s() {
+    let rig = altered(&rig(), |rig| rig.limits.slip = 10.0);
+    // Five counts a tick are 1.917 rad/s. In addition to half and to 0.1 rad/s, two counts in 50 ms
+    // are allowed, which is 0.015 rad/s.
+    for sign in [1, -1] {
+        for (rate, cause) in [
+            (0.87, None),
+            (0.83, Some(Cause::ImplausibleFeedback)),
+            (4.03, None),
+            (4.10, Some(Cause::ImplausibleFeedback)),
+        ] {
+            let (mut counts, mut rates) = ([0; 4], [0.0; 4]);
+            (counts[0], rates[0]) = (5 * sign, rate * f64::from(sign));
+            let found = lie_to(rig, 1, counts, rates).map(|(cause, _)| cause);
+            assert_eq!(found, cause, "{} counts a tick, {} rad/s", counts[0], rates[0]);
+        }
+    }
+}
+
+#[test]
+fn readings_that_come_late_may_differ_by_more() {
+    let rig = altered(&rig(), |rig| rig.limits.slip = 10.0);
+    // In a block of 50 ms, four ticks are 8 % of the motion in addition to half of it.
+    for (late, rate, cause) in [
+        (0, 0.80, Some(Cause::ImplausibleFeedback)),
+        (4, 0.80, None),
+        (4, 0.65, Some(Cause::ImplausibleFeedback)),
+    ] {
+        let found = lie_late(rig, 1, late, [5, 0, 0, 0], [rate, 0.0, 0.0, 0.0]).map(|(cause, _)| cause);
+        assert_eq!(found, cause, "{late} ticks late, {rate} rad/s");
+    }
+}
+
+#[test]
+fn a_sphere_may_turn_five_percent_faster_than_the_limit_by_its_counts_alone() {
+    // Both drives roll. The reported rates are those of 29 rad/s, below the limit of 30.
+    let rig = altered(&rig(), |rig| rig.limits.slip = 10.0);
+    let device = rig.device;
+    let roll = 1.0 / Posture::new(&device, &[0.0; 2]).forward(&device, &[0.0, 1.0, 0.0, 1.0]).omega.length();
+    for (omega, cause) in [(31.25, None), (31.8, Some(Cause::Overspeed))] {
+        let counts = (omega * roll * DT / std::f64::consts::TAU * 16384.0 * 17.0) as i32;
+        let rates = [0.0, 29.0 * roll, 0.0, 29.0 * roll];
+        let found = lie_to(rig, 1, [0, counts, 0, counts], rates).map(|(cause, _)| cause);
+        assert_eq!(found, cause, "{omega} rad/s");
+    }
+}
+
+#[test]
+fn an_overspeed_by_counts_that_an_estop_ended_does_not_come_back() {
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let counts = (41.0 * 0.102 / 0.0155 * DT / std::f64::consts::TAU * 16384.0 * 17.0) as i32;
+    let fault = (0..100).find_map(|_| {
+        bench.offset[1] += counts;
+        bench.offset[3] += counts;
+        bench.step().state.cause
+    });
+    assert_eq!(fault, Some(Cause::Overspeed));
+    assert_eq!(bench.command(Command::Estop).state.mode, Mode::Estop);
+    bench.run(100);
+    assert_eq!(bench.command(Command::Reset).reply(), Reply::Done);
+    assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+    assert_eq!(bench.run(600).state.mode, Mode::Active);
+}
+
+#[test]
+fn a_rate_of_ten_thousand_rad_per_s_is_believed_and_no_larger_one() {
+    for (rate, cause) in [(1.0e4, None), (1.0e4 + 1e-9, Some(Cause::ImplausibleFeedback))] {
+        for sign in [1.0, -1.0] {
+            let mut bench = Bench::new(rig());
+            bench.run(3);
+            let state =
+                bench.step_with(|inputs| inputs.feedback.as_mut().unwrap().rates[1] = sign * rate).state;
+            assert_eq!(state.cause, cause, "{rate} rad/s");
+        }
     }
 }
 

@@ -16,6 +16,7 @@ mod geometry;
 mod hard_cases;
 mod held;
 mod hostile;
+mod inputs;
 mod laws;
 mod lies;
 mod motion;

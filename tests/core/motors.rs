@@ -3,7 +3,27 @@
 use crate::bench::{Bench, DT, TORQUE_RATE, altered, rig, rig_with_grip, spring_scene, stream};
 use crate::rng::Rng;
 use crate::shaping::{ROUNDING, WOUND};
-use hbot_core::{CompiledScene, Vec3};
+use hbot_core::allocation::{ContactArms, traction};
+use hbot_core::kinematics::Posture;
+use hbot_core::mode::Mode;
+use hbot_core::outputs::State;
+use hbot_core::rig::{Joint, Limits, Rig, RigParts, Traction, Zero};
+use hbot_core::{CompiledScene, Device, Vec3, WheelSpec, rotation};
+
+/// Asserts that the joint torques make the torque that the state names, and load the contacts as
+/// the state says.
+fn assert_made(rig: &Rig, state: &State) {
+    let joints = rig.device.joints();
+    let steering: Vec<f64> = state.angle[..joints].iter().step_by(2).copied().collect();
+    let made = Posture::new(&rig.device, &steering).torque_on_sphere(&state.joint_torque[..joints]);
+    assert!((made - state.torque).length() < ROUNDING, "tick {}: {made}, not {}", state.tick, state.torque);
+    let radius = rig.device.sphere_radius();
+    let arms: Vec<_> = rig.device.wheels().iter().map(|wheel| ContactArms::of(wheel, radius)).collect();
+    let load = rig.limits.traction.map_or(0.0, |grip| {
+        traction(&arms, &state.joint_torque[..joints], grip.mu * grip.normal_force).min(1.0)
+    });
+    assert!((load - state.traction).abs() < 1e-12, "tick {}: {load}, not {}", state.tick, state.traction);
+}
 
 #[test]
 fn torque_that_motors_or_contacts_limit_keeps_the_slew_limit() {
@@ -23,6 +43,7 @@ fn torque_that_motors_or_contacts_limit_keeps_the_slew_limit() {
             assert!(change <= TORQUE_RATE * DT + 1e-12, "tick {k}: {change}");
             limited += u32::from(outputs.state.scale < 0.99);
             last = outputs.state.torque;
+            assert_made(&rig, &outputs.state);
         }
         assert!(limited > 2000, "{limited}");
     }
@@ -82,6 +103,9 @@ fn contacts_are_never_asked_for_more_than_they_hold() {
     let enough = Bench::active(rig_with_grip(grip * 1.001), scene.clone()).step().state;
     assert!((enough.torque - free.torque).length() < ROUNDING && enough.traction < 1.0);
     assert_eq!(enough.scale, 1.0);
+    let short = Bench::active(rig_with_grip(grip * 0.995), scene.clone()).step().state;
+    assert!((short.torque - free.torque * 0.995).length() < 1e-9, "{} of {}", short.torque, free.torque);
+    assert_eq!(short.traction, 1.0);
     let mut bench = Bench::active(rig_with_grip(0.5 * grip), scene);
     let mut least = 2.0_f64;
     for _ in 0..200 {
@@ -106,5 +130,38 @@ fn motors_that_turn_the_other_way_are_told_so() {
     assert_eq!(forward.state.joint_torque, backward.state.joint_torque);
     for (j, sign) in [1.0, -1.0, -1.0, 1.0].into_iter().enumerate() {
         assert_eq!(backward.drive.torque[j], sign * forward.drive.torque[j]);
+    }
+}
+
+#[test]
+fn a_rig_of_eight_wheels_follows_its_sphere() {
+    let mut rng = Rng(3);
+    let mut wheels = || {
+        [(); 8].map(|()| WheelSpec {
+            axis: rng.vector(1.0).normalize(),
+            cone: rng.between(0.15, 0.5),
+            radius: 0.0155,
+            ..WheelSpec::default()
+        })
+    };
+    let device = (0..1000).find_map(|_| Device::new(0.102, 0.467, &wheels()).ok()).expect("a legal design");
+    let joint = |peak| Joint { zero: Zero::Assume, ..Joint::new(1 << 20, peak) };
+    let parts = RigParts::new(device).with_joints(joint(2.0), joint(0.5));
+    let limits = Limits { traction: Some(Traction { mu: 0.5, normal_force: 4.0 }), ..Limits::default() };
+    let eight = Rig::new(RigParts { limits, ..parts }).expect("a legal rig");
+    let mut bench = Bench::active(eight, CompiledScene::empty());
+    let omega = Vec3::new(0.5, -0.3, 0.4);
+    let state = (0..100).map(|_| bench.turn(omega).state).last().expect("100 ticks");
+    assert_eq!((state.mode, state.joints), (Mode::Active, 16));
+    // A count of a steer joint is 6e-6 rad.
+    assert!((state.omega - omega).length() < 1e-5, "{}", state.omega);
+    let drift = rotation::angle_between(state.q, bench.sphere.q);
+    // The reading is a tick old.
+    assert!((drift - omega.length() * DT).abs() < 1e-6, "{drift} rad");
+    for axis in [Vec3::X, Vec3::NEG_Y, Vec3::Z] {
+        bench.command(stream(axis * 1e3, 40));
+        for _ in 0..40 {
+            assert_made(&eight, &bench.turn(omega).state);
+        }
     }
 }

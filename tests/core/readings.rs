@@ -1,6 +1,6 @@
 //! Readings and ticks that are late, repeated, out of order or far ahead.
 
-use crate::bench::{Bench, DT, FirstReply, active, rig, spring_scene};
+use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
 use hbot_core::inputs::{Command, JointReadings};
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
@@ -135,6 +135,44 @@ fn the_end_of_all_ticks_is_no_danger() {
         });
         if bench.tick > u64::MAX - 4 {
             break;
+        }
+    }
+}
+
+#[test]
+fn a_first_reading_from_the_future_does_not_find_the_zeros() {
+    let mut bench = Bench::new(rig());
+    let ahead = JointReadings { sequence: bench.sent().wrapping_add(1000), ..bench.feedback() };
+    assert_eq!(bench.step_with(|inputs| inputs.feedback = Some(ahead)).state.mode, Mode::Unreferenced);
+    assert_eq!(bench.step().state.mode, Mode::Idle);
+}
+
+#[test]
+fn a_joint_begins_at_the_angle_that_its_first_count_means() {
+    for reversed in [false, true] {
+        let rig = altered(&rig(), |rig| rig.joints.iter_mut().for_each(|joint| joint.reversed = reversed));
+        for count in [1000, -1000, 16384 * 17 + 5] {
+            let mut bench = Bench::new(rig);
+            bench.offset = [count; 16];
+            let angle = bench.step().state.angle;
+            for j in 0..4 {
+                let off =
+                    rotation::wrap_angle(angle[j] - f64::from(count) * rig.joints[j].radians_per_count());
+                assert!(off.abs() < 1e-12, "joint {j}, count {count}, reversed: {reversed}: {off} rad off");
+            }
+        }
+    }
+}
+
+#[test]
+fn angles_stay_within_a_turn_in_both_directions() {
+    for by in [1000, -1000] {
+        let mut bench = Bench::new(rig());
+        for _ in 0..1000 {
+            bench.offset[..4].iter_mut().for_each(|offset| *offset += by);
+            let angle = bench.step().state.angle;
+            let within = angle.iter().all(|angle| (0.0..std::f64::consts::TAU).contains(angle));
+            assert!(within, "{by} counts a tick: {angle:?}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! References that move, and corrections of the orientation from outside.
 
-use crate::bench::{Bench, DT, FirstReply, effect, rig, spring, spring_scene};
-use hbot_core::effects::Anchor;
+use crate::bench::{Bench, DT, FirstReply, altered, effect, rig, spring, spring_scene};
+use hbot_core::effects::{Anchor, Effect};
 use hbot_core::inputs::{Command, Stamp};
 use hbot_core::outputs::{Refusal, Reply};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
@@ -142,6 +142,43 @@ fn an_outside_orientation_of_weight_zero_is_measured_and_changes_nothing() {
 }
 
 #[test]
+fn an_outside_orientation_of_weight_zero_does_not_end_a_correction() {
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let q = rotation::exp(Vec3::X * 0.2);
+    bench.command(align(q, 1.0, bench.tick - 1));
+    // At 0.5 rad/s the correction takes 400 ticks.
+    bench.run(100);
+    bench.command(align(q, 0.0, bench.tick - 1));
+    let off = rotation::angle_between(bench.run(400).state.q, q);
+    assert!(off < 1e-12, "{off} rad");
+}
+
+/// Returns a scene with a weak spring in slot 3: 0.02 N m/rad towards `reference`.
+fn weak(revision: u64, reference_revision: u32, reference: Quat) -> CompiledScene {
+    let spring = spring(0.02, 0.0, reference, Anchor::Absolute);
+    let effect = Effect { reference_revision, ..effect(3, 1, spring) };
+    CompiledScene::new(revision, &[effect]).unwrap()
+}
+
+#[test]
+fn a_weak_effect_that_rests_far_away_comes_softly_too() {
+    // The torque of 0.063 N m is a step of less than a tenth of the limit.
+    let rig = altered(&rig(), |rig| rig.limits.reference_rate = 1000.0);
+    let half_a_turn = Quat::from_xyzw(1.0, 0.0, 0.0, 0.0);
+    let full = 0.02 * core::f64::consts::PI;
+    for (name, before) in [("load", CompiledScene::empty()), ("set", weak(1, 0, Quat::IDENTITY))] {
+        let mut bench = Bench::active(rig, before);
+        bench.scene = weak(2, 1, half_a_turn);
+        let torque: Vec<f64> = (0..600).map(|_| bench.step().state.torque.length()).collect();
+        for at in [100, 250, 400] {
+            let most = full * (at + 1) as f64 / 500.0 + 1e-9;
+            assert!(torque[at] <= most, "{name}: {} N m after {at} ms", torque[at]);
+        }
+        assert!((torque[599] - full).abs() < 1e-6, "{name}: {}", torque[599]);
+    }
+}
+
+#[test]
 fn an_outside_orientation_is_held_against_the_moment_that_it_shows() {
     let mut bench = Bench::new(rig());
     let mut truth = Vec::new();
@@ -213,4 +250,24 @@ fn a_correction_moves_the_spring_no_faster_than_its_rate() {
         last = torque;
     }
     assert!((last + Vec3::Y * 0.4).length() < 1e-12, "{last}");
+}
+
+#[test]
+fn a_step_of_a_tenth_of_the_limit_comes_softly_if_an_effect_rests_far_away() {
+    let rig = altered(&rig(), |rig| rig.limits.torque = 0.9);
+    let held = |revision: u64, stiffness: f64| {
+        let spring = spring(stiffness, 0.0, Quat::IDENTITY, Anchor::Absolute);
+        CompiledScene::new(revision, &[effect(0, 1, spring)]).unwrap()
+    };
+    for (step, soft) in [(0.088, false), (0.092, true)] {
+        let mut bench = Bench::active(rig, held(1, 0.2));
+        for _ in 0..600 {
+            bench.turn(Vec3::Y * 2.0);
+        }
+        bench.sphere.omega = Vec3::ZERO;
+        let before = bench.run(5).state.torque.length();
+        bench.scene = held(2, 0.2 * (before + step) / before);
+        let after = bench.run(60).state.torque.length();
+        assert_eq!(after < before, soft, "{step} N m: {after} N m after {before} N m");
+    }
 }

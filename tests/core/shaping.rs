@@ -51,8 +51,20 @@ fn torque_goes_within_50_ms_of_disable() {
     assert!(!bench.step().drive.enable);
 }
 
+#[test]
+fn motors_stay_on_for_the_ramp_of_a_disable_even_without_torque() {
+    // Otherwise a torque that crosses zero within its ramp would switch the motors off and on.
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let off = (0..60).find(|k| {
+        let outputs = if *k == 0 { bench.command(Command::Disable) } else { bench.step() };
+        !outputs.drive.enable
+    });
+    // The gain is a sum of 50 rounded terms, so 50 ms can take a tick longer.
+    assert!(off.is_some_and(|tick| (49..=50).contains(&tick)), "{off:?}");
+}
+
 /// Returns a scene with a constant torque (N m in N) in slot 0.
-fn constant(revision: u64, torque: Vec3) -> CompiledScene {
+pub fn constant(revision: u64, torque: Vec3) -> CompiledScene {
     let kind = Kind::Constant(Constant { torque, frame: Frame::World });
     CompiledScene::new(revision, &[effect(0, revision as u32, kind)]).unwrap()
 }

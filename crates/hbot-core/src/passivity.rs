@@ -194,6 +194,7 @@ mod tests {
             assert_eq!((torque, guard.damping()), (Vec3::Z - omega * damping, damping));
         }
         assert_eq!(guard.damp(&observer, MOMENT, Vec3::Z, Vec3::ZERO), Vec3::Z);
+        assert_eq!(guard.damping(), 0.0);
     }
 
     #[test]

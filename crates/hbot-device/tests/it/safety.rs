@@ -1,9 +1,9 @@
 //! The five duties that keep people safe.
 
-use hbot_device::{Condition, JointFlags};
+use hbot_device::{Condition, Device, Identity, JointFlags};
 use hbot_link::ControllerFlags;
 
-use crate::bench::{Bench, PUSH, command_frame};
+use crate::bench::{Bench, JOINTS, NAME, PUSH, command_frame};
 
 #[test]
 pub(crate) fn a_command_with_a_wrong_number_of_torques_changes_nothing() {
@@ -264,5 +264,21 @@ pub(crate) fn a_hot_joint_gets_no_torque_until_it_is_cooler() {
         bench.push();
         bench.push();
         assert!(bench.pushes());
+    }
+    // Each joint has a temperature of its own.
+    for hot in [0, 1] {
+        let mut bench = Bench::new();
+        let identity = Identity::new(NAME, &[JOINTS[0]; 2]).unwrap();
+        bench.device = Device::boot(identity, bench.now_us, &mut bench.hardware);
+        bench.describe();
+        bench.hardware.readings[hot].temperature = 80.0;
+        let mut cut = PUSH;
+        cut[hot] = 0.0;
+        for _ in 0..2 {
+            let feedback = bench.command(true, 20, &PUSH).unwrap();
+            let told = feedback.joints.iter().map(|joint| joint.flags.contains(JointFlags::OVERTEMPERATURE));
+            assert!(told.eq([hot == 0, hot == 1]), "joint {hot}");
+            assert_eq!(bench.hardware.torque, cut, "joint {hot}");
+        }
     }
 }

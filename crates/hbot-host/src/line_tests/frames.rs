@@ -310,7 +310,12 @@ fn the_age_of_a_reading_is_right_or_absent() {
 
 #[test]
 fn a_rig_that_was_stopped_before_it_was_ready_does_not_enable_itself() {
-    for stop in [None, Some(Order::Estop), Some(Order::Disable)] {
+    for (orders, mode) in [
+        (&[][..], Mode::Active),
+        (&[Order::Reset], Mode::Active),
+        (&[Order::Disable], Mode::Idle),
+        (&[Order::Estop, Order::Reset], Mode::Idle),
+    ] {
         let mut rig = RigConfig::prototype();
         let index = |joint: &mut hbot_core::rig::Joint| joint.zero = hbot_core::rig::Zero::Index;
         rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(index)).expect("legal");
@@ -318,12 +323,10 @@ fn a_rig_that_was_stopped_before_it_was_ready_does_not_enable_itself() {
         let mut bench = bench(&rig, vec![fake.clone()], &Layout::single(0..4));
         bench.engine = bench.engine.enabling(true);
         assert_eq!(bench.ticks(5).state.mode, Mode::Unreferenced);
-        if let Some(stop) = stop {
-            bench.order(stop);
-            bench.order(Order::Reset);
+        for order in orders {
+            bench.order(*order);
         }
         fake.with(|far| far.index_seen = true);
-        let mode = bench.ticks(600).state.mode;
-        assert_eq!(mode, if stop.is_some() { Mode::Idle } else { Mode::Active }, "{stop:?}");
+        assert_eq!(bench.ticks(600).state.mode, mode, "{orders:?}");
     }
 }
