@@ -69,6 +69,8 @@ fn body(op: &Op) -> Value {
     match op {
         Op::Subscribe { every } => json!({"every": every}),
         Op::LoadScene { .. } => json!({"effects": [{"id": "a", "kind": "b", "cost_ns": 1}], "ignored": []}),
+        // An older server can send fewer fields, and a later one more.
+        Op::Controllers => json!({"controllers": [{"joint": 0, "id": 3, "moons": 4}]}),
         Op::Align(_) => json!({"angle": 0.25}),
         Op::Enable | Op::Disable | Op::Reset | Op::Estop => json!({"mode": "idle"}),
         Op::Ping { data } => json!({"data": data, "tick": 5, "t": 0.005}),
@@ -98,6 +100,7 @@ fn every_helper_asks_its_op_in_both_encodings() {
         assert_eq!(client.subscribe(7).unwrap().every, 7);
         client.unsubscribe().unwrap();
         client.stats().unwrap();
+        assert_eq!(client.controllers().unwrap()[0].id, Some(3));
         client.acquire(true).unwrap();
         client.release().unwrap();
         assert_eq!(client.load_scene(json!({})).unwrap().effects[0].kind, "b");
@@ -114,7 +117,7 @@ fn every_helper_asks_its_op_in_both_encodings() {
         client.reset().unwrap();
         client.estop().unwrap();
         assert_eq!(client.ping(json!([1, "x"])).unwrap().data, json!([1, "x"]));
-        for _ in 0..16 {
+        for _ in 0..17 {
             assert_eq!(client.next_event(SOON).unwrap(), Some(Event::State(samples::state())));
         }
         assert_eq!(client.next_event(Duration::ZERO).unwrap(), None);

@@ -1,14 +1,14 @@
-//! The table of a wheel's motor controllers: current, temperature, complaints and firmware of the
-//! steer and the drive.
+//! The table of a wheel's motor controllers: current, temperature and firmware of the steer and the
+//! drive. Complaints stand below it, because their words are too long for a column.
 
 use eframe::egui::{Response, RichText, Ui};
 use hbot_api::{ControllerFlag, ControllerInfo};
 
-use super::theme::{Palette, column};
+use super::theme::{Palette, coloured, column};
 use crate::model::words;
 
 /// Names and widths of the columns. The last one takes the rest of the line.
-const COLUMNS: [(&str, f32); 4] = [("", 34.0), ("current", 56.0), ("temp.", 52.0), ("complains of", 78.0)];
+const COLUMNS: [(&str, f32); 3] = [("", 34.0), ("current", 64.0), ("temp.", 52.0)];
 /// Hover text of a value that the controller does not report.
 const NOT_REPORTED: &str = "not reported by the controller";
 
@@ -27,24 +27,26 @@ pub(super) fn show(ui: &mut Ui, pair: &[ControllerInfo]) {
     for (controller, name) in pair.iter().zip(["steer", "drive"]) {
         ui.horizontal(|ui| row(ui, controller, name));
     }
+    for (controller, name) in pair.iter().zip(["steer", "drive"]).filter(|(it, _)| complains(it)) {
+        let said = format!("{name} complains of {}", controller.flags.join(", "));
+        coloured(ui, Palette::of(ui).warn, said).on_hover_text(explained(&controller.flags));
+    }
+}
+
+fn complains(controller: &ControllerInfo) -> bool {
+    !controller.flags.is_empty()
 }
 
 fn row(ui: &mut Ui, controller: &ControllerInfo, name: &str) {
-    let [(_, first), (_, current), (_, temperature), (_, flags)] = COLUMNS;
-    let complains = !controller.flags.is_empty();
+    let [(_, first), (_, current), (_, temperature)] = COLUMNS;
     let warn = Palette::of(ui).warn;
     let name = RichText::new(name);
-    column(ui, first, if complains { name.color(warn) } else { name }).on_hover_text(place(controller));
-    let ampere = controller.current_a.map(|ampere| format!("{ampere:+.2} A"));
+    let name = if complains(controller) { name.color(warn) } else { name };
+    column(ui, first, name).on_hover_text(place(controller));
+    let ampere = controller.current_a.map(|ampere| format!("{ampere:+.3} A"));
     value(ui, current, ampere, "motor current that makes torque");
     let degrees = controller.temperature_c.map(|degrees| format!("{degrees:.1} \u{b0}C"));
     value(ui, temperature, degrees, "the highest temperature that the controller reports");
-    if complains {
-        let said = small(controller.flags.join(", ")).color(warn);
-        column(ui, flags, said).on_hover_text(explained(&controller.flags));
-    } else {
-        column(ui, flags, small("nothing"));
-    }
     match &controller.firmware {
         Some(firmware) => rest(ui, small(firmware)).on_hover_text(firmware.as_str()),
         None => rest(ui, small("-").weak()).on_hover_text(NOT_REPORTED),
@@ -113,14 +115,14 @@ mod tests {
         for text in [
             "current",
             "firmware",
-            "-0.25 A",
+            "-0.250 A",
             "31.5 \u{b0}C",
-            "overtemperature, eclipse",
+            "steer complains of overtemperature, eclipse",
             "moteus 0x010f",
-            "nothing",
         ] {
             assert!(said.contains(text), "{text}: {said}");
         }
+        assert!(!said.contains("drive complains"), "{said}");
         let dashes = said.matches("\"-\"").count();
         assert_eq!(dashes, 3, "current, temperature and firmware of the drive: {said}");
     }
