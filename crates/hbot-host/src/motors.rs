@@ -118,10 +118,12 @@ impl Motors {
         &self.readings
     }
 
-    /// Returns what the controller of each joint last reported about itself, in the order of the
-    /// rig.
-    pub(crate) fn telemetry(&self) -> &[Telemetry; MAX_JOINTS] {
-        &self.telemetry
+    /// Returns the number of the joint whose turn it is in tick `tick`, and what its controller
+    /// last reported about itself.
+    pub(crate) fn telemetry_in_turn(&self, tick: u64) -> (usize, Telemetry) {
+        let joints: usize = self.buses.iter().map(|attached| attached.joints.len()).sum();
+        let joint = (tick % joints.max(1) as u64) as usize;
+        (joint, self.telemetry[joint])
     }
 
     /// Reads all bytes that have arrived on all buses. The control loop calls this function before

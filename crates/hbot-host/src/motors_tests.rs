@@ -256,8 +256,10 @@ fn a_zero_offset_wraps_like_the_counter() {
 fn telemetry_has_the_order_of_the_rig() {
     let (mut motors, _lines) = two_lines();
     motors.receive(7, 1);
-    let currents = motors.telemetry().map(|joint| joint.current);
+    let told: Vec<_> = (4..9).map(|tick| motors.telemetry_in_turn(tick)).collect();
+    let joints: Vec<_> = told.iter().map(|(joint, _)| *joint).collect();
+    assert_eq!(joints, [0, 1, 2, 3, 0], "the joints take turns");
     // The second wheel's joints are in the order drive, steer on their bus.
-    assert_eq!(currents[..4], [Some(10.0), Some(11.0), Some(11.0), Some(10.0)]);
-    assert!(motors.telemetry()[4..].iter().all(|joint| *joint == Telemetry::default()), "no such joints");
+    let currents: Vec<_> = told[..4].iter().map(|(_, telemetry)| telemetry.current).collect();
+    assert_eq!(currents, [Some(10.0), Some(11.0), Some(11.0), Some(10.0)]);
 }

@@ -1,6 +1,5 @@
 //! The sample that the loop publishes in each tick.
 
-use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::MAX_COMMANDS;
 use hbot_core::outputs::{Reply, State};
 
@@ -21,9 +20,9 @@ pub struct Sample {
     pub counters: Counters,
     /// Answers to the orders that the loop took from the service in this tick.
     pub answers: [Option<Answer>; MAX_COMMANDS],
-    /// What the controller of each joint last reported about itself, in the order of the rig's
-    /// joints. Entries beyond the number of joints are empty.
-    pub telemetry: [Telemetry; MAX_JOINTS],
+    /// The number of a joint, and what its controller last reported about itself. The joints of the
+    /// rig take turns, one in each tick, so that a sample stays small.
+    pub telemetry: (usize, Telemetry),
 }
 
 /// The loop's answer to one order of the service.

@@ -1,15 +1,18 @@
 //! The answer to `controllers`: what the motor controllers report about themselves.
 
 use hbot_api::{ControllerFlag, ControllerInfo, ControllersOk};
-use hbot_core::Rig;
+use hbot_core::{MAX_JOINTS, Rig};
 use hbot_host::bus::Telemetry;
 use hbot_host::controllers::{Controllers, JointController};
-use hbot_host::sample::Sample;
 
-/// Returns the answer. Without a sample, currents, temperatures and complaints are not known.
-pub(super) fn answer(rig: &Rig, controllers: &Controllers, sample: Option<&Sample>) -> ControllersOk {
+/// Returns the answer. `telemetry` is what the controller of each joint last reported.
+pub(super) fn answer(
+    rig: &Rig,
+    controllers: &Controllers,
+    telemetry: &[Telemetry; MAX_JOINTS],
+) -> ControllersOk {
     let one = |joint: usize| {
-        let telemetry = sample.map_or_else(Telemetry::default, |sample| sample.telemetry[joint]);
+        let telemetry = telemetry[joint];
         let JointController { port, protocol, id, firmware } = controllers.of(joint);
         // A controller can count in the opposite direction to its joint.
         let sign = if rig.joints[joint].reversed { -1.0 } else { 1.0 };
@@ -60,17 +63,17 @@ mod tests {
             (parts.joints[0].reversed, parts.joints[1].reversed) = (false, true);
         });
         let rig = rig.expect("legal");
-        let mut sample = crate::still::still(1);
-        sample.telemetry[0] = Telemetry { current: Some(0.1), ..Telemetry::default() };
+        let mut telemetry = [Telemetry::default(); MAX_JOINTS];
+        telemetry[0] = Telemetry { current: Some(0.1), ..Telemetry::default() };
         let complaints = Complaints { overtemperature: true, fault: true, ..Complaints::default() };
-        sample.telemetry[1] = Telemetry {
+        telemetry[1] = Telemetry {
             current: Some(0.1),
             temperature: Some(31.25),
             complaints,
             silent: true,
             ..Telemetry::default()
         };
-        let told = answer(&rig, &Controllers::default(), Some(&sample)).controllers;
+        let told = answer(&rig, &Controllers::default(), &telemetry).controllers;
         let joints: Vec<u32> = told.iter().map(|it| it.joint).collect();
         assert_eq!(joints, [0, 1, 2, 3]);
         assert_eq!((told[0].current_a, told[0].temperature_c), (Some(0.1), None));

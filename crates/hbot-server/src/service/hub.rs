@@ -40,7 +40,9 @@ use super::stats::Stats;
 use super::strangers::WrongTokens;
 use super::{Bounds, ServiceSetup, Status};
 use crate::tls::Encryption;
+use hbot_core::MAX_JOINTS;
 use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
+use hbot_host::bus::Telemetry;
 use hbot_host::controllers::Controllers;
 use hbot_host::sample::Sample;
 
@@ -85,6 +87,8 @@ pub(super) struct Hub {
     incidents: Incidents,
     flights: Flights,
     latest: Option<Sample>,
+    /// What the controller of each joint last reported about itself.
+    telemetry: [Telemetry; MAX_JOINTS],
     /// Limits how often long messages are read.
     long_messages: LongMessages,
     wrong_tokens: WrongTokens,
@@ -137,6 +141,7 @@ impl Hub {
             incidents,
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
             latest: None,
+            telemetry: [Telemetry::default(); MAX_JOINTS],
             long_messages: LongMessages::default(),
             wrong_tokens: WrongTokens::default(),
             sessions: 0,

@@ -11,8 +11,6 @@ use super::{InjectedFault, Speaks};
 
 /// Temperature that the simulated motors report, in degrees Celsius.
 const TEMPERATURE: f32 = 25.0;
-/// Torque constant of the simulated motors, N m/A, from which the reported current is computed.
-const TORQUE_PER_AMPERE: f64 = 0.1;
 
 /// The name of the simulated firmware, as the controller reports it in its description.
 pub const FIRMWARE: &str = concat!("hbot-sim ", env!("CARGO_PKG_VERSION"));
@@ -131,8 +129,7 @@ impl hbot_device::Joints for Hardware<'_> {
             *reading = JointReading {
                 count: self.joints.count_at(j, truth),
                 rate: self.joints.rate_at(j, truth),
-                current: (self.joints.measured_torque(j) / self.joints.axes[j].joint.gear / TORQUE_PER_AMPERE)
-                    as f32,
+                current: 0.0,
                 temperature: TEMPERATURE,
                 flags,
             };

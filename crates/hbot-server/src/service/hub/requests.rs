@@ -157,7 +157,7 @@ impl Hub {
     #[inline(never)]
     fn tell_controllers(&mut self, session: u64, id: Option<Id>) {
         self.drain();
-        let answer = controllers::answer(&self.rig.rig, &self.controllers, self.latest.as_ref());
+        let answer = controllers::answer(&self.rig.rig, &self.controllers, &self.telemetry);
         self.answer(session, id, answer);
     }
 

@@ -34,6 +34,8 @@ impl Hub {
     fn take(&mut self, sample: &Sample) {
         self.stats.record(sample);
         self.latest = Some(*sample);
+        let (joint, telemetry) = sample.telemetry;
+        self.telemetry[joint] = telemetry;
         if !self.orders.is_empty() {
             self.answered(sample);
         }
