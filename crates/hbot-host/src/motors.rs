@@ -38,8 +38,6 @@ pub struct Motors {
     /// The newest readings of the joints on all buses. Readings from different buses can differ in
     /// age.
     readings: JointReadings,
-    /// What the controller of each joint last reported about itself, in the order of the rig.
-    telemetry: [Telemetry; MAX_JOINTS],
 }
 
 /// One motor bus of a rig, with its joints and its state.
@@ -98,7 +96,6 @@ impl Motors {
             offsets: layout.offsets,
             watchdog_ms,
             readings: NO_READINGS,
-            telemetry: [Telemetry::default(); MAX_JOINTS],
         }
     }
 
@@ -120,10 +117,14 @@ impl Motors {
 
     /// Returns the number of the joint whose turn it is in tick `tick`, and what its controller
     /// last reported about itself.
-    pub(crate) fn telemetry_in_turn(&self, tick: u64) -> (usize, Telemetry) {
+    pub(crate) fn telemetry_in_turn(&self, now_ns: u64, tick: u64) -> (usize, Telemetry) {
         let joints: usize = self.buses.iter().map(|attached| attached.joints.len()).sum();
-        let joint = (tick % joints.max(1) as u64) as usize;
-        (joint, self.telemetry[joint])
+        let turn = (tick % joints.max(1) as u64) as usize;
+        let told = self.buses.iter().find_map(|attached| {
+            let (_, at) = attached.joints.iter().find(|(joint, _)| *joint == turn)?;
+            Some(attached.bus.telemetry(now_ns, *at))
+        });
+        (turn, told.unwrap_or_default())
     }
 
     /// Reads all bytes that have arrived on all buses. The control loop calls this function before
@@ -142,9 +143,6 @@ impl Motors {
                 news.buses_with_reading += 1;
                 attached.answers = Some(reading.answers);
                 attached.place(&reading, &self.offsets, &mut self.readings);
-            }
-            for (joint, at) in &attached.joints {
-                self.telemetry[*joint] = attached.bus.telemetry(now_ns, *at);
             }
         }
         // The oldest answer defines the age of the combined reading. The core treats a reading as

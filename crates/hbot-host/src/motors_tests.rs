@@ -254,9 +254,8 @@ fn a_zero_offset_wraps_like_the_counter() {
 
 #[test]
 fn telemetry_has_the_order_of_the_rig() {
-    let (mut motors, _lines) = two_lines();
-    motors.receive(7, 1);
-    let told: Vec<_> = (4..9).map(|tick| motors.telemetry_in_turn(tick)).collect();
+    let (motors, _lines) = two_lines();
+    let told: Vec<_> = (4..9).map(|tick| motors.telemetry_in_turn(7, tick)).collect();
     let joints: Vec<_> = told.iter().map(|(joint, _)| *joint).collect();
     assert_eq!(joints, [0, 1, 2, 3, 0], "the joints take turns");
     // The second wheel's joints are in the order drive, steer on their bus.

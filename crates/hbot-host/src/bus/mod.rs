@@ -99,8 +99,8 @@ pub trait MotorBus: Send {
     fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool;
 
     /// Returns what the controller of the joint at a place of the bus, from 0, last reported about
-    /// itself. The loop calls it after [`receive`](Self::receive), in the same tick. By default
-    /// nothing is known.
+    /// itself. In each tick the loop calls it for one joint, in turn, after
+    /// [`command`](Self::command). By default nothing is known.
     fn telemetry(&self, _now_ns: u64, _at: usize) -> Telemetry {
         Telemetry::default()
     }
