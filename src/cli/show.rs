@@ -46,6 +46,13 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         limits.speed,
         limits.slip
     )?;
+    if let Some(passivity) = limits.passivity {
+        say!(
+            "  passivity  at most {} J more than the hand put in, by up to {} N m s/rad of damping",
+            passivity.allowance,
+            passivity.damping
+        )?;
+    }
     if let Some([a, b, c]) = info.capability {
         say!("  torque     at these steering angles up to {a:.2} {b:.2} {c:.2} N m about n1 n2 n3")?;
     }

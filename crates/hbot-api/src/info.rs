@@ -142,6 +142,9 @@ pub struct LimitsInfo {
     /// Friction between wheels and sphere, which limits the torque. `None` if the rig file does not
     /// give it.
     pub traction: Option<TractionInfo>,
+    /// The energy limit that the passivity controller keeps. `None` if the rig file switches the
+    /// passivity controller off, or if the server does not send this field.
+    pub passivity: Option<PassivityInfo>,
     /// Largest angle between the sphere and the rest orientation of an effect at which rendering
     /// can begin, rad.
     #[serde(serialize_with = "finite::scalar")]
@@ -166,6 +169,21 @@ pub struct EnergyInfo {
     /// Power that can be delivered to the hand without time limit, W.
     #[serde(serialize_with = "finite::scalar")]
     pub power: f64,
+}
+
+/// The energy limit that the passivity controller keeps, and how strongly it acts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PassivityInfo {
+    /// Energy that can be delivered to the hand in excess of the energy absorbed from it, J.
+    #[serde(serialize_with = "finite::scalar")]
+    pub allowance: f64,
+    /// Largest amount of absorbed energy that can be delivered again later, J.
+    #[serde(serialize_with = "finite::scalar")]
+    pub store: f64,
+    /// Largest damping that the passivity controller adds, N m s/rad.
+    #[serde(serialize_with = "finite::scalar")]
+    pub damping: f64,
 }
 
 /// Friction between wheels and sphere, which limits the torque.

@@ -90,8 +90,8 @@ pub use event::{
 pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
 pub use info::{
-    ClientLostPolicy, ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo,
-    RigInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClientLostPolicy, ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
+    PassivityInfo, RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 pub use names::Name;
 pub use request::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, OpRow, Request, Token, Who};

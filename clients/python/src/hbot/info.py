@@ -101,6 +101,18 @@ class TractionLimit:
 
 
 @dataclass(frozen=True, slots=True)
+class PassivityLimit:
+    """The energy limit that the passivity controller keeps, and how strongly it acts."""
+
+    allowance: float
+    """Energy that can be delivered to the hand in excess of the energy absorbed from it, J."""
+    store: float
+    """Largest amount of absorbed energy that can be delivered again later, J."""
+    damping: float
+    """Largest damping that the passivity controller adds, N m s/rad."""
+
+
+@dataclass(frozen=True, slots=True)
 class Limits:
     """The limits that the rig keeps."""
 
@@ -124,6 +136,8 @@ class Limits:
     """Limit on energy, or None."""
     traction: TractionLimit | None
     """Limit by friction, or None."""
+    passivity: PassivityLimit | None = None
+    """Limit kept by the passivity controller, or None if the rig has none."""
 
 
 @dataclass(frozen=True, slots=True)

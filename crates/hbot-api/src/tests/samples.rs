@@ -189,6 +189,7 @@ pub(super) fn info() -> InfoOk {
         limits: LimitsInfo {
             energy: Some(EnergyInfo::default()),
             traction: Some(TractionInfo::default()),
+            passivity: Some(PassivityInfo::default()),
             ..LimitsInfo::default()
         },
         clock: Some(ClockInfo::default()),

@@ -1,8 +1,8 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, RenderInfo, RigInfo,
-    SphereInfo, TractionInfo, WheelInfo,
+    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, PassivityInfo,
+    RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::Listed;
@@ -120,6 +120,11 @@ fn limits(config: &RigConfig) -> LimitsInfo {
         traction: limits
             .traction
             .map(|traction| TractionInfo { mu: traction.mu, normal_force: traction.normal_force }),
+        passivity: config.rig.methods.passivity.map(|limit| PassivityInfo {
+            allowance: limit.allowance,
+            store: limit.store,
+            damping: limit.damping,
+        }),
         enable_max_angle: limits.enable_max_angle,
         align_rate: limits.align_rate,
         reference_rate: limits.reference_rate,
