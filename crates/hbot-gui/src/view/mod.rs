@@ -7,6 +7,8 @@ mod camera;
 mod controllers;
 mod health;
 mod joints;
+#[cfg(test)]
+mod painted;
 mod parameter;
 mod plots;
 mod recover;
