@@ -162,7 +162,7 @@ impl Progress {
     }
 }
 
-/// An error that ends the recording is then printed on a line of its own.
+/// Clears the line of progress, so that an error that ends the recording begins on an empty line.
 impl Drop for Progress {
     fn drop(&mut self) {
         self.clear();

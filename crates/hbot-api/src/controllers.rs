@@ -43,7 +43,7 @@ pub struct ControllerInfo {
 names! {
     /// What is wrong with a motor controller.
     pub enum ControllerFlag {
-        /// It reports a fault of its own.
+        /// The controller reports that it has a fault.
         Fault = "fault",
         /// Its watchdog has expired, because no command arrived in time.
         Watchdog = "watchdog",

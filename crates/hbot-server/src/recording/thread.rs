@@ -176,7 +176,7 @@ impl Scribe {
         memory.push(entry, self.scene.clone().filter(|_| changed));
     }
 
-    /// Writes the recordings of flight logs that end at `tick` or before, on threads of their own.
+    /// Writes the recordings of flight logs that end at `tick` or before, each on a new thread.
     fn log_flights(&mut self, tick: u64) {
         let Some(memory) = &self.memory else { return };
         for flight in self.flights.extract_if(.., |flight| flight.until <= tick) {
