@@ -37,7 +37,9 @@ const STOPS: u32 = 3;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum Interrupted {
     /// The motor controllers no longer answer.
-    #[error("the motor controllers have stopped answering; their watchdogs should have switched the motors off: check that no wheel pushes")]
+    #[error(
+        "the motor controllers have stopped answering; their watchdogs should have switched the motors off: check that no wheel pushes"
+    )]
     Silent,
     /// A signal asked the program to stop.
     #[error("stopped by a signal: motors are off")]
