@@ -222,7 +222,9 @@ mod tests {
         // The recording of a log that could not be written, and one that may still be written.
         let alone = at(&format!("flight-20000101T000030.000Z-{gone}-001-estop.mcap"));
         let mine = at(&name.replace("-001-estop.csv", "-002-estop.mcap"));
-        [&alone, &mine].map(|path| std::fs::write(path, "").unwrap());
+        for path in [&alone, &mine] {
+            std::fs::write(path, "").unwrap();
+        }
         let flight = recorder.finish().unwrap();
         flight.write().unwrap();
         assert!(!alone.exists() && mine.exists());
