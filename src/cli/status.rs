@@ -67,7 +67,7 @@ pub(crate) fn summary(finished: &Finished) -> String {
     if let Some(part) = finished.failed {
         let _ = write!(
             text,
-            "\n  {}{part} ended by a fault of its own{}: motors were switched off",
+            "\n  {}{part} crashed, which is an error in hbot{}: motors were switched off",
             style::BAD,
             style::OFF
         );

@@ -2,10 +2,10 @@
 
 use std::io::{IsTerminal as _, Stdout, Write as _};
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use clap::Args;
-use hbot_api::{Event, StateEvent};
+use hbot_api::{Event, StateEvent, time_of_day};
 
 use super::out::{Reader, foreign, note, say, written};
 use super::{ServerAddress, orders, show, style};
@@ -64,15 +64,15 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             Event::Fault(fault) if !args.json => {
                 let name = fault.fault.map_or_else(|| fault.mode.to_string(), |cause| cause.to_string());
                 format!(
-                    "{} UTC  {}{name}{}: {}",
-                    time_of_day(),
+                    "{}  {}{name}{}: {}",
+                    time_of_day(SystemTime::now()),
                     style::of_mode(fault.mode.as_str()),
                     style::OFF,
                     foreign(&fault.message)
                 )
             }
             Event::Scene(scene) if !args.json => {
-                format!("{} UTC  scene: {}", time_of_day(), foreign(&scene.name))
+                format!("{}  scene: {}", time_of_day(SystemTime::now()), foreign(&scene.name))
             }
             Event::Dropped(dropped) if !args.json => {
                 format!("{} samples lost: reading too slowly", dropped.count)
@@ -105,13 +105,6 @@ fn print(line: &str, screen: bool, again: bool) -> anyhow::Result<Reader> {
 fn raw(write: impl FnOnce(&mut Stdout) -> std::io::Result<()>) -> anyhow::Result<Reader> {
     let mut out = std::io::stdout();
     written(write(&mut out).and_then(|()| out.flush()))
-}
-
-/// Returns the present time of day, UTC, so that an event can be found in other logs.
-fn time_of_day() -> String {
-    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
-    let s = since.as_secs() % 86_400;
-    format!("{:02}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
 }
 
 /// Returns the width of the terminal, in columns. If it does not say, assumes that it is wide.

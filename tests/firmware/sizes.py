@@ -17,7 +17,7 @@ def main():
     path, start_up = sys.argv[1:]
     with open(path, encoding="utf-8") as file:
         memory_map = file.read().split("Linker script and memory map", 1)[1]
-    # A long name of a section stands on a line of its own.
+    # A long name of a section is followed by a line break.
     memory_map = re.sub(r"^( ?\.\S+)\n +0x", r"\1 0x", memory_map, flags=re.M)
 
     def size(section):

@@ -102,7 +102,7 @@ fn signals_of_a_terminal_or_a_service_manager_do_not_reach_the_helper() {
     let folder = tempfile::tempdir().expect("a folder");
     let (server, far) = pushing(folder.path());
     let [helper] = helpers(&server)[..] else { panic!("one helper a line") };
-    assert_eq!(getpgid(Some(helper)).expect("it is there"), helper, "a process group of its own");
+    assert_eq!(getpgid(Some(helper)).expect("it is there"), helper, "it leads a process group");
     for signal in STOPPING {
         kill_process(helper, signal).expect("it is there");
     }

@@ -11,7 +11,7 @@ from serving import Server
 
 # Read by the library of LSL when it is loaded: streams stay on this machine.
 os.environ["LSLAPICFG"] = str(Path(__file__).parent / "lsl_api.cfg")
-# The server of whoever runs the tests is none of theirs.
+# The tests start their own servers. These variables would send them to another one.
 for variable in ("HBOT_SERVER", "HBOT_TOKEN_FILE"):
     os.environ.pop(variable, None)
 

@@ -13,7 +13,7 @@ import hbot
 
 
 def main() -> None:
-    """Render against a server of its own."""
+    """Start a server and render on it."""
     package = Path(hbot.__file__).parent
     assert package.is_relative_to(sys.prefix), f"{package} is not the installed package"
     assert (package / "py.typed").exists(), "type checkers find the types"

@@ -70,7 +70,7 @@ def rig_file(folder: Path, api: str = "", edits: Mapping[str, str] | None = None
 
 
 class Server:
-    """A server with a simulated rig, in a process of its own."""
+    """A server with a simulated rig, in a separate process."""
 
     def __init__(
         self,

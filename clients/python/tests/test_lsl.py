@@ -1,4 +1,4 @@
-"""The streams of the Lab Streaming Layer, received from the program in a process of its own."""
+"""The streams of the Lab Streaming Layer, received from the program in a separate process."""
 
 from __future__ import annotations
 

@@ -5,12 +5,14 @@ mod error;
 mod name;
 mod ops;
 mod render;
+mod time;
 mod tls;
 
 pub use connect::ConnectOptions;
 pub use error::ClientError;
 pub use name::client_name;
 pub use render::{LatePolicy, RenderEnd, RenderOptions, RenderReport};
+pub use time::time_of_day;
 pub use tls::Trust;
 
 use crate::{Encoding, Event, HelloOk, Id, MAX_ANSWER_BYTES, Op, Request, Response, ServerMessage, Splitter};

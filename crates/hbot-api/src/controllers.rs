@@ -43,7 +43,7 @@ pub struct ControllerInfo {
 names! {
     /// What is wrong with a motor controller.
     pub enum ControllerFlag {
-        /// It reports a fault of its own.
+        /// The controller reports that it has a fault.
         Fault = "fault",
         /// Its watchdog has expired, because no command arrived in time.
         Watchdog = "watchdog",
@@ -55,7 +55,7 @@ names! {
         Disobeyed = "disobeyed",
         /// It has reported a value that is not a finite number.
         NotFinite = "not_finite",
-        /// It may have lost power, and with it the zero of its joint.
+        /// It may have lost power within the last 5 s, and with it the zero of its joint.
         Restarted = "restarted",
         /// Nothing has arrived from it for 0.2 s.
         Silent = "silent",

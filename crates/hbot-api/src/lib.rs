@@ -77,7 +77,7 @@ pub use answer::{
 pub use axes::Axes;
 pub use client::{
     Client, ClientError, ConnectOptions, LatePolicy, RenderEnd, RenderOptions, RenderReport, Trust,
-    client_name,
+    client_name, time_of_day,
 };
 pub use controllers::{ControllerFlag, ControllerInfo, ControllersOk};
 pub use counts::CountsByName;

@@ -30,7 +30,7 @@ const SCENES: usize = 4;
 
 /// The command that is sent through the ring after an emergency stop, so that the client gets an
 /// answer to the stop. The stop itself does not pass through the ring, and takes effect in the tick
-/// of this answer or an earlier one. The command has no effect of its own. A second stop in its
+/// of this answer or an earlier one. The command itself has no effect. A second stop in its
 /// place, a few ticks after the first, would undo a reset that was ordered in between.
 pub const CONFIRMED: Command = Command::ClientLost(OnClientLost::Keep);
 

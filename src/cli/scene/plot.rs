@@ -225,7 +225,7 @@ mod tests {
         let parts = within(&curve, 2.0);
         let points: Vec<_> = parts.iter().map(|part| part.points.clone()).collect();
         assert_eq!(points[0], [(0.5, -2.0), (1.0, -1.0), (2.0, 1.0), (2.25, 2.0)]);
-        // From 5 to -3 N m the line is inside without a point of its own, and is left out.
+        // From 5 to -3 N m the line crosses the picture without a point in it, and is left out.
         assert_eq!(points.len(), 1);
         assert_eq!(parts[0].name.as_deref(), Some("wall"));
     }

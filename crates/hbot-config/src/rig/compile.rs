@@ -133,7 +133,7 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
             report.push(
                 &format!("{path}.controller"),
                 message,
-                format!("another id, or a port of its own for the controller {position}"),
+                format!("another id, or a separate port for the controller {position}"),
             );
         } else if !taken.insert((line, position)) {
             report.push(

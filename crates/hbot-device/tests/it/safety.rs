@@ -265,7 +265,7 @@ pub(crate) fn a_hot_joint_gets_no_torque_until_it_is_cooler() {
         bench.push();
         assert!(bench.pushes());
     }
-    // Each joint has a temperature of its own.
+    // A joint that is too hot does not stop the other joint.
     for hot in [0, 1] {
         let mut bench = Bench::new();
         let identity = Identity::new(NAME, &[JOINTS[0]; 2]).unwrap();

@@ -294,6 +294,8 @@ impl Model {
         self.unmarked.clear();
         self.lateness = Histogram::default();
         self.state = None;
+        self.stats = None;
+        self.controllers.clear();
         self.began = None;
         self.info.scene = serde_json::Value::Null;
         self.heard = Some(Instant::now());

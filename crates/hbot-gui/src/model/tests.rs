@@ -142,6 +142,29 @@ fn the_badge_and_the_title_say_whether_motors_can_push() {
 }
 
 #[test]
+fn what_a_lost_server_or_another_one_reported_is_forgotten() {
+    let reporting = || {
+        let mut model = commanding(true);
+        hear(&mut model, News::Stats(Box::default()));
+        for temperature_c in [Some(25.0), Some(26.0)] {
+            hear(&mut model, News::Controllers(vec![ControllerInfo { temperature_c, ..Default::default() }]));
+            assert_eq!(model.controllers[0].temperature_c, temperature_c);
+        }
+        assert!(model.stats.is_some());
+        model
+    };
+    let forgotten = |model: &Model| model.controllers.is_empty() && model.stats.is_none();
+    let mut lost = reporting();
+    disconnect(&mut lost);
+    assert!(forgotten(&lost));
+    // An older server does not know the request for the controllers, and never answers it.
+    let mut elsewhere = reporting();
+    elsewhere.asked(&Intent::Connect("other:4268".to_owned()));
+    hear(&mut elsewhere, News::Connected(hello(9)));
+    assert!(forgotten(&elsewhere));
+}
+
+#[test]
 fn who_did_it_is_said_as_the_user_would_say_it() {
     let model = commanding(true);
     for (name, session, who) in [

@@ -26,7 +26,7 @@ pub(crate) const fn fault(fault: Fault) -> (&'static str, &'static str) {
             "Look for a loose plug, or a motor cable beside the serial cable. Then Reset.",
         ),
         Fault::ControllerFault => (
-            "A motor controller reports a fault of its own.",
+            "A motor controller reports that it has a fault.",
             "Read the controller's own display or log, clear the fault there, then Reset.",
         ),
         Fault::Overspeed => (
@@ -66,7 +66,7 @@ pub(crate) const fn fault(fault: Fault) -> (&'static str, &'static str) {
 /// Returns an explanation of what a motor controller complains of, for the person who uses the rig.
 pub(crate) const fn controller(flag: ControllerFlag) -> &'static str {
     match flag {
-        ControllerFlag::Fault => "It reports a fault of its own.",
+        ControllerFlag::Fault => "The controller reports that it has a fault.",
         ControllerFlag::Watchdog => "Its watchdog has expired: no command arrived in time.",
         ControllerFlag::Overcurrent => "The motor's current is at its limit or beyond it.",
         ControllerFlag::Overtemperature => "The motor or the power stage is too hot.",
@@ -85,13 +85,62 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn every_complaint_of_a_controller_has_words_of_its_own() {
-        let words: BTreeSet<_> = ControllerFlag::ALL.iter().map(|flag| controller(*flag)).collect();
-        assert_eq!(words.len(), ControllerFlag::ALL.len());
+    fn each_complaint_of_a_controller_is_explained_by_its_own_words() {
+        let subjects = [
+            (ControllerFlag::Fault, "has a fault"),
+            (ControllerFlag::Watchdog, "watchdog"),
+            (ControllerFlag::Overcurrent, "current"),
+            (ControllerFlag::Overtemperature, "too hot"),
+            (ControllerFlag::Disobeyed, "commanded off"),
+            (ControllerFlag::NotFinite, "not a number"),
+            (ControllerFlag::Restarted, "lost power"),
+            (ControllerFlag::Silent, "Nothing has arrived"),
+        ];
+        assert_eq!(subjects.map(|(flag, _)| flag), ControllerFlag::ALL);
+        for (flag, subject) in subjects {
+            let explained = ControllerFlag::ALL.map(|it| (it, controller(it).contains(subject)));
+            let only = ControllerFlag::ALL.map(|it| (it, it == flag));
+            assert_eq!(explained, only, "{subject}");
+        }
     }
 
     #[test]
-    fn every_fault_has_words_of_its_own_and_a_way_out() {
+    fn each_mode_is_explained_by_its_own_words() {
+        for (mode, subject) in [
+            (Mode::Unreferenced, "zero of the steering"),
+            (Mode::Idle, "Ready"),
+            (Mode::Enabling, "rising"),
+            (Mode::Active, "the sphere pushes"),
+            (Mode::Fault, "stopped by itself"),
+            (Mode::Estop, "Stopped by somebody"),
+        ] {
+            assert!(super::mode(mode).contains(subject), "{mode}");
+        }
+    }
+
+    #[test]
+    fn each_fault_is_explained_by_its_own_words() {
+        let subjects = [
+            (Fault::LinkLost, "do not answer"),
+            (Fault::LinkCorrupt, "damaged messages"),
+            (Fault::ControllerFault, "has a fault"),
+            (Fault::Overspeed, "turned faster"),
+            (Fault::Overtorque, "more current"),
+            (Fault::Slip, "slips"),
+            (Fault::NonFinite, "torque is not a number"),
+            (Fault::ImplausibleFeedback, "encoder"),
+            (Fault::Deadline, "time"),
+            (Fault::ClientLost, "is gone"),
+            (Fault::Thermal, "too hot"),
+        ];
+        for cause in Fault::ALL {
+            let (_, subject) = subjects.into_iter().find(|(it, _)| *it == cause).expect("a subject");
+            assert!(fault(cause).0.contains(subject), "{cause}: {subject}");
+        }
+    }
+
+    #[test]
+    fn the_words_for_each_fault_differ_and_tell_a_way_out() {
         let words: BTreeSet<_> = Fault::ALL.iter().map(|f| fault(*f)).collect();
         assert_eq!(words.len(), Fault::ALL.len());
         assert!(words.iter().all(|(_, cure)| cure.contains("Reset")));

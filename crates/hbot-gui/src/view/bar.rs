@@ -109,7 +109,7 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
             heading(ui, &format!("Take over from {holder}?"));
             let text = format!(
                 "The sphere pushes, and {holder} commands it. The scene goes on when you take over. If the program of {holder} \
-                 sends torques of its own, they end."
+                 streams torques, they end."
             );
             ui.add(egui::Label::new(text).wrap());
             ui.add_space(6.0);

@@ -1,14 +1,14 @@
 //! The table of a wheel's motor controllers: current, temperature and firmware of the steer and the
 //! drive. Complaints stand below it, because their words are too long for a column.
 
-use eframe::egui::{Response, RichText, Ui};
+use eframe::egui::{Align, Label, Layout, Response, RichText, Ui, vec2};
 use hbot_api::{ControllerFlag, ControllerInfo};
 
 use super::theme::{Palette, coloured, column};
 use crate::model::words;
 
 /// Names and widths of the columns. The last one takes the rest of the line.
-const COLUMNS: [(&str, f32); 3] = [("", 34.0), ("current", 64.0), ("temp.", 52.0)];
+const COLUMNS: [(&str, f32); 3] = [("", 34.0), ("current", 66.0), ("temp.", 60.0)];
 /// Hover text of a value that the controller does not report.
 const NOT_REPORTED: &str = "not reported by the controller";
 
@@ -28,7 +28,7 @@ pub(super) fn show(ui: &mut Ui, pair: &[ControllerInfo]) {
         ui.horizontal(|ui| row(ui, controller, name));
     }
     for (controller, name) in pair.iter().zip(["steer", "drive"]).filter(|(it, _)| complains(it)) {
-        let said = format!("{name} complains of {}", controller.flags.join(", "));
+        let said = format!("{name}: {}", controller.flags.join(", "));
         coloured(ui, Palette::of(ui).warn, said).on_hover_text(explained(&controller.flags));
     }
 }
@@ -43,12 +43,11 @@ fn row(ui: &mut Ui, controller: &ControllerInfo, name: &str) {
     let name = RichText::new(name);
     let name = if complains(controller) { name.color(warn) } else { name };
     column(ui, first, name).on_hover_text(place(controller));
-    let ampere = controller.current_a.map(|ampere| format!("{ampere:+.3} A"));
-    value(ui, current, ampere, "motor current that makes torque");
+    value(ui, current, controller.current_a.map(amperes), "motor current that makes torque");
     let degrees = controller.temperature_c.map(|degrees| format!("{degrees:.1} \u{b0}C"));
     value(ui, temperature, degrees, "the highest temperature that the controller reports");
     match &controller.firmware {
-        Some(firmware) => rest(ui, small(firmware)).on_hover_text(firmware.as_str()),
+        Some(firmware) => rest(ui, small(firmware)),
         None => rest(ui, small("-").weak()).on_hover_text(NOT_REPORTED),
     };
 }
@@ -61,10 +60,21 @@ fn value(ui: &mut Ui, width: f32, text: Option<String>, what: &str) {
     };
 }
 
-/// Draws text in the rest of the line.
+/// Formats a current with at most two or three decimals, so that it fits its column.
+fn amperes(current: f64) -> String {
+    let decimals = if current.abs() < 10.0 { 3 } else { 2 };
+    format!("{current:+.decimals$} A")
+}
+
+/// Draws text in the rest of the line. A long text takes several lines.
 fn rest(ui: &mut Ui, text: RichText) -> Response {
     let width = ui.available_width().max(20.0);
-    column(ui, width, text)
+    let size = vec2(width, ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
+        ui.set_max_width(width);
+        ui.add(Label::new(text).wrap())
+    })
+    .inner
 }
 
 fn small(text: impl Into<String>) -> RichText {
@@ -89,42 +99,115 @@ fn explained(flags: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
 
     use super::*;
+    use crate::view::painted::{lines, texts};
 
-    #[test]
-    fn each_controller_has_its_values_and_a_dash_for_each_that_it_does_not_report() {
-        let hot = ControllerInfo {
+    /// Returns the steer's controller, which reports everything, and the drive's, which reports
+    /// nothing.
+    fn pair() -> [ControllerInfo; 2] {
+        let steer = ControllerInfo {
             joint: 0,
             port: Some("/dev/ttyACM0".to_owned()),
             protocol: Some("moteus".to_owned()),
             id: Some(7),
             firmware: Some("moteus 0x010f".to_owned()),
-            current_a: Some(-0.25),
+            current_a: Some(0.25),
             temperature_c: Some(31.5),
             flags: vec!["overtemperature".to_owned(), "eclipse".to_owned()],
         };
-        assert_eq!(place(&hot), "port /dev/ttyACM0, protocol moteus, id 7");
-        assert_eq!(
-            explained(&hot.flags),
-            "overtemperature: The motor or the power stage is too hot.\neclipse"
-        );
-        let pair = [hot, ControllerInfo { joint: 1, ..ControllerInfo::default() }];
-        let mut harness = egui_kittest::Harness::new_ui(move |ui| show(ui, &pair));
-        harness.run();
-        let shown = |text| harness.query_all_by_label(text).count();
-        for text in [
-            "current",
-            "firmware",
-            "-0.250 A",
-            "31.5 \u{b0}C",
-            "steer complains of overtemperature, eclipse",
-            "moteus 0x010f",
+        [steer, ControllerInfo { joint: 1, ..ControllerInfo::default() }]
+    }
+
+    /// Draws the table of these controllers in a window of this width.
+    fn table(width: f32, pair: Vec<ControllerInfo>) -> Harness<'static> {
+        let draw = move |ui: &mut Ui| show(ui, &pair);
+        let mut harness = Harness::builder().with_size([width, 400.0]).build_ui(draw);
+        harness.run_steps(4);
+        harness
+    }
+
+    /// Returns the text that appears while the pointer is over the label `text`.
+    fn hint(harness: &mut Harness<'_>, text: &str) -> String {
+        let before: Vec<String> = texts(harness).into_iter().map(|it| it.text).collect();
+        let label = harness.query_all_by_label(text).last().expect("a label").rect().center();
+        harness.hover_at(label);
+        // Hints appear after half a second.
+        harness.run_steps(8);
+        let after: Vec<String> =
+            texts(harness).into_iter().map(|it| it.text).filter(|text| !before.contains(text)).collect();
+        after.join("; ")
+    }
+
+    #[test]
+    fn each_controller_has_its_values_and_a_dash_for_each_that_it_does_not_report() {
+        let [steer, drive] = pair();
+        let both = table(400.0, vec![steer.clone(), drive.clone()]);
+        let first = ["current | temp. | firmware", "steer | +0.250 A | 31.5 \u{b0}C | moteus 0x010f"];
+        let rest = ["drive | - | - | -", "steer: overtemperature, eclipse"];
+        assert_eq!(lines(&both), [first, rest].concat());
+        // With the two exchanged, each line has the other's values.
+        let drive = ControllerInfo { current_a: Some(-12.3456), ..drive };
+        let both = table(400.0, vec![drive, steer]);
+        let first = ["current | temp. | firmware", "steer | -12.35 A | - | -"];
+        let rest = ["drive | +0.250 A | 31.5 \u{b0}C | moteus 0x010f", "drive: overtemperature, eclipse"];
+        assert_eq!(lines(&both), [first, rest].concat());
+    }
+
+    #[test]
+    fn nothing_is_drawn_of_controllers_that_the_server_does_not_report() {
+        assert_eq!(lines(&table(400.0, Vec::new())), [""; 0]);
+    }
+
+    #[test]
+    fn only_a_controller_that_complains_has_the_colour_of_a_warning() {
+        let harness = table(400.0, pair().into());
+        let texts = texts(&harness);
+        let color_of = |text: &str| texts.iter().find(|it| it.text == text).expect(text).color;
+        let warn = color_of("steer: overtemperature, eclipse");
+        assert_eq!(color_of("steer"), warn);
+        assert_ne!(color_of("drive"), warn);
+    }
+
+    #[test]
+    fn hints_say_where_a_controller_is_and_what_its_complaints_mean() {
+        let mut harness = table(400.0, pair().into());
+        for (text, said) in [
+            ("steer", "port /dev/ttyACM0, protocol moteus, id 7"),
+            ("drive", "port not known, protocol not known"),
+            ("+0.250 A", "motor current that makes torque"),
+            ("31.5 \u{b0}C", "the highest temperature that the controller reports"),
+            ("-", "not reported by the controller"),
+            (
+                "steer: overtemperature, eclipse",
+                "overtemperature: The motor or the power stage is too hot.\neclipse",
+            ),
         ] {
-            assert_eq!(shown(text), 1, "{text}");
+            assert_eq!(hint(&mut harness, text), said, "{text}");
         }
-        assert!(harness.query_by_label_contains("drive complains").is_none());
-        assert_eq!(shown("-"), 3, "current, temperature and firmware of the drive");
+    }
+
+    /// The table is 270 points wide in a narrow window, and 314 in a wide one.
+    #[test]
+    fn the_longest_values_fit_the_table() {
+        let long = |current, temperature| ControllerInfo {
+            firmware: Some("moteus 0x010f, register map 5".to_owned()),
+            current_a: Some(current),
+            temperature_c: Some(temperature),
+            flags: ControllerFlag::ALL.map(|flag| flag.to_string()).to_vec(),
+            ..ControllerInfo::default()
+        };
+        for width in [270.0, 314.0] {
+            for pair in
+                [[long(-123.456, 123.45), long(9.9994, -12.3)], [long(-9.9999, 99.99), pair()[0].clone()]]
+            {
+                let harness = table(width, pair.into());
+                for text in texts(&harness) {
+                    assert!(text.is_whole(), "{width} points: {text:?}");
+                }
+            }
+        }
     }
 }

@@ -98,32 +98,88 @@ fn effort(ui: &mut Ui, torque: f64, name: &str, limits: JointInfo) {
 
 #[cfg(test)]
 mod tests {
+    use egui_kittest::Harness;
+    use hbot_api::{ControllerInfo, RigInfo, StateEvent};
+
     use super::*;
-    use hbot_api::{RigInfo, StateEvent};
+    use crate::view::painted::lines;
+
+    const NOTE: &str = "The torque is what the motor was commanded to give. In a bar, the line is what it can hold without time limit.";
+
+    /// Returns what the tab for the joints shows of a rig with two wheels, line by line.
+    fn shown(controllers: Vec<ControllerInfo>) -> Vec<String> {
+        let mut model = Model::new("", "panel me@here", 1);
+        let motor = |peak| JointInfo { peak, continuous: 0.5 * peak };
+        let wheel = |name: Option<&str>, steer, drive| WheelInfo {
+            name: name.map(str::to_owned),
+            steer: motor(steer),
+            drive: motor(drive),
+            ..WheelInfo::default()
+        };
+        let wheels = vec![wheel(Some("left"), 0.2, 0.4), wheel(None, 0.8, 1.6)];
+        model.info.rig = RigInfo { wheels, ..RigInfo::default() };
+        let joint = |angle, rate, torque| JointState { angle, rate, torque };
+        let joints =
+            vec![joint(0.5, 1.25, 0.05), joint(1.0, -2.5, -0.2), joint(-1.5, 0.0, 0.6), joint(2.0, 3.0, 1.6)];
+        model.state = Some(StateEvent { joints, ..StateEvent::default() });
+        model.controllers = controllers;
+        let mut harness = Harness::builder().with_size([330.0, 800.0]).build_ui(move |ui| show(ui, &model));
+        harness.run_steps(4);
+        lines(&harness)
+    }
 
     #[test]
     fn each_joint_has_its_angle_rate_torque_and_share_of_its_motor() {
-        let mut model = Model::new("", "panel me@here", 1);
-        let motor = |peak| JointInfo { peak, continuous: 0.5 * peak };
-        let wheel = |name: &str| WheelInfo {
-            name: Some(name.to_owned()),
-            steer: motor(0.2),
-            drive: motor(0.4),
-            ..WheelInfo::default()
+        let expected = [
+            "left",
+            "angle | rate | torque",
+            "steer | 28.6\u{b0} | +1.250 rad/s | +0.0500 N m",
+            "drive | 57.3\u{b0} | -2.500 rad/s | -0.2000 N m",
+            "steer: 25 % of 0.2 N m",
+            "drive: 50 % of 0.4 N m",
+            "Wheel",
+            "angle | rate | torque",
+            "steer | -85.9\u{b0} | +0.000 rad/s | +0.6000 N m",
+            "drive | 114.6\u{b0} | +3.000 rad/s | +1.6000 N m",
+            "steer: 75 % of 0.8 N m",
+            "drive: 100 % of 1.6 N m",
+            NOTE,
+        ];
+        assert_eq!(shown(Vec::new()), expected);
+    }
+
+    #[test]
+    fn each_wheel_has_the_values_of_its_own_two_controllers() {
+        let controller = |joint: u32| ControllerInfo {
+            joint,
+            firmware: Some(format!("firmware {joint}")),
+            current_a: Some(0.125 * f64::from(joint)),
+            temperature_c: Some(25.0 + f64::from(joint)),
+            flags: if joint == 2 { vec!["silent".to_owned()] } else { Vec::new() },
+            ..ControllerInfo::default()
         };
-        model.info.rig = RigInfo { wheels: vec![wheel("left"), wheel("right")], ..RigInfo::default() };
-        let joint = |angle, rate, torque| JointState { angle, rate, torque };
-        let joints =
-            vec![joint(0.5, 1.25, 0.05), joint(1.0, -2.5, -0.1), joint(1.5, 0.0, 0.2), joint(2.0, 3.0, 0.4)];
-        model.state = Some(StateEvent { joints, ..StateEvent::default() });
-        let mut harness = egui_kittest::Harness::new_ui(move |ui| show(ui, &model));
-        harness.run();
-        let said = format!("{:?}", harness.root());
-        for text in ["left", "right", "28.6\u{b0}", "-2.500 rad/s", "+0.0500 N m"] {
-            assert!(said.contains(text), "{text}: {said}");
-        }
-        for text in ["steer: 25 % of 0.2 N m", "drive: 25 % of 0.4 N m", "drive: 100 % of 0.4 N m"] {
-            assert!(said.contains(text), "{text}: {said}");
-        }
+        let shown = shown((0..4).map(controller).collect());
+        let of_wheel = |from: usize, lines: &[&str]| assert_eq!(shown[from..from + lines.len()], *lines);
+        of_wheel(0, &["left"]);
+        of_wheel(
+            6,
+            &[
+                "current | temp. | firmware",
+                "steer | +0.000 A | 25.0 \u{b0}C | firmware 0",
+                "drive | +0.125 A | 26.0 \u{b0}C | firmware 1",
+                "Wheel",
+            ],
+        );
+        of_wheel(
+            15,
+            &[
+                "current | temp. | firmware",
+                "steer | +0.250 A | 27.0 \u{b0}C | firmware 2",
+                "drive | +0.375 A | 28.0 \u{b0}C | firmware 3",
+                "steer: silent",
+                NOTE,
+            ],
+        );
+        assert_eq!(shown.len(), 20);
     }
 }

@@ -7,6 +7,8 @@ mod camera;
 mod controllers;
 mod health;
 mod joints;
+#[cfg(test)]
+mod painted;
 mod parameter;
 mod plots;
 mod recover;
@@ -22,11 +24,12 @@ mod wheels;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 use eframe::egui::{
     self, Align2, Area, CentralPanel, Frame, Id, Order, Panel, RichText, ScrollArea, Ui, vec2,
 };
+use hbot_api::time_of_day;
 
 use crate::model::{Link, Model, PlotSample, Weight};
 use crate::net::Intent;
@@ -172,23 +175,18 @@ fn messages(ui: &mut Ui, model: &Model) {
         weak(ui, "none yet");
     }
     for message in model.messages.newest_first() {
-        let ago = message.at.elapsed().as_secs();
+        let elapsed = message.at.elapsed();
+        let time = time_of_day(SystemTime::now() - elapsed);
+        let ago = elapsed.as_secs();
         let ago = if ago < 120 { format!("{ago} s ago") } else { format!("{} min ago", ago / 60) };
         let times = if message.times > 1 { format!(", {} times", message.times) } else { String::new() };
-        weak(ui, format!("{} UTC, {ago}{times}", time_of_day(message.at.elapsed())));
+        weak(ui, format!("{time}, {ago}{times}"));
         match message.weight {
             Weight::Good => ui.add(egui::Label::new(&message.text).wrap()),
             Weight::Bad => coloured(ui, palette.bad, &message.text),
         };
         ui.add_space(4.0);
     }
-}
-
-/// Returns the time of day, UTC, of what happened `before`, so that it can be found in other logs.
-fn time_of_day(before: Duration) -> String {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    let seconds = since.saturating_sub(before).as_secs() % 86_400;
-    format!("{:02}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)
 }
 
 /// Draws the newest messages to the user over the lower middle of the window, for some seconds.

@@ -1,13 +1,17 @@
 //! Tests of the whole window, drawn into memory from a model.
 
 use std::path::Path;
+use std::time::SystemTime;
 
 use eframe::egui::{Rect, Ui};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use hbot_api::{Fault, Mode, Requester, StateEvent};
+use hbot_api::{
+    ControllerFlag, ControllerInfo, Fault, JointInfo, JointState, Mode, Requester, StateEvent, time_of_day,
+};
 
-use super::{Act, Desk, round_up, show, theme};
+use super::painted::{lines, texts};
+use super::{Act, Desk, Tab, round_up, show, theme};
 use crate::model::Model;
 use crate::model::tests::{
     ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
@@ -16,6 +20,8 @@ use crate::net::{Lease, News};
 
 /// The sizes of the window in these tests, points.
 const SIZES: [[f32; 2]; 2] = [[1280.0, 800.0], [1024.0, 600.0]];
+/// The smallest window that the panel opens, points.
+const SMALLEST: [f32; 2] = [900.0, 600.0];
 
 /// What the user drags or clicks in the window, by name.
 const CONTROLS: [&str; 22] = [
@@ -153,6 +159,89 @@ fn nothing_that_is_dragged_or_clicked_moves_when_the_state_changes() {
             }
         }
     }
+}
+
+/// Gives a model four joints, whose motor controllers report long values.
+fn report_joints(model: &mut Model) {
+    let motor = JointInfo { peak: 0.93, continuous: 0.073 };
+    model.info.rig.wheels.truncate(2);
+    for wheel in &mut model.info.rig.wheels {
+        (wheel.steer, wheel.drive) = (motor, motor);
+    }
+    let joints = vec![JointState { angle: -123.4, rate: -123.4, torque: -0.93 }; 4];
+    see_state(model, StateEvent { tick: 200, t: 0.2, mode: Mode::Active, joints, ..StateEvent::default() });
+    let controller = |joint| ControllerInfo {
+        joint,
+        firmware: Some("moteus 0x010f, register map 5".to_owned()),
+        current_a: Some(-12.3456),
+        temperature_c: Some(123.4),
+        flags: ControllerFlag::ALL.map(|flag| flag.to_string()).to_vec(),
+        ..ControllerInfo::default()
+    };
+    hear(model, News::Controllers((0..4).map(controller).collect()));
+    hear(model, News::Stats(Box::default()));
+}
+
+#[test]
+fn all_text_can_be_read_in_every_state_and_tab() {
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, commanding(true));
+        let is_whole = |seen: &Seen, name: &str| {
+            for text in texts(seen) {
+                // The name of another machine can have any length.
+                let long = text.text.starts_with("observer: ");
+                assert!(text.is_whole() || long, "{name}, {size:?}: {text:?}");
+            }
+        };
+        for (name, change) in states() {
+            seen.state_mut().model = commanding(true);
+            change(&mut seen.state_mut().model);
+            settle(&mut seen);
+            is_whole(&seen, &name);
+        }
+        seen.state_mut().model = commanding(true);
+        report_joints(&mut seen.state_mut().model);
+        for (tab, name) in Tab::ALL {
+            seen.state_mut().desk.tab = tab;
+            settle(&mut seen);
+            is_whole(&seen, name);
+        }
+    }
+}
+
+#[test]
+fn joints_are_grey_if_their_values_may_be_old() {
+    let mut seen = window(SIZES[0], commanding(false));
+    report_joints(&mut seen.state_mut().model);
+    seen.state_mut().desk.tab = Tab::Joints;
+    settle(&mut seen);
+    let grey = |seen: &Seen| {
+        let steers: Vec<bool> =
+            seen.query_all_by_label("steer").map(|node| node.accesskit_node().is_disabled()).collect();
+        assert_eq!(steers.len(), 4, "angle and current of two wheels");
+        steers.iter().all(|disabled| *disabled)
+    };
+    assert!(!grey(&seen));
+    grow_silent(&mut seen.state_mut().model);
+    settle(&mut seen);
+    assert!(grey(&seen));
+}
+
+#[test]
+fn messages_have_their_time() {
+    let mut seen = window(SIZES[0], commanding(false));
+    seen.state_mut().desk.tab = Tab::Messages;
+    let now = || time_of_day(SystemTime::now());
+    let before = now();
+    for _ in 0..2 {
+        hear(&mut seen.state_mut().model, News::Note(Ok("written".to_owned())));
+    }
+    let after = now();
+    settle(&mut seen);
+    let lines = lines(&seen);
+    let line = lines.iter().find(|line| line.ends_with(" s ago, 2 times")).expect("its time");
+    assert!(line.contains(&before) || line.contains(&after), "{line}, {before} to {after}");
+    assert!(lines.iter().any(|line| line.contains("written")), "{lines:?}");
 }
 
 #[test]

@@ -52,7 +52,9 @@ pub(crate) struct AloneServer {
 /// The settings of a server for tests.
 pub(crate) struct ServerSetup<'a> {
     pub(crate) scene: &'a str,
-    /// Pairs of texts: in the prototype's rig file, the first is replaced by the second.
+    /// The text of a rig file.
+    pub(crate) file: &'a str,
+    /// Pairs of texts: in the rig file, the first is replaced by the second.
     pub(crate) rig: &'a [(&'a str, &'a str)],
     /// Whether virtual time is slowed down to real time, for pictures that people look at. Even
     /// then, no tick is late because of other work on the computer.
@@ -66,7 +68,8 @@ pub(crate) struct ServerSetup<'a> {
 
 impl Default for ServerSetup<'_> {
     fn default() -> Self {
-        Self { scene: STILL, rig: &[], paced: false, address: any_port(), token: None, tls: None }
+        let file = include_str!("../../../../rigs/prototype.toml");
+        Self { scene: STILL, file, rig: &[], paced: false, address: any_port(), token: None, tls: None }
     }
 }
 
@@ -85,9 +88,9 @@ impl AloneServer {
     /// Starts a server without waiting for other servers to end. The caller must hold the guard of
     /// [`alone`].
     pub(crate) fn beside(setup: &ServerSetup<'_>) -> Self {
-        let mut rig = include_str!("../../../../rigs/prototype.toml").to_owned();
+        let mut rig = setup.file.to_owned();
         for (from, to) in setup.rig {
-            assert!(rig.contains(from), "the prototype has {from:?}");
+            assert!(rig.contains(from), "the rig file has {from:?}");
             rig = rig.replace(from, to);
         }
         let mut rig = RigConfig::from_toml(&rig, "test.toml").expect("a legal rig");

@@ -13,6 +13,7 @@ use hbot_testing::server::{TestServer, any_port, options};
 
 use crate::bench::{AloneServer, ServerSetup, Wire, alone};
 use crate::display::{Display, Shot};
+use crate::joints::MOTEUS;
 use crate::window::{BAD, GOOD, N3, STOP, WARN, count};
 
 const SIZES: [[u32; 2]; 2] = [[1280, 800], [1024, 600]];
@@ -23,6 +24,12 @@ const STOP_BUTTON: [u32; 2] = [140, 75];
 /// Returns the middle of the button for the lease, in a window of this size.
 const fn lease_button([width, _]: [u32; 2]) -> [u32; 2] {
     [width - 126, 16]
+}
+
+/// Returns the middle of the tab for the joints, in a window of this size.
+const fn joints_tab([width, _]: [u32; 2]) -> [u32; 2] {
+    let right = if width < 1100 { 286 } else { 330 };
+    [width - right + 80, 46]
 }
 
 /// Takes a picture of a state in both sizes, and calls `meanwhile` with the size of each window
@@ -93,7 +100,20 @@ fn pictures_of_each_state() {
         assert!(count(pixels, BAD) > 100, "{name}: the fault is told");
     });
     fault.stop();
+    joints(&displays, spring);
     live(&displays, spring);
+}
+
+/// Takes pictures of the tab for the joints. The firmware of a moteus has a long name.
+fn joints(displays: &[Display; 2], scene: &str) {
+    let setup = ServerSetup { scene, file: MOTEUS, paced: true, ..ServerSetup::default() };
+    let bench = AloneServer::beside(&setup);
+    let open = |display: &Display, size| display.click(joints_tab(size));
+    pictures(displays, "joints", bench.address, open, |name, pixels| {
+        // The tab for the scene has no bars of the motors.
+        assert!(count(pixels, GOOD) > 500, "{name}: {}", count(pixels, GOOD));
+    });
+    bench.stop();
 }
 
 /// Takes pictures of a server that falls silent. With `stopped`, the user presses the stop button

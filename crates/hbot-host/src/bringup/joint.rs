@@ -102,7 +102,7 @@ impl fmt::Display for Verdict {
             ),
             Self::Complains(complaints) => {
                 let all = [
-                    (complaints.fault, "a fault of its own: read its display or log"),
+                    (complaints.fault, "it reports that it has a fault: read its display or log"),
                     (complaints.watchdog, "nothing heard within its watchdog time: this machine was busy, or the line is bad"),
                     (complaints.overcurrent, "too much current: lower --torque, or check the motor's leads"),
                     (complaints.overtemperature, "too hot: let it cool down"),

@@ -40,7 +40,7 @@ fn assert_documented(report: &Report) {
 }
 
 /// Asserts that a report begins with three to five sentences, all of whose figures are numbers, and
-/// with a plot of its own.
+/// that its chief plot follows.
 fn assert_concludes(report: &Report) {
     let said = report.conclusions();
     assert!((3..=5).contains(&said.len()), "{said:?}");

@@ -62,7 +62,7 @@ fn the_id_that_all_controllers_obey_is_legal_only_for_one_that_is_alone_on_its_p
     };
     let shared = said_of(&joints("controller = 127"));
     let words = "wheel[1].drive.controller: all controllers of this line would obey commands to 127; legal: another id, or a \
-                 port of its own for the controller 127";
+                 separate port for the controller 127";
     assert!(shared.contains(words), "{shared}");
     let alone = joints("controller = 127, port = 1") + "\nport = ['/dev/a', '/dev/b']";
     let config = RigConfig::from_toml(&alone, "x.toml").expect("127 is alone on its port");

@@ -76,7 +76,7 @@ fn place(fronts: &Fronts) -> String {
         });
         format!(
             "Nothing that was found beats the prototype in all four figures: it lies on the front of two-wheeled designs, to the 0.1 deg and 0.1 mm that were searched. What puts it there is its toe of zero and its axes at \
-             45 deg; along the front cone and radius are a matter of taste, each gain in one figure paid in another. Every added wheel brings inertia of its own, so more wheels do not beat it either.{near}"
+             45 deg; along the front cone and radius are a matter of taste, each gain in one figure paid in another. Every added wheel adds inertia, so more wheels do not beat it either.{near}"
         )
     } else {
         let by = [2, 3, 4].map(|wheels| fronts.nearest_above(wheels).map_or(0.0, |(_, by)| by));

@@ -60,7 +60,7 @@ fn random_device(rng: &mut Rng, wheels: usize) -> Device {
 fn general(context: &Context, report: &mut Report) {
     report.say(
         "The kinematics are those of any number of wheels. On devices at random (2 to 8 wheels, axes anywhere, cone 0.1 to 1.5 rad, toe up to 0.6 rad) and random postures and \
-         rates of the sphere, the core's closed forms against a derivation of its own: contact frames as products of four rotation matrices (eq. 1, with A0 first), the velocities of the \
+         rates of the sphere, the core's closed forms against a separate derivation: contact frames as products of four rotation matrices (eq. 1, with A0 first), the velocities of the \
          contact point on the wheel and on the sphere as rigid bodies (eq. 4, 5), set equal along c1 and c2 (eq. 6, 7) and solved; that the steered frame turns about l, by \
          differences; and back: the rate of the sphere from those joint rates (eq. 11), with the slip that is left.",
     );

@@ -148,7 +148,7 @@ pub(super) fn steps(report: &mut Report, rig: &IndexedDevice, quick: bool) {
     }
     let order = (errors[2] / errors[3]).log2();
     report.say(
-        "A turn about a fixed axis leaves each wheel an equation of its own, which is solved in closed form. Against it, the kinematics zd = G w in steps of the \
+        "For a turn about a fixed axis, each wheel has a separate equation, which is solved in closed form. Against it, the kinematics zd = G w in steps of the \
          classic Runge-Kutta method (order 4). Turns do not reverse, so what a wheel's caster does to an error ends once the wheel has come about.",
     );
     report.table(&table);

@@ -41,7 +41,9 @@ pub(super) struct IndexedDevice {
 
 impl IndexedDevice {
     pub(super) fn new(device: Device) -> Self {
-        let Ok(plant) = Plant::new(&device) else { unreachable!("wheels without an inertia of their own") };
+        let Ok(plant) = Plant::new(&device) else {
+            unreachable!("the inertias of the device's wheels are possible")
+        };
         Self { device, plant, turns: Turns::new(&device) }
     }
 

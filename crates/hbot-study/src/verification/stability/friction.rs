@@ -59,7 +59,7 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
     context.part("friction and the encoder's step")?;
     report.heading("Friction and the encoder's step");
     report.say(&format!(
-        "A spring lets an axis go at {RELEASED} rad, at 1 kHz, without delay or damping of its own; friction truly sticks. Which stiffness first leaves it buzzing by more than \
+        "A spring without damping or delay, at 1 kHz, releases an axis at {RELEASED} rad; friction truly sticks. Which stiffness first leaves it buzzing by more than \
          two steps of the encoder for ever (after {TIME} s, and no less than before)? Stiffnesses a factor of {RATIO} apart are tried, so the answer is known to 5 %. Beside it Abbott and Okamura's K <= min(2 b/h, 2 c/d), below which the wall is passive whatever the hand does. A wall that is not \
          passive may be quiet all the same, as long as nobody feeds it (Diolaiti et al.): friction stops it. A wall that is passive must be quiet."
     ));

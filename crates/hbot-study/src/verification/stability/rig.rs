@@ -141,8 +141,8 @@ fn introduce(report: &mut Report) {
     report.heading("The whole loop");
     report.say(&format!(
         "The prototype's controller, its line and its simulated rig in lock-step, without friction: the stiffness from which a small swing about n1 grows, beside \
-         B/(h (1/2 + D)). The torque of a reading acts one period after it, D = 1, in virtual time as on the wire (docs/performance.md). The ideal rig has no damping of its own; \
-         a real one has, and stands more. The search ends when it knows the border to {} %. The encoders are {FINER} times as fine as the prototype's, for their rounding would hide such small differences. \
+         B/(h (1/2 + D)). The torque of a reading acts one period after it, D = 1, in virtual time as on the wire (docs/performance.md). The ideal rig has no damping; \
+         a real rig has some, so it is stable with a stiffer spring. The search ends when it knows the border to {} %. The encoders are {FINER} times as fine as the prototype's, for their rounding would hide such small differences. \
          The formula is the first order in B h/J; beside it the exact border, from the eigenvalues of a free inertia on a spring and damper one tick late: z (z - 1)² + k (z + 1)/2 + d (z - 1), k = K h²/J, d = B h/J.",
         100.0 * RESOLUTION
     ));

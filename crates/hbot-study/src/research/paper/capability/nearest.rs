@@ -105,7 +105,7 @@ fn compare(comparison: &mut Comparison, found: &[[[f64; 3]; 2]; 2], known: [f64;
         );
         let why = if k == 0 {
             format!(
-                "The paper names no posture and no wheel radius. With three motors each row is met in a posture of its own (to factors of {:.3} and {:.3}), both in none (best {:.2}). About n2 its \
+                "The paper names no posture and no wheel radius. With three motors each row is met in a different posture (to factors of {:.3} and {:.3}), both in none (best {:.2}). About n2 its \
                  figures are the drive's own: 0.94/0.14 and 0.15/0.023 imply R/r of 6.7 and 6.5. About n1 and n3 the steers act as well, with a leverage of up to 1/sin(cone) = 5.8, so those hang on the \
                  posture most.",
                 known[0], known[1], known[2]
