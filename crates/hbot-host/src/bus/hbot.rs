@@ -359,7 +359,7 @@ mod tests {
         let mut told = |current, temperature| {
             let joint = hbot_link::JointReading { current, temperature, ..Default::default() };
             log.record(0, &joint, Complaints::default());
-            let Telemetry { current, temperature, .. } = log.log.at(0, false);
+            let Telemetry { current, temperature, .. } = log.log.at(0);
             (current, temperature)
         };
         assert_eq!(told(0.0, 0.0), (None, None));
