@@ -107,6 +107,62 @@ fn a_wheel_that_slips_by_its_counts_alone_is_slip_within_50_ms() {
     assert!(cause == Cause::Slip && tick <= 50, "{cause:?} after {tick} ms");
 }
 
+/// Returns the slip of the two wheels in the steer angles `steer` if `joint` alone moves, at
+/// 1 rad/s: the largest along an axle (c1) and along a rolling direction (c2), m/s. The last value
+/// holds the joint rates that no turn of the sphere explains, rad/s.
+fn slip_of_joint(rig: &Rig, steer: [f64; 2], joint: usize) -> ([f64; 2], [f64; 4]) {
+    let posture = Posture::new(&rig.device, &steer);
+    let alone = [0, 1, 2, 3].map(|j| f64::from(u8::from(j == joint)));
+    let moved = posture.forward(&rig.device, &alone);
+    let explained = posture.inverse(moved.omega);
+    let largest = |axis: usize| moved.slip[..2].iter().map(|slip| slip[axis].abs()).fold(0.0, f64::max);
+    ([largest(0), largest(1)], [0, 1, 2, 3].map(|j| alone[j] - explained[j]))
+}
+
+#[test]
+fn slip_along_the_axles_or_along_the_rolling_directions_alone_is_slip_by_counts_too() {
+    let rig = rig();
+    let angle = |k: u32| f64::from(k) * core::f64::consts::TAU / 72.0;
+    // Two contacts slip towards each other. In some posture both axles point that way, in another
+    // both rolling directions.
+    for axis in [0, 1] {
+        // The first wheel steers, or it rolls.
+        let joint = axis;
+        let postures = (0..72 * 72).map(|k| [angle(k / 72), angle(k % 72)]);
+        let share = |steer: &[f64; 2]| {
+            let (slip, _) = slip_of_joint(&rig, *steer, joint);
+            if slip[axis] > 1.0e-3 { slip[1 - axis] / slip[axis] } else { f64::INFINITY }
+        };
+        let steer = postures.min_by(|a, b| share(a).total_cmp(&share(b))).expect("some postures");
+        let (slip, rates) = slip_of_joint(&rig, steer, joint);
+        assert!(share(&steer) < 0.1, "{} at {steer:?}", share(&steer));
+        for sign in [1.0, -1.0] {
+            // The slip is twice the limit.
+            let counts = [0, 1, 2, 3].map(|j| {
+                let rate = sign * rates[j] * 2.0 * rig.limits.slip / slip[axis];
+                (rate * DT / rig.joints[j].radians_per_count()).round() as i32
+            });
+            let mut bench = Bench::new(rig);
+            for (wheel, angle) in steer.into_iter().enumerate() {
+                bench.offset[2 * wheel] = (angle / rig.joints[2 * wheel].radians_per_count()).round() as i32;
+            }
+            bench.run(2);
+            assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+            let fault = (1..=50).find_map(|tick| {
+                for (offset, by) in bench.offset.iter_mut().zip(counts) {
+                    *offset += by;
+                }
+                // The motor controllers report rates of 0.
+                bench.step().state.cause.map(|cause| (cause, tick))
+            });
+            // At this speed the wheels steer by a tenth of a radian at most in a block of 25 ms, so
+            // the slip stays along one axis.
+            let (cause, tick) = fault.expect("a fault");
+            assert!(cause == Cause::Slip && tick <= 50, "{cause:?} after {tick} ms, {counts:?}");
+        }
+    }
+}
+
 #[test]
 fn over_gaps_of_more_than_five_ticks_neither_slip_nor_rates_are_judged() {
     // In six ticks the wheels can have steered far.

@@ -271,6 +271,68 @@ fn in_single_precision_rounding_is_what_is_left() {
     assert!(drift(rig::PathFit::Straight) > 5.0 * rounding, "{:e}", drift(rig::PathFit::Straight));
 }
 
+/// In 32 bits many small turns add up better than by a product of quaternions, whose roundings add
+/// up too (docs/accuracy.md).
+#[test]
+fn in_single_precision_many_small_turns_add_up_to_a_few_roundings() {
+    use hbot_core_f32::{Quat as Quat32, Vec3 as Vec32, odometry, rotation as rotation32};
+    let drift = |turned: fn(Quat32, Vec32) -> Quat32| {
+        let (mut q, mut exact) = (Quat32::IDENTITY, Quat::IDENTITY);
+        // 6 rad/s at 8 kHz for 5 s, about an axis that moves.
+        for k in 0..40_000 {
+            let t = f64::from(k) / 8000.0;
+            let turn = Vec3::new(t.cos(), (0.7 * t).sin(), 0.5).normalize() * (6.0 / 8000.0);
+            let rounded = Vec32::new(turn.x as f32, turn.y as f32, turn.z as f32);
+            q = turned(q, rounded);
+            exact = advance(exact, Vec3::new(rounded.x.into(), rounded.y.into(), rounded.z.into()));
+        }
+        let q = Quat::from_xyzw(q.x.into(), q.y.into(), q.z.into(), q.w.into());
+        rotation::angle_between(rotation::renormalized(q), exact)
+    };
+    let [sum, product] = [drift(odometry::advance), drift(rotation32::turned_by_product)];
+    assert!(sum < 3e-5 && 3.0 * sum < product, "{sum:e} rad, {product:e} rad by the product");
+}
+
+/// The controller integrates by the method and the path of its rig: from reading to reading it
+/// turns as the functions for this method say.
+#[test]
+fn the_controller_turns_by_the_method_and_the_path_of_its_rig() {
+    let mut ends = Vec::new();
+    for method in [Euler, Midpoint, Magnus4] {
+        for fit in [Straight, Quadratic, Cubic] {
+            let rig = bench::altered(&bench::rig(), |rig| {
+                (rig.methods.odometry, rig.methods.path) = (method, fit);
+            });
+            let mut bench = bench::Bench::new(rig);
+            let mut last = bench.step().state;
+            let (mut q, mut trail) = (last.q, Trail::START);
+            for k in 0..200 {
+                let t = 0.01 * f64::from(k);
+                let state = bench.turn(Vec3::new(6.0 * t.cos(), -4.0, 5.0 * (2.0 * t).sin())).state;
+                let mut delta = [0.0; hbot_core::MAX_JOINTS];
+                for j in 0..4 {
+                    delta[j] = rotation::wrap_angle(state.angle[j] - last.angle[j]);
+                }
+                let steer = [last.angle[0], last.angle[2]];
+                q = advance(q, turn_along(&rig.device, method, &steer, &trail.step(fit, &delta, 1.0)));
+                // 200 turns, each with the rounding of its angles.
+                let off = rotation::angle_between(state.q, q);
+                assert!(off < 1e-12, "{method:?}, {fit:?}, reading {k}: {off:e} rad");
+                last = state;
+            }
+            ends.push((method, fit, q));
+        }
+    }
+    // The choices lead to different ends, except for the paths of Euler.
+    for (a, (method, fit, q)) in ends.iter().enumerate() {
+        for (other, other_fit, end) in &ends[..a] {
+            let off = rotation::angle_between(*q, *end);
+            let same = *method == Euler && *other == Euler;
+            assert!((off < 1e-12) == same, "{method:?}, {fit:?} and {other:?}, {other_fit:?}: {off:e} rad");
+        }
+    }
+}
+
 /// The controller assigns readings to the ticks that they answer, even if some are lost.
 #[test]
 fn the_controller_follows_a_curved_path_over_lost_readings() {

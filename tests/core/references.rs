@@ -1,7 +1,7 @@
 //! References that move, and corrections of the orientation from outside.
 
 use crate::bench::{Bench, DT, FirstReply, altered, effect, rig, spring, spring_scene};
-use hbot_core::effects::{Anchor, Effect};
+use hbot_core::effects::{Anchor, Constant, Effect, Frame, Kind};
 use hbot_core::inputs::{Command, Stamp};
 use hbot_core::outputs::{Refusal, Reply};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
@@ -57,6 +57,27 @@ fn the_state_says_where_the_reference_is() {
     assert_eq!(state.reference, Some(rotation::exp(goal) * state.q));
     bench.scene = CompiledScene::new(3, &[]).unwrap();
     assert_eq!(bench.step().state.reference, None);
+}
+
+#[test]
+fn the_reference_of_the_state_is_that_of_the_first_effect_that_has_one_and_stays() {
+    let turned = |slot: u8, angle: f64| {
+        let kind = spring(0.1, 0.0, rotation::exp(Vec3::X * angle), Anchor::Absolute);
+        Effect { fade_out_s: 0.05, ..effect(slot, 1 + u32::from(slot), kind) }
+    };
+    let torque = effect(0, 1, Kind::Constant(Constant { torque: Vec3::X * 0.01, frame: Frame::World }));
+    let leaving = |effect: Effect| Effect { leaving: true, ..effect };
+    let (first, second) = (turned(1, 0.1), turned(2, 0.2));
+    let mut bench = Bench::active(rig(), CompiledScene::new(1, &[torque, first, second]).unwrap());
+    let place = |reference: Option<Quat>| reference.map(|q| rotation::log(q).x);
+    let near = |is: Option<f64>, want: f64| is.is_some_and(|is| (is - want).abs() < 1e-12);
+    assert!(near(place(bench.step().state.reference), 0.1), "a constant torque has no reference");
+    bench.scene = CompiledScene::new(2, &[torque, leaving(first), second]).unwrap();
+    assert!(near(place(bench.step().state.reference), 0.2), "from the tick in which the first one leaves");
+    bench.scene = CompiledScene::new(3, &[torque, leaving(first), leaving(second)]).unwrap();
+    let state = bench.step().state;
+    assert_eq!(state.reference, None, "they still fade out");
+    assert!(state.torque.x > 0.012, "{}", state.torque);
 }
 
 #[test]

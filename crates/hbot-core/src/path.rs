@@ -165,6 +165,8 @@ mod tests {
         let square = |t: Real| t * t;
         let straight = |path: &Path| (path.turned(0, 0.5) - 0.5 * path.delta()[0]).abs() < ROUNDING;
         assert!(straight(&fitted(PathFit::Cubic, &[0.0, 1.0], square)), "the first step");
+        let third = fitted(PathFit::Straight, &[0.0, 1.0, 2.0, 3.0], square);
+        assert!(straight(&third), "a straight path, however many readings are known");
         let second = fitted(PathFit::Cubic, &[0.0, 1.0, 2.0], square);
         assert!((second.turned(0, 0.5) - 1.25).abs() < ROUNDING, "a quadratic in the second");
         assert!(straight(&fitted(PathFit::Cubic, &[0.0, 1.0, 2.0, 7.0], square)), "over a gap of five");

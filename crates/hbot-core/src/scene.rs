@@ -135,3 +135,52 @@ impl CompiledScene {
         scene
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns an effect in `slot` that refers to the numbers from `start` on, `len` of them.
+    fn effect(slot: u8, start: u16, len: u16) -> Effect {
+        let nothing = Kind::Constant(Constant { torque: Vec3::ZERO, frame: Frame::World });
+        Effect { numbers: Span { start, len }, ..Effect::new(slot, 1, nothing) }
+    }
+
+    #[test]
+    fn a_scene_has_at_most_32_effects_each_in_a_slot_of_its_own() {
+        let all: [Effect; MAX_EFFECTS] = core::array::from_fn(|slot| effect(slot as u8, 0, 0));
+        assert_eq!(CompiledScene::new(1, &all).unwrap().effects(), all);
+        // In any order.
+        let mut backwards = all;
+        backwards.reverse();
+        assert_eq!(CompiledScene::new(1, &backwards).unwrap().effects(), backwards);
+        let many = [all[0]; MAX_EFFECTS + 1];
+        assert_eq!(CompiledScene::new(1, &many), Err(SceneError::TooMany(MAX_EFFECTS + 1)));
+        for taken in [0, 7, 31] {
+            let twice = [effect(taken, 0, 0), effect(1, 0, 0), effect(taken, 0, 0)];
+            assert_eq!(CompiledScene::new(1, &twice), Err(SceneError::Slot(taken)));
+        }
+        for beyond in [32, 33, 64, 255] {
+            assert_eq!(CompiledScene::new(1, &[effect(beyond, 0, 0)]), Err(SceneError::Slot(beyond)));
+        }
+    }
+
+    #[test]
+    fn an_effect_refers_to_numbers_that_are_in_the_table() {
+        let table: [Real; MAX_NUMBERS] = core::array::from_fn(|k| k as Real);
+        let scene =
+            |start, len, table: &[Real]| CompiledScene::with_numbers(1, &[effect(0, start, len)], table);
+        let span = Span { start: 2, len: 3 };
+        assert_eq!(scene(2, 3, &table[..5]).unwrap().numbers(span), [2.0, 3.0, 4.0]);
+        assert_eq!(scene(2, 3, &table[..4]), Err(SceneError::Numbers(5)));
+        assert_eq!(scene(5, 0, &table[..4]), Err(SceneError::Numbers(5)));
+        assert_eq!(scene(1, 0, &[]), Err(SceneError::Numbers(1)));
+        assert!(scene(0, 0, &[]).is_ok());
+        assert_eq!(scene(u16::MAX, u16::MAX, &table), Err(SceneError::Numbers(2 * usize::from(u16::MAX))));
+        // The whole table, and one number more.
+        let whole = MAX_NUMBERS as u16;
+        assert_eq!(scene(0, whole, &table).unwrap().numbers(Span { start: 0, len: whole }), table);
+        let longer = [0.0; MAX_NUMBERS + 1];
+        assert_eq!(scene(0, 0, &longer), Err(SceneError::Numbers(MAX_NUMBERS + 1)));
+    }
+}

@@ -175,6 +175,53 @@ mod tests {
         assert!(rehearsals.get() > 1);
     }
 
+    /// A thread that wakes 4 ms or less before its deadline has no time for a rehearsal of 3 ms: it
+    /// must not take more than half of the time that is left. A late wake-up raises the lead.
+    #[test]
+    fn a_wake_up_that_leaves_too_little_time_is_followed_by_no_rehearsal() {
+        let mut early = Early::new(4_000_000, 1_000_000_000);
+        early.rehearsal_ns = 3_000_000;
+        let deadline = now_ns() + 10_000_000;
+        let awake = early.wait(deadline, || panic!("it would end too late"));
+        assert!(awake <= 4_000_000 && now_ns() >= deadline);
+        assert_eq!((early.lead_ns, early.rehearsal_ns), (4_000_000, 3_000_000));
+        early.lead_ns = 1_000_000;
+        early.wait(now_ns() + 10_000_000, || panic!("it would end too late"));
+        // The step is a 20,000th of the largest lead, 200 ns, and a late wake-up counts 99 times.
+        assert_eq!(early.lead_ns, 1_000_000 + 99 * 200);
+    }
+
+    /// After each rehearsal half of the time that is left passes before the next one.
+    #[test]
+    fn rehearsals_are_repeated_in_shorter_and_shorter_pauses() {
+        let mut early = Early::new(20_000_000, 1_000_000_000);
+        let mut most = 0;
+        // A busy machine can miss some rehearsals, but not all of twenty.
+        for _ in 0..20 {
+            let count = Cell::new(0);
+            early.wait(now_ns() + 25_000_000, || count.set(count.get() + 1));
+            // 20 ms are halved 25 times until no nanosecond is left.
+            assert!(count.get() <= 27, "{} rehearsals", count.get());
+            most = most.max(count.get());
+        }
+        assert!(most > 1, "{most} rehearsals");
+    }
+
+    /// The duration of a rehearsal is remembered, up to a quarter of the largest lead. This test
+    /// sleeps because time is its subject.
+    #[test]
+    fn a_slow_rehearsal_is_remembered_as_a_quarter_of_the_largest_lead() {
+        let mut early = Early::new(40_000_000, 1_000_000_000);
+        let done = Cell::new(0);
+        while done.get() == 0 {
+            early.wait(now_ns() + 45_000_000, || {
+                done.set(done.get() + 1);
+                std::thread::sleep(std::time::Duration::from_millis(12));
+            });
+        }
+        assert_eq!(early.rehearsal_ns, 10_000_000);
+    }
+
     #[test]
     fn without_a_lead_it_only_sleeps() {
         let mut early = Early::new(0, 1_000_000);

@@ -26,6 +26,8 @@
 pub mod abilities;
 pub mod attach;
 pub mod bridge;
+#[cfg(test)]
+mod bridge_tests;
 pub mod bringup;
 pub mod bus;
 pub mod clock;
@@ -49,6 +51,8 @@ mod motors_tests;
 pub mod pace;
 pub mod processor;
 pub mod realtime;
+#[cfg(test)]
+mod report_tests;
 pub mod run_loop;
 pub mod sample;
 pub mod signals;

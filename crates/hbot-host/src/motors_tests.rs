@@ -4,6 +4,7 @@
 use std::sync::{Arc, Mutex};
 
 use hbot_config::RigConfig;
+use hbot_config::rig::Port;
 use hbot_core::inputs::Complaints;
 use hbot_core::outputs::Drive;
 use hbot_core::{MAX_JOINTS, Rig};
@@ -250,6 +251,46 @@ fn a_zero_offset_wraps_like_the_counter() {
     let counts = motors.receive(0, 1).feedback.expect("a reading").counts;
     assert!(counts[0] < 0, "{}", counts[0]);
     assert_eq!(counts[0].wrapping_sub(i32::MAX), layout.offsets[0]);
+}
+
+/// Returns the layout of the prototype with its joints at these ports, and with these controllers.
+fn layout_of(ports: [usize; 4], controllers: [usize; 4]) -> Layout {
+    let mut config = RigConfig::prototype();
+    config.link.port = Port::Devices(vec!["/dev/one".to_owned(), "/dev/two".to_owned()]);
+    (config.ports, config.controllers) = (ports.to_vec(), controllers.to_vec());
+    Layout::of(&config)
+}
+
+/// On each line the joints have the order of their controllers, whatever the other line has.
+#[test]
+fn joints_of_several_ports_have_the_order_of_their_controllers_on_each() {
+    for (ports, controllers, order) in [
+        ([0, 0, 1, 1], [0, 1, 0, 1], [0, 1, 0, 1]),
+        ([0, 1, 1, 0], [7, 3, 9, 2], [1, 0, 1, 0]),
+        // Both lines have controllers of the same number.
+        ([0, 1, 0, 1], [5, 5, 4, 6], [1, 0, 0, 1]),
+        ([1, 1, 1, 0], [30, 20, 10, 40], [2, 1, 0, 0]),
+        ([0, 0, 0, 0], [3, 1, 2, 0], [3, 1, 2, 0]),
+    ] {
+        let layout = layout_of(ports, controllers);
+        let place =
+            |joint: usize| JointPlace { bus: ports[joint], at: order[joint], id: controllers[joint] as u8 };
+        assert_eq!(layout.places, [0, 1, 2, 3].map(place), "{ports:?}, {controllers:?}");
+        assert_eq!(layout.buses(), 1 + ports.iter().max().expect("four"));
+    }
+}
+
+#[test]
+fn motors_have_answered_as_soon_as_one_line_has() {
+    for which in [0, 1] {
+        let (mut motors, lines) = two_lines();
+        assert_eq!((motors.buses(), motors.has_answered()), (2, false));
+        lines[which].reports(reading(4, 10));
+        motors.receive(0, 5);
+        assert!(motors.has_answered());
+        let counts = [[10, 11, 0, 0], [0, 0, 11, 10]][which];
+        assert_eq!(motors.readings().counts[..4], counts, "in the order of the rig");
+    }
 }
 
 #[test]

@@ -94,6 +94,7 @@ mod tests {
         assert_eq!(pace.beat(1_020), Beat { tick: 0, lateness_ns: 20, late: false });
         assert_eq!(pace.end(1_050), 0);
         assert_eq!(pace.deadline_ns(), 1_100);
+        assert!(!pace.beat(1_125).late, "a quarter of the period is in time");
         assert!(pace.beat(1_126).late);
         // The deadlines 1200 and 1300 pass while tick 1 runs.
         assert_eq!(pace.end(1_350), 2);

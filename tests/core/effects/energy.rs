@@ -2,10 +2,11 @@
 //! open paths.
 
 use super::{Felt, anywhere, askew, conservative, dissipative, uneven};
-use crate::bench::DT;
+use crate::bench::{self, DT, rig};
 use crate::rng::Rng;
-use hbot_core::effects::{Friction, Inertia, Kind};
-use hbot_core::{Quat, Vec3, rotation};
+use hbot_core::effects::{Anchor, Damper, Effect, Friction, Inertia, Kind};
+use hbot_core::render::Renderer;
+use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 /// Returns a random orientation in the range of a case.
 fn somewhere(rng: &mut Rng, everywhere: bool) -> Quat {
@@ -113,6 +114,39 @@ fn around_a_thousand_closed_paths_no_conservative_effect_does_net_work() {
         assert!(worst < SMALL, "{}: {worst:e} J", case.name);
         assert!(busiest > 0.01, "{}: only {busiest} J went to and fro", case.name);
     }
+}
+
+/// The energy of a scene is the sum over its effects, each times its gain. Effects that leave, and
+/// those whose torque is no gradient, have no part in it.
+#[test]
+fn the_energy_of_a_scene_is_the_sum_over_the_effects_that_store_it() {
+    let spring = |slot: u8, stiffness: f64, gain: f64| {
+        let kind = bench::spring(stiffness, 0.3, Quat::IDENTITY, Anchor::Absolute);
+        Effect { gain, ..bench::effect(slot, 1 + u32::from(slot), kind) }
+    };
+    let damper = Kind::Damper(Damper::new(uneven(0.01, 0.02, 0.03)).unwrap());
+    let other = bench::effect(9, 10, damper);
+    let (soft, stiff) = (spring(0, 2.0, 0.5), spring(1, 3.0, 2.0));
+    let leaving = Effect { leaving: true, fade_out_s: 1.0, ..spring(2, 100.0, 1.0) };
+    let q = rotation::exp(Vec3::new(0.0, 0.4, 0.0));
+    let energy = |effects: &[Effect]| {
+        let scene = CompiledScene::new(1, effects).unwrap();
+        let mut renderer = Renderer::new(&rig());
+        renderer.adopt(&scene, q);
+        renderer.energy(&scene, q)
+    };
+    // Half of the stiffness times the square of 0.4 rad.
+    for (effects, want) in [
+        (&[soft][..], 0.5 * 2.0 * 0.5 * 0.16),
+        (&[stiff], 0.5 * 3.0 * 2.0 * 0.16),
+        (&[soft, other, leaving, stiff], 0.5 * (2.0 * 0.5 + 3.0 * 2.0) * 0.16),
+    ] {
+        let sum = energy(effects).expect("a spring stores energy");
+        assert!((sum - want).abs() < 1e-12, "{sum} J, not {want} J");
+    }
+    assert_eq!(energy(&[other]), None);
+    assert_eq!(energy(&[leaving]), None);
+    assert_eq!(energy(&[]), None);
 }
 
 #[test]

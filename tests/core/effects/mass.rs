@@ -2,7 +2,7 @@
 
 use super::Felt;
 use crate::bench::{DT, effect, rig};
-use hbot_core::effects::{Inertia, Kind, Motion};
+use hbot_core::effects::{Effect, Inertia, Kind, Motion};
 use hbot_core::render::Renderer;
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3};
 
@@ -79,4 +79,38 @@ fn a_mass_beyond_the_bound_is_rendered_up_to_it() {
     }
     // On the prototype the bound is 5.5 times the inertia of the sphere.
     assert!((bound / inertia - 5.5).abs() < 1e-9);
+}
+
+/// The bound holds for what the scene renders: a mass times the gain of its effect, added up over
+/// all effects.
+#[test]
+fn the_bound_of_masses_counts_each_with_its_gain() {
+    let bound = 0.5 * rig().device.sphere_inertia() * (0.01 + DT) / DT;
+    let cases: [(&[(f64, f64)], f64); 5] = [
+        (&[(4.0, 0.125)], 0.5),
+        (&[(4.0, 0.25)], 1.0),
+        (&[(4.0, 0.5)], 1.0),
+        (&[(2.0, 0.25), (0.8, 0.5)], 0.9),
+        (&[(2.0, 0.5), (0.5, 2.0)], 1.0),
+    ];
+    for (masses, share) in cases {
+        let effects: Vec<Effect> = masses
+            .iter()
+            .enumerate()
+            .map(|(k, (asked, gain))| {
+                let kind = mass(asked * bound, 0.01);
+                Effect { gain: *gain, ..effect(k as u8, 1 + k as u32, kind) }
+            })
+            .collect();
+        let scene = CompiledScene::new(1, &effects).unwrap();
+        let mut renderer = Renderer::new(&rig());
+        renderer.adopt(&scene, Quat::IDENTITY);
+        let mut torque = Vec3::ZERO;
+        for tick in 0..300 {
+            let motion = Motion { q: Quat::IDENTITY, omega: Vec3::Z * (DT * tick as f64) };
+            torque = renderer.render(&scene, &motion, tick, DT, 1.0);
+        }
+        // At 1 rad/s² the torque is the mass.
+        assert!((torque.z + share * bound).abs() < 1e-9, "{masses:?}: {torque}, the bound is {bound}");
+    }
 }

@@ -1,5 +1,7 @@
 extern crate std;
 
+mod eased;
+
 use super::*;
 use crate::device::{Device, WheelSpec};
 use crate::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};

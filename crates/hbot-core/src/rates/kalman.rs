@@ -247,6 +247,96 @@ mod tests {
         }
     }
 
+    /// Checks the numbers of the filter's model in counts and ticks: the variance of the
+    /// acceleration, the intensity of the jerk, 2 a² / 0.1 s, and the noise of a reading.
+    #[test]
+    fn the_model_is_that_of_the_acceleration_in_counts_and_ticks() {
+        for (acceleration, unit, period) in [(100.0, 2.0e-5, 1.0e-3), (3.0, 4.0e-4, 5.0e-3)] {
+            let filter = Filter::new(acceleration, unit, period);
+            let near = |is: Real, want: Real| (is / want - 1.0).abs() < 32.0 * Real::EPSILON;
+            // One tick changes the rate by this many counts per tick.
+            let size = acceleration * period / (unit / period);
+            assert!(near(filter.prior, size * size), "{}", filter.prior);
+            let jerk = 2.0 * acceleration * acceleration / 0.1;
+            let in_ticks = jerk * (period * period * period * period * period) / (unit * unit);
+            assert!(near(filter.jerk, in_ticks), "{}, not {in_ticks}", filter.jerk);
+            assert_eq!(filter.noise, 1.0 / 12.0, "rounding to counts");
+        }
+        // With counts so fine that rounding is negligible, a reading counts as a little uncertain.
+        let fine = Filter::new(1.0, 1.0e-12, 1.0e-2);
+        assert!(fine.noise > 1.0 && (fine.noise / (LEAST_NOISE * fine.prior) - 1.0).abs() < 1.0e-3);
+    }
+
+    /// Checks that the first estimates of joints that start anywhere, at any rate and with the
+    /// expected acceleration, have the errors that the filter expects: after two readings and after
+    /// two more, for even and uneven times between them.
+    #[test]
+    fn the_first_estimates_have_the_variance_that_the_filter_expects() {
+        const JOINTS: u32 = 4000;
+        // The acceleration is 0.7 counts/tick². A tick is so short that the acceleration hardly
+        // changes in it.
+        let new = Filter::new(0.7, 1.0e-8, 1.0e-4);
+        for steps in [[1, 1, 1], [2, 1, 2], [3, 2, 1]] {
+            let mut joint = Joint { seed: 11, state: [0.0; 3], jerk: wide(new.jerk) };
+            // Sums of squared errors over their variances: angle, rate, acceleration, and the
+            // product of the errors of angle and rate.
+            let mut sums = [[0.0; 4]; 3];
+            for _ in 0..JOINTS {
+                let mut filter = new;
+                let normal = (0..12).map(|_| uniform(&mut joint.seed)).sum::<f64>() - 6.0;
+                let start = 1000.0 * uniform(&mut joint.seed);
+                let rate = 100.0 * uniform(&mut joint.seed) - 50.0;
+                joint.state = [start, rate, normal * libm::sqrt(wide(filter.prior))];
+                let mut last = libm::round(start);
+                for (k, ticks) in steps.into_iter().enumerate() {
+                    joint.go(ticks);
+                    let reading = libm::round(joint.state[0]);
+                    let (counts, n) = ((reading - last) as Real, ticks as Real);
+                    if k == 0 {
+                        filter.begin(counts, n);
+                    } else {
+                        filter.advance(counts, n);
+                    }
+                    last = reading;
+                    let angle = joint.state[0] - reading - wide(filter.offset);
+                    let rate = joint.state[1] - wide(filter.rate);
+                    let change = joint.state[2] - wide(filter.acceleration);
+                    let p = &filter.p;
+                    let [xx, xv, vv, aa] = [p.xx, p.xv, p.vv, p.aa].map(wide);
+                    let both = (angle * rate - xv) / libm::sqrt(xx * vv + xv * xv);
+                    let now = [angle * angle / xx, rate * rate / vv, change * change / aa, 1.0 + both];
+                    for (sum, term) in sums[k].iter_mut().zip(now) {
+                        *sum += term / f64::from(JOINTS);
+                    }
+                }
+            }
+            for (k, sums) in sums.into_iter().enumerate() {
+                for (what, sum) in ["angle", "rate", "acceleration", "both"].into_iter().zip(sums) {
+                    // The mean of 4000 squares is accurate to 2.2 %. Four times this is allowed.
+                    assert!((sum - 1.0).abs() < 0.09, "{what} in step {k} of {steps:?}: {sum}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_gap_of_eight_ticks_is_bridged_and_a_longer_one_is_not() {
+        let after = |ticks: u32| {
+            let mut kalman = Kalman::new(100.0, &[1e-4; MAX_JOINTS], 1e-3);
+            for _ in 0..2000 {
+                kalman.push(&[3], 1);
+            }
+            let angle = 3 * ticks as i32 + 40;
+            kalman.push(&[angle], ticks);
+            (kalman.slope(0), angle as Real / ticks as Real)
+        };
+        let (bridged, mean) = after(LONGEST_STEP);
+        // At the end of a gap in which the joint became faster, it is faster than on average.
+        assert!(bridged > mean + 1.0, "{bridged} against {mean}");
+        let (anew, mean) = after(LONGEST_STEP + 1);
+        assert_eq!(anew, mean);
+    }
+
     #[test]
     fn the_second_reading_gives_the_difference_and_rest_gives_rest() {
         let mut kalman = Kalman::new(100.0, &[1e-4; MAX_JOINTS], 1e-3);

@@ -136,9 +136,10 @@ impl MotorBus for HbotBus {
                     *undescribed |= feedback.flags.contains(ControllerFlags::UNDESCRIBED);
                     heard.complaints = heard.complaints.or(complaints(&feedback, obedience));
                     // Answers can arrive twice, late, or out of order. An answer to a command that
-                    // has not been sent comes from other controllers.
+                    // has not been sent comes from other controllers. The command of `tick` is sent
+                    // after this call.
                     let ahead = |than: u32| feedback.sequence.wrapping_sub(than) as i32;
-                    if ahead(tick) > 0 {
+                    if ahead(tick) >= 0 {
                         heard.foreign += 1;
                     } else if answered.is_none_or(|last| ahead(last) > 0) {
                         *answered = Some(feedback.sequence);

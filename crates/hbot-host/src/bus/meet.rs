@@ -301,3 +301,88 @@ pub fn converse<T>(
     }
     Err(MeetError::Silent { port: expected.port.clone() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn expected(period_ns: u64) -> Expected {
+        let config = hbot_config::RigConfig::prototype();
+        let rig = config.rig.with(|parts| parts.timing.period_ns = period_ns).expect("legal");
+        Expected::new("test", &rig, &Layout::single([3, 2, 1, 0]), 0)
+    }
+
+    #[test]
+    fn a_time_is_rounded_up_to_whole_ticks() {
+        for (period_ns, ms, ticks) in [
+            (1_000_000, 20, 20),
+            (250_000, 20, 80),
+            (3_000_000, 20, 7),
+            (3_000_000, 21, 7),
+            (3_000_000, 22, 8),
+            (20_000_000, 1, 1),
+            (1_000_000, 0, 1),
+        ] {
+            assert_eq!(expected(period_ns).ticks(ms), ticks, "{ms} ms in ticks of {period_ns} ns");
+        }
+    }
+
+    #[test]
+    fn joints_have_the_order_of_the_bus_and_their_numbers_in_the_rig() {
+        let expected = expected(1_000_000);
+        let numbers: Vec<_> = (0..5).map(|at| expected.joint(at).map(|joint| joint.number)).collect();
+        assert_eq!(numbers, [Some(3), Some(2), Some(1), Some(0), None]);
+        let counts: Vec<_> = (0..4).filter_map(|at| Some(expected.joint(at)?.counts_per_turn)).collect();
+        assert_eq!(expected.first_wrong_counts(counts.clone()), None);
+        assert_eq!(expected.with_other_counts().first_wrong_counts(counts.clone()), Some(3));
+        assert_eq!(expected.without_last().joints(), 3);
+        for at in 0..4 {
+            let mut other = counts.clone();
+            other[at] += 4;
+            assert_eq!(expected.first_wrong_counts(other), Some(at));
+        }
+        let text = expected.wrong_counts(1, 77).to_string();
+        assert!(text.contains("joint 3") && text.contains("77") && text.contains("wheel[1].steer"), "{text}");
+    }
+
+    /// A line that answers the question number `answered`, counted from 1.
+    struct Slow {
+        asked: u32,
+        answered: u32,
+        reads: u32,
+    }
+
+    impl Line for Slow {
+        fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
+            self.reads += 1;
+            let answers = self.asked == self.answered;
+            buffer[0] = 7;
+            Ok(usize::from(answers))
+        }
+
+        fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
+            self.asked += 1;
+            Ok(bytes.len())
+        }
+    }
+
+    /// A question is repeated every 100 ms, ten times at most. This test takes some time because
+    /// time is its subject.
+    #[test]
+    fn a_question_is_asked_ten_times_at_most() {
+        for (answered, asked, reads) in [(1, 1, 1), (3, 3, 201), (11, 10, 1000)] {
+            let mut line = Slow { asked: 0, answered, reads: 0 };
+            let begun = std::time::Instant::now();
+            let answer = converse(&mut line, &expected(1_000_000), b"?", |bytes| bytes.first().copied());
+            assert_eq!((line.asked, line.reads), (asked, reads));
+            let least = Duration::from_millis(u64::from(reads) - 1);
+            assert!(begun.elapsed() >= least, "{reads} reads in {:?}", begun.elapsed());
+            match answer {
+                Ok(byte) => assert!(byte == 7 && answered <= 10),
+                Err(error) => {
+                    assert!(answered == 11 && error.to_string().contains("within 1000 ms"), "{error}")
+                }
+            }
+        }
+    }
+}

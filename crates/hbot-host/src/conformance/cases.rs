@@ -168,27 +168,31 @@ fn out_of_order(subject: &Subject) -> Result<(), String> {
     Ok(())
 }
 
-/// Checks that the bus ignores answers to a command that it has not sent, here one of tick 1000.
-/// Such answers come from other controllers.
+/// Checks that the bus ignores answers to a command that it has not sent: one of tick 1000, and the
+/// one that it is about to send. Such answers come from other controllers.
 fn ahead(subject: &Subject) -> Result<(), String> {
     if subject.protocol.reports().unasked {
         // Such readings answer no command: they are as new as they arrive.
         return Ok(());
     }
-    let mut other = Bench::new(subject)?;
-    other.tick = 1000;
-    other.tick(true);
-    let future = other.tap.take();
-    expect(!future.is_empty(), || "controllers do not answer a command at once".to_owned())?;
-    let mut bench = Bench::pushing(subject)?;
-    for _ in 0..10 {
-        bench.tap.say(future.clone());
-        let now = bench.tick;
-        let heard = bench.tick(true);
-        let right = heard.reading.is_none_or(|reading| reading.answers < now);
-        expect(right, || format!("in tick {now} an answer to tick 1000 was heard as {heard:?}"))?;
+    for about_to_be_sent in [false, true] {
+        let mut bench = Bench::pushing(subject)?;
+        for _ in 0..10 {
+            let now = bench.tick;
+            let answered = if about_to_be_sent { now } else { 1000 };
+            let mut other = Bench::new(subject)?;
+            other.tick = answered;
+            other.tick(true);
+            let future = other.tap.take();
+            expect(!future.is_empty(), || "controllers do not answer a command at once".to_owned())?;
+            bench.tap.say(future);
+            let heard = bench.tick(true);
+            let right = heard.reading.is_none_or(|reading| reading.answers < now);
+            expect(right, || format!("in tick {now} an answer to tick {answered} was heard as {heard:?}"))?;
+        }
+        bench.expect_recovery(true, 2)?;
     }
-    bench.expect_recovery(true, 2)
+    Ok(())
 }
 
 fn refused(subject: &Subject) -> Result<(), String> {

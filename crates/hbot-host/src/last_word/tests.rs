@@ -68,6 +68,41 @@ fn one_that_is_told_to_end_is_waited_for_and_one_that_ends_by_itself_is_noticed(
     hbot_testing::patience::eventually("its loss is noticed", || watched.is_lost());
 }
 
+/// A helper that takes some time to end is waited for and not killed. This test sleeps because time
+/// is its subject.
+#[test]
+fn one_that_takes_its_time_to_end_is_given_it() {
+    // The length byte and the frame of four bytes, then the byte that dismisses the helper.
+    let (mut slow, mut far) = start(&helper("head -c 6 >/dev/null; sleep 0.1; printf done")).unwrap();
+    slow.all_said();
+    assert!(matches!(held(&slow.helper).child.try_wait(), Ok(Some(status)) if status.success()));
+    drop(slow);
+    let mut said = String::new();
+    far.read_to_string(&mut said).unwrap();
+    assert_eq!(said, "done");
+}
+
+#[test]
+fn a_crash_writes_no_core_file() {
+    without_core_file();
+    let limit = getrlimit(Resource::Core);
+    // One byte, because the system would pipe a core file to a program with a limit of zero.
+    assert!(limit.current.is_some_and(|bytes| bytes <= 1), "{limit:?}");
+    assert!(limit.maximum == Some(0) || limit.current == Some(1), "{limit:?}");
+}
+
+#[test]
+fn a_descriptor_is_waited_for_until_it_is_ready_or_the_time_is_over() {
+    let (far, line) = io::pipe().unwrap();
+    let begun = Instant::now();
+    let time = Duration::from_millis(30);
+    assert!(!wait_for(&far, PollFlags::IN, time).unwrap());
+    assert!(begun.elapsed() >= time);
+    rustix::io::write(&line, &[1]).unwrap();
+    // It is ready at once, however long it may take.
+    assert!(wait_for(&far, PollFlags::IN, Duration::from_secs(1000)).unwrap());
+}
+
 #[test]
 fn one_that_does_not_end_is_killed() {
     let (mut stubborn, _far) = start(&helper("exec sleep 1000")).unwrap();

@@ -2,22 +2,7 @@
 //! that switch motors off.
 
 use super::*;
-use crate::bus::{BusCommand, Heard, MotorBus};
 use hbot_core::MAX_JOINTS;
-
-/// A bus that has not identified its controllers, and the line to them.
-fn bus_and_line() -> (Box<dyn MotorBus>, Fake) {
-    let fake = Fake::new(4);
-    let rig = RigConfig::prototype().rig;
-    let expected = Expected::new("test", &rig, &Layout::single(0..4), 0);
-    (HbotLink.bus(Box::new(fake.clone()), expected), fake)
-}
-
-/// Lets the bus read `bytes` and nothing else in tick `tick`.
-fn read(bus: &mut dyn MotorBus, fake: &Fake, tick: u32, bytes: &[u8]) -> Heard {
-    fake.with(|far| far.answers = vec![bytes.to_vec()]);
-    bus.receive(0, tick)
-}
 
 fn reopen(fake: &Fake, rebooted: bool) {
     fake.with(|far| far.renewed = Some(Renewed { rebooted }));

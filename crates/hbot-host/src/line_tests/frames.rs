@@ -108,10 +108,11 @@ fn answers_to_commands_never_sent_and_from_other_controllers_are_counted() {
     let tick = bench.tick as u32;
     fake.with(|far| {
         far.answers.push(answer(tick + 1000, ControllerFlags::ENABLED, 4, None));
+        far.answers.push(answer(tick, ControllerFlags::ENABLED, 4, None));
         far.answers.push(answer(tick - 1, ControllerFlags::ENABLED, 3, None));
     });
     let hit = bench.tick();
-    assert_eq!(hit.counters.foreign_frames, before + 2);
+    assert_eq!(hit.counters.foreign_frames, before + 3);
     // Their readings were ignored. Otherwise the next answer would count as older than one to a
     // future tick.
     assert!(bench.tick().state.fresh);

@@ -3,6 +3,7 @@
 
 mod anew;
 mod busy;
+mod bytes;
 mod frames;
 mod ports;
 mod states;
@@ -18,7 +19,7 @@ use hbot_link::{
 };
 
 use crate::bus::hbot::HbotLink;
-use crate::bus::{Expected, Protocol as _};
+use crate::bus::{BusCommand, Expected, Heard, MotorBus, Protocol as _};
 use crate::layout::Layout;
 use crate::line::{Line, Renewed};
 use crate::sample::Sample;
@@ -129,4 +130,18 @@ impl Line for Fake {
 fn bench(rig: &RigConfig, lines: Vec<impl Line + 'static>, layout: &Layout) -> TickBench {
     let bus = |(bus, line)| HbotLink.bus(Box::new(line), Expected::new("test", &rig.rig, layout, bus));
     TickBench::new(rig, lines.into_iter().enumerate().map(bus).collect(), layout, default_scene())
+}
+
+/// A bus that has not identified its controllers, and the line to them.
+fn bus_and_line() -> (Box<dyn MotorBus>, Fake) {
+    let fake = Fake::new(4);
+    let rig = RigConfig::prototype().rig;
+    let expected = Expected::new("test", &rig, &Layout::single(0..4), 0);
+    (HbotLink.bus(Box::new(fake.clone()), expected), fake)
+}
+
+/// Lets the bus read `bytes` and nothing else in tick `tick`.
+fn read(bus: &mut dyn MotorBus, fake: &Fake, tick: u32, bytes: &[u8]) -> Heard {
+    fake.with(|far| far.answers = vec![bytes.to_vec()]);
+    bus.receive(0, tick)
 }

@@ -142,7 +142,7 @@ impl MotorBus for ToyBus {
             });
             // Ticks wrap at 32 bits. A tick is newer if it is less than half of the range ahead.
             let newer = |than: u32| (reading.answers.wrapping_sub(than) as i32) > 0;
-            if newer(tick) {
+            if reading.answers == tick || newer(tick) {
                 heard.foreign += 1;
             } else if self.answered.is_none_or(newer) {
                 self.answered = Some(reading.answers);

@@ -1,0 +1,78 @@
+//! Tests of the bridge between loop and service: orders with their tickets, emergency stops, and
+//! scenes. The tests of hbot-server show when samples wake the service.
+
+use hbot_core::CompiledScene;
+use hbot_core::inputs::Command;
+
+use crate::bridge::{Busy, CONFIRMED, bridge};
+
+#[test]
+fn orders_arrive_in_their_order_under_their_tickets_and_256_wait_at_most() {
+    let (mut inner, mut outer) = bridge().expect("a bridge");
+    assert!(inner.take_order().is_none());
+    for k in 0..256_u64 {
+        let command = if k % 2 == 0 { Command::Enable } else { Command::Disable };
+        assert_eq!(outer.order(command), Ok(1 + k));
+    }
+    assert_eq!(outer.order(Command::Reset), Err(Busy));
+    for k in 0..256_u64 {
+        let order = inner.take_order().expect("it waits");
+        let command = if k % 2 == 0 { Command::Enable } else { Command::Disable };
+        assert_eq!((order.ticket, order.command), (1 + k, command));
+    }
+    assert!(inner.take_order().is_none());
+    // An order that found no place has used up no ticket.
+    assert_eq!(outer.order(Command::Reset), Ok(257));
+    assert_eq!(inner.take_order().map(|order| order.ticket), Some(257));
+}
+
+#[test]
+fn an_emergency_stop_passes_by_the_orders_and_is_taken_once() {
+    let (mut inner, mut outer) = bridge().expect("a bridge");
+    assert!(!inner.take_estop());
+    assert_eq!(outer.order(Command::Estop), Ok(1));
+    assert!(inner.take_estop() && !inner.take_estop(), "once");
+    // The order in the ring is for the answer alone.
+    assert_eq!(inner.take_order().map(|order| (order.ticket, order.command)), Some((1, CONFIRMED)));
+    while outer.order(Command::Enable).is_ok() {}
+    assert_eq!(outer.order(Command::Estop), Err(Busy), "there is no room for an answer");
+    assert!(inner.take_estop(), "it stops all the same");
+    // From another thread, and by a signal, which the service learns of.
+    let stop = outer.emergency_stop();
+    stop.stop();
+    assert!(inner.take_estop() && !outer.take_signalled());
+    stop.stop_by_signal();
+    assert!(inner.take_estop() && outer.take_signalled());
+    assert!(!inner.take_estop() && !outer.take_signalled(), "once");
+}
+
+#[test]
+fn the_loop_takes_the_newest_of_at_most_four_scenes_and_gives_the_others_back() {
+    let scene = |revision| Box::new(CompiledScene::new(revision, &[]).expect("an empty scene"));
+    let (mut inner, mut outer) = bridge().expect("a bridge");
+    let mut running = scene(0);
+    inner.adopt_scene(&mut running);
+    assert_eq!(running.revision(), 0, "none waits");
+    // In many rounds, so that scenes that were not given back would fill the way back.
+    for round in 0..20 {
+        for k in 1..=4 {
+            assert!(outer.can_install());
+            assert_eq!(outer.install(scene(4 * round + k)), Ok(()));
+        }
+        assert!(!outer.can_install());
+        assert_eq!(outer.install(scene(1000)), Err(Busy));
+        inner.adopt_scene(&mut running);
+        assert_eq!(running.revision(), 4 * round + 4);
+        inner.adopt_scene(&mut running);
+        assert_eq!(running.revision(), 4 * round + 4, "none is newer");
+    }
+}
+
+#[test]
+fn the_service_learns_of_the_end_when_it_has_taken_all_samples() {
+    let (inner, mut outer) = bridge().expect("a bridge");
+    assert!(!outer.is_over() && !outer.has_samples() && outer.try_sample().is_none());
+    assert_eq!(outer.tick(), 0);
+    drop(inner);
+    assert!(outer.is_over());
+}
