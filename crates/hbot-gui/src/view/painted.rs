@@ -31,7 +31,7 @@ impl Text {
 /// Returns the texts that the last frame has painted.
 pub(super) fn texts<S>(harness: &Harness<'_, S>) -> Vec<Text> {
     let mut texts = Vec::new();
-    for ClippedShape { clip_rect, shape } in &harness.output().shapes {
+    for ClippedShape { clip_rect, shape, .. } in &harness.output().shapes {
         collect(shape, *clip_rect, &mut texts);
     }
     texts
