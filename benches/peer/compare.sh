@@ -11,10 +11,14 @@ cd "$(dirname "$0")/../.."
 peer=${CARGO_TARGET_DIR:-target}/peer
 mkdir -p "$peer"
 
+# Programs in plain C: for this processor and, like the Rust build, for any processor of this
+# architecture; each without and with the watch on encoder counts, which hbot has.
 flags=(-std=gnu11 -O3 -ffp-contract=fast)
-gcc "${flags[@]}" -march=native benches/peer/tick.c -o "$peer/tick" -lm
-# Like the Rust build, for any processor of this architecture.
-gcc "${flags[@]}" benches/peer/tick.c -o "$peer/tick-baseline" -lm
+build() { gcc "${flags[@]}" "${@:2}" benches/peer/tick.c -o "$peer/$1" -lm; }
+build tick -march=native
+build tick-watch -march=native -DWATCH=1
+build tick-baseline
+build tick-baseline-watch -DWATCH=1
 cargo bench --quiet --bench tick --no-run
 
 pin=()
@@ -35,13 +39,19 @@ rust() {
 }
 c() { "${pin[@]}" "$peer/$1" 2000 150 20000 | awk '/^ns\/tick/ { print $5 }'; }
 
-r=() n=() b=()
-printf '%-6s %10s %12s %16s   ns a tick\n' round hbot 'C, native' 'C, baseline'
+programs=(tick tick-watch tick-baseline tick-baseline-watch)
+names=('C, native' 'C, native, with the watch' 'C, baseline' 'C, baseline, with the watch')
+r=() c0=() c1=() c2=() c3=()
+printf '%-6s %8s %10s %10s %10s %10s   ns a tick\n' round hbot native '+ watch' baseline '+ watch'
 for ((i = 1; i <= rounds; i++)); do
     r+=("$(rust)")
-    n+=("$(c tick)")
-    b+=("$(c tick-baseline)")
-    printf '%-6d %10s %12s %16s\n' "$i" "${r[-1]}" "${n[-1]}" "${b[-1]}"
+    row=("${r[-1]}")
+    for k in "${!programs[@]}"; do
+        declare -n times=c$k
+        times+=("$(c "${programs[k]}")")
+        row+=("${times[-1]}")
+    done
+    printf '%-6d %8s %10s %10s %10s %10s\n' "$i" "${row[@]}"
 done
 
 # Prints the median, the smallest and the largest of the arguments.
@@ -52,14 +62,16 @@ spread() {
     }'
 }
 read -r rm rl rh < <(spread "${r[@]}")
-read -r nm nl nh < <(spread "${n[@]}")
-read -r bm bl bh < <(spread "${b[@]}")
 echo
-printf '%-12s median %6.1f ns   (%.1f to %.1f)\n' hbot "$rm" "$rl" "$rh"
-printf '%-12s median %6.1f ns   (%.1f to %.1f)   hbot / C = %s\n' 'C, native' "$nm" "$nl" "$nh" \
-    "$(awk -v a="$rm" -v b="$nm" 'BEGIN { printf "%.2f", a / b }')"
-printf '%-12s median %6.1f ns   (%.1f to %.1f)   hbot / C = %s\n' 'C, baseline' "$bm" "$bl" "$bh" \
-    "$(awk -v a="$rm" -v b="$bm" 'BEGIN { printf "%.2f", a / b }')"
+printf '%-28s median %6.1f ns   (%.1f to %.1f)\n' hbot "$rm" "$rl" "$rh"
+for k in "${!programs[@]}"; do
+    declare -n times=c$k
+    read -r m l h < <(spread "${times[@]}")
+    printf '%-28s median %6.1f ns   (%.1f to %.1f)   hbot / C = %s\n' "${names[k]}" "$m" "$l" "$h" \
+        "$(awk -v a="$rm" -v b="$m" 'BEGIN { printf "%.2f", a / b }')"
+done
 echo
 echo "The last of the first 2000 ticks in C:"
 "$peer/tick" 2000 1 1 | grep -v '^ns'
+# The watch changes no result. Without fused operations, all bits can be compared.
+diff <("$peer/tick-baseline" 2000 1 1 | grep -v '^ns') <("$peer/tick-baseline-watch" 2000 1 1 | grep -v '^ns')

@@ -13,6 +13,9 @@
  * The program runs `ticks` ticks first and prints the last torque and a checksum. Then it prints the
  * minimum, median and maximum time per tick in ns over the repetitions. -DMAX_WHEELS=2 makes all
  * arrays just large enough for the prototype.
+ *
+ * -DWATCH=1 adds the watch on encoder counts (crates/hbot-core/src/watch.rs), which the Rust version
+ * has for safety. It changes no result.
  */
 #define _GNU_SOURCE
 #include <math.h>
@@ -26,6 +29,9 @@
 #ifndef MAX_WHEELS
 #define MAX_WHEELS 8
 #endif
+#ifndef WATCH
+#define WATCH 0
+#endif
 #define MAX_JOINTS (2 * MAX_WHEELS)
 #define MAX_EFFECTS 32
 #define HISTORY 1024
@@ -37,6 +43,16 @@
 #define WHOLE 0.01
 #define BLEND_S 0.05
 #define SOFT_START_S 0.5
+/* Constants of the watch: the duration of a block; the factor on the speed limit above which a motion
+ * is impossible; how far counts and rates may disagree, as a fraction and in rad/s; counts lost to
+ * rounding; the longest interval in ticks that is still checked; the margin on the limits. */
+#define BLOCK_S 0.025
+#define IMPOSSIBLE 4.0
+#define DISAGREEMENT 0.5
+#define DISAGREEMENT_RATE 0.1
+#define GRAIN 2.0
+#define COARSE 5
+#define MARGIN 1.05
 
 /* Vectors, quaternions, matrices. */
 
@@ -315,6 +331,23 @@ typedef struct {
     uint64_t omega_until;
 } memory;
 
+/* The motion of the joints in a block: net change and length of the path, by encoder counts (rad) and
+ * by rates (rad/s; half a period makes it an angle). */
+typedef struct {
+    double counted[MAX_JOINTS], counted_length[MAX_JOINTS], rated[MAX_JOINTS], rated_length[MAX_JOINTS];
+} motions;
+
+typedef struct {
+    uint32_t block, ticks, late, last_late, reading_late, last_ticks;
+    double most[MAX_JOINTS], grain[MAX_JOINTS], grain_slip;
+    bool coarse, has_last;
+    motions now, last;
+    double last_rate[MAX_JOINTS];
+    double rolled[MAX_JOINTS]; /* twice the angle of each joint without slip */
+    vec3 turn, last_turn;
+    enum cause verdict;
+} watch;
+
 typedef struct {
     device device;
     double period_s, timeout_ticks;
@@ -351,6 +384,8 @@ typedef struct {
     double energy;
     vec3 sent[DEPTH];
     uint32_t newest;
+
+    watch watch;
 } controller;
 
 static inline bool powered(const controller *c) { return c->gain > 0.0 || c->mode == ENABLING || c->mode == ACTIVE; }
@@ -438,6 +473,114 @@ static inline void turned(controller *c, uint32_t from, uint32_t to, vec3 turn)
     c->energy += dot(sum, turn) / steps;
 }
 
+/* The watch: sums of encoder counts over blocks of 25 ms, which are compared with the limits of speed
+ * and slip, and over two blocks with the rates. */
+
+static void begin_block(watch *w)
+{
+    w->ticks = w->late = 0;
+    w->coarse = false;
+    memset(&w->now, 0, sizeof w->now);
+    memset(w->rolled, 0, sizeof w->rolled);
+    w->turn = w->last_turn = vec(0.0, 0.0, 0.0);
+}
+
+static void restart_watch(controller *c)
+{
+    watch *w = &c->watch;
+    begin_block(w);
+    memcpy(w->last_rate, c->rate, sizeof w->last_rate);
+    w->has_last = false;
+    w->last_late = 0;
+    w->verdict = NONE;
+}
+
+/* The largest angle that a joint can have turned in `ticks` ticks, at most half a turn. */
+static inline double most(const watch *w, int joint, uint32_t ticks)
+{
+    return fmin(w->most[joint] * ticks + w->grain[joint], PI);
+}
+
+/* Adds the motion without slip at the present posture, for half of the last turn and of the next. */
+static inline void begin_interval(controller *c, vec3 turn)
+{
+    watch *w = &c->watch;
+    vec3 turns = add(w->last_turn, turn);
+    for (int i = 0; i < 2 * c->device.wheels; i++)
+        w->rolled[i] += dot(c->rows[i], turns);
+}
+
+static enum cause judge(const controller *c)
+{
+    const watch *w = &c->watch;
+    const device *d = &c->device;
+    uint32_t late = w->late > w->last_late ? w->late : w->last_late;
+    double time = (w->ticks + late) * c->period_s;
+    if (sqrt(dot(w->turn, w->turn)) > MARGIN * c->speed_limit * time)
+        return OVERSPEED;
+    if (w->coarse)
+        return NONE;
+    double slip = 0.0;
+    for (int i = 0; i < d->wheels; i++) {
+        double slid[2], u, v;
+        for (int k = 0; k < 2; k++)
+            slid[k] = w->now.counted[2 * i + k] - 0.5 * w->rolled[2 * i + k];
+        wheel_velocity(d, &d->wheel[i], slid, &u, &v);
+        slip = fmax(slip, u * u + v * v);
+    }
+    if (sqrt(slip) > MARGIN * c->slip_limit * time + w->grain_slip)
+        return SLIP;
+    if (!w->has_last)
+        return NONE;
+    uint32_t ticks = w->ticks + w->last_ticks;
+    double share = DISAGREEMENT + (double)late / ticks, half = 0.5 * c->period_s;
+    const motions *now = &w->now, *last = &w->last;
+    for (int i = 0; i < 2 * d->wheels; i++) {
+        double counted = now->counted[i] + last->counted[i], rated = (now->rated[i] + last->rated[i]) * half;
+        double length = fmax(now->counted_length[i] + last->counted_length[i],
+                             (now->rated_length[i] + last->rated_length[i]) * half);
+        if (fabs(counted - rated) > share * length + DISAGREEMENT_RATE * ticks * c->period_s + w->grain[i])
+            return IMPLAUSIBLE;
+    }
+    return NONE;
+}
+
+static __attribute__((noinline)) void end_block(controller *c)
+{
+    watch *w = &c->watch;
+    begin_interval(c, vec(0.0, 0.0, 0.0));
+    w->verdict = judge(c);
+    w->has_last = !w->coarse;
+    w->last = w->now;
+    w->last_ticks = w->ticks;
+    w->last_late = w->late;
+    begin_block(w);
+}
+
+static inline void end_interval(controller *c, const double *delta, vec3 turn, uint32_t ticks, uint32_t late)
+{
+    watch *w = &c->watch;
+    for (int i = 0; i < 2 * c->device.wheels; i++) {
+        double rated = (w->last_rate[i] + c->rate[i]) * ticks;
+        w->last_rate[i] = c->rate[i];
+        w->now.counted[i] += delta[i];
+        w->now.counted_length[i] += fabs(delta[i]);
+        w->now.rated[i] += rated;
+        w->now.rated_length[i] += fabs(rated);
+    }
+    w->turn = add(w->turn, turn);
+    w->last_turn = turn;
+    w->ticks += ticks;
+    if (late > w->late)
+        w->late = late;
+    if (w->reading_late > w->late)
+        w->late = w->reading_late;
+    w->reading_late = late;
+    w->coarse |= ticks > COARSE || w->late > COARSE;
+    if (w->ticks >= w->block)
+        end_block(c);
+}
+
 static inline enum cause measure(controller *c, const inputs *in, uint64_t elapsed, bool *fresh)
 {
     const feedback *f = &in->feedback;
@@ -462,16 +605,20 @@ static inline enum cause measure(controller *c, const inputs *in, uint64_t elaps
         enum cause cause = rates(c, f);
         if (cause == NONE)
             locate(c);
+        if (WATCH)
+            restart_watch(c);
         return cause;
     }
 
+    uint32_t last = c->sequence, ticks = f->sequence - last;
+    uint32_t behind = (uint32_t)in->tick - f->sequence, late = behind > elapsed ? behind - (uint32_t)elapsed : 0;
+    bool judged = WATCH && (powered(c) || c->cause != NONE);
     double delta[MAX_JOINTS];
     bool plausible = true;
     for (int i = 0; i < n; i++) {
         delta[i] = moved(&c->encoders[i], f->counts[i]) * c->encoders[i].radians_per_count;
-        plausible &= fabs(delta[i]) < PI;
+        plausible &= fabs(delta[i]) < (judged ? most(&c->watch, i, ticks + late) : PI);
     }
-    uint32_t last = c->sequence;
     enum cause cause = rates(c, f);
     if (cause != NONE)
         return cause;
@@ -485,7 +632,13 @@ static inline enum cause measure(controller *c, const inputs *in, uint64_t elaps
             frames[i] = frame_at(&d->wheel[i], c->angle[2 * i] + 0.5 * delta[2 * i]);
         turn = forward(d, frames, delta);
     }
+    if (judged)
+        begin_interval(c, turn);
     locate(c);
+    if (judged && plausible)
+        end_interval(c, delta, turn, ticks, late);
+    else if (WATCH)
+        restart_watch(c);
     if (!plausible)
         return IMPLAUSIBLE;
     c->integral = renormalized(product(exponential(turn), c->integral));
@@ -525,10 +678,13 @@ static inline enum cause fault(controller *c, const inputs *in, uint64_t elapsed
         return LINK_CORRUPT;
     if (in->lateness_ns > 20000000 || elapsed > 10)
         return DEADLINE;
-    if (power && dot(c->omega, c->omega) > c->speed_limit * c->speed_limit)
+    enum cause by_counts = WATCH && power ? c->watch.verdict : NONE;
+    if (by_counts == OVERSPEED || (power && dot(c->omega, c->omega) > c->speed_limit * c->speed_limit))
         return OVERSPEED;
-    if (power && c->slip > c->slip_limit)
+    if (by_counts == SLIP || (power && c->slip > c->slip_limit))
         return SLIP;
+    if (by_counts != NONE)
+        return by_counts;
     if (!c->referenced && c->mode == UNREFERENCED && heard) {
         c->referenced = true;
         c->mode = IDLE;
@@ -808,6 +964,21 @@ static void prototype(controller *c)
         c->encoders[2 * i + 1] = make_encoder(16384, 17.0, false);
     }
     c->q = c->integral = c->correction = (quat){1.0, 0.0, 0.0, 0.0};
+
+    watch *w = &c->watch;
+    w->block = (uint32_t)ceil(BLOCK_S / c->period_s - 1.0e-3);
+    for (int i = 0; i < c->device.wheels; i++) {
+        const wheel *wheel = &c->device.wheel[i];
+        double toe = wheel->axis_c1 / wheel->axis_c2, u, v;
+        /* The rows of G have the same length at every posture. */
+        double rows[2] = {1.0 / fabs(wheel->axis_c2), c->device.radius / wheel->radius * sqrt(toe * toe + 1.0)};
+        for (int k = 0; k < 2; k++) {
+            w->grain[2 * i + k] = GRAIN * fabs(c->encoders[2 * i + k].radians_per_count);
+            w->most[2 * i + k] = IMPOSSIBLE * c->speed_limit * rows[k] * c->period_s;
+        }
+        wheel_velocity(&c->device, wheel, w->grain + 2 * i, &u, &v);
+        w->grain_slip = fmax(w->grain_slip, fabs(u) + fabs(v));
+    }
 }
 
 static mat3 isotropic(double k) { return (mat3){vec(k, 0.0, 0.0), vec(0.0, k, 0.0), vec(0.0, 0.0, k)}; }

@@ -46,6 +46,9 @@ struct Session {
     unix_ns: u64,
     /// Unix time of the newest state, ns.
     newest: u64,
+    /// Name and JSON of the scene that the server rendered at the start. It is written with the
+    /// first state, because only that tells which tick and time it is.
+    scene: Option<(String, String)>,
     states: u64,
     dropped: u64,
 }
@@ -57,11 +60,12 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let name = || args.file.display().to_string();
     let into = BufWriter::new(create_new(&args.file)?);
     let unix_ns = info.clock.map_or_else(now, |clock| clock.unix_ns);
-    let mut writer = Writer::new(into, &about(&info, &client.hello().server)).with_context(name)?;
+    let writer = Writer::new(into, &about(&info, &client.hello().server)).with_context(name)?;
     let title = info.scene.get("name").and_then(|name| name.as_str()).unwrap_or_default();
-    writer.scene(0, title, &info.scene.to_string(), unix_ns)?;
+    let scene = Some((title.to_owned(), info.scene.to_string()));
     client.subscribe(args.every)?;
-    let mut session = Session { writer, unix_ns, newest: unix_ns, states: 0, dropped: 0 };
+    let newest = now().max(unix_ns);
+    let mut session = Session { writer, unix_ns, newest, scene, states: 0, dropped: 0 };
     let mut progress = Progress::new();
 
     // The time of the run is not that of the clock: on a busy machine the simulated rig waits.
@@ -170,6 +174,9 @@ impl Session {
         match event {
             Event::State(state) => {
                 self.newest = self.unix_ns + (state.t * 1.0e9).round() as u64;
+                if let Some((name, json)) = self.scene.take() {
+                    self.writer.scene(state.tick, &name, &json, self.newest)?;
+                }
                 self.states += 1;
                 self.writer.state(state, self.newest)?;
             }

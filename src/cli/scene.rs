@@ -86,7 +86,7 @@ impl Which {
 /// unless there is a file with this name.
 pub(super) fn scene(path: &Path) -> anyhow::Result<SceneFile> {
     match path.to_str().and_then(ShelfScene::named) {
-        Some(shelf) if !path.exists() => Ok(shelf.scene()),
+        Some(shelf) if !path.is_file() => Ok(shelf.scene()),
         _ => SceneFile::from_path(path).map_err(|error| pointed_out(path, error)),
     }
 }

@@ -22,10 +22,10 @@ pub(crate) struct ShowArgs {
 pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     let mut client = orders::connect(&args.address, "hbot info")?;
     let info = client.info().map_err(orders::remedied)?;
-    let controllers = controllers::ask(&mut client)?;
+    let controllers = controllers::ask(&mut client);
     if args.json {
         let mut object = serde_json::to_value(&info)?;
-        object["controllers"] = serde_json::to_value(&controllers)?;
+        object["controllers"] = serde_json::to_value(controllers?)?;
         say!("{object}")?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -69,7 +69,10 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         "  lease      {}",
         holder.map_or_else(|| "free".to_owned(), |name| format!("held by {}", foreign(name)))
     )?;
-    controllers::print(&info, &controllers)?;
+    match controllers {
+        Ok(controllers) => controllers::print(&info, &controllers)?,
+        Err(error) => say!("  motor controllers: no answer ({error:#})")?,
+    }
     let text = |value: &serde_json::Value| foreign(value.as_str().unwrap_or("?")).to_string();
     say!("  scene      {}", text(&info.scene["name"]))?;
     if !info.scene["description"].is_null() {

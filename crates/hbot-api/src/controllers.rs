@@ -55,7 +55,7 @@ names! {
         Disobeyed = "disobeyed",
         /// It has reported a value that is not a finite number.
         NotFinite = "not_finite",
-        /// It may have lost power, and with it the zero of its joint.
+        /// It may have lost power within the last 5 s, and with it the zero of its joint.
         Restarted = "restarted",
         /// Nothing has arrived from it for 0.2 s.
         Silent = "silent",

@@ -162,7 +162,7 @@ impl Joints {
             _ => self.advance_along_a_curve(rig, &delta, ticks),
         };
         if judged {
-            self.watch.begin(count, rig, &self.posture, turn);
+            self.watch.begin(count, &self.posture, turn);
         }
         self.locate(count, rig);
         if judged {
@@ -248,8 +248,7 @@ impl Joints {
         for i in 0..count.joints() {
             self.angle[i] = self.encoders[i].angle();
         }
-        self.posture.follow(count, &rig.device, &self.angle);
-        let forward = self.posture.forward_of(count, &rig.device, &self.rate);
+        let forward = self.posture.follow(count, &rig.device, &self.angle, &self.rate);
         self.omega = forward.omega;
         self.slip = largest_slip(&forward.slip, count.wheels());
     }

@@ -6,7 +6,7 @@
 //! sphere and the slip for joint rates (`forward`), and the torque on the sphere for joint torques
 //! (`torque_on_sphere`).
 
-use crate::count::{Any, Count};
+use crate::count::Count;
 use crate::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, sincos};
@@ -77,24 +77,38 @@ impl Posture {
         }
     }
 
-    /// Updates the posture in place to `angle`, the angles of all joints (rad). Only those of the
-    /// steer joints matter.
+    /// Updates the posture in place to `angle`, the angles of all joints (rad), of which only those
+    /// of the steer joints matter. Returns the motion of the sphere and the slip for the joint
+    /// rates `zd` (rad/s), like [`forward`](Self::forward).
+    ///
+    /// It uses local copies of the contact frames, which the compiler holds in registers. To read
+    /// the frames that have just been written would stop the processor for some nanoseconds.
     #[inline(always)]
-    pub(crate) fn follow<C: Count>(&mut self, count: C, device: &Device, angle: &[Real; MAX_JOINTS]) {
+    pub(crate) fn follow<C: Count>(
+        &mut self,
+        count: C,
+        device: &Device,
+        angle: &[Real; MAX_JOINTS],
+        zd: &[Real; MAX_JOINTS],
+    ) -> Forward {
         self.wheels = count.wheels();
+        let mut frames = [ContactFrame::default(); MAX_WHEELS];
         for (i, wheel) in device.first(count).iter().enumerate() {
-            self.steer(device, wheel, i, angle[2 * i]);
+            frames[i] = self.steer(device, wheel, i, angle[2 * i]);
         }
+        forward_at(device, device.first(count), &frames, zd)
     }
 
-    /// Sets the steer angle of `wheel`, which has the index `i`, to `th` (rad).
+    /// Sets the steer angle of `wheel`, which has the index `i`, to `th` (rad). Returns its contact
+    /// frame.
     #[inline(always)]
-    fn steer(&mut self, device: &Device, wheel: &Wheel, i: usize, th: Real) {
+    fn steer(&mut self, device: &Device, wheel: &Wheel, i: usize, th: Real) -> ContactFrame {
         let frame = ContactFrame::at(wheel, th);
         let [steer, drive] = rows_of(device, wheel, &frame);
         self.frames[i] = frame;
         self.rows[2 * i] = steer;
         self.rows[2 * i + 1] = drive;
+        frame
     }
 
     /// Returns the contact frames of all wheels, in frame N.
@@ -149,33 +163,38 @@ impl Posture {
     #[inline]
     #[must_use]
     pub fn forward(&self, device: &Device, zd: &[Real]) -> Forward {
-        self.forward_of(Any::of(device), device, zd)
+        forward_at(device, device.wheels(), self.frames(), zd)
     }
 
     /// Returns the angular velocity of the sphere that [`forward`](Self::forward) returns, without
     /// the slip, for a device with `count` wheels.
     #[inline(always)]
     pub(crate) fn omega_of<C: Count>(&self, count: C, device: &Device, zd: &[Real]) -> Vec3 {
-        let mut fit = Fit::EMPTY;
-        for (i, (wheel, frame)) in device.first(count).iter().zip(self.first_frames(count)).enumerate() {
-            fit.add(device, wheel, frame, [zd[2 * i], zd[2 * i + 1]]);
-        }
-        fit.omega(device)
+        omega_at(device, device.first(count), self.first_frames(count), zd)
     }
+}
 
-    /// Implements [`forward`](Self::forward) for a device with `count` wheels.
-    #[inline(always)]
-    pub(crate) fn forward_of<C: Count>(&self, count: C, device: &Device, zd: &[Real]) -> Forward {
-        let (wheels, frames) = (device.first(count), self.first_frames(count));
-        let omega = self.omega_of(count, device, zd);
-        let mut slip = [[0.0; 2]; MAX_WHEELS];
-        for (i, (wheel, frame)) in wheels.iter().zip(frames).enumerate() {
-            let [u, v] = wheel_velocity(device, wheel, zd[2 * i], zd[2 * i + 1]);
-            let r = device.sphere_radius();
-            slip[i] = [u - r * frame.c2.dot(omega), v + r * frame.c1.dot(omega)];
-        }
-        Forward { omega, slip }
+/// Implements [`Posture::forward`] for `wheels` with the contact frames `frames`.
+#[inline(always)]
+fn forward_at(device: &Device, wheels: &[Wheel], frames: &[ContactFrame], zd: &[Real]) -> Forward {
+    let omega = omega_at(device, wheels, frames, zd);
+    let mut slip = [[0.0; 2]; MAX_WHEELS];
+    for (i, (wheel, frame)) in wheels.iter().zip(frames).enumerate() {
+        let [u, v] = wheel_velocity(device, wheel, zd[2 * i], zd[2 * i + 1]);
+        let r = device.sphere_radius();
+        slip[i] = [u - r * frame.c2.dot(omega), v + r * frame.c1.dot(omega)];
     }
+    Forward { omega, slip }
+}
+
+/// Implements [`forward`] for `wheels` with the contact frames `frames`.
+#[inline(always)]
+fn omega_at(device: &Device, wheels: &[Wheel], frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
+    let mut fit = Fit::EMPTY;
+    for (i, (wheel, frame)) in wheels.iter().zip(frames).enumerate() {
+        fit.add(device, wheel, frame, [zd[2 * i], zd[2 * i + 1]]);
+    }
+    fit.omega(device)
 }
 
 /// Returns the torque on the sphere that the joint torques `tau` make, for the given `rows` of G.
@@ -214,11 +233,7 @@ pub(crate) fn wheel_velocity(device: &Device, wheel: &Wheel, steer: Real, drive:
 #[inline]
 #[must_use]
 pub fn forward(device: &Device, frames: &[ContactFrame], zd: &[Real]) -> Vec3 {
-    let mut fit = Fit::EMPTY;
-    for (i, (wheel, frame)) in device.wheels().iter().zip(frames).enumerate() {
-        fit.add(device, wheel, frame, [zd[2 * i], zd[2 * i + 1]]);
-    }
-    fit.omega(device)
+    omega_at(device, device.wheels(), frames, zd)
 }
 
 /// The sums over the wheels from which the angular velocity of the sphere follows: both sides of

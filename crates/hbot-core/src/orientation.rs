@@ -29,6 +29,9 @@ pub(crate) struct Orientation {
     correction: Quat,
     /// The part of the correction that is not applied yet, as a rotation vector in frame N, in rad.
     pending: Vec3,
+    /// True if a measurement from outside has ever corrected the orientation. Until then, the
+    /// integral is the orientation.
+    corrected: bool,
     #[cfg_attr(feature = "exact", serde(with = "serde_big_array::BigArray"))]
     history: [(u64, Quat); ALIGN_HISTORY],
 }
@@ -40,6 +43,7 @@ impl Orientation {
             integral: Quat::IDENTITY,
             correction: Quat::IDENTITY,
             pending: Vec3::ZERO,
+            corrected: false,
             // Each entry gets a tick number that cannot belong to it, so it matches no tick.
             history: core::array::from_fn(|i| (i as u64 + 1, Quat::IDENTITY)),
         }
@@ -56,12 +60,16 @@ impl Orientation {
     #[inline(always)]
     pub(crate) fn settle(&mut self, tick: u64, step: Real) {
         self.history[tick as usize % ALIGN_HISTORY] = (tick, self.integral);
+        if !self.corrected {
+            self.q = self.integral;
+            return;
+        }
         if self.pending != Vec3::ZERO {
             let turn = limited(self.pending, step);
             self.pending -= turn;
             self.correction = odometry::advance(self.correction, turn);
         }
-        // Without a correction the integral is the orientation.
+        // A correction of zero leaves the bits of the integral.
         self.q = if self.correction == Quat::IDENTITY {
             self.integral
         } else {
@@ -80,5 +88,6 @@ impl Orientation {
     /// (rotation vector in frame N, rad). It replaces a correction that is still pending.
     pub(crate) fn correct(&mut self, delta: Vec3, weight: Real) {
         self.pending = delta * weight;
+        self.corrected = true;
     }
 }

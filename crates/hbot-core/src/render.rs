@@ -1,6 +1,6 @@
 //! Runs the effects of a compiled scene and keeps their memories.
 
-use crate::effects::{Anchor, Effect, EffectState, Memory, Motion, Now, Shared, mass_scale};
+use crate::effects::{Anchor, Effect, EffectState, Memory, Motion, Now, Reference, Shared, mass_scale};
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::Rig;
 use crate::rotation;
@@ -15,6 +15,9 @@ pub struct Renderer {
     states: [EffectState; MAX_EFFECTS],
     shared: Shared,
     revision: Option<u64>,
+    /// Slot of the first effect in the scene of this tick that has a reference and is not fading
+    /// out, if any.
+    first_reference: Option<u8>,
     /// One bit per effect, at the index `slot`. It is set if the scene of this tick has given the
     /// effect a new reference.
     placed: u32,
@@ -33,6 +36,7 @@ impl Renderer {
             states: [EffectState::EMPTY; MAX_EFFECTS],
             shared: Shared::EMPTY,
             revision: None,
+            first_reference: None,
             placed: 0,
             inertia: rig.device.sphere_inertia(),
             period: rig.timing.period_s(),
@@ -61,6 +65,7 @@ impl Renderer {
                 self.placed |= 1 << effect.slot;
                 if let Some((reference, anchor)) = effect.kind.reference() {
                     state.reference.goal = anchored(reference, anchor, q);
+                    state.reference.moving = true;
                 }
             }
         }
@@ -69,6 +74,10 @@ impl Renderer {
             Some((mass * effect.gain, smoothing))
         });
         self.shared.mass_scale = mass_scale(masses, self.inertia, self.period);
+        let has = |effect: &&Effect| !effect.leaving && effect.kind.reference().is_some();
+        let references = scene.effects().iter().filter(|effect| effect.kind.reference().is_some());
+        self.shared.several = references.count() > 1;
+        self.first_reference = scene.effects().iter().find(has).map(|effect| effect.slot);
         true
     }
 
@@ -142,17 +151,18 @@ impl Renderer {
         reference.goal = goal;
         reference.omega = omega;
         reference.omega_until = omega_until;
+        reference.moving = true;
         true
     }
 
     /// Returns the present reference orientation of the first effect that has one and is not fading
-    /// out. It maps sphere axes to frame N.
+    /// out. It maps sphere axes to frame N. The scene is the one that was given to
+    /// [`adopt`](Self::adopt).
     #[inline]
     #[must_use]
-    pub fn reference(&self, scene: &CompiledScene) -> Option<Quat> {
-        let has = |effect: &&Effect| !effect.leaving && effect.kind.reference().is_some();
-        let effect = scene.effects().iter().find(has)?;
-        Some(self.states[usize::from(effect.slot)].reference.q)
+    pub fn reference(&self) -> Option<Quat> {
+        let slot = self.first_reference?;
+        Some(self.states[usize::from(slot)].reference.q)
     }
 
     /// Returns the torque of the scene on the sphere in frame N, in N m. Advances all effects by
@@ -166,7 +176,7 @@ impl Renderer {
         dt: Real,
         reach: Real,
     ) -> Vec3 {
-        self.render_in_tick(scene, motion, tick, dt, reach)
+        self.render_in_tick(scene, *motion, tick, dt, reach)
     }
 
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
@@ -175,7 +185,7 @@ impl Renderer {
     pub(crate) fn render_in_tick(
         &mut self,
         scene: &CompiledScene,
-        motion: &Motion,
+        motion: Motion,
         tick: u64,
         dt: Real,
         reach: Real,
@@ -184,12 +194,8 @@ impl Renderer {
         self.shared.begin();
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
-            let reference = &mut state.reference;
-            if reference.q != reference.goal {
-                approach(&mut reference.q, reference.goal, reach);
-            }
-            if reference.omega != Vec3::ZERO && tick >= reference.omega_until {
-                reference.omega = Vec3::ZERO;
+            if state.reference.moving {
+                advance(&mut state.reference, tick, reach);
             }
             let mut gain = effect.gain;
             if effect.leaving {
@@ -205,16 +211,16 @@ impl Renderer {
                 // An effect that leaves before its fade-in has ended does not get stronger.
                 state.age_s += if effect.leaving { 0.0 } else { dt };
             }
-            let mut now = Now {
+            let now = Now {
                 motion,
                 dt,
                 reference: &state.reference,
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
             };
-            torque += effect.kind.render(gain, &mut now, &mut state.memory);
+            torque += effect.kind.render(gain, now, &mut state.memory);
         }
-        self.shared.end(motion, dt);
+        self.shared.end(&motion, dt);
         torque
     }
 
@@ -229,7 +235,7 @@ impl Renderer {
         for effect in scene.effects().iter().filter(|effect| !effect.leaving) {
             let state = &self.states[usize::from(effect.slot)];
             let mut now = Now {
-                motion: &motion,
+                motion,
                 dt: 0.0,
                 reference: &state.reference,
                 numbers: scene.numbers(effect.numbers),
@@ -260,6 +266,18 @@ fn anchored(reference: Quat, anchor: Anchor, q: Quat) -> Quat {
         Anchor::Absolute => reference,
         Anchor::Here => reference * q,
     }
+}
+
+/// Advances a moving reference to tick `tick`: turns it towards its goal by at most `reach` rad,
+/// and ends its rate if that has expired.
+fn advance(reference: &mut Reference, tick: u64, reach: Real) {
+    if reference.q != reference.goal {
+        approach(&mut reference.q, reference.goal, reach);
+    }
+    if reference.omega != Vec3::ZERO && tick >= reference.omega_until {
+        reference.omega = Vec3::ZERO;
+    }
+    reference.moving = reference.q != reference.goal || reference.omega != Vec3::ZERO;
 }
 
 /// Turns the orientation `q` towards `goal` by at most `reach` rad.

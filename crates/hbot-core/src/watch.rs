@@ -7,12 +7,11 @@
 //! mean slip of each wheel. Over two blocks the counts of each joint must also agree with its
 //! rates.
 
-use crate::count::Count;
-use crate::device::{MAX_JOINTS, MAX_WHEELS};
+use crate::count::{Any, Count};
+use crate::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use crate::joints::largest_slip;
 use crate::kinematics::{Posture, wheel_velocity};
 use crate::mode::Cause;
-use crate::outputs::Slip;
 use crate::real::{PI, Real, Vec3, fabs, floor, sqrt};
 use crate::rig::Rig;
 
@@ -56,15 +55,29 @@ pub(crate) struct Interval<'a> {
     pub(crate) late: u32,
 }
 
-/// The motion of one joint over a block of readings, once by its encoder counts and once by its
-/// rates. Each consists of the net change and the length of the path, rad.
-#[derive(Debug, Clone, Copy, Default)]
+/// The motion of all joints over a block of readings, once by their encoder counts and once by
+/// their rates. Each consists of the net change and the length of the path.
+///
+/// Each sum is an array over the joints, because the processor then adds two joints at a time.
+#[derive(Debug, Clone, Copy)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
-struct Way {
-    counted: Real,
-    counted_length: Real,
-    rated: Real,
-    rated_length: Real,
+struct Ways {
+    /// Motion by the encoder counts, rad.
+    counted: [Real; MAX_JOINTS],
+    counted_length: [Real; MAX_JOINTS],
+    /// Motion by the rates: the sum of the rates at the start and at the end of each interval,
+    /// times its ticks, rad/s. It becomes an angle by the factor of half a period.
+    rated: [Real; MAX_JOINTS],
+    rated_length: [Real; MAX_JOINTS],
+}
+
+impl Ways {
+    const NONE: Self = Self {
+        counted: [0.0; MAX_JOINTS],
+        counted_length: [0.0; MAX_JOINTS],
+        rated: [0.0; MAX_JOINTS],
+        rated_length: [0.0; MAX_JOINTS],
+    };
 }
 
 /// Checks the motion of the joints by encoder counts, in blocks of several readings. It holds the
@@ -91,12 +104,16 @@ pub(crate) struct Watch {
     /// True if the wheels may have steered far between two readings of the present block. The slip
     /// in this block is then not checked.
     coarse: bool,
-    ways: [Way; MAX_JOINTS],
-    last_ways: Option<[Way; MAX_JOINTS]>,
+    ways: Ways,
+    last_ways: Option<Ways>,
     last_ticks: u32,
     last_rate: [Real; MAX_JOINTS],
     turn: Vec3,
-    slip: Slip,
+    /// Twice the angle that each joint would have turned if its wheel had rolled without slip, rad.
+    /// `last_turn` is the turn of the sphere in the last interval of the block, of which one half
+    /// is not in this sum yet.
+    rolled: [Real; MAX_JOINTS],
+    last_turn: Vec3,
     verdict: Option<Cause>,
 }
 
@@ -129,12 +146,13 @@ impl Watch {
             last_late: 0,
             reading_late: 0,
             coarse: false,
-            ways: [Way::default(); MAX_JOINTS],
+            ways: Ways::NONE,
             last_ways: None,
             last_ticks: 0,
             last_rate: [0.0; MAX_JOINTS],
             turn: Vec3::ZERO,
-            slip: [[0.0; 2]; MAX_WHEELS],
+            rolled: [0.0; MAX_JOINTS],
+            last_turn: Vec3::ZERO,
             verdict: None,
         }
     }
@@ -167,21 +185,24 @@ impl Watch {
         self.ticks = 0;
         self.late = 0;
         self.coarse = false;
-        self.ways = [Way::default(); MAX_JOINTS];
+        self.ways = Ways::NONE;
         self.turn = Vec3::ZERO;
-        self.slip = [[0.0; 2]; MAX_WHEELS];
+        self.rolled = [0.0; MAX_JOINTS];
+        self.last_turn = Vec3::ZERO;
     }
 
     /// Starts an interval between two readings, with the posture at its start. `turn` is how far
     /// the sphere turns in the interval (rotation vector in frame N, rad).
+    ///
+    /// Without slip a joint turns by the product of its row of G with the turn. The rows at the
+    /// start and at the end of an interval count half each, which is exact to second order in the
+    /// interval. The posture at the end of an interval is the one at the start of the next, so one
+    /// product with the sum of both turns does for both halves.
     #[inline]
-    pub(crate) fn begin<C: Count>(&mut self, count: C, rig: &Rig, posture: &Posture, turn: Vec3) {
-        // The contact frames at the start and at the end count half each. This is exact to second
-        // order in the interval.
-        let half = 0.5 * rig.device.sphere_radius();
-        for (slip, frame) in self.slip.iter_mut().zip(posture.first_frames(count)) {
-            slip[0] -= half * frame.c2.dot(turn);
-            slip[1] += half * frame.c1.dot(turn);
+    pub(crate) fn begin<C: Count>(&mut self, count: C, posture: &Posture, turn: Vec3) {
+        let turns = self.last_turn + turn;
+        for (rolled, row) in self.rolled.iter_mut().zip(posture.first_rows(count)) {
+            *rolled += row.dot(turns);
         }
     }
 
@@ -189,41 +210,52 @@ impl Watch {
     /// posture at its end. Checks the block if it is complete.
     #[inline]
     pub(crate) fn end<C: Count>(&mut self, count: C, rig: &Rig, posture: &Posture, moved: &Interval<'_>) {
-        self.begin(count, rig, posture, moved.turn);
-        let time = moved.ticks as Real * self.period_s;
-        for (i, wheel) in rig.device.first(count).iter().enumerate() {
-            let [u, v] = wheel_velocity(&rig.device, wheel, moved.delta[2 * i], moved.delta[2 * i + 1]);
-            self.slip[i][0] += u;
-            self.slip[i][1] += v;
-        }
+        let ticks = moved.ticks as Real;
         for j in 0..count.joints() {
             // The mean of the rates at both ends. After a gap the last rate alone is not enough.
             let counted = moved.delta[j];
-            let rated = 0.5 * (self.last_rate[j] + moved.rate[j]) * time;
+            let rated = (self.last_rate[j] + moved.rate[j]) * ticks;
             self.last_rate[j] = moved.rate[j];
-            let way = &mut self.ways[j];
-            way.counted += counted;
-            way.counted_length += fabs(counted);
-            way.rated += rated;
-            way.rated_length += fabs(rated);
+            self.ways.counted[j] += counted;
+            self.ways.counted_length[j] += fabs(counted);
+            self.ways.rated[j] += rated;
+            self.ways.rated_length[j] += fabs(rated);
         }
         self.turn += moved.turn;
+        self.last_turn = moved.turn;
         self.ticks = self.ticks.saturating_add(moved.ticks);
         // The times of both ends of the interval are uncertain.
         self.late = self.late.max(moved.late).max(self.reading_late);
         self.reading_late = moved.late;
         self.coarse |= moved.ticks.max(self.late) > COARSE;
         if self.ticks >= self.block {
-            self.verdict = self.judge(rig);
-            self.last_ways = (!self.coarse).then_some(self.ways);
-            self.last_ticks = self.ticks;
-            self.last_late = self.late;
-            self.begin_block();
+            self.end_block(rig, posture);
         }
     }
 
-    /// Returns the most serious fault that the completed block of readings shows, if any.
+    /// Checks the completed block, with the posture at its end, and begins the next one. It is a
+    /// separate function, because most ticks do not complete a block.
     #[inline(never)]
+    fn end_block(&mut self, rig: &Rig, posture: &Posture) {
+        self.begin(Any::of(&rig.device), posture, Vec3::ZERO);
+        self.verdict = self.judge(rig);
+        self.last_ways = (!self.coarse).then_some(self.ways);
+        self.last_ticks = self.ticks;
+        self.last_late = self.late;
+        self.begin_block();
+    }
+
+    /// Returns the slip of the wheel that has slipped furthest in the completed block, m.
+    fn slip(&self, device: &Device) -> Real {
+        let mut slip = [[0.0; 2]; MAX_WHEELS];
+        for (i, wheel) in device.wheels().iter().enumerate() {
+            let slid = |j: usize| self.ways.counted[j] - 0.5 * self.rolled[j];
+            slip[i] = wheel_velocity(device, wheel, slid(2 * i), slid(2 * i + 1));
+        }
+        largest_slip(&slip, device.wheels().len())
+    }
+
+    /// Returns the most serious fault that the completed block of readings shows, if any.
     fn judge(&self, rig: &Rig) -> Option<Cause> {
         // A late reading may cover a longer motion.
         let late = self.late.max(self.last_late);
@@ -232,8 +264,7 @@ impl Watch {
         if sqrt(self.turn.length_squared()) > MARGIN * limits.speed * time {
             return Some(Cause::Overspeed);
         }
-        let slip = largest_slip(&self.slip, rig.device.wheels().len());
-        if !self.coarse && slip > MARGIN * limits.slip * time + self.grain_slip {
+        if !self.coarse && self.slip(&rig.device) > MARGIN * limits.slip * time + self.grain_slip {
             return Some(Cause::Slip);
         }
         // After a gap or a delay, neither the rates in between nor the times of the counts are
@@ -242,12 +273,15 @@ impl Watch {
         let ticks = (self.ticks + self.last_ticks).max(1);
         let time = ticks as Real * self.period_s;
         let share = DISAGREEMENT + late as Real / ticks as Real;
+        let (now, half) = (&self.ways, 0.5 * self.period_s);
         let disagrees = |j: usize| {
-            let (now, before) = (&self.ways[j], &before[j]);
-            let apart = fabs(now.counted + before.counted - now.rated - before.rated);
-            let length =
-                (now.counted_length + before.counted_length).max(now.rated_length + before.rated_length);
-            apart > share * length + DISAGREEMENT_RATE * time + self.grain[j]
+            let counted = now.counted[j] + before.counted[j];
+            let rated = (now.rated[j] + before.rated[j]) * half;
+            let length = Real::max(
+                now.counted_length[j] + before.counted_length[j],
+                (now.rated_length[j] + before.rated_length[j]) * half,
+            );
+            fabs(counted - rated) > share * length + DISAGREEMENT_RATE * time + self.grain[j]
         };
         (0..rig.device.joints()).any(disagrees).then_some(Cause::ImplausibleFeedback)
     }

@@ -188,7 +188,7 @@ impl Engine {
             },
             counters: self.counters,
             answers,
-            telemetry: self.motors.telemetry_in_turn(moment.t_ns, inputs.tick),
+            telemetry: self.motors.next_telemetry(moment.t_ns),
         };
         self.counters.dropped_samples += u64::from(!self.bridge.publish(sample));
         if let Some(recorder) = &mut self.recorder {

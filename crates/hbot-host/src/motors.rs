@@ -38,6 +38,8 @@ pub struct Motors {
     /// The newest readings of the joints on all buses. Readings from different buses can differ in
     /// age.
     readings: JointReadings,
+    /// The number of the joint whose telemetry was read last.
+    turn: usize,
 }
 
 /// One motor bus of a rig, with its joints and its state.
@@ -96,6 +98,7 @@ impl Motors {
             offsets: layout.offsets,
             watchdog_ms,
             readings: NO_READINGS,
+            turn: 0,
         }
     }
 
@@ -115,16 +118,17 @@ impl Motors {
         &self.readings
     }
 
-    /// Returns the number of the joint whose turn it is in tick `tick`, and what its controller
-    /// last reported about itself.
-    pub(crate) fn telemetry_in_turn(&self, now_ns: u64, tick: u64) -> (usize, Telemetry) {
+    /// Returns the number of a joint, and what its controller last reported about itself. Each call
+    /// returns the next joint. The turn does not follow the number of the tick: if a slow loop
+    /// skips every second tick, half of the joints would never have their turn.
+    pub(crate) fn next_telemetry(&mut self, now_ns: u64) -> (usize, Telemetry) {
         let joints: usize = self.buses.iter().map(|attached| attached.joints.len()).sum();
-        let turn = (tick % joints.max(1) as u64) as usize;
+        self.turn = (self.turn + 1) % joints.max(1);
         let told = self.buses.iter().find_map(|attached| {
-            let (_, at) = attached.joints.iter().find(|(joint, _)| *joint == turn)?;
+            let (_, at) = attached.joints.iter().find(|(joint, _)| *joint == self.turn)?;
             Some(attached.bus.telemetry(now_ns, *at))
         });
-        (turn, told.unwrap_or_default())
+        (self.turn, told.unwrap_or_default())
     }
 
     /// Reads all bytes that have arrived on all buses. The control loop calls this function before

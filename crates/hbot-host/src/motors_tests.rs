@@ -254,11 +254,11 @@ fn a_zero_offset_wraps_like_the_counter() {
 
 #[test]
 fn telemetry_has_the_order_of_the_rig() {
-    let (motors, _lines) = two_lines();
-    let told: Vec<_> = (4..9).map(|tick| motors.telemetry_in_turn(7, tick)).collect();
+    let (mut motors, _lines) = two_lines();
+    let told: Vec<_> = (0..5).map(|_| motors.next_telemetry(7)).collect();
     let joints: Vec<_> = told.iter().map(|(joint, _)| *joint).collect();
-    assert_eq!(joints, [0, 1, 2, 3, 0], "the joints take turns");
+    assert_eq!(joints, [1, 2, 3, 0, 1], "the joints take turns");
     // The second wheel's joints are in the order drive, steer on their bus.
     let currents: Vec<_> = told[..4].iter().map(|(_, telemetry)| telemetry.current).collect();
-    assert_eq!(currents, [Some(10.0), Some(11.0), Some(11.0), Some(10.0)]);
+    assert_eq!(currents, [Some(11.0), Some(11.0), Some(10.0), Some(10.0)]);
 }

@@ -106,6 +106,35 @@ impl JointLimits {
     }
 }
 
+/// Numbers of the least-cost solution that follow from the joint limits alone. A controller
+/// computes them once, and not in every tick.
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Gives {
+    /// 1/w_j of each driven joint, 0 of the others.
+    give: [Real; MAX_JOINTS],
+    /// t_j² of each joint.
+    square: [Real; MAX_JOINTS],
+    /// Number of joints up to the first one that is not driven.
+    driven: usize,
+}
+
+impl Gives {
+    /// Returns the numbers for the first `joints` joints of `limits`.
+    #[inline(always)]
+    pub(crate) fn of(limits: &JointLimits, joints: usize) -> Self {
+        let mut gives = Self { give: [0.0; MAX_JOINTS], square: [0.0; MAX_JOINTS], driven: 0 };
+        for k in 0..joints {
+            if limits.driven(k) {
+                gives.give[k] = 1.0 / limits.weight[k];
+                gives.driven += usize::from(gives.driven == k);
+            }
+            gives.square[k] = limits.peak[k] * limits.peak[k];
+        }
+        gives
+    }
+}
+
 /// The joint torques found for a wanted torque T on the sphere, and the fraction of T that they
 /// make.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -179,23 +208,26 @@ impl Allocation {
 #[must_use]
 pub fn allocate(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Allocation {
     if let Ok(four) = <&[Vec3; 4]>::try_from(rows) {
-        allocate_rows(four, limits, wanted)
+        allocate_rows(four, limits, &Gives::of(limits, 4), wanted)
     } else {
-        allocate_rows(&rows[..rows.len().min(MAX_JOINTS)], limits, wanted)
+        let rows = &rows[..rows.len().min(MAX_JOINTS)];
+        allocate_rows(rows, limits, &Gives::of(limits, rows.len()), wanted)
     }
 }
 
-/// Does the same as [`allocate`], for the `rows` of `count` wheels. The tick takes the fast method
-/// for two wheels inline, because a torque that is passed through memory costs some nanoseconds.
+/// Does the same as [`allocate`], for the `rows` of `count` wheels. `gives` must be those of
+/// `limits`. The tick takes the fast method for two wheels inline, because a torque that is passed
+/// through memory costs some nanoseconds.
 #[inline(always)]
 pub(crate) fn allocate_in_tick<C: Count>(
     count: C,
     rows: &[Vec3],
     limits: &JointLimits,
+    gives: &Gives,
     wanted: Vec3,
 ) -> Allocation {
     match rows.first_chunk::<4>() {
-        Some(four) if count.joints() == 4 => allocate_rows(four, limits, wanted),
+        Some(four) if count.joints() == 4 => allocate_rows(four, limits, gives, wanted),
         _ => allocate(rows, limits, wanted),
     }
 }
@@ -211,7 +243,7 @@ pub fn allocate_clipped(rows: &[Vec3], limits: &JointLimits, wanted: Vec3) -> Al
     let rows = &rows[..rows.len().min(MAX_JOINTS)];
     let size = wanted.abs().max_element();
     if size > 0.0 && wanted.is_finite() {
-        let least = LeastCost::of(rows, limits, wanted / size);
+        let least = LeastCost::of(rows, &Gives::of(limits, rows.len()), wanted / size);
         let mut largest: Real = 0.0;
         for k in 0..rows.len() {
             if limits.peak[k] > 0.0 {
@@ -268,27 +300,26 @@ struct LeastCost {
 
 impl LeastCost {
     #[inline(always)]
-    fn of(rows: &[Vec3], limits: &JointLimits, u: Vec3) -> Self {
-        if (0..rows.len()).all(|k| limits.driven(k)) {
-            Self::of_driven::<true>(rows, limits, u)
+    fn of(rows: &[Vec3], gives: &Gives, u: Vec3) -> Self {
+        if rows.len() <= gives.driven {
+            Self::of_driven::<true>(rows, gives, u)
         } else {
-            Self::of_driven::<false>(rows, limits, u)
+            Self::of_driven::<false>(rows, gives, u)
         }
     }
 
     /// Implements [`of`](Self::of). `ALL` is true if all joints are driven, which saves the
     /// question for each joint.
     #[inline(always)]
-    fn of_driven<const ALL: bool>(rows: &[Vec3], limits: &JointLimits, u: Vec3) -> Self {
+    fn of_driven<const ALL: bool>(rows: &[Vec3], gives: &Gives, u: Vec3) -> Self {
         // Below this ratio of determinant to spread, rounding dominates the solution.
         const SPOILT: Real = if Real::EPSILON < 1.0e-10 { 1.0e-6 } else { 1.0e-4 };
-        let mut give = [0.0; MAX_JOINTS];
+        let give = &gives.give;
         let (mut moment, mut peaks) = (Sym3::ZERO, Sym3::ZERO);
         for (k, g) in rows.iter().enumerate() {
-            if ALL || limits.driven(k) {
-                give[k] = 1.0 / limits.weight[k];
+            if ALL || give[k] > 0.0 {
                 moment.add(*g, give[k]);
-                peaks.add(*g, limits.peak[k] * limits.peak[k]);
+                peaks.add(*g, gives.square[k]);
             }
         }
         let peaks = peaks.adjugate();
@@ -317,7 +348,12 @@ impl LeastCost {
 /// Implements [`allocate`]. The compiler makes two copies: a fast one for exactly four rows, and
 /// one for any number of rows.
 #[inline(always)]
-fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, wanted: Vec3) -> Allocation {
+fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(
+    rows: &R,
+    limits: &JointLimits,
+    gives: &Gives,
+    wanted: Vec3,
+) -> Allocation {
     let rows = rows.as_ref();
     if !wanted.is_finite() {
         return Allocation::nothing(0.0, false);
@@ -329,7 +365,7 @@ fn allocate_rows<R: AsRef<[Vec3]> + ?Sized>(rows: &R, limits: &JointLimits, want
         return Allocation::nothing(1.0, false);
     }
     let u = wanted / size;
-    let least = LeastCost::of(rows, limits, u);
+    let least = LeastCost::of(rows, gives, u);
     if !least.sound {
         return allocate_any(rows, limits, u, size);
     }

@@ -66,9 +66,11 @@ impl Controller {
     /// ticks since the last call.
     #[inline]
     pub(super) fn count_complaints(&mut self, inputs: &Inputs, elapsed: u64) {
-        self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
-            + Real::from(inputs.corrupt_frames);
-        self.corrupt = self.corrupt.min(2.0 * CORRUPT_FAULT);
+        if self.corrupt > 0.0 || inputs.corrupt_frames > 0 {
+            self.corrupt = (self.corrupt - elapsed as Real / CORRUPT_FORGIVEN_TICKS).max(0.0)
+                + Real::from(inputs.corrupt_frames);
+            self.corrupt = self.corrupt.min(2.0 * CORRUPT_FAULT);
+        }
         match &inputs.feedback {
             Some(feedback) if feedback.complaints.disobeyed => {
                 self.disobeyed_ticks = self.disobeyed_ticks.saturating_add(elapsed);

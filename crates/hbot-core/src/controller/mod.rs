@@ -10,7 +10,7 @@ mod commands;
 mod faults;
 mod torque;
 
-use crate::allocation::{ContactArms, JointLimits};
+use crate::allocation::{ContactArms, Gives, JointLimits};
 use crate::burst::Burst;
 use crate::count::{Any, Count, Two};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
@@ -46,14 +46,16 @@ use self::torque::{Made, Wanted};
 pub struct Controller {
     rig: Rig,
     limits: JointLimits,
+    gives: Gives,
     arms: [ContactArms; MAX_WHEELS],
     joints: Joints,
     orientation: Orientation,
     machine: ModeMachine,
     renderer: Renderer,
     blend: Blend,
-    /// Motion of the sphere for which the effects were rendered in the last tick.
-    last_motion: Motion,
+    /// Motion of the sphere for which the effects are rendered. Until a tick renders them, it is
+    /// the motion of the tick before. This is also true of `rendered_stream`.
+    rendered_motion: Motion,
     stream: Stream,
     observer: Observer,
     /// Energy that the rig has given to the hand in a short time. `None` if the rig does not limit
@@ -66,7 +68,7 @@ pub struct Controller {
     made: Made,
     /// Sum of the torques of scene and stream in the last tick, after the torque limit, N m.
     last_asked: Vec3,
-    last_stream: Stream,
+    rendered_stream: Stream,
     /// Size of the torque that the motors already made when a soft start began, N m. This torque
     /// fades out at the beginning of the soft start. `carried_s` is the time since then, s.
     carried: Real,
@@ -99,8 +101,10 @@ impl Controller {
         for (i, wheel) in rig.device.wheels().iter().enumerate() {
             arms[i] = ContactArms::of(wheel, rig.device.sphere_radius());
         }
+        let limits = JointLimits::of(&rig);
         Self {
-            limits: JointLimits::of(&rig),
+            gives: Gives::of(&limits, rig.device.joints()),
+            limits,
             arms,
             joints: Joints::new(&rig),
             guard: rig.methods.passivity.map(Guard::new),
@@ -111,12 +115,12 @@ impl Controller {
             machine: ModeMachine::START,
             renderer: Renderer::new(&rig),
             blend: Blend::DONE,
-            last_motion: Motion { q: Quat::IDENTITY, omega: Vec3::ZERO },
+            rendered_motion: Motion { q: Quat::IDENTITY, omega: Vec3::ZERO },
             stream: Stream::NONE,
             observer: Observer::START,
             made: Made::NOTHING,
             last_asked: Vec3::ZERO,
-            last_stream: Stream::NONE,
+            rendered_stream: Stream::NONE,
             carried: 0.0,
             carried_s: 0.0,
             last_tick: None,
@@ -182,11 +186,16 @@ impl Controller {
         let wanted = self.render(scene, inputs.tick, dt, changed);
         self.hold(count, inputs.tick, &wanted);
         let fresh = matches!(measured, Ok(true));
-        Outputs {
+        let mut outputs = Outputs {
             drive: self.drive(count),
-            replies: replies.unwrap_or([None; MAX_COMMANDS]),
-            state: self.state(count, scene, inputs.tick, fresh),
+            replies: [None; MAX_COMMANDS],
+            state: self.state(count, inputs.tick, fresh),
+        };
+        // Most ticks have no replies. To choose between two arrays of them would copy each byte.
+        if let Some(replies) = replies {
+            outputs.replies = replies;
         }
+        outputs
     }
 
     /// Takes the motors' reading if it is new. Returns true if it was taken, false if there was no
@@ -260,7 +269,7 @@ impl Controller {
     /// Returns the state of this tick, which is published to clients. `fresh` is true if the tick
     /// took a new reading.
     #[inline]
-    fn state<C: Count>(&self, count: C, scene: &CompiledScene, tick: u64, fresh: bool) -> State {
+    fn state<C: Count>(&self, count: C, tick: u64, fresh: bool) -> State {
         let made = &self.made;
         let client = self.client.map(|(stamp, taken)| TakenStream {
             seq: stamp.seq,
@@ -272,7 +281,7 @@ impl Controller {
             cause: self.machine.cause,
             q: self.orientation.q,
             omega: self.joints.omega,
-            reference: self.renderer.reference(scene),
+            reference: self.renderer.reference(),
             torque: made.torque,
             joints: count.joints(),
             angle: self.joints.angle,

@@ -12,7 +12,7 @@ use crate::passivity::Moment;
 use crate::real::{Real, Vec3, sqrt};
 use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
-use crate::shaping::{BLEND_S, Blend, Stream, limited, slewed};
+use crate::shaping::{BLEND_S, Blend, limited, slewed};
 
 /// Step in torque above which a change of scene restarts the soft start, as a fraction of the rig's
 /// largest torque. It applies if an effect rests so far away that `enable` would refuse the scene.
@@ -33,20 +33,25 @@ pub(super) struct Wanted {
 }
 
 /// The torque on the sphere that the motors and contacts can make, and the joint torques for it.
+///
+/// The fields lie in memory in this order, in which `scale` and `traction` are no neighbours. The
+/// compiler would copy two neighbours as one vector. As they are written one by one, that would
+/// stop the processor for some nanoseconds.
 #[derive(Debug, Clone, Copy)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+#[repr(C)]
 pub(super) struct Made {
-    /// Torque on the sphere in frame N, in N m.
-    pub(super) torque: Vec3,
-    /// Torque of each joint, N m, in the order steer, drive of each wheel.
-    pub(super) joints: [Real; MAX_JOINTS],
     /// Fraction of the wanted torque that remains after all limits, 0 to 1.
     pub(super) scale: Real,
+    /// Torque of each joint, N m, in the order steer, drive of each wheel.
+    pub(super) joints: [Real; MAX_JOINTS],
+    /// Torque on the sphere in frame N, in N m.
+    pub(super) torque: Vec3,
+    /// Load of the most loaded contact, as a fraction of the force that it can hold, 0 to 1.
+    pub(super) traction: Real,
     /// True if a component of the wanted torque was left out or reduced, because the motors cannot
     /// make it.
     pub(super) deficient: bool,
-    /// Load of the most loaded contact, as a fraction of the force that it can hold, 0 to 1.
-    pub(super) traction: Real,
 }
 
 impl Made {
@@ -57,7 +62,13 @@ impl Made {
     /// finite.
     #[inline]
     pub(super) fn is_finite<C: Count>(&self, count: C) -> bool {
-        self.torque.is_finite() && self.joints[..count.joints()].iter().all(|t| t.is_finite())
+        // Zero times a number that is not finite is NaN, and so is every sum with it. One
+        // comparison then serves for all joints.
+        let mut zero = 0.0;
+        for torque in &self.joints[..count.joints()] {
+            zero += 0.0 * torque;
+        }
+        self.torque.is_finite() && zero == 0.0
     }
 }
 
@@ -78,13 +89,16 @@ impl Controller {
     #[inline(always)]
     pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
+        let ramped = self.machine.gain != 0.0;
+        // Needs the motion and the stream of the last tick, which are replaced next.
+        let before = (changed && ramped).then(|| self.rendered_anew(scene, tick));
         let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
-        let last_motion = core::mem::replace(&mut self.last_motion, motion);
-        let last_stream = core::mem::replace(&mut self.last_stream, self.stream);
+        self.rendered_motion = motion;
+        self.rendered_stream = self.stream;
         self.stream.advance(tick, dt);
         let limits = self.rig.limits;
         let reach = limits.torque_rate * dt;
-        if self.machine.gain == 0.0 {
+        if !ramped {
             self.blend = Blend::DONE;
             self.last_asked = Vec3::ZERO;
             self.carried = 0.0;
@@ -96,16 +110,15 @@ impl Controller {
             let torque = if idle { slewed(self.made.torque, Vec3::ZERO, reach) } else { Vec3::ZERO };
             return Wanted { torque, share: 1.0, reach };
         }
-        let before = changed.then(|| self.rendered_anew(scene, tick, &last_motion, &last_stream));
         if let Some(before) = before
-            && self.comes_from_afar(scene, motion, before)
+            && self.comes_from_afar(scene, before)
         {
             self.machine.soften();
             self.carried = sqrt(self.made.torque.length_squared());
             self.carried_s = 0.0;
         }
         let gain = self.machine.gain;
-        let rendered = self.renderer.render_in_tick(scene, &motion, tick, dt, limits.reference_rate * dt);
+        let rendered = self.renderer.render_in_tick(scene, motion, tick, dt, limits.reference_rate * dt);
         let (asked, share) = self.stream.added_to(rendered, limits.torque);
         self.last_asked = asked;
         let offset = self.blend.advance(asked * gain, before.map(|before| before * gain), dt);
@@ -126,19 +139,13 @@ impl Controller {
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
     }
 
-    /// Returns the torque that `scene` would have made in the last tick, N m: at the motion
-    /// `last_motion` and together with the stream `last_stream`. It is a separate function, so that
-    /// only a change of scene needs stack for a copy of the effects' memories.
+    /// Returns the torque that `scene` would have made in the last tick, N m: at the motion of the
+    /// sphere and together with the stream of that tick. It is a separate function, so that only a
+    /// change of scene needs stack for a copy of the effects' memories.
     #[inline(never)]
-    fn rendered_anew(
-        &self,
-        scene: &CompiledScene,
-        tick: u64,
-        last_motion: &Motion,
-        last_stream: &Stream,
-    ) -> Vec3 {
-        let rendered = self.renderer.clone().render(scene, last_motion, tick, 0.0, 0.0);
-        last_stream.added_to(rendered, self.rig.limits.torque).0
+    fn rendered_anew(&self, scene: &CompiledScene, tick: u64) -> Vec3 {
+        let rendered = self.renderer.clone().render(scene, &self.rendered_motion, tick, 0.0, 0.0);
+        self.rendered_stream.added_to(rendered, self.rig.limits.torque).0
     }
 
     /// Returns true if the new scene is so far from rest that `enable` would refuse it. This has
@@ -148,14 +155,14 @@ impl Controller {
     ///
     /// `before` is the torque of the new scene at the motion of the last tick, N m.
     #[inline(never)]
-    fn comes_from_afar(&self, scene: &CompiledScene, motion: Motion, before: Vec3) -> bool {
+    fn comes_from_afar(&self, scene: &CompiledScene, before: Vec3) -> bool {
         let limits = &self.rig.limits;
         if self.machine.mode == Mode::Idle {
             return false;
         }
         let step = (before - self.last_asked).length_squared();
         let steps = step > (SOFT_STEP * limits.torque) * (SOFT_STEP * limits.torque);
-        self.renderer.is_far(scene, motion.q, limits.enable_max_angle, steps)
+        self.renderer.is_far(scene, self.orientation.q, limits.enable_max_angle, steps)
     }
 
     /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for
@@ -192,7 +199,9 @@ impl Controller {
     fn allocated<C: Count>(&self, count: C, wanted: &Wanted) -> Made {
         let rows = self.joints.posture.first_rows(count);
         let mut allocation = match self.rig.methods.allocation {
-            AllocationMethod::Exact => allocation::allocate_in_tick(count, rows, &self.limits, wanted.torque),
+            AllocationMethod::Exact => {
+                allocation::allocate_in_tick(count, rows, &self.limits, &self.gives, wanted.torque)
+            }
             AllocationMethod::Clipped => allocation::allocate_clipped(rows, &self.limits, wanted.torque),
         };
         let traction = self.rig.limits.traction.map_or(0.0, |grip| {

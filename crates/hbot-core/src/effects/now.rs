@@ -20,7 +20,7 @@ pub struct Motion {
 /// The input of one effect in one tick: the sphere's motion, the time step and the effect's
 /// reference.
 pub(crate) struct Now<'a> {
-    pub(crate) motion: &'a Motion,
+    pub(crate) motion: Motion,
     /// Time since the last tick, s. It is 0 if the torque is only evaluated and the effect must not
     /// advance.
     pub(crate) dt: Real,
@@ -37,7 +37,8 @@ impl Now<'_> {
     #[inline(always)]
     pub(crate) fn relative(&mut self) -> Quat {
         let (desired, q) = (self.reference.q, self.motion.q);
-        self.shared.relatives.get(desired, || shortest(desired.conjugate() * q))
+        let make = || shortest(desired.conjugate() * q);
+        if self.shared.several { self.shared.relatives.get(desired, make) } else { make() }
     }
 
     /// Returns t / sin(t/2) and the rotation vector p of the sphere's orientation relative to the
@@ -52,10 +53,11 @@ impl Now<'_> {
     /// [`relative`](Self::relative); a law that already has it saves a second search for it.
     #[inline(always)]
     pub(crate) fn log_of(&mut self, x: Quat) -> (Real, Vec3) {
-        self.shared.logs.get(self.reference.q, || {
+        let make = || {
             let factor = angle_over_sine(x.w, vector_part(x));
             (factor, vector_part(x) * factor)
-        })
+        };
+        if self.shared.several { self.shared.logs.get(self.reference.q, make) } else { make() }
     }
 
     /// Returns the twist of the sphere about the unit vector `axis`, relative to the effect's
@@ -111,6 +113,9 @@ pub(crate) struct Shared {
     /// Factor, 0 to 1, by which all virtual masses are scaled to keep them stable (see
     /// [`Inertia`](super::Inertia)).
     pub(crate) mass_scale: Real,
+    /// True if the scene has several effects with a reference. If it has only one, no other can
+    /// need its orientation relative to the reference, so it is not stored.
+    pub(crate) several: bool,
 }
 
 impl Shared {
@@ -121,6 +126,7 @@ impl Shared {
         accelerations: Memo::new((), Vec3::ZERO),
         last_omega: None,
         mass_scale: 1.0,
+        several: false,
     };
 
     #[cfg(feature = "exact")]
@@ -176,16 +182,17 @@ impl<K: Copy + PartialEq, V: Copy, const N: usize> Memo<K, V, N> {
 
     #[inline(always)]
     fn get(&mut self, key: K, make: impl FnOnce() -> V) -> V {
-        if let Some(i) = self.keys[..self.len].iter().position(|known| *known == key) {
+        let len = self.len;
+        if let Some(i) = self.keys[..len].iter().position(|known| *known == key) {
             return self.values[i];
         }
         let value = make();
         // The table has as many places as there are effects. An effect that needs more than one
         // place computes its value again.
-        if self.len < N {
-            self.keys[self.len] = key;
-            self.values[self.len] = value;
-            self.len += 1;
+        if len < N {
+            self.keys[len] = key;
+            self.values[len] = value;
+            self.len = len + 1;
         }
         value
     }

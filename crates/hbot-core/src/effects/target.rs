@@ -54,11 +54,14 @@ pub(crate) struct Reference {
     pub(crate) omega: Vec3,
     /// First tick in which `omega` is no longer valid.
     pub(crate) omega_until: u64,
+    /// False if the reference is at its goal and `omega` is 0, so that a tick changes nothing. Set
+    /// when a new goal or a new `omega` is given.
+    pub(crate) moving: bool,
 }
 
 impl Reference {
     pub(crate) const STILL: Self =
-        Self { q: Quat::IDENTITY, goal: Quat::IDENTITY, omega: Vec3::ZERO, omega_until: 0 };
+        Self { q: Quat::IDENTITY, goal: Quat::IDENTITY, omega: Vec3::ZERO, omega_until: 0, moving: false };
 }
 
 /// Returns `v` with its length reduced by `deadband`, or zero if it is shorter than `deadband`.

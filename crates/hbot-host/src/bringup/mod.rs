@@ -24,8 +24,8 @@ use crate::layout::Layout;
 use crate::motors::{Motors, OFF};
 use crate::run_loop::{StopFlag, Time};
 
-/// Watchdog time of the commands, ms: how long a motor controller holds a torque if no other
-/// command follows.
+/// Least watchdog time of the commands, ms: how long a motor controller holds a torque if no other
+/// command follows. A slow rig has a longer one in its rig file.
 const WATCHDOG_MS: u16 = 20;
 /// Number of consecutive commands without an answer after which the line counts as silent.
 const PATIENCE: u32 = 50;
@@ -37,7 +37,9 @@ const STOPS: u32 = 3;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum Interrupted {
     /// The motor controllers no longer answer.
-    #[error("the motor controllers have stopped answering: motors are off by their own watchdog")]
+    #[error(
+        "the motor controllers have stopped answering; their watchdogs should have switched the motors off: check that no wheel pushes"
+    )]
     Silent,
     /// A signal asked the program to stop.
     #[error("stopped by a signal: motors are off")]
@@ -82,7 +84,7 @@ pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> 
             (met.into_iter().map(|(_, bus)| bus).collect(), false)
         }
     };
-    let motors = Motors::new(buses, &layout, WATCHDOG_MS);
+    let motors = Motors::new(buses, &layout, WATCHDOG_MS.max(rig.link.watchdog_ms));
     let mut bench = Bench::new(&rig.rig, motors, simulated);
     (bench.stop, bench.notices) = (stop, notices);
     Ok(bench)

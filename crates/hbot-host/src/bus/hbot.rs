@@ -161,6 +161,9 @@ impl MotorBus for HbotBus {
             }
         }
         heard.zeros_lost |= self.undescribed;
+        if self.undescribed {
+            self.telemetry.iter_mut().for_each(|joint| joint.log.restarted(now_ns));
+        }
         self.asks = self.undescribed && tick.is_multiple_of(DESCRIBE_EVERY);
         heard
     }
@@ -186,7 +189,7 @@ impl MotorBus for HbotBus {
 
     fn telemetry(&self, now_ns: u64, at: usize) -> Telemetry {
         let log = self.telemetry.get(at);
-        log.map_or_else(Telemetry::default, |joint| joint.log.at(now_ns, self.undescribed))
+        log.map_or_else(Telemetry::default, |joint| joint.log.at(now_ns))
     }
 
     fn release(&mut self) {

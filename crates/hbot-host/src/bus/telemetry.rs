@@ -5,8 +5,8 @@ use hbot_core::inputs::Complaints;
 
 /// Time without any message from a joint's controller after which it counts as silent, ns.
 const SILENT_NS: u64 = 200_000_000;
-/// Time for which a current or a temperature is shown after it was reported, ns. It is longer than
-/// the time in which a driver asks all joints of a line in turn.
+/// Time for which a current, a temperature or a restart is shown after it was reported, ns. It is
+/// longer than the time in which a driver asks all joints of a line in turn.
 const KEPT_NS: u64 = 5_000_000_000;
 
 /// What the motor controller of one joint last reported about itself.
@@ -20,7 +20,8 @@ pub struct Telemetry {
     pub temperature: Option<f32>,
     /// The complaints in the newest message from the controller.
     pub complaints: Complaints,
-    /// True if the controller may have lost its zero, because it lost power or was replaced.
+    /// True if the controller may have lost its zero within the last 5 s, because it lost power or
+    /// was replaced.
     pub restarted: bool,
     /// True if nothing has arrived from the controller for 0.2 s.
     pub silent: bool,
@@ -37,12 +38,20 @@ pub struct TelemetryLog {
     complaints: Complaints,
     /// Time at which the last message arrived, ns.
     heard_ns: u64,
+    /// Time at which the controller was last seen without its zero, ns.
+    restarted_ns: Option<u64>,
 }
 
 impl TelemetryLog {
     /// Records that a message from the controller has arrived at `now_ns`, with these complaints.
     pub fn hear(&mut self, now_ns: u64, complaints: Complaints) {
         (self.heard_ns, self.complaints) = (now_ns, complaints);
+    }
+
+    /// Records that at `now_ns` the controller may have lost its zero. The driver trusts it again
+    /// within a fraction of a second, which is too short for people to see.
+    pub fn restarted(&mut self, now_ns: u64) {
+        self.restarted_ns = Some(now_ns);
     }
 
     /// Records a current that arrived at `now_ns`, in A. A value that is not finite counts as not
@@ -58,10 +67,11 @@ impl TelemetryLog {
     }
 
     /// Returns the telemetry at `now_ns`. The values of a silent controller, and values older than
-    /// 5 s, are not in it. `restarted` says whether the controller may have lost its zero.
+    /// 5 s, are not in it.
     #[must_use]
-    pub fn at(&self, now_ns: u64, restarted: bool) -> Telemetry {
+    pub fn at(&self, now_ns: u64) -> Telemetry {
         let silent = now_ns.saturating_sub(self.heard_ns) > SILENT_NS;
+        let restarted = self.restarted_ns.is_some_and(|seen_ns| now_ns.saturating_sub(seen_ns) <= KEPT_NS);
         let kept = |value: Option<(f32, u64)>| {
             let (value, arrived_ns) = value.filter(|_| !silent)?;
             (now_ns.saturating_sub(arrived_ns) <= KEPT_NS).then_some(value)
@@ -83,22 +93,24 @@ mod tests {
     #[test]
     fn values_end_with_their_time_and_with_the_messages_of_their_controller() {
         let (mut log, ms) = (TelemetryLog::default(), 1_000_000);
-        assert_eq!(log.at(200 * ms, false), Telemetry::default(), "nothing is expected at the start");
-        assert!(log.at(201 * ms, false).silent);
+        assert_eq!(log.at(200 * ms), Telemetry::default(), "nothing is expected at the start");
+        assert!(log.at(201 * ms).silent);
         log.hear(1000 * ms, Complaints { watchdog: true, ..Complaints::default() });
         log.current(1000 * ms, -1.5);
         log.temperature(1000 * ms, 31.0);
-        let now = log.at(1200 * ms, true);
+        log.restarted(1200 * ms);
+        let now = log.at(1200 * ms);
         assert_eq!((now.current, now.temperature), (Some(-1.5), Some(31.0)));
         assert!(now.complaints.watchdog && now.restarted && !now.silent, "{now:?}");
-        let silent = log.at(1201 * ms, false);
+        let silent = log.at(1201 * ms);
         assert_eq!((silent.current, silent.temperature, silent.silent), (None, None, true));
         log.hear(6000 * ms, Complaints::default());
         log.temperature(6000 * ms, 32.0);
-        assert_eq!(log.at(6000 * ms, false).current, Some(-1.5));
-        let later = log.at(6001 * ms, false);
+        assert_eq!(log.at(6000 * ms).current, Some(-1.5));
+        let later = log.at(6001 * ms);
         assert_eq!((later.current, later.temperature), (None, Some(32.0)), "the current is 5 s old");
-        assert!(!later.complaints.watchdog && !later.restarted);
+        assert!(!later.complaints.watchdog && later.restarted);
+        assert!(log.at(6200 * ms).restarted && !log.at(6201 * ms).restarted);
     }
 
     #[test]
@@ -107,7 +119,7 @@ mod tests {
         log.current(0, 2.0);
         log.current(1, f32::NAN);
         log.temperature(1, f32::INFINITY);
-        let now = log.at(2, false);
+        let now = log.at(2);
         assert_eq!((now.current, now.temperature), (None, None));
     }
 }

@@ -1,6 +1,6 @@
 //! The file names of flight logs, and the choice of logs to remove when there are too many.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::fs;
 use std::io;
@@ -54,6 +54,10 @@ impl Name {
         // Writing the name again and comparing detects leading zeros, signs and extra fields.
         (is_time && known && read.to_string() == name).then_some(read)
     }
+
+    fn is_of_running_process(&self) -> bool {
+        Path::new("/proc").join(self.process.to_string()).exists()
+    }
 }
 
 impl fmt::Display for Name {
@@ -73,15 +77,19 @@ impl fmt::Display for Name {
 /// 3. logs of faults that were not the first fault of a server's run,
 /// 4. logs of the first fault of a server's run.
 ///
-/// The recording beside a log is removed with it. Files with names that this program does not write
-/// stay and do not count.
+/// The recording beside a log is removed with it. A recording without a log is removed if its
+/// process has ended. Files with names that this program does not write stay and do not count.
 ///
 /// # Errors
 /// Returns the operating system's error if the folder cannot be read or a file cannot be removed.
 pub fn prune(newest: &Path) -> io::Result<()> {
     let dir = newest.parent().unwrap_or(Path::new("."));
     let entries = fs::read_dir(dir)?.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    let names = entries.filter_map(|name| Name::parse(&name)).collect();
+    let files: HashSet<String> = entries.collect();
+    for file in files.iter().filter(|file| is_alone(file, &files)) {
+        remove(&dir.join(file))?;
+    }
+    let names = files.iter().filter_map(|name| Name::parse(name)).collect();
     let paths = in_order_of_removal(names).into_iter().map(|name| dir.join(name.to_string()));
     let others: Vec<PathBuf> = paths.filter(|path| path != newest).collect();
     let surplus = (others.len() + 1).saturating_sub(MAX_FILES);
@@ -89,6 +97,15 @@ pub fn prune(newest: &Path) -> io::Result<()> {
         remove(log)?;
         remove(&log.with_extension("mcap"))
     })
+}
+
+/// Returns whether `file` is the recording of a log that is not among `files`, and that no process
+/// writes.
+fn is_alone(file: &str, files: &HashSet<String>) -> bool {
+    let Some(stem) = file.strip_suffix("mcap") else { return false };
+    let [log, part] = ["csv", "part"].map(|extension| format!("{stem}{extension}"));
+    let ended = Name::parse(&log).is_some_and(|name| !name.is_of_running_process());
+    ended && !files.contains(&log) && !files.contains(&part)
 }
 
 /// Removes a file, unless another server has already removed it.
@@ -102,7 +119,7 @@ fn remove(file: &Path) -> io::Result<()> {
 /// Returns those of the flight logs `names` that can be removed, in the order of removal.
 fn in_order_of_removal(mut names: Vec<Name>) -> Vec<Name> {
     // Keep incomplete files whose process is still running.
-    names.retain(|name| !(name.part && Path::new("/proc").join(name.process.to_string()).exists()));
+    names.retain(|name| !(name.part && name.is_of_running_process()));
     names.sort();
     // For each process number: the number of its last log, and whether its current run has had a
     // fault. Processes of different boots can share a process number, so a log number that does not
@@ -202,8 +219,14 @@ mod tests {
         for i in 0..MAX_FILES {
             std::fs::write(at(&format!("flight-99990101T0000{i:02}.000Z-1-001-estop.csv")), "").unwrap();
         }
+        // The recording of a log that could not be written, and one that may still be written.
+        let alone = at(&format!("flight-20000101T000030.000Z-{gone}-001-estop.mcap"));
+        let mine = at(&name.replace("-001-estop.csv", "-002-estop.mcap"));
+        [&alone, &mine].map(|path| std::fs::write(path, "").unwrap());
         let flight = recorder.finish().unwrap();
         flight.write().unwrap();
+        assert!(!alone.exists() && mine.exists());
+        std::fs::remove_file(mine).unwrap();
         let left = std::fs::read_dir(dir.path()).unwrap().count();
         assert!(flight.path.exists() && left == MAX_FILES, "{left} files");
         let part = format!("flight-20000101T000029.000Z-{gone}-001-estop.part");

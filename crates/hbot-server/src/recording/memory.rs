@@ -94,9 +94,17 @@ impl Memory {
         Self { parts }
     }
 
-    /// Writes a recording of all ticks in memory. Blocks until it is written.
+    /// Writes a recording of all ticks in memory. Blocks until it is written. After an error no
+    /// file is left.
     pub(super) fn write(&self, flight: &FlightNote, about: &About, unix_ns: u64) -> Result<(), McapError> {
         let (into, _) = file::open(&flight.path)?;
+        self.write_to(into, about, unix_ns).inspect_err(|_| {
+            // Without room for the recording there may be none for a better message either.
+            let _ = std::fs::remove_file(&flight.path);
+        })
+    }
+
+    fn write_to(&self, into: file::Counting, about: &About, unix_ns: u64) -> Result<(), McapError> {
         let mut writer = Writer::new(into, about)?;
         let mut state = StateEvent::default();
         for (k, part) in self.parts.iter().enumerate() {

@@ -22,9 +22,9 @@ mod thread;
 use std::collections::BTreeMap;
 use std::net::TcpListener;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -132,7 +132,14 @@ impl SceneNote {
 pub(crate) struct Notes {
     to: Option<SyncSender<Note>>,
     counts: Arc<Counts>,
+    /// The newest scene for which there was no room. The thread takes it when the loop renders it.
+    unsent: Unsent,
+    /// True while there is no room for notes, so that only the first lost note is reported.
+    behind: Arc<AtomicBool>,
 }
+
+/// The newest scene that was not sent to the recorder's thread.
+type Unsent = Arc<Mutex<Option<SceneNote>>>;
 
 impl Notes {
     /// Returns the counters of the recorder. They stay at zero if nothing is recorded.
@@ -142,25 +149,43 @@ impl Notes {
 
     /// Announces a scene. Must be called before the scene is sent to the loop.
     pub(crate) fn scene(&self, compiled: &CompiledScene, file: &SceneFile) {
-        if let Some(notes) = &self.to {
-            // If the thread is far behind, it counts the ticks of a scene that it does not know as
+        if let Some(Note::Scene(scene)) = self.send(|| Note::Scene(SceneNote::new(compiled, file))) {
+            // If the thread is far behind, it counts the ticks of the scenes before this one as
             // lost.
-            let _ = notes.try_send(Note::Scene(SceneNote::new(compiled, file)));
+            *unpoisoned(&self.unsent) = Some(scene);
         }
     }
 
     /// Requests the recording of a flight log whose last tick has been published.
     pub(crate) fn flight(&self, flight: FlightNote) {
-        if let Some(notes) = &self.to {
-            let _ = notes.try_send(Note::Flight(flight));
+        let path = flight.path.display().to_string();
+        if self.send(|| Note::Flight(flight)).is_some() {
+            tracing::warn!(path, "no recording of the flight log: the recorder is too slow");
         }
     }
 
     pub(crate) fn event(&self, event: &Event) {
-        if let Some(notes) = &self.to {
-            let _ = notes.try_send(Note::Event(Box::new(event.clone())));
-        }
+        self.send(|| Note::Event(Box::new(event.clone())));
     }
+
+    /// Sends a note to the recorder's thread, if there is one. Returns the note if there is no room
+    /// for it.
+    fn send(&self, note: impl FnOnce() -> Note) -> Option<Note> {
+        let full = match self.to.as_ref()?.try_send(note()) {
+            Err(TrySendError::Full(note)) => Some(note),
+            // The thread has ended: the run is over.
+            Ok(()) | Err(TrySendError::Disconnected(_)) => None,
+        };
+        if !self.behind.swap(full.is_some(), Ordering::Relaxed) && full.is_some() {
+            tracing::warn!("the recorder is too slow: events are missing in the recording");
+        }
+        full
+    }
+}
+
+/// Locks a mutex. Its value is whole even if a thread has panicked while it held the lock.
+fn unpoisoned<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A recorder before the loop has started.
@@ -171,6 +196,8 @@ pub(crate) struct Prepared {
     retry_after: Duration,
     drain: Drain,
     scene: SceneNote,
+    notes: Notes,
+    noted: Receiver<Note>,
 }
 
 /// A recorder whose thread is running.
@@ -195,8 +222,11 @@ pub(crate) fn prepare(
     waits: bool,
 ) -> (Recorder, Prepared) {
     let (mut tap, drain) = tap(waits);
+    let (to, noted) = sync_channel(NOTES);
+    let notes = Notes { to: Some(to), ..Notes::default() };
     let retry_after = output::RETRY_AFTER;
-    (Box::new(move |ticked| tap.take(ticked)), Prepared { options, flights, live, retry_after, drain, scene })
+    let prepared = Prepared { options, flights, live, retry_after, drain, scene, notes, noted };
+    (Box::new(move |ticked| tap.take(ticked)), prepared)
 }
 
 impl Prepared {
@@ -205,8 +235,7 @@ impl Prepared {
     /// # Errors
     /// Fails if the system provides no thread.
     pub(crate) fn start(self, rig: &RigConfig, origin: Origin) -> std::io::Result<Recording> {
-        let (notes_in, notes) = sync_channel(NOTES);
-        let counts = Arc::new(Counts::default());
+        let counts = self.notes.counts();
         let entries = about(self.options.about, rig, &self.scene, origin);
         let to_file = self.options.path.is_some();
         let live = self.live.map(|at| live::start(at, &rig.name, joints(rig), Arc::clone(&counts)));
@@ -217,15 +246,15 @@ impl Prepared {
             scene: self.scene,
             unix_ns: origin.unix_ns,
             files: file::Files::new(self.options.path, self.options.limit),
-            counts: Arc::clone(&counts),
+            counts,
             flights: self.flights,
             retry_after: self.retry_after,
             feed,
         };
-        let scribe = Scribe::new(setup, self.drain, notes);
+        let scribe = Scribe::new(setup, self.drain, self.noted, Arc::clone(&self.notes.unsent));
         let thread =
             std::thread::Builder::new().name("hbot-record".to_owned()).spawn(move || scribe.run())?;
-        Ok(Recording { notes: Notes { to: Some(notes_in), counts }, to_file, thread, viewers })
+        Ok(Recording { notes: self.notes, to_file, thread, viewers })
     }
 }
 

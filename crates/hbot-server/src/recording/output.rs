@@ -41,6 +41,8 @@ struct Open {
     begun_ns: u64,
     /// Time of the last state of the control law in the file, ns since the start of the loop.
     controller_ns: u64,
+    /// Number of recorded ticks that are not with the operating system yet.
+    unflushed: u64,
     /// Number of ticks that are missing since the last recorded one. Ticks are recorded again after
     /// the next state of the control law.
     gap: u64,
@@ -89,15 +91,17 @@ impl Output {
     pub(super) fn tick(&mut self, entry: &Entry, state: &StateEvent, rendered: &Rendered<'_>, at: u64) {
         let Rendered { scene, changed } = *rendered;
         let recorded = self.write(|file| {
-            let Some(scene) = scene.filter(|_| file.gap == 0) else {
-                // The state before this tick, or its scene, is not in the file.
-                return file.writer.state(state, at).map(|()| false);
-            };
-            if changed {
+            if let Some(scene) = scene.filter(|_| changed) {
                 file.scene(entry.inputs.tick, scene, at)?;
             }
+            if scene.is_none() || file.gap > 0 {
+                // The state before this tick, or its scene, is not in the file.
+                return file.writer.state(state, at).map(|()| false);
+            }
             file.writer.exact_tick(&entry.inputs, &entry.outputs, at)?;
-            file.writer.state(state, at).map(|()| true)
+            file.writer.state(state, at)?;
+            file.unflushed += 1;
+            Ok(true)
         });
         if recorded == Some(true) {
             self.counts.written.fetch_add(1, Ordering::Relaxed);
@@ -154,6 +158,7 @@ impl Output {
                 flushed: Instant::now(),
                 begun_ns: t_ns,
                 controller_ns: t_ns,
+                unflushed: 0,
                 gap: 0,
             })
         });
@@ -179,6 +184,7 @@ impl Output {
             self.write(|file| {
                 file.flushed = Instant::now();
                 file.writer.flush()?;
+                file.unflushed = 0;
                 std::fs::symlink_metadata(&file.path).map(drop).map_err(McapError::Io)
             });
         }
@@ -202,6 +208,9 @@ impl Output {
             Ok(value) => Some(value),
             Err(error) => {
                 if let Some(file) = self.file.take() {
+                    // Nobody knows how many of these ticks are in the file.
+                    self.counts.written.fetch_sub(file.unflushed, Ordering::Relaxed);
+                    self.miss(file.unflushed);
                     self.failed(&file.path, &error);
                 }
                 None

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use hbot_config::RunningScene;
 use hbot_core::Inputs;
 use hbot_host::engine::Ticked;
 use hbot_host::sample::{Counters, Sample, TickTiming};
@@ -19,6 +20,7 @@ const UNIX_NS: u64 = 1_000_000_000_000_000;
 struct Loop {
     recorder: Recorder,
     controller: Controller,
+    scenes: RunningScene,
     scene: Box<CompiledScene>,
     rig: RigConfig,
     tick: u64,
@@ -29,11 +31,12 @@ struct Loop {
 fn prepared(path: &Path, limit: Option<Limit>, waits: bool) -> (Loop, Prepared) {
     let rig = RigConfig::prototype();
     let file = SceneFile::default_scene();
-    let scene = Box::new(hbot_config::RunningScene::new().load(file.clone()));
+    let mut scenes = RunningScene::new();
+    let scene = Box::new(scenes.load(file.clone()));
     let options = RecordOptions { path: Some(path.to_owned()), limit, ..RecordOptions::default() };
     let (recorder, prepared) = prepare(options, false, None, SceneNote::new(&scene, &file), waits);
     let controller = Controller::new(rig.rig);
-    (Loop { recorder, controller, scene, rig, tick: 0 }, prepared)
+    (Loop { recorder, controller, scenes, scene, rig, tick: 0 }, prepared)
 }
 
 impl Loop {
@@ -59,6 +62,13 @@ impl Loop {
         self.tick += 1;
     }
 
+    /// Renders the scene of before with a new revision, and announces it to the recorder.
+    fn load(&mut self, notes: &Notes) {
+        let file = SceneFile::default_scene();
+        self.scene = Box::new(self.scenes.load(file.clone()));
+        notes.scene(&self.scene, &file);
+    }
+
     /// Starts the recorder's thread.
     fn start(&self, prepared: Prepared) -> Recording {
         prepared.start(&self.rig, Origin { monotonic_ns: 0, unix_ns: UNIX_NS }).unwrap()
@@ -78,6 +88,13 @@ fn replayed(path: &Path) -> Report {
     Replay::new(file.as_slice(), None).unwrap().run(0, u64::MAX, |_| Ok::<_, ReplayError>(())).unwrap()
 }
 
+/// Returns the number of scenes that viewers see in a recording.
+fn scenes(path: &Path) -> usize {
+    let file = std::fs::read(path).unwrap();
+    let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
+    messages.filter(|message| message.channel.topic == "/hbot/scene").count()
+}
+
 /// Returns the files of a folder in the order in which they were begun.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
@@ -94,7 +111,10 @@ fn a_full_ring_is_a_gap_of_which_the_replay_tells() {
     let (mut run, prepared) = prepared(&path, None, false);
     // The recorder's thread does not run yet, as on a machine that gives it no time.
     let (room, lost) = (ENTRIES as u64, 900);
-    (0..room + lost).for_each(|_| run.tick());
+    (0..room).for_each(|_| run.tick());
+    // The scene changes while ticks are lost.
+    run.load(&prepared.notes);
+    (0..lost).for_each(|_| run.tick());
     let recording = run.start(prepared);
     run.until("ticks after the gap", &recording, |recorded| recorded.written >= room + 100);
     let recorded = recording.end().unwrap();
@@ -104,6 +124,22 @@ fn a_full_ring_is_a_gap_of_which_the_replay_tells() {
     assert_eq!(report.flaws, [Flaw::Gap(recorded.lost)]);
     assert_eq!((report.ticks, report.difference), (recorded.written, None));
     assert_eq!(report.range, Some((0, run.tick - 1)));
+    assert_eq!(scenes(&path), 2, "viewers see the scene that was loaded meanwhile");
+}
+
+#[test]
+fn the_newest_scene_is_recorded_even_if_there_is_no_room_for_its_note() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let (mut run, prepared) = prepared(&path, None, false);
+    (0..NOTES + 10).for_each(|_| run.load(&prepared.notes));
+    (0..100).for_each(|_| run.tick());
+    let recording = run.start(prepared);
+    run.until("all ticks", &recording, |recorded| recorded.written + recorded.lost >= 200);
+    let recorded = recording.end().unwrap();
+    assert_eq!(recorded, Recorded { written: run.tick, lost: 0, failed_files: 0 });
+    assert!(replayed(&path).is_exact());
+    assert_eq!(scenes(&path), 2);
 }
 
 #[test]

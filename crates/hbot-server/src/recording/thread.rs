@@ -14,7 +14,7 @@ use super::file::Files;
 use super::memory::{FlightNote, Memory};
 use super::output::{Law, Output, Rendered};
 use super::tap::{Drain, Entry};
-use super::{Counts, Note, SceneNote};
+use super::{Counts, Note, SceneNote, Unsent, unpoisoned};
 use crate::live::Feed;
 use crate::service::convert;
 
@@ -46,6 +46,8 @@ pub(super) struct Scribe {
     unix_ns: u64,
     drain: Drain,
     notes: Receiver<Note>,
+    /// The newest scene for which there was no room in `notes`.
+    unsent: Unsent,
     ended: bool,
     output: Output,
     feed: Option<Feed>,
@@ -70,7 +72,7 @@ pub(super) struct Scribe {
 }
 
 impl Scribe {
-    pub(super) fn new(setup: Setup, drain: Drain, notes: Receiver<Note>) -> Self {
+    pub(super) fn new(setup: Setup, drain: Drain, notes: Receiver<Note>, unsent: Unsent) -> Self {
         let Setup { about, controller, scene, unix_ns, files, counts, flights, retry_after, feed } = setup;
         Self {
             output: Output::new(about.clone(), files, counts, retry_after),
@@ -78,6 +80,7 @@ impl Scribe {
             unix_ns,
             drain,
             notes,
+            unsent,
             ended: false,
             feed,
             scenes: Vec::new(),
@@ -178,13 +181,18 @@ impl Scribe {
         let Some(memory) = &self.memory else { return };
         for flight in self.flights.extract_if(.., |flight| flight.until <= tick) {
             let (copy, about, unix_ns) = (memory.copy(&flight), self.about.clone(), self.unix_ns);
-            self.writing.push(std::thread::spawn(move || {
+            let path = flight.path.display().to_string();
+            let write = move || {
                 let path = flight.path.display();
                 match copy.write(&flight, &about, unix_ns) {
                     Ok(()) => tracing::info!(%path, "recording of the flight log written"),
                     Err(error) => tracing::warn!(%path, %error, "no recording of the flight log"),
                 }
-            }));
+            };
+            match std::thread::Builder::new().name("hbot-flight".to_owned()).spawn(write) {
+                Ok(thread) => self.writing.push(thread),
+                Err(error) => tracing::warn!(path, %error, "no recording of the flight log"),
+            }
         }
         self.writing.retain(|thread| !thread.is_finished());
     }
@@ -193,7 +201,11 @@ impl Scribe {
     /// again.
     fn adopt(&mut self, revision: u64) {
         let found = self.scenes.iter().position(|scene| scene.compiled.revision() == revision);
-        self.scene = found.map(|k| self.scenes.swap_remove(k));
+        self.scene = found.map(|k| self.scenes.swap_remove(k)).or_else(|| {
+            let mut unsent = unpoisoned(&self.unsent);
+            let rendered = |scene: &mut SceneNote| scene.compiled.revision() == revision;
+            unsent.take_if(rendered).map(Arc::new)
+        });
         self.scenes.retain(|scene| scene.compiled.revision() > revision);
     }
 
@@ -225,8 +237,12 @@ impl Scribe {
         self.output.restart(&law, entry, self.newest);
     }
 
-    /// Requests a copy of the controller if the file or the memory needs one.
+    /// Requests a copy of the controller if the file or the memory needs one. It is of no use
+    /// without the scene.
     fn request(&mut self, entry: &Entry) {
+        if self.scene.is_none() {
+            return;
+        }
         let due = self.memory.as_ref().is_some_and(|memory| memory.is_due(entry.t_ns));
         if !self.requested && (due || self.output.needs_law(entry.t_ns)) {
             self.requested = true;

@@ -132,6 +132,9 @@ impl Servo {
     /// `now_ns`.
     pub(super) fn log(&mut self, now_ns: u64, state: &State, complaints: Complaints) {
         self.log.hear(now_ns, complaints);
+        if self.lost > 0 {
+            self.log.restarted(now_ns);
+        }
         if let Some(steps) = state.current {
             let current = if steps == i32::MIN { f32::NAN } else { steps as f32 * CURRENT_STEP };
             self.log.current(now_ns, current);
@@ -144,7 +147,7 @@ impl Servo {
 
     /// Returns what the servo last reported about itself.
     pub(super) fn telemetry(&self, now_ns: u64) -> Telemetry {
-        self.log.at(now_ns, self.lost > 0)
+        self.log.at(now_ns)
     }
 
     /// Checks whether the servo has restarted and so has lost its zero. It has if it got power

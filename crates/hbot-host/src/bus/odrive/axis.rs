@@ -186,11 +186,14 @@ impl Axis {
         }
         let complaints = self.complaints(tick, order);
         self.log.hear(now_ns, complaints);
+        if self.is_lost() {
+            self.log.restarted(now_ns);
+        }
     }
 
     /// Returns what the axis last reported about itself.
     pub(super) fn telemetry(&self, now_ns: u64) -> Telemetry {
-        self.log.at(now_ns, self.is_lost())
+        self.log.at(now_ns)
     }
 
     /// Updates the state with a position and a velocity, in turns and turns per second, and checks

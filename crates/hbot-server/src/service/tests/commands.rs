@@ -2,7 +2,8 @@
 //! network.
 
 use hbot_api::{
-    Align, ClockInfo, ErrorCode, LeaseInfo, OpName, ReferenceCommand, TorqueCommand, TractionInfo, Who,
+    Align, ClockInfo, ErrorCode, LeaseInfo, OpName, PassivityInfo, ReferenceCommand, TorqueCommand,
+    TractionInfo, Who,
 };
 
 use super::*;
@@ -319,6 +320,17 @@ fn enable_far_from_a_reference_says_which_and_how_far() {
 }
 
 #[test]
+fn info_tells_the_limit_of_the_passivity_controller() {
+    let mut rig = RigConfig::prototype();
+    let limit = hbot_core::rig::PassivityLimit { allowance: 0.002, store: 0.25, damping: 0.125 };
+    rig.rig = rig.rig.with(|parts| parts.methods.passivity = Some(limit)).unwrap();
+    let bench = TestService::start(TestOptions { rig, ..TestOptions::default() });
+    let info = bench.client("c").info().unwrap();
+    let told = PassivityInfo { allowance: 0.002, store: 0.25, damping: 0.125 };
+    assert_eq!(info.limits.passivity, Some(told));
+}
+
+#[test]
 fn info_and_stats_have_their_shape() {
     let bench = bench();
     bench.wait_for(Mode::Idle);
@@ -329,6 +341,7 @@ fn info_and_stats_have_their_shape() {
     let clock = ClockInfo { monotonic_ns: ORIGIN.monotonic_ns, unix_ns: ORIGIN.unix_ns };
     assert_eq!(info.clock, Some(clock));
     assert_eq!(info.limits.traction, Some(TractionInfo { mu: 0.8, normal_force: 10.0 }));
+    assert_eq!(info.limits.passivity, None);
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
     // `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1 ms and the lag
     // of the motors, 0.5 ms. `stiffness_most` is 0.146457 times the smallest apparent inertia

@@ -232,7 +232,7 @@ fn all_plots(report: &mut Report, times: &[Bar], instructions: Vec<(String, f64)
     if !instructions.is_empty() {
         let bar = |(name, value): (String, f64)| {
             let colour = usize::from(!desk::is_kind(&name));
-            Bar { name, value, label: None, spread: None, colour }
+            Bar { name, value, label: Some(format!("{value:.0}")), spread: None, colour }
         };
         let all: Vec<Bar> = instructions.into_iter().map(bar).collect();
         plots(report, "instructions", "Instructions", &all);
