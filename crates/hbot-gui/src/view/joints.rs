@@ -21,7 +21,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
     for (k, pair) in state.joints.chunks(2).enumerate() {
         let wheel = model.info.rig.wheels.get(k);
         heading(ui, wheel.and_then(|wheel| wheel.name.as_deref()).unwrap_or("Wheel"));
-        Grid::new(("joints", k)).num_columns(4).spacing([10.0, 3.0]).show(ui, |ui| {
+        Grid::new(("joints", k)).num_columns(4).spacing([6.0, 3.0]).show(ui, |ui| {
             for text in ["", "angle", "rate", "torque"] {
                 ui.label(RichText::new(text).weak());
             }
@@ -53,7 +53,7 @@ fn motors(wheel: Option<&WheelInfo>) -> [(&'static str, JointInfo); 2] {
 
 fn row(ui: &mut Ui, joint: &JointState, name: &str) {
     ui.label(name);
-    let number = |text: String| RichText::new(text).monospace().size(12.0);
+    let number = |text: String| RichText::new(text).monospace().size(11.0);
     let degrees = joint.angle.to_degrees();
     ui.label(number(format!("{degrees:5.1}\u{b0}"))).on_hover_text(format!("{:.4} rad", joint.angle));
     ui.label(number(format!("{:+7.3} rad/s", joint.rate)));

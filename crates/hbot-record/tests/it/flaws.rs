@@ -6,6 +6,7 @@ use hbot_api::StateEvent;
 use hbot_config::SceneFile;
 use hbot_core::CompiledScene;
 use hbot_core::effects::{Effect, Span};
+use hbot_record::exact::FORMAT;
 use hbot_record::replay::{Flaw, Replay, ReplayError};
 use hbot_record::{About, Exact, Writer};
 
@@ -143,8 +144,8 @@ fn a_recording_without_exact_inputs_is_refused_with_what_to_do() {
 fn what_is_no_recording_of_this_version_is_refused_by_name() {
     assert!(matches!(replay(b"not an MCAP file, but text").unwrap_err(), ReplayError::Read(_)));
     let (mut recording, _) = record(SceneFile::default_scene(), 1, |_| ());
-    let entry = b"\x06\0\0\0format\x01\0\0\x001";
-    let place = recording.windows(entry.len()).position(|bytes| bytes == entry).unwrap();
+    let entry = format!("\x06\0\0\0format\x01\0\0\0{FORMAT}");
+    let place = recording.windows(entry.len()).position(|bytes| bytes == entry.as_bytes()).unwrap();
     recording[place + entry.len() - 1] = b'9';
     let Err(error) = Replay::new(&recording[..], None) else { panic!("another format is replayed") };
     let text = error.to_string();
