@@ -65,7 +65,7 @@ impl Loop {
     /// Renders the scene of before with a new revision, and announces it to the recorder.
     fn load(&mut self, notes: &Notes) {
         let file = SceneFile::default_scene();
-        self.scene = Box::new(self.scenes.load(file.clone()));
+        *self.scene = self.scenes.load(file.clone());
         notes.scene(&self.scene, &file);
     }
 
