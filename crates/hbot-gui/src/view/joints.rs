@@ -21,8 +21,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
     for (k, pair) in state.joints.chunks(2).enumerate() {
         let wheel = model.info.rig.wheels.get(k);
         heading(ui, wheel.and_then(|wheel| wheel.name.as_deref()).unwrap_or("Wheel"));
-        Grid::new(("joints", k)).num_columns(4).spacing([6.0, 3.0]).show(ui, |ui| {
-            for text in ["", "angle", "rate", "torque"] {
+        Grid::new(("joints", k)).num_columns(4).spacing([10.0, 3.0]).show(ui, |ui| {
+            for text in ["", "angle", "rate, rad/s", "torque, N m"] {
                 ui.label(RichText::new(text).weak());
             }
             ui.end_row();
@@ -53,11 +53,11 @@ fn motors(wheel: Option<&WheelInfo>) -> [(&'static str, JointInfo); 2] {
 
 fn row(ui: &mut Ui, joint: &JointState, name: &str) {
     ui.label(name);
-    let number = |text: String| RichText::new(text).monospace().size(11.0);
+    let number = |text: String| RichText::new(text).monospace().size(12.0);
     let degrees = joint.angle.to_degrees();
     ui.label(number(format!("{degrees:5.1}\u{b0}"))).on_hover_text(format!("{:.4} rad", joint.angle));
-    ui.label(number(format!("{:+7.3} rad/s", joint.rate)));
-    ui.label(number(format!("{:+7.4} N m", joint.torque)));
+    ui.label(number(format!("{:+9.3}", joint.rate)));
+    ui.label(number(format!("{:+9.4}", joint.torque)));
     ui.end_row();
 }
 
@@ -132,15 +132,15 @@ mod tests {
     fn each_joint_has_its_angle_rate_torque_and_share_of_its_motor() {
         let expected = [
             "left",
-            "angle | rate | torque",
-            "steer | 28.6\u{b0} | +1.250 rad/s | +0.0500 N m",
-            "drive | 57.3\u{b0} | -2.500 rad/s | -0.2000 N m",
+            "angle | rate, rad/s | torque, N m",
+            "steer | 28.6\u{b0} | +1.250 | +0.0500",
+            "drive | 57.3\u{b0} | -2.500 | -0.2000",
             "steer: 25 % of 0.2 N m",
             "drive: 50 % of 0.4 N m",
             "Wheel",
-            "angle | rate | torque",
-            "steer | -85.9\u{b0} | +0.000 rad/s | +0.6000 N m",
-            "drive | 114.6\u{b0} | +3.000 rad/s | +1.6000 N m",
+            "angle | rate, rad/s | torque, N m",
+            "steer | -85.9\u{b0} | +0.000 | +0.6000",
+            "drive | 114.6\u{b0} | +3.000 | +1.6000",
             "steer: 75 % of 0.8 N m",
             "drive: 100 % of 1.6 N m",
             NOTE,

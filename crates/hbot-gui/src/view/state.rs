@@ -89,18 +89,18 @@ fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
 }
 
 fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
-    match (model.silent_for(), &model.state) {
-        (Some(silent), state) => {
-            let text = format!("The server has said nothing for {:.0} s.", silent.as_secs_f64());
-            coloured(ui, palette.bad, text);
-            if let Some(state) = state {
-                let last = format!("What is shown is old. The last mode was {}.", state.mode);
-                ui.add(egui::Label::new(last).wrap());
-            }
-        }
-        (None, _) => drop(coloured(ui, palette.bad, "Not connected.")),
+    let silent = model.silent_for();
+    let text = match silent {
+        Some(silent) => format!("The server has said nothing for {:.0} s.", silent.as_secs_f64()),
+        None => "Not connected.".to_owned(),
+    };
+    coloured(ui, palette.bad, text);
+    // Before the text on the state, which can be out of sight in a low window.
+    let advice = "What the rig does now is not known. If in doubt, cut the motors' power.";
+    ui.add(egui::Label::new(advice).wrap());
+    if let (Some(_), Some(state)) = (silent, &model.state) {
+        weak(ui, format!("What is shown is old. The last mode was {}.", state.mode));
     }
-    weak(ui, "What the rig does now is not known. If in doubt, cut the motors' power.");
 }
 
 fn fault(ui: &mut Ui, model: &Model, fault: Option<Fault>, palette: Palette) {

@@ -17,7 +17,9 @@ pub(crate) struct Display {
 impl Display {
     /// Presses the mouse button at a place of the screen. Windows stand in its upper left corner.
     pub(crate) fn click(&self, [x, y]: [u32; 2]) {
-        let pressed = self.xdotool(&["mousemove", &x.to_string(), &y.to_string(), "click", "1"]);
+        // A window that has opened below a pointer at rest does not know where the pointer is.
+        let (x, y, above) = (x.to_string(), y.to_string(), (y - 1).to_string());
+        let pressed = self.xdotool(&["mousemove", &x, &above, "mousemove", &x, &y, "click", "1"]);
         assert!(pressed, "xdotool cannot press the mouse button");
     }
 

@@ -14,7 +14,7 @@ use hbot_testing::server::{TestServer, any_port, options};
 use crate::bench::{AloneServer, ServerSetup, Wire, alone};
 use crate::display::{Display, Shot};
 use crate::joints::MOTEUS;
-use crate::window::{BAD, GOOD, N3, STOP, WARN, count};
+use crate::window::{BAD, CHOSEN, GOOD, N3, STOP, WARN, count};
 
 const SIZES: [[u32; 2]; 2] = [[1280, 800], [1024, 600]];
 
@@ -29,7 +29,7 @@ const fn lease_button([width, _]: [u32; 2]) -> [u32; 2] {
 /// Returns the middle of the tab for the joints, in a window of this size.
 const fn joints_tab([width, _]: [u32; 2]) -> [u32; 2] {
     let right = if width < 1100 { 286 } else { 330 };
-    [width - right + 80, 46]
+    [width - right + 92, 45]
 }
 
 /// Takes a picture of a state in both sizes, and calls `meanwhile` with the size of each window
@@ -110,8 +110,14 @@ fn joints(displays: &[Display; 2], scene: &str) {
     let bench = AloneServer::beside(&setup);
     let open = |display: &Display, size| display.click(joints_tab(size));
     pictures(displays, "joints", bench.address, open, |name, pixels| {
-        // The tab for the scene has no bars of the motors.
-        assert!(count(pixels, GOOD) > 500, "{name}: {}", count(pixels, GOOD));
+        let size = SIZES.into_iter().find(|[width, height]| pixels.len() == (3 * width * height) as usize);
+        let [width, _] = size.expect("one of the sizes");
+        let [x, y] = joints_tab([width, 0]);
+        // The left and the right of the text on the tab.
+        for x in [x - 22, x + 22] {
+            let at = 3 * (y * width + x) as usize;
+            assert_eq!(count(&pixels[at..at + 3], CHOSEN), 1, "{name}: the tab is open");
+        }
     });
     bench.stop();
 }

@@ -32,6 +32,8 @@ pub(crate) const GOOD: [u8; 3] = [0x22, 0xb8, 0x8c];
 pub(crate) const BAD: [u8; 3] = [0xff, 0x80, 0x48];
 /// Colour of warnings to the user, on a dark background.
 pub(crate) const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
+/// Colour of the tab that is open, on a dark background.
+pub(crate) const CHOSEN: [u8; 3] = [0x00, 0x5c, 0x80];
 /// Colour of the axis n3 in the picture of the sphere, on a dark background.
 pub(crate) const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 
