@@ -82,9 +82,7 @@ def test_info() -> None:
     parts: dict[str, set[str]] = {
         "`rig`": names(info.RigInfo, info.Sphere),
         "a wheel": names(info.Wheel, info.Motor),
-        "`limits`": names(
-            info.Limits, info.EnergyLimit, info.TractionLimit, info.PassivityLimit
-        ),
+        "`limits`": names(info.Limits, info.EnergyLimit, info.TractionLimit, info.PassivityLimit),
         "`render`": names(info.Render),
         "`effects`": names(info.Kind),
         "`lease`": names(info.Holder),
