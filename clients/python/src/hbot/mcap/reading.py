@@ -14,6 +14,7 @@ from mcap.exceptions import InvalidMagic, McapError
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap_protobuf.decoder import DecoderFactory
+from zstandard import ZstdError
 
 from ..events import DroppedEvent
 from .topics import EVENT, EXACT, STATE, TOPICS, Array, Topic, event_of, missing_steps
@@ -21,8 +22,16 @@ from .topics import EVENT, EXACT, STATE, TOPICS, Array, Topic, event_of, missing
 METADATA = "hbot"
 """Name of the metadata record of a recording."""
 Decode: TypeAlias = Callable[[bytes], Any]
-_DAMAGE = (McapError, CRCValidationError, struct.error, RuntimeError, UnicodeDecodeError)
-"""What the reader of MCAP raises at bytes that are no record. lz4 raises RuntimeError."""
+_DAMAGE = (
+    McapError,
+    CRCValidationError,
+    ZstdError,
+    struct.error,
+    RuntimeError,
+    UnicodeDecodeError,
+)
+"""What the reader of MCAP and its decompressors raise at bytes that are no record (lz4:
+RuntimeError)."""
 
 
 @dataclass(frozen=True)
