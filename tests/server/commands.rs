@@ -66,6 +66,9 @@ fn set_changes_the_running_scene_and_show_prints_it() {
         let unstable = said.contains("500 N m/rad is unstable on this rig with any damping");
         assert_eq!(unstable, warned, "{stiffness}: {said}");
     }
+    run(&server, &["set", "spring", "stiffness=30"])
+        .success()
+        .stdout(contains("warning: spring: stiffness 30 N m/rad may buzz"));
     run(&server, &["set", "sprung", "stiffness=2"]).failure().stderr(contains("legal: spring"));
     run(&server, &["set", "spring", "stifness=2"]).failure().stderr(contains("did you mean `stiffness`"));
     run(&server, &["set", "spring", "stiffness"]).code(2).stderr(contains("KEY=VALUE"));
@@ -102,9 +105,9 @@ fn commands_take_the_lease_from_another_client_only_with_steal() {
     run(&server, &["info"]).success().stdout(contains("scene      Clay"));
 }
 
-/// The lease is free again after a command has stolen it, also if the server refused the command.
+/// A change that cannot be made is refused before it takes the lease from the client that has it.
 #[test]
-fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
+fn a_set_that_cannot_be_made_steals_nothing() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(state.path());
     let mut other = JsonLines::greeted(&server.address);
@@ -119,8 +122,25 @@ fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
         other.ask(r#"{"id": 1, "op": "acquire"}"#);
         run(&server, &["info"]).success().stdout(contains("lease      held by a test"));
         run(&server, command).failure().stderr(contains(why));
-        run(&server, &["info"]).success().stdout(contains("lease      free"));
+        run(&server, &["info"]).success().stdout(contains("lease      held by a test"));
     }
+    // One that can be made takes it, and the victim is told who did.
+    run(&server, &["set", "spring", "stiffness=2", "--steal"]).success();
+    let stolen = other.until(|line| line["event"] == "lease" && line["cause"] == "stolen");
+    assert!(stolen["by"]["name"].as_str().is_some_and(|name| name.starts_with("hbot set ")), "{stolen}");
+}
+
+/// The lease is free again after a command has stolen it, also if the server refused the command.
+#[test]
+fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut other = JsonLines::greeted(&server.address);
+    run(&server, &["estop"]).success();
+    other.ask(r#"{"id": 1, "op": "acquire"}"#);
+    run(&server, &["info"]).success().stdout(contains("lease      held by a test"));
+    run(&server, &["enable", "--steal"]).failure().stderr(contains("`hbot reset`, then `hbot enable`"));
+    run(&server, &["info"]).success().stdout(contains("lease      free"));
 }
 
 #[test]

@@ -144,8 +144,8 @@ mod tests {
         *inputs.last_mut().unwrap() = 9;
         assert!(read::<Inputs>(&inputs).is_err(), "9 commands of at most 8");
 
-        // The number of wheels follows the sphere's radius and mass, two reals, with which the state
-        // of the control law begins.
+        // The number of wheels follows the sphere's radius and mass, two reals, with which the
+        // state of the control law begins.
         let mut law = bytes(&Controller::new(RigConfig::prototype().rig));
         assert_eq!(law[16], 2);
         for wheels in [0, 1, 9, 127] {

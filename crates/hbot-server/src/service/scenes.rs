@@ -205,7 +205,7 @@ impl Scenes {
                 SetError::Invalid(_) if self.knows(effect, parameters) => ErrorCode::OutOfRange,
                 SetError::Invalid(_) => ErrorCode::BadRequest,
             };
-            ErrorBody::new(code, shortened(refusal(effect, &error)))
+            ErrorBody::new(code, shortened(set_refusal(effect, &error)))
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
@@ -286,7 +286,8 @@ fn busy(op: OpName) -> ErrorBody {
 }
 
 /// Returns the error message for a `set` that is refused. It names the effect in every line.
-fn refusal(effect: &str, error: &SetError) -> String {
+#[must_use]
+pub fn set_refusal(effect: &str, error: &SetError) -> String {
     match error {
         SetError::UnknownEffect { .. } => error.to_string(),
         SetError::Invalid(mistakes) => {
