@@ -34,7 +34,7 @@ fn print(mode: Mode) -> anyhow::Result<ExitCode> {
 /// the user and the machine follow.
 pub(crate) fn connect(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
     let mut options = ConnectOptions::new(&client_name(program));
-    if let Some(file) = &address.token_file {
+    if let Some(file) = address.token_file() {
         let token = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
         options.token = Some(token.trim().to_owned().into());
     }

@@ -48,6 +48,21 @@ fn the_banner_and_info_say_first_whether_motors_can_push() {
 }
 
 #[test]
+fn info_shows_the_limits_of_energy_rounded_for_people() {
+    let state = tempfile::tempdir().expect("a folder");
+    let path = patient_rig(state.path());
+    let rig = std::fs::read_to_string(&path).expect("readable");
+    let limited =
+        rig.replace("passivity = false ", "passivity = { allowance = 0.1, store = 0.3000000000000004 } ");
+    assert_ne!(rig, limited, "the prototype's passivity is written otherwise");
+    std::fs::write(&path, limited).expect("written");
+    let server = Process::start(&["--rig", &path], state.path());
+    run(&server, &["info"]).success().stdout(contains(
+        "at most 0.1 J more than the hand put in, of which at most 0.3 J are stored, by up to ",
+    ));
+}
+
+#[test]
 fn set_changes_the_running_scene_and_show_prints_it() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(state.path());
@@ -81,10 +96,13 @@ fn info_says_after_a_stop_how_torque_comes_back() {
     let server = server(state.path());
     run(&server, &["estop"]).success();
     run(&server, &["enable"]).failure().stderr(contains("`hbot info` shows the cause"));
-    let stopped = "mode       estop: the rig was stopped. When it is safe: `hbot reset`, then `hbot enable`";
+    let stopped = "mode       estop: the rig was stopped; the server's log says by whom. When it is safe: `hbot reset`, then \
+                   `hbot enable`";
     run(&server, &["info"]).success().stdout(contains(stopped));
     run(&server, &["reset"]).success();
-    run(&server, &["info"]).success().stdout(contains("mode       idle\n"));
+    run(&server, &["info"])
+        .success()
+        .stdout(contains("mode       idle: the torque is off. `hbot enable` switches it on\n"));
 }
 
 #[test]
@@ -258,6 +276,22 @@ fn a_token_file_is_found_by_its_variable_and_its_absence_names_it() {
     run(&server, &["info"]).failure().stderr(contains("--token-file FILE").and(contains("HBOT_TOKEN_FILE")));
     let mut with = assert_cmd::Command::from_std(hbot());
     with.args(["info", "--server", &server.address]).env("HBOT_TOKEN_FILE", file).assert().success();
+}
+
+/// A variable that is set and empty counts as one that is not set, as usual in shells.
+#[test]
+fn empty_variables_are_as_if_unset() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut command = assert_cmd::Command::from_std(hbot());
+    command.args(["info", "--server", &server.address]).env("HBOT_TOKEN_FILE", "").assert().success();
+    // Whether a server listens at the default address or not, it is the one that is asked.
+    let mut command = assert_cmd::Command::from_std(hbot());
+    let said = command.arg("info").env("HBOT_SERVER", "").env("HBOT_TOKEN_FILE", "").assert();
+    let output = said.get_output();
+    let text =
+        String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(text.contains("127.0.0.1:4268"), "{text}");
 }
 
 #[test]
