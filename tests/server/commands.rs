@@ -222,6 +222,7 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
     let [file, other] = [&file, &other].map(|path| path.to_str().expect("UTF-8"));
     let rig = patient_rig(state.path());
     let server = Process::start(&["--rig", &rig, "--record", file], state.path());
+    assert!(server.banner.starts_with(&format!("recording to {file}\n")), "{}", server.banner);
     // Without subscribers, samples wait for the service until it has another reason to wake.
     let mut client = JsonLines::greeted(&server.address);
     eventually("some ticks", || {
@@ -233,6 +234,8 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
     let [ticks, recorded, lost] =
         [" ticks: ", " ticks recorded", " lost, "].map(|word| number_before(word, &said));
     assert_eq!(ticks, recorded + lost, "{said}");
+    let size = std::fs::metadata(file).expect("a recording").len() as f64 * 1.0e-3;
+    assert!(said.contains(&format!("recorded to {file}: {size:.1} kB")), "{size} kB: {said}");
 
     let hbot = |args: &[&str]| assert_cmd::Command::from_std(hbot()).args(args).assert();
     hbot(&["server", "--listen", "127.0.0.1:0", "--record", file])
@@ -246,6 +249,29 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
     std::fs::remove_file(other).expect("removed");
     hbot(&["replay", file, "--scene", "clay", "--out", other])
         .stdout(contains("computed with the other scene"));
+}
+
+/// The run goes on without its recording, and the exit code tells a script that it is missing.
+#[test]
+fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
+    let state = tempfile::tempdir().expect("a folder");
+    std::fs::write(state.path().join("blocked"), "a file where the folder should be").expect("written");
+    let path = state.path().join("blocked/run.mcap");
+    let args = ["server", "--listen", "127.0.0.1:0", "--time", "virtual", "--duration", "1", "--record"];
+    assert_cmd::Command::from_std(hbot())
+        .args(args)
+        .arg(&path)
+        .env("XDG_STATE_HOME", state.path())
+        .timeout(Duration::from_secs(60))
+        .assert()
+        .code(3)
+        .stdout(contains("0 ticks recorded").and(contains("1 files failed")))
+        .stderr(contains("the recording cannot be written"));
+    let mut help = assert_cmd::Command::from_std(hbot());
+    help.args(["server", "--help"])
+        .assert()
+        .success()
+        .stdout(contains("3  the run was good, but a file of --record"));
 }
 
 #[test]
