@@ -1,13 +1,14 @@
 //! `hbot rig new`: writes a commented rig file from a few answers.
 
-use std::fmt::Write as _;
+mod file;
+
 use std::io::{BufRead as _, IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
-use hbot_config::RigConfig;
+use hbot_config::{Diagnostic, RigConfig};
 
 use super::out::say;
 
@@ -30,28 +31,28 @@ pub(crate) struct NewArgs {
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=8))]
     wheels: Option<u32>,
     /// Radius of the sphere, m
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     radius: Option<f64>,
     /// Mass of the sphere, kg
-    #[arg(long, value_name = "KG")]
+    #[arg(long, value_name = "KG", allow_negative_numbers = true)]
     mass: Option<f64>,
     /// Radius of the wheels, m
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     wheel_radius: Option<f64>,
     /// Angle between a wheel's steering axis and the line to its contact, degrees
-    #[arg(long, value_name = "DEG")]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     cone: Option<f64>,
     /// Turns of the motor per turn of the wheel about its steering axis
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     steer_gear: Option<f64>,
     /// Turns of the motor per turn of the rolling wheel
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     drive_gear: Option<f64>,
     /// Largest torque of a steer joint after its gear, N m
-    #[arg(long, value_name = "NM")]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     steer_peak: Option<f64>,
     /// Largest torque of a drive joint after its gear, N m
-    #[arg(long, value_name = "NM")]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     drive_peak: Option<f64>,
 }
 
@@ -81,156 +82,11 @@ struct Answers {
     drive: Motor,
 }
 
-/// The motor of a joint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Motor {
-    gear: f64,
-    peak: f64,
-    /// Inertia at the joint, kg m². It is that of the prototype.
-    inertia: f64,
-}
-
-pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
-    if args.file.exists() {
-        bail!("{} exists already: name another file", args.file.display());
-    }
-    let file = args.file.clone();
-    let answers = answers(args)?;
-    let text = text(&answers)?;
-    // A rig that is not legal is reported by the keys of the file that would have been written.
-    RigConfig::from_toml(&text, &file.display().to_string())?;
-    std::fs::write(&file, text).with_context(|| format!("{}: cannot be written", file.display()))?;
-    say!("{} is written. Measure what is marked \"measure\", then run", file.display())?;
-    say!("  hbot rig check {0}\n  hbot server --rig {0} --port sim", file.display())?;
-    say!("docs/first-torque.md leads from here to the first torque")?;
-    Ok(ExitCode::SUCCESS)
-}
-
-fn answers(args: NewArgs) -> anyhow::Result<Answers> {
-    let protocol = match args.protocol {
-        Some(protocol) => protocol,
-        None => Controllers::from_str(
-            &ask("protocol of the motor controllers (hbot, moteus, odrive)", "hbot")?,
-            true,
-        )
-        .map_err(|_| anyhow::anyhow!("the protocol is hbot, moteus or odrive"))?,
-    };
-    let text = |given: Option<String>, question, default| given.map_or_else(|| ask(question, default), Ok);
-    let number = |given: Option<f64>, question, default: &str| match given {
-        Some(number) => Ok(number),
-        None => ask(question, default)?.parse().with_context(|| format!("{question}: a number")),
-    };
-    Ok(Answers {
-        name: text(args.name, "name of the rig", "My Hbot")?,
-        protocol,
-        port: text(args.port, "serial device, or sim", "sim")?,
-        wheels: match args.wheels {
-            Some(wheels) => wheels,
-            None => ask("number of wheels", "2")?.parse().context("number of wheels: 2 to 8")?,
-        },
-        radius: number(args.radius, "radius of the sphere, m", "0.102")?,
-        mass: number(args.mass, "mass of the sphere, kg", "0.467")?,
-        wheel_radius: number(args.wheel_radius, "radius of the wheels, m", "0.0155")?,
-        cone_deg: number(args.cone, "angle between steering axis and contact, degrees", "10")?,
-        steer: Motor {
-            gear: number(args.steer_gear, "gear of the steer joints", "1")?,
-            peak: number(args.steer_peak, "largest torque of a steer joint after its gear, N m", "0.93")?,
-            inertia: 2.7e-5,
-        },
-        drive: Motor {
-            gear: number(args.drive_gear, "gear of the drive joints", "17")?,
-            peak: number(args.drive_peak, "largest torque of a drive joint after its gear, N m", "0.14")?,
-            inertia: 3.5e-6,
-        },
-    })
-}
-
-/// Asks a question if a person is at the terminal. Returns `default` if there is none, or if the
-/// answer is empty.
-fn ask(question: &str, default: &str) -> anyhow::Result<String> {
-    let terminal = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
-    if !terminal {
-        return Ok(default.to_owned());
-    }
-    write!(anstream::stderr(), "{question} [{default}]: ")?;
-    std::io::stderr().flush()?;
-    let mut line = String::new();
-    std::io::stdin().lock().read_line(&mut line)?;
-    let answer = line.trim();
-    Ok(if answer.is_empty() { default.to_owned() } else { answer.to_owned() })
-}
-
-/// Returns the text of the rig file.
-fn text(answers: &Answers) -> anyhow::Result<String> {
-    let Answers { name, radius, mass, port, .. } = answers;
-    let protocol =
-        answers.protocol.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
-    let mut text = format!(
-        "# Written by `hbot rig new`. Units are SI; an angle can be a text such as \"10 deg\". docs/files.md describes every key.\n\
-         # What is marked \"measure\" was not asked for and is a value of the prototype.\n\n\
-         name = {name:?}\n\n[sphere]\nradius = {radius} # m\nmass = {mass} # kg; a hollow sphere is assumed\n"
-    );
-    for wheel in 0..answers.wheels {
-        let angle = std::f64::consts::TAU * f64::from(wheel) / f64::from(answers.wheels);
-        write!(
-            text,
-            "\n[[wheel]]\nname = \"{}\"\naxis = [{:.6}, {:.6}, -1] # measure: from the centre to the wheel, z up; any length\n\
-             cone = \"{} deg\" # between the steering axis and the contact's normal; must not be 0\n\
-             radius = {} # m\n",
-            char::from(b'A' + wheel as u8),
-            angle.cos(),
-            angle.sin(),
-            answers.cone_deg,
-            answers.wheel_radius,
-        )?;
-        joint(&mut text, answers, 2 * wheel)?;
-        joint(&mut text, answers, 2 * wheel + 1)?;
-    }
-    write!(
-        text,
-        "\n[loop]\nrate_hz = 1000 # `hbot doctor --rig FILE` says how high it can be\n\n\
-         [link]\nport = {port:?} # \"sim\", or a device such as \"/dev/ttyACM0\"\nprotocol = {protocol:?} # docs/controllers.md\n\n\
-         [limits]\ntorque = {:.3} # N m on the sphere: begin low\ntorque_rate = 20 # N m/s: begin low\nspeed = 10 # rad/s\n",
-        0.2 * answers.drive.peak.min(answers.steer.peak) * answers.radius / answers.wheel_radius,
-    )?;
-    Ok(text)
-}
-
-/// Writes the table of joint `number` (from 0, in the order steer, drive of each wheel).
-fn joint(text: &mut String, answers: &Answers, number: u32) -> std::fmt::Result {
-    let steer = number.is_multiple_of(2);
-    let (table, motor) = if steer { ("steer", answers.steer) } else { ("drive", answers.drive) };
-    // Ids of moteus and ODrive begin with 1; hbot's own link counts places from 0.
-    let controller = number + u32::from(answers.protocol != Controllers::Hbot);
-    writeln!(text, "\n[wheel.{table}]\ncontroller = {controller} # its id, or its place on hbot's own link")?;
-    if answers.protocol == Controllers::Hbot {
-        writeln!(text, "counts_per_turn = 16384 # measure: counts of the encoder per turn of the motor")?;
-    }
-    writeln!(text, "gear = {} # turns of the motor per turn of the joint", motor.gear)?;
-    writeln!(text, "sign = 1 # `hbot rig calibrate` tells whether it is -1")?;
-    if steer {
-        writeln!(
-            text,
-            "zero = \"assume\" # a person sets the wheels to zero before power goes on; or \"index\", \"absolute\""
-        )?;
-    }
-    writeln!(
-        text,
-        "inertia = {:e} # measure: kg m² at the joint\npeak = {} # N m after the gear\ncontinuous = {:.4} # measure: N m that it \
-         holds without getting hot",
-        motor.inertia,
-        motor.peak,
-        0.1 * motor.peak,
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn usual() -> Answers {
-        Answers {
-            name: "A \"test\"".to_owned(),
+impl Answers {
+    /// Returns the default of each answer.
+    fn usual() -> Self {
+        Self {
+            name: "My Hbot".to_owned(),
             protocol: Controllers::Hbot,
             port: "sim".to_owned(),
             wheels: 2,
@@ -242,21 +98,370 @@ mod tests {
             drive: Motor { gear: 17.0, peak: 0.14, inertia: 3.5e-6 },
         }
     }
+}
+
+/// The motor of a joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Motor {
+    gear: f64,
+    peak: f64,
+    /// Inertia at the joint, kg m². It is that of the prototype.
+    inertia: f64,
+}
+
+/// A number that the command asks for.
+struct Number {
+    option: &'static str,
+    /// The question, which ends with the unit.
+    words: &'static str,
+    given: fn(&NewArgs) -> Option<f64>,
+    place: fn(&mut Answers) -> &mut f64,
+}
+
+/// The numbers, in the order in which the command asks for them.
+const NUMBERS: [Number; 8] = [
+    Number {
+        option: "--radius",
+        words: "radius of the sphere, m",
+        given: |args| args.radius,
+        place: |answers| &mut answers.radius,
+    },
+    Number {
+        option: "--mass",
+        words: "mass of the sphere, kg",
+        given: |args| args.mass,
+        place: |answers| &mut answers.mass,
+    },
+    Number {
+        option: "--wheel-radius",
+        words: "radius of the wheels, m",
+        given: |args| args.wheel_radius,
+        place: |answers| &mut answers.wheel_radius,
+    },
+    Number {
+        option: "--cone",
+        words: "angle between steering axis and contact, degrees",
+        given: |args| args.cone,
+        place: |answers| &mut answers.cone_deg,
+    },
+    Number {
+        option: "--steer-gear",
+        words: "gear of the steer joints, turns of the motor per turn of the joint",
+        given: |args| args.steer_gear,
+        place: |answers| &mut answers.steer.gear,
+    },
+    Number {
+        option: "--steer-peak",
+        words: "largest torque of a steer joint after its gear, N m",
+        given: |args| args.steer_peak,
+        place: |answers| &mut answers.steer.peak,
+    },
+    Number {
+        option: "--drive-gear",
+        words: "gear of the drive joints, turns of the motor per turn of the joint",
+        given: |args| args.drive_gear,
+        place: |answers| &mut answers.drive.gear,
+    },
+    Number {
+        option: "--drive-peak",
+        words: "largest torque of a drive joint after its gear, N m",
+        given: |args| args.drive_peak,
+        place: |answers| &mut answers.drive.peak,
+    },
+];
+
+/// Names the options that together make a mistake in the arrangement of the wheels.
+const WHEELS_AND_CONE: &str = "--wheels and --cone";
+
+/// A mistake in the answers: the option that has the wrong value, and what is wrong.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Mistake {
+    option: &'static str,
+    why: String,
+}
+
+/// Asks a person: prints the prompt and returns the answer. Returns `None` if nobody is there.
+type Ask<'a> = &'a mut dyn FnMut(&str) -> anyhow::Result<Option<String>>;
+
+pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
+    if args.file.exists() {
+        bail!("{} exists already: name another file", args.file.display());
+    }
+    let answers = answers(&args, &mut at_terminal)?;
+    let text = file::text(&answers)?;
+    std::fs::write(&args.file, text)
+        .with_context(|| format!("{}: cannot be written", args.file.display()))?;
+    say!("{} is written. Measure what is marked \"measure\", then run", args.file.display())?;
+    say!("  hbot rig check {0}\n  hbot server --rig {0} --port sim", args.file.display())?;
+    say!("docs/first-torque.md leads from here to the first torque")?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Takes the answers of the command line, and asks for the others. An answer that is not legal is
+/// asked for again, with the reason.
+fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
+    let mut answers = given(args)?;
+    if args.protocol.is_none() {
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            answers.protocol = Controllers::from_str(text, true)
+                .map_err(|_| "the protocol is hbot, moteus or odrive".to_owned())?;
+            Ok(())
+        };
+        let question = "protocol of the motor controllers (hbot, moteus, odrive)";
+        settle(ask, &mut answers, (question, "hbot"), &["--protocol"], &take)?;
+    }
+    if args.name.is_none() {
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            answers.name = text.to_owned();
+            Ok(())
+        };
+        settle(ask, &mut answers, ("name of the rig", "My Hbot"), &["--name"], &take)?;
+    }
+    if args.port.is_none() {
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            answers.port = text.to_owned();
+            Ok(())
+        };
+        settle(ask, &mut answers, ("serial device, or sim", "sim"), &["--port"], &take)?;
+    }
+    if args.wheels.is_none() {
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            let wheels = text.parse::<u32>().ok().filter(|wheels| (2..=8).contains(wheels));
+            answers.wheels = wheels.ok_or("a whole number, 2 to 8")?;
+            Ok(())
+        };
+        // The cone decides with the number of wheels whether they meet. It may still be asked for.
+        let options = ["--wheels", WHEELS_AND_CONE];
+        let options = if args.cone.is_some() { &options[..] } else { &options[..1] };
+        settle(ask, &mut answers, ("number of wheels", "2"), options, &take)?;
+    }
+    for number in NUMBERS {
+        if (number.given)(args).is_some() {
+            continue;
+        }
+        let default = (number.place)(&mut answers).to_string();
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            let value = text.parse().ok().filter(|value: &f64| value.is_finite());
+            *(number.place)(answers) = value.ok_or("a number")?;
+            Ok(())
+        };
+        let options = [number.option, WHEELS_AND_CONE];
+        let options = if number.option == "--cone" { &options[..] } else { &options[..1] };
+        settle(ask, &mut answers, (number.words, &default), options, &take)?;
+    }
+    refuse(&mistakes(&answers)?)?;
+    Ok(answers)
+}
+
+/// Returns the answers of the command line, and the usual ones for the rest.
+fn given(args: &NewArgs) -> anyhow::Result<Answers> {
+    let mut answers = Answers::usual();
+    let mut options = Vec::new();
+    if let Some(protocol) = args.protocol {
+        answers.protocol = protocol;
+    }
+    if let Some(name) = &args.name {
+        answers.name.clone_from(name);
+        options.push("--name");
+    }
+    if let Some(port) = &args.port {
+        answers.port.clone_from(port);
+        options.push("--port");
+    }
+    if let Some(wheels) = args.wheels {
+        answers.wheels = wheels;
+        options.push("--wheels");
+        options.extend(args.cone.map(|_| WHEELS_AND_CONE));
+    }
+    for number in NUMBERS {
+        let Some(value) = (number.given)(args) else { continue };
+        if !value.is_finite() {
+            bail!("{}: {value} is not a number ({})", number.option, number.words);
+        }
+        *(number.place)(&mut answers) = value;
+        options.push(number.option);
+    }
+    let mut wrong = mistakes(&answers)?;
+    wrong.retain(|mistake| options.contains(&mistake.option));
+    refuse(&wrong)?;
+    Ok(answers)
+}
+
+/// Fails if there are mistakes. The error names the option of each, with its unit.
+fn refuse(mistakes: &[Mistake]) -> anyhow::Result<()> {
+    if mistakes.is_empty() {
+        return Ok(());
+    }
+    let lines = mistakes.iter().map(|Mistake { option, why }| {
+        match NUMBERS.iter().find(|number| number.option == *option) {
+            Some(Number { words, .. }) => format!("{option}: {why} ({words})"),
+            None => format!("{option}: {why}"),
+        }
+    });
+    bail!(lines.collect::<Vec<_>>().join("\n"))
+}
+
+/// Asks a question until the answer is legal. `question` has the words and the default. The answer
+/// is legal if `take` takes it, and if none of `options` has a mistake then.
+fn settle(
+    ask: Ask<'_>,
+    answers: &mut Answers,
+    (words, default): (&str, &str),
+    options: &[&str],
+    take: &dyn Fn(&mut Answers, &str) -> Result<(), String>,
+) -> anyhow::Result<()> {
+    let question = format!("{words} [{default}]: ");
+    let mut prompt = question.clone();
+    // If nobody is there, the usual answer stays.
+    while let Some(answer) = ask(&prompt)? {
+        let text = if answer.is_empty() { default } else { answer.as_str() };
+        let mut with = answers.clone();
+        let why = match take(&mut with, text) {
+            Err(why) => why,
+            Ok(()) => match mistakes(&with)?.into_iter().find(|mistake| options.contains(&mistake.option)) {
+                Some(mistake) => mistake.why,
+                None => {
+                    *answers = with;
+                    break;
+                }
+            },
+        };
+        prompt = format!("  {text:?} is not possible: {why}\n{question}");
+    }
+    Ok(())
+}
+
+/// Returns the mistakes in a rig with these answers.
+fn mistakes(answers: &Answers) -> anyhow::Result<Vec<Mistake>> {
+    let Err(found) = RigConfig::from_toml(&file::text(answers)?, "rig") else { return Ok(Vec::new()) };
+    let mut all: Vec<Mistake> = Vec::new();
+    for mistake in found.iter().map(|diagnostic| mistake(answers, diagnostic)) {
+        // All wheels are alike, and so are their mistakes.
+        if all.iter().all(|other| other.option != mistake.option) {
+            all.push(mistake);
+        }
+    }
+    Ok(all)
+}
+
+/// Finds the option whose value a diagnostic of the rig file is about.
+fn mistake(answers: &Answers, diagnostic: &Diagnostic) -> Mistake {
+    let path = diagnostic.path.as_str();
+    let option = match path.split_once("].").map_or(path, |(_, key)| key) {
+        "name" => "--name",
+        "link.port" => "--port",
+        "wheel" => "--wheels",
+        "axis" => WHEELS_AND_CONE,
+        "sphere.radius" => "--radius",
+        "sphere.mass" => "--mass",
+        "radius" => "--wheel-radius",
+        "cone" => "--cone",
+        "steer.gear" => "--steer-gear",
+        "steer.peak" | "steer.continuous" => "--steer-peak",
+        "drive.gear" => "--drive-gear",
+        "drive.peak" | "drive.continuous" => "--drive-peak",
+        _ => return Mistake { option: "the answers", why: diagnostic.to_string() },
+    };
+    let why = match &diagnostic.legal {
+        // The rig file has the angle in radians.
+        Some(_) if option == "--cone" => {
+            format!("{} is out of range; legal: above 0 and below 180 degrees", answers.cone_deg)
+        }
+        Some(legal) => format!("{}; legal: {legal}", diagnostic.message),
+        None => diagnostic.message.clone(),
+    };
+    Mistake { option, why }
+}
+
+/// Asks a person at the terminal, if there is one.
+fn at_terminal(prompt: &str) -> anyhow::Result<Option<String>> {
+    if !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
+        return Ok(None);
+    }
+    write!(anstream::stderr(), "{prompt}")?;
+    std::io::stderr().flush()?;
+    let mut line = String::new();
+    if std::io::stdin().lock().read_line(&mut line)? == 0 {
+        bail!("the input has ended: no file is written");
+    }
+    Ok(Some(line.trim().to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What `hbot rig new` is called with.
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: NewArgs,
+    }
+
+    /// Returns the answers that come of options and of what a person types, and all prompts.
+    fn asked(options: &[&str], typed: &[&str]) -> (anyhow::Result<Answers>, Vec<String>) {
+        let line = ["new", "new.toml"].iter().chain(options);
+        let Line { args } = clap::Parser::try_parse_from(line).unwrap();
+        let (mut prompts, mut typed) = (Vec::new(), typed.iter());
+        let mut ask = |prompt: &str| -> anyhow::Result<Option<String>> {
+            prompts.push(prompt.to_owned());
+            Ok(typed.next().map(|answer| (*answer).to_owned()))
+        };
+        let answers = answers(&args, &mut ask);
+        (answers, prompts)
+    }
 
     #[test]
-    fn every_answer_is_in_the_rig_that_is_read_back() {
-        for wheels in 2..=8 {
-            for protocol in [Controllers::Hbot, Controllers::Moteus, Controllers::Odrive] {
-                let answers = Answers { wheels, protocol, ..usual() };
-                let rig = RigConfig::from_toml(&text(&answers).unwrap(), "new.toml");
-                let rig = rig.unwrap_or_else(|mistakes| panic!("{wheels} wheels, {protocol:?}:\n{mistakes}"));
-                assert_eq!(rig.name, answers.name);
-                assert_eq!(rig.rig.device.wheels().len(), wheels as usize);
-                let spec = rig.rig.device.wheels()[0].spec();
-                assert!((spec.cone - 10_f64.to_radians()).abs() < 1.0e-12, "{}", spec.cone);
-                assert_eq!((spec.radius, rig.rig.joints[1].peak), (0.0155, 0.14));
-                assert_eq!(rig.link.protocol.name(), format!("{protocol:?}").to_lowercase());
-            }
+    fn a_wrong_answer_is_asked_for_again_and_the_others_stay() {
+        let typed = [
+            "canopen", "moteus", "Ball", "", "9", "3", "0", "0.1", "x", "0.5", "", "200", "12", "", "-1", "2",
+        ];
+        let (answers, prompts) = asked(&[], &typed);
+        let usual = Answers::usual();
+        let steer = Motor { peak: 2.0, ..usual.steer };
+        let (name, protocol) = ("Ball".to_owned(), Controllers::Moteus);
+        let wanted =
+            Answers { name, protocol, wheels: 3, radius: 0.1, mass: 0.5, cone_deg: 12.0, steer, ..usual };
+        assert_eq!(answers.unwrap(), wanted, "{prompts:#?}");
+        let again = |text: &str, why: &str| {
+            let begin = format!("  {text:?} is not possible: ");
+            let found =
+                prompts.iter().find(|prompt| prompt.starts_with(&begin)).unwrap_or_else(|| panic!("{text}"));
+            assert!(found.contains(why), "{found}");
+        };
+        again("canopen", "hbot, moteus or odrive");
+        again("9", "2 to 8");
+        again("0", "out of range; legal: 0.001");
+        again("x", "a number");
+        again("200", "200 is out of range; legal: above 0 and below 180 degrees");
+        again("-1", "-1 is out of range");
+    }
+
+    /// Whether a cone is legal depends on the number of wheels.
+    #[test]
+    fn a_cone_with_which_the_wheels_can_meet_is_asked_for_again() {
+        let (answers, prompts) = asked(&["--wheels", "2"], &["", "", "", "", "", "", "60", "20"]);
+        assert_eq!(answers.unwrap().cone_deg, 20.0);
+        assert!(
+            prompts.iter().any(|prompt| prompt.contains("\"60\" is not possible: wheels 1 and 2")),
+            "{prompts:#?}"
+        );
+    }
+
+    #[test]
+    fn a_wrong_option_is_named_with_its_unit_before_any_question() {
+        for (options, why) in [
+            (&["--cone", "200"][..], "--cone: 200 is out of range; legal: above 0 and below 180 degrees"),
+            (&["--radius", "nan"], "--radius: NaN is not a number (radius of the sphere, m)"),
+            (&["--mass", "0"], "--mass: 0 is out of range"),
+            (&["--wheel-radius", "-1"], "--wheel-radius: -1 is out of range"),
+            (&["--drive-peak", "1e30"], "(largest torque of a drive joint after its gear, N m)"),
+            (&["--wheels", "2", "--cone", "60"], "--wheels and --cone: "),
+        ] {
+            let (answers, prompts) = asked(options, &[]);
+            let said = answers.unwrap_err().to_string();
+            assert!(said.contains(why) && !said.contains("new.toml"), "{options:?}: {said}");
+            assert_eq!(prompts, [""; 0], "{options:?}");
         }
     }
 }
