@@ -135,7 +135,7 @@ class Rig:
                 (CSV) that a scene file names are read from this machine.
 
         Raises:
-            OSError, ValueError: a file cannot be read; the message names it.
+            OSError, IllegalInput: a file cannot be read; the message names it.
             BadRequest, OutOfRange: the scene is not legal; the message names every mistake, with
                 its line and column if the scene is a file.
             TooLarge: the scene has more than 65536 bytes. `encoding="msgpack"` needs fewer.
@@ -285,7 +285,7 @@ class Rig:
             NotHolder: this client does not hold the lease, or another client has taken it.
             Faulted: the rig went into a fault or an emergency stop.
             TimedOut, ConnectionLost: no state came.
-            ValueError: the torque is not three finite numbers.
+            ValueError, TypeError: the torque is not three finite numbers.
         """
         rendering = Rendering(self._connection, every, valid_ms, duration)
         with self._subscription(every) as (states, wait):
