@@ -6,7 +6,7 @@ use hbot_api::{Fault, Mode, StateEvent};
 
 use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
-use crate::model::{Headline, Model, PendingStop, words};
+use crate::model::{Headline, Model, words};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
@@ -66,11 +66,11 @@ fn status(ui: &mut Ui, model: &Model, palette: Palette) {
 fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
-            let stop = model.unconfirmed_stop();
             ui.add(egui::Label::new(RichText::new("Cut the motors' power.").strong().size(15.0)).wrap());
-            let why = stop.map_or("", PendingStop::why);
-            let server = stop.map_or("", |stop| &stop.server);
-            ui.add(egui::Label::new(format!("At {server}: {why}.")).wrap());
+            if let Some(stop) = model.unconfirmed_stop() {
+                ui.add(egui::Label::new(stop.way_out(&model.server)).wrap());
+                ui.add(egui::Label::new(format!("At {}: {}.", stop.server, stop.why())).wrap());
+            }
         }
         (Headline::NoContact, _) => no_contact(ui, model, palette),
         (Headline::Mode(Mode::Fault), Some(state)) => fault(ui, model, state.fault, palette),
