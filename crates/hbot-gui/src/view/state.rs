@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Button, RichText, Role, ScrollArea, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use hbot_api::{Fault, Mode, StateEvent};
+use hbot_api::{Fault, Mode};
 
 use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
@@ -75,17 +75,20 @@ fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
         (Headline::NoContact, _) => no_contact(ui, model, palette),
         (Headline::Mode(Mode::Fault), Some(state)) => fault(ui, model, state.fault, palette),
         (Headline::Mode(Mode::Estop), _) => match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
-            Some(by) => {
-                coloured(ui, palette.bad, format!("Stopped by {}.", model.who(by)));
-                weak(ui, "No torque until Reset, then Enable.");
-            }
-            None => drop(weak(ui, words::mode(Mode::Estop))),
+            Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
+            None => stopped(ui, model, palette, words::mode(Mode::Estop)),
         },
         (Headline::Mode(mode), _) => drop(weak(ui, words::mode(mode))),
         (Headline::NoState, _) => {
             weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
         }
     }
+}
+
+/// Draws who has stopped the rig, and which button goes on.
+fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
+    coloured(ui, palette.bad, who);
+    ui.add(egui::Label::new(recover::way_on(model)).wrap());
 }
 
 fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
@@ -159,11 +162,15 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
 
 /// Draws bars that show how near the rig is to each of its limits.
 fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
-    // Without a state, the bars keep their places.
-    let empty = StateEvent::default();
-    let state = model.state.as_ref().unwrap_or(&empty);
-    let limits = &model.info.limits;
     ui.spacing_mut().item_spacing.y = 2.0;
+    let Some(state) = &model.state else {
+        // The bars keep their places.
+        for name in ["Torque", "Speed", "Traction", "Slip", "Saturation"] {
+            meter(ui, palette, name, 0.0, "-".to_owned());
+        }
+        return;
+    };
+    let limits = &model.info.limits;
     let torque = DVec3::from(state.torque).length();
     let speed = DVec3::from(state.omega).length();
     meter(
