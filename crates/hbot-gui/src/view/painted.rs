@@ -26,6 +26,12 @@ impl Text {
         let (left, right) = (self.clip.left() - 0.5, self.clip.right() + 0.5);
         !self.shortened && self.place.left() >= left && self.place.right() <= right
     }
+
+    /// Returns whether two horizontal texts cover each other.
+    pub(super) fn overlaps(&self, other: &Self) -> bool {
+        // Half a point for rounding.
+        self.place.shrink(0.5).intersects(other.place)
+    }
 }
 
 /// Returns the texts that the last frame has painted.
