@@ -90,6 +90,8 @@ pub(crate) struct Model {
     /// What the motor controllers report about themselves, in the order of the joints. Empty if the
     /// server has not said it.
     pub(crate) controllers: Vec<ControllerInfo>,
+    /// Whether the server is too old to report the motor controllers.
+    pub(crate) lacks_controllers: bool,
     pub(crate) scene: Scene,
     /// The server's message about the fault or emergency stop that the rig is in. `None` otherwise.
     pub(crate) fault: Option<FaultEvent>,
@@ -123,6 +125,7 @@ impl Model {
             info: InfoOk::default(),
             stats: None,
             controllers: Vec::new(),
+            lacks_controllers: false,
             scene: Scene::default(),
             fault: None,
             messages: Messages::default(),
@@ -270,6 +273,7 @@ impl Model {
                 self.state = None;
                 self.stats = None;
                 self.controllers.clear();
+                self.lacks_controllers = false;
                 self.scene.forget_pending();
             }
             News::Info(info) => {
@@ -285,6 +289,7 @@ impl Model {
             }
             News::Stats(stats) => self.stats = Some(*stats),
             News::Controllers(controllers) => self.controllers = controllers,
+            News::NoControllers => self.lacks_controllers = true,
             News::Lease { lease, cause } => self.lease(lease, cause),
             News::Fault(fault) => self.fault(fault),
             News::Scene(scene) => self.scene_loaded(scene),
@@ -307,6 +312,7 @@ impl Model {
         self.state = None;
         self.stats = None;
         self.controllers.clear();
+        self.lacks_controllers = false;
         self.began = None;
         self.info.scene = serde_json::Value::Null;
         self.heard = Some(Instant::now());

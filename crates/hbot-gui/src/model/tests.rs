@@ -179,11 +179,18 @@ fn what_a_lost_server_or_another_one_reported_is_forgotten() {
     let mut lost = reporting();
     disconnect(&mut lost);
     assert!(forgotten(&lost));
-    // An older server does not know the request for the controllers, and never answers it.
+    // An older server does not know the request for the controllers.
     let mut elsewhere = reporting();
     elsewhere.asked(&Intent::Connect("other:4268".to_owned()));
     hear(&mut elsewhere, News::Connected(hello(9)));
     assert!(forgotten(&elsewhere));
+    let ends: [fn(&mut Model); 2] = [disconnect, |model| hear(model, News::Connected(hello(10)))];
+    for end in ends {
+        hear(&mut elsewhere, News::NoControllers);
+        assert!(elsewhere.lacks_controllers);
+        end(&mut elsewhere);
+        assert!(!elsewhere.lacks_controllers, "the next server can be newer");
+    }
 }
 
 #[test]

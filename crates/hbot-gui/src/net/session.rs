@@ -303,6 +303,7 @@ impl<'a> Session<'a> {
                 Ok(controllers) => self.mailbox.post(News::Controllers(controllers)),
                 Err(ClientError::Server(error)) if error.code == ErrorCode::BadRequest => {
                     self.controllers_due = None;
+                    self.mailbox.post(News::NoControllers);
                 }
                 Err(error) => survivable(error)?,
             }

@@ -9,6 +9,9 @@ use crate::model::words;
 
 /// Names and widths of the columns. The last one takes the rest of the line.
 const COLUMNS: [(&str, f32); 3] = [("", 34.0), ("current", 66.0), ("temp.", 60.0)];
+/// What is shown in the place of all tables if the server does not know the motor controllers.
+pub(super) const OLDER_SERVER: &str =
+    "Motor controllers: not reported, because this server is older than the panel.";
 /// Hover text of a value that the controller does not report.
 const NOT_REPORTED: &str = "not reported by the controller";
 

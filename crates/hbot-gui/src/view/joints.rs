@@ -38,6 +38,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
         }
         ui.add_space(6.0);
     }
+    if model.lacks_controllers {
+        weak(ui, controllers::OLDER_SERVER);
+    }
     weak(
         ui,
         "The torque is what the motor was commanded to give. In a bar, the line is what it can hold without time limit.",
@@ -106,8 +109,14 @@ mod tests {
 
     const NOTE: &str = "The torque is what the motor was commanded to give. In a bar, the line is what it can hold without time limit.";
 
-    /// Returns what the tab for the joints shows of a rig with two wheels, line by line.
+    /// Returns the lines of the tab for a rig with two wheels with these controllers.
     fn shown(controllers: Vec<ControllerInfo>) -> Vec<String> {
+        shown_after(|model| model.controllers = controllers)
+    }
+
+    /// Returns what the tab for the joints shows of a rig with two wheels, line by line. `change`
+    /// changes the model before it is drawn.
+    fn shown_after(change: impl FnOnce(&mut Model)) -> Vec<String> {
         let mut model = Model::new("", "panel me@here", 1);
         let motor = |peak| JointInfo { peak, continuous: 0.5 * peak };
         let wheel = |name: Option<&str>, steer, drive| WheelInfo {
@@ -122,7 +131,7 @@ mod tests {
         let joints =
             vec![joint(0.5, 1.25, 0.05), joint(1.0, -2.5, -0.2), joint(-1.5, 0.0, 0.6), joint(2.0, 3.0, 1.6)];
         model.state = Some(StateEvent { joints, ..StateEvent::default() });
-        model.controllers = controllers;
+        change(&mut model);
         let mut harness = Harness::builder().with_size([330.0, 800.0]).build_ui(move |ui| show(ui, &model));
         harness.run_steps(4);
         lines(&harness)
@@ -146,6 +155,10 @@ mod tests {
             NOTE,
         ];
         assert_eq!(shown(Vec::new()), expected);
+        // A server that does not know the controllers.
+        let of_older = shown_after(|model| model.lacks_controllers = true);
+        let (last, rest) = expected.split_last().expect("lines");
+        assert_eq!(of_older, [rest, &[controllers::OLDER_SERVER, *last]].concat());
     }
 
     #[test]
