@@ -101,11 +101,12 @@ fn effort(ui: &mut Ui, torque: f64, name: &str, limits: JointInfo) {
 
 #[cfg(test)]
 mod tests {
+    use eframe::egui::Color32;
     use egui_kittest::Harness;
     use hbot_api::{ControllerInfo, RigInfo, StateEvent};
 
     use super::*;
-    use crate::view::painted::lines;
+    use crate::view::painted::{filled, hint, lines, vertical_lines};
 
     const NOTE: &str = "The torque is what the motor was commanded to give. In a bar, the line is what it can hold without time limit.";
 
@@ -117,6 +118,11 @@ mod tests {
     /// Returns what the tab for the joints shows of a rig with two wheels, line by line. `change`
     /// changes the model before it is drawn.
     fn shown_after(change: impl FnOnce(&mut Model)) -> Vec<String> {
+        lines(&drawn(change))
+    }
+
+    /// Draws the tab for a rig with two wheels. `change` changes the model before.
+    fn drawn(change: impl FnOnce(&mut Model)) -> Harness<'static> {
         let mut model = Model::new("", "panel me@here", 1);
         let motor = |peak| JointInfo { peak, continuous: 0.5 * peak };
         let wheel = |name: Option<&str>, steer, drive| WheelInfo {
@@ -134,7 +140,7 @@ mod tests {
         change(&mut model);
         let mut harness = Harness::builder().with_size([330.0, 800.0]).build_ui(move |ui| show(ui, &model));
         harness.run_steps(4);
-        lines(&harness)
+        harness
     }
 
     #[test]
@@ -159,6 +165,59 @@ mod tests {
         let of_older = shown_after(|model| model.lacks_controllers = true);
         let (last, rest) = expected.split_last().expect("lines");
         assert_eq!(of_older, [rest, &[controllers::OLDER_SERVER, *last]].concat());
+    }
+
+    #[test]
+    fn what_is_missing_is_said_or_left_out() {
+        assert_eq!(shown_after(|model| model.state = None), ["No state yet."]);
+        let without_joints = |model: &mut Model| model.state.as_mut().expect("a state").joints.clear();
+        assert_eq!(shown_after(without_joints), ["The server sends no joints."]);
+        // A wheel has its name, the names of the columns and two joints. Without the limits of its
+        // motors it has no bars.
+        let shown = shown_after(|model| model.info.rig.wheels.clear());
+        assert_eq!(shown.len(), 2 * 4 + 1, "{shown:?}");
+        assert!(!shown.iter().any(|line| line.contains('%')), "{shown:?}");
+    }
+
+    #[test]
+    fn the_hint_of_an_angle_is_the_angle_in_radians() {
+        for (degrees, radians) in [("-85.9\u{b0}", "-1.5000 rad"), ("114.6\u{b0}", "2.0000 rad")] {
+            assert_eq!(hint(&mut drawn(|_| ()), degrees), radians);
+        }
+    }
+
+    #[test]
+    fn a_bar_goes_from_the_middle_to_the_share_of_the_peak_torque() {
+        let palette = Palette::of_theme(true, Color32::GRAY);
+        for (torque, continuous, share, color) in [
+            (0.2, 0.4, 0.25, palette.good),
+            (-0.2, 0.4, -0.25, palette.good),
+            (0.6, 0.4, 0.75, palette.warn),
+            (-0.6, 0.4, -0.75, palette.warn),
+            (0.79, 0.4, 0.9875, palette.bad),
+            (-3.0, 0.4, -1.0, palette.bad),
+            // The rig does not say what the motor can hold without time limit.
+            (0.6, 0.0, 0.75, palette.good),
+        ] {
+            let limits = JointInfo { peak: 0.8, continuous };
+            let mut harness = Harness::new_ui(move |ui| effort(ui, torque, "steer", limits));
+            harness.run_steps(2);
+            let rects = filled(&harness);
+            let bar = rects.iter().position(|(_, it)| *it == color).expect("a bar of this colour");
+            let (ground, bar) = (rects[bar - 1].0, rects[bar].0);
+            let at = |share: f32| ground.center().x + 0.5 * ground.width() * share;
+            let (left, right) = (at(0.0_f32.min(share)), at(0.0_f32.max(share)));
+            // A hundredth of a point is the rounding of places in a window of 800 points.
+            let near = |a: f32, b: f32| (a - b).abs() < 0.01;
+            assert!(near(bar.left(), left) && near(bar.right(), right), "{torque} N m: {bar:?}");
+            let lines = vertical_lines(&harness);
+            if continuous > 0.0 {
+                assert_eq!(lines.len(), 2);
+                assert!(near(lines[0], at(-0.5)) && near(lines[1], at(0.5)), "{lines:?} in {ground:?}");
+            } else {
+                assert!(lines.is_empty(), "{lines:?}");
+            }
+        }
     }
 
     #[test]

@@ -299,8 +299,8 @@ impl Wire {
         Self::replacing(server, None)
     }
 
-    /// Makes the server one that does not know this op: in the requests of the panel, the first
-    /// letter of the op becomes a question mark.
+    /// Makes the server look like one that does not know this op: in the requests of the panel, the
+    /// first letter of the op becomes a question mark.
     pub(crate) fn to_one_without(server: SocketAddr, op: &'static str) -> Self {
         Self::replacing(server, Some(op))
     }
@@ -357,12 +357,10 @@ impl Wire {
 /// Replaces the first letter of a word by a question mark, wherever the word stands in `piece`.
 /// Returns how often that is.
 fn spoil(piece: &mut [u8], word: &str) -> u64 {
-    let mut times = 0;
-    for start in 0..piece.len() {
-        if piece[start..].starts_with(word.as_bytes()) {
-            piece[start] = b'?';
-            times += 1;
-        }
+    let windows = piece.windows(word.len()).enumerate();
+    let places: Vec<usize> = windows.filter(|(_, it)| *it == word.as_bytes()).map(|(k, _)| k).collect();
+    for place in &places {
+        piece[*place] = b'?';
     }
-    times
+    places.len() as u64
 }
