@@ -9,6 +9,13 @@ use super::controllers;
 use super::theme::{Palette, heading, weak};
 use crate::model::Model;
 
+/// Names of the columns with values and their hover texts, which also explain the units.
+const COLUMNS: [(&str, &str); 3] = [
+    ("angle", "in degrees; the hint of a value has it in radians"),
+    ("rate, rad/s", "radians per second: how fast the joint turns, 1 rad is 57.3\u{b0}"),
+    ("torque, N m", "newton metres: the torque of the motor, 1 N m is that of 1 N on a lever of 1 m"),
+];
+
 pub(crate) fn show(ui: &mut Ui, model: &Model) {
     let Some(state) = &model.state else {
         weak(ui, "No state yet.");
@@ -22,8 +29,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
         let wheel = model.info.rig.wheels.get(k);
         heading(ui, wheel.and_then(|wheel| wheel.name.as_deref()).unwrap_or("Wheel"));
         Grid::new(("joints", k)).num_columns(4).spacing([10.0, 3.0]).show(ui, |ui| {
-            for text in ["", "angle", "rate, rad/s", "torque, N m"] {
-                ui.label(RichText::new(text).weak());
+            ui.label("");
+            for (text, hint) in COLUMNS {
+                ui.label(RichText::new(text).weak()).on_hover_text(hint);
             }
             ui.end_row();
             for (joint, name) in pair.iter().zip(["steer", "drive"]) {
@@ -183,6 +191,16 @@ mod tests {
     fn the_hint_of_an_angle_is_the_angle_in_radians() {
         for (degrees, radians) in [("-85.9\u{b0}", "-1.5000 rad"), ("114.6\u{b0}", "2.0000 rad")] {
             assert_eq!(hint(&mut drawn(|_| ()), degrees), radians);
+        }
+    }
+
+    #[test]
+    fn each_column_says_what_its_unit_is() {
+        for (column, unit) in
+            [("angle", "degrees"), ("rate, rad/s", "radians per second"), ("torque, N m", "newton metres")]
+        {
+            let said = hint(&mut drawn(|_| ()), column);
+            assert!(said.contains(unit), "{column}: {said}");
         }
     }
 
