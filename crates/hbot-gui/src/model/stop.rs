@@ -66,7 +66,8 @@ impl PendingStop {
         self.why.as_deref().unwrap_or("the server has not confirmed the stop")
     }
 
-    /// Returns what a panel at the address `server` does now, and what ends the report of this stop.
+    /// Returns what a panel at the address `server` does now, and what ends the report of this
+    /// stop.
     pub(crate) fn way_out(&self, server: &str) -> String {
         if server == self.server {
             "The panel keeps trying to stop the rig. This ends by itself when a state shows that the motors are without \

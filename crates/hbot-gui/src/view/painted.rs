@@ -1,5 +1,5 @@
-//! What a frame has painted, for tests: each text with its place and colour, rectangles and vertical
-//! lines.
+//! What a frame has painted, for tests: each text with its place and colour, rectangles and
+//! vertical lines.
 
 use eframe::egui::epaint::{ClippedShape, Shape, TextShape};
 use eframe::egui::{Color32, Rect};

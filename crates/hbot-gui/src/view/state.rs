@@ -203,8 +203,8 @@ fn share(value: f64, limit: f64) -> f64 {
     if limit > 0.0 { value / limit } else { 0.0 }
 }
 
-/// Draws a bar with its name, whose hover text is `hint`, and the text `figures` next to it. `share` is the length of the bar: 1
-/// means that a limit is reached.
+/// Draws a bar with its name, whose hover text is `hint`, and the text `figures` next to it.
+/// `share` is the length of the bar: 1 means that a limit is reached.
 fn meter(ui: &mut Ui, palette: Palette, (name, hint): (&str, &str), share: f64, figures: String) {
     let color = match share {
         s if s > 0.9 => palette.bad,

@@ -182,8 +182,8 @@ mod tests {
         assert!(range.height() < 0.06, "{range:?}");
     }
 
-    /// A table that is drawn for the first time makes egui draw the frame twice. In the first of these
-    /// drawings, the plot cannot measure the texts of its axes.
+    /// A table that is drawn for the first time makes egui draw the frame twice. In the first of
+    /// these drawings, the plot cannot measure the texts of its axes.
     #[test]
     fn the_name_of_an_axis_keeps_clear_of_the_numbers_in_a_frame_that_is_drawn_twice() {
         let mut model = Model::new("", "panel me@here", 1);
