@@ -320,7 +320,7 @@ fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
     let mut seen = window(SIZES[0], commanding(false));
     let reference = Some([1.0, 0.0, 0.0, 0.0]);
     let q = [0.1_f64.cos(), 0.1_f64.sin(), 0.0, 0.0];
-    let state = StateEvent { tick: 200, mode: Mode::Active, q, reference, ..StateEvent::default() };
+    let state = StateEvent { tick: 200, t: 0.2, mode: Mode::Active, q, reference, ..StateEvent::default() };
     see_state(&mut seen.state_mut().model, state);
     settle(&mut seen);
     let is_grey = |seen: &Seen| {
