@@ -323,12 +323,13 @@ def main() -> None:
         study.run(options.study)
         return
     try:
-        run(options)
+        with hbot.one_line_errors(CouplingError):
+            run(options)
     except KeyboardInterrupt:
         print("\nStopped. The torque of both rigs is off.")
-    except (hbot.HbotError, CouplingError) as error:
-        print(f"ended: {error}. The torque of each rig that still answers is off.", file=sys.stderr)
-        sys.exit(1)
+    except SystemExit:
+        print("The torque of each rig that still answers is off.", file=sys.stderr)
+        raise
 
 
 if __name__ == "__main__":

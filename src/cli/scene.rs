@@ -14,7 +14,7 @@ use anyhow::anyhow;
 use clap::{Args, Subcommand};
 use hbot_config::scene::ShelfScene;
 use hbot_config::{LoadError, RigConfig, SceneFile};
-use hbot_host::abilities::Abilities;
+use hbot_host::abilities::{Abilities, in_vain};
 
 use super::out::{foreign, say};
 use super::{Commanding, ServerAddress, orders, style};
@@ -167,7 +167,9 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
         let ignored = loaded.ignored.join(", ");
         say!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored))?;
     }
-    warn(&loaded.warnings)
+    // The scene is sent with all parameters, so the server does not know which ones the file names.
+    let own = in_vain(scene).filter(|warning| !loaded.warnings.contains(warning));
+    warn(&loaded.warnings.iter().cloned().chain(own).collect::<Vec<_>>())
 }
 
 /// Prints the warnings about a scene.

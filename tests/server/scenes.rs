@@ -156,15 +156,18 @@ fn the_shelf_is_listed_with_a_sentence_and_the_kinds_of_each_scene() {
 }
 
 #[test]
-fn a_check_says_what_the_rig_cannot_make() {
+fn a_check_says_what_the_rig_cannot_make_and_what_has_no_effect() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("wall.toml");
-    std::fs::write(&file, "[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 900\n").expect("written");
+    let wall = "[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 900\ntwist = [-0.5, 0.5]\n";
+    std::fs::write(&file, wall).expect("written");
     let check = |args: &[&str]| {
         let output = hbot().args(["scene", "check", file.to_str().expect("UTF-8")]).args(args).output();
         String::from_utf8(output.expect("the binary runs").stdout).expect("UTF-8")
     };
-    assert!(check(&[]).contains("warning: w: stiffness 900 N m/rad is unstable"), "{}", check(&[]));
+    let said = check(&[]);
+    assert!(said.contains("warning: w: stiffness 900 N m/rad is unstable"), "{said}");
+    assert!(said.contains("warning: w: twist has no effect here; to make it count, set walls"), "{said}");
     // At 10 kHz the limit is twenty times as high, and only the damping is too small.
     let rig = folder.path().join("fast.toml");
     let fast = include_str!("../../rigs/prototype.toml").replace("rate_hz = 1000 ", "rate_hz = 10000 ");

@@ -256,6 +256,25 @@ def test_the_recording_of_the_page_is_read(
     assert re.match(r"[1-9]\d* states, \d+ gaps\n", capsys.readouterr().out)
 
 
+def test_the_stiffnesses_of_the_page_are_those_of_its_formula_and_of_info(server: Server) -> None:
+    page = (REPOSITORY / "docs" / "clients.md").read_text("utf-8")
+    assert "K = (b + B) / (h (1/2 + D) + lag)" in page
+    (row,) = re.findall(r"(?m)^\| largest stable stiffness of the prototype at 1 kHz .*$", page)
+    damping, *shown = (float(number) for number in re.findall(r"([\d.]+) N m", row))
+    with hbot.connect(server.address) as rig:
+        render, h = rig.info.render, 1.0 / rig.info.rig.rate_hz
+    assert render is not None
+    assert render.damping == damping
+    lag = render.damping / render.stiffness_stable - 1.5 * h  # D is 1.
+    (written,) = re.findall(r"(?m)^- lag = ([\d.]+) ms", page)
+    assert lag == pytest.approx(float(written) * 1e-3, rel=1e-9)
+    at_once = re.findall(r"stiffnesses are ([\d.]+), ([\d.]+) and ([\d.]+) N m/rad", page)
+    for figures, lag_s in ((shown, lag), ([float(number) for number in at_once[0]], 0.0)):
+        # A spring of the scene, and of a client whose torques are 1 and 10 ticks old.
+        right = [damping / (1e-3 * (0.5 + delay) + lag_s) for delay in (1, 2, 11)]
+        assert figures == pytest.approx(right, abs=0.05)  # One decimal is written.
+
+
 def test_the_spring_of_the_page_is_the_quaternion_law(server: Server) -> None:
     """The server's own spring and that of the page ask for the same torque at the same state."""
     (block,) = (block for block in programs("docs/clients.md") if "def spring" in block)

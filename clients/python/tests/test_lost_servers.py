@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 import threading
+import time
 
 import pytest
 from serving import PATIENCE_S, Server
@@ -83,6 +84,49 @@ def test_a_server_that_hangs_is_noticed(
         with pytest.raises(hbot.ConnectionLost, match="silent"):
             list(rig.events())
         own_server.signal(signal.SIGCONT)
+
+
+SILENT_S = 3.0
+"""Timeout of a connection whose server hangs. A second wait of as long is told apart from it."""
+
+
+@pytest.mark.parametrize("use", ["states", "render"])
+def test_without_a_state_the_exception_comes_after_the_time_that_it_names(
+    own_server: Server, use: str
+) -> None:
+    """Neither the end of the subscription nor that of the lease waits for the server again."""
+    began = 0.0
+
+    def stop(_state: hbot.State) -> None:
+        nonlocal began
+        if began == 0.0:
+            own_server.signal(signal.SIGSTOP)
+            began = time.monotonic()
+
+    with hbot.connect(own_server.address, timeout=SILENT_S) as rig:
+        with pytest.raises(hbot.TimedOut, match=r"no state for 3\.0 s"), rig.lease():
+            if use == "render":
+                rig.render(stop)
+            for state in rig.states():
+                stop(state)
+        assert SILENT_S <= time.monotonic() - began < 2.0 * SILENT_S
+
+
+def test_aio_without_a_state_the_exception_comes_after_the_time_that_it_names(
+    own_server: Server,
+) -> None:
+    async def main() -> None:
+        began = 0.0
+        async with hbot.aio.connect(own_server.address, timeout=SILENT_S) as rig:
+            with pytest.raises(hbot.TimedOut, match=r"no state for 3\.0 s"):
+                async with rig.lease():
+                    async for _state in rig.states():
+                        if began == 0.0:
+                            own_server.signal(signal.SIGSTOP)
+                            began = time.monotonic()
+            assert SILENT_S <= time.monotonic() - began < 2.0 * SILENT_S
+
+    asyncio.run(main())
 
 
 def test_a_late_answer_goes_to_nobody(own_server: Server) -> None:

@@ -17,6 +17,7 @@ from serving import PATIENCE_S, RATE_HZ, SCENES, Server, eventually
 import hbot
 from hbot import clock
 from hbot.lsl import streams
+from hbot.lsl.__main__ import arguments
 
 pylsl = pytest.importorskip("pylsl", reason="the extra lsl is installed in CI")
 
@@ -167,6 +168,44 @@ def test_the_program_survives_its_server(tmp_path: Path) -> None:
     finally:
         program.end()
         server.kill()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--token-file", "missing"], "No such file or directory: 'missing'"),
+        (["--markers", "{server}"], "Address already in use: --markers {server}"),
+        (["--ca", "missing"], "missing: no certificate can be read from it"),
+    ],
+)
+def test_what_is_wrong_ends_the_program_with_one_line(
+    server: Server, tmp_path: Path, options: list[str], message: str
+) -> None:
+    options = [option.format(server=server.address) for option in options]
+    command = [sys.executable, "-m", "hbot.lsl", server.address, "--markers", "127.0.0.1:0"]
+    done = subprocess.run(
+        [*command, *options], capture_output=True, text=True, cwd=tmp_path, timeout=PATIENCE_S
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert message.format(server=server.address) in line
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--markers", "here"], "'here'; legal: HOST:PORT"),
+        (["--markers", "127.0.0.1:65536"], "legal: HOST:PORT"),
+        (["--every", "0"], "--every 0; legal: 1 or more"),
+    ],
+)
+def test_a_wrong_option_is_named(
+    options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        arguments(options)
+    assert message in capsys.readouterr().err
 
 
 def test_round_trips_enclose_the_clock(server: Server) -> None:

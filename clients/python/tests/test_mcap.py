@@ -163,8 +163,12 @@ def test_topics_and_a_time_can_be_chosen() -> None:
     assert len(part["/hbot/torque"]["t"]) == 250
     inside = (whole["t"] >= 0.25) & (whole["t"] < 0.5)
     assert numpy.array_equal(part["/hbot/torque"]["torque"], whole["torque"][inside])
-    with pytest.raises(ValueError, match=r"'/hbot/exact' is no topic; legal: /hbot/state"):
-        hbot.mcap.read(KEPT, ["/hbot/exact"])
+    one = hbot.mcap.read(KEPT, "/hbot/torque", start=0.25, end=0.5)
+    assert list(one) == ["/hbot/torque"], "a text is the name of one topic"
+    assert numpy.array_equal(one["/hbot/torque"]["torque"], part["/hbot/torque"]["torque"])
+    for wrong in ("/hbot/exact", ["/hbot/exact"]):
+        with pytest.raises(ValueError, match=r"'/hbot/exact' is no topic; legal: /hbot/state"):
+            hbot.mcap.read(KEPT, wrong)
     with pytest.raises(KeyError):
         part["/hbot/state"]
 

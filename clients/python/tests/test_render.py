@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from serving import RATE_HZ, Server, running
@@ -187,3 +188,19 @@ def test_a_torque_of_two_numbers_is_refused_before_it_is_sent(server: Server) ->
             rig.torque([0.01, 0.02], valid_ms=20)
         with pytest.raises(ValueError, match="2 numbers"):
             rig.render(lambda state: [0.01, 0.02], duration=1.0)
+
+
+def test_a_text_in_place_of_numbers_is_refused_before_it_is_sent(server: Server) -> None:
+    """The digits of a text are three numbers, too."""
+    text: Any = "123"
+    with hbot.connect(server.address, name="text") as rig, rig.lease():
+        with pytest.raises(TypeError, match="torque is the text '123'; legal: a list of numbers"):
+            rig.torque(text, valid_ms=20)
+        with pytest.raises(TypeError, match="torque is the text"):
+            rig.render(lambda _state: text, duration=1.0)
+        with pytest.raises(TypeError, match="q is the text"):
+            rig.reference("spring", q=text)
+        with pytest.raises(TypeError, match="omega is the text"):
+            rig.reference("spring", q=[1.0, 0.0, 0.0, 0.0], omega=text)
+        with pytest.raises(TypeError, match="q is the text"):
+            rig.align(text, weight=1.0)

@@ -131,8 +131,9 @@ pub struct LoadSceneOk {
     pub effects: Vec<EffectCost>,
     /// Simulated phenomena in the scene that have no effect because the rig is real.
     pub ignored: Vec<String>,
-    /// What the rig cannot make of the scene, or may not keep stable: one sentence each, for
-    /// people. Empty if a server does not send it.
+    /// What the rig cannot make of the scene or may not keep stable, what has no effect in the
+    /// scene, and what the simulated rig keeps of an earlier scene: one sentence each, for people.
+    /// Empty if a server does not send it.
     #[serde(default)]
     pub warnings: Vec<String>,
 }

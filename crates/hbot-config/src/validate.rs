@@ -113,6 +113,16 @@ fn validate_name(names: &[&Value], value: &Value, path: &str, report: &mut Repor
     report.push(path, message, list(names));
 }
 
+/// Returns whether a value has the type that a schema requires, and so have all its elements if it
+/// is an array. Ranges, lengths and names are not checked.
+pub(crate) fn is_typed(schema: &Value, value: &Value) -> bool {
+    if let Some(branches) = branches(schema).filter(|_| names(schema).is_empty()) {
+        return branches.iter().any(|branch| is_typed(branch, value));
+    }
+    is_of_type(schema, value)
+        && value.as_array().is_none_or(|elements| elements.iter().all(|e| is_typed(&schema["items"], e)))
+}
+
 /// Returns whether a value has the type that a schema requires. Ranges are not checked.
 fn is_of_type(schema: &Value, value: &Value) -> bool {
     let listed = names(schema);

@@ -24,7 +24,7 @@ struct Args {
     /// File with the certificate of an encrypting server, or of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE")]
     ca: Option<PathBuf>,
-    /// Only watch: do not take the lease automatically
+    /// Only watch: do not take command automatically
     #[arg(long)]
     observe: bool,
     /// Folder with scenes to choose from

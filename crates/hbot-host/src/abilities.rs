@@ -1,8 +1,8 @@
-//! What a rig cannot make of a scene, or may not keep stable.
+//! What a rig cannot make of a scene or may not keep stable, and what has no effect in it.
 
 use std::sync::LazyLock;
 
-use hbot_config::scene::{Listed, SceneEffect, kinds};
+use hbot_config::scene::{IdleKey, Listed, SceneEffect, kinds};
 use hbot_config::{RigConfig, SceneFile};
 use serde_json::{Map, Value};
 
@@ -45,7 +45,8 @@ impl Abilities {
     }
 
     /// Returns a sentence for each parameter of the scene that asks for more torque than the rig
-    /// makes, or for more stiffness than it keeps stable.
+    /// makes, or for more stiffness than it keeps stable, or that has no effect because of the
+    /// values of others.
     ///
     /// A stiffness is compared with two limits of [`StiffnessBound`]: above `most` no spring is
     /// stable; above `stable` it needs more damping than the whole scene has, for example that of
@@ -72,6 +73,7 @@ impl Abilities {
                 ));
             }
         }
+        found.extend(in_vain(scene));
         found.extend(self.too_late(scene));
         found
     }
@@ -108,16 +110,28 @@ impl Abilities {
     }
 }
 
+/// Returns a sentence for each parameter that the file of the scene names although it has no effect
+/// because of the values of others.
+pub fn in_vain(scene: &SceneFile) -> impl Iterator<Item = String> {
+    scene.effects().iter().flat_map(|effect| {
+        effect.in_vain().iter().map(move |IdleKey { name, remedy, .. }| {
+            format!("{}: {name} has no effect here; to make it count, {remedy}", effect.id())
+        })
+    })
+}
+
 /// Returns the names of the parameters of `effect` that have the unit `unit`, with their values
 /// times the effect's gain. Of a vector it is the length. Of a matrix it is the largest sum of a
-/// row's absolute values, which its largest eigenvalue does not exceed.
+/// row's absolute values, which its largest eigenvalue does not exceed. Parameters that have no
+/// effect because of the values of others are left out.
 fn values(effect: &SceneEffect, unit: &'static str) -> impl Iterator<Item = (String, f64)> {
     let kind = KINDS.iter().find(|kind| kind.name == effect.kind_name());
     let written = effect.to_json().as_object().cloned().unwrap_or_else(Map::new);
     let gain = effect.gain();
     written.into_iter().filter_map(move |(name, value)| {
         let property = &kind?.schema["properties"][&name];
-        let size = size(&value).filter(|_| property["unit"] == unit)?;
+        let is_idle = effect.idle().iter().any(|key| key.name == name);
+        let size = size(&value).filter(|_| property["unit"] == unit && !is_idle)?;
         Some((name, gain * size))
     })
 }
@@ -136,6 +150,8 @@ fn size(value: &Value) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     fn warnings(text: &str) -> Vec<String> {
@@ -170,6 +186,80 @@ mod tests {
             late.len() == 1 && late[0].contains("lag_s 0.002 s is more than the lag of 0.0005 s"),
             "{late:?}"
         );
+    }
+
+    /// Each case has an effect's kind, its other keys, and the keys without effect, each with what
+    /// makes it count.
+    #[test]
+    fn a_key_that_another_makes_meaningless_is_named_with_what_makes_it_count() {
+        const TO_TWIST: &str = "set walls = \"twist\" or walls = \"both\"";
+        const TO_CONE: &str = "set walls = \"cone\" or walls = \"both\"";
+        const TO_CLOSED: &str = "set ends = \"closed\"";
+        const TO_ENDS: &str = "give positions and set ends = \"closed\"";
+        const TO_SWING: &str = "set path = \"sine\" or path = \"chirp\"";
+        const TO_CHIRP: &str = "set path = \"chirp\"";
+        const TO_POINTS: &str = "set path = \"waypoints\" or path = \"record\"";
+        const ANOTHER: &str = "set another path (a sine always repeats)";
+        const POINTS: &str = "points = [[0, 1, 0, 0, 0], [1, 0, 1, 0, 0], [2, 1, 0, 0, 0]]";
+        let record = format!("{POINTS}\npath = 'record'\nrepeat = true\namplitude = 1\nfrequency_end = 3");
+        let cases: &[(&str, &str, &[(&str, &str)])] = &[
+            ("end_stop", "twist = [-0.5, 0.5]", &[("twist", TO_TWIST)]),
+            // The default, but the file does not say that there are no walls of the twist.
+            ("end_stop", "twist = [-1, 1]", &[("twist", TO_TWIST)]),
+            ("end_stop", "twist = [-1, 1]\nwalls = 'cone'", &[]),
+            ("end_stop", "cone = 0.2\nwalls = 'twist'\ntwist = [-0.5, 0.5]", &[("cone", TO_CONE)]),
+            ("end_stop", "cone = 0.2\nwalls = 'both'\ntwist = [-0.5, 0.5]", &[]),
+            ("detents", "count = 20\npositions = [0, 1]", &[("count", "remove positions")]),
+            ("detents", "end_stiffness = 3\npositions = [0, 1]", &[("end_stiffness", TO_CLOSED)]),
+            ("detents", "end_stiffness = 3", &[("end_stiffness", TO_ENDS)]),
+            ("detents", "ends = 'closed'", &[("ends", "give positions")]),
+            ("detents", "count = 20", &[]),
+            ("guide", "pointer = [0, 1, 0]", &[("pointer", "set free = \"plane\"")]),
+            ("guide", "pointer = [0, 1, 0]\nfree = 'plane'", &[]),
+            ("track", "sweep_s = 3", &[("sweep_s", TO_CHIRP)]),
+            ("track", "sweep_s = 3\npath = 'chirp'\nrepeat = true", &[]),
+            ("track", "repeat = true", &[("repeat", ANOTHER)]),
+            ("track", POINTS, &[("points", TO_POINTS)]),
+            ("track", &record, &[("amplitude", TO_SWING), ("frequency_end", TO_CHIRP)]),
+            ("vibration", "release_s = 1", &[("release_s", "set hold_s above 0")]),
+            ("vibration", "hold_s = 3\nrepeat_s = 3", &[("hold_s", "set hold_s below repeat_s")]),
+            ("vibration", "hold_s = 1\nrepeat_s = 3\nrelease_s = 1", &[]),
+        ];
+        // Enough damping for every stiffness in the cases.
+        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.1\n";
+        for (kind, keys, idle) in cases {
+            let said = warnings(&format!("[[effect]]\nid = 'e'\nkind = '{kind}'\n{keys}\n{air}"));
+            let sentence = |(key, remedy): &(&str, &str)| {
+                format!("e: {key} has no effect here; to make it count, {remedy}")
+            };
+            assert_eq!(said, idle.iter().map(sentence).collect::<Vec<_>>(), "{kind}: {keys}");
+        }
+    }
+
+    /// The walls of a dial with open ends do not exist, so they cannot buzz.
+    #[test]
+    fn a_stiffness_that_does_not_act_is_not_judged() {
+        let dial = |keys: &str| {
+            warnings(&format!("[[effect]]\nid = 'd'\nkind = 'detents'\npositions = [0, 1]\n{keys}\n"))
+        };
+        assert_eq!(dial(""), Vec::<String>::new());
+        let open = dial("end_stiffness = 600");
+        assert!(open.len() == 1 && open[0].contains("end_stiffness has no effect"), "{open:?}");
+        let closed = dial("end_stiffness = 600\nends = 'closed'");
+        let unstable = "d: end_stiffness 600 N m/rad is unstable";
+        assert!(closed.len() == 1 && closed[0].starts_with(unstable), "{closed:?}");
+    }
+
+    /// A scene that a server sends has all parameters. Loading it again causes no more warnings.
+    #[test]
+    fn defaults_without_effect_are_not_named() {
+        for kind in kinds() {
+            let bare = json!({"effect": [{"id": "e", "kind": kind.name}]});
+            let scene = SceneFile::from_json(bare).unwrap_or_else(|error| panic!("{error}"));
+            let again = SceneFile::from_json(scene.to_json()).unwrap_or_else(|error| panic!("{error}"));
+            let said = Abilities::of(&RigConfig::prototype()).warnings(&again);
+            assert!(!said.iter().any(|warning| warning.contains("has no effect")), "{said:?}");
+        }
     }
 
     #[test]

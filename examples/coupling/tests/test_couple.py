@@ -196,8 +196,18 @@ def test_the_death_of_one_server_releases_the_other(tmp_path: Path) -> None:
             first.kill()
             _, errors = program.communicate(timeout=PATIENCE_S)
         assert program.returncode == 1
-        assert errors.startswith("ended: ")
+        said = errors.splitlines()
+        assert said[0].startswith("error: ")
+        assert said[1:] == ["The torque of each rig that still answers is off."]
         eventually(lambda: is_off(second), "the other is off")
+
+
+def test_a_missing_server_is_named_without_a_traceback() -> None:
+    with command("127.0.0.1:1", "127.0.0.1:1") as program:
+        _, errors = program.communicate(timeout=PATIENCE_S)
+    assert program.returncode == 1
+    assert errors.startswith("error: no connection to 127.0.0.1:1: ")
+    assert len(errors.splitlines()) == 2
 
 
 def test_a_lease_that_is_stolen_ends_the_coupling(tmp_path: Path) -> None:

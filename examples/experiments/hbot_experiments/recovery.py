@@ -31,7 +31,7 @@ from .discrimination import (
     simulated,
 )
 from .psychometric import Fit, fit
-from .trial_log import TrialLog
+from .trial_log import LogError, TrialLog
 
 WEBER = (0.1, 0.2, 0.3)
 RUNS = 20
@@ -83,7 +83,11 @@ def main() -> None:
     given = options.parse_args()
     if given.without_hand:
         return recover(exactly, given.runs)
-    with hbot.connect(given.server, name="recovery", timeout=30.0) as rig, rig.lease():
+    with (
+        hbot.one_line_errors(LogError),
+        hbot.connect(given.server, name="recovery", timeout=30.0) as rig,
+        rig.lease(),
+    ):
         session.check_rig(rig, simulate=True)
         session.start(rig, scene(simulate=True))
         recover(functools.partial(feel, rig), given.runs)

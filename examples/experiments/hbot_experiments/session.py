@@ -54,9 +54,13 @@ def run(options: argparse.Namespace, experiment: Callable[[hbot.Rig], None]) -> 
     Ends the program: with exit code 0 if the experiment is complete, 130 after Ctrl-C, else 1.
     A session that has ended early continues when the same command is given again.
     """
+    token = options.token_file
     try:
-        token = options.token_file
-        with hbot.connect(options.server, name="experiment", token=token) as rig, rig.lease():
+        with (
+            hbot.one_line_errors(LogError, EOFError),
+            hbot.connect(options.server, name="experiment", token=token) as rig,
+            rig.lease(),
+        ):
             check_rig(rig, options.simulate)
             try:
                 experiment(rig)
@@ -69,10 +73,9 @@ def run(options: argparse.Namespace, experiment: Callable[[hbot.Rig], None]) -> 
     except KeyboardInterrupt:
         print("\nStopped. The same command continues after the last complete trial.")
         sys.exit(130)
-    except (hbot.HbotError, LogError, EOFError) as error:
-        print(f"error: {error or 'the input has ended'}", file=sys.stderr)
+    except SystemExit:
         print("The same command continues after the last complete trial.", file=sys.stderr)
-        sys.exit(1)
+        raise
 
 
 def check_rig(rig: hbot.Rig, simulate: bool) -> None:

@@ -70,6 +70,27 @@ def test_guidance_reduces_the_error_as_two_springs_in_parallel_do(tmp_path: Path
     assert rms[True] < rms[False]
 
 
+@pytest.mark.parametrize(
+    ("experiment", "last"),
+    [
+        ("matching", "The same command continues after the last complete trial."),
+        ("discrimination", "The same command continues after the last complete trial."),
+        ("recovery", None),
+    ],
+)
+def test_a_missing_server_is_named_in_one_line(
+    experiment: str, last: str | None, tmp_path: Path
+) -> None:
+    run = command(experiment, "127.0.0.1:1", tmp_path)
+    if experiment == "recovery":  # It has neither a participant nor a log.
+        run = [*run[:3], "--server", "127.0.0.1:1"]
+    done = subprocess.run(run, capture_output=True, text=True)
+    assert done.returncode == 1
+    said = done.stderr.splitlines()
+    assert said[0].startswith("error: no connection to 127.0.0.1:1: ")
+    assert said[1:] == ([] if last is None else [last])
+
+
 def test_one_experiment_follows_another_on_one_server(tmp_path: Path) -> None:
     with server() as address:
         for experiment in ("discrimination", "matching", "discrimination"):

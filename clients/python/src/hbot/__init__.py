@@ -23,6 +23,7 @@ from .errors import (
     ConnectionLost,
     Faulted,
     HbotError,
+    IllegalInput,
     MissingExtra,
     NoServer,
     NotHolder,
@@ -55,6 +56,7 @@ from .events import (
 )
 from .info import Clock, Hello, Info
 from .opening import connect
+from .program import one_line_errors
 from .rendering import Rendered
 from .rig import Rig
 
@@ -72,6 +74,7 @@ __all__ = [
     "Faulted",
     "HbotError",
     "Hello",
+    "IllegalInput",
     "Info",
     "Joint",
     "LeaseEvent",
@@ -103,4 +106,5 @@ __all__ = [
     "UnsupportedVersion",
     "aio",
     "connect",
+    "one_line_errors",
 ]

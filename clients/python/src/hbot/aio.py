@@ -18,7 +18,16 @@ from typing import Any, Generic, TypeVar
 from . import ops
 from .answers import Controller, Loaded, Pong, Stats
 from .callbacks import call_back
-from .connection import MAX_EVENTS, MAX_STATES, Connection, Options, Send
+from .connection import (
+    MAX_EVENTS,
+    MAX_STATES,
+    Answer,
+    Connection,
+    Options,
+    Send,
+    ignore,
+    no_state,
+)
 from .environment import server_address, server_token
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
@@ -194,7 +203,7 @@ class Rig:
             yield
         except BaseException:
             with contextlib.suppress(HbotError):
-                await self.release()
+                await self._finish(ops.release())
             raise
         with contextlib.suppress(NotHolder):  # Another client has taken it.
             await self.release()
@@ -273,7 +282,7 @@ class Rig:
                 if end is not None and state.tick >= end:
                     return
                 yield state
-            raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
+            raise no_state(wait)
 
     async def render(
         self, torque: Torque, *, every: int = 1, valid_ms: int = 20, duration: float | None = None
@@ -288,7 +297,7 @@ class Rig:
             while True:
                 first = await states.get(wait)
                 if first is None:
-                    raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
+                    raise no_state(wait)
                 later, skipped = states.mailbox.newest(0.0)
                 state = first if later is None else later
                 if not rendering.goes_on(state, skipped + (later is not None)):
@@ -327,16 +336,26 @@ class Rig:
             with contextlib.suppress(RuntimeError):  # The event loop has been closed.
                 self._loop.call_soon_threadsafe(settle, body, error)
 
-        send = send or self._connection.request
-        if self._connection.writable():
-            send(request.op, request.fields, answer)
-        else:
-            await asyncio.to_thread(send, request.op, request.fields, answer)
+        await self._send(request, send, answer)
         try:
             body = await asyncio.wait_for(answered, self._connection.timeout)
         except asyncio.TimeoutError:
             raise TimedOut(f"{request.op}: no answer for {self._connection.timeout} s") from None
         return request.read(body)
+
+    async def _finish(self, request: ops.Request[None], send: Send | None = None) -> None:
+        """End a block as `hbot.Rig` does."""
+        if self._connection.silent:
+            await self._send(request, send, ignore)
+        else:
+            await self._call(request, send)
+
+    async def _send(self, request: ops.Request[T], send: Send | None, answer: Answer) -> None:
+        send = send or self._connection.request
+        if self._connection.writable():
+            send(request.op, request.fields, answer)
+        else:
+            await asyncio.to_thread(send, request.op, request.fields, answer)
 
     async def _stream(self, request: ops.Request[None], wait: bool) -> None:
         if wait:
@@ -354,4 +373,4 @@ class Rig:
             yield states, self._connection.timeout + every / self.hello.rate_hz
         finally:
             with contextlib.suppress(ConnectionLost, TimedOut):
-                await self._call(ops.unsubscribe(), unsubscribe)
+                await self._finish(ops.unsubscribe(), unsubscribe)

@@ -17,7 +17,8 @@ class Loaded:
     ignored: tuple[str, ...]
     """Phenomena in the scene that a real rig ignores."""
     warnings: tuple[str, ...] = ()
-    """What the rig cannot make or keep stable, in words."""
+    """In words: what the rig cannot make or keep stable, what has no effect in the scene, and what
+    the simulated rig keeps of an earlier scene."""
 
 
 @dataclass(frozen=True, slots=True)

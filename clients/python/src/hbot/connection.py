@@ -102,6 +102,7 @@ class Connection:
         self._lock = threading.Lock()
         self._last_id = 0
         self._error: Exception | None = None
+        self._heard = time.monotonic()
         self._told_at = -1.0
         self._stopping: str | None = None
         # A subscription is registered and requested under this lock, so the last one that is
@@ -148,6 +149,11 @@ class Connection:
             return False
         self._send(data)
         return True
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing has arrived from the server for the timeout of the connection."""
+        return time.monotonic() - self._heard >= self.timeout
 
     def writable(self) -> bool:
         """Return whether a short message can be sent without waiting."""
@@ -218,7 +224,6 @@ class Connection:
 
     def _read(self) -> None:
         """Read until the connection ends. Runs in the thread."""
-        heard = time.monotonic()
         early, self._early = self._early, b""
         try:
             for message in self._splitter.push(early):
@@ -226,16 +231,16 @@ class Connection:
             while self._error is None:
                 data = self._transport.receive(HEARTBEAT_S)
                 if data is None:
-                    silent = time.monotonic() - heard
-                    if silent > SILENCE_S:
-                        raise ConnectionLost(f"the server has been silent for {silent:.0f} s")
-                    if silent >= HEARTBEAT_S and self._transport.writable():
-                        self.request("ping", {}, lambda _body, _error: None)
+                    silence = time.monotonic() - self._heard
+                    if silence > SILENCE_S:
+                        raise ConnectionLost(f"the server has been silent for {silence:.0f} s")
+                    if silence >= HEARTBEAT_S and self._transport.writable():
+                        self.request("ping", {}, ignore)
                     continue
                 if not data:
                     reason = self._stopping or "it ended, or it cut this client"
                     raise ConnectionLost(f"the server has closed the connection: {reason}")
-                heard = time.monotonic()
+                self._heard = time.monotonic()
                 for message in self._splitter.push(data):
                     self._take(message)
         except HbotError as error:
@@ -317,6 +322,15 @@ class Connection:
         if subscriber is not None:
             subscriber.end(error)
         return error
+
+
+def ignore(_body: Any, _error: Exception | None) -> None:
+    """Take an answer that nobody waits for."""
+
+
+def no_state(wait: float) -> TimedOut:
+    """Return the exception for a wait of `wait` s in which no state came."""
+    return TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
 
 
 def _say_hello(transport: Transport, options: Options) -> tuple[Hello, bytes]:

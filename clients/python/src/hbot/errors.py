@@ -34,6 +34,13 @@ class ProtocolError(HbotError):
     """The server sent a message that this client cannot read."""
 
 
+class IllegalInput(HbotError, ValueError):
+    """An address, an environment variable, a scene file or a recording is not legal.
+
+    The message names it and the mistake.
+    """
+
+
 class SubscriptionTaken(HbotError):
     """Another `states()` or `render()` of this connection has replaced this one's subscription."""
 

@@ -42,7 +42,7 @@ def connect(
         NoServer: no program listens at the address.
         NotTrusted: the server's certificate is not trusted, or only one side encrypts.
         Refused: the server refused the hello, for example `Unauthorized`.
-        ValueError: the address has no legal port, or a variable is set and empty.
+        IllegalInput: the address has no legal port, or a variable is set and empty.
         OSError: the file of the token cannot be read.
     """
     options = Options(name, server_token(token), tls, encoding, timeout)

@@ -47,15 +47,18 @@ def _given(**fields: Any) -> dict[str, Any]:
     return {name: value for name, value in fields.items() if value is not None}
 
 
-def _numbers(values: Iterable[float]) -> list[float]:
-    """Return the values as plain numbers, also those of an array.
+def _numbers(name: str, values: Iterable[float]) -> list[float]:
+    """Return the values of the parameter `name` as plain numbers, also those of an array.
 
     Raises:
+        TypeError: the parameter is a text, whose digits would count as numbers.
         ValueError: a value is not finite.
     """
+    if isinstance(values, str):
+        raise TypeError(f"{name} is the text {values!r}; legal: a list of numbers")
     numbers = [float(value) for value in values]
     if not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{numbers}: every number must be finite")
+        raise ValueError(f"{name} is {numbers}; every number must be finite")
     return numbers
 
 
@@ -113,7 +116,7 @@ def torque(
     Raises:
         ValueError: the torque is not three finite numbers.
     """
-    numbers = _numbers(torque)
+    numbers = _numbers("torque", torque)
     if len(numbers) != 3:
         raise ValueError(f"the torque has {len(numbers)} numbers; legal: 3")
     fields = _given(torque=numbers, valid_ms=valid_ms, tick=tick, seq=seq)
@@ -129,9 +132,9 @@ def reference(
     seq: int | None = None,
 ) -> Request[None]:
     """Move the reference of an effect."""
-    turning = None if omega is None else _numbers(omega)
+    turning = None if omega is None else _numbers("omega", omega)
     fields = _given(
-        effect=effect, q=_numbers(q), omega=turning, valid_ms=valid_ms, tick=tick, seq=seq
+        effect=effect, q=_numbers("q", q), omega=turning, valid_ms=valid_ms, tick=tick, seq=seq
     )
     return Request("reference", fields, _none)
 
@@ -139,7 +142,7 @@ def reference(
 def align(q: Iterable[float], weight: float, t: float | None = None) -> Request[float]:
     """Correct the server's orientation by a measured one."""
     return Request(
-        "align", _given(q=_numbers(q), weight=weight, t=t), lambda body: float(body["angle"])
+        "align", _given(q=_numbers("q", q), weight=weight, t=t), lambda body: float(body["angle"])
     )
 
 

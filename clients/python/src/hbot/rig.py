@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from . import ops
 from .answers import Controller, Loaded, Pong, Stats
 from .callbacks import call_back
-from .connection import MAX_EVENTS, MAX_STATES, Connection, Send
+from .connection import MAX_EVENTS, MAX_STATES, Connection, Send, ignore, no_state
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
@@ -122,7 +122,7 @@ class Rig:
         except BaseException:
             # The exception of the block says more. The server frees the lease of a lost connection.
             with contextlib.suppress(HbotError):
-                self.release()
+                self._finish(ops.release())
             raise
         with contextlib.suppress(NotHolder):  # Another client has taken it.
             self.release()
@@ -135,7 +135,7 @@ class Rig:
                 (CSV) that a scene file names are read from this machine.
 
         Raises:
-            OSError, ValueError: a file cannot be read; the message names it.
+            OSError, IllegalInput: a file cannot be read; the message names it.
             BadRequest, OutOfRange: the scene is not legal; the message names every mistake, with
                 its line and column if the scene is a file.
             TooLarge: the scene has more than 65536 bytes. `encoding="msgpack"` needs fewer.
@@ -260,7 +260,7 @@ class Rig:
                 if end is not None and state.tick >= end:
                     return
                 yield state
-            raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
+            raise no_state(wait)
 
     def render(
         self, torque: Torque, *, every: int = 1, valid_ms: int = 20, duration: float | None = None
@@ -285,14 +285,14 @@ class Rig:
             NotHolder: this client does not hold the lease, or another client has taken it.
             Faulted: the rig went into a fault or an emergency stop.
             TimedOut, ConnectionLost: no state came.
-            ValueError: the torque is not three finite numbers.
+            ValueError, TypeError: the torque is not three finite numbers.
         """
         rendering = Rendering(self._connection, every, valid_ms, duration)
         with self._subscription(every) as (states, wait):
             while True:
                 state, skipped = states.newest(wait)
                 if state is None:
-                    raise TimedOut(f"no state for {wait:.1f} s: does the server's loop run?")
+                    raise no_state(wait)
                 if not rendering.goes_on(state, skipped):
                     break
                 rendering.send(state, torque(state))
@@ -338,6 +338,16 @@ class Rig:
             raise request.explain(error)
         return request.read(body)
 
+    def _finish(self, request: ops.Request[None], send: Send | None = None) -> None:
+        """Send the request that ends a block, and wait for its answer unless the server is silent.
+
+        A block that ends because the server is silent would otherwise take as long again.
+        """
+        if self._connection.silent:
+            (send or self._connection.request)(request.op, request.fields, ignore)
+        else:
+            self._call(request, send)
+
     def _stream(self, request: ops.Request[None], wait: bool) -> None:
         if wait:
             self._call(request)
@@ -356,4 +366,4 @@ class Rig:
             yield states, self._connection.timeout + every / self.hello.rate_hz
         finally:
             with contextlib.suppress(ConnectionLost, TimedOut):
-                self._call(ops.unsubscribe(), partial(self._connection.unsubscribe, states))
+                self._finish(ops.unsubscribe(), partial(self._connection.unsubscribe, states))

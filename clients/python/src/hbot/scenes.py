@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from .errors import BadRequest, MissingExtra, OutOfRange
+from .errors import BadRequest, IllegalInput, MissingExtra, OutOfRange
 from .places import PATH, Places, join
 
 Scene: TypeAlias = str | os.PathLike[str] | Mapping[str, Any]
@@ -36,7 +36,7 @@ def read_scene(scene: Scene) -> dict[str, Any]:
 
     Raises:
         OSError: a file cannot be read.
-        ValueError: the file is no TOML, or the CSV file is no path; the message names the place.
+        IllegalInput: the file is no TOML, or the CSV file is no path; the message names the place.
         MissingExtra: Python 3.10 has no reader of TOML, and the package `tomli` is not installed.
     """
     return open_scene(scene)[0]
@@ -52,10 +52,10 @@ def open_scene(scene: Scene) -> tuple[dict[str, Any], Explain]:
     try:
         made = dict(loads(text))
     except error as wrong:
-        raise ValueError(f"{name}: {wrong}") from wrong
+        raise IllegalInput(f"{name}: {wrong}") from wrong
     places = Places(text)
     if unsendable := [f"{path}: {what}" for path, what in _unsendable(made)]:
-        raise ValueError(_located("\n".join(unsendable), name, places))
+        raise IllegalInput(_located("\n".join(unsendable), name, places))
     effects = made.get("effect")
     for number, effect in enumerate(effects if isinstance(effects, list) else []):
         # Points and a file together are a mistake, which the server names.
@@ -79,13 +79,13 @@ def _text(scene: str | os.PathLike[str]) -> str:
     Raises:
         OSError: it cannot be read. If a name without a folder is no file, the message says how to
             get a ready-made scene.
-        ValueError: it is no text.
+        IllegalInput: it is no text.
     """
     path = Path(scene)
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as wrong:
-        raise ValueError(f"{path}: it is not text (UTF-8): {wrong}") from wrong
+        raise IllegalInput(f"{path}: it is not text (UTF-8): {wrong}") from wrong
     except FileNotFoundError as missing:
         if path.suffix or path.name != os.fspath(scene):
             raise
@@ -141,18 +141,18 @@ def _points(path: Path) -> list[list[float]]:
     rows = csv.reader(line for line in lines if line.strip() and not line.startswith("#"))
     header = [cell.strip() for cell in next(rows, [])]
     if header != PATH_COLUMNS:
-        raise ValueError(f"{path}: the first line is {','.join(header)!r}; legal: 't,w,x,y,z'")
+        raise IllegalInput(f"{path}: the first line is {','.join(header)!r}; legal: 't,w,x,y,z'")
     points = []
     for number, row in enumerate(rows, start=1):
         try:
             point = [float(cell) for cell in row]
         except ValueError as wrong:
-            raise ValueError(f"{path}: row {number}: {wrong}") from wrong
+            raise IllegalInput(f"{path}: row {number}: {wrong}") from wrong
         if len(point) != len(PATH_COLUMNS) or not all(map(math.isfinite, point)):
-            raise ValueError(f"{path}: row {number} is {row}; legal: 5 finite numbers")
+            raise IllegalInput(f"{path}: row {number} is {row}; legal: 5 finite numbers")
         points.append(point)
     if len(points) > MAX_POINTS:
-        raise ValueError(
+        raise IllegalInput(
             f"{path} has {len(points)} rows; legal: at most {MAX_POINTS}. Send a longer path with "
             "`reference`, point by point"
         )

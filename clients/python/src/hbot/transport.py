@@ -15,7 +15,7 @@ import threading
 from pathlib import Path
 from typing import TypeAlias
 
-from .errors import NoServer, NotTrusted
+from .errors import IllegalInput, NoServer, NotTrusted
 
 Tls: TypeAlias = str | os.PathLike[str] | ssl.SSLContext
 """What a client trusts: a PEM file, or a context of your own.
@@ -37,13 +37,13 @@ def split_address(address: str) -> tuple[str, int]:
     The default port is 4268.
 
     Raises:
-        ValueError: the port is no number from 1 to 65535.
+        IllegalInput: the port is no number from 1 to 65535.
     """
     host, colon, port = address.rpartition(":")
     if not colon or (":" in host and not host.endswith("]")):
         return address.strip("[]"), DEFAULT_PORT
     if not port.isdigit() or not 0 < int(port) < 1 << 16:
-        raise ValueError(f"{address!r}: the port is {port!r}; legal: 1 to 65535")
+        raise IllegalInput(f"{address!r}: the port is {port!r}; legal: 1 to 65535")
     return host.strip("[]"), int(port)
 
 

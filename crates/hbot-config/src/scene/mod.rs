@@ -16,6 +16,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+pub use self::kinds::IdleKey;
 use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KINDS, KindEntry};
 pub use self::running::{EffectPlace, RunningScene, SetError};
 pub use self::shelf::{SHELF, ShelfScene};
@@ -43,7 +44,7 @@ pub struct SceneFile {
 }
 
 /// One effect of a scene file, such as a spring.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct SceneEffect {
     id: String,
     kind_name: &'static str,
@@ -54,6 +55,19 @@ pub struct SceneEffect {
     /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
     /// stores these lists of all effects in one table, its figures.
     numbers: Vec<f64>,
+    /// The parameters that have no effect because of the values of others.
+    idle: Vec<IdleKey>,
+    /// Those of `idle` that the file names in vain.
+    in_vain: Vec<IdleKey>,
+}
+
+impl PartialEq for SceneEffect {
+    /// Compares what the file says about two effects. All else follows from it. Whether the file
+    /// names a parameter that has its default makes no difference.
+    fn eq(&self, other: &Self) -> bool {
+        (&self.id, self.kind_name, self.common, &self.parameters)
+            == (&other.id, other.kind_name, other.common, &other.parameters)
+    }
 }
 
 /// Describes something that a scene can contain: a kind of effect, or a phenomenon of the simulated
@@ -352,6 +366,21 @@ impl SceneEffect {
         &self.numbers
     }
 
+    /// Returns the parameters that have no effect because of the values of others, including those
+    /// that the file does not name.
+    #[must_use]
+    pub fn idle(&self) -> &[IdleKey] {
+        &self.idle
+    }
+
+    /// Returns the parameters that the file names although they have no effect. A parameter that
+    /// has its default is left out if the file also names the one that deprives it of its effect: a
+    /// scene that was written by a program names all parameters.
+    #[must_use]
+    pub fn in_vain(&self) -> &[IdleKey] {
+        &self.in_vain
+    }
+
     /// Returns the factor by which the effect's torque is multiplied, 0 to 10.
     #[must_use]
     pub fn gain(&self) -> f64 {
@@ -425,7 +454,21 @@ impl SceneEffect {
         report: &mut Report,
     ) -> Option<Self> {
         let common = decode(value, path, report)?;
-        let Compiled { parameters, kind, numbers } = (entry.compile)(value, path, report)?;
-        Some(Self { id: id.to_owned(), kind_name: entry.name, common, parameters, kind, numbers })
+        let Compiled { parameters, kind, numbers, idle } = (entry.compile)(value, path, report)?;
+        let is_named = |name: &str| value.get(name).is_some();
+        let is_default = |name: &str| parameters.get(name) == entry.schema["properties"][name].get("default");
+        let is_in_vain =
+            |key: &IdleKey| is_named(key.name) && !(is_default(key.name) && is_named(key.because_of));
+        let in_vain = idle.iter().copied().filter(is_in_vain).collect();
+        Some(Self {
+            id: id.to_owned(),
+            kind_name: entry.name,
+            common,
+            parameters,
+            kind,
+            numbers,
+            idle,
+            in_vain,
+        })
     }
 }

@@ -9,7 +9,7 @@ use super::{KindEntry, SceneEffect, SceneFile, check_figures};
 use crate::angle::to_radians;
 use crate::diagnostic::Diagnostics;
 use crate::document::Report;
-use crate::validate::validate;
+use crate::validate::{is_typed, validate};
 
 /// The scene that the control loop runs. Every change returns a new [`CompiledScene`], which the
 /// caller passes to the loop.
@@ -58,7 +58,12 @@ pub enum SetError {
         /// The ids of the effects in the scene.
         legal: Vec<String>,
     },
-    /// The parameters are not legal. The paths in the diagnostics begin at the effect.
+    /// The effect has no such parameter, or a value has the wrong type, such as a text in place of
+    /// a number. The paths in the diagnostics begin at the effect.
+    #[error(transparent)]
+    Malformed(Diagnostics),
+    /// The values have the right types, but they are not legal. The paths in the diagnostics begin
+    /// at the effect.
     #[error(transparent)]
     Invalid(#[from] Diagnostics),
 }
@@ -211,7 +216,7 @@ fn next(n: u32) -> u32 {
 impl SceneEffect {
     /// Returns a copy of this effect with some parameters changed. Fails if the parameters are not
     /// legal; the error lists every mistake.
-    fn with(&self, parameters: &Map<String, Value>) -> Result<Self, Diagnostics> {
+    fn with(&self, parameters: &Map<String, Value>) -> Result<Self, SetError> {
         let mut report = Report::default();
         let mut all = self.settable();
         for (key, value) in parameters {
@@ -227,8 +232,14 @@ impl SceneEffect {
             .unwrap_or_else(|| unreachable!("effects are made of listed kinds alone"));
         to_radians(&entry.schema, &mut all, "", &mut report);
         validate(&entry.schema, &all, "", &mut report);
+        let properties = &entry.schema["properties"];
+        let are_typed = parameters
+            .keys()
+            .all(|key| properties.get(key).is_some_and(|property| is_typed(property, &all[key])));
         let changed =
             if report.clean_under("") { Self::compile(&self.id, entry, &all, "", &mut report) } else { None };
-        report.finish(changed)
+        report.finish(changed).map_err(|mistakes| {
+            if are_typed { SetError::Invalid(mistakes) } else { SetError::Malformed(mistakes) }
+        })
     }
 }

@@ -1,5 +1,6 @@
 //! Checks of single kinds of effects beyond ranges, recorded paths, and fading out.
 
+use hbot_config::scene::{SceneEffect, kinds};
 use hbot_config::{RunningScene, SceneFile};
 use hbot_core::effects::{Kind, MAX_OWN};
 use hbot_core::scene::{MAX_EFFECTS, MAX_NUMBERS};
@@ -236,4 +237,71 @@ fn an_effect_with_a_time_to_fade_out_stays_for_it_beside_the_next_scene() {
     let full = running.load(scene(&ids, 2.0));
     assert!(full.effects().len() == MAX_EFFECTS && full.effects().iter().all(|effect| !effect.leaving));
     assert!(full.effects().iter().map(|e| usize::from(e.numbers.len)).sum::<usize>() <= MAX_NUMBERS);
+}
+
+/// Reads a scene with one effect. Returns the effect if the scene is legal.
+fn effect(value: &Value) -> Option<SceneEffect> {
+    let scene = SceneFile::from_json(json!({"effect": [value]})).ok()?;
+    scene.effects().first().cloned()
+}
+
+/// Checks that no kind forgets a parameter in its list of those without effect. Each parameter of
+/// many effects is given other values. If no value changes the effect that the core computes, the
+/// parameter must be in the list.
+#[test]
+fn a_parameter_that_changes_nothing_is_called_idle() {
+    let points = json!([[0, 1, 0, 0, 0], [1, 0, 1, 0, 0], [2, 1, 0, 0, 0]]);
+    let mut all: Vec<Value> = kinds().iter().map(|kind| json!({"kind": kind.name})).collect();
+    all.extend([
+        json!({"kind": "detents", "positions": [0, 1]}),
+        json!({"kind": "detents", "positions": [0, 1], "ends": "closed"}),
+        json!({"kind": "end_stop", "walls": "twist"}),
+        json!({"kind": "end_stop", "walls": "both"}),
+        json!({"kind": "guide", "free": "swing"}),
+        json!({"kind": "guide", "free": "plane"}),
+        json!({"kind": "track", "path": "chirp"}),
+        json!({"kind": "track", "path": "waypoints", "points": points}),
+        json!({"kind": "track", "path": "record", "points": points}),
+    ]);
+    let values = [
+        json!(0.5),
+        json!(2),
+        json!(true),
+        json!([0.5, 1.0]),
+        json!([1, 0, 0]),
+        json!([0, 1, 0]),
+        json!([0, 1, 0, 0]),
+        json!([[0, 0, 1, 0]]),
+        json!([[0, 1, 0, 0, 0], [1, 1, 0, 0, 0]]),
+    ];
+    let mut idle = 0;
+    for mut written in all {
+        written["id"] = json!("e");
+        let base = effect(&written).unwrap_or_else(|| panic!("{written}"));
+        let kind = kinds().into_iter().find(|kind| kind.name == base.kind_name()).unwrap();
+        for (name, schema) in kind.schema["properties"].as_object().unwrap() {
+            let choices = schema["oneOf"].as_array().into_iter().flatten().map(|choice| &choice["const"]);
+            let others: Vec<SceneEffect> = values
+                .iter()
+                .chain(choices)
+                .filter_map(|value| {
+                    let mut changed = written.clone();
+                    changed[name] = value.clone();
+                    effect(&changed)
+                })
+                .filter(|other| other.to_json()[name] != base.to_json()[name])
+                .collect();
+            let acts = |other: &SceneEffect| {
+                let common = |effect: &SceneEffect| [effect.gain(), effect.fade_s(), effect.fade_out_s()];
+                (other.kind(), other.numbers(), common(other)) != (base.kind(), base.numbers(), common(&base))
+            };
+            let is_idle = base.idle().iter().any(|key| key.name == name);
+            if !others.is_empty() && !others.iter().any(acts) {
+                assert!(is_idle, "{written}: {name} has no effect");
+                idle += 1;
+            }
+        }
+    }
+    // Detents 4, end stops 2, guides 2, and the paths of a track 4, 1, 5 and 5.
+    assert_eq!(idle, 23);
 }

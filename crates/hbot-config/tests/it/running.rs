@@ -97,6 +97,13 @@ fn what_is_refused_changes_nothing() {
         ),
         (
             "air",
+            json!({"damping": [[1, 0, 0], [0, 1, "soft"], [0, 0, 1]]}),
+            "damping[1][2]: found the string \"soft\"; legal: a number, -100 to 100 N m s/rad",
+        ),
+        // An angle with a unit is a number.
+        ("spring", json!({"deadband": "4 rad"}), "deadband: 4.0 is out of range; legal: 0 to 3 rad"),
+        (
+            "air",
             json!({"damping": null}),
             "damping: found null; legal: a number, 0 to 100 N m s/rad, or a symmetric positive semidefinite 3x3 matrix",
         ),
@@ -104,6 +111,9 @@ fn what_is_refused_changes_nothing() {
         let error = running.set(effect, &map(parameters)).unwrap_err();
         assert_eq!(error.to_string(), said);
         assert_eq!(matches!(error, SetError::UnknownEffect { .. }), effect == "wind");
+        let malformed = ["unknown key", "cannot be set", "found null", "found the string"];
+        let malformed = malformed.iter().any(|words| said.contains(words));
+        assert_eq!(matches!(error, SetError::Malformed(_)), malformed, "{said}");
         assert_eq!(running, before);
     }
 }

@@ -175,6 +175,82 @@ mod tests {
         assert!(fabs(off - 0.191214) < 2e-5, "{off}");
     }
 
+    /// Checks what the search finds if one contact after another holds too little. The wanted
+    /// torque is 1 N m about the first axis, which joints 0 and 3 turn, one of each wheel. Joint 0
+    /// alone needs a force of 1/0.01 = 100 N. Joint 3 at its limit of 0.5 N m needs 0.5/0.04 = 12.5
+    /// N and leaves 0.5 N m for joint 0, which then needs 50 N. A step that a contact does not hold
+    /// is left out.
+    #[test]
+    fn a_contact_that_holds_too_little_leaves_the_torque_to_the_other() {
+        let rows = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::X];
+        let arms = [
+            ContactArms { steer: 0.01, cross: 0.0, roll: 0.02 },
+            ContactArms { steer: 0.03, cross: 0.0, roll: 0.04 },
+        ];
+        let mut limits = JointLimits::NONE;
+        limits.peak[..4].copy_from_slice(&GIVES);
+        for (grip, wanted) in [
+            (None, [1.0, 0.0, 0.0, 0.0]),
+            (Some(100.0), [1.0, 0.0, 0.0, 0.0]),
+            (Some(60.0), [0.5, 0.0, 0.0, 0.5]),
+            (Some(20.0), [0.0, 0.0, 0.0, 0.5]),
+            (Some(10.0), [0.0; 4]),
+        ] {
+            let bounds = Bounds { rows: &rows, limits: &limits, arms: &arms, grip };
+            let found = nearest(&bounds, [0.0; MAX_JOINTS], Vec3::X);
+            // The damping of the step of all joints takes less than 1e-3 of the torque in f32 too.
+            let off = found.iter().zip(&wanted).map(|(a, b)| fabs(*a - *b)).fold(0.0, Real::max);
+            assert!(off < 1.0e-3, "{grip:?}: {found:?}");
+        }
+    }
+
+    /// Checks that no contact carries more than its grip, and that the search never ends further
+    /// from the wanted torque than it began. The wheels have different lever arms, so a mix-up of
+    /// joints would show. The torques grow from 0.01 to 4 N m. The contacts hold the least of them
+    /// in full, as if the grip were not limited. They cannot hold the largest: 10 N at levers of
+    /// 0.12 m and 0.19 m make at most 3.1 N m.
+    #[test]
+    fn contacts_that_hold_little_carry_no_more() {
+        let rows = [
+            Vec3::new(1.4, -5.6, 0.1),
+            Vec3::new(-4.6, -1.2, -4.6),
+            Vec3::new(-0.9, 5.7, -0.5),
+            Vec3::new(4.6, 0.4, -4.6),
+        ];
+        let arms = [
+            ContactArms { steer: 0.02, cross: 0.004, roll: 0.015 },
+            ContactArms { steer: 0.03, cross: -0.01, roll: 0.01 },
+        ];
+        let mut limits = JointLimits::NONE;
+        limits.peak[..4].copy_from_slice(&GIVES);
+        let grip = 10.0;
+        let bounds = |grip| Bounds { rows: &rows, limits: &limits, arms: &arms, grip };
+        let (mut unlimited, mut limited) = (0, 0);
+        for k in 1..=400 {
+            let wave = |rate: Real| crate::real::sincos(rate * k as Real).0;
+            let way = Vec3::new(wave(1.3), wave(2.1), wave(0.7));
+            let torque = way * (0.01 * k as Real / crate::real::sqrt(way.length_squared()));
+            let find = |grip| nearest(&bounds(grip), [0.0; MAX_JOINTS], torque);
+            let (found, free) = (find(Some(grip)), find(None));
+            assert_eq!(find(Some(1.0e9)), free, "a grip that is never reached changes nothing");
+            let loads = |joints: &[Real; MAX_JOINTS]| {
+                [0_usize, 1].map(|i| traction(&arms[i..=i], &joints[2 * i..2 * i + 2], grip))
+            };
+            assert!(loads(&found).iter().all(|load| *load <= FULL), "{found:?} loads {:?}", loads(&found));
+            assert!((0..4).all(|j| fabs(found[j]) <= GIVES[j]), "{found:?}");
+            let left = rows.iter().zip(&found).fold(torque, |left, (row, joint)| left - *row * *joint);
+            // The margin is for the rounding of f32.
+            assert!(left.length_squared() <= 1.0001 * torque.length_squared(), "{torque:?}: {found:?}");
+            if loads(&free).iter().any(|load| *load > FULL) {
+                assert_ne!(found, free);
+                limited += 1;
+            } else {
+                unlimited += usize::from(found == free);
+            }
+        }
+        assert!(limited > 0 && unlimited > 0, "{limited} limited, {unlimited} as without a limit");
+    }
+
     #[test]
     fn what_is_held_already_stays() {
         let rows = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::X];

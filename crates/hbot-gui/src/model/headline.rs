@@ -60,12 +60,10 @@ impl Model {
     /// Returns who asked for something, as the user of this panel would say it: "you", the user and
     /// machine of another panel, or the name of another client.
     pub(crate) fn who(&self, by: &Requester) -> String {
-        let own = [self.session, self.stop_session].into_iter().flatten();
+        let own = |session| self.sessions.contains(session) || self.stop_sessions.contains(session);
         match by.session {
             None => format!("the signal {}", by.name),
-            Some(session) if by.name == self.name && own.into_iter().any(|own| own == session) => {
-                "you".to_owned()
-            }
+            Some(session) if by.name == self.name && own(session) => "you".to_owned(),
             Some(_) => person(&by.name).to_owned(),
         }
     }

@@ -7,6 +7,7 @@ mod histogram;
 mod history;
 mod marks;
 mod messages;
+mod own;
 mod reach;
 pub(crate) mod sample;
 mod scene;
@@ -35,6 +36,7 @@ pub(crate) use stop::{PendingStop, has_torque};
 
 use crate::net::{Delivery, Intent, Lease, News};
 use crate::shape::Placing;
+use own::OwnSessions;
 use sample::quaternion;
 
 /// If no state message arrives for this time, the window reports that the server is silent.
@@ -63,10 +65,10 @@ pub(crate) struct Model {
     pub(crate) lease: Lease,
     /// Name of this panel's clients.
     name: String,
-    /// Number of the connection that sends the user's requests.
-    session: Option<u64>,
-    /// Number of the connection that sends stops.
-    stop_session: Option<u64>,
+    /// Numbers of the connections that have sent the user's requests.
+    sessions: OwnSessions,
+    /// Numbers of the connections that have sent stops.
+    stop_sessions: OwnSessions,
     /// Whether the rig is simulated, as the server at this address last said.
     simulated: Option<bool>,
     /// A stop that the user has asked for and that is not confirmed yet.
@@ -88,6 +90,8 @@ pub(crate) struct Model {
     /// What the motor controllers report about themselves, in the order of the joints. Empty if the
     /// server has not said it.
     pub(crate) controllers: Vec<ControllerInfo>,
+    /// Whether the server is too old to report the motor controllers.
+    pub(crate) lacks_controllers: bool,
     pub(crate) scene: Scene,
     /// The server's message about the fault or emergency stop that the rig is in. `None` otherwise.
     pub(crate) fault: Option<FaultEvent>,
@@ -107,8 +111,8 @@ impl Model {
             link: Link::Connecting,
             lease: Lease::Unknown,
             name: name.to_owned(),
-            session: None,
-            stop_session: None,
+            sessions: OwnSessions::default(),
+            stop_sessions: OwnSessions::default(),
             simulated: None,
             stop: None,
             state: None,
@@ -121,6 +125,7 @@ impl Model {
             info: InfoOk::default(),
             stats: None,
             controllers: Vec::new(),
+            lacks_controllers: false,
             scene: Scene::default(),
             fault: None,
             messages: Messages::default(),
@@ -155,6 +160,13 @@ impl Model {
     /// Returns the stop that the user has asked for, if nothing has confirmed it in time.
     pub(crate) fn unconfirmed_stop(&self) -> Option<&PendingStop> {
         self.stop.as_ref().filter(|stop| stop.is_unconfirmed())
+    }
+
+    /// Returns whether the stop that the user has asked for must be sent again, because it may have
+    /// been lost with the connection before. Returns true once for each new connection.
+    pub(crate) fn take_lost_stop(&mut self) -> bool {
+        let server = &self.server;
+        self.is_online() && self.stop.as_mut().is_some_and(|stop| stop.take_lost(server))
     }
 
     pub(crate) fn mode(&self) -> Option<Mode> {
@@ -231,6 +243,8 @@ impl Model {
             Intent::Connect(address) if *address != self.server => {
                 self.server.clone_from(address);
                 self.simulated = None;
+                self.sessions.clear();
+                self.stop_sessions.clear();
             }
             // A key that is held down asks many times. The time limit begins with the first.
             Intent::Stop if self.stop.is_none() => {
@@ -249,7 +263,7 @@ impl Model {
                 }
             }
             News::Connected(hello) => self.connected(hello),
-            News::StopLine(session) => self.stop_session = Some(session),
+            News::StopLine(session) => self.stop_sessions.add(session),
             News::Offline { why, absent, again_in } => {
                 if self.is_online() {
                     self.messages.add(Weight::Bad, format!("connection lost: {why}"));
@@ -259,6 +273,7 @@ impl Model {
                 self.state = None;
                 self.stats = None;
                 self.controllers.clear();
+                self.lacks_controllers = false;
                 self.scene.forget_pending();
             }
             News::Info(info) => {
@@ -274,6 +289,7 @@ impl Model {
             }
             News::Stats(stats) => self.stats = Some(*stats),
             News::Controllers(controllers) => self.controllers = controllers,
+            News::NoControllers => self.lacks_controllers = true,
             News::Lease { lease, cause } => self.lease(lease, cause),
             News::Fault(fault) => self.fault(fault),
             News::Scene(scene) => self.scene_loaded(scene),
@@ -286,7 +302,7 @@ impl Model {
 
     fn connected(&mut self, hello: HelloOk) {
         self.messages.add(Weight::Good, format!("connected to {}, {}", hello.server, hello.rig));
-        self.session = Some(hello.session);
+        self.sessions.add(hello.session);
         self.link = Link::Online(hello);
         // The new server can have another clock. Discard what the old one reported.
         self.history.clear();
@@ -296,6 +312,7 @@ impl Model {
         self.state = None;
         self.stats = None;
         self.controllers.clear();
+        self.lacks_controllers = false;
         self.began = None;
         self.info.scene = serde_json::Value::Null;
         self.heard = Some(Instant::now());

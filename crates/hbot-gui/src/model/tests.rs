@@ -95,6 +95,27 @@ fn a_stop_that_is_not_confirmed_stays_until_a_state_proves_it() {
 }
 
 #[test]
+fn a_stop_that_may_be_lost_is_asked_again_once_for_each_new_connection() {
+    let mut model = commanding(false);
+    stop_in_vain(&mut model);
+    assert!(!model.take_lost_stop(), "it may still arrive over the present connection");
+    disconnect(&mut model);
+    assert!(!model.take_lost_stop(), "there is no connection");
+    for session in [9, 11] {
+        hear(&mut model, News::Connected(hello(session)));
+        assert!(model.take_lost_stop());
+        assert!(!model.take_lost_stop(), "once");
+    }
+    hear(&mut model, News::Connected(hello(13)));
+    see(&mut model, 5, Mode::Idle);
+    assert!(!model.take_lost_stop(), "a state proves that the rig has stopped");
+    stop_in_vain(&mut model);
+    model.asked(&Intent::Connect("other:4268".to_owned()));
+    hear(&mut model, News::Connected(hello(1)));
+    assert!(!model.take_lost_stop(), "another server was not asked to stop");
+}
+
+#[test]
 fn the_state_of_another_server_does_not_prove_a_stop() {
     let mut model = commanding(false);
     stop_in_vain(&mut model);
@@ -104,6 +125,7 @@ fn the_state_of_another_server_does_not_prove_a_stop() {
     assert_eq!(model.headline(), Headline::NotStopped);
     let stop = model.unconfirmed_stop().expect("a stop");
     assert_eq!(stop.server, "rig:4268");
+    assert!(stop.way_out("other:4268").contains("This panel is at other:4268 now"));
 }
 
 #[test]
@@ -157,11 +179,18 @@ fn what_a_lost_server_or_another_one_reported_is_forgotten() {
     let mut lost = reporting();
     disconnect(&mut lost);
     assert!(forgotten(&lost));
-    // An older server does not know the request for the controllers, and never answers it.
+    // An older server does not know the request for the controllers.
     let mut elsewhere = reporting();
     elsewhere.asked(&Intent::Connect("other:4268".to_owned()));
     hear(&mut elsewhere, News::Connected(hello(9)));
     assert!(forgotten(&elsewhere));
+    let ends: [fn(&mut Model); 2] = [disconnect, |model| hear(model, News::Connected(hello(10)))];
+    for end in ends {
+        hear(&mut elsewhere, News::NoControllers);
+        assert!(elsewhere.lacks_controllers);
+        end(&mut elsewhere);
+        assert!(!elsewhere.lacks_controllers, "the next server can be newer");
+    }
 }
 
 #[test]
@@ -177,6 +206,29 @@ fn who_did_it_is_said_as_the_user_would_say_it() {
     ] {
         assert_eq!(model.who(&Requester { name: name.to_owned(), session }), who);
     }
+}
+
+#[test]
+fn what_this_panel_asked_over_an_earlier_connection_is_by_you() {
+    let mut model = commanding(true);
+    let who = |model: &Model, session| model.who(&Requester { name: ME.to_owned(), session: Some(session) });
+    // Both connections are lost and made again.
+    hear(&mut model, News::StopLine(6));
+    hear(&mut model, News::Connected(hello(7)));
+    for session in [3, 4, 6, 7] {
+        assert_eq!(who(&model, session), "you", "{session}");
+    }
+    assert_eq!(who(&model, 5), "anna@lab2", "another panel of the same user");
+    // A server that has started again counts its connections from the beginning.
+    hear(&mut model, News::Connected(hello(1)));
+    hear(&mut model, News::StopLine(2));
+    for (session, said) in
+        [(1, "you"), (2, "you"), (3, "anna@lab2"), (4, "anna@lab2"), (6, "anna@lab2"), (7, "anna@lab2")]
+    {
+        assert_eq!(who(&model, session), said, "{session}");
+    }
+    model.asked(&Intent::Connect("other:4268".to_owned()));
+    assert_eq!(who(&model, 1), "anna@lab2", "of another server");
 }
 
 #[test]

@@ -10,7 +10,8 @@ pub(crate) const fn mode(mode: Mode) -> &'static str {
         Mode::Enabling => "The torque is rising to its full size.",
         Mode::Active => "The scene is rendered: the sphere pushes.",
         Mode::Fault => "The rig has stopped by itself. No torque until a reset.",
-        Mode::Estop => "Stopped by somebody. No torque until Reset, then Enable.",
+        // The window adds which button goes on.
+        Mode::Estop => "Stopped by somebody.",
     }
 }
 

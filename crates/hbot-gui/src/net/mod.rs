@@ -150,6 +150,9 @@ pub(crate) enum News {
     Stats(Box<StatsOk>),
     /// What the motor controllers report about themselves, in the order of the joints.
     Controllers(Vec<ControllerInfo>),
+    /// The server does not know the request for the motor controllers, because it is older than
+    /// this panel.
+    NoControllers,
     Lease {
         lease: Lease,
         cause: Option<LeaseCause>,

@@ -31,8 +31,9 @@ enum Over {
     Elsewhere,
     /// The connection broke, or the server stopped or refused it. The text says why.
     Lost(String),
-    /// The address refuses connections, which means that no server is running there.
-    Absent,
+    /// The address refuses connections, which means that no server is running there. The text says
+    /// so.
+    Absent(String),
 }
 
 pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mailbox) {
@@ -44,24 +45,23 @@ pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mail
                 pause = FIRST_PAUSE;
                 Session::new(client, &mut options, outgoing, mailbox).run()
             }
-            Err(ClientError::NoServer { .. }) => Over::Absent,
+            Err(error @ ClientError::NoServer { .. }) => Over::Absent(in_words(&error)),
             Err(error) => Over::Lost(in_words(&error)),
         };
-        match over {
+        let (why, absent) = match over {
             Over::Window => return,
-            Over::Elsewhere => pause = FIRST_PAUSE,
-            over @ (Over::Lost(_) | Over::Absent) => {
-                let (why, absent) = match over {
-                    Over::Lost(why) => (why, false),
-                    _ => ("nobody listens there (connection refused)".to_owned(), true),
-                };
-                mailbox.post(News::Offline { why, absent, again_in: pause });
-                if !wait(pause, &mut options, outgoing, mailbox) {
-                    return;
-                }
-                pause = (2 * pause).min(LONGEST_PAUSE);
+            Over::Elsewhere => {
+                pause = FIRST_PAUSE;
+                continue;
             }
+            Over::Lost(why) => (why, false),
+            Over::Absent(why) => (why, true),
+        };
+        mailbox.post(News::Offline { why, absent, again_in: pause });
+        if !wait(pause, &mut options, outgoing, mailbox) {
+            return;
         }
+        pause = (2 * pause).min(LONGEST_PAUSE);
     }
 }
 
@@ -78,10 +78,12 @@ pub(super) fn connect(options: &PanelOptions) -> Result<Client, ClientError> {
 }
 
 /// Explains why there is no connection. The explanation of an encryption error names the command
-/// line option for the certificate.
+/// line option for the certificate. How to start a server is not a part of it: the middle of the
+/// window says so, and the explanation also appears where a rig may not have stopped.
 pub(super) fn in_words(error: &ClientError) -> String {
     match error {
         ClientError::Tls(_) => format!("hbot-gui --ca FILE names whom to trust: {error}"),
+        ClientError::NoServer { .. } => "nobody listens there: connection refused".to_owned(),
         _ => error.to_string(),
     }
 }
@@ -301,6 +303,7 @@ impl<'a> Session<'a> {
                 Ok(controllers) => self.mailbox.post(News::Controllers(controllers)),
                 Err(ClientError::Server(error)) if error.code == ErrorCode::BadRequest => {
                     self.controllers_due = None;
+                    self.mailbox.post(News::NoControllers);
                 }
                 Err(error) => survivable(error)?,
             }
@@ -332,5 +335,16 @@ fn survivable(error: ClientError) -> Result<(), ClientError> {
     match error {
         ClientError::Server(_) | ClientError::Timeout { .. } | ClientError::Encode(_) => Ok(()),
         error => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_absent_server_is_told_without_advice_that_is_out_of_place_at_a_rig_that_may_push() {
+        let error = ClientError::NoServer { address: "rig:4268".to_owned() };
+        assert_eq!(in_words(&error), "nobody listens there: connection refused");
     }
 }

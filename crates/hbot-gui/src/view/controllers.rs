@@ -9,6 +9,9 @@ use crate::model::words;
 
 /// Names and widths of the columns. The last one takes the rest of the line.
 const COLUMNS: [(&str, f32); 3] = [("", 34.0), ("current", 66.0), ("temp.", 60.0)];
+/// What is shown in the place of all tables if the server does not know the motor controllers.
+pub(super) const OLDER_SERVER: &str =
+    "Motor controllers: not reported, because this server is older than the panel.";
 /// Hover text of a value that the controller does not report.
 const NOT_REPORTED: &str = "not reported by the controller";
 
@@ -99,11 +102,12 @@ fn explained(flags: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use eframe::egui::pos2;
     use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
 
     use super::*;
-    use crate::view::painted::{lines, texts};
+    use crate::view::painted::{hint, lines, texts};
 
     /// Returns the steer's controller, which reports everything, and the drive's, which reports
     /// nothing.
@@ -127,18 +131,6 @@ mod tests {
         let mut harness = Harness::builder().with_size([width, 400.0]).build_ui(draw);
         harness.run_steps(4);
         harness
-    }
-
-    /// Returns the text that appears while the pointer is over the label `text`.
-    fn hint(harness: &mut Harness<'_>, text: &str) -> String {
-        let before: Vec<String> = texts(harness).into_iter().map(|it| it.text).collect();
-        let label = harness.query_all_by_label(text).last().expect("a label").rect().center();
-        harness.hover_at(label);
-        // Hints appear after half a second.
-        harness.run_steps(8);
-        let after: Vec<String> =
-            texts(harness).into_iter().map(|it| it.text).filter(|text| !before.contains(text)).collect();
-        after.join("; ")
     }
 
     #[test]
@@ -186,6 +178,22 @@ mod tests {
             ),
         ] {
             assert_eq!(hint(&mut harness, text), said, "{text}");
+        }
+    }
+
+    #[test]
+    fn each_dash_says_that_the_value_is_not_reported() {
+        let mut harness = table(400.0, pair().into());
+        let dashes: Vec<_> = harness.query_all_by_label("-").map(|label| label.rect().center()).collect();
+        assert_eq!(dashes.len(), 3, "current, temperature and firmware of the drive");
+        for (k, dash) in dashes.into_iter().enumerate() {
+            // The empty part of the window, then the dash.
+            for (place, said) in [(pos2(390.0, 390.0), false), (dash, true)] {
+                harness.hover_at(place);
+                harness.run_steps(8);
+                let says = texts(&harness).iter().any(|it| it.text == NOT_REPORTED);
+                assert_eq!(says, said, "dash {k}, the pointer at {place:?}");
+            }
         }
     }
 

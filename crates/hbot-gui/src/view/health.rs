@@ -70,7 +70,8 @@ fn times(ui: &mut Ui, stats: &StatsOk) {
         ("age", &stats.age_us, "from an encoder's reading to the torque made of it"),
     ];
     Grid::new("times").num_columns(5).spacing(vec2(10.0, 2.0)).striped(true).show(ui, |ui| {
-        for head in ["us", "median", "99 %", "99.9 %", "max"] {
+        ui.label(RichText::new("us").weak()).on_hover_text("microseconds: millionths of a second");
+        for head in ["median", "99 %", "99.9 %", "max"] {
             ui.label(RichText::new(head).weak());
         }
         ui.end_row();
@@ -165,5 +166,19 @@ fn faults(ui: &mut Ui, stats: &StatsOk) {
     }
     if !any {
         weak(ui, "none");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::painted::hint;
+    use egui_kittest::Harness;
+
+    #[test]
+    fn the_unit_of_the_times_is_explained() {
+        let mut seen = Harness::new_ui(|ui| times(ui, &StatsOk::default()));
+        seen.run_steps(4);
+        assert_eq!(hint(&mut seen, "us"), "microseconds: millionths of a second");
     }
 }

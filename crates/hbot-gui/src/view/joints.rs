@@ -9,6 +9,13 @@ use super::controllers;
 use super::theme::{Palette, heading, weak};
 use crate::model::Model;
 
+/// Names of the columns with values and their hover texts, which also explain the units.
+const COLUMNS: [(&str, &str); 3] = [
+    ("angle", "in degrees; the hint of a value has it in radians"),
+    ("rate, rad/s", "radians per second: how fast the joint turns, 1 rad is 57.3\u{b0}"),
+    ("torque, N m", "newton metres: the torque of the motor, 1 N m is that of 1 N on a lever of 1 m"),
+];
+
 pub(crate) fn show(ui: &mut Ui, model: &Model) {
     let Some(state) = &model.state else {
         weak(ui, "No state yet.");
@@ -22,8 +29,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
         let wheel = model.info.rig.wheels.get(k);
         heading(ui, wheel.and_then(|wheel| wheel.name.as_deref()).unwrap_or("Wheel"));
         Grid::new(("joints", k)).num_columns(4).spacing([10.0, 3.0]).show(ui, |ui| {
-            for text in ["", "angle", "rate, rad/s", "torque, N m"] {
-                ui.label(RichText::new(text).weak());
+            ui.label("");
+            for (text, hint) in COLUMNS {
+                ui.label(RichText::new(text).weak()).on_hover_text(hint);
             }
             ui.end_row();
             for (joint, name) in pair.iter().zip(["steer", "drive"]) {
@@ -37,6 +45,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
             ui.scope(|ui| controllers::show(ui, pair));
         }
         ui.add_space(6.0);
+    }
+    if model.lacks_controllers {
+        weak(ui, controllers::OLDER_SERVER);
     }
     weak(
         ui,
@@ -98,16 +109,28 @@ fn effort(ui: &mut Ui, torque: f64, name: &str, limits: JointInfo) {
 
 #[cfg(test)]
 mod tests {
+    use eframe::egui::Color32;
     use egui_kittest::Harness;
     use hbot_api::{ControllerInfo, RigInfo, StateEvent};
 
     use super::*;
-    use crate::view::painted::lines;
+    use crate::view::painted::{filled, hint, lines, vertical_lines};
 
     const NOTE: &str = "The torque is what the motor was commanded to give. In a bar, the line is what it can hold without time limit.";
 
-    /// Returns what the tab for the joints shows of a rig with two wheels, line by line.
+    /// Returns the lines of the tab for a rig with two wheels with these controllers.
     fn shown(controllers: Vec<ControllerInfo>) -> Vec<String> {
+        shown_after(|model| model.controllers = controllers)
+    }
+
+    /// Returns what the tab for the joints shows of a rig with two wheels, line by line. `change`
+    /// changes the model before it is drawn.
+    fn shown_after(change: impl FnOnce(&mut Model)) -> Vec<String> {
+        lines(&drawn(change))
+    }
+
+    /// Draws the tab for a rig with two wheels. `change` changes the model before.
+    fn drawn(change: impl FnOnce(&mut Model)) -> Harness<'static> {
         let mut model = Model::new("", "panel me@here", 1);
         let motor = |peak| JointInfo { peak, continuous: 0.5 * peak };
         let wheel = |name: Option<&str>, steer, drive| WheelInfo {
@@ -122,10 +145,10 @@ mod tests {
         let joints =
             vec![joint(0.5, 1.25, 0.05), joint(1.0, -2.5, -0.2), joint(-1.5, 0.0, 0.6), joint(2.0, 3.0, 1.6)];
         model.state = Some(StateEvent { joints, ..StateEvent::default() });
-        model.controllers = controllers;
+        change(&mut model);
         let mut harness = Harness::builder().with_size([330.0, 800.0]).build_ui(move |ui| show(ui, &model));
         harness.run_steps(4);
-        lines(&harness)
+        harness
     }
 
     #[test]
@@ -146,6 +169,73 @@ mod tests {
             NOTE,
         ];
         assert_eq!(shown(Vec::new()), expected);
+        // A server that does not know the controllers.
+        let of_older = shown_after(|model| model.lacks_controllers = true);
+        let (last, rest) = expected.split_last().expect("lines");
+        assert_eq!(of_older, [rest, &[controllers::OLDER_SERVER, *last]].concat());
+    }
+
+    #[test]
+    fn what_is_missing_is_said_or_left_out() {
+        assert_eq!(shown_after(|model| model.state = None), ["No state yet."]);
+        let without_joints = |model: &mut Model| model.state.as_mut().expect("a state").joints.clear();
+        assert_eq!(shown_after(without_joints), ["The server sends no joints."]);
+        // A wheel has its name, the names of the columns and two joints. Without the limits of its
+        // motors it has no bars.
+        let shown = shown_after(|model| model.info.rig.wheels.clear());
+        assert_eq!(shown.len(), 2 * 4 + 1, "{shown:?}");
+        assert!(!shown.iter().any(|line| line.contains('%')), "{shown:?}");
+    }
+
+    #[test]
+    fn the_hint_of_an_angle_is_the_angle_in_radians() {
+        for (degrees, radians) in [("-85.9\u{b0}", "-1.5000 rad"), ("114.6\u{b0}", "2.0000 rad")] {
+            assert_eq!(hint(&mut drawn(|_| ()), degrees), radians);
+        }
+    }
+
+    #[test]
+    fn each_column_says_what_its_unit_is() {
+        for (column, unit) in
+            [("angle", "degrees"), ("rate, rad/s", "radians per second"), ("torque, N m", "newton metres")]
+        {
+            let said = hint(&mut drawn(|_| ()), column);
+            assert!(said.contains(unit), "{column}: {said}");
+        }
+    }
+
+    #[test]
+    fn a_bar_goes_from_the_middle_to_the_share_of_the_peak_torque() {
+        let palette = Palette::of_theme(true, Color32::GRAY);
+        for (torque, continuous, share, color) in [
+            (0.2, 0.4, 0.25, palette.good),
+            (-0.2, 0.4, -0.25, palette.good),
+            (0.6, 0.4, 0.75, palette.warn),
+            (-0.6, 0.4, -0.75, palette.warn),
+            (0.79, 0.4, 0.9875, palette.bad),
+            (-3.0, 0.4, -1.0, palette.bad),
+            // The rig does not say what the motor can hold without time limit.
+            (0.6, 0.0, 0.75, palette.good),
+        ] {
+            let limits = JointInfo { peak: 0.8, continuous };
+            let mut harness = Harness::new_ui(move |ui| effort(ui, torque, "steer", limits));
+            harness.run_steps(2);
+            let rects = filled(&harness);
+            let bar = rects.iter().position(|(_, it)| *it == color).expect("a bar of this colour");
+            let (ground, bar) = (rects[bar - 1].0, rects[bar].0);
+            let at = |share: f32| ground.center().x + 0.5 * ground.width() * share;
+            let (left, right) = (at(0.0_f32.min(share)), at(0.0_f32.max(share)));
+            // A hundredth of a point is the rounding of places in a window of 800 points.
+            let near = |a: f32, b: f32| (a - b).abs() < 0.01;
+            assert!(near(bar.left(), left) && near(bar.right(), right), "{torque} N m: {bar:?}");
+            let lines = vertical_lines(&harness);
+            if continuous > 0.0 {
+                assert_eq!(lines.len(), 2);
+                assert!(near(lines[0], at(-0.5)) && near(lines[1], at(0.5)), "{lines:?} in {ground:?}");
+            } else {
+                assert!(lines.is_empty(), "{lines:?}");
+            }
+        }
     }
 
     #[test]

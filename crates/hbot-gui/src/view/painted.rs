@@ -1,8 +1,10 @@
-//! What a frame has painted, for tests: each text with its place and colour.
+//! What a frame has painted, for tests: each text with its place and colour, rectangles and
+//! vertical lines.
 
 use eframe::egui::epaint::{ClippedShape, Shape, TextShape};
 use eframe::egui::{Color32, Rect};
 use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
 
 /// Two texts whose upper edges differ by less than this are in one line, points.
 const SAME_LINE: f32 = 7.0;
@@ -26,22 +28,67 @@ impl Text {
         let (left, right) = (self.clip.left() - 0.5, self.clip.right() + 0.5);
         !self.shortened && self.place.left() >= left && self.place.right() <= right
     }
+
+    /// Returns whether two horizontal texts cover each other.
+    pub(super) fn overlaps(&self, other: &Self) -> bool {
+        // Half a point for rounding.
+        self.place.shrink(0.5).intersects(other.place)
+    }
 }
 
 /// Returns the texts that the last frame has painted.
 pub(super) fn texts<S>(harness: &Harness<'_, S>) -> Vec<Text> {
-    let mut texts = Vec::new();
-    for ClippedShape { clip_rect, shape, .. } in &harness.output().shapes {
-        collect(shape, *clip_rect, &mut texts);
-    }
-    texts
+    let of_shape = |(shape, clip): (&Shape, Rect)| match shape {
+        Shape::Text(shape) if !shape.galley.text().is_empty() => Some(text(shape, clip)),
+        _ => None,
+    };
+    shapes(harness).into_iter().filter_map(of_shape).collect()
 }
 
-fn collect(shape: &Shape, clip: Rect, texts: &mut Vec<Text>) {
+/// Returns the rectangles that the last frame has filled, with their colours.
+pub(super) fn filled<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Color32)> {
+    let of_shape = |(shape, _): (&Shape, Rect)| match shape {
+        Shape::Rect(it) if it.fill != Color32::TRANSPARENT => Some((it.rect, it.fill)),
+        _ => None,
+    };
+    shapes(harness).into_iter().filter_map(of_shape).collect()
+}
+
+/// Returns the horizontal places of the vertical lines that the last frame has painted.
+pub(super) fn vertical_lines<S>(harness: &Harness<'_, S>) -> Vec<f32> {
+    let of_shape = |(shape, _): (&Shape, Rect)| match shape {
+        Shape::LineSegment { points: [a, b], .. } if a.x == b.x => Some(a.x),
+        _ => None,
+    };
+    shapes(harness).into_iter().filter_map(of_shape).collect()
+}
+
+/// Returns the texts that appear while the pointer is over the last label with the text `text`.
+pub(super) fn hint<S>(harness: &mut Harness<'_, S>, text: &str) -> String {
+    let before: Vec<String> = texts(harness).into_iter().map(|it| it.text).collect();
+    let label = harness.query_all_by_label(text).last().expect("a label").rect().center();
+    harness.hover_at(label);
+    // Hints appear after half a second.
+    harness.run_steps(8);
+    let after: Vec<String> =
+        texts(harness).into_iter().map(|it| it.text).filter(|text| !before.contains(text)).collect();
+    after.join("; ")
+}
+
+/// Returns the shapes that the last frame has painted, with the part of the window in which each is
+/// visible.
+fn shapes<'a, S>(harness: &'a Harness<'_, S>) -> Vec<(&'a Shape, Rect)> {
+    let mut shapes = Vec::new();
+    for ClippedShape { clip_rect, shape, .. } in &harness.output().shapes {
+        collect(shape, *clip_rect, &mut shapes);
+    }
+    shapes
+}
+
+fn collect<'a>(shape: &'a Shape, clip: Rect, into: &mut Vec<(&'a Shape, Rect)>) {
     match shape {
-        Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect(shape, clip, texts)),
-        Shape::Text(shape) if !shape.galley.text().is_empty() => texts.push(text(shape, clip)),
-        _ => {}
+        Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect(shape, clip, into)),
+        shape => into.push((shape, clip)),
     }
 }
 

@@ -7,7 +7,7 @@ use hbot_api::Mode;
 use super::theme::{Palette, coloured, weak};
 use crate::model::Model;
 use crate::model::sample::quaternion;
-use crate::net::Intent;
+use crate::net::{Intent, Lease};
 
 /// How far the sphere is from where the scene would pull it after `enable`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,13 +18,19 @@ enum Distance {
     Far(f64),
     /// The scene is placed where the sphere is then.
     Here,
-    /// No effect of the scene has a reference, or there is no state yet.
+    /// No effect of the scene has a reference.
     None,
+    /// There is no connection, so nothing is known.
+    NoConnection,
+    /// No state has arrived over the present connection yet.
+    NoState,
 }
 
 impl Distance {
     fn of(model: &Model) -> Self {
-        let Some(state) = &model.state else { return Self::None };
+        let Some(state) = &model.state else {
+            return if model.is_online() { Self::NoState } else { Self::NoConnection };
+        };
         let Some(reference) = state.reference else { return Self::None };
         if model.scene.is_placed_here() {
             return Self::Here;
@@ -43,11 +49,23 @@ impl Distance {
             }
             Self::Here => "The scene begins where the sphere is.".to_owned(),
             Self::None => "No reference: nothing pulls at once.".to_owned(),
+            Self::NoConnection => "Distance: not known without a connection.".to_owned(),
+            Self::NoState => "Distance: not known yet.".to_owned(),
         }
     }
 }
 
-/// Draws the button and the distance, in all modes at the same place.
+/// Returns how to go on after a stop, with the labels of the buttons.
+pub(crate) fn way_on(model: &Model) -> &'static str {
+    match (&model.lease, Distance::of(model)) {
+        (Lease::Other(_), _) => "No torque. To go on, press Take over, then Recover.",
+        (_, Distance::Far(_)) => "No torque. To go on, turn the sphere to its reference, then press Recover.",
+        _ => "No torque. To go on, press Recover.",
+    }
+}
+
+/// Draws the button and the distance, in all modes at the same place. The distance is grey if it
+/// may be old.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let distance = Distance::of(model);
     let stopped = matches!(model.mode(), Some(Mode::Fault | Mode::Estop));
@@ -61,9 +79,14 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         }
         let text = distance.in_words(model.info.limits.enable_max_angle, stopped);
         // The text has two lines of room beside the button, whatever it says.
-        ui.allocate_ui(vec2(ui.available_width(), 34.0), |ui| match distance {
-            Distance::Far(_) if stopped => coloured(ui, Palette::of(ui).warn, text),
-            _ => weak(ui, text),
+        ui.allocate_ui(vec2(ui.available_width(), 34.0), |ui| {
+            if !model.is_live() {
+                ui.disable();
+            }
+            match distance {
+                Distance::Far(_) if stopped => coloured(ui, Palette::of(ui).warn, text),
+                _ => weak(ui, text),
+            }
         });
     });
 }
@@ -96,5 +119,20 @@ mod tests {
         let mut free = model(0.6, "absolute");
         free.state.as_mut().expect("a state").reference = None;
         assert_eq!(Distance::of(&free), Distance::None);
+        free.state = None;
+        assert_eq!(Distance::of(&free), Distance::NoConnection);
+    }
+
+    #[test]
+    fn the_way_on_after_a_stop_names_the_buttons() {
+        let near = model(0.3, "absolute");
+        assert_eq!(way_on(&near), "No torque. To go on, press Recover.");
+        let far = way_on(&model(0.6, "absolute"));
+        assert_eq!(far, "No torque. To go on, turn the sphere to its reference, then press Recover.");
+        for angle in [0.3, 0.6] {
+            let mut observer = model(angle, "absolute");
+            observer.lease = Lease::Other("panel ben@lab3".to_owned());
+            assert_eq!(way_on(&observer), "No torque. To go on, press Take over, then Recover.");
+        }
     }
 }

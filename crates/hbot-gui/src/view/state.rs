@@ -2,11 +2,11 @@
 
 use eframe::egui::{self, Button, RichText, Role, ScrollArea, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use hbot_api::{Fault, Mode, StateEvent};
+use hbot_api::{Fault, Mode};
 
 use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
-use crate::model::{Headline, Model, PendingStop, words};
+use crate::model::{Headline, Model, words};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
@@ -14,6 +14,14 @@ use crate::net::Intent;
 const STATUS: [f32; 2] = [88.0, 150.0];
 /// A window of at least this height is tall, points.
 const TALL: f32 = 720.0;
+/// Names of the bars and their hover texts, which also explain the units.
+const METERS: [(&str, &str); 5] = [
+    ("Torque", "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m"),
+    ("Speed", "how fast the sphere turns / the rig's limit. rad/s: radians per second, 1 rad is 57.3\u{b0}"),
+    ("Traction", "part of the friction between wheel and sphere that is in use, at the wheel that uses most"),
+    ("Slip", "how fast a wheel slides on the sphere / the rig's limit. mm/s: millimetres per second"),
+    ("Saturation", "part of the scene's torque that the rig's limits cut off"),
+];
 
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
@@ -66,26 +74,29 @@ fn status(ui: &mut Ui, model: &Model, palette: Palette) {
 fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
-            let stop = model.unconfirmed_stop();
             ui.add(egui::Label::new(RichText::new("Cut the motors' power.").strong().size(15.0)).wrap());
-            let why = stop.map_or("", PendingStop::why);
-            let server = stop.map_or("", |stop| &stop.server);
-            ui.add(egui::Label::new(format!("At {server}: {why}.")).wrap());
+            if let Some(stop) = model.unconfirmed_stop() {
+                ui.add(egui::Label::new(stop.way_out(&model.server)).wrap());
+                ui.add(egui::Label::new(format!("At {}: {}.", stop.server, stop.why())).wrap());
+            }
         }
         (Headline::NoContact, _) => no_contact(ui, model, palette),
         (Headline::Mode(Mode::Fault), Some(state)) => fault(ui, model, state.fault, palette),
         (Headline::Mode(Mode::Estop), _) => match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
-            Some(by) => {
-                coloured(ui, palette.bad, format!("Stopped by {}.", model.who(by)));
-                weak(ui, "No torque until Reset, then Enable.");
-            }
-            None => drop(weak(ui, words::mode(Mode::Estop))),
+            Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
+            None => stopped(ui, model, palette, words::mode(Mode::Estop)),
         },
         (Headline::Mode(mode), _) => drop(weak(ui, words::mode(mode))),
         (Headline::NoState, _) => {
             weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
         }
     }
+}
+
+/// Draws who has stopped the rig, and which button goes on.
+fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
+    coloured(ui, palette.bad, who);
+    ui.add(egui::Label::new(recover::way_on(model)).wrap());
 }
 
 fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
@@ -159,44 +170,49 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
 
 /// Draws bars that show how near the rig is to each of its limits.
 fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
-    // Without a state, the bars keep their places.
-    let empty = StateEvent::default();
-    let state = model.state.as_ref().unwrap_or(&empty);
-    let limits = &model.info.limits;
     ui.spacing_mut().item_spacing.y = 2.0;
+    let Some(state) = &model.state else {
+        // The bars keep their places.
+        for name in METERS {
+            meter(ui, palette, name, 0.0, "-".to_owned());
+        }
+        return;
+    };
+    let limits = &model.info.limits;
     let torque = DVec3::from(state.torque).length();
     let speed = DVec3::from(state.omega).length();
-    meter(
-        ui,
-        palette,
-        "Torque",
-        share(torque, limits.torque),
-        format!("{torque:.2} / {:.2} N m", limits.torque),
-    );
-    meter(ui, palette, "Speed", share(speed, limits.speed), format!("{speed:.2} / {} rad/s", limits.speed));
-    meter(ui, palette, "Traction", state.traction, format!("{:.0} % of friction", 100.0 * state.traction));
-    let slip = format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip);
-    meter(ui, palette, "Slip", share(state.slip, limits.slip), slip);
     let lost = 1.0 - state.scale;
-    let text =
-        if lost > 0.0005 { format!("{:.0} % cut off by limits", 100.0 * lost) } else { "none".to_owned() };
-    meter(ui, palette, "Saturation", if lost > 0.0005 { 1.0 } else { 0.0 }, text);
+    let is_cut = lost > 0.0005;
+    let values = [
+        (share(torque, limits.torque), format!("{torque:.2} / {:.2} N m", limits.torque)),
+        (share(speed, limits.speed), format!("{speed:.2} / {} rad/s", limits.speed)),
+        (state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
+        (share(state.slip, limits.slip), format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip)),
+        if is_cut {
+            (1.0, format!("{:.0} % cut off by limits", 100.0 * lost))
+        } else {
+            (0.0, "none".to_owned())
+        },
+    ];
+    for (name, (share, figures)) in METERS.into_iter().zip(values) {
+        meter(ui, palette, name, share, figures);
+    }
 }
 
 fn share(value: f64, limit: f64) -> f64 {
     if limit > 0.0 { value / limit } else { 0.0 }
 }
 
-/// Draws a bar with its name and the text `figures` next to it. `share` is the length of the bar: 1
-/// means that a limit is reached.
-fn meter(ui: &mut Ui, palette: Palette, name: &str, share: f64, figures: String) {
+/// Draws a bar with its name, whose hover text is `hint`, and the text `figures` next to it.
+/// `share` is the length of the bar: 1 means that a limit is reached.
+fn meter(ui: &mut Ui, palette: Palette, (name, hint): (&str, &str), share: f64, figures: String) {
     let color = match share {
         s if s > 0.9 => palette.bad,
         s if s > 0.7 => palette.warn,
         _ => palette.good,
     };
     ui.horizontal(|ui| {
-        column(ui, 70.0, name);
+        column(ui, 70.0, name).on_hover_text(hint);
         let width = (ui.available_width() - 122.0).max(24.0);
         let (rect, response) = ui.allocate_exact_size(vec2(width, 10.0), egui::Sense::hover());
         response
@@ -208,4 +224,22 @@ fn meter(ui: &mut Ui, palette: Palette, name: &str, share: f64, figures: String)
         painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
         ui.label(RichText::new(figures).size(12.0));
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::painted::hint;
+    use egui_kittest::Harness;
+
+    #[test]
+    fn each_bar_says_what_it_shows_and_what_its_unit_is() {
+        let model = Model::new("", "panel me@here", 1);
+        let draw = move |ui: &mut Ui| meters(ui, &model, Palette::of(ui));
+        let mut seen = Harness::builder().with_size([600.0, 400.0]).build_ui(draw);
+        seen.run_steps(4);
+        for (name, said) in METERS {
+            assert_eq!(hint(&mut seen, name), said);
+        }
+    }
 }

@@ -16,6 +16,10 @@ const STIFFEST_AT: f64 = 0.1;
 /// Ratio of the largest damping to the largest stiffness on their sliders, s. Slightly less damping
 /// is critical for the prototype's sphere with the stiffest spring.
 const DAMPING_SHARE: f64 = 0.02;
+/// Hover texts of stiffness and damping, which also explain the units.
+const STIFFNESS: &str =
+    "torque for each radian of turn. N m/rad: newton metres per radian, 1 rad is 57.3\u{b0}";
+const DAMPING: &str = "torque against each radian per second. N m s/rad: newton metres per radian per second";
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     heading(ui, "Stiffness and damping");
@@ -112,14 +116,14 @@ fn impedance(
     let mut set = |value: Value| {
         intents.push(Intent::Set { effect: effect.id.clone(), key: key.to_owned(), value });
     };
+    let hint = if key == "stiffness" { STIFFNESS } else { DAMPING };
+    weak(ui, format!("{key}, {unit}")).on_hover_text(hint);
     if let Some(x) = value.as_f64() {
-        weak(ui, format!("{key}, {unit}"));
         if let Some(x) = row(ui, "", names[0], x, [end, most], stable) {
             set(json!(x));
         }
         return;
     }
-    weak(ui, format!("{key}, {unit}"));
     let before = diagonal(value);
     for k in 0..3 {
         if let Some(x) = row(ui, ["n1", "n2", "n3"][k], names[k + 1], before[k], [end, most], stable) {
@@ -229,10 +233,16 @@ fn has_off_diagonal(value: &Value) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::view::painted::hint;
+    use egui_kittest::Harness;
 
-    /// Draws the controls for the stiffness of a spring, and returns their text. The rig has a
-    /// torque limit of 0.9 N m.
+    /// Draws the controls for the stiffness of a spring, and returns their text.
     fn said(stiffness: f64, render: &Value) -> String {
+        format!("{:?}", drawn(stiffness, render).root())
+    }
+
+    /// Draws the controls for the stiffness of a spring. The rig has a torque limit of 0.9 N m.
+    fn drawn(stiffness: f64, render: &Value) -> Harness<'static> {
         let kinds = hbot_config::scene::kinds();
         let scene = json!({"name": "S", "effect": [
             {"id": "s", "kind": "spring", "gain": 1.0, "stiffness": stiffness, "damping": 0.0}]});
@@ -241,10 +251,17 @@ mod tests {
         model.info = serde_json::from_value(info).expect("an answer to info");
         model.scene.take(&scene);
         let mut desk = Desk::new(".".into(), "");
-        let mut harness =
-            egui_kittest::Harness::new_ui(move |ui| show(ui, &model, &mut desk, &mut Vec::new()));
+        let mut harness = Harness::new_ui(move |ui| show(ui, &model, &mut desk, &mut Vec::new()));
         harness.run();
-        format!("{:?}", harness.root())
+        harness
+    }
+
+    #[test]
+    fn stiffness_and_damping_say_what_their_units_are() {
+        let mut seen = drawn(2.0, &Value::Null);
+        for (label, said) in [("stiffness, N m/rad", STIFFNESS), ("damping, N m s/rad", DAMPING)] {
+            assert_eq!(hint(&mut seen, label), said);
+        }
     }
 
     #[test]

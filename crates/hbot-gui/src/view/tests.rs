@@ -270,6 +270,10 @@ fn a_stop_that_failed_is_shown_above_all_else() {
         stop_in_vain(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(shows(&seen, "NOT STOPPED") && shows(&seen, "Cut the motors' power."));
+        let way_out = ["keeps trying", "a state shows that the motors are without torque", "STOP or Esc"];
+        for words in way_out {
+            assert!(shows(&seen, words), "{words}, lost: {lost}");
+        }
         assert!(!shows(&seen, "ACTIVE") && !shows(&seen, "NO CONTACT"));
     }
 }
@@ -301,7 +305,45 @@ fn who_stopped_the_rig_is_shown() {
         see(model, 200, Mode::Estop);
         settle(&mut seen);
         assert!(shows(&seen, who));
+        assert!(shows(&seen, "To go on, press Recover."), "{who}");
     }
+    // The panel came after the stop.
+    let model = &mut seen.state_mut().model;
+    *model = commanding(true);
+    see(model, 200, Mode::Estop);
+    settle(&mut seen);
+    assert!(shows(&seen, "Stopped by somebody.") && shows(&seen, "To go on, press Recover."));
+}
+
+#[test]
+fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
+    let mut seen = window(SIZES[0], commanding(false));
+    let reference = Some([1.0, 0.0, 0.0, 0.0]);
+    let q = [0.1_f64.cos(), 0.1_f64.sin(), 0.0, 0.0];
+    let state = StateEvent { tick: 200, t: 0.2, mode: Mode::Active, q, reference, ..StateEvent::default() };
+    see_state(&mut seen.state_mut().model, state);
+    settle(&mut seen);
+    let is_grey = |seen: &Seen| {
+        let text = seen.get_by_label_contains("0.20 rad from reference");
+        text.accesskit_node().is_disabled()
+    };
+    assert!(!is_grey(&seen));
+    grow_silent(&mut seen.state_mut().model);
+    settle(&mut seen);
+    assert!(is_grey(&seen));
+}
+
+#[test]
+fn without_a_connection_there_are_dashes_and_no_numbers() {
+    let mut seen = window(SIZES[0], commanding(false));
+    assert!(seen.query_by_label("Torque: 0.00 / 0.90 N m").is_some());
+    disconnect(&mut seen.state_mut().model);
+    settle(&mut seen);
+    for name in ["Torque", "Speed", "Traction", "Slip", "Saturation"] {
+        assert!(seen.query_by_label(&format!("{name}: -")).is_some(), "{name}");
+    }
+    assert!(shows(&seen, "Distance: not known without a connection."));
+    assert!(!shows(&seen, "nothing pulls at once"));
 }
 
 #[test]

@@ -290,27 +290,43 @@ pub(crate) struct Wire {
     frozen: Arc<AtomicBool>,
     /// Number of bytes that have passed, in both directions.
     passed: Arc<AtomicU64>,
+    /// Number of requests whose op was replaced.
+    replaced: Arc<AtomicU64>,
 }
 
 impl Wire {
     pub(crate) fn to(server: SocketAddr) -> Self {
+        Self::replacing(server, None)
+    }
+
+    /// Makes the server look like one that does not know this op: in the requests of the panel, the
+    /// first letter of the op becomes a question mark.
+    pub(crate) fn to_one_without(server: SocketAddr, op: &'static str) -> Self {
+        Self::replacing(server, Some(op))
+    }
+
+    fn replacing(server: SocketAddr, op: Option<&'static str>) -> Self {
         let listener = StdListener::bind(("127.0.0.1", 0)).expect("a free port");
         let address = listener.local_addr().expect("an address");
         let frozen = Arc::new(AtomicBool::new(false));
         let passed = Arc::new(AtomicU64::new(0));
-        let (hold, count) = (Arc::clone(&frozen), Arc::clone(&passed));
+        let replaced = Arc::new(AtomicU64::new(0));
+        let (hold, count, found) = (Arc::clone(&frozen), Arc::clone(&passed), Arc::clone(&replaced));
         std::thread::spawn(move || {
             for near in listener.incoming().flatten() {
                 let Ok(far) = TcpStream::connect(server) else { continue };
-                for (mut from, mut to) in [(&near, &far), (&far, &near)]
-                    .map(|(a, b)| (a.try_clone().expect("a socket"), b.try_clone().expect("a socket")))
-                {
-                    let (hold, count) = (Arc::clone(&hold), Arc::clone(&count));
+                let half = |socket: &TcpStream| socket.try_clone().expect("a socket");
+                let there = (half(&near), half(&far), op);
+                for (mut from, mut to, op) in [there, (half(&far), half(&near), None)] {
+                    let (hold, count, found) = (Arc::clone(&hold), Arc::clone(&count), Arc::clone(&found));
                     std::thread::spawn(move || {
                         let mut piece = [0; 4096];
                         while let Ok(n @ 1..) = from.read(&mut piece) {
                             eventually("the wire is let go", || !hold.load(Ordering::Relaxed));
                             count.fetch_add(n as u64, Ordering::Relaxed);
+                            if let Some(op) = op {
+                                found.fetch_add(spoil(&mut piece[..n], op), Ordering::Relaxed);
+                            }
                             if to.write_all(&piece[..n]).is_err() {
                                 break;
                             }
@@ -320,7 +336,12 @@ impl Wire {
                 }
             }
         });
-        Self { address, frozen, passed }
+        Self { address, frozen, passed, replaced }
+    }
+
+    /// Returns how many requests had an op that the server does not know.
+    pub(crate) fn replaced(&self) -> u64 {
+        self.replaced.load(Ordering::Relaxed)
     }
 
     /// Returns how many bytes have passed, in both directions.
@@ -331,4 +352,15 @@ impl Wire {
     pub(crate) fn freeze(&self, frozen: bool) {
         self.frozen.store(frozen, Ordering::Relaxed);
     }
+}
+
+/// Replaces the first letter of a word by a question mark, wherever the word stands in `piece`.
+/// Returns how often that is.
+fn spoil(piece: &mut [u8], word: &str) -> u64 {
+    let windows = piece.windows(word.len()).enumerate();
+    let places: Vec<usize> = windows.filter(|(_, it)| *it == word.as_bytes()).map(|(k, _)| k).collect();
+    for place in &places {
+        piece[*place] = b'?';
+    }
+    places.len() as u64
 }

@@ -238,6 +238,28 @@ fn a_server_that_hangs_does_not_hang_the_window() {
     witness.state("stopped", |state| state.mode == Mode::Estop);
     seat.until_text("ESTOP");
     assert!(!seat.shows("NOT STOPPED"), "{}", seat.texts());
+    // The panel has given up the connection over which it asked, but it was this panel.
+    seat.until_text("Stopped by you.");
+}
+
+#[test]
+fn a_stop_that_found_no_server_is_asked_again_when_one_comes() {
+    let _alone = alone();
+    let free = TcpListener::bind(("127.0.0.1", 0)).expect("a port").local_addr().expect("an address");
+    let mut seat = Seat::at(free);
+    seat.until_text("No server at");
+    seat.click("Stop");
+    seat.until_text("NOT STOPPED");
+    seat.until_text("the server has not confirmed the stop (nobody listens there");
+    assert!(seat.shows("The panel keeps trying to stop the rig."), "{}", seat.texts());
+    assert!(!seat.shows("name another address"), "advice on the command line: {}", seat.texts());
+    let bench = AloneServer::beside(&ServerSetup { address: free, ..ServerSetup::default() });
+    let mut witness = Witness::new(&bench);
+    witness.state("stopped", |state| state.mode == Mode::Estop);
+    seat.until_text("ESTOP");
+    seat.until_text("Stopped by you.");
+    assert!(!seat.shows("NOT STOPPED"), "{}", seat.texts());
+    bench.stop();
 }
 
 #[test]

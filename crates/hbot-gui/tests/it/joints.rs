@@ -1,9 +1,11 @@
 //! Tests of the tab for the joints with a real server.
 
+use std::time::{Duration, Instant};
+
 use egui_kittest::kittest::Queryable as _;
 use hbot_api::ControllerInfo;
 
-use crate::bench::{AloneServer, Seat, ServerSetup};
+use crate::bench::{AloneServer, Seat, ServerSetup, Wire};
 use crate::controls::seated;
 
 /// The rig file of the prototype with moteus servos, which report their currents.
@@ -52,5 +54,27 @@ fn the_tab_for_the_joints_follows_the_currents_of_the_motors() {
     });
     seat.click("Stop");
     seat.until("no current", |harness| harness.query_all_by_label("+0.000 A").count() == 4);
+    bench.stop();
+}
+
+#[test]
+fn an_older_server_is_asked_for_the_controllers_once_and_the_tab_says_why_there_are_none() {
+    let bench = AloneServer::start(&ServerSetup::default());
+    let wire = Wire::to_one_without(bench.address, "controllers");
+    let mut seat = Seat::at(wire.address);
+    seat.until_text("you command");
+    seat.click("Joints");
+    seat.until_text("Motor controllers: not reported, because this server is older");
+    assert!(seat.shows("rate, rad/s"), "the joints themselves are shown: {}", seat.texts());
+    // The panel asks a server that answers every second.
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_millis(2500) {
+        seat.frame();
+        std::thread::sleep(Duration::from_millis(15));
+    }
+    assert_eq!(wire.replaced(), 1);
+    seat.click("Messages");
+    assert!(!seat.shows("unknown op") && !seat.shows("controllers"), "{}", seat.texts());
+    assert!(seat.shows("ACTIVE"), "{}", seat.texts());
     bench.stop();
 }

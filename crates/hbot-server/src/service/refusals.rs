@@ -8,12 +8,14 @@ use hbot_core::outputs::Refusal;
 use super::convert;
 
 /// Returns the error message for a client whose request `op` the loop has refused. `effect` returns
-/// the id of the effect in a slot of the scene.
+/// the id of the effect in a slot of the scene. `earlier_hand` is the name of the earlier scene
+/// whose hand still moves the simulated rig, if there is one.
 pub(super) fn refusal<'a>(
     op: &str,
     refusal: Refusal,
     rig: &Rig,
     effect: impl FnOnce(u8) -> Option<&'a str>,
+    earlier_hand: Option<&str>,
 ) -> ErrorBody {
     let limits = &rig.limits;
     let (code, message) = match refusal {
@@ -35,11 +37,15 @@ pub(super) fn refusal<'a>(
         ),
         Refusal::TooFar { slot, angle } => {
             let id = effect(slot).unwrap_or("?");
-            let message = format!(
+            let mut message = format!(
                 "op {op}: the reference of effect {id:?} is {angle:.3} rad from the sphere's orientation; legal: at \
                  most {} rad (limits.enable_max_angle). Turn the sphere, or set anchor = \"here\"",
                 limits.enable_max_angle
             );
+            if let Some(scene) = earlier_hand {
+                let hand = format!(". The simulated hand of the scene {scene:?} still moves the sphere");
+                message.push_str(&hand);
+            }
             return ErrorBody { angle: Some(angle), ..ErrorBody::new(ErrorCode::OutOfRange, message) };
         }
         Refusal::NoReference => {

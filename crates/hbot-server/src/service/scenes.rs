@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, Requester, SceneEvent};
-use hbot_config::scene::{EffectPlace, SetError};
+use hbot_config::scene::{EffectPlace, SetError, Simulate};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Rig;
 use serde_json::{Map, Value, json};
@@ -28,6 +28,10 @@ pub(super) struct Scenes {
     running: RunningScene,
     /// The function that gives the simulated rig the phenomena of a scene. `None` with a real rig.
     phenomena: Option<SetPhenomena>,
+    /// The last scene that named phenomena, by its name, and these phenomena. The simulated rig has
+    /// them until another scene names some. `None` with a real rig, and before the first such
+    /// scene.
+    shown: Option<(String, Simulate)>,
     /// The rig for which the computing time of effects is measured.
     rig: Rig,
     /// What the rig can make and keep stable.
@@ -82,21 +86,39 @@ impl Scenes {
     ) -> Self {
         let abilities = Abilities::of(rig);
         let rig = rig.rig;
-        Self {
+        let mut scenes = Self {
             running,
             phenomena,
+            shown: None,
             rig,
             abilities,
             loading: VecDeque::new(),
             measuring: JoinSet::new(),
             notes,
             changed,
+        };
+        if scenes.phenomena.is_some() {
+            scenes.shown = named(scenes.file());
         }
+        scenes
     }
 
     /// Returns the scene that was loaded or changed last. The loop may not have adopted it yet.
     pub(super) fn file(&self) -> &SceneFile {
         self.running.file()
+    }
+
+    /// Returns the name of the earlier scene whose hand moves the simulated rig. Returns `None` if
+    /// the last loaded scene names the phenomena itself, or if no scene has named a hand.
+    pub(super) fn earlier_hand(&self) -> Option<&str> {
+        let (name, simulate) = self.kept(self.file())?;
+        simulate.hand.map(|_| name.as_str())
+    }
+
+    /// Returns the earlier scene whose phenomena the simulated rig keeps while it runs `file`, by
+    /// its name, and these phenomena. Returns `None` if `file` names phenomena itself.
+    fn kept(&self, file: &SceneFile) -> Option<&(String, Simulate)> {
+        self.shown.as_ref().filter(|_| file.simulate().is_none())
     }
 
     /// Returns the id of the effect in a slot of the scene.
@@ -150,10 +172,12 @@ impl Scenes {
             (Some(simulate), None) => names(&json!(simulate)),
             (Some(simulate), Some(set)) => {
                 set(simulate);
+                self.shown = named(&file);
                 Vec::new()
             }
         };
-        let warnings = self.abilities.warnings(&file);
+        let mut warnings = self.abilities.warnings(&file);
+        warnings.extend(self.kept(&file).map(|(name, simulate)| keeps(name, simulate)));
         let compiled = self.running.load(file);
         let (rig, parts) = (self.rig, compiled.clone());
         self.notes.scene(&compiled, self.running.file());
@@ -202,25 +226,13 @@ impl Scenes {
         let compiled = self.running.set(effect, parameters).map_err(|error| {
             let code = match &error {
                 SetError::UnknownEffect { .. } => ErrorCode::UnknownEffect,
-                SetError::Invalid(_) if self.knows(effect, parameters) => ErrorCode::OutOfRange,
-                SetError::Invalid(_) => ErrorCode::BadRequest,
+                SetError::Malformed(_) => ErrorCode::BadRequest,
+                SetError::Invalid(_) => ErrorCode::OutOfRange,
             };
             ErrorBody::new(code, shortened(set_refusal(effect, &error)))
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
-    }
-
-    /// Returns whether the scene has an effect with this id, and the effect has all of these
-    /// parameters.
-    fn knows(&self, effect: &str, parameters: &Map<String, Value>) -> bool {
-        let effects = self.file().effects();
-        let Some(effect) = effects.iter().find(|e| e.id() == effect) else { return false };
-        let kinds = hbot_config::scene::kinds();
-        kinds
-            .iter()
-            .find(|kind| kind.name == effect.kind_name())
-            .is_some_and(|kind| parameters.keys().all(|name| kind.schema["properties"].get(name).is_some()))
     }
 
     /// Returns whether a scene is being loaded.
@@ -290,11 +302,28 @@ fn busy(op: OpName) -> ErrorBody {
 pub fn set_refusal(effect: &str, error: &SetError) -> String {
     match error {
         SetError::UnknownEffect { .. } => error.to_string(),
-        SetError::Invalid(mistakes) => {
+        SetError::Malformed(mistakes) | SetError::Invalid(mistakes) => {
             let lines = mistakes.iter().map(|mistake| format!("effect {effect:?}: {mistake}"));
             lines.collect::<Vec<_>>().join("\n")
         }
     }
+}
+
+/// Returns the name of a scene and the phenomena that it names. Returns `None` if it has no table
+/// `[simulate]`.
+fn named(file: &SceneFile) -> Option<(String, Simulate)> {
+    file.simulate().map(|simulate| (file.name().to_owned(), *simulate))
+}
+
+/// Returns the warning about a scene that names no phenomena, while the simulated rig has those of
+/// the earlier scene `name`.
+fn keeps(name: &str, simulate: &Simulate) -> String {
+    let all = names(&json!(simulate));
+    let all = if all.is_empty() { "no hand and no other phenomenon".to_owned() } else { all.join(", ") };
+    format!(
+        "simulate: this scene has no such table, so the simulated rig keeps that of the scene {name:?}: {all}. \
+         A table with `hand = {{}}` alone gives back the default hand on an ideal rig"
+    )
 }
 
 fn names(table: &Value) -> Vec<String> {

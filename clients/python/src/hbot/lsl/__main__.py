@@ -14,6 +14,7 @@ from ..environment import server_address
 from ..errors import ConnectionLost, HbotError, NoServer, TimedOut
 from ..events import Event, FaultEvent, SceneEvent
 from ..opening import connect
+from ..program import one_line_errors
 from ..rig import Rig
 from .streams import MARKERS, SAMPLES, Outlets, channels, marker
 
@@ -29,6 +30,18 @@ MARKER_BYTES = 1024
 """Longest marker of a client, bytes."""
 
 
+def place(text: str) -> tuple[str, int]:
+    """Return host and port of `HOST:PORT`. Port 0 stands for any that is free.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is no such place.
+    """
+    host, _, port = text.rpartition(":")
+    if not port.isdigit() or int(port) >= 1 << 16:
+        raise argparse.ArgumentTypeError(f"{text!r}; legal: HOST:PORT")
+    return host, int(port)
+
+
 def arguments(given: list[str] | None = None) -> argparse.Namespace:
     """Return the options of the command line."""
     parser = argparse.ArgumentParser(
@@ -38,14 +51,18 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "address", nargs="?", help="the server; default: HBOT_SERVER or 127.0.0.1:4268"
     )
-    parser.add_argument("--every", type=int, default=1, help="ticks from sample to sample")
+    parser.add_argument("--every", type=int, default=1, help="ticks from sample to sample, from 1")
     parser.add_argument(
         "--token-file", type=Path, help="file with the server's token; default: HBOT_TOKEN_FILE"
     )
     parser.add_argument("--ca", type=Path, help="certificate of the server, if it encrypts (PEM)")
     parser.add_argument("--encoding", choices=("json", "msgpack"), default="json")
     parser.add_argument(
-        "--markers", default="127.0.0.1:4269", help="where clients send markers, a line each (TCP)"
+        "--markers",
+        type=place,
+        default="127.0.0.1:4269",
+        metavar="HOST:PORT",
+        help="where clients send markers, a line each (TCP); default: 127.0.0.1:4269",
     )
     parser.add_argument(
         "--clock",
@@ -54,6 +71,8 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
         help="auto: the server's clock if it is on this machine; ping: always by round trips",
     )
     options = parser.parse_args(given)
+    if options.every < 1:
+        parser.error(f"--every {options.every}; legal: 1 or more")
     try:
         options.address = server_address(options.address)
     except ValueError as error:
@@ -147,11 +166,18 @@ class MarkerLines(socketserver.ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
 
-    def __init__(self, address: str, publisher: Publisher) -> None:
-        """Listen at `address`, `HOST:PORT`. Port 0 stands for any that is free."""
+    def __init__(self, address: tuple[str, int], publisher: Publisher) -> None:
+        """Listen at `address`, host and port.
+
+        Raises:
+            OSError: that is not possible, for example because another program listens there.
+        """
         self.publisher = publisher
-        host, _, port = address.rpartition(":")
-        super().__init__((host, int(port)), MarkerHandler)
+        try:
+            super().__init__(address, MarkerHandler)
+        except OSError as error:
+            host, port = address
+            raise OSError(error.errno, f"{error.strerror}: --markers {host}:{port}") from error
 
 
 class MarkerHandler(socketserver.StreamRequestHandler):
@@ -167,8 +193,17 @@ class MarkerHandler(socketserver.StreamRequestHandler):
 
 
 def main() -> None:
-    """Publish until Ctrl-C. A server that has gone is tried again every second."""
-    options = arguments()
+    """Run the program."""
+    with one_line_errors():
+        publish(arguments())
+
+
+def publish(options: argparse.Namespace) -> None:
+    """Publish until Ctrl-C. A server that has gone is tried again every second.
+
+    Raises:
+        HbotError, OSError: the server refuses this program, or something is missing.
+    """
     publisher = Publisher(options)
     lines = MarkerLines(options.markers, publisher)
     threading.Thread(target=lines.serve_forever, daemon=True).start()
@@ -185,8 +220,6 @@ def main() -> None:
             if publisher.outlets is not None and isinstance(error, ConnectionLost):
                 publisher.outlets.mark("disconnected")
             time.sleep(RETRY_S)
-        except HbotError as error:
-            raise SystemExit(str(error)) from error
         except KeyboardInterrupt:
             return
 

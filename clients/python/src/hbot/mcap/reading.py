@@ -16,6 +16,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap_protobuf.decoder import DecoderFactory
 from zstandard import ZstdError
 
+from ..errors import IllegalInput
 from ..events import DroppedEvent
 from .topics import EVENT, EXACT, STATE, TOPICS, Array, Topic, event_of, missing_steps
 
@@ -86,7 +87,7 @@ class Recording(Mapping[str, Mapping[str, Array]]):
 
 def read(
     path: str | os.PathLike[str],
-    topics: Iterable[str] | None = None,
+    topics: str | Iterable[str] | None = None,
     *,
     start: float | None = None,
     end: float | None = None,
@@ -95,14 +96,18 @@ def read(
 
     Args:
         path: the file.
-        topics: names of the topics to read. None: all public topics. Fewer are read faster.
+        topics: names of the topics to read, or the name of one. None: all public topics. Fewer are
+            read faster.
         start: leave out messages before this time, s since tick 0.
         end: leave out messages from this time on, s since tick 0.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it is no recording of hbot, or there is no such topic.
+        IllegalInput: the file is no recording of hbot.
+        ValueError: there is no such topic.
     """
+    if isinstance(topics, str):
+        topics = (topics,)
     wanted = tuple(TOPICS if topics is None else topics)
     if unknown := [name for name in wanted if name not in TOPICS]:
         raise ValueError(f"{unknown[0]!r} is no topic; legal: {', '.join(TOPICS)}")
@@ -111,9 +116,11 @@ def read(
         try:
             reader.run()
         except InvalidMagic as wrong:
-            raise ValueError(f"{os.fspath(path)}: {wrong}") from wrong
+            raise IllegalInput(f"{os.fspath(path)}: {wrong}") from wrong
     if not reader.metadata:
-        raise ValueError(f"{os.fspath(path)} is no recording of hbot, or it ends before its first")
+        raise IllegalInput(
+            f"{os.fspath(path)} is no recording of hbot, or it ends before its first record"
+        )
     return reader.result()
 
 

@@ -4,8 +4,8 @@ use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
+use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
 
 /// Notches of a dial that turns about an axis. They are evenly spaced or at given angles.
@@ -104,5 +104,22 @@ impl EffectKind for Detents {
 
     fn numbers(&self) -> Vec<f64> {
         self.positions.clone()
+    }
+
+    fn idle(&self) -> Vec<IdleKey> {
+        const GIVE: &str = "give positions";
+        let count = || idle_keys(&["count"], "positions", "remove positions");
+        match (self.positions.is_empty(), self.ends) {
+            (true, Ends::Open) => [
+                idle_keys(&["ends"], "positions", GIVE),
+                idle_keys(&["end_stiffness"], "positions", "give positions and set ends = \"closed\""),
+            ]
+            .concat(),
+            (true, Ends::Closed) => idle_keys(&["ends", "end_stiffness"], "positions", GIVE),
+            (false, Ends::Open) => {
+                [count(), idle_keys(&["end_stiffness"], "ends", "set ends = \"closed\"")].concat()
+            }
+            (false, Ends::Closed) => count(),
+        }
     }
 }

@@ -4,8 +4,8 @@ use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
+use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
 
 /// Walls that keep an axis of the sphere inside a cone, its twist about this axis inside a range,
@@ -90,5 +90,13 @@ impl EffectKind for EndStop {
             stiffness: self.stiffness,
             damping: self.damping,
         }))
+    }
+
+    fn idle(&self) -> Vec<IdleKey> {
+        match self.walls {
+            Walls::Cone => idle_keys(&["twist"], "walls", "set walls = \"twist\" or walls = \"both\""),
+            Walls::Twist => idle_keys(&["cone"], "walls", "set walls = \"cone\" or walls = \"both\""),
+            Walls::Both => Vec::new(),
+        }
     }
 }

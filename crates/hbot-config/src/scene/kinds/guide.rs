@@ -4,8 +4,8 @@ use hbot_core::effects::{self, Freedom, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
+use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
 
 /// Prevents some rotations of the sphere and leaves the others free, as a hinge does.
@@ -88,5 +88,12 @@ impl EffectKind for Guide {
             damping: self.damping,
             deadband: self.deadband,
         }))
+    }
+
+    fn idle(&self) -> Vec<IdleKey> {
+        match self.free {
+            Free::Axis | Free::Swing => idle_keys(&["pointer"], "free", "set free = \"plane\""),
+            Free::Plane => Vec::new(),
+        }
     }
 }

@@ -73,6 +73,29 @@ pub(super) trait EffectKind: Serialize + DeserializeOwned + JsonSchema {
     fn numbers(&self) -> Vec<f64> {
         Vec::new()
     }
+
+    /// Returns the parameters that have no effect because of the values of others, including those
+    /// that the file does not name.
+    fn idle(&self) -> Vec<IdleKey> {
+        Vec::new()
+    }
+}
+
+/// A parameter of an effect that has no effect, because of the values of other parameters. An
+/// example is the `twist` of an end stop that has only the wall of the cone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct IdleKey {
+    /// Name of the parameter in scene files.
+    pub name: &'static str,
+    /// Name of the parameter whose value deprives this one of its effect.
+    pub because_of: &'static str,
+    /// What a user has to do to give the parameter an effect, such as `set free = "plane"`.
+    pub remedy: &'static str,
+}
+
+/// Returns idle parameters with the same cause and remedy.
+fn idle_keys(names: &[&'static str], because_of: &'static str, remedy: &'static str) -> Vec<IdleKey> {
+    names.iter().map(|&name| IdleKey { name, because_of, remedy }).collect()
 }
 
 /// The parameters that every kind of effect has.
@@ -106,6 +129,8 @@ pub(super) struct Compiled {
     /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
     /// stores these lists of all effects in one table, its figures.
     pub(super) numbers: Vec<f64>,
+    /// The parameters that have no effect because of the values of others.
+    pub(super) idle: Vec<IdleKey>,
 }
 
 /// Describes one kind of effect: its name, its schemas and the function that compiles it.
@@ -159,7 +184,8 @@ fn compile<K: EffectKind>(value: &Value, path: &str, report: &mut Report) -> Opt
     let parameters: K = decode(&Value::Object(parameters), path, report)?;
     let kind = parameters.compile(path, report)?;
     let Ok(Value::Object(written)) = serde_json::to_value(&parameters) else { return None };
-    Some(Compiled { parameters: written, kind, numbers: parameters.numbers() })
+    let (numbers, idle) = (parameters.numbers(), parameters.idle());
+    Some(Compiled { parameters: written, kind, numbers, idle })
 }
 
 /// Largest number of characters in an effect's id.

@@ -6,8 +6,8 @@ use hbot_core::rotation::{angle_between, to_wxyz};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::EffectKind;
 use super::target::{Anchor, IDENTITY, UP, target, unit_quaternion, unit_vector};
+use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
 
 /// Largest number of points in a track, the kind of effect that moves the sphere along a path.
@@ -192,6 +192,27 @@ impl EffectKind for Track {
         match self.path {
             Path::Waypoints | Path::Record => self.points.iter().flat_map(numbers).collect(),
             Path::Sine | Path::Chirp => Vec::new(),
+        }
+    }
+
+    fn idle(&self) -> Vec<IdleKey> {
+        const SWING: &str = "set path = \"sine\" or path = \"chirp\"";
+        const CHIRP: &str = "set path = \"chirp\"";
+        const POINTS: &str = "set path = \"waypoints\" or path = \"record\"";
+        const ENDING: &str = "set another path (a sine always repeats)";
+        match self.path {
+            Path::Sine => [
+                idle_keys(&["frequency_end", "sweep_s"], "path", CHIRP),
+                idle_keys(&["points"], "path", POINTS),
+                idle_keys(&["repeat"], "path", ENDING),
+            ]
+            .concat(),
+            Path::Chirp => idle_keys(&["points"], "path", POINTS),
+            Path::Waypoints | Path::Record => [
+                idle_keys(&["axis", "amplitude", "frequency"], "path", SWING),
+                idle_keys(&["frequency_end", "sweep_s"], "path", CHIRP),
+            ]
+            .concat(),
         }
     }
 }

@@ -4,8 +4,8 @@ use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::EffectKind;
 use super::target::{UP, unit_vector};
+use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
 
 /// A vibrating torque about an axis: continuous, once, or repeated. The energy it delivers is at
@@ -86,5 +86,16 @@ impl EffectKind for Vibration {
             release: self.release_s,
             repeat: self.repeat_s,
         }))
+    }
+
+    fn idle(&self) -> Vec<IdleKey> {
+        let starts_again_before_it_falls = self.repeat_s > 0.0 && self.repeat_s <= self.hold_s;
+        if self.hold_s == 0.0 {
+            idle_keys(&["release_s"], "hold_s", "set hold_s above 0")
+        } else if starts_again_before_it_falls {
+            idle_keys(&["hold_s", "release_s"], "repeat_s", "set hold_s below repeat_s")
+        } else {
+            Vec::new()
+        }
     }
 }

@@ -1,21 +1,32 @@
 //! The axes that all plots share, with their grid lines.
 
-use eframe::egui::Ui;
-use egui_plot::{Corner, GridInput, GridMark, Legend, Plot};
+use eframe::egui::{TextStyle, Ui};
+use egui_plot::{AxisHints, Corner, GridInput, GridMark, Legend, Plot};
 
 use super::PlotDesk;
 use crate::view::round_up;
+
+/// Least width of the vertical axis, points. It holds the name of the axis and a number such as
+/// -0.002.
+const Y_AXIS_WIDTH: f32 = 62.0;
+/// Height of the horizontal axis with its name and its numbers, in rows of text. The library leaves
+/// a quarter of a row below the name.
+const X_AXIS_ROWS: f32 = 2.25;
 
 /// Creates a plot that follows the newest data. While the plots are paused, the user can drag and
 /// zoom it instead.
 pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
     let still = plots.paused.is_some();
+    // The plot reserves the room that its axes needed when they were drawn last. It forgets this
+    // when egui discards a drawing, so the axes always have their room.
+    let x_axis_height = (X_AXIS_ROWS * ui.text_style_height(&TextStyle::Body)).ceil();
     Plot::new(id)
         // Leaves room for the right half of the last number on the horizontal axis.
         .width(ui.available_width() - 12.0)
         .legend(Legend::default().position(Corner::LeftTop))
         .y_axis_label(y)
-        .y_axis_min_width(44.0)
+        .custom_x_axes(vec![AxisHints::new_x().min_thickness(x_axis_height)])
+        .y_axis_min_width(Y_AXIS_WIDTH)
         .x_grid_spacer(|input| round_steps(input, 9.0))
         .y_grid_spacer(|input| round_steps(input, 4.0))
         .x_axis_formatter(|mark, _| figure(mark))

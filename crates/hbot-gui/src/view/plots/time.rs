@@ -163,6 +163,8 @@ mod tests {
     use egui_kittest::Harness;
     use hbot_api::StateEvent;
 
+    use crate::view::painted::texts;
+
     #[test]
     fn the_text_of_a_mark_does_not_stretch_the_axis() {
         let mut model = Model::new("", "panel me@here", 1);
@@ -178,6 +180,35 @@ mod tests {
         let range = seen.state().1.expect("drawn");
         // The curves are at 0. The plot leaves a margin around the least range of 0.02 N m.
         assert!(range.height() < 0.06, "{range:?}");
+    }
+
+    /// A table that is drawn for the first time makes egui draw the frame twice. In the first of
+    /// these drawings, the plot cannot measure the texts of its axes.
+    #[test]
+    fn the_name_of_an_axis_keeps_clear_of_the_numbers_in_a_frame_that_is_drawn_twice() {
+        let mut model = Model::new("", "panel me@here", 1);
+        for t in [0.0, 10.0] {
+            model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
+        }
+        let draw = |ui: &mut Ui, (model, twice): &mut (Model, bool)| {
+            if *twice {
+                ui.ctx().request_discard("a table is drawn for the first time");
+            }
+            show(ui, model, &model.history, &PlotDesk::default());
+        };
+        let mut seen = Harness::new_ui_state(draw, (model, false));
+        seen.run_steps(4);
+        for twice in [false, true] {
+            seen.state_mut().1 = twice;
+            seen.step();
+            let texts = texts(&seen);
+            let name = texts.iter().find(|it| it.text == "time before now, s").expect("the name");
+            let numbers: Vec<_> = texts.iter().filter(|it| it.text.parse::<f64>().is_ok()).collect();
+            assert!(numbers.iter().any(|it| it.text == "-10"), "{numbers:?}");
+            for number in numbers {
+                assert!(!name.overlaps(number), "{name:?} and {number:?}, drawn twice: {twice}");
+            }
+        }
     }
 
     /// The rig limits the length of the torque, so a component alone never shows whether a limit is

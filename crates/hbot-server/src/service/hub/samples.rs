@@ -72,7 +72,8 @@ impl Hub {
                 match reply {
                     Some(Reply::Refused(refused)) => {
                         let effect = |slot| self.scenes.id_at(slot);
-                        let reason = refusal(what, refused, &self.rig.rig, effect).message;
+                        let hand = self.scenes.earlier_hand();
+                        let reason = refusal(what, refused, &self.rig.rig, effect, hand).message;
                         tracing::warn!("{what}: refused: {reason}");
                     }
                     _ => tracing::info!(tick = sample.state.tick, "{what}: done"),
@@ -83,7 +84,8 @@ impl Hub {
         match reply {
             Some(Reply::Refused(refused)) => {
                 let effect = |slot| self.scenes.id_at(slot);
-                let error = refusal(op.as_str(), refused, &self.rig.rig, effect);
+                let hand = self.scenes.earlier_hand();
+                let error = refusal(op.as_str(), refused, &self.rig.rig, effect, hand);
                 self.refuse(session, id, Some(op), error);
             }
             // A stream message without an id gets no answer.

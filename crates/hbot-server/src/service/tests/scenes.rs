@@ -70,6 +70,11 @@ fn parameters_are_set_while_the_scene_runs() {
         ),
         (set("spring", json!({"gian": 1})), ErrorCode::BadRequest, "gain"),
         (
+            set("spring", json!({"stiffness": "soft"})),
+            ErrorCode::BadRequest,
+            "effect \"spring\": stiffness: found the string \"soft\"; legal: a number, 0 to 1000 N m/rad",
+        ),
+        (
             set("spring", json!({"gain": 11, "law": "hooke"})),
             ErrorCode::OutOfRange,
             "effect \"spring\": law: \"hooke\" is not known here",
@@ -102,18 +107,63 @@ fn phenomena_go_to_the_simulated_rig_and_a_real_one_has_its_own() {
 }
 
 #[test]
+fn the_hand_of_an_earlier_scene_is_named_when_it_stays() {
+    let phenomena: Option<SetPhenomena> = Some(Box::new(|_| ()));
+    let simulated = TestService::start(TestOptions { phenomena, ..TestOptions::default() });
+    let mut client = simulated.holder();
+    simulated.wait_for(Mode::Idle);
+    let far = json!({"id": "s", "kind": "spring", "damping": 0.1, "reference": [0, 1, 0, 0]});
+    let plain = json!({"name": "Far", "effect": [far]});
+    assert_eq!(client.call(scene(plain.clone())).unwrap()["warnings"], json!([]), "no scene had a hand");
+    let error = refused(client.call(Op::Enable));
+    assert!(error.message.ends_with("set anchor = \"here\""), "{error}");
+
+    for (simulate, kept, still) in [
+        (json!({"hand": {}, "slip": {}}), "keeps that of the scene \"Held\": slip, hand. ", true),
+        (json!({}), "keeps that of the scene \"Held\": no hand and no other phenomenon. ", false),
+    ] {
+        let held = json!({"name": "Held", "simulate": simulate, "effect": [far]});
+        assert_eq!(client.call(scene(held)).unwrap()["warnings"], json!([]));
+        let error = refused(client.call(Op::Enable));
+        assert!(error.message.ends_with("set anchor = \"here\""), "its own hand: {error}");
+        let warnings = client.call(scene(plain.clone())).unwrap()["warnings"].clone();
+        let [Value::String(warning)] = &warnings.as_array().unwrap()[..] else { panic!("{warnings}") };
+        assert!(warning.starts_with("simulate: ") && warning.contains(kept), "{warning}");
+        let error = refused(client.call(Op::Enable));
+        let words = "The simulated hand of the scene \"Held\" still moves the sphere";
+        assert_eq!(error.message.contains(words), still, "{error}");
+    }
+
+    // The scene with which the server starts counts too, but not on a real rig.
+    let first = SceneFile::from_json(json!({"name": "First", "simulate": {"hand": {}}})).unwrap();
+    let phenomena: Option<SetPhenomena> = Some(Box::new(|_| ()));
+    for (phenomena, count) in [(phenomena, 1), (None, 0)] {
+        let scene_at_start = first.clone();
+        let bench =
+            TestService::start(TestOptions { phenomena, scene: scene_at_start, ..TestOptions::default() });
+        let warnings = bench.holder().call(scene(plain.clone())).unwrap()["warnings"].clone();
+        let warnings = warnings.as_array().unwrap();
+        assert_eq!(warnings.len(), count, "{warnings:?}");
+        let names_first = |warning: &Value| warning.as_str().unwrap().contains("the scene \"First\": hand. ");
+        assert!(warnings.iter().all(names_first), "{warnings:?}");
+    }
+}
+
+#[test]
 fn a_scene_that_the_rig_cannot_make_is_loaded_with_warnings() {
     let bench = TestService::start(TestOptions::default());
     let mut client = bench.holder();
     let wall = json!({"name": "Wall", "effect": [
         {"id": "wall", "kind": "end_stop", "stiffness": 900, "damping": 0.03},
         {"id": "push", "kind": "constant", "torque": [0, 0, 5]},
+        {"id": "stop", "kind": "end_stop", "stiffness": 1, "damping": 0.1, "twist": [-0.5, 0.5]},
     ]});
     let warnings = client.call(scene(wall)).unwrap()["warnings"].clone();
     let warnings = warnings.as_array().unwrap();
-    assert_eq!(warnings.len(), 2, "{warnings:?}");
+    assert_eq!(warnings.len(), 3, "{warnings:?}");
     assert!(warnings[0].as_str().unwrap().starts_with("wall: stiffness 900 N m/rad"), "{warnings:?}");
     assert!(warnings[1].as_str().unwrap().starts_with("push: torque 5 N m"), "{warnings:?}");
+    assert!(warnings[2].as_str().unwrap().starts_with("stop: twist has no effect here"), "{warnings:?}");
     let calm = json!({"name": "Calm", "effect": [{"id": "s", "kind": "spring", "damping": 0.02}]});
     assert_eq!(client.call(scene(calm)).unwrap()["warnings"], json!([]));
 }
