@@ -5,8 +5,9 @@ use std::process::ExitCode;
 use anyhow::anyhow;
 use clap::Args;
 use hbot_api::InfoOk;
-use hbot_config::scene::SetError;
+use hbot_config::scene::{Listed, SceneEffect, SetError, kinds};
 use hbot_config::{RunningScene, SceneFile};
+use hbot_host::abilities::in_vain;
 use hbot_server::service::set_refusal;
 use serde_json::{Map, Value};
 
@@ -70,46 +71,47 @@ fn check(info: &InfoOk, effect: &str, parameters: &Map<String, Value>) -> anyhow
         let refusal = set_refusal(effect, &error);
         match error {
             SetError::UnknownEffect { .. } => anyhow!("{refusal}: {}", orders::SHOW_SCENE),
-            SetError::Invalid(_) => anyhow!(refusal),
+            SetError::Malformed(_) | SetError::Invalid(_) => anyhow!(refusal),
         }
     })
 }
 
 /// Returns the effect with the id `id` in the running scene, or null if there is none.
 fn effect(info: &InfoOk, id: &str) -> Value {
-    effects(info).find(|effect| effect["id"] == id).cloned().unwrap_or_default()
+    let mut effects = info.scene["effect"].as_array().into_iter().flatten();
+    effects.find(|effect| effect["id"] == id).cloned().unwrap_or_default()
 }
 
-fn effects(info: &InfoOk) -> impl Iterator<Item = &Value> {
-    info.scene["effect"].as_array().into_iter().flatten()
-}
-
-/// Returns what the rig cannot make of the running scene, or may not keep stable, in the words of
-/// the answer to `load_scene`. Of the server, only that answer has such warnings, so they are
-/// computed here, from the limits in `info`. They are compared with those of
-/// [`Abilities`](hbot_host::abilities::Abilities) in a test.
+/// Returns what the rig cannot make of the running scene or may not keep stable, and what has no
+/// effect in it, in the words of the answer to `load_scene`. Of the server, only that answer has
+/// such warnings, so they are computed here, from the limits in `info`. A test compares them with
+/// those of [`Abilities`](hbot_host::abilities::Abilities). A scene with kinds that this program
+/// does not know has none.
 fn warnings(info: &InfoOk) -> Vec<String> {
+    let Ok(scene) = SceneFile::from_json(info.scene.clone()) else { return Vec::new() };
+    let kinds = kinds();
+    let sizes = |effect, unit| sizes(&kinds, effect, unit).into_iter();
     let damping: f64 =
-        effects(info).flat_map(|effect| sizes(info, effect, "N m s/rad")).map(|(_, size)| size).sum();
+        scene.effects().iter().flat_map(|effect| sizes(effect, "N m s/rad")).map(|(_, size)| size).sum();
     let mut found = Vec::new();
-    for effect in effects(info) {
-        let id = effect["id"].as_str().unwrap_or_default();
+    for effect in scene.effects() {
+        let id = effect.id();
         // The spring of friction gives way at the torque of the friction, so it cannot buzz with
         // more than that.
-        if effect["kind"] != "friction" {
-            found.extend(sizes(info, effect, "N m/rad").into_iter().filter_map(|(name, stiffness)| {
+        if effect.kind_name() != "friction" {
+            found.extend(sizes(effect, "N m/rad").filter_map(|(name, stiffness)| {
                 Some(format!("{id}: {name} {}", too_stiff(info, stiffness, damping)?))
             }));
         }
         let most = info.limits.torque;
-        let torques = sizes(info, effect, "N m").into_iter().filter(|(_, torque)| *torque > most);
-        found.extend(torques.map(|(name, torque)| {
+        found.extend(sizes(effect, "N m").filter(|(_, torque)| *torque > most).map(|(name, torque)| {
             format!(
                 "{id}: {name} {torque} N m is more than this rig makes; the sum of all torques is cut off at {most} N m \
                  (limits.torque)"
             )
         }));
     }
+    found.extend(in_vain(&scene));
     found
 }
 
@@ -133,15 +135,17 @@ fn too_stiff(info: &InfoOk, stiffness: f64, damping: f64) -> Option<String> {
     })
 }
 
-/// Returns the names of the parameters of `effect` that have the unit `unit`, with their sizes
-/// times the effect's gain.
-fn sizes(info: &InfoOk, effect: &Value, unit: &str) -> Vec<(String, f64)> {
-    let kind = effect["kind"].as_str().and_then(|kind| info.kind(kind));
-    let (Some(kind), Some(written)) = (kind, effect.as_object()) else { return Vec::new() };
-    let gain = effect["gain"].as_f64().unwrap_or(1.0);
-    let with_unit =
-        written.iter().filter(|(name, _)| kind.schema["properties"][name.as_str()]["unit"] == unit);
-    with_unit.filter_map(|(name, value)| Some((name.clone(), gain * size(value)?))).collect()
+/// Returns the names of the parameters of `effect` that have the unit `unit` and an effect, with
+/// their sizes times the effect's gain.
+fn sizes(kinds: &[Listed], effect: &SceneEffect, unit: &str) -> Vec<(String, f64)> {
+    let kind = kinds.iter().find(|kind| kind.name == effect.kind_name());
+    let written = effect.to_json();
+    let (Some(kind), Some(written)) = (kind, written.as_object()) else { return Vec::new() };
+    let acts = |name: &str| effect.idle().iter().all(|key| key.name != name);
+    let with_unit = written
+        .iter()
+        .filter(|(name, _)| kind.schema["properties"][name.as_str()]["unit"] == unit && acts(name));
+    with_unit.filter_map(|(name, value)| Some((name.clone(), effect.gain() * size(value)?))).collect()
 }
 
 /// Returns the size of a parameter: of a vector its length, and of a matrix the largest sum of a
@@ -162,7 +166,7 @@ fn size(value: &Value) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use hbot_api::{KindInfo, LimitsInfo, RenderInfo, RigInfo};
+    use hbot_api::{LimitsInfo, RenderInfo, RigInfo};
     use hbot_config::RigConfig;
     use hbot_host::abilities::Abilities;
     use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
@@ -174,10 +178,6 @@ mod tests {
     fn info(scene: &SceneFile) -> InfoOk {
         let rig = RigConfig::prototype();
         let bound = StiffnessBound::of(&rig).unwrap();
-        let listed = |kind: hbot_config::scene::Listed| {
-            let (name, schema) = (kind.name.to_owned(), kind.schema.clone());
-            KindInfo { name, schema, ..KindInfo::default() }
-        };
         InfoOk {
             rig: RigInfo { rate_hz: rig.rate_hz, ..RigInfo::default() },
             limits: LimitsInfo { torque: rig.rig.limits.torque, ..LimitsInfo::default() },
@@ -187,7 +187,6 @@ mod tests {
                 stiffness_stable: bound.stable(USUAL_DAMPING),
                 stiffness_most: bound.most()[0],
             }),
-            effects: hbot_config::scene::kinds().into_iter().map(listed).collect(),
             scene: scene.to_json(),
             ..InfoOk::default()
         }
@@ -207,6 +206,11 @@ mod tests {
             (format!("{spring}{matrix}{air}"), 0),
             (format!("{spring}100\ngain = 9\n{air}{push}"), 2),
             (format!("{rubber}{push}"), 1),
+            (
+                "[[effect]]\nid = 'd'\nkind = 'detents'\npositions = [0, 1]\nend_stiffness = 600\n"
+                    .to_owned(),
+                1,
+            ),
         ] {
             let scene = SceneFile::from_toml(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
             let told = warnings(&info(&scene));
