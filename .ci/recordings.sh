@@ -52,17 +52,21 @@ server=
 partly "$work/killed.mcap" 'cut'
 
 # A disk that is full: a limit on the size of files, at which writing fails.
+code=0
 (
     trap '' XFSZ
     ulimit -f 400
     "${serve[@]}" --time virtual --duration 12 --record "$work/full.mcap" >"$work/full.txt" 2>&1
-)
+) || code=$?
+[ "$code" = 3 ] || { echo "a recording that failed ends with exit code $code" >&2; exit 1; }
 grep -q 'the recording cannot be written' "$work/full.txt" || { cat "$work/full.txt" >&2; exit 1; }
 grep -q '1 files failed' "$work/full.txt" || { cat "$work/full.txt" >&2; exit 1; }
 partly "$work/full.mcap" 'cut'
 
 # A folder that cannot be made, because its name is that of a file. The server runs without it.
 touch "$work/file"
-"${serve[@]}" --time virtual --duration 2 --record "$work/file/folder" >"$work/nowhere.txt" 2>&1
+code=0
+"${serve[@]}" --time virtual --duration 2 --record "$work/file/folder" >"$work/nowhere.txt" 2>&1 || code=$?
+[ "$code" = 3 ] || { echo "a recording that failed ends with exit code $code" >&2; exit 1; }
 grep -q '0 ticks recorded, 2000 lost' "$work/nowhere.txt" || { cat "$work/nowhere.txt" >&2; exit 1; }
 echo "recordings are read by MCAP's own reader and replay as far as they go"

@@ -13,7 +13,7 @@ use clap::Args;
 use hbot_config::{Override, RigConfig};
 use hbot_core::rig::Zero;
 use hbot_host::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
-use hbot_host::bringup::joint::{self, Verdict};
+use hbot_host::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
 use hbot_host::bringup::scan::scan;
 use hbot_host::bringup::{Bench, Interrupted, open};
 use hbot_host::bus::field;
@@ -117,7 +117,13 @@ struct Told {
 }
 
 fn joint_name(rig: &RigConfig, joint: usize) -> String {
-    format!("{} of wheel {}", if joint.is_multiple_of(2) { "steer" } else { "drive" }, rig.wheels[joint / 2])
+    let name = if joint.is_multiple_of(2) { "steer" } else { "drive" };
+    format!("{name} of {}", wheel_name(rig, joint / 2))
+}
+
+/// Returns the name of a wheel with its index in the rig file, such as `wheel A (wheel[0])`.
+pub(super) fn wheel_name(rig: &RigConfig, wheel: usize) -> String {
+    format!("wheel {} (wheel[{wheel}])", rig.wheels[wheel])
 }
 
 /// Opens the lines of a rig, runs `what` on them, and closes them. If a signal ends it, the motors
@@ -129,16 +135,19 @@ fn on_the_lines<T>(
     what: impl FnOnce(&mut Bench) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     let stop = signals::stop_flag()?;
-    let mut bench = open(rig, turned, stop, &Program::this(super::LAST_WORD))?;
+    let mut bench = open(rig, turned, stop.clone(), &Program::this(super::LAST_WORD))?;
     for notice in bench.notices() {
         note!("{}note{}: {notice}", style::WARN, style::OFF);
     }
     let done = what(&mut bench);
     drop(bench);
-    if let Err(error) = &done
-        && error.downcast_ref() == Some(&Interrupted::Stopped)
-    {
-        super::out::error(error);
+    // The motors are off. What follows only computes, and a signal ends it at once.
+    signals::default_again()?;
+    if stop.is_set() {
+        match &done {
+            Ok(_) => super::out::error(&Interrupted::Stopped),
+            Err(error) => super::out::error(error),
+        }
         signals::end_as_interrupted()?;
     }
     done
@@ -203,6 +212,7 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     )?;
     match outcome.verdict {
         Verdict::Good => {
+            say!("  {}", compared(&outcome))?;
             let turned = (outcome.torque > 0.0) != rig.rig.joints[number].reversed;
             let sense = if turned { "in" } else { "against" };
             say!(
@@ -221,6 +231,17 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// Says what was compared in a test that has found a joint to be good.
+fn compared(outcome: &Outcome) -> String {
+    let Outcome { torque, moved, by_rate, .. } = outcome;
+    format!(
+        "under {torque:+} N m its counts went the way of the torque, by {moved:+.4} rad; the rates that its controller reports \
+         add up to {by_rate:+.4} rad, which differs by {:.1} % (good: less than {:.0} %)",
+        100.0 * (by_rate / moved - 1.0).abs(),
+        100.0 * DISAGREEMENT
+    )
+}
+
 pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     let counts = on_the_lines(&rig, true, |bench| {
@@ -230,6 +251,7 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
         )?;
         Ok(watch(bench, args.seconds)?)
     })?;
+    say!("the sphere can rest: computing from {} readings", counts.len())?;
     let told = told(&rig, &counts)?;
     say!("{}\n{}", told.words.trim_end(), to_paste(&rig, &told))?;
     if let Some(file) = &args.write {
@@ -241,22 +263,49 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
 
 /// Returns the end of the message: the lines to write into the rig file, or why there are none.
 fn to_paste(rig: &RigConfig, told: &Told) -> String {
+    let unset = zeros_to_choose(rig).filter(|_| told.as_filed || !told.corrections.is_empty());
     if told.corrections.is_empty() {
-        let why =
-            if told.as_filed { "the rig is as its file says" } else { "correct first what stands above" };
-        return format!("nothing to write into the rig file: {why}");
+        return match unset {
+            Some(unset) => format!("signs, zero_offset and radii are as the rig file says\n{unset}"),
+            None if told.as_filed => {
+                "nothing to write into the rig file: the rig is as its file says".to_owned()
+            }
+            None => "nothing to write into the rig file: correct first what stands above".to_owned(),
+        };
     }
     let mut text = "to write into the rig file (`--write FILE` does it):".to_owned();
     let mut last = None;
     for correction in &told.corrections {
         if last != Some(correction.joint) {
             let table = if correction.joint.is_multiple_of(2) { "steer" } else { "drive" };
-            text += &format!("\n  [wheel.{table}] of wheel {}:", rig.wheels[correction.joint / 2]);
+            text += &format!("\n  [wheel.{table}] of {}:", wheel_name(rig, correction.joint / 2));
             last = Some(correction.joint);
         }
         text += &format!("\n  {} = {}", correction.key, correction.written());
     }
+    if let Some(unset) = unset {
+        text += &format!("\n{unset}");
+    }
     text
+}
+
+/// Returns what to do about the wheels of which the rig file does not say how their zeros become
+/// known. Returns `None` if there are no such wheels.
+fn zeros_to_choose(rig: &RigConfig) -> Option<String> {
+    let joints = &rig.rig.joints;
+    let unset = (0..rig.wheels.len()).filter(|wheel| joints[2 * wheel].zero == Zero::Calibrate);
+    let unset: Vec<String> = unset.map(|wheel| wheel_name(rig, wheel)).collect();
+    (!unset.is_empty()).then(|| {
+        format!(
+            "{}zero = \"calibrate\"{} of {}: the zero counts as not known, and a server stays unreferenced, without torque.\n  \
+             zero_offset is measured now. Write how the zero becomes known at each start into [wheel.steer]: zero = \"assume\" if \
+             the encoder counts from where it gets power, \"absolute\" if it knows its angle without power, or \"index\" if it \
+             has an index (docs/files.md). Then start `hbot server`",
+            style::WARN,
+            style::OFF,
+            unset.join(", ")
+        )
+    })
 }
 
 /// Writes the rig file `rig`, or the built-in one, with corrections to `file`. Comments and the
@@ -372,7 +421,7 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
     }
     let mut as_filed = true;
     for (i, wheel) in found.wheels.iter().enumerate() {
-        let name = &rig.wheels[i];
+        let name = wheel_name(rig, i);
         for (wrong, joint, key) in
             [(wheel.wrong_sign[0], 2 * i, "steer"), (wheel.wrong_sign[1], 2 * i + 1, "drive")]
         {
@@ -382,7 +431,7 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
                 corrections.push(Correction { joint, key: "sign", value: f64::from(sign) });
                 writeln!(
                     words,
-                    "  {bad}wheel {name}: the sign of {key} is wrong{off}: set wheel[{i}].{key}.sign = {sign}"
+                    "  {bad}{name}: the sign of {key} is wrong{off}: set wheel[{i}].{key}.sign = {sign}"
                 )?;
             }
         }
@@ -390,7 +439,7 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
         as_filed &= !zero_wrong;
         writeln!(
             words,
-            "  wheel {name}: {}steering zero off by {:+.4} rad{off} (+- {:.4}); radius {:.3} mm, cone {:.4} rad",
+            "  {name}: {}steering zero off by {:+.4} rad{off} (+- {:.4}); radius {:.3} mm, cone {:.4} rad",
             if zero_wrong { bad } else { style::GOOD },
             wheel.zero,
             wheel.zero_deviation,
@@ -410,10 +459,10 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
     }
     if let Some((most, least, apart)) = radii_apart(rig, found) {
         as_filed = false;
-        let (most, least) = (&rig.wheels[most], &rig.wheels[least]);
+        let [most, least] = [most, least].map(|wheel| wheel_name(rig, wheel));
         writeln!(
             words,
-            "  {bad}wheel {most} rolls {:.0} % further than wheel {least} for what the file says of both{off}: measure their radii; where \
+            "  {bad}{most} rolls {:.0} % further than {least} for what the file says of both{off}: measure their radii; where \
              those are right, the gear of one drive is wrong (`hbot rig test` tells which)",
             100.0 * apart
         )?;

@@ -22,8 +22,10 @@ mod status;
 mod style;
 mod watch;
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{Args, Parser, Subcommand};
 
 /// The server address that commands use by default.
@@ -97,14 +99,26 @@ enum Command {
 #[derive(Debug, Clone, Args)]
 pub(crate) struct ServerAddress {
     /// Address and port of the server
-    #[arg(long, value_name = "ADDR", env = "HBOT_SERVER", default_value = SERVER)]
+    #[arg(long, value_name = "ADDR", env = "HBOT_SERVER", default_value = SERVER, value_parser = server_or_default)]
     server: String,
     /// File with the token that the server asks for
-    #[arg(long, value_name = "FILE", env = "HBOT_TOKEN_FILE")]
-    token_file: Option<std::path::PathBuf>,
+    #[arg(long, value_name = "FILE", env = "HBOT_TOKEN_FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
+    token_file: Option<PathBuf>,
     /// File with the server's TLS certificate, or that of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE")]
-    ca: Option<std::path::PathBuf>,
+    ca: Option<PathBuf>,
+}
+
+impl ServerAddress {
+    /// Returns the file with the token, if one is named. An empty variable names none.
+    fn token_file(&self) -> Option<&Path> {
+        self.token_file.as_deref().filter(|file| !file.as_os_str().is_empty())
+    }
+}
+
+/// Returns the address that a text names. An empty variable is as if it was not set.
+fn server_or_default(text: &str) -> Result<String, std::convert::Infallible> {
+    Ok(if text.is_empty() { SERVER } else { text }.to_owned())
 }
 
 /// The server to command. A command takes the lease for as long as it runs.

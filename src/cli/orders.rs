@@ -34,7 +34,7 @@ fn print(mode: Mode) -> anyhow::Result<ExitCode> {
 /// the user and the machine follow.
 pub(crate) fn connect(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
     let mut options = ConnectOptions::new(&client_name(program));
-    if let Some(file) = &address.token_file {
+    if let Some(file) = address.token_file() {
         let token = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
         options.token = Some(token.trim().to_owned().into());
     }
@@ -78,7 +78,10 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
         Some(ErrorCode::Unauthorized) => {
             "name the file with the server's token by `--token-file FILE` or the variable HBOT_TOKEN_FILE"
         }
-        Some(ErrorCode::UnknownEffect) => "`hbot scene show` prints the running scene",
+        Some(ErrorCode::NotHolder) if holder(&error).is_some() => {
+            "that client has taken the lease from this command meanwhile. Ask its user, or repeat the command with `--steal`"
+        }
+        Some(ErrorCode::UnknownEffect) => SHOW_SCENE,
         _ => match error {
             ClientError::NoServer { .. } => "by `--server ADDR` or the variable HBOT_SERVER",
             _ => return error.into(),
@@ -87,6 +90,8 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
     anyhow::anyhow!("{error}: {remedy}")
 }
 
+/// Where the ids of the effects are found.
+pub(crate) const SHOW_SCENE: &str = "`hbot scene show` prints the running scene";
 /// Beginning of the name that a panel gives to the server.
 const PANEL: &str = "panel ";
 
@@ -114,6 +119,9 @@ mod tests {
         for words in ["`Release`", "`hbot-gui --observe`", "`--steal`"] {
             assert!(held("panel ann@lab2").contains(words), "{}", held("panel ann@lab2"));
         }
+        let robbed = ErrorBody::new(ErrorCode::NotHolder, "op set needs the lease, which \"bob\" holds");
+        let robbed = told(ErrorBody { holder: Some("bob".to_owned()), ..robbed });
+        assert!(robbed.contains("\"bob\" holds") && robbed.contains("has taken the lease from this command"));
         assert!(told(ErrorBody::new(ErrorCode::Faulted, "x")).contains("`hbot reset`, then `hbot enable`"));
         assert!(told(ErrorBody::new(ErrorCode::Unauthorized, "x")).contains("HBOT_TOKEN_FILE"));
         assert_eq!(told(ErrorBody::new(ErrorCode::OutOfRange, "x")), "x (out_of_range)");

@@ -109,10 +109,10 @@ impl<'a> Output<'a> {
         if !std::mem::replace(&mut self.begun, true) {
             self.writer.scene(tick, self.scene.name(), &self.scene.to_json().to_string(), at)?;
         }
-        public::fill(&mut self.recorded, &replayed.recorded.state, tick * self.period_ns);
+        public::fill(&mut self.recorded, &replayed.recorded.state, tick.saturating_mul(self.period_ns));
         self.recorded.timing.lateness_us = replayed.inputs.lateness_ns as f64 * 1.0e-3;
         self.writer.state(&self.recorded, at)?;
-        public::fill(&mut self.computed, &replayed.computed.state, tick * self.period_ns);
+        public::fill(&mut self.computed, &replayed.computed.state, tick.saturating_mul(self.period_ns));
         self.writer.other_torque(&self.computed, at)?;
         Ok(())
     }
@@ -120,7 +120,7 @@ impl<'a> Output<'a> {
 
 /// Prints the outcome of a replay.
 fn tell(report: &Report, period_ns: u64, begun: Instant, out: Option<&Path>) -> anyhow::Result<()> {
-    let at = |tick: u64| (tick * period_ns) as f64 * 1.0e-9;
+    let at = |tick: u64| tick.saturating_mul(period_ns) as f64 * 1.0e-9;
     for flaw in &report.flaws {
         say!("{}note{} {}", style::WARN, style::OFF, sentence(flaw))?;
     }

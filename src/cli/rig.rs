@@ -59,13 +59,14 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     };
     let config = RigConfig::load(file.as_deref(), &[])?;
     say!("{}{}{}: a legal design", style::NAME, config.name, style::OFF)?;
-    for (wheel, name) in config.wheels.iter().enumerate() {
+    for wheel in 0..config.wheels.len() {
         if config.rig.joints[2 * wheel].zero == hbot_core::rig::Zero::Calibrate {
             say!(
-                "  {}warning:{} wheel {name} leaves its steering zero to a calibration: the rig stays unreferenced until \
-                 `hbot rig calibrate` has found it and the file says so",
+                "  {}warning:{} {} leaves its steering zero to a calibration: the rig stays unreferenced until \
+                 `hbot rig calibrate` has measured zero_offset and `zero` has another value (docs/files.md)",
                 style::WARN,
-                style::OFF
+                style::OFF,
+                bringup::wheel_name(&config, wheel)
             )?;
         }
     }

@@ -172,7 +172,8 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
     warn(&loaded.warnings.iter().cloned().chain(own).collect::<Vec<_>>())
 }
 
-fn warn(warnings: &[String]) -> anyhow::Result<()> {
+/// Prints the warnings about a scene.
+pub(super) fn warn(warnings: &[String]) -> anyhow::Result<()> {
     for warning in warnings {
         say!("  {}warning:{} {}", style::WARN, style::OFF, foreign(warning))?;
     }

@@ -26,8 +26,21 @@ use tokio::signal::unix::{SignalKind, signal};
 use super::console::Console;
 use super::{secrets, sockets, status, style};
 
+/// Exit code of a server whose run was good and whose recording was not: a file could not be
+/// written to its end.
+const RECORDING_FAILED: u8 = 3;
+
+/// What the exit codes mean, for the help.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  the server was stopped, or its --duration is over
+  1  it could not start, or a part of it crashed
+  2  the command line is wrong
+  3  the run was good, but a file of --record could not be written to its end";
+
 /// Options of `hbot server`. Values that are not given come from the rig file.
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_CODES)]
 pub(crate) struct ServerArgs {
     /// Rig file (TOML) [default: the prototype, built in]
     #[arg(long, value_name = "FILE")]
@@ -208,6 +221,9 @@ async fn serve(
     if let Some(at) = live_at {
         console.say(format!("viewers ws://{at}"));
     }
+    if let Some(file) = server.recording_file() {
+        console.say(format!("recording to {}", file.display()));
+    }
     console.say(banner);
     let nowhere = nowhere.then(|| {
         "no flight logs are written: neither XDG_STATE_HOME nor HOME is an absolute path".to_owned()
@@ -232,7 +248,12 @@ async fn serve(
     let finished = server.serve(listener, control, status_in, shutdown).await?;
     console.status(None);
     console.say(status::summary(&finished));
-    Ok(if finished.failed.is_some() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    let incomplete = finished.recorded.is_some_and(|recorded| recorded.failed_files > 0);
+    Ok(match finished.failed {
+        Some(_) => ExitCode::FAILURE,
+        None if incomplete => ExitCode::from(RECORDING_FAILED),
+        None => ExitCode::SUCCESS,
+    })
 }
 
 /// Returns what to record. The metadata of a recording name the rig file and the command line's

@@ -2,8 +2,13 @@
 
 use std::process::ExitCode;
 
+use anyhow::anyhow;
 use clap::Args;
 use hbot_api::InfoOk;
+use hbot_config::scene::{Listed, SceneEffect, SetError, kinds};
+use hbot_config::{RunningScene, SceneFile};
+use hbot_host::abilities::in_vain;
+use hbot_server::service::set_refusal;
 use serde_json::{Map, Value};
 
 use super::out::{foreign, say};
@@ -35,10 +40,11 @@ fn assignment(text: &str) -> Result<(String, Value), String> {
 pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
     let mut client = orders::connect(&args.to.address, "hbot set")?;
     let parameters: Map<String, Value> = args.values.iter().cloned().collect();
-    let before = effect(&client.info().map_err(orders::remedied)?, &args.effect);
+    let before = client.info().map_err(orders::remedied)?;
+    check(&before, &args.effect, &parameters)?;
     orders::holding(&mut client, args.to.steal, |client| client.set(&args.effect, parameters.clone()))?;
-    let info = client.info().map_err(orders::remedied)?;
-    let after = effect(&info, &args.effect);
+    let after = client.info().map_err(orders::remedied)?;
+    let [old, new] = [&before, &after].map(|info| effect(info, &args.effect));
     for key in parameters.keys() {
         say!(
             "{}{}{}: {} = {} (before: {})",
@@ -46,14 +52,28 @@ pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
             args.effect,
             style::OFF,
             key,
-            foreign(&after[key].to_string()),
-            foreign(&before[key].to_string())
+            foreign(&new[key].to_string()),
+            foreign(&old[key].to_string())
         )?;
     }
-    if let Some(warning) = unstable(&info, &after) {
-        say!("  {}warning:{} {warning}", style::WARN, style::OFF)?;
-    }
+    super::scene::warn(&warnings(&after))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Checks a change as the server does, before the lease is taken from another client for a change
+/// that the server would refuse. A scene of a later server can have kinds that this program does
+/// not know. Then only the server checks the change.
+fn check(info: &InfoOk, effect: &str, parameters: &Map<String, Value>) -> anyhow::Result<()> {
+    let Ok(scene) = SceneFile::from_json(info.scene.clone()) else { return Ok(()) };
+    let mut running = RunningScene::new();
+    let _ = running.load(scene);
+    running.set(effect, parameters).map(drop).map_err(|error| {
+        let refusal = set_refusal(effect, &error);
+        match error {
+            SetError::UnknownEffect { .. } => anyhow!("{refusal}: {}", orders::SHOW_SCENE),
+            SetError::Malformed(_) | SetError::Invalid(_) => anyhow!(refusal),
+        }
+    })
 }
 
 /// Returns the effect with the id `id` in the running scene, or null if there is none.
@@ -62,28 +82,159 @@ fn effect(info: &InfoOk, id: &str) -> Value {
     effects.find(|effect| effect["id"] == id).cloned().unwrap_or_default()
 }
 
-/// Returns a warning if the rig cannot keep the stiffness of the effect stable with any damping.
-fn unstable(info: &InfoOk, effect: &Value) -> Option<String> {
-    let most = info.render.as_ref()?.stiffness_most;
-    let stiffness = largest(&effect["stiffness"])?;
-    (stiffness > most).then(|| {
-        format!("{stiffness} N m/rad is unstable on this rig with any damping: it keeps at most {most:.0}")
+/// Returns what the rig cannot make of the running scene or may not keep stable, and what has no
+/// effect in it, in the words of the answer to `load_scene`. Of the server, only that answer has
+/// such warnings, so they are computed here, from the limits in `info`. A test compares them with
+/// those of [`Abilities`](hbot_host::abilities::Abilities). A scene with kinds that this program
+/// does not know has none.
+fn warnings(info: &InfoOk) -> Vec<String> {
+    let Ok(scene) = SceneFile::from_json(info.scene.clone()) else { return Vec::new() };
+    let kinds = kinds();
+    let sizes = |effect, unit| sizes(&kinds, effect, unit).into_iter();
+    let damping: f64 =
+        scene.effects().iter().flat_map(|effect| sizes(effect, "N m s/rad")).map(|(_, size)| size).sum();
+    let mut found = Vec::new();
+    for effect in scene.effects() {
+        let id = effect.id();
+        // The spring of friction gives way at the torque of the friction, so it cannot buzz with
+        // more than that.
+        if effect.kind_name() != "friction" {
+            found.extend(sizes(effect, "N m/rad").filter_map(|(name, stiffness)| {
+                Some(format!("{id}: {name} {}", too_stiff(info, stiffness, damping)?))
+            }));
+        }
+        let most = info.limits.torque;
+        found.extend(sizes(effect, "N m").filter(|(_, torque)| *torque > most).map(|(name, torque)| {
+            format!(
+                "{id}: {name} {torque} N m is more than this rig makes; the sum of all torques is cut off at {most} N m \
+                 (limits.torque)"
+            )
+        }));
+    }
+    found.extend(in_vain(&scene));
+    found
+}
+
+/// Returns the words that say why a stiffness, N m/rad, is too large, or `None` if it is not.
+/// `damping` is that of the scene, N m s/rad.
+fn too_stiff(info: &InfoOk, stiffness: f64, damping: f64) -> Option<String> {
+    let render = info.render?;
+    let (most, rate) = (render.stiffness_most, info.rig.rate_hz);
+    // The stable stiffness is proportional to the damping (docs/stability.md).
+    let stable = render.stiffness_stable * damping / render.damping;
+    if stiffness > most {
+        return Some(format!(
+            "{stiffness} N m/rad is unstable on this rig with any damping: at {rate} Hz it keeps at most {most:.0} N m/rad stable"
+        ));
+    }
+    (stiffness > stable).then(|| {
+        format!(
+            "{stiffness} N m/rad may buzz: at {rate} Hz the damping of this scene, {damping:.3} N m s/rad, keeps {stable:.1} \
+             N m/rad stable; more damping, or a hand that holds firmly, keeps more"
+        )
     })
 }
 
-/// Returns the largest number of a value: of a stiffness itself, or of the matrix of one.
-fn largest(value: &Value) -> Option<f64> {
-    match value {
-        Value::Array(rows) => rows.iter().filter_map(largest).max_by(f64::total_cmp),
-        number => number.as_f64(),
+/// Returns the names of the parameters of `effect` that have the unit `unit` and an effect, with
+/// their sizes times the effect's gain.
+fn sizes(kinds: &[Listed], effect: &SceneEffect, unit: &str) -> Vec<(String, f64)> {
+    let kind = kinds.iter().find(|kind| kind.name == effect.kind_name());
+    let written = effect.to_json();
+    let (Some(kind), Some(written)) = (kind, written.as_object()) else { return Vec::new() };
+    let acts = |name: &str| effect.idle().iter().all(|key| key.name != name);
+    let with_unit = written
+        .iter()
+        .filter(|(name, _)| kind.schema["properties"][name.as_str()]["unit"] == unit && acts(name));
+    with_unit.filter_map(|(name, value)| Some((name.clone(), effect.gain() * size(value)?))).collect()
+}
+
+/// Returns the size of a parameter: of a vector its length, and of a matrix the largest sum of a
+/// row's absolute values. Returns `None` if it is not made of numbers.
+fn size(value: &Value) -> Option<f64> {
+    let Value::Array(rows) = value else { return value.as_f64().map(f64::abs) };
+    if rows.iter().any(Value::is_array) {
+        let sum = |row: &Value| row.as_array()?.iter().map(|x| x.as_f64().map(f64::abs)).sum::<Option<f64>>();
+        return rows
+            .iter()
+            .map(sum)
+            .collect::<Option<Vec<f64>>>()
+            .map(|sums| sums.into_iter().fold(0.0, f64::max));
     }
+    let squares: Option<f64> = rows.iter().map(|x| x.as_f64().map(|x| x * x)).sum();
+    squares.map(f64::sqrt)
 }
 
 #[cfg(test)]
 mod tests {
+    use hbot_api::{LimitsInfo, RenderInfo, RigInfo};
+    use hbot_config::RigConfig;
+    use hbot_host::abilities::Abilities;
+    use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
     use serde_json::json;
 
     use super::*;
+
+    /// Returns what a server of the prototype answers to `info` while it renders `scene`.
+    fn info(scene: &SceneFile) -> InfoOk {
+        let rig = RigConfig::prototype();
+        let bound = StiffnessBound::of(&rig).unwrap();
+        InfoOk {
+            rig: RigInfo { rate_hz: rig.rate_hz, ..RigInfo::default() },
+            limits: LimitsInfo { torque: rig.rig.limits.torque, ..LimitsInfo::default() },
+            render: Some(RenderInfo {
+                inertia: bound.inertia,
+                damping: USUAL_DAMPING,
+                stiffness_stable: bound.stable(USUAL_DAMPING),
+                stiffness_most: bound.most()[0],
+            }),
+            scene: scene.to_json(),
+            ..InfoOk::default()
+        }
+    }
+
+    #[test]
+    fn a_changed_scene_has_the_warnings_of_one_that_is_loaded() {
+        let spring = "[[effect]]\nid = 's'\nkind = 'spring'\nstiffness = ";
+        let matrix = "[[30, 0, 0], [0, 2, 0], [0, 0, 1]]\n";
+        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.065\n";
+        let push = "[[effect]]\nid = 'p'\nkind = 'constant'\ntorque = [2, 1, 0]\n";
+        let rubber = "[[effect]]\nid = 'f'\nkind = 'friction'\n";
+        for (text, count) in [
+            (format!("{spring}2\ndamping = 0.02\n"), 0),
+            (format!("{spring}30\n"), 1),
+            (format!("{spring}{matrix}"), 1),
+            (format!("{spring}{matrix}{air}"), 0),
+            (format!("{spring}100\ngain = 9\n{air}{push}"), 2),
+            (format!("{rubber}{push}"), 1),
+            (
+                "[[effect]]\nid = 'd'\nkind = 'detents'\npositions = [0, 1]\nend_stiffness = 600\n"
+                    .to_owned(),
+                1,
+            ),
+        ] {
+            let scene = SceneFile::from_toml(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
+            let told = warnings(&info(&scene));
+            assert_eq!(told, Abilities::of(&RigConfig::prototype()).warnings(&scene), "{text}");
+            assert_eq!(told.len(), count, "{text}: {told:?}");
+        }
+    }
+
+    #[test]
+    fn a_change_is_checked_with_the_scene_that_runs() {
+        let info = info(&SceneFile::default_scene());
+        let checked = |id: &str, key: &str, value: Value| {
+            check(&info, id, &[(key.to_owned(), value)].into_iter().collect())
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(checked("spring", "stiffness", json!(2)), Ok(()));
+        assert_eq!(checked("spring", "deadband", json!("5 deg")), Ok(()));
+        let refused = |id, key, value| checked(id, key, value).unwrap_err();
+        assert!(refused("sprung", "stiffness", json!(2)).contains("legal: spring: `hbot scene show`"));
+        assert!(refused("spring", "stifness", json!(2)).contains("did you mean `stiffness`"));
+        assert!(refused("spring", "stiffness", json!(-1)).contains("-1 is out of range"));
+        let later = InfoOk { scene: json!({"effect": [{"id": "x", "kind": "of tomorrow"}]}), ..info.clone() };
+        assert!(check(&later, "x", &Map::new()).is_ok(), "the server knows its kinds");
+    }
 
     #[test]
     fn a_value_is_json_or_a_text() {

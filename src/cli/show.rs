@@ -41,16 +41,17 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     let limits = &info.limits;
     say!(
         "  limits     {} N m, {} N m/s, {} rad/s, slip {} m/s",
-        limits.torque,
-        limits.torque_rate,
-        limits.speed,
-        limits.slip
+        number(limits.torque),
+        number(limits.torque_rate),
+        number(limits.speed),
+        number(limits.slip)
     )?;
     if let Some(passivity) = limits.passivity {
         say!(
-            "  passivity  at most {} J more than the hand put in, by up to {} N m s/rad of damping",
-            passivity.allowance,
-            passivity.damping
+            "  passivity  at most {} J more than the hand put in, of which at most {} J are stored, by up to {} N m s/rad of damping",
+            number(passivity.allowance),
+            number(passivity.store),
+            number(passivity.damping)
         )?;
     }
     if let Some([a, b, c]) = info.capability {
@@ -60,7 +61,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         say!(
             "  stiffness  stable up to {:.1} N m/rad with a damping of {} N m s/rad, never above {:.0}",
             render.stiffness_stable,
-            render.damping,
+            number(render.damping),
             render.stiffness_most
         )?;
     }
@@ -105,12 +106,28 @@ fn mode(state: Option<&StateEvent>) -> String {
         return format!("unknown: no state has arrived for {} s", STATE_WITHIN.as_secs());
     };
     let next = match state.mode {
-        Mode::Fault => ". When the cause is gone: `hbot reset`, then `hbot enable`",
-        Mode::Estop => ": the rig was stopped. When it is safe: `hbot reset`, then `hbot enable`",
-        _ => "",
+        Mode::Fault => {
+            "; the server's log has its values. When the cause is gone: `hbot reset`, then `hbot enable`"
+        }
+        Mode::Estop => {
+            ": the rig was stopped; the server's log says by whom. When it is safe: `hbot reset`, then `hbot enable`"
+        }
+        Mode::Idle => ": the torque is off. `hbot enable` switches it on",
+        Mode::Unreferenced => {
+            ": the zero of a steering angle is not known, so there is no torque. In the rig file, zero = \"index\": turn each wheel \
+             until its index has passed; \"assume\": set the wheels to zero, switch the controllers off and on, and start the server \
+             again; \"calibrate\": run `hbot rig calibrate`"
+        }
+        Mode::Enabling | Mode::Active => "",
     };
     let fault = state.fault.filter(|_| state.mode == Mode::Fault);
     format!("{}{}{next}", state.mode, fault.map(|fault| format!(" {fault}")).unwrap_or_default())
+}
+
+/// Returns a number for people: with six significant digits at most, and no zeros at its end.
+fn number(x: f64) -> String {
+    let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
+    rounded.to_string()
 }
 
 /// Returns the word that tells at a glance whether motors can push.
@@ -159,4 +176,40 @@ pub(crate) fn print(stats: &StatsOk) -> anyhow::Result<()> {
         )?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_api::Fault;
+
+    use super::*;
+
+    #[test]
+    fn numbers_have_as_many_digits_as_people_read() {
+        for (x, shown) in [
+            (0.809_777_999_999_999_9, "0.809778"),
+            (0.02, "0.02"),
+            (20.0, "20"),
+            (1234.5678, "1234.57"),
+            (1.0e6, "1000000"),
+            (0.0, "0"),
+            (-0.1 - 0.2, "-0.3"),
+        ] {
+            assert_eq!(number(x), shown);
+        }
+    }
+
+    #[test]
+    fn every_mode_without_torque_says_what_is_next() {
+        let said = |mode, fault| super::mode(Some(&StateEvent { mode, fault, ..StateEvent::default() }));
+        assert_eq!(said(Mode::Idle, None), "idle: the torque is off. `hbot enable` switches it on");
+        assert!(said(Mode::Unreferenced, None).contains("`hbot rig calibrate`"));
+        let fault = said(Mode::Fault, Some(Fault::Overspeed));
+        assert!(
+            fault.starts_with("fault overspeed; the server's log") && fault.contains("`hbot reset`"),
+            "{fault}"
+        );
+        assert!(said(Mode::Estop, None).contains("log says by whom. When it is safe: `hbot reset`"));
+        assert_eq!(said(Mode::Active, None), "active");
+    }
 }

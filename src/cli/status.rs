@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use hbot_api::Distribution;
-use hbot_server::recording::Recorded;
+use hbot_server::recording::{FilesWritten, Recorded};
 use hbot_server::server::Finished;
 use hbot_server::service::Status;
 
@@ -63,6 +63,13 @@ pub(crate) fn summary(finished: &Finished) -> String {
     }
     if let Some(Recorded { written, lost, failed_files }) = finished.recorded {
         let _ = write!(text, "\n  {written} ticks recorded, {lost} lost, {failed_files} files failed");
+        let FilesWritten { count, bytes, last } = &finished.files;
+        let (last, size) = (last.display(), size(*bytes));
+        match *count {
+            0 => {}
+            1 => _ = write!(text, "\n  recorded to {last}: {size}"),
+            _ => _ = write!(text, "\n  recorded to {count} files, the last is {last}: {size} in all"),
+        }
     }
     if let Some(part) = finished.failed {
         let _ = write!(
@@ -73,6 +80,16 @@ pub(crate) fn summary(finished: &Finished) -> String {
         );
     }
     text
+}
+
+/// Returns a size in words, for people.
+fn size(bytes: u64) -> String {
+    let bytes = bytes as f64;
+    match bytes {
+        ..1.0e6 => format!("{:.1} kB", bytes * 1.0e-3),
+        ..1.0e9 => format!("{:.1} MB", bytes * 1.0e-6),
+        _ => format!("{:.2} GB", bytes * 1.0e-9),
+    }
 }
 
 fn pair(d: &Distribution) -> String {

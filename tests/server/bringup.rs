@@ -1,10 +1,13 @@
 //! The machine and the rig before any loop runs: `hbot doctor`, `hbot rig scan`, `rig test`, `rig
 //! calibrate`; metrics of one that does.
 
-use std::io::{Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::os::unix::process::ExitStatusExt as _;
+use std::process::Stdio;
 
 use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::process::{Process, hbot};
@@ -121,7 +124,7 @@ fn each_joint_of_the_simulated_rig_passes_its_test() {
     for joint in ["1", "2", "3", "4"] {
         run(&["rig", "test", "--joint", joint, "--torque", "0.01", "--speed", "50"])
             .success()
-            .stdout(contains("good"));
+            .stdout(contains("good").and(contains(" N m its counts went the way of the torque, by +0.")));
     }
     run(&["rig", "test", "--joint", "5", "--torque", "0.01"]).failure().stderr(contains("1 to 4"));
     run(&["rig", "test", "--joint", "1", "--torque", "2"]).failure().stderr(contains("0.93"));
@@ -146,10 +149,28 @@ fn the_simulated_rig_is_as_its_file_says_and_one_with_another_zero_is_not() {
     let found = run(&["rig", "calibrate", "--rig", path]).failure();
     let text = String::from_utf8_lossy(&found.get_output().stdout).into_owned();
     assert!(
-        text.contains("wheel A: steering zero off by -0.") && text.contains("wheel[0].steer.zero_offset = "),
+        text.contains("wheel A (wheel[0]): steering zero off by -0.")
+            && text.contains("wheel[0].steer.zero_offset = "),
         "{text}"
     );
     assert!(!text.contains("wheel[1].steer.zero_offset"), "{text}");
+}
+
+/// The search for the zeros takes a second and more. The motors are off then, so nothing delays a
+/// Ctrl-C.
+#[test]
+fn ctrl_c_ends_a_calibration_while_it_computes() {
+    let mut child = hbot()
+        .args(["rig", "calibrate", "--port", "sim", "--seconds", "120"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    let mut lines =
+        BufReader::new(child.stdout.take().expect("piped")).lines().map(|line| line.expect("UTF-8"));
+    lines.find(|line| line.contains("computing from 6000 readings")).expect("it computes");
+    kill_process(Pid::from_child(&child), Signal::INT).expect("it is there");
+    assert_eq!(child.wait().expect("it ends").signal(), Some(Signal::INT.as_raw()));
+    assert_eq!(lines.next(), None, "it went on");
 }
 
 #[test]

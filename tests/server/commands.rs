@@ -48,6 +48,21 @@ fn the_banner_and_info_say_first_whether_motors_can_push() {
 }
 
 #[test]
+fn info_shows_the_limits_of_energy_rounded_for_people() {
+    let state = tempfile::tempdir().expect("a folder");
+    let path = patient_rig(state.path());
+    let rig = std::fs::read_to_string(&path).expect("readable");
+    let limited =
+        rig.replace("passivity = false ", "passivity = { allowance = 0.1, store = 0.3000000000000004 } ");
+    assert_ne!(rig, limited, "the prototype's passivity is written otherwise");
+    std::fs::write(&path, limited).expect("written");
+    let server = Process::start(&["--rig", &path], state.path());
+    run(&server, &["info"]).success().stdout(contains(
+        "at most 0.1 J more than the hand put in, of which at most 0.3 J are stored, by up to ",
+    ));
+}
+
+#[test]
 fn set_changes_the_running_scene_and_show_prints_it() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(state.path());
@@ -66,6 +81,9 @@ fn set_changes_the_running_scene_and_show_prints_it() {
         let unstable = said.contains("500 N m/rad is unstable on this rig with any damping");
         assert_eq!(unstable, warned, "{stiffness}: {said}");
     }
+    run(&server, &["set", "spring", "stiffness=30"])
+        .success()
+        .stdout(contains("warning: spring: stiffness 30 N m/rad may buzz"));
     run(&server, &["set", "sprung", "stiffness=2"]).failure().stderr(contains("legal: spring"));
     run(&server, &["set", "spring", "stifness=2"]).failure().stderr(contains("did you mean `stiffness`"));
     run(&server, &["set", "spring", "stiffness"]).code(2).stderr(contains("KEY=VALUE"));
@@ -78,10 +96,13 @@ fn info_says_after_a_stop_how_torque_comes_back() {
     let server = server(state.path());
     run(&server, &["estop"]).success();
     run(&server, &["enable"]).failure().stderr(contains("`hbot info` shows the cause"));
-    let stopped = "mode       estop: the rig was stopped. When it is safe: `hbot reset`, then `hbot enable`";
+    let stopped = "mode       estop: the rig was stopped; the server's log says by whom. When it is safe: `hbot reset`, then \
+                   `hbot enable`";
     run(&server, &["info"]).success().stdout(contains(stopped));
     run(&server, &["reset"]).success();
-    run(&server, &["info"]).success().stdout(contains("mode       idle\n"));
+    run(&server, &["info"])
+        .success()
+        .stdout(contains("mode       idle: the torque is off. `hbot enable` switches it on\n"));
 }
 
 #[test]
@@ -102,9 +123,9 @@ fn commands_take_the_lease_from_another_client_only_with_steal() {
     run(&server, &["info"]).success().stdout(contains("scene      Clay"));
 }
 
-/// The lease is free again after a command has stolen it, also if the server refused the command.
+/// A change that cannot be made is refused before it takes the lease from the client that has it.
 #[test]
-fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
+fn a_set_that_cannot_be_made_steals_nothing() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(state.path());
     let mut other = JsonLines::greeted(&server.address);
@@ -119,8 +140,25 @@ fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
         other.ask(r#"{"id": 1, "op": "acquire"}"#);
         run(&server, &["info"]).success().stdout(contains("lease      held by a test"));
         run(&server, command).failure().stderr(contains(why));
-        run(&server, &["info"]).success().stdout(contains("lease      free"));
+        run(&server, &["info"]).success().stdout(contains("lease      held by a test"));
     }
+    // One that can be made takes it, and the victim is told who did.
+    run(&server, &["set", "spring", "stiffness=2", "--steal"]).success();
+    let stolen = other.until(|line| line["event"] == "lease" && line["cause"] == "stolen");
+    assert!(stolen["by"]["name"].as_str().is_some_and(|name| name.starts_with("hbot set ")), "{stolen}");
+}
+
+/// The lease is free again after a command has stolen it, also if the server refused the command.
+#[test]
+fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut other = JsonLines::greeted(&server.address);
+    run(&server, &["estop"]).success();
+    other.ask(r#"{"id": 1, "op": "acquire"}"#);
+    run(&server, &["info"]).success().stdout(contains("lease      held by a test"));
+    run(&server, &["enable", "--steal"]).failure().stderr(contains("`hbot reset`, then `hbot enable`"));
+    run(&server, &["info"]).success().stdout(contains("lease      free"));
 }
 
 #[test]
@@ -184,6 +222,7 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
     let [file, other] = [&file, &other].map(|path| path.to_str().expect("UTF-8"));
     let rig = patient_rig(state.path());
     let server = Process::start(&["--rig", &rig, "--record", file], state.path());
+    assert!(server.banner.starts_with(&format!("recording to {file}\n")), "{}", server.banner);
     // Without subscribers, samples wait for the service until it has another reason to wake.
     let mut client = JsonLines::greeted(&server.address);
     eventually("some ticks", || {
@@ -195,6 +234,11 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
     let [ticks, recorded, lost] =
         [" ticks: ", " ticks recorded", " lost, "].map(|word| number_before(word, &said));
     assert_eq!(ticks, recorded + lost, "{said}");
+    let bytes = std::fs::metadata(file).expect("a recording").len() as f64;
+    // How long it runs depends on the machine.
+    let size =
+        if bytes < 1.0e6 { format!("{:.1} kB", bytes * 1.0e-3) } else { format!("{:.1} MB", bytes * 1.0e-6) };
+    assert!(said.contains(&format!("recorded to {file}: {size}\n")), "{size}: {said}");
 
     let hbot = |args: &[&str]| assert_cmd::Command::from_std(hbot()).args(args).assert();
     hbot(&["server", "--listen", "127.0.0.1:0", "--record", file])
@@ -208,6 +252,29 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
     std::fs::remove_file(other).expect("removed");
     hbot(&["replay", file, "--scene", "clay", "--out", other])
         .stdout(contains("computed with the other scene"));
+}
+
+/// The run goes on without its recording, and the exit code tells a script that it is missing.
+#[test]
+fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
+    let state = tempfile::tempdir().expect("a folder");
+    std::fs::write(state.path().join("blocked"), "a file where the folder should be").expect("written");
+    let path = state.path().join("blocked/run.mcap");
+    let args = ["server", "--listen", "127.0.0.1:0", "--time", "virtual", "--duration", "1", "--record"];
+    assert_cmd::Command::from_std(hbot())
+        .args(args)
+        .arg(&path)
+        .env("XDG_STATE_HOME", state.path())
+        .timeout(Duration::from_secs(60))
+        .assert()
+        .code(3)
+        .stdout(contains("0 ticks recorded").and(contains("1 files failed")))
+        .stderr(contains("the recording cannot be written"));
+    let mut help = assert_cmd::Command::from_std(hbot());
+    help.args(["server", "--help"])
+        .assert()
+        .success()
+        .stdout(contains("3  the run was good, but a file of --record"));
 }
 
 #[test]
@@ -238,6 +305,22 @@ fn a_token_file_is_found_by_its_variable_and_its_absence_names_it() {
     run(&server, &["info"]).failure().stderr(contains("--token-file FILE").and(contains("HBOT_TOKEN_FILE")));
     let mut with = assert_cmd::Command::from_std(hbot());
     with.args(["info", "--server", &server.address]).env("HBOT_TOKEN_FILE", file).assert().success();
+}
+
+/// A variable that is set and empty counts as one that is not set, as usual in shells.
+#[test]
+fn empty_variables_are_as_if_unset() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut command = assert_cmd::Command::from_std(hbot());
+    command.args(["info", "--server", &server.address]).env("HBOT_TOKEN_FILE", "").assert().success();
+    // Whether a server listens at the default address or not, it is the one that is asked.
+    let mut command = assert_cmd::Command::from_std(hbot());
+    let said = command.arg("info").env("HBOT_SERVER", "").env("HBOT_TOKEN_FILE", "").assert();
+    let output = said.get_output();
+    let text =
+        String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(text.contains("127.0.0.1:4268"), "{text}");
 }
 
 #[test]

@@ -114,6 +114,7 @@ pub struct Wheel {
 pub struct Device {
     sphere_radius: Real,
     sphere_mass: Real,
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 2, MAX_WHEELS>"))]
     count: usize,
     wheels: [Wheel; MAX_WHEELS],
 }

@@ -14,6 +14,7 @@ use crate::rig::Rig;
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Heat {
     time_s: Real,
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, MAX_JOINTS>"))]
     joints: usize,
     /// 1 / tau_c² of each joint, 1/(N m)², with the motor's continuous torque tau_c. 0 if the joint
     /// has no motor.

@@ -99,6 +99,7 @@ impl Complaints {
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Commands {
     list: [Option<Command>; MAX_COMMANDS],
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, MAX_COMMANDS>"))]
     len: usize,
 }
 

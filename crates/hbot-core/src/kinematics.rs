@@ -40,6 +40,7 @@ impl ContactFrame {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Posture {
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, MAX_WHEELS>"))]
     wheels: usize,
     frames: [ContactFrame; MAX_WHEELS],
     rows: [Vec3; MAX_JOINTS],

@@ -110,6 +110,8 @@ mod count;
 pub mod device;
 pub mod effects;
 mod encoder;
+#[cfg(feature = "exact")]
+mod exact;
 mod heat;
 pub mod impedance;
 pub mod inputs;

@@ -100,6 +100,7 @@ pub struct State {
     /// tick on. It was computed from the orientation `q` of this state.
     pub torque: Vec3,
     /// Number of joints of the rig.
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, MAX_JOINTS>"))]
     pub joints: usize,
     /// Joint angles within a turn, rad, in the order steer, drive of each wheel.
     pub angle: [Real; MAX_JOINTS],

@@ -68,6 +68,7 @@ pub struct Trail {
     /// Durations of the earlier steps between readings, in any unit of time; the latest step first.
     time: [Real; 2],
     /// Number of earlier steps that are stored, 0 to 2.
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, 2>"))]
     known: usize,
 }
 

@@ -162,7 +162,7 @@ impl Renderer {
     #[must_use]
     pub fn reference(&self) -> Option<Quat> {
         let slot = self.first_reference?;
-        Some(self.states[usize::from(slot)].reference.q)
+        Some(self.states.get(usize::from(slot))?.reference.q)
     }
 
     /// Returns the torque of the scene on the sphere in frame N, in N m. Advances all effects by

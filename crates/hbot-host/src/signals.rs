@@ -35,6 +35,18 @@ pub(crate) fn ignore() -> io::Result<()> {
     STOPPING.iter().try_for_each(|signal| flag::register(*signal, Arc::clone(&nobody_reads)).map(drop))
 }
 
+/// Gives the [`STOPPING`] signals their default effect again: they end this process, or suspend it.
+/// For a program that has switched its motors off and only computes from now on.
+///
+/// # Errors
+/// Fails if the system refuses to install a signal handler.
+pub fn default_again() -> io::Result<()> {
+    let always = Arc::new(AtomicBool::new(true));
+    STOPPING
+        .iter()
+        .try_for_each(|signal| flag::register_conditional_default(*signal, Arc::clone(&always)).map(drop))
+}
+
 /// Ends this process as an unhandled SIGINT would. A shell then also ends the loop or script that
 /// started the process.
 ///

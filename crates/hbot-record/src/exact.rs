@@ -36,7 +36,7 @@ pub enum Unreadable {
     /// The record is not a message of this topic.
     #[error("not a record of hbot's private topic: {0}")]
     Message(#[from] prost::DecodeError),
-    /// The record holds no types of this version's hbot-core.
+    /// The record holds no types of this version's hbot-core, or counts that they cannot have.
     #[error("not of this version's types: {0}")]
     Types(#[from] postcard::Error),
     /// The record holds a scene that cannot exist.
@@ -126,4 +126,31 @@ impl Exact {
 #[must_use]
 pub fn same_bits(a: &Outputs, b: &Outputs) -> bool {
     bytes(a) == bytes(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_config::RigConfig;
+
+    use super::*;
+
+    /// A damaged count must not name elements of an array that are not there: the control law would
+    /// panic.
+    #[test]
+    fn a_count_that_is_larger_than_its_array_is_no_record() {
+        // The number of commands is the last byte of the inputs.
+        let mut inputs = bytes(&Inputs::quiet(7));
+        assert_eq!(read::<Inputs>(&inputs), Ok(Inputs::quiet(7)));
+        *inputs.last_mut().unwrap() = 9;
+        assert!(read::<Inputs>(&inputs).is_err(), "9 commands of at most 8");
+
+        // The number of wheels follows the sphere's radius and mass, two reals, with which the
+        // state of the control law begins.
+        let mut law = bytes(&Controller::new(RigConfig::prototype().rig));
+        assert_eq!(law[16], 2);
+        for wheels in [0, 1, 9, 127] {
+            law[16] = wheels;
+            assert!(read::<Controller>(&law).is_err(), "{wheels} wheels of 2 to 8");
+        }
+    }
 }

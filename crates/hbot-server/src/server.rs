@@ -3,7 +3,7 @@
 use std::fmt;
 use std::future::{Future, poll_fn};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::task::Poll;
 use std::time::Duration;
@@ -25,7 +25,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, watch};
 
 use crate::flight;
-use crate::recording::{self, RecordOptions, Recorded, Recording, SceneNote};
+use crate::recording::{self, FilesWritten, RecordOptions, Recorded, Recording, SceneNote};
 use crate::service::{self, Control, ServiceSetup, SetPhenomena, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
 
@@ -94,6 +94,8 @@ pub struct Finished {
     pub speed: Option<f64>,
     /// The outcome of the recording. `None` if nothing was recorded.
     pub recorded: Option<Recorded>,
+    /// The files of the recording.
+    pub files: FilesWritten,
 }
 
 /// One of the two parts of a server.
@@ -192,6 +194,13 @@ impl Server {
         &self.notices
     }
 
+    /// Returns the path of the file that is recorded first. Returns `None` if only flight logs are
+    /// recorded.
+    #[must_use]
+    pub fn recording_file(&self) -> Option<&Path> {
+        self.recording.as_ref().and_then(Recording::first)
+    }
+
     /// Returns a handle that requests an emergency stop from any thread, without the help of the
     /// service.
     #[must_use]
@@ -229,7 +238,9 @@ impl Server {
         })
         .await;
         let ended = host.end();
+        let counts = recording.as_ref().map(|recording| recording.notes.counts());
         let recorded = recording.and_then(Recording::end);
+        let files = counts.map(|counts| counts.files()).unwrap_or_default();
         let failed = match (ended, &summary) {
             (Ended::Panicked, _) => Some(Part::Loop),
             (Ended::Stopped, None) => Some(Part::Service),
@@ -238,7 +249,7 @@ impl Server {
         let summary = summary.unwrap_or_default();
         let simulated_ns = summary.ticks.saturating_mul(period_ns) as f64;
         let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
-        Ok(Finished { summary, failed, speed, recorded })
+        Ok(Finished { summary, failed, speed, recorded, files })
     }
 }
 
@@ -259,7 +270,7 @@ fn at_start(scene: &SceneFile) -> Phenomena {
 }
 
 /// Returns notices for the user that are known before the first client connects.
-fn notices(flight_dir: Option<&std::path::Path>) -> Vec<String> {
+fn notices(flight_dir: Option<&Path>) -> Vec<String> {
     let mut notices = Vec::from_iter(service::too_few_descriptors());
     if let Some(dir) = flight_dir
         && let Err(error) = flight::prepare(dir)

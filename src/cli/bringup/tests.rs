@@ -53,7 +53,10 @@ fn a_dead_encoder_is_named_and_no_zeros_are_made_of_it() {
 fn a_wrong_gear_is_neither_a_radius_nor_a_zero() {
     // The gear of the first drive joint is wrong: its wheel seems larger by the same factor.
     let Told { words, as_filed, .. } = told(&mistaken("gear = 17 ", "gear = 20 "), &watched()).unwrap();
-    assert!(!as_filed && words.contains("wheel A rolls 18 % further than wheel B"), "{words}");
+    assert!(
+        !as_filed && words.contains("wheel A (wheel[0]) rolls 18 % further than wheel B (wheel[1])"),
+        "{words}"
+    );
     assert!(words.contains("the gear of one drive is wrong"), "{words}");
     let Told { words, as_filed, .. } = told(&mistaken("gear = 1 ", "gear = 2 "), &watched()).unwrap();
     assert!(!as_filed && words.contains("a wrong gear") && !words.contains("zero_offset"), "{words}");
@@ -92,10 +95,10 @@ fn the_message_ends_with_lines_to_write_and_a_file_with_them_passes() {
     let rig = RigConfig::prototype();
     let found = told(&rig, &counts).unwrap();
     let end = to_paste(&rig, &found);
-    assert!(end.contains("[wheel.steer] of wheel A:\n  zero_offset = -0."), "{end}");
+    assert!(end.contains("[wheel.steer] of wheel A (wheel[0]):\n  zero_offset = -0."), "{end}");
     // A zero is right if it is as small as it can be made by hand.
     assert!((found.corrections[0].value + 0.2).abs() < TRIFLE, "{end}");
-    assert!(end.ends_with("[wheel.drive] of wheel B:\n  sign = -1"), "{end}");
+    assert!(end.ends_with("[wheel.drive] of wheel B (wheel[1]):\n  sign = -1"), "{end}");
     let text = corrected(PROTOTYPE, &found.corrections).unwrap();
     assert!(text.contains("# below the equator") || text.contains("# direct drive, section IV.A"), "{text}");
     let written = RigConfig::from_toml(&text, "written.toml").unwrap();
@@ -105,4 +108,29 @@ fn the_message_ends_with_lines_to_write_and_a_file_with_them_passes() {
     let again = told(&written, &counts).unwrap();
     assert!(again.as_filed && again.corrections.is_empty(), "{}", again.words);
     assert!(to_paste(&rig, &again).contains("nothing to write"), "{}", to_paste(&rig, &again));
+}
+
+/// Without another value of `zero`, no offset makes the rig referenced.
+#[test]
+fn a_zero_that_is_left_to_a_calibration_is_told_with_what_to_write() {
+    let rig = mistaken("zero = \"assume\"", "zero = \"calibrate\"");
+    let found = told(&rig, &watched()).unwrap();
+    assert!(found.as_filed && found.corrections.is_empty(), "{}", found.words);
+    let end = to_paste(&rig, &found);
+    assert!(!end.contains("nothing to write"), "{end}");
+    for words in ["wheel A (wheel[0])", "unreferenced", "zero = \"assume\"", "\"absolute\"", "[wheel.steer]"]
+    {
+        assert!(end.contains(words), "{end}");
+    }
+    assert!(!end.contains("wheel B"), "its zero is assumed: {end}");
+}
+
+#[test]
+fn a_good_test_says_what_was_compared_with_numbers_and_units() {
+    let outcome =
+        Outcome { joint: 1, torque: 0.01, moved: 0.3, by_rate: 0.303, fastest: 2.0, verdict: Verdict::Good };
+    let said = compared(&outcome);
+    for words in ["+0.01 N m", "+0.3000 rad", "+0.3030 rad", "differs by 1.0 %", "less than 10 %"] {
+        assert!(said.contains(words), "{said}");
+    }
 }

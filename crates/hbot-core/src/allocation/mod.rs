@@ -116,6 +116,7 @@ pub(crate) struct Gives {
     /// t_j² of each joint.
     square: [Real; MAX_JOINTS],
     /// Number of joints up to the first one that is not driven.
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, MAX_JOINTS>"))]
     driven: usize,
 }
 

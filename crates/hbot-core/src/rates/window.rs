@@ -12,6 +12,9 @@ use crate::real::Real;
 use crate::rig::LONGEST_WINDOW;
 
 const DEPTH: usize = LONGEST_WINDOW as usize;
+/// Largest index of a ring buffer, for the check of a state that is read from a recording.
+#[cfg(feature = "exact")]
+const NEWEST: usize = DEPTH - 1;
 
 /// The last readings of all joints, from which the adaptive-window method computes joint rates. A
 /// rate is the slope of a chord: a straight line from an earlier reading to the last one.
@@ -30,7 +33,9 @@ pub(crate) struct Window {
     /// Ticks between consecutive readings: a ring buffer.
     #[cfg_attr(feature = "exact", serde(with = "serde_big_array::BigArray"))]
     ticks: [u32; DEPTH],
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, NEWEST>"))]
     newest: usize,
+    #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, DEPTH>"))]
     known: usize,
 }
 

@@ -20,7 +20,7 @@ const STILL: f64 = 0.02;
 const JITTER: u32 = 4;
 /// Smallest relative difference between the turn by encoder counts and the turn by reported rates
 /// that counts as a contradiction.
-const DISAGREEMENT: f64 = 0.1;
+pub const DISAGREEMENT: f64 = 0.1;
 
 /// The result of testing one joint with a small torque.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -110,6 +110,21 @@ fn a_damaged_chunk_costs_the_ticks_until_the_next_state_of_the_law() {
     assert_eq!(report.range.unwrap().1, 24_999);
 }
 
+/// A file can have intact chunks with wrong numbers in them.
+#[test]
+fn a_record_with_more_joints_than_there_can_be_is_damaged() {
+    let (recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    let wrong = altered(&recording, |records| {
+        let index = at(records, 1500);
+        let Exact::Tick(tick) = &mut records[index].0 else { unreachable!() };
+        tick.1.state.joints = 17;
+    });
+    let report = replay(&wrong).unwrap();
+    assert!(report.difference.is_none() && !report.is_exact(), "{report:?}");
+    assert!(matches!(report.flaws[..], [Flaw::Damaged(_), Flaw::Unknown(_)]), "{:?}", report.flaws);
+    assert_eq!((report.ticks, report.range), (1500, Some((0, 1499))));
+}
+
 #[test]
 fn a_gap_is_told_and_the_replay_goes_on_after_it() {
     // In virtual time, a state of the law arrives up to 4096 ticks after its request.

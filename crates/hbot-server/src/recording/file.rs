@@ -17,6 +17,8 @@ const EXTENSION: &str = "mcap";
 pub(super) struct Files {
     path: Option<PathBuf>,
     limit: Option<Limit>,
+    /// Path of the first file, until it is begun.
+    first: Option<PathBuf>,
     /// Number of files begun.
     begun: u64,
 }
@@ -32,7 +34,14 @@ pub(super) type Opened = (Counting, Arc<AtomicU64>);
 
 impl Files {
     pub(super) fn new(path: Option<PathBuf>, limit: Option<Limit>) -> Self {
-        Self { path, limit, begun: 0 }
+        let first = path.as_deref().map(|path| named(path, 1));
+        Self { path, limit, first, begun: 0 }
+    }
+
+    /// Returns the path of the first file. Returns `None` after it was begun, or if only flight
+    /// logs are to be recorded.
+    pub(super) fn first(&self) -> Option<&Path> {
+        self.first.as_deref()
     }
 
     /// Returns whether anything but flight logs is to be recorded.
@@ -44,14 +53,10 @@ impl Files {
     /// further file is wanted.
     pub(super) fn create(&mut self) -> Option<(PathBuf, io::Result<Opened>)> {
         let path = self.path.as_ref()?;
-        let path = if is_file(path) {
-            if self.begun > 0 {
-                return None;
-            }
-            path.clone()
-        } else {
-            let (now, process) = (utc(SystemTime::now()), std::process::id());
-            path.join(format!("hbot-{now}-{process}-{:03}.{EXTENSION}", self.begun + 1))
+        let path = match self.first.take() {
+            Some(first) => first,
+            None if is_file(path) => return None,
+            None => named(path, self.begun + 1),
         };
         self.begun += 1;
         let opened = open(&path);
@@ -71,6 +76,16 @@ impl Files {
     pub(super) fn has_more(&self) -> bool {
         self.path.as_deref().is_some_and(|path| !is_file(path) || self.begun == 0)
     }
+}
+
+/// Returns the path of file `number`, counted from 1, of a recording to `path`: that file, or one
+/// in that folder, which is named after the present time.
+fn named(path: &Path, number: u64) -> PathBuf {
+    if is_file(path) {
+        return path.to_owned();
+    }
+    let (now, process) = (utc(SystemTime::now()), std::process::id());
+    path.join(format!("hbot-{now}-{process}-{number:03}.{EXTENSION}"))
 }
 
 /// Returns whether a recording goes into the file `path`, and not into a folder of this name.

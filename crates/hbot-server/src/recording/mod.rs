@@ -21,7 +21,7 @@ mod thread;
 
 use std::collections::BTreeMap;
 use std::net::TcpListener;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -69,6 +69,7 @@ pub(crate) struct Counts {
     failed_files: AtomicU64,
     /// Messages that live viewers did not get, because they read too slowly.
     viewers_dropped: AtomicU64,
+    files: Mutex<FilesWritten>,
 }
 
 impl Counts {
@@ -80,6 +81,21 @@ impl Counts {
     /// Returns the number of messages that live viewers did not get.
     pub(crate) fn dropped_for_viewers(&self) -> u64 {
         self.viewers_dropped.load(Ordering::Relaxed)
+    }
+
+    /// Counts a file that has ended, whether its end could be written or not. A file that is not
+    /// there any more is not counted.
+    fn end_file(&self, path: &Path) {
+        let Ok(found) = std::fs::metadata(path) else { return };
+        let mut files = unpoisoned(&self.files);
+        files.count += 1;
+        files.bytes += found.len();
+        files.last = path.to_owned();
+    }
+
+    /// Returns the files that have ended.
+    pub(crate) fn files(&self) -> FilesWritten {
+        unpoisoned(&self.files).clone()
     }
 
     /// Returns the counters as they are now.
@@ -98,6 +114,17 @@ pub struct Recorded {
     pub lost: u64,
     /// Number of files that could not be written to their end.
     pub failed_files: u64,
+}
+
+/// The files of a recording that have ended.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct FilesWritten {
+    /// Number of files.
+    pub count: u64,
+    /// Size of all files, bytes.
+    pub bytes: u64,
+    /// The last of them. Empty if there is none.
+    pub last: PathBuf,
 }
 
 /// A note of the service for the recorder's thread.
@@ -203,8 +230,8 @@ pub(crate) struct Prepared {
 /// A recorder whose thread is running.
 pub(crate) struct Recording {
     pub(crate) notes: Notes,
-    /// Whether more than flight logs is recorded.
-    to_file: bool,
+    /// The first file. `None` if only flight logs are recorded.
+    first: Option<PathBuf>,
     thread: JoinHandle<()>,
     /// The thread that serves live viewers, if any.
     viewers: Option<JoinHandle<()>>,
@@ -237,7 +264,8 @@ impl Prepared {
     pub(crate) fn start(self, rig: &RigConfig, origin: Origin) -> std::io::Result<Recording> {
         let counts = self.notes.counts();
         let entries = about(self.options.about, rig, &self.scene, origin);
-        let to_file = self.options.path.is_some();
+        let files = file::Files::new(self.options.path, self.options.limit);
+        let first = files.first().map(Path::to_owned);
         let live = self.live.map(|at| live::start(at, &rig.name, joints(rig), Arc::clone(&counts)));
         let (feed, viewers) = live.transpose()?.unzip();
         let setup = Setup {
@@ -245,7 +273,7 @@ impl Prepared {
             controller: Controller::new(rig.rig),
             scene: self.scene,
             unix_ns: origin.unix_ns,
-            files: file::Files::new(self.options.path, self.options.limit),
+            files,
             counts,
             flights: self.flights,
             retry_after: self.retry_after,
@@ -254,11 +282,16 @@ impl Prepared {
         let scribe = Scribe::new(setup, self.drain, self.noted, Arc::clone(&self.notes.unsent));
         let thread =
             std::thread::Builder::new().name("hbot-record".to_owned()).spawn(move || scribe.run())?;
-        Ok(Recording { notes: self.notes, to_file, thread, viewers })
+        Ok(Recording { notes: self.notes, first, thread, viewers })
     }
 }
 
 impl Recording {
+    /// Returns the path of the first file. Returns `None` if only flight logs are recorded.
+    pub(crate) fn first(&self) -> Option<&Path> {
+        self.first.as_deref()
+    }
+
     /// Writes what is left and ends the recording. Must be called after the loop has ended. Blocks
     /// until the files are written. Returns `None` if only flight logs are recorded.
     pub(crate) fn end(self) -> Option<Recorded> {
@@ -268,12 +301,14 @@ impl Recording {
         }
         if self.thread.join().is_err() {
             tracing::error!("the recorder's thread has panicked");
+            // Nobody knows what is in its file.
+            self.notes.counts.failed_files.fetch_add(1, Ordering::Relaxed);
         }
         // The recorder's thread has ended, and with it the messages of the viewers.
         if self.viewers.is_some_and(|viewers| viewers.join().is_err()) {
             tracing::error!("the thread of live viewers has panicked");
         }
-        self.to_file.then(|| self.notes.counts.now())
+        self.first.is_some().then(|| self.notes.counts.now())
     }
 }
 

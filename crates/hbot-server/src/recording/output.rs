@@ -194,8 +194,11 @@ impl Output {
     pub(super) fn close(&mut self, tick: u64, at: u64) {
         self.write(|file| file.end_gap(tick, at));
         if let Some(Open { path, writer, .. }) = self.file.take() {
-            match writer.finish() {
-                Ok(_) => tracing::info!(path = %path.display(), "recording written"),
+            // The file is complete after it is dropped.
+            let finished = writer.finish().map(drop);
+            self.counts.end_file(&path);
+            match finished {
+                Ok(()) => tracing::info!(path = %path.display(), "recording written"),
                 Err(error) => self.failed(&path, &error),
             }
         }
@@ -211,6 +214,7 @@ impl Output {
                     // Nobody knows how many of these ticks are in the file.
                     self.counts.written.fetch_sub(file.unflushed, Ordering::Relaxed);
                     self.miss(file.unflushed);
+                    self.counts.end_file(&file.path);
                     self.failed(&file.path, &error);
                 }
                 None

@@ -149,8 +149,12 @@ fn a_new_file_begins_at_the_limit_and_replays_without_the_one_before() {
         let (mut run, prepared) = prepared(folder.path(), Some(limit), true);
         let recording = run.start(prepared);
         (0..20_000).for_each(|_| run.tick());
+        let (first, counts) = (recording.first().unwrap().to_owned(), recording.notes.counts());
         assert_eq!(recording.end(), Some(Recorded { written: 20_000, lost: 0, failed_files: 0 }));
         let (files, mut next) = (files(folder.path()), 0);
+        let bytes = files.iter().map(|path| path.metadata().unwrap().len()).sum();
+        let (count, last) = (files.len() as u64, files.last().unwrap().clone());
+        assert_eq!((first, counts.files()), (files[0].clone(), FilesWritten { count, bytes, last }));
         assert!(files.len() >= 3, "{limit:?}: {files:?}");
         for path in &files {
             let report = replayed(path);

@@ -125,7 +125,13 @@ impl Incidents {
                 counts.estops += 1;
                 let by_client = self.stopper.take();
                 let by = if end.take_signalled() { Some(signal()) } else { by_client };
-                (format!("stopped{}; reset to go on", by.as_ref().map(in_words).unwrap_or_default()), by)
+                (
+                    format!(
+                        "stopped{}; reset, then enable, to go on",
+                        by.as_ref().map(in_words).unwrap_or_default()
+                    ),
+                    by,
+                )
             }
         };
         let what = state.cause.map_or(ApiMode::Estop.as_str(), |cause| convert::fault(cause).as_str());
@@ -230,14 +236,17 @@ mod tests {
         let ann = Some(Requester { name: "ann".to_owned(), session: Some(1) });
         assert_eq!(told(&mut incidents, 1, Mode::Idle), None);
         incidents.stopped_by(ann.clone());
-        let stopped = "stopped by client \"ann\" (session 1); reset to go on".to_owned();
+        let stopped = "stopped by client \"ann\" (session 1); reset, then enable, to go on".to_owned();
         assert_eq!(told(&mut incidents, 2, Mode::Estop), Some((stopped, ann.clone())));
         assert_eq!(told(&mut incidents, 3, Mode::Estop), None, "once");
         incidents.reset_by(ann.clone());
         assert_eq!(told(&mut incidents, 4, Mode::Idle), Some(("reset".to_owned(), ann.clone())));
         incidents.reset_by(ann);
         assert_eq!(told(&mut incidents, 5, Mode::Idle), None, "a reset that changed nothing");
-        assert_eq!(told(&mut incidents, 6, Mode::Estop), Some(("stopped; reset to go on".to_owned(), None)));
+        assert_eq!(
+            told(&mut incidents, 6, Mode::Estop),
+            Some(("stopped; reset, then enable, to go on".to_owned(), None))
+        );
         assert_eq!(told(&mut incidents, 7, Mode::Idle), Some(("reset".to_owned(), None)));
         assert_eq!(counts.estops, 2);
     }

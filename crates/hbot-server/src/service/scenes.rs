@@ -229,7 +229,7 @@ impl Scenes {
                 SetError::Malformed(_) => ErrorCode::BadRequest,
                 SetError::Invalid(_) => ErrorCode::OutOfRange,
             };
-            ErrorBody::new(code, shortened(refusal(effect, &error)))
+            ErrorBody::new(code, shortened(set_refusal(effect, &error)))
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
@@ -298,7 +298,8 @@ fn busy(op: OpName) -> ErrorBody {
 }
 
 /// Returns the error message for a `set` that is refused. It names the effect in every line.
-fn refusal(effect: &str, error: &SetError) -> String {
+#[must_use]
+pub fn set_refusal(effect: &str, error: &SetError) -> String {
     match error {
         SetError::UnknownEffect { .. } => error.to_string(),
         SetError::Malformed(mistakes) | SetError::Invalid(mistakes) => {

@@ -1,0 +1,337 @@
+//! The questions of `hbot rig new`, and the mistakes in their answers.
+
+use anyhow::bail;
+use clap::ValueEnum as _;
+use hbot_config::{Diagnostic, RigConfig};
+
+use super::{Answers, Controllers, NewArgs, file};
+
+/// A number that the command asks for.
+struct Number {
+    option: &'static str,
+    /// The question, which ends with the unit.
+    words: &'static str,
+    given: fn(&NewArgs) -> Option<f64>,
+    place: fn(&mut Answers) -> &mut f64,
+}
+
+/// The numbers, in the order in which the command asks for them.
+const NUMBERS: [Number; 8] = [
+    Number {
+        option: "--radius",
+        words: "radius of the sphere, m",
+        given: |args| args.radius,
+        place: |answers| &mut answers.radius,
+    },
+    Number {
+        option: "--mass",
+        words: "mass of the sphere, kg",
+        given: |args| args.mass,
+        place: |answers| &mut answers.mass,
+    },
+    Number {
+        option: "--wheel-radius",
+        words: "radius of the wheels, m",
+        given: |args| args.wheel_radius,
+        place: |answers| &mut answers.wheel_radius,
+    },
+    Number {
+        option: "--cone",
+        words: "angle between steering axis and contact, degrees",
+        given: |args| args.cone,
+        place: |answers| &mut answers.cone_deg,
+    },
+    Number {
+        option: "--steer-gear",
+        words: "gear of the steer joints, turns of the motor per turn of the joint",
+        given: |args| args.steer_gear,
+        place: |answers| &mut answers.steer.gear,
+    },
+    Number {
+        option: "--steer-peak",
+        words: "largest torque of a steer joint after its gear, N m",
+        given: |args| args.steer_peak,
+        place: |answers| &mut answers.steer.peak,
+    },
+    Number {
+        option: "--drive-gear",
+        words: "gear of the drive joints, turns of the motor per turn of the joint",
+        given: |args| args.drive_gear,
+        place: |answers| &mut answers.drive.gear,
+    },
+    Number {
+        option: "--drive-peak",
+        words: "largest torque of a drive joint after its gear, N m",
+        given: |args| args.drive_peak,
+        place: |answers| &mut answers.drive.peak,
+    },
+];
+
+/// Names the options that together make a mistake in the arrangement of the wheels.
+const WHEELS_AND_CONE: &str = "--wheels and --cone";
+
+/// A mistake in the answers: the option that has the wrong value, and what is wrong.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Mistake {
+    option: &'static str,
+    why: String,
+}
+
+/// Asks a person: prints the prompt and returns the answer. Returns `None` if nobody is there.
+pub(super) type Ask<'a> = &'a mut dyn FnMut(&str) -> anyhow::Result<Option<String>>;
+
+/// Takes the answers of the command line, and asks for the others. An answer that is not legal is
+/// asked for again, with the reason.
+pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
+    let mut answers = given(args)?;
+    if args.protocol.is_none() {
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            answers.protocol = Controllers::from_str(text, true)
+                .map_err(|_| "the protocol is hbot, moteus or odrive".to_owned())?;
+            Ok(())
+        };
+        let question = "protocol of the motor controllers (hbot, moteus, odrive)";
+        settle(ask, &mut answers, (question, "hbot"), &["--protocol"], &take)?;
+    }
+    if args.name.is_none() {
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            answers.name = text.to_owned();
+            Ok(())
+        };
+        settle(ask, &mut answers, ("name of the rig", "My Hbot"), &["--name"], &take)?;
+    }
+    if args.port.is_none() {
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            answers.port = text.to_owned();
+            Ok(())
+        };
+        settle(ask, &mut answers, ("serial device, or sim", "sim"), &["--port"], &take)?;
+    }
+    if args.wheels.is_none() {
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            let wheels = text.parse::<u32>().ok().filter(|wheels| (2..=8).contains(wheels));
+            answers.wheels = wheels.ok_or("a whole number, 2 to 8")?;
+            Ok(())
+        };
+        // The cone decides with the number of wheels whether they meet. It may still be asked for.
+        let options = ["--wheels", WHEELS_AND_CONE];
+        let options = if args.cone.is_some() { &options[..] } else { &options[..1] };
+        settle(ask, &mut answers, ("number of wheels", "2"), options, &take)?;
+    }
+    for number in NUMBERS {
+        if (number.given)(args).is_some() {
+            continue;
+        }
+        let default = (number.place)(&mut answers).to_string();
+        let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            let value = text.parse().ok().filter(|value: &f64| value.is_finite());
+            *(number.place)(answers) = value.ok_or("a number")?;
+            Ok(())
+        };
+        let options = [number.option, WHEELS_AND_CONE];
+        let options = if number.option == "--cone" { &options[..] } else { &options[..1] };
+        settle(ask, &mut answers, (number.words, &default), options, &take)?;
+    }
+    refuse(&mistakes(&answers)?)?;
+    Ok(answers)
+}
+
+/// Returns the answers of the command line, and the usual ones for the rest.
+fn given(args: &NewArgs) -> anyhow::Result<Answers> {
+    let mut answers = Answers::usual();
+    let mut options = Vec::new();
+    if let Some(protocol) = args.protocol {
+        answers.protocol = protocol;
+    }
+    if let Some(name) = &args.name {
+        answers.name.clone_from(name);
+        options.push("--name");
+    }
+    if let Some(port) = &args.port {
+        answers.port.clone_from(port);
+        options.push("--port");
+    }
+    if let Some(wheels) = args.wheels {
+        answers.wheels = wheels;
+        options.push("--wheels");
+        options.extend(args.cone.map(|_| WHEELS_AND_CONE));
+    }
+    for number in NUMBERS {
+        let Some(value) = (number.given)(args) else { continue };
+        if !value.is_finite() {
+            bail!("{}: {value} is not a number ({})", number.option, number.words);
+        }
+        *(number.place)(&mut answers) = value;
+        options.push(number.option);
+    }
+    let mut wrong = mistakes(&answers)?;
+    wrong.retain(|mistake| options.contains(&mistake.option));
+    refuse(&wrong)?;
+    Ok(answers)
+}
+
+/// Fails if there are mistakes. The error names the option of each, with its unit.
+fn refuse(mistakes: &[Mistake]) -> anyhow::Result<()> {
+    if mistakes.is_empty() {
+        return Ok(());
+    }
+    let lines = mistakes.iter().map(|Mistake { option, why }| {
+        match NUMBERS.iter().find(|number| number.option == *option) {
+            Some(Number { words, .. }) => format!("{option}: {why} ({words})"),
+            None => format!("{option}: {why}"),
+        }
+    });
+    bail!(lines.collect::<Vec<_>>().join("\n"))
+}
+
+/// Asks a question until the answer is legal. `question` has the words and the default. The answer
+/// is legal if `take` takes it, and if none of `options` has a mistake then.
+fn settle(
+    ask: Ask<'_>,
+    answers: &mut Answers,
+    (words, default): (&str, &str),
+    options: &[&str],
+    take: &dyn Fn(&mut Answers, &str) -> Result<(), String>,
+) -> anyhow::Result<()> {
+    let question = format!("{words} [{default}]: ");
+    let mut prompt = question.clone();
+    // If nobody is there, the usual answer stays.
+    while let Some(answer) = ask(&prompt)? {
+        let text = if answer.is_empty() { default } else { answer.as_str() };
+        let mut with = answers.clone();
+        let why = match take(&mut with, text) {
+            Err(why) => why,
+            Ok(()) => match mistakes(&with)?.into_iter().find(|mistake| options.contains(&mistake.option)) {
+                Some(mistake) => mistake.why,
+                None => {
+                    *answers = with;
+                    break;
+                }
+            },
+        };
+        prompt = format!("  {text:?} is not possible: {why}\n{question}");
+    }
+    Ok(())
+}
+
+/// Returns the mistakes in a rig with these answers.
+fn mistakes(answers: &Answers) -> anyhow::Result<Vec<Mistake>> {
+    let Err(found) = RigConfig::from_toml(&file::text(answers)?, "rig") else { return Ok(Vec::new()) };
+    let mut all: Vec<Mistake> = Vec::new();
+    for mistake in found.iter().map(|diagnostic| mistake(answers, diagnostic)) {
+        // All wheels are alike, and so are their mistakes.
+        if all.iter().all(|other| other.option != mistake.option) {
+            all.push(mistake);
+        }
+    }
+    Ok(all)
+}
+
+/// Finds the option whose value a diagnostic of the rig file is about.
+fn mistake(answers: &Answers, diagnostic: &Diagnostic) -> Mistake {
+    let path = diagnostic.path.as_str();
+    let option = match path.split_once("].").map_or(path, |(_, key)| key) {
+        "name" => "--name",
+        "link.port" => "--port",
+        "wheel" => "--wheels",
+        "axis" => WHEELS_AND_CONE,
+        "sphere.radius" => "--radius",
+        "sphere.mass" => "--mass",
+        "radius" => "--wheel-radius",
+        "cone" => "--cone",
+        "steer.gear" => "--steer-gear",
+        "steer.peak" | "steer.continuous" => "--steer-peak",
+        "drive.gear" => "--drive-gear",
+        "drive.peak" | "drive.continuous" => "--drive-peak",
+        _ => return Mistake { option: "the answers", why: diagnostic.to_string() },
+    };
+    let why = match &diagnostic.legal {
+        // The rig file has the angle in radians.
+        Some(_) if option == "--cone" => {
+            format!("{} is out of range; legal: above 0 and below 180 degrees", answers.cone_deg)
+        }
+        Some(legal) => format!("{}; legal: {legal}", diagnostic.message),
+        None => diagnostic.message.clone(),
+    };
+    Mistake { option, why }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Motor;
+    use super::*;
+
+    /// What `hbot rig new` is called with.
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: NewArgs,
+    }
+
+    /// Returns the answers that come of options and of what a person types, and all prompts.
+    fn asked(options: &[&str], typed: &[&str]) -> (anyhow::Result<Answers>, Vec<String>) {
+        let line = ["new", "new.toml"].iter().chain(options);
+        let Line { args } = clap::Parser::try_parse_from(line).unwrap();
+        let (mut prompts, mut typed) = (Vec::new(), typed.iter());
+        let mut ask = |prompt: &str| -> anyhow::Result<Option<String>> {
+            prompts.push(prompt.to_owned());
+            Ok(typed.next().map(|answer| (*answer).to_owned()))
+        };
+        let answers = answers(&args, &mut ask);
+        (answers, prompts)
+    }
+
+    #[test]
+    fn a_wrong_answer_is_asked_for_again_and_the_others_stay() {
+        let typed = [
+            "canopen", "moteus", "Ball", "", "9", "3", "0", "0.1", "x", "0.5", "", "200", "12", "", "-1", "2",
+        ];
+        let (answers, prompts) = asked(&[], &typed);
+        let usual = Answers::usual();
+        let steer = Motor { peak: 2.0, ..usual.steer };
+        let (name, protocol) = ("Ball".to_owned(), Controllers::Moteus);
+        let wanted =
+            Answers { name, protocol, wheels: 3, radius: 0.1, mass: 0.5, cone_deg: 12.0, steer, ..usual };
+        assert_eq!(answers.unwrap(), wanted, "{prompts:#?}");
+        let again = |text: &str, why: &str| {
+            let begin = format!("  {text:?} is not possible: ");
+            let found =
+                prompts.iter().find(|prompt| prompt.starts_with(&begin)).unwrap_or_else(|| panic!("{text}"));
+            assert!(found.contains(why), "{found}");
+        };
+        again("canopen", "hbot, moteus or odrive");
+        again("9", "2 to 8");
+        again("0", "out of range; legal: 0.001");
+        again("x", "a number");
+        again("200", "200 is out of range; legal: above 0 and below 180 degrees");
+        again("-1", "-1 is out of range");
+    }
+
+    /// Whether a cone is legal depends on the number of wheels.
+    #[test]
+    fn a_cone_with_which_the_wheels_can_meet_is_asked_for_again() {
+        let (answers, prompts) = asked(&["--wheels", "2"], &["", "", "", "", "", "", "60", "20"]);
+        assert_eq!(answers.unwrap().cone_deg, 20.0);
+        assert!(
+            prompts.iter().any(|prompt| prompt.contains("\"60\" is not possible: wheels 1 and 2")),
+            "{prompts:#?}"
+        );
+    }
+
+    #[test]
+    fn a_wrong_option_is_named_with_its_unit_before_any_question() {
+        for (options, why) in [
+            (&["--cone", "200"][..], "--cone: 200 is out of range; legal: above 0 and below 180 degrees"),
+            (&["--radius", "nan"], "--radius: NaN is not a number (radius of the sphere, m)"),
+            (&["--mass", "0"], "--mass: 0 is out of range"),
+            (&["--wheel-radius", "-1"], "--wheel-radius: -1 is out of range"),
+            (&["--drive-peak", "1e30"], "(largest torque of a drive joint after its gear, N m)"),
+            (&["--wheels", "2", "--cone", "60"], "--wheels and --cone: "),
+        ] {
+            let (answers, prompts) = asked(options, &[]);
+            let said = answers.unwrap_err().to_string();
+            assert!(said.contains(why) && !said.contains("new.toml"), "{options:?}: {said}");
+            assert_eq!(prompts, [""; 0], "{options:?}");
+        }
+    }
+}
