@@ -5,9 +5,9 @@ use std::process::ExitCode;
 use anyhow::anyhow;
 use clap::Args;
 use hbot_api::InfoOk;
-use hbot_config::scene::{Listed, SceneEffect, SetError, kinds};
+use hbot_config::scene::SetError;
 use hbot_config::{RunningScene, SceneFile};
-use hbot_host::abilities::in_vain;
+use hbot_host::abilities::{Abilities, Springs};
 use hbot_server::service::set_refusal;
 use serde_json::{Map, Value};
 
@@ -83,92 +83,27 @@ fn effect(info: &InfoOk, id: &str) -> Value {
 }
 
 /// Returns what the rig cannot make of the running scene or may not keep stable, and what has no
-/// effect in it, in the words of the answer to `load_scene`. Of the server, only that answer has
-/// such warnings, so they are computed here, from the limits in `info`. A test compares them with
-/// those of [`Abilities`](hbot_host::abilities::Abilities). A scene with kinds that this program
-/// does not know has none.
+/// effect in it, as the answer to `load_scene` says it. A scene with kinds that this program does
+/// not know has none.
 fn warnings(info: &InfoOk) -> Vec<String> {
     let Ok(scene) = SceneFile::from_json(info.scene.clone()) else { return Vec::new() };
-    let kinds = kinds();
-    let sizes = |effect, unit| sizes(&kinds, effect, unit).into_iter();
-    let damping: f64 =
-        scene.effects().iter().flat_map(|effect| sizes(effect, "N m s/rad")).map(|(_, size)| size).sum();
-    let mut found = Vec::new();
-    for effect in scene.effects() {
-        let id = effect.id();
-        // The spring of friction gives way at the torque of the friction, so it cannot buzz with
-        // more than that.
-        if effect.kind_name() != "friction" {
-            found.extend(sizes(effect, "N m/rad").filter_map(|(name, stiffness)| {
-                Some(format!("{id}: {name} {}", too_stiff(info, stiffness, damping)?))
-            }));
-        }
-        let most = info.limits.torque;
-        found.extend(sizes(effect, "N m").filter(|(_, torque)| *torque > most).map(|(name, torque)| {
-            format!(
-                "{id}: {name} {torque} N m is more than this rig makes; the sum of all torques is cut off at {most} N m \
-                 (limits.torque)"
-            )
-        }));
-    }
-    found.extend(in_vain(&scene));
-    found
-}
-
-/// Returns the words that say why a stiffness, N m/rad, is too large, or `None` if it is not.
-/// `damping` is that of the scene, N m s/rad.
-fn too_stiff(info: &InfoOk, stiffness: f64, damping: f64) -> Option<String> {
-    let render = info.render?;
-    let (most, rate) = (render.stiffness_most, info.rig.rate_hz);
-    // The stable stiffness is proportional to the damping (docs/stability.md).
-    let stable = render.stiffness_stable * damping / render.damping;
-    if stiffness > most {
-        return Some(format!(
-            "{stiffness} N m/rad is unstable on this rig with any damping: at {rate} Hz it keeps at most {most:.0} N m/rad stable"
-        ));
-    }
-    (stiffness > stable).then(|| {
-        format!(
-            "{stiffness} N m/rad may buzz: at {rate} Hz the damping of this scene, {damping:.3} N m s/rad, keeps {stable:.1} \
-             N m/rad stable; more damping, or a hand that holds firmly, keeps more"
-        )
-    })
-}
-
-/// Returns the names of the parameters of `effect` that have the unit `unit` and an effect, with
-/// their sizes times the effect's gain.
-fn sizes(kinds: &[Listed], effect: &SceneEffect, unit: &str) -> Vec<(String, f64)> {
-    let kind = kinds.iter().find(|kind| kind.name == effect.kind_name());
-    let written = effect.to_json();
-    let (Some(kind), Some(written)) = (kind, written.as_object()) else { return Vec::new() };
-    let acts = |name: &str| effect.idle().iter().all(|key| key.name != name);
-    let with_unit = written
-        .iter()
-        .filter(|(name, _)| kind.schema["properties"][name.as_str()]["unit"] == unit && acts(name));
-    with_unit.filter_map(|(name, value)| Some((name.clone(), effect.gain() * size(value)?))).collect()
-}
-
-/// Returns the size of a parameter: of a vector its length, and of a matrix the largest sum of a
-/// row's absolute values. Returns `None` if it is not made of numbers.
-fn size(value: &Value) -> Option<f64> {
-    let Value::Array(rows) = value else { return value.as_f64().map(f64::abs) };
-    if rows.iter().any(Value::is_array) {
-        let sum = |row: &Value| row.as_array()?.iter().map(|x| x.as_f64().map(f64::abs)).sum::<Option<f64>>();
-        return rows
-            .iter()
-            .map(sum)
-            .collect::<Option<Vec<f64>>>()
-            .map(|sums| sums.into_iter().fold(0.0, f64::max));
-    }
-    let squares: Option<f64> = rows.iter().map(|x| x.as_f64().map(|x| x * x)).sum();
-    squares.map(f64::sqrt)
+    // `set` cannot change the simulated motors, so their lag is not judged.
+    let abilities = Abilities {
+        torque: info.limits.torque,
+        rate_hz: info.rig.rate_hz,
+        springs: info.render.map(|render| Springs {
+            lateness: render.damping / render.stiffness_stable,
+            most: render.stiffness_most,
+        }),
+        simulated_lag: None,
+    };
+    abilities.warnings(&scene)
 }
 
 #[cfg(test)]
 mod tests {
     use hbot_api::{LimitsInfo, RenderInfo, RigInfo};
     use hbot_config::RigConfig;
-    use hbot_host::abilities::Abilities;
     use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
     use serde_json::json;
 

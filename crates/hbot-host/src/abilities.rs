@@ -20,37 +20,46 @@ const DAMPING: &str = "N m s/rad";
 #[derive(Debug, Clone, Copy)]
 pub struct Abilities {
     /// Largest torque on the sphere, N m.
-    torque: f64,
+    pub torque: f64,
     /// Rate of the loop, Hz.
-    rate_hz: u32,
+    pub rate_hz: u32,
     /// `None` if the inertias in the rig file contradict each other.
-    bound: Option<StiffnessBound>,
-    /// Whether the rig is simulated, so that a scene can make its motors late.
-    is_simulated: bool,
+    pub springs: Option<Springs>,
+    /// Time constant of the motors' torque by which stiffness is judged, s. `None` if a scene
+    /// cannot make the motors later, because the rig is real.
+    pub simulated_lag: Option<f64>,
+}
+
+/// The springs that a rig keeps stable: two figures of [`StiffnessBound`].
+#[derive(Debug, Clone, Copy)]
+pub struct Springs {
+    /// Mean time from a reading to the effect of the torque that is computed from it, s.
+    pub lateness: f64,
+    /// Largest stiffness that any damping keeps stable, N m/rad.
+    pub most: f64,
 }
 
 impl Abilities {
     /// Computes the abilities of a rig.
     #[must_use]
     pub fn of(config: &RigConfig) -> Self {
-        let (torque, rate_hz) = (config.rig.limits.torque, config.rate_hz);
-        let is_simulated = config.link.port.is_simulated();
-        Self { torque, rate_hz, bound: StiffnessBound::of(config), is_simulated }
-    }
-
-    /// Returns the largest torque on the sphere, N m.
-    #[must_use]
-    pub fn torque(&self) -> f64 {
-        self.torque
+        let bound = StiffnessBound::of(config);
+        Self {
+            torque: config.rig.limits.torque,
+            rate_hz: config.rate_hz,
+            springs: bound.map(|bound| Springs { lateness: bound.lateness(), most: bound.most()[0] }),
+            simulated_lag: bound.filter(|_| config.link.port.is_simulated()).map(|bound| bound.lag),
+        }
     }
 
     /// Returns a sentence for each parameter of the scene that asks for more torque than the rig
     /// makes, or for more stiffness than it keeps stable, or that has no effect because of the
     /// values of others.
     ///
-    /// A stiffness is compared with two limits of [`StiffnessBound`]: above `most` no spring is
-    /// stable; above `stable` it needs more damping than the whole scene has, for example that of
-    /// the hand. Both are for a sphere without friction. Effects that have no stiffness as a
+    /// A stiffness is compared with two limits of [`StiffnessBound`]: above
+    /// [`most`](StiffnessBound::most) no spring is stable; above
+    /// [`stable`](StiffnessBound::stable) it needs more damping than the whole scene has, for
+    /// example that of the hand. Both are for a sphere without friction. Effects that have no stiffness as a
     /// parameter, such as snaps, are compared by their torque only.
     #[must_use]
     pub fn warnings(&self, scene: &SceneFile) -> Vec<String> {
@@ -81,8 +90,7 @@ impl Abilities {
     /// Returns the words that say that the simulated motors of a scene are later than those by
     /// which a stiffness is judged, or `None` if they are not.
     fn too_late(&self, scene: &SceneFile) -> Option<String> {
-        let simulated = scene.simulate().filter(|_| self.is_simulated)?.motor?.lag_s;
-        let judged = self.bound?.lag;
+        let (simulated, judged) = (scene.simulate()?.motor?.lag_s, self.simulated_lag?);
         (simulated > judged).then(|| {
             format!(
                 "simulate.motor: lag_s {simulated} s is more than the lag of {judged} s by which a stiffness is judged \
@@ -94,8 +102,8 @@ impl Abilities {
     /// Returns the words that say why a stiffness, N m/rad, is too large, or `None` if it is not.
     /// `damping` is that of the scene, N m s/rad.
     fn too_stiff(&self, stiffness: f64, damping: f64) -> Option<String> {
-        let bound = self.bound?;
-        let ([most, _], stable, rate) = (bound.most(), bound.stable(damping), self.rate_hz);
+        let Springs { lateness, most } = self.springs?;
+        let (stable, rate) = (damping / lateness, self.rate_hz);
         if stiffness > most {
             return Some(format!(
                 "{stiffness} N m/rad is unstable on this rig with any damping: at {rate} Hz it keeps at most {most:.0} N m/rad stable"

@@ -88,7 +88,7 @@ pub(super) fn draw(scene: &SceneFile, axes: &[Axis], abilities: &Abilities) -> S
     let mut panels: Vec<PlotPanel> = axes.iter().map(|axis| swing(&probe, &parts, axis)).collect();
     panels.extend(still_time(&kinds).map(|(time, every)| still(&probe, time, every)));
     for panel in &mut panels {
-        panel.limit = Some(abilities.torque()).filter(|limit| panel.y_range.end > *limit);
+        panel.limit = Some(abilities.torque).filter(|limit| panel.y_range.end > *limit);
         if let Some(most) = panel.limit.map(|limit| BEYOND * limit).filter(|most| panel.y_range.end > *most) {
             panel.y_range = -most..most;
             panel.curves = panel.curves.iter().flat_map(|curve| within(curve, most)).collect();
