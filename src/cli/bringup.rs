@@ -142,7 +142,7 @@ fn on_the_lines<T>(
     let done = what(&mut bench);
     drop(bench);
     // The motors are off. What follows only computes, and a signal ends it at once.
-    signals::default_again()?;
+    let again = signals::default_again();
     if stop.is_set() {
         match &done {
             Ok(_) => super::out::error(&Interrupted::Stopped),
@@ -150,7 +150,9 @@ fn on_the_lines<T>(
         }
         signals::end_as_interrupted()?;
     }
-    done
+    let done = done?;
+    again?;
+    Ok(done)
 }
 
 /// Lists the controllers that answer on each line of the rig. The exit code shows whether they

@@ -62,7 +62,8 @@ pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
 
 /// Checks a change as the server does, before the lease is taken from another client for a change
 /// that the server would refuse. A scene of a later server can have kinds that this program does
-/// not know. Then only the server checks the change.
+/// not know. Then only the server checks the change. Legal values are those of this program; a
+/// later server may allow more, but this refuses them.
 fn check(info: &InfoOk, effect: &str, parameters: &Map<String, Value>) -> anyhow::Result<()> {
     let Ok(scene) = SceneFile::from_json(info.scene.clone()) else { return Ok(()) };
     let mut running = RunningScene::new();

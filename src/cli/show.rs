@@ -114,9 +114,10 @@ fn mode(state: Option<&StateEvent>) -> String {
         }
         Mode::Idle => ": the torque is off. `hbot enable` switches it on",
         Mode::Unreferenced => {
-            ": the zero of a steering angle is not known, so there is no torque. In the rig file, zero = \"index\": turn each wheel \
-             until its index has passed; \"assume\": set the wheels to zero, switch the controllers off and on, and start the server \
-             again; \"calibrate\": run `hbot rig calibrate`"
+            ": the zero of a steering angle is not known, so there is no torque. What to do depends on `zero` in the rig file:\n  \
+             index      turn each wheel until its index has passed\n  \
+             assume     set the wheels to zero, switch the controllers off and on, and start the server again\n  \
+             calibrate  run `hbot rig calibrate`"
         }
         Mode::Enabling | Mode::Active => "",
     };

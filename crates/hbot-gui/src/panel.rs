@@ -71,9 +71,6 @@ impl Panel {
     pub fn catch_up(&mut self) {
         self.network.mailbox.take(&mut self.delivery);
         self.model.take(&mut self.delivery);
-        if self.model.take_lost_stop() {
-            self.ask(Intent::Stop);
-        }
     }
 
     /// Draws one frame, and carries out what the user has asked for in it.

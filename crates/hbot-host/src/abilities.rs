@@ -59,8 +59,8 @@ impl Abilities {
     /// A stiffness is compared with two limits of [`StiffnessBound`]: above
     /// [`most`](StiffnessBound::most) no spring is stable; above
     /// [`stable`](StiffnessBound::stable) it needs more damping than the whole scene has, for
-    /// example that of the hand. Both are for a sphere without friction. Effects that have no stiffness as a
-    /// parameter, such as snaps, are compared by their torque only.
+    /// example that of the hand. Both are for a sphere without friction. Effects that have no
+    /// stiffness as a parameter, such as snaps, are compared by their torque only.
     #[must_use]
     pub fn warnings(&self, scene: &SceneFile) -> Vec<String> {
         let damping: f64 =

@@ -57,17 +57,19 @@ def run(options: argparse.Namespace, experiment: Callable[[hbot.Rig], None]) -> 
     token = options.token_file
     try:
         with (
-            hbot.one_line_errors(LogError, EOFError),
+            hbot.one_line_errors(LogError),
             hbot.connect(options.server, name="experiment", token=token) as rig,
             rig.lease(),
         ):
             check_rig(rig, options.simulate)
             try:
                 experiment(rig)
-            except BaseException:
+            except BaseException as error:
                 # The first error says more than one of a lost connection.
                 with contextlib.suppress(hbot.HbotError):
                     rig.disable()
+                if isinstance(error, EOFError):
+                    raise LogError("the input has ended") from error
                 raise
             rig.disable()
     except KeyboardInterrupt:

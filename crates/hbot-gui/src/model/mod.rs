@@ -162,13 +162,6 @@ impl Model {
         self.stop.as_ref().filter(|stop| stop.is_unconfirmed())
     }
 
-    /// Returns whether the stop that the user has asked for must be sent again, because it may have
-    /// been lost with the connection before. Returns true once for each new connection.
-    pub(crate) fn take_lost_stop(&mut self) -> bool {
-        let server = &self.server;
-        self.is_online() && self.stop.as_mut().is_some_and(|stop| stop.take_lost(server))
-    }
-
     pub(crate) fn mode(&self) -> Option<Mode> {
         self.state.as_ref().map(|state| state.mode)
     }

@@ -19,15 +19,12 @@ pub(crate) struct PendingStop {
     after: Option<u64>,
     /// Why the stop was not confirmed, if that is known.
     why: Option<String>,
-    /// Whether a connection was made since the stop was sent. The stop may have been lost with the
-    /// connection before.
-    may_be_lost: bool,
 }
 
 impl PendingStop {
     pub(crate) fn new(server: &str, newest: Option<&StateEvent>) -> Self {
         let after = newest.map(|state| state.tick);
-        Self { server: server.to_owned(), asked: Instant::now(), after, why: None, may_be_lost: false }
+        Self { server: server.to_owned(), asked: Instant::now(), after, why: None }
     }
 
     /// Records that the stop could not be sent or was not answered. The first reason stays, because
@@ -40,13 +37,6 @@ impl PendingStop {
     /// states come after the stop.
     pub(crate) fn reconnected(&mut self) {
         self.after = None;
-        self.may_be_lost = true;
-    }
-
-    /// Returns whether the panel, which is connected to `server`, has to send the stop again. The
-    /// next call returns false, until another connection is made.
-    pub(crate) fn take_lost(&mut self, server: &str) -> bool {
-        server == self.server && std::mem::take(&mut self.may_be_lost)
     }
 
     /// Returns whether the stop has failed, or has not been answered in time.
@@ -66,17 +56,16 @@ impl PendingStop {
         self.why.as_deref().unwrap_or("the server has not confirmed the stop")
     }
 
-    /// Returns what a panel at the address `server` does now, and what ends the report of this
-    /// stop.
+    /// Returns what the user of a panel at the address `server` can do, and what ends the report of
+    /// this stop.
     pub(crate) fn way_out(&self, server: &str) -> String {
         if server == self.server {
-            "The panel keeps trying to stop the rig. This ends by itself when a state shows that the motors are without \
-             torque. STOP or Esc tries again at once."
+            "STOP or Esc tries again. This message ends by itself when a state shows that the motors are without torque."
                 .to_owned()
         } else {
             format!(
-                "This panel is at {server} now and cannot stop that rig. This ends when it is at {} again and a state \
-                 shows that the motors are without torque.",
+                "This panel is at {server} now and cannot stop that rig. This message ends when it is at {} again and a \
+                 state shows that the motors are without torque.",
                 self.server
             )
         }

@@ -62,7 +62,7 @@ pub(crate) fn disconnect(model: &mut Model) {
 
 /// Returns the event of a stop by the client `name` with the session `session`.
 pub(crate) fn stopped_by(name: &str, session: Option<u64>) -> FaultEvent {
-    let (mode, message) = (Mode::Estop, "stopped; reset to go on".to_owned());
+    let (mode, message) = (Mode::Estop, "stopped; reset, then enable, to go on".to_owned());
     let by = Some(Requester { name: name.to_owned(), session });
     FaultEvent { tick: 200, t: 0.2, mode, fault: None, message, by }
 }
@@ -92,27 +92,6 @@ fn a_stop_that_is_not_confirmed_stays_until_a_state_proves_it() {
     assert_eq!(model.headline(), Headline::NotStopped);
     see(&mut model, 6, Mode::Idle);
     assert_eq!(model.headline(), Headline::Mode(Mode::Idle));
-}
-
-#[test]
-fn a_stop_that_may_be_lost_is_asked_again_once_for_each_new_connection() {
-    let mut model = commanding(false);
-    stop_in_vain(&mut model);
-    assert!(!model.take_lost_stop(), "it may still arrive over the present connection");
-    disconnect(&mut model);
-    assert!(!model.take_lost_stop(), "there is no connection");
-    for session in [9, 11] {
-        hear(&mut model, News::Connected(hello(session)));
-        assert!(model.take_lost_stop());
-        assert!(!model.take_lost_stop(), "once");
-    }
-    hear(&mut model, News::Connected(hello(13)));
-    see(&mut model, 5, Mode::Idle);
-    assert!(!model.take_lost_stop(), "a state proves that the rig has stopped");
-    stop_in_vain(&mut model);
-    model.asked(&Intent::Connect("other:4268".to_owned()));
-    hear(&mut model, News::Connected(hello(1)));
-    assert!(!model.take_lost_stop(), "another server was not asked to stop");
 }
 
 #[test]

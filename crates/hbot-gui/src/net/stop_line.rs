@@ -56,17 +56,16 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
     loop {
         match inbox.recv_timeout(IDLE) {
             Ok(Order::Stop) => {
-                // A key that is held down asks many times. One stop answers all of these requests.
-                while let Ok(order) = inbox.try_recv() {
-                    if let Order::Connect(address) = order {
-                        options.server = address;
-                        client = None;
-                    }
-                }
+                // A key that is held down asks many times. One stop answers all of these requests,
+                // up to a change of the server.
+                let next = inbox.try_iter().find_map(|order| match order {
+                    Order::Stop => None,
+                    Order::Connect(address) => Some(address),
+                });
                 let result = estop(&mut client, &options, mailbox);
                 if let Err(error) = &result {
                     client = None;
-                    if !matches!(error, ClientError::NoServer { .. }) {
+                    if !matches!(error, ClientError::NoServer { .. }) && next.is_none() {
                         // Also try the session's connection, as soon as it gets through.
                         outgoing.push_first(Intent::Stop);
                     }
@@ -76,6 +75,10 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
                     format!("the server has not confirmed the stop ({why})")
                 });
                 mailbox.post(News::Answer { intent: Intent::Stop, result });
+                if let Some(address) = next {
+                    options.server = address;
+                    client = None;
+                }
             }
             Ok(Order::Connect(address)) => {
                 options.server = address;
@@ -118,5 +121,40 @@ fn drain(client: &mut Client) -> bool {
             Ok(None) | Err(ClientError::Server(_)) => return true,
             Err(_) => return false,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+    use std::time::Instant;
+
+    use super::*;
+
+    #[test]
+    fn a_stop_that_waits_goes_to_the_server_for_which_it_was_asked() {
+        let first = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+        let second = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+        let address = |listener: &TcpListener| listener.local_addr().expect("an address").to_string();
+        let options = PanelOptions::new(&address(&first));
+        let (orders, inbox) = channel();
+        // Both orders wait when the thread looks for the first.
+        orders.send(Order::Stop).expect("a thread to come");
+        orders.send(Order::Connect(address(&second))).expect("a thread to come");
+        let (mailbox, outgoing) = (Mailbox::new(Box::new(|| {})), Outgoing::default());
+        let line = std::thread::spawn(move || run(options, &inbox, &mailbox, &outgoing));
+        first.set_nonblocking(true).expect("a socket");
+        let until = Instant::now() + Duration::from_secs(60);
+        let asked = loop {
+            match first.accept() {
+                Ok((stream, _)) => break stream,
+                Err(error) => assert!(Instant::now() < until, "the first server was not asked: {error}"),
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        drop(asked);
+        second.accept().expect("the line to the second server");
+        drop((orders, first, second));
+        line.join().expect("an end");
     }
 }
