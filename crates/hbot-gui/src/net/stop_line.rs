@@ -141,7 +141,7 @@ mod tests {
         // Both orders wait when the thread looks for the first.
         orders.send(Order::Stop).expect("a thread to come");
         orders.send(Order::Connect(address(&second))).expect("a thread to come");
-        let (mailbox, outgoing) = (Mailbox::new(Box::new(|| {})), Outgoing::default());
+        let (mailbox, outgoing) = (Mailbox::new(Arc::new(|| {})), Outgoing::default());
         let line = std::thread::spawn(move || run(options, &inbox, &mailbox, &outgoing));
         first.set_nonblocking(true).expect("a socket");
         let until = Instant::now() + Duration::from_secs(60);

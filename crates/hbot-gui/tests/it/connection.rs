@@ -256,6 +256,8 @@ fn a_stop_that_found_no_server_can_be_asked_again_when_one_comes() {
     let bench = AloneServer::beside(&ServerSetup { address: free, ..ServerSetup::default() });
     let mut witness = Witness::new(&bench);
     witness.state("active", |state| state.mode == Mode::Active);
+    // A panel learns who has stopped the rig only if it is connected when that happens.
+    seat.until_text("rad from reference");
     seat.click("Stop");
     seat.until_text("ESTOP");
     seat.until_text("Stopped by you.");
