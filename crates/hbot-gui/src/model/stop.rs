@@ -60,12 +60,11 @@ impl PendingStop {
     /// this stop.
     pub(crate) fn way_out(&self, server: &str) -> String {
         if server == self.server {
-            "STOP or Esc tries again. This message ends by itself when a state shows that the motors are without torque."
-                .to_owned()
+            "STOP or Esc tries again. This message ends when a state shows no torque.".to_owned()
         } else {
             format!(
                 "This panel is at {server} now and cannot stop that rig. This message ends when it is at {} again and a \
-                 state shows that the motors are without torque.",
+                 state shows no torque.",
                 self.server
             )
         }

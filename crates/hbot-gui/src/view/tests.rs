@@ -270,7 +270,7 @@ fn a_stop_that_failed_is_shown_above_all_else() {
         stop_in_vain(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(shows(&seen, "NOT STOPPED") && shows(&seen, "Cut the motors' power."));
-        let way_out = ["tries again", "a state shows that the motors are without torque", "STOP or Esc"];
+        let way_out = ["tries again", "a state shows no torque", "STOP or Esc"];
         for words in way_out {
             assert!(shows(&seen, words), "{words}, lost: {lost}");
         }
