@@ -210,7 +210,10 @@ mod tests {
         const ANOTHER: &str = "set another path (a sine always repeats)";
         const POINTS: &str = "points = [[0, 1, 0, 0, 0], [1, 0, 1, 0, 0], [2, 1, 0, 0, 0]]";
         let record = format!("{POINTS}\npath = 'record'\nrepeat = true\namplitude = 1\nfrequency_end = 3");
-        let cases: &[(&str, &str, &[(&str, &str)])] = &[
+        /// The kind of an effect, its parameters, and the keys that are named, each with what makes
+        /// it count.
+        type Case<'a> = (&'a str, &'a str, &'a [(&'a str, &'a str)]);
+        let cases: &[Case<'_>] = &[
             ("end_stop", "twist = [-0.5, 0.5]", &[("twist", TO_TWIST)]),
             // The default, but the file does not say that there are no walls of the twist.
             ("end_stop", "twist = [-1, 1]", &[("twist", TO_TWIST)]),
