@@ -26,8 +26,9 @@ def one_line_errors(*more: type[Exception]) -> Iterator[None]:
     Raises:
         SystemExit: an expected error has left the block. Its message is printed.
     """
+    expected: tuple[type[Exception], ...] = (HbotError, OSError, *more)
     try:
         yield
-    except (HbotError, OSError, *more) as error:
+    except expected as error:
         print(f"error: {str(error) or type(error).__name__}", file=sys.stderr, flush=True)
         raise SystemExit(1) from error
