@@ -157,6 +157,11 @@ impl Model {
         self.is_online() && self.silent_for().is_none() && !matches!(self.lease, Lease::Other(_))
     }
 
+    /// Returns whether another client commands the rig, and the user can take over now.
+    pub(crate) fn is_observer(&self) -> bool {
+        self.is_live() && matches!(self.lease, Lease::Other(_))
+    }
+
     /// Returns the stop that the user has asked for, if nothing has confirmed it in time.
     pub(crate) fn unconfirmed_stop(&self) -> Option<&PendingStop> {
         self.stop.as_ref().filter(|stop| stop.is_unconfirmed())

@@ -10,6 +10,8 @@ use crate::net::{Intent, Lease};
 
 /// Width of the button for the lease, points. It is wide enough for every text of the button.
 const LEASE: f32 = 112.0;
+/// Says to an observer which button makes the grey controls work.
+pub(super) const OBSERVER: &str = "Take over to change";
 /// Width of the box that asks before the lease is taken over, points.
 const QUESTION: f32 = 380.0;
 

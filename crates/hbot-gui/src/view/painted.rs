@@ -93,11 +93,13 @@ fn collect<'a>(shape: &'a Shape, clip: Rect, into: &mut Vec<(&'a Shape, Rect)>) 
 }
 
 fn text(shape: &TextShape, clip: Rect) -> Text {
-    let of_section = shape.galley.job.sections.first().map(|section| section.format.color);
-    let of_section = of_section.filter(|color| *color != Color32::PLACEHOLDER);
+    // A part of the window that is grey has changed the colour of the glyphs only.
+    let rows = shape.galley.rows.iter().map(|row| &row.row.visuals);
+    let mut glyphs = rows.filter_map(|row| row.mesh.vertices.get(row.glyph_vertex_range.start));
+    let of_glyph = glyphs.next().map(|vertex| vertex.color).filter(|color| *color != Color32::PLACEHOLDER);
     Text {
         text: shape.galley.text().to_owned(),
-        color: shape.override_text_color.or(of_section).unwrap_or(shape.fallback_color),
+        color: shape.override_text_color.or(of_glyph).unwrap_or(shape.fallback_color),
         place: shape.galley.rect.translate(shape.pos.to_vec2()),
         clip,
         shortened: shape.galley.elided,

@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 use eframe::egui::{self, CollapsingHeader, ComboBox, RichText, TextEdit, TextStyle, Ui, vec2};
 use serde_json::{Value, json};
 
+use super::bar::OBSERVER;
 use super::parameter;
 use super::schema::explain;
-use super::theme::{column, heading, named, weak};
+use super::theme::{Palette, coloured, column, heading_text, named, weak};
 use super::{Act, Desk};
 use crate::files;
 use crate::model::{Effect, Model};
@@ -16,6 +17,8 @@ use crate::net::Intent;
 
 /// Time after which the panel reads the list of scene files again, to show new files.
 const LIST_EVERY: Duration = Duration::from_secs(2);
+/// Room for the words [`OBSERVER`] and the gap before them, points.
+const OBSERVER_ROOM: f32 = 126.0;
 
 /// The list of scene files in the folder with their descriptions, the file that the user has
 /// picked, and the name that the user has typed.
@@ -47,7 +50,7 @@ impl Shelf {
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
     choose(ui, model, &mut desk.shelf, acts);
-    heading(ui, model.scene.name());
+    title(ui, model);
     // The shelf already shows the description of the scene that was picked.
     let above = desk.shelf.picked().map_or("", files::ShelfFile::said);
     if !model.scene.description().is_empty() && model.scene.description() != above {
@@ -66,6 +69,20 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         });
     }
     save(ui, model, &mut desk.shelf, acts);
+}
+
+/// Draws the name of the scene, and beside it which button lets an observer change the scene. A name
+/// that is too long for its line is shortened, so that nothing below it moves when the words come.
+fn title(ui: &mut Ui, model: &Model) {
+    ui.add_space(2.0);
+    ui.horizontal(|ui| {
+        let observer = model.is_observer();
+        let width = ui.available_width() - if observer { OBSERVER_ROOM } else { 0.0 };
+        column(ui, width, heading_text(model.scene.name()));
+        if observer {
+            coloured(ui, Palette::of(ui).warn, OBSERVER);
+        }
+    });
 }
 
 fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {

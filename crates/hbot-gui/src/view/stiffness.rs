@@ -4,6 +4,7 @@ use eframe::egui::{self, ComboBox, DragValue, Slider, SliderClamping, Stroke, Ui
 use serde_json::{Value, json};
 
 use super::Desk;
+use super::bar::OBSERVER;
 use super::parameter;
 use super::round_up;
 use super::theme::{Palette, coloured, heading, named, weak};
@@ -117,7 +118,15 @@ fn impedance(
         intents.push(Intent::Set { effect: effect.id.clone(), key: key.to_owned(), value });
     };
     let hint = if key == "stiffness" { STIFFNESS } else { DAMPING };
-    weak(ui, format!("{key}, {unit}")).on_hover_text(hint);
+    ui.horizontal(|ui| {
+        weak(ui, format!("{key}, {unit}")).on_hover_text(hint);
+        // This line has room for the words, so that they move nothing.
+        if key == "stiffness" && model.is_observer() {
+            // They are not grey like the controls that they are about.
+            ui.set_opacity(1.0);
+            coloured(ui, Palette::of(ui).warn, OBSERVER);
+        }
+    });
     if let Some(x) = value.as_f64() {
         if let Some(x) = row(ui, "", names[0], x, [end, most], stable) {
             set(json!(x));

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::SystemTime;
 
-use eframe::egui::{Rect, Ui};
+use eframe::egui::{Color32, Rect, Ui};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{
@@ -11,6 +11,7 @@ use hbot_api::{
 };
 
 use super::painted::{lines, texts};
+use super::theme::Palette;
 use super::{Act, Desk, Tab, round_up, show, theme};
 use crate::model::Model;
 use crate::model::tests::{
@@ -290,6 +291,41 @@ fn a_silent_server_is_no_contact_and_nothing_can_be_set() {
         settle(&mut seen);
         assert!(!enabled(&seen), "{name}");
         assert!(shows(&seen, "NO CONTACT") && !shows(&seen, "ACTIVE"));
+    }
+}
+
+#[test]
+fn the_controls_of_an_observer_are_grey_and_say_what_to_press() {
+    let values = ["Stiffness", "Stiffness value", "Damping", "Each axis", "Law", "spring on", "spring gain"];
+    let words = "Take over to change";
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, commanding(true));
+        let color = |seen: &Seen, text: &str| {
+            texts(seen).into_iter().find(|it| it.text == text).expect("a painted text").color
+        };
+        let (law, warning) = ("geodesic", Palette::of_theme(true, Color32::GRAY).warn);
+        let commanded = color(&seen, law);
+        assert!(!shows(&seen, words));
+        seen.state_mut().model.lease = Lease::Other("panel ben@lab3".to_owned());
+        settle(&mut seen);
+        for name in values {
+            assert!(seen.get_by_label(name).accesskit_node().is_disabled(), "{name}");
+        }
+        assert!(color(&seen, law).a() < commanded.a(), "grey");
+        let said: Vec<_> = texts(&seen).into_iter().filter(|it| it.text == words).collect();
+        assert_eq!(said.len(), 2, "beside the name of the slider and beside that of the scene");
+        assert!(said.iter().all(|it| it.is_whole() && it.color == warning), "{said:?}");
+        assert!(seen.query_by_label("Take over").is_some(), "the button that the words name");
+        // Who changes something on a free rig gets the lease.
+        for other in [Lease::Free, Lease::Mine] {
+            seen.state_mut().model.lease = other;
+            settle(&mut seen);
+            assert!(!shows(&seen, words));
+        }
+        seen.state_mut().model.lease = Lease::Other("panel ben@lab3".to_owned());
+        grow_silent(&mut seen.state_mut().model);
+        settle(&mut seen);
+        assert!(!shows(&seen, words), "the button is grey while the server is silent");
     }
 }
 

@@ -113,7 +113,11 @@ pub(crate) fn named(response: Response, name: &str) -> Response {
 
 pub(crate) fn heading(ui: &mut Ui, text: &str) {
     ui.add_space(2.0);
-    ui.label(RichText::new(text).strong().size(15.0));
+    ui.label(heading_text(text));
+}
+
+pub(crate) fn heading_text(text: &str) -> RichText {
+    RichText::new(text).strong().size(15.0)
 }
 
 pub(crate) fn weak(ui: &mut Ui, text: impl Into<String>) -> Response {
