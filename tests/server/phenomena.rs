@@ -288,7 +288,10 @@ fn a_server_says_what_its_first_scene_cannot_do() {
     server.arg(&path).env("XDG_STATE_HOME", folder.path()).timeout(Duration::from_secs(120));
     let said = server.assert().success();
     let output = String::from_utf8_lossy(&said.get_output().stdout);
-    assert!(output.contains("warning  air: damping 20 N m s/rad may shake the sphere: at 1000 Hz"), "{output}");
+    assert!(
+        output.contains("warning  air: damping 20 N m s/rad may shake the sphere: at 1000 Hz"),
+        "{output}"
+    );
 }
 
 /// Checks the slip limit of docs/simulator.md for rigs with play. The bound is the apparent slip of
