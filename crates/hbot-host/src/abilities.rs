@@ -59,8 +59,8 @@ impl Abilities {
     }
 
     /// Returns a sentence for each parameter of the scene that asks for more torque than the rig
-    /// makes, or for more stiffness or damping than it keeps stable, or that has no effect because of the
-    /// values of others.
+    /// makes, or for more stiffness or damping than it keeps stable, or that has no effect because
+    /// of the values of others.
     ///
     /// A stiffness is compared with two limits of [`StiffnessBound`]: above
     /// [`most`](StiffnessBound::most) no spring is stable; above
