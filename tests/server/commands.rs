@@ -105,6 +105,26 @@ fn info_says_after_a_stop_how_torque_comes_back() {
         .stdout(contains("mode       idle: the torque is off. `hbot enable` switches it on\n"));
 }
 
+/// A stop that a suspended server has not confirmed still stops the rig when the server runs again.
+#[test]
+fn a_stop_that_a_suspended_server_does_not_answer_is_not_lost() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    server.signal(Signal::STOP);
+    let silent = "no answer to hello within 5 s: the server is there but does not answer: it may be suspended or overloaded";
+    let lost = format!(
+        "NOT STOPPED: the server at {} has not confirmed the stop ({silent}). Cut the motors' power.",
+        server.address
+    );
+    run(&server, &["estop"]).code(1).stderr(contains(lost));
+    run(&server, &["stats"]).code(1).stderr(contains(silent));
+    server.signal(Signal::CONT);
+    eventually("the rig is stopped", || {
+        let info = run(&server, &["info"]).success();
+        String::from_utf8_lossy(&info.get_output().stdout).contains("mode       estop")
+    });
+}
+
 #[test]
 fn commands_take_the_lease_from_another_client_only_with_steal() {
     let state = tempfile::tempdir().expect("a folder");
