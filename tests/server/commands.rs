@@ -315,6 +315,38 @@ fn watch_explains_its_columns() {
     assert!(first[2].contains("torque N m") && first[2].contains("length"), "{first:?}");
 }
 
+/// Without a state, `watch` says once that it knows nothing, and goes on when states come again.
+#[test]
+fn watch_tells_a_silence_of_the_server_once() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut watch = hbot()
+        .args(["watch", "--json", "--server", &server.address])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    let mut states = BufReader::new(watch.stdout.take().expect("piped")).lines();
+    let mut notes = BufReader::new(watch.stderr.take().expect("piped")).lines();
+    let mut note = || notes.next().map(|line| line.expect("UTF-8"));
+    let silence = "no state for 2 s: what the rig does is not known";
+    for _ in 0..2 {
+        // More states than can have waited in the pipes.
+        assert_eq!(states.by_ref().take(20).count(), 20);
+        server.signal(Signal::STOP);
+        assert_eq!(note().as_deref(), Some(silence));
+        // The silence lasts longer than that.
+        std::thread::sleep(Duration::from_secs(3));
+        server.signal(Signal::CONT);
+    }
+    assert_eq!(states.by_ref().take(20).count(), 20);
+    server.signal(Signal::TERM);
+    assert_eq!((note().as_deref(), note()), (Some("the server stops"), None), "each silence was told once");
+    // Nobody has read the last states.
+    drop(states);
+    assert!(watch.wait().expect("it ends").success());
+}
+
 #[test]
 fn a_token_file_is_found_by_its_variable_and_its_absence_names_it() {
     let state = tempfile::tempdir().expect("a folder");
