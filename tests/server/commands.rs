@@ -288,7 +288,7 @@ fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
         .timeout(Duration::from_secs(60))
         .assert()
         .code(3)
-        .stdout(contains("0 ticks recorded").and(contains("1 files failed")))
+        .stdout(contains("0 ticks recorded").and(contains("1 file failed")))
         .stderr(contains("the recording cannot be written"));
     let mut help = assert_cmd::Command::from_std(hbot());
     help.args(["server", "--help"])
