@@ -72,7 +72,8 @@ impl Client {
     /// sent together with the hello, so it does not wait for the answer to the hello. A server that
     /// is suspended reads both when it runs again, even if this call has failed meanwhile. Only if
     /// the server encrypts, the stop has to wait for the TLS handshake. The messages are JSON,
-    /// whatever [`encoding`](ConnectOptions::encoding) says. Returns the mode from the next tick on.
+    /// whatever [`encoding`](ConnectOptions::encoding) says. Returns the mode from the next tick
+    /// on.
     ///
     /// # Errors
     ///
