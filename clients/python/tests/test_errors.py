@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from serving import SCENES, Server
 
 import hbot
-from hbot import wire
+from hbot import arrays, wire
+from hbot.lsl import streams
 from hbot.wire import Encoding
 
 
@@ -112,9 +113,16 @@ def test_a_code_of_a_later_server_is_a_refusal() -> None:
 
 
 def test_what_is_not_installed_is_named(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "msgpack", None)
-    with pytest.raises(hbot.MissingExtra, match=r"hbot\[msgpack\]"):
-        hbot.connect(server.address, encoding="msgpack")
+    uses: dict[str, tuple[str, Callable[[], object]]] = {
+        "msgpack": ("msgpack", lambda: hbot.connect(server.address, encoding="msgpack")),
+        "numpy": ("numpy", lambda: arrays.columns([])),
+        "pylsl": ("lsl", streams.library),
+    }
+    for package, (extra, use) in uses.items():
+        monkeypatch.setitem(sys.modules, package, None)
+        with pytest.raises(hbot.MissingExtra) as caught:
+            use()
+        assert f"`pip install './clients/python[{extra}]'`" in str(caught.value)
     monkeypatch.setitem(sys.modules, "tomllib", None)
     monkeypatch.setitem(sys.modules, "tomli", None)
     with (

@@ -326,4 +326,7 @@ def test_a_missing_package_is_named(tmp_path: Path) -> None:
     done = subprocess.run(
         run, env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True
     )
-    assert 'pip install "hbot[mcap]"' in done.stdout
+    assert done.stdout == (
+        "hbot.mcap needs packages (no mcap here): in the project's folder, run "
+        "`pip install './clients/python[mcap]'`\n"
+    )

@@ -51,6 +51,14 @@ class MissingExtra(HbotError, ImportError):
     The message names the command that installs it.
     """
 
+    @classmethod
+    def of(cls, what: str, extra: str, missing: Exception) -> MissingExtra:
+        """Return the exception for the feature `what`, which needs the `extra` of this package."""
+        return cls(
+            f"{what} needs packages ({missing}): in the project's folder, run "
+            f"`pip install './clients/python[{extra}]'`"
+        )
+
 
 class Refused(HbotError):
     """The server refused a request. Each error code has a subclass.
