@@ -55,10 +55,36 @@ def test_unauthorized_and_both_forms_of_a_token(tmp_path: Path, encoding: Encodi
 
 
 def test_not_holder(rig: hbot.Rig) -> None:
-    with pytest.raises(hbot.NotHolder):
+    with pytest.raises(hbot.NotHolder) as caught:
         rig.enable()
+    takes = "`with rig.lease():` takes it (not_holder)"
+    assert str(caught.value) == f"enable: this client does not hold the lease: {takes}"
     with pytest.raises(hbot.NotHolder, match="does not hold the lease"):
         rig.render(lambda _state: [0.0, 0.0, 0.0])
+
+
+def test_not_holder_says_who_has_taken_the_lease(server: Server, rig: hbot.Rig) -> None:
+    with rig.lease(), hbot.connect(server.address, name="thief") as thief:
+        for steal in ("steal=True", ""):  # The thief holds the lease, and then nobody does.
+            if steal:
+                thief.acquire(steal=True)
+            else:
+                thief.release()
+            with pytest.raises(hbot.NotHolder) as caught:
+                rig.set("spring", stiffness=1.0)
+            takes = f"`with rig.lease({steal}):` takes it (not_holder)"
+            assert str(caught.value) == f"set: thief has taken the lease: {takes}"
+            assert caught.value.holder == ("thief" if steal else None)
+
+
+def test_not_holder_names_the_holder(server: Server, rig: hbot.Rig) -> None:
+    with (
+        hbot.connect(server.address, name="first") as first,
+        first.lease(),
+        pytest.raises(hbot.NotHolder, match="^load_scene: first holds the lease: ") as caught,
+    ):
+        rig.load_scene({"name": "Nothing", "effect": []})
+    assert caught.value.holder == "first"
 
 
 def test_busy_names_the_holder(server: Server, rig: hbot.Rig) -> None:
@@ -94,8 +120,9 @@ def test_out_of_range_of_enable_has_the_angle(rig: hbot.Rig) -> None:
 def test_faulted(rig: hbot.Rig) -> None:
     with rig.lease():
         rig.estop()
-        with pytest.raises(hbot.Faulted):
+        with pytest.raises(hbot.Faulted) as caught:
             rig.enable()
+        assert str(caught.value) == "enable: the rig was stopped: reset first (faulted)"
         rig.reset()
 
 

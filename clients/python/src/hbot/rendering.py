@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .connection import Connection
-from .errors import Faulted, NotHolder
+from .errors import Faulted
 from .events import State
 from .ops import torque as torque_request
 
@@ -68,13 +68,7 @@ class Rendering:
             Faulted: the rig is in a fault or an emergency stop.
         """
         if not self._connection.holds_lease:
-            holder = self._connection.lost_lease_to
-            message = (
-                "this client does not hold the lease"
-                if holder is None
-                else f"{holder} has taken the lease"
-            )
-            raise NotHolder(message, op="render", holder=holder)
+            raise self._connection.not_holder("render", self._connection.lost_lease_to)
         if state.mode in ("fault", "estop"):
             raise Faulted(
                 f"the rig is in mode {state.mode}: {state.fault or 'somebody stopped it'}",
