@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,8 @@ from .connection import Connection
 from .errors import Faulted
 from .events import State
 from .ops import torque as torque_request
+
+_LOG = logging.getLogger("hbot")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +76,11 @@ class Rendering:
             raise Faulted(
                 f"the rig is in mode {state.mode}: {state.fault or 'somebody stopped it'}",
                 op="render",
+            )
+        if self._calls == 0 and state.mode not in ("enabling", "active"):
+            _LOG.warning(
+                "render: the rig is in mode %s and makes no torque: call rig.enable() first",
+                state.mode,
             )
         if self._end is None and self._duration is not None:
             self._end = state.tick + round(self._duration * self._connection.hello.rate_hz)
