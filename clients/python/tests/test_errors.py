@@ -163,5 +163,5 @@ def test_what_is_not_installed_is_named(server: Server, monkeypatch: pytest.Monk
 def test_arguments_that_are_not_legal() -> None:
     with pytest.raises(ValueError, match="the port is '99999'"):
         hbot.connect("127.0.0.1:99999")
-    with pytest.raises(hbot.NoServer, match="Does the server run"):
+    with pytest.raises(hbot.NoServer, match="Start a server with `hbot server`"):
         hbot.connect("127.0.0.1:1")
