@@ -60,7 +60,8 @@ code=0
 ) || code=$?
 [ "$code" = 3 ] || { echo "a recording that failed ends with exit code $code" >&2; exit 1; }
 grep -q 'the recording cannot be written' "$work/full.txt" || { cat "$work/full.txt" >&2; exit 1; }
-grep -q '1 files failed' "$work/full.txt" || { cat "$work/full.txt" >&2; exit 1; }
+grep -q '1 file failed' "$work/full.txt" || { cat "$work/full.txt" >&2; exit 1; }
+grep -q "cut short: $work/full.mcap" "$work/full.txt" || { cat "$work/full.txt" >&2; exit 1; }
 partly "$work/full.mcap" 'cut'
 
 # A folder that cannot be made, because its name is that of a file. The server runs without it.

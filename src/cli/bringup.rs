@@ -247,10 +247,17 @@ fn compared(outcome: &Outcome) -> String {
 pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     let counts = on_the_lines(&rig, true, |bench| {
-        say!(
-            "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
-            args.seconds
-        )?;
+        if rig.link.port.is_simulated() {
+            say!(
+                "the simulated hand turns the sphere about all axes for {} s, faster than real time",
+                args.seconds
+            )?;
+        } else {
+            say!(
+                "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
+                args.seconds
+            )?;
+        }
         Ok(watch(bench, args.seconds)?)
     })?;
     say!("the sphere can rest: computing from {} readings", counts.len())?;

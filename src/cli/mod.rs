@@ -146,7 +146,7 @@ impl Cli {
             Command::Info(args) => show::info(&args),
             Command::Stats(args) => show::stats(&args),
             Command::Set(args) => set::run(&args),
-            Command::Estop(address) => orders::unheld(&address, hbot_api::Client::estop),
+            Command::Estop(address) => orders::estop(&address),
             Command::Disable(address) => orders::unheld(&address, hbot_api::Client::disable),
             Command::Enable(to) => orders::held(&to, hbot_api::Client::enable),
             Command::Reset(to) => orders::held(&to, hbot_api::Client::reset),

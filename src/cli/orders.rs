@@ -9,6 +9,24 @@ use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Trust, clie
 use super::out::say;
 use super::{Commanding, ServerAddress};
 
+/// Stops the rig, and prints the mode that follows. The stop is sent without waiting for an answer
+/// of the server. If the server does not confirm it, the error says so before anything else.
+pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
+    let confirmed = options(address, "hbot").and_then(|options| {
+        Client::estop_at(&address.server, &options).map_err(|error| match error {
+            ClientError::NoServer { .. } => anyhow::anyhow!("no server there: connection refused"),
+            other => not_connected(other),
+        })
+    });
+    let mode = confirmed.map_err(|error| {
+        anyhow::anyhow!(
+            "NOT STOPPED: the server at {} has not confirmed the stop ({error:#}). Cut the motors' power.",
+            address.server
+        )
+    })?;
+    print(mode)
+}
+
 /// Sends an order that needs no lease, and prints the mode that follows.
 pub(crate) fn unheld(
     address: &ServerAddress,
@@ -33,16 +51,26 @@ fn print(mode: Mode) -> anyhow::Result<ExitCode> {
 /// Connects to the server, with a token if one is given. `program` begins the name of the client;
 /// the user and the machine follow.
 pub(crate) fn connect(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
+    Client::connect_with(&address.server, &options(address, program)?).map_err(not_connected)
+}
+
+/// Returns the options for connecting to the server. Reads the files that `address` names.
+fn options(address: &ServerAddress, program: &str) -> anyhow::Result<ConnectOptions> {
     let mut options = ConnectOptions::new(&client_name(program));
     if let Some(file) = address.token_file() {
         let token = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
         options.token = Some(token.trim().to_owned().into());
     }
     options.trust = address.ca.as_deref().map(Trust::from_file).transpose().context("--ca")?;
-    Client::connect_with(&address.server, &options).map_err(|error| match error {
+    Ok(options)
+}
+
+/// Adds to the error of a connection that failed what the command line can do about it.
+fn not_connected(error: ClientError) -> anyhow::Error {
+    match error {
         ClientError::Tls(_) => anyhow::Error::from(error).context("--ca FILE names whom to trust"),
         other => remedied(other),
-    })
+    }
 }
 
 /// Acquires the lease, runs `what`, and releases the lease. If `steal` is true, takes the lease
@@ -84,6 +112,9 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
         Some(ErrorCode::UnknownEffect) => SHOW_SCENE,
         _ => match error {
             ClientError::NoServer { .. } => "by `--server ADDR` or the variable HBOT_SERVER",
+            ClientError::Timeout { what: "hello", .. } => {
+                "the server is there but does not answer: it may be suspended or overloaded"
+            }
             _ => return error.into(),
         },
     };

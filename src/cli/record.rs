@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal as _, Write as _, stderr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let mut client = orders::connect(&args.address, "hbot record")?;
     let info = client.info()?;
     let name = || args.file.display().to_string();
-    let into = BufWriter::new(create_new(&args.file)?);
+    let into = BufWriter::new(create(&args.file)?);
     let unix_ns = info.clock.map_or_else(now, |clock| clock.unix_ns);
     let writer = Writer::new(into, &about(&info, &client.hello().server)).with_context(name)?;
     let title = info.scene.get("name").and_then(|name| name.as_str()).unwrap_or_default();
@@ -107,6 +107,15 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     }
     note!("{ADVICE}");
     Ok(ExitCode::FAILURE)
+}
+
+/// Creates the file, which must not exist yet, and its folder if that is missing, as `hbot server
+/// --record` does.
+fn create(file: &Path) -> anyhow::Result<File> {
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+    }
+    create_new(file)
 }
 
 /// Why states are lost, and what to do about it.
@@ -218,6 +227,17 @@ fn about(info: &InfoOk, server: &str) -> About {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_missing_folder_is_made_and_a_file_is_not_overwritten() {
+        let state = tempfile::tempdir().expect("a folder");
+        let path = state.path().join("a/b/run.mcap");
+        create(&path).expect("it is made");
+        let again = create(&path).expect_err("it is there").to_string();
+        assert!(again.contains("exists already"), "{again}");
+        let below = create(&path.join("run.mcap")).expect_err("a file is in the way");
+        assert!(format!("{below:#}").contains("run.mcap: cannot be made: "), "{below:#}");
+    }
 
     #[test]
     fn losses_are_told_as_a_number_and_a_share() {

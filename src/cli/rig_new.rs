@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 
-use super::out::say;
+use super::out::{note, say};
 
 /// Options of `hbot rig new`. On a terminal, the command asks for each number that is not given.
 /// Otherwise it takes the default.
@@ -113,6 +113,9 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
     if args.file.exists() {
         bail!("{} exists already: name another file", args.file.display());
     }
+    if !somebody_is_there() {
+        note!("there is no terminal, so nothing is asked: what no option gives has its default");
+    }
     let answers = questions::answers(&args, &mut at_terminal)?;
     let text = file::text(&answers)?;
     std::fs::write(&args.file, text)
@@ -123,9 +126,14 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Returns whether a person at a terminal can be asked.
+fn somebody_is_there() -> bool {
+    std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
+}
+
 /// Asks a person at the terminal, if there is one.
 fn at_terminal(prompt: &str) -> anyhow::Result<Option<String>> {
-    if !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
+    if !somebody_is_there() {
         return Ok(None);
     }
     write!(anstream::stderr(), "{prompt}")?;

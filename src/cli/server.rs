@@ -12,6 +12,7 @@ use anyhow::bail;
 use clap::{Args, ValueEnum};
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig, SceneFile};
+use hbot_host::abilities::Abilities;
 use hbot_host::expectation::{self, Expectation};
 use hbot_host::last_word::Program;
 use hbot_host::signals;
@@ -198,6 +199,7 @@ async fn serve(
     let mut secrets = secrets::notices(&rig, args.metrics_token_file.as_deref());
     secrets.extend(live_at.and_then(secrets::live_notice));
     let banner = banner(&rig, scene.name(), address, time, expected);
+    let warnings = Abilities::of(&rig).warnings(&scene);
     let recording = recording(&args)?;
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();
@@ -228,6 +230,9 @@ async fn serve(
     let nowhere = nowhere.then(|| {
         "no flight logs are written: neither XDG_STATE_HOME nor HOME is an absolute path".to_owned()
     });
+    for warning in warnings {
+        console.say(format!("  {}warning{}  {warning}", style::WARN, style::OFF));
+    }
     for notice in server.notices().iter().chain(&nowhere).chain(&secrets) {
         console.say(format!("  {}note{}     {notice}", style::WARN, style::OFF));
     }

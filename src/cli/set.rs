@@ -95,6 +95,8 @@ fn warnings(info: &InfoOk) -> Vec<String> {
         springs: info.render.map(|render| Springs {
             lateness: render.damping / render.stiffness_stable,
             most: render.stiffness_most,
+            // An older server does not tell it.
+            most_damping: if render.damping_most > 0.0 { render.damping_most } else { f64::INFINITY },
         }),
         simulated_lag: None,
     };
@@ -122,6 +124,7 @@ mod tests {
                 damping: USUAL_DAMPING,
                 stiffness_stable: bound.stable(USUAL_DAMPING),
                 stiffness_most: bound.most()[0],
+                damping_most: bound.most_damping(),
             }),
             scene: scene.to_json(),
             ..InfoOk::default()
@@ -137,6 +140,7 @@ mod tests {
         let rubber = "[[effect]]\nid = 'f'\nkind = 'friction'\n";
         for (text, count) in [
             (format!("{spring}2\ndamping = 0.02\n"), 0),
+            (format!("{spring}2\ndamping = 20\n"), 1),
             (format!("{spring}30\n"), 1),
             (format!("{spring}{matrix}"), 1),
             (format!("{spring}{matrix}{air}"), 0),

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use hbot_api::{Client, Event, InfoOk, Mode, StateEvent, StatsOk};
+use hbot_api::{Client, Event, Fault, InfoOk, Mode, StateEvent, StatsOk};
 
 use super::out::{foreign, say};
 use super::{ServerAddress, controllers, orders, style};
@@ -37,7 +37,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         info.rig.rate_hz,
         foreign(&info.accuracy)
     )?;
-    say!("  mode       {}", mode(newest_state(&mut client)?.as_ref()))?;
+    say!("  mode       {}", mode(newest_state(&mut client)?.as_ref(), info.limits.speed))?;
     let limits = &info.limits;
     say!(
         "  limits     {} N m, {} N m/s, {} rad/s, slip {} m/s",
@@ -100,8 +100,9 @@ fn newest_state(client: &mut Client) -> anyhow::Result<Option<StateEvent>> {
     Ok(None)
 }
 
-/// Says in which mode the rig is, why, and how torque comes back.
-fn mode(state: Option<&StateEvent>) -> String {
+/// Says in which mode the rig is, why, and how torque comes back. `speed_limit` is that of the
+/// sphere, rad/s.
+fn mode(state: Option<&StateEvent>, speed_limit: f64) -> String {
     let Some(state) = state else {
         return format!("unknown: no state has arrived for {} s", STATE_WITHIN.as_secs());
     };
@@ -121,8 +122,16 @@ fn mode(state: Option<&StateEvent>) -> String {
         }
         Mode::Enabling | Mode::Active => "",
     };
-    let fault = state.fault.filter(|_| state.mode == Mode::Fault);
-    format!("{}{}{next}", state.mode, fault.map(|fault| format!(" {fault}")).unwrap_or_default())
+    let fault = match state.fault.filter(|_| state.mode == Mode::Fault) {
+        None => String::new(),
+        Some(fault @ Fault::Overspeed) => {
+            let speed = state.omega.iter().map(|rate| rate * rate).sum::<f64>().sqrt();
+            let limit = number(speed_limit);
+            format!(" {fault} (now the sphere turns at {} rad/s, the limit is {limit})", number(speed))
+        }
+        Some(fault) => format!(" {fault}"),
+    };
+    format!("{}{fault}{next}", state.mode)
 }
 
 /// Returns a number for people: with six significant digits at most, and no zeros at its end.
@@ -181,8 +190,6 @@ pub(crate) fn print(stats: &StatsOk) -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use hbot_api::Fault;
-
     use super::*;
 
     #[test]
@@ -202,14 +209,20 @@ mod tests {
 
     #[test]
     fn every_mode_without_torque_says_what_is_next() {
-        let said = |mode, fault| super::mode(Some(&StateEvent { mode, fault, ..StateEvent::default() }));
+        let said = |mode, fault| {
+            let omega = [3.0, 0.0, 4.0];
+            super::mode(Some(&StateEvent { mode, fault, omega, ..StateEvent::default() }), 2.5)
+        };
         assert_eq!(said(Mode::Idle, None), "idle: the torque is off. `hbot enable` switches it on");
         assert!(said(Mode::Unreferenced, None).contains("`hbot rig calibrate`"));
-        let fault = said(Mode::Fault, Some(Fault::Overspeed));
+        let fault = said(Mode::Fault, Some(Fault::Thermal));
         assert!(
-            fault.starts_with("fault overspeed; the server's log") && fault.contains("`hbot reset`"),
+            fault.starts_with("fault thermal; the server's log") && fault.contains("`hbot reset`"),
             "{fault}"
         );
+        let fast = said(Mode::Fault, Some(Fault::Overspeed));
+        let values = "fault overspeed (now the sphere turns at 5 rad/s, the limit is 2.5); the server's log";
+        assert!(fast.starts_with(values), "{fast}");
         assert!(said(Mode::Estop, None).contains("log says by whom. When it is safe: `hbot reset`"));
         assert_eq!(said(Mode::Active, None), "active");
     }

@@ -61,15 +61,8 @@ pub(crate) fn summary(finished: &Finished) -> String {
     if let Some(ratio) = finished.speed {
         let _ = write!(text, "\n  {ratio:.0} times real time");
     }
-    if let Some(Recorded { written, lost, failed_files }) = finished.recorded {
-        let _ = write!(text, "\n  {written} ticks recorded, {lost} lost, {failed_files} files failed");
-        let FilesWritten { count, bytes, last } = &finished.files;
-        let (last, size) = (last.display(), size(*bytes));
-        match *count {
-            0 => {}
-            1 => _ = write!(text, "\n  recorded to {last}: {size}"),
-            _ => _ = write!(text, "\n  recorded to {count} files, the last is {last}: {size} in all"),
-        }
+    if let Some(recorded) = finished.recorded {
+        text.push_str(&recording(recorded, &finished.files));
     }
     if let Some(part) = finished.failed {
         let _ = write!(
@@ -78,6 +71,26 @@ pub(crate) fn summary(finished: &Finished) -> String {
             style::BAD,
             style::OFF
         );
+    }
+    text
+}
+
+/// Returns the lines of the statistics about a recording.
+fn recording(recorded: Recorded, files: &FilesWritten) -> String {
+    let Recorded { written, lost, failed_files } = recorded;
+    let plural = if failed_files == 1 { "" } else { "s" };
+    let mut text = format!("\n  {written} ticks recorded, {lost} lost, {failed_files} file{plural} failed");
+    let FilesWritten { count, bytes, last, cut_short, last_cut_short } = files;
+    let (last, size, last_cut_short) = (last.display(), size(*bytes), last_cut_short.display());
+    match *count {
+        0 => {}
+        1 => _ = write!(text, "\n  recorded to {last}: {size}"),
+        _ => _ = write!(text, "\n  recorded to {count} files, the last is {last}: {size} in all"),
+    }
+    match *cut_short {
+        0 => {}
+        1 => _ = write!(text, "\n  cut short: {last_cut_short}"),
+        _ => _ = write!(text, "\n  cut short: {cut_short} files, the last is {last_cut_short}"),
     }
     text
 }
@@ -96,4 +109,22 @@ fn pair(d: &Distribution) -> String {
     // A thread that wakes early and waits awake is less than 0.1 µs late.
     let shown = |us: f64| if us < 1.0 { format!("{us:.3}") } else { format!("{us:.1}") };
     format!("{} ({})", shown(d.p50), shown(d.p99))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_that_was_cut_short_is_told_apart_from_one_that_is_complete() {
+        let told = |failed_files, files| recording(Recorded { written: 8, lost: 2, failed_files }, &files);
+        let whole = FilesWritten { count: 1, bytes: 1500, last: "a.mcap".into(), ..FilesWritten::default() };
+        let complete = "\n  8 ticks recorded, 2 lost, 0 files failed\n  recorded to a.mcap: 1.5 kB";
+        assert_eq!(told(0, whole), complete);
+        let cut = FilesWritten { cut_short: 1, last_cut_short: "b.mcap".into(), ..FilesWritten::default() };
+        let failed = "\n  8 ticks recorded, 2 lost, 1 file failed\n  cut short: b.mcap";
+        assert_eq!(told(1, cut.clone()), failed);
+        let two = told(2, FilesWritten { cut_short: 2, ..cut });
+        assert!(two.ends_with("2 files failed\n  cut short: 2 files, the last is b.mcap"), "{two}");
+    }
 }

@@ -2,13 +2,16 @@
 
 use std::io::{IsTerminal as _, Stdout, Write as _};
 use std::process::ExitCode;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use clap::Args;
 use hbot_api::{Event, StateEvent, time_of_day};
 
 use super::out::{Reader, foreign, note, say, written};
 use super::{ServerAddress, orders, show, style};
+
+/// Time without a state after which the user is told, unless states are further apart.
+const SILENT_AFTER: Duration = Duration::from_secs(2);
 
 /// Options of `hbot watch`.
 #[derive(Debug, Args)]
@@ -49,8 +52,23 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             say!("")?;
         }
     }
+    let silent_after = silent_after(every, hello.rate_hz);
+    let mut newest = Instant::now();
+    let mut told = false;
     loop {
-        let Some(event) = client.next_event(Duration::from_secs(3600))? else { continue };
+        let wait = if told { silent_after } else { silent_after.saturating_sub(newest.elapsed()) };
+        let event = client.next_event(wait)?;
+        if matches!(event, Some(Event::State(_))) {
+            newest = Instant::now();
+            told = false;
+        } else if !told && newest.elapsed() >= silent_after {
+            told = true;
+            if screen {
+                raw(|out| out.write_all(style::CLEAR_LINE.as_bytes()))?;
+            }
+            note!("no state for {} s: what the rig does is not known", silent_after.as_secs());
+        }
+        let Some(event) = event else { continue };
         let line = match &event {
             Event::State(state) if args.json => serde_json::to_string(state)?,
             Event::State(state) => form.row(state),
@@ -83,6 +101,13 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     }
+}
+
+/// Returns the time without a state after which the user is told: [`SILENT_AFTER`], or longer if
+/// every `every`th tick of a loop at `rate_hz` is rarer than that.
+fn silent_after(every: u64, rate_hz: f64) -> Duration {
+    let two_states = Duration::try_from_secs_f64((2.0 * every as f64 / rate_hz).ceil());
+    two_states.map_or(SILENT_AFTER, |two| two.max(SILENT_AFTER))
 }
 
 /// Prints a line. On a terminal, a state replaces the previous state.
@@ -197,6 +222,13 @@ mod tests {
     /// The text without the codes of colours.
     fn plain(text: &str) -> String {
         anstream::adapter::strip_str(text).to_string()
+    }
+
+    #[test]
+    fn a_silence_is_longer_than_the_time_between_two_states() {
+        assert_eq!(silent_after(100, 1000.0), SILENT_AFTER);
+        assert_eq!(silent_after(1, 0.0), SILENT_AFTER, "a server with a wrong rate");
+        assert_eq!(silent_after(5250, 1000.0), Duration::from_secs(11));
     }
 
     #[test]

@@ -135,7 +135,8 @@ fn each_joint_of_the_simulated_rig_passes_its_test() {
 
 #[test]
 fn the_simulated_rig_is_as_its_file_says_and_one_with_another_zero_is_not() {
-    run(&["rig", "calibrate"]).success().stdout(contains("slip over rolling"));
+    let by_itself = contains("the simulated hand turns the sphere").and(contains("faster than real time"));
+    run(&["rig", "calibrate"]).success().stdout(contains("slip over rolling").and(by_itself));
     // The file says that the encoder's zero is at 0.2 rad. The simulated rig does not know the file
     // and has its zero at 0.
     let off = include_str!("../../rigs/prototype.toml").replacen(
@@ -154,6 +155,17 @@ fn the_simulated_rig_is_as_its_file_says_and_one_with_another_zero_is_not() {
         "{text}"
     );
     assert!(!text.contains("wheel[1].steer.zero_offset"), "{text}");
+}
+
+#[test]
+fn a_new_rig_file_without_a_terminal_has_defaults_and_says_so() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("new.toml");
+    run(&["rig", "new", path.to_str().expect("UTF-8"), "--cone", "12"])
+        .success()
+        .stderr(contains("nothing is asked: what no option gives has its default"));
+    let text = std::fs::read_to_string(path).expect("it is written");
+    assert!(text.contains("cone = \"12 deg\"") && text.contains("port = \"sim\""), "{text}");
 }
 
 /// The search for the zeros takes a second and more. The motors are off then, so nothing delays a

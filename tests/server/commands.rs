@@ -105,6 +105,26 @@ fn info_says_after_a_stop_how_torque_comes_back() {
         .stdout(contains("mode       idle: the torque is off. `hbot enable` switches it on\n"));
 }
 
+/// A stop that a suspended server has not confirmed still stops the rig when the server runs again.
+#[test]
+fn a_stop_that_a_suspended_server_does_not_answer_is_not_lost() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    server.signal(Signal::STOP);
+    let silent = "no answer to hello within 5 s: the server is there but does not answer: it may be suspended or overloaded";
+    let lost = format!(
+        "NOT STOPPED: the server at {} has not confirmed the stop ({silent}). Cut the motors' power.",
+        server.address
+    );
+    run(&server, &["estop"]).code(1).stderr(contains(lost));
+    run(&server, &["stats"]).code(1).stderr(contains(silent));
+    server.signal(Signal::CONT);
+    eventually("the rig is stopped", || {
+        let info = run(&server, &["info"]).success();
+        String::from_utf8_lossy(&info.get_output().stdout).contains("mode       estop")
+    });
+}
+
 #[test]
 fn commands_take_the_lease_from_another_client_only_with_steal() {
     let state = tempfile::tempdir().expect("a folder");
@@ -268,7 +288,7 @@ fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
         .timeout(Duration::from_secs(60))
         .assert()
         .code(3)
-        .stdout(contains("0 ticks recorded").and(contains("1 files failed")))
+        .stdout(contains("0 ticks recorded").and(contains("1 file failed")))
         .stderr(contains("the recording cannot be written"));
     let mut help = assert_cmd::Command::from_std(hbot());
     help.args(["server", "--help"])
@@ -293,6 +313,38 @@ fn watch_explains_its_columns() {
     watch.wait().expect("it ends");
     assert!(first[1].contains("scale: part of the wanted torque"), "{first:?}");
     assert!(first[2].contains("torque N m") && first[2].contains("length"), "{first:?}");
+}
+
+/// Without a state, `watch` says once that it knows nothing, and goes on when states come again.
+#[test]
+fn watch_tells_a_silence_of_the_server_once() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut watch = hbot()
+        .args(["watch", "--json", "--server", &server.address])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    let mut states = BufReader::new(watch.stdout.take().expect("piped")).lines();
+    let mut notes = BufReader::new(watch.stderr.take().expect("piped")).lines();
+    let mut note = || notes.next().map(|line| line.expect("UTF-8"));
+    let silence = "no state for 2 s: what the rig does is not known";
+    for _ in 0..2 {
+        // More states than can have waited in the pipes.
+        assert_eq!(states.by_ref().take(20).count(), 20);
+        server.signal(Signal::STOP);
+        assert_eq!(note().as_deref(), Some(silence));
+        // The silence lasts longer than that.
+        std::thread::sleep(Duration::from_secs(3));
+        server.signal(Signal::CONT);
+    }
+    assert_eq!(states.by_ref().take(20).count(), 20);
+    server.signal(Signal::TERM);
+    assert_eq!((note().as_deref(), note()), (Some("the server stops"), None), "each silence was told once");
+    // Nobody has read the last states.
+    drop(states);
+    assert!(watch.wait().expect("it ends").success());
 }
 
 #[test]

@@ -276,6 +276,24 @@ fn play_looks_like_slip_and_the_fault_says_so() {
     assert!(log.contains("A gear that crosses its play looks the same"), "{log}");
 }
 
+/// The first scene of a server is judged as one that is loaded.
+#[test]
+fn a_server_says_what_its_first_scene_cannot_do() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("thick.toml");
+    let text = "[[effect]]\nid = \"air\"\nkind = \"damper\"\ndamping = 20\n";
+    std::fs::write(&path, text).expect("written");
+    let mut server = assert_cmd::Command::from_std(hbot());
+    server.args(["server", "--time", "virtual", "--duration", "0.1", "--listen", "127.0.0.1:0", "--scene"]);
+    server.arg(&path).env("XDG_STATE_HOME", folder.path()).timeout(Duration::from_secs(120));
+    let said = server.assert().success();
+    let output = String::from_utf8_lossy(&said.get_output().stdout);
+    assert!(
+        output.contains("warning  air: damping 20 N m s/rad may shake the sphere: at 1000 Hz"),
+        "{output}"
+    );
+}
+
 /// Checks the slip limit of docs/simulator.md for rigs with play. The bound is the apparent slip of
 /// a motor that crosses its play under the largest torque that occurred. Two wheels show half of
 /// it, and both at once half of the sum.

@@ -202,11 +202,16 @@ fn an_accuracy_that_nothing_reaches_names_the_best() {
 #[test]
 fn a_client_command_without_a_server_says_how_to_start_one() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
-    for command in ["watch", "estop", "enable"] {
+    for command in ["watch", "disable", "enable"] {
         run(&[command, "--server", &free.to_string()])
             .failure()
             .stderr(contains("`hbot server`").and(contains("cargo run server")).and(contains("HBOT_SERVER")));
     }
+    // Whoever stops a rig needs no server that starts now.
+    let lost = format!("NOT STOPPED: the server at {free} has not confirmed the stop (no server there: ");
+    run(&["estop", "--server", &free.to_string()])
+        .code(1)
+        .stderr(contains(lost).and(contains("Cut the motors' power.")).and(contains("hbot server`").not()));
 }
 
 #[test]

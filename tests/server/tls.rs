@@ -41,6 +41,7 @@ fn the_command_line_speaks_to_a_server_that_encrypts() {
     let (out, said) = ask(&["estop", "--server", &server.address]);
     assert_eq!(out.status.code(), Some(1));
     assert!(said.contains("the server encrypts") && said.contains("--ca FILE"), "{said}");
+    assert!(said.contains("NOT STOPPED"), "{said}");
     let other = rcgen::generate_simple_self_signed(["localhost".to_owned()]).expect("a certificate");
     std::fs::write(at("other.pem"), other.cert.pem()).expect("written");
     let (out, said) = ask(&["estop", "--server", &server.address, "--ca", &at("other.pem")]);

@@ -22,7 +22,7 @@ def main() -> None:
         importlib.import_module("hbot.mcap")
     except hbot.MissingExtra as missing:
         said = str(missing)
-    assert 'pip install "hbot[mcap]"' in said, "an extra that is missing is named"
+    assert "pip install './clients/python[mcap]'" in said, "an extra that is missing is named"
     with tempfile.TemporaryDirectory() as folder:
         server = Server(Path(folder))
         try:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from serving import SCENES, Server
 
 import hbot
-from hbot import wire
+from hbot import arrays, wire
+from hbot.lsl import streams
 from hbot.wire import Encoding
 
 
@@ -54,10 +55,36 @@ def test_unauthorized_and_both_forms_of_a_token(tmp_path: Path, encoding: Encodi
 
 
 def test_not_holder(rig: hbot.Rig) -> None:
-    with pytest.raises(hbot.NotHolder):
+    with pytest.raises(hbot.NotHolder) as caught:
         rig.enable()
+    takes = "`with rig.lease():` takes it (not_holder)"
+    assert str(caught.value) == f"enable: this client does not hold the lease: {takes}"
     with pytest.raises(hbot.NotHolder, match="does not hold the lease"):
         rig.render(lambda _state: [0.0, 0.0, 0.0])
+
+
+def test_not_holder_says_who_has_taken_the_lease(server: Server, rig: hbot.Rig) -> None:
+    with rig.lease(), hbot.connect(server.address, name="thief") as thief:
+        for steal in ("steal=True", ""):  # The thief holds the lease, and then nobody does.
+            if steal:
+                thief.acquire(steal=True)
+            else:
+                thief.release()
+            with pytest.raises(hbot.NotHolder) as caught:
+                rig.set("spring", stiffness=1.0)
+            takes = f"`with rig.lease({steal}):` takes it (not_holder)"
+            assert str(caught.value) == f"set: thief has taken the lease: {takes}"
+            assert caught.value.holder == ("thief" if steal else None)
+
+
+def test_not_holder_names_the_holder(server: Server, rig: hbot.Rig) -> None:
+    with (
+        hbot.connect(server.address, name="first") as first,
+        first.lease(),
+        pytest.raises(hbot.NotHolder, match="^load_scene: first holds the lease: ") as caught,
+    ):
+        rig.load_scene({"name": "Nothing", "effect": []})
+    assert caught.value.holder == "first"
 
 
 def test_busy_names_the_holder(server: Server, rig: hbot.Rig) -> None:
@@ -93,8 +120,9 @@ def test_out_of_range_of_enable_has_the_angle(rig: hbot.Rig) -> None:
 def test_faulted(rig: hbot.Rig) -> None:
     with rig.lease():
         rig.estop()
-        with pytest.raises(hbot.Faulted):
+        with pytest.raises(hbot.Faulted) as caught:
             rig.enable()
+        assert str(caught.value) == "enable: the rig was stopped: reset first (faulted)"
         rig.reset()
 
 
@@ -112,9 +140,16 @@ def test_a_code_of_a_later_server_is_a_refusal() -> None:
 
 
 def test_what_is_not_installed_is_named(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "msgpack", None)
-    with pytest.raises(hbot.MissingExtra, match=r"hbot\[msgpack\]"):
-        hbot.connect(server.address, encoding="msgpack")
+    uses: dict[str, tuple[str, Callable[[], object]]] = {
+        "msgpack": ("msgpack", lambda: hbot.connect(server.address, encoding="msgpack")),
+        "numpy": ("numpy", lambda: arrays.columns([])),
+        "pylsl": ("lsl", streams.library),
+    }
+    for package, (extra, use) in uses.items():
+        monkeypatch.setitem(sys.modules, package, None)
+        with pytest.raises(hbot.MissingExtra) as caught:
+            use()
+        assert f"`pip install './clients/python[{extra}]'`" in str(caught.value)
     monkeypatch.setitem(sys.modules, "tomllib", None)
     monkeypatch.setitem(sys.modules, "tomli", None)
     with (
@@ -128,5 +163,5 @@ def test_what_is_not_installed_is_named(server: Server, monkeypatch: pytest.Monk
 def test_arguments_that_are_not_legal() -> None:
     with pytest.raises(ValueError, match="the port is '99999'"):
         hbot.connect("127.0.0.1:99999")
-    with pytest.raises(hbot.NoServer, match="Does the server run"):
+    with pytest.raises(hbot.NoServer, match="Start a server with `hbot server`"):
         hbot.connect("127.0.0.1:1")

@@ -33,7 +33,7 @@ def test_a_server_that_is_killed_ends_everything(own_server: Server, encoding: E
         for use in (rig.ping, rig.estop, lambda: next(rig.states()), lambda: list(rig.events())):
             with pytest.raises(hbot.ConnectionLost):
                 use()
-    with pytest.raises(hbot.NoServer, match="Does the server run"):
+    with pytest.raises(hbot.NoServer, match="Start a server with `hbot server`"):
         hbot.connect(own_server.address)
 
 

@@ -68,6 +68,8 @@ def test_the_arrays_are_what_an_independent_reader_finds() -> None:
     assert (recording.gaps, recording.lost_ticks, recording.damaged) == ((), 0, ())
     assert recording.complete
     assert recording.joints == ("A.steer", "A.drive", "B.steer", "B.drive")
+    counts = ", ".join(f"{topic}: {len(found[topic])}" for topic in recording)
+    assert repr(recording) == str(recording) == f"Recording({counts})"
     state = recording["/hbot/state"]
     last = found["/hbot/state"][-1][1]
     assert state["q"][-1].tolist() == [last.q.w, last.q.x, last.q.y, last.q.z]
@@ -326,4 +328,7 @@ def test_a_missing_package_is_named(tmp_path: Path) -> None:
     done = subprocess.run(
         run, env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True
     )
-    assert 'pip install "hbot[mcap]"' in done.stdout
+    assert done.stdout == (
+        "hbot.mcap needs packages (no mcap here): in the project's folder, run "
+        "`pip install './clients/python[mcap]'`\n"
+    )

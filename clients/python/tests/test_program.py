@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -28,7 +29,26 @@ def test_the_programs_of_the_pages_name_a_missing_server(page: str) -> None:
         assert done.returncode == 1
         (line,) = done.stderr.splitlines()
         assert line.startswith("error: no connection to 127.0.0.1:1: ")
-        assert line.endswith("Does the server run there?")
+        assert "`hbot server`" in line
+        assert "HBOT_SERVER" in line
+
+
+@pytest.mark.parametrize("page", ["docs/clients.md", "docs/recordings.md"])
+def test_the_programs_of_the_pages_name_a_missing_recording(page: str, tmp_path: Path) -> None:
+    text = (REPOSITORY / page).read_text("utf-8")
+    (code,) = (b for b in re.findall(r"(?s)```python\n(.*?)```", text) if "hbot.mcap" in b)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={**os.environ, "MPLBACKEND": "agg"},  # The page's plot needs no display.
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    # The library of the plot can print a line of its own when it is first used.
+    assert re.fullmatch(r"error: .*No such file.*'run\.mcap'", done.stderr.splitlines()[-1])
 
 
 @pytest.mark.parametrize(

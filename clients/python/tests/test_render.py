@@ -47,6 +47,22 @@ def test_the_age_of_a_torque_is_counted_from_the_state_it_was_computed_from(rig:
         assert stream.age_ticks >= 1
 
 
+def test_a_rig_that_is_not_enabled_is_one_warning(
+    rig: hbot.Rig, caplog: pytest.LogCaptureFixture
+) -> None:
+    def warnings() -> list[str]:
+        return [record.getMessage() for record in caplog.records if record.name == "hbot"]
+
+    with rig.lease():
+        rig.render(damper, duration=0.2)
+        (warning,) = warnings()
+        assert "mode idle" in warning
+        assert "rig.enable()" in warning
+        rig.enable()
+        rig.render(damper, duration=0.2)
+    assert warnings() == [warning], "an enabled rig is no reason for a warning"
+
+
 def test_a_torque_of_none_sends_nothing(rig: hbot.Rig) -> None:
     with rig.lease():
         rig.enable()

@@ -90,6 +90,11 @@ impl Client {
         let id = Id::Integer(self.last_id);
         let deadline = Instant::now() + self.timeout;
         self.write(&Request { id: Some(id.clone()), op })?;
+        self.answer(&id, what, deadline)
+    }
+
+    /// Waits for the answer to the request `id`, whose op is `what`. Returns the answer's body.
+    fn answer(&mut self, id: &Id, what: &'static str, deadline: Instant) -> Result<Value, ClientError> {
         loop {
             match self.receive(deadline)? {
                 None => return Err(ClientError::Timeout { what, after: self.timeout }),
@@ -103,7 +108,7 @@ impl Client {
                 // An answer without id belongs to a message that the server could not read: the
                 // last one.
                 Some(ServerMessage::Response(Response { id: answered, result })) => {
-                    if answered.as_ref().is_none_or(|answered| *answered == id) {
+                    if answered.as_ref().is_none_or(|answered| answered == id) {
                         return result.map_err(ClientError::Server);
                     }
                 }

@@ -215,6 +215,10 @@ pub struct RenderInfo {
     /// Stiffness above which no spring is stable, with any damping, N m/rad.
     #[serde(serialize_with = "finite::scalar")]
     pub stiffness_most: f64,
+    /// Damping above which the damping alone is unstable, N m s/rad. 0 if an older server does not
+    /// send it.
+    #[serde(serialize_with = "finite::scalar")]
+    pub damping_most: f64,
 }
 
 /// Description of a kind of effect, or of a phenomenon of the simulated rig.

@@ -58,7 +58,7 @@ fn convert(value: &mut Value, path: &str, report: &mut Report) {
                 return;
             };
             let turns = x.abs() / std::f64::consts::TAU;
-            let message = format!("{x} rad is {turns:.0} turns");
+            let message = format!("{x} rad is about {turns:.0} turns");
             report.push(path, message, format!("\"{x} deg\" for degrees, \"{x} rad\" if radians are meant"));
         }
         _ => {}
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn bare_degrees_are_a_mistake() {
         let (_, mistakes) = converted(json!({"twist": [-90, 90.0]}));
-        assert!(mistakes[0].contains("-90 rad is 14 turns"), "{mistakes:?}");
+        assert!(mistakes[0].contains("-90 rad is about 14 turns"), "{mistakes:?}");
         assert!(mistakes[0].contains("\"90 deg\" for degrees"), "{mistakes:?}");
         for legal in [json!({"twist": [-31, 1000]}), json!({"cone": 1.5}), json!({"stiffness": 90})] {
             assert_eq!(converted(legal.clone()), (legal, vec![]));

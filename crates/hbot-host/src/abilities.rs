@@ -37,6 +37,8 @@ pub struct Springs {
     pub lateness: f64,
     /// Largest stiffness that any damping keeps stable, N m/rad.
     pub most: f64,
+    /// Largest damping that is stable, N m s/rad.
+    pub most_damping: f64,
 }
 
 impl Abilities {
@@ -47,20 +49,25 @@ impl Abilities {
         Self {
             torque: config.rig.limits.torque,
             rate_hz: config.rate_hz,
-            springs: bound.map(|bound| Springs { lateness: bound.lateness(), most: bound.most()[0] }),
+            springs: bound.map(|bound| Springs {
+                lateness: bound.lateness(),
+                most: bound.most()[0],
+                most_damping: bound.most_damping(),
+            }),
             simulated_lag: bound.filter(|_| config.link.port.is_simulated()).map(|bound| bound.lag),
         }
     }
 
     /// Returns a sentence for each parameter of the scene that asks for more torque than the rig
-    /// makes, or for more stiffness than it keeps stable, or that has no effect because of the
-    /// values of others.
+    /// makes, or for more stiffness or damping than it keeps stable, or that has no effect because
+    /// of the values of others.
     ///
     /// A stiffness is compared with two limits of [`StiffnessBound`]: above
     /// [`most`](StiffnessBound::most) no spring is stable; above
     /// [`stable`](StiffnessBound::stable) it needs more damping than the whole scene has, for
     /// example that of the hand. Both are for a sphere without friction. Effects that have no
-    /// stiffness as a parameter, such as snaps, are compared by their torque only.
+    /// stiffness as a parameter, such as snaps, are compared by their torque only. A damping is
+    /// compared with [`most_damping`](StiffnessBound::most_damping).
     #[must_use]
     pub fn warnings(&self, scene: &SceneFile) -> Vec<String> {
         let damping: f64 =
@@ -74,6 +81,11 @@ impl Abilities {
             found.extend(values(effect, STIFFNESS).filter(|_| springs).filter_map(|(name, stiffness)| {
                 Some(format!("{id}: {name} {}", self.too_stiff(stiffness, damping)?))
             }));
+            found.extend(
+                values(effect, DAMPING).filter_map(|(name, damping)| {
+                    Some(format!("{id}: {name} {}", self.too_damped(damping)?))
+                }),
+            );
             for (name, torque) in values(effect, TORQUE).filter(|(_, torque)| *torque > self.torque) {
                 let most = self.torque;
                 found.push(format!(
@@ -99,10 +111,21 @@ impl Abilities {
         })
     }
 
+    /// Returns the words that say that a damping, N m s/rad, is too large, or `None` if it is not.
+    fn too_damped(&self, damping: f64) -> Option<String> {
+        let (most, rate) = (self.springs?.most_damping, self.rate_hz);
+        (damping > most).then(|| {
+            format!(
+                "{damping} N m s/rad may shake the sphere: at {rate} Hz the rig keeps at most {most:.1} N m s/rad stable, or \
+                 somewhat more in a hand"
+            )
+        })
+    }
+
     /// Returns the words that say why a stiffness, N m/rad, is too large, or `None` if it is not.
     /// `damping` is that of the scene, N m s/rad.
     fn too_stiff(&self, stiffness: f64, damping: f64) -> Option<String> {
-        let Springs { lateness, most } = self.springs?;
+        let Springs { lateness, most, .. } = self.springs?;
         let (stable, rate) = (damping / lateness, self.rate_hz);
         if stiffness > most {
             return Some(format!(

@@ -91,6 +91,28 @@ impl StiffnessBound {
         [k * self.inertia / (self.period * self.period), d * self.inertia / self.period]
     }
 
+    /// Returns the largest damping that is stable, N m s/rad, if nothing else holds the sphere. A
+    /// larger one reacts too late, and shakes the sphere instead of slowing it down.
+    ///
+    /// It is the damping where the border of stability, computed by `border`, comes back to a
+    /// stiffness of 0. Without a lag it is J/h, with the inertia J and the period h.
+    #[must_use]
+    pub fn most_damping(&self) -> f64 {
+        let lag = self.lag / self.period;
+        let is_spring = |phi: f64| border(phi, lag)[0] > 0.0;
+        let mut low = SLOWEST_SWING;
+        while is_spring(low * 1.01) {
+            low *= 1.01;
+        }
+        let mut high = low * 1.01;
+        // Each step halves the interval, and 50 steps make it as small as rounding.
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            if is_spring(middle) { low = middle } else { high = middle }
+        }
+        border(low, lag)[1] * self.inertia / self.period
+    }
+
     /// Returns the largest stiffness of a spring, N m/rad, at which the device's Coulomb friction
     /// makes up for the steps of its encoder counts, so that the spring stays passive. `coulomb` is
     /// the friction, N m.
@@ -247,6 +269,18 @@ mod tests {
         // The golden section finds the place to 1e-8, and the top to the square of that. The
         // damping is as exact as the place.
         assert!((most - 0.25).abs() < 1e-12 && (damping - 0.625).abs() < 1e-7, "{most} {damping}");
+    }
+
+    #[test]
+    fn more_than_the_most_damping_shakes_the_sphere() {
+        let most = unit(0.0).most_damping();
+        assert!((most - 1.0).abs() < 1e-9, "without a lag it is J/h: {most}");
+        for lag in [0.0, 0.25, 0.5, 2.0] {
+            // The spring is so soft that only the damping decides.
+            let most = unit(lag).most_damping();
+            assert!(rests(lag, 0.001, 0.98 * most), "{lag}");
+            assert!(!rests(lag, 0.001, 1.02 * most), "{lag}");
+        }
     }
 
     #[test]

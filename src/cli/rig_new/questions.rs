@@ -11,6 +11,8 @@ struct Number {
     option: &'static str,
     /// The question, which ends with the unit.
     words: &'static str,
+    /// The unit in words.
+    unit: &'static str,
     given: fn(&NewArgs) -> Option<f64>,
     place: fn(&mut Answers) -> &mut f64,
 }
@@ -20,48 +22,56 @@ const NUMBERS: [Number; 8] = [
     Number {
         option: "--radius",
         words: "radius of the sphere, m",
+        unit: "metres",
         given: |args| args.radius,
         place: |answers| &mut answers.radius,
     },
     Number {
         option: "--mass",
         words: "mass of the sphere, kg",
+        unit: "kilograms",
         given: |args| args.mass,
         place: |answers| &mut answers.mass,
     },
     Number {
         option: "--wheel-radius",
         words: "radius of the wheels, m",
+        unit: "metres",
         given: |args| args.wheel_radius,
         place: |answers| &mut answers.wheel_radius,
     },
     Number {
         option: "--cone",
         words: "angle between steering axis and contact, degrees",
+        unit: "degrees",
         given: |args| args.cone,
         place: |answers| &mut answers.cone_deg,
     },
     Number {
         option: "--steer-gear",
         words: "gear of the steer joints, turns of the motor per turn of the joint",
+        unit: "turns of the motor",
         given: |args| args.steer_gear,
         place: |answers| &mut answers.steer.gear,
     },
     Number {
         option: "--steer-peak",
         words: "largest torque of a steer joint after its gear, N m",
+        unit: "newton metres",
         given: |args| args.steer_peak,
         place: |answers| &mut answers.steer.peak,
     },
     Number {
         option: "--drive-gear",
         words: "gear of the drive joints, turns of the motor per turn of the joint",
+        unit: "turns of the motor",
         given: |args| args.drive_gear,
         place: |answers| &mut answers.drive.gear,
     },
     Number {
         option: "--drive-peak",
         words: "largest torque of a drive joint after its gear, N m",
+        unit: "newton metres",
         given: |args| args.drive_peak,
         place: |answers| &mut answers.drive.peak,
     },
@@ -102,6 +112,10 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
     }
     if args.port.is_none() {
         let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
+            // A path, a port of Windows, or one of the names of the simulated rig.
+            if !(text.contains('/') || text.starts_with("COM") || ["sim", "sim:pty"].contains(&text)) {
+                return Err("it must be sim, or the path of a device, such as /dev/ttyACM0".to_owned());
+            }
             answers.port = text.to_owned();
             Ok(())
         };
@@ -125,7 +139,8 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
         let default = (number.place)(&mut answers).to_string();
         let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
             let value = text.parse().ok().filter(|value: &f64| value.is_finite());
-            *(number.place)(answers) = value.ok_or("a number")?;
+            *(number.place)(answers) =
+                value.ok_or_else(|| format!("it must be a number of {}, such as {default}", number.unit))?;
             Ok(())
         };
         let options = [number.option, WHEELS_AND_CONE];
@@ -284,7 +299,8 @@ mod tests {
     #[test]
     fn a_wrong_answer_is_asked_for_again_and_the_others_stay() {
         let typed = [
-            "canopen", "moteus", "Ball", "", "9", "3", "0", "0.1", "x", "0.5", "", "200", "12", "", "-1", "2",
+            "canopen", "moteus", "Ball", "ttyACM0", "", "9", "3", "0", "0.1", "x", "0.5", "", "200", "12",
+            "", "-1", "2",
         ];
         let (answers, prompts) = asked(&[], &typed);
         let usual = Answers::usual();
@@ -302,7 +318,8 @@ mod tests {
         again("canopen", "hbot, moteus or odrive");
         again("9", "2 to 8");
         again("0", "out of range; legal: 0.001");
-        again("x", "a number");
+        again("x", "it must be a number of kilograms, such as 0.467");
+        again("ttyACM0", "it must be sim, or the path of a device, such as /dev/ttyACM0");
         again("200", "200 is out of range; legal: above 0 and below 180 degrees");
         again("-1", "-1 is out of range");
     }

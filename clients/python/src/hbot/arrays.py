@@ -1,4 +1,4 @@
-"""States as arrays of numpy, for logs and plots. Needs `hbot[numpy]`."""
+"""States as arrays of numpy, for logs and plots. Needs the extra `numpy`."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def columns(states: Iterable[State]) -> dict[str, numpy.ndarray[Any, Any]]:
     """
     try:
         import numpy
-    except ImportError:
-        raise MissingExtra('hbot.arrays needs a package: pip install "hbot[numpy]"') from None
+    except ImportError as missing:
+        raise MissingExtra.of("hbot.arrays", "numpy", missing) from missing
     kept = list(states)
     names = ("tick", "t", "mode", "q", "omega", "torque", "energy", "slip", "scale", "traction")
     arrays = {name: numpy.array([getattr(state, name) for state in kept]) for name in names}

@@ -18,6 +18,7 @@ from .decode import decode
 from .errors import (
     ConnectionLost,
     HbotError,
+    NotHolder,
     NotTrusted,
     ProtocolError,
     Refused,
@@ -206,6 +207,20 @@ class Connection:
                 return self.request(op, fields, answer)
         answer(None, None)
 
+    def not_holder(self, op: str, holder: str | None) -> NotHolder:
+        """Return the exception for an op that needs the lease, which this client does not hold.
+
+        `holder` is the name of the client that holds it, if that is known.
+        """
+        if self.lost_lease_to is not None:
+            state = f"{self.lost_lease_to} has taken the lease"
+        elif holder is not None:
+            state = f"{holder} holds the lease"
+        else:
+            state = "this client does not hold the lease"
+        steal = "" if holder is None else "steal=True"
+        return NotHolder(f"{state}: `with rig.lease({steal}):` takes it", op=op, holder=holder)
+
     def close(self) -> None:
         """End the connection. Calls and iterations that wait raise `ConnectionLost`."""
         self._fail(ConnectionLost("this program has closed the connection"))
@@ -279,7 +294,10 @@ class Connection:
         if pending is None:
             return  # The late answer to a call that has timed out.
         if "error" in message:
-            pending.answer(None, Refused.of(message["error"], pending.op))
+            refused = Refused.of(message["error"], pending.op)
+            if isinstance(refused, NotHolder):
+                refused = self.not_holder(pending.op, refused.holder)
+            pending.answer(None, refused)
         else:
             pending.answer(message.get("ok"), None)
 

@@ -51,13 +51,21 @@ class MissingExtra(HbotError, ImportError):
     The message names the command that installs it.
     """
 
+    @classmethod
+    def of(cls, what: str, extra: str, missing: Exception) -> MissingExtra:
+        """Return the exception for the feature `what`, which needs the `extra` of this package."""
+        return cls(
+            f"{what} needs packages ({missing}): in the project's folder, run "
+            f"`pip install './clients/python[{extra}]'`"
+        )
+
 
 class Refused(HbotError):
     """The server refused a request. Each error code has a subclass.
 
     Attributes:
         code: the error code, such as `"busy"`.
-        message: the server's description for people; it names the field and the legal values.
+        message: the description for people; it names the field and the legal values.
         op: the op that was refused. None if the server could not read it.
         holder: name of the client that holds the lease. Present with `busy`, and perhaps with
             `not_holder`.
@@ -84,7 +92,9 @@ class Refused(HbotError):
         self.op = op
         self.holder = holder
         self.angle = angle
-        super().__init__(f"{op}: {message} ({self.code})" if op else f"{message} ({self.code})")
+        # Many messages of the server begin with the op.
+        text = f"{op}: {message.removeprefix(f'op {op}: ')}" if op else message
+        super().__init__(f"{text} ({self.code})")
 
     def with_message(self, message: str) -> Refused:
         """Return the same refusal with another description."""

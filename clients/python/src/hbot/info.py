@@ -152,6 +152,8 @@ class Render:
     """Stiffness above which no spring is stable, N m/rad."""
     inertia: float
     """Smallest apparent inertia of the sphere, kg m²."""
+    damping_most: float | None = None
+    """Damping above which the damping alone is unstable, N m s/rad. None with an older server."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ def connect(
             one. None: the file that the environment variable `HBOT_TOKEN_FILE` names, if it is set.
         tls: what to trust if the server encrypts: a PEM file with the server's own certificate
             (pinned) or with that of an authority; or an `ssl.SSLContext`. None: no encryption.
-        encoding: `"json"`, or `"msgpack"` with the extra `hbot[msgpack]`.
+        encoding: `"json"`, or `"msgpack"` with the extra `msgpack`.
         timeout: longest time to connect, and to wait for an answer or for a state, s.
         on_event: called for each event, in a separate thread. Without it, `Rig.events` returns
             them.

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from .connection import Connection
-from .errors import Faulted, NotHolder
+from .errors import Faulted
 from .events import State
 from .ops import torque as torque_request
+
+_LOG = logging.getLogger("hbot")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,17 +71,16 @@ class Rendering:
             Faulted: the rig is in a fault or an emergency stop.
         """
         if not self._connection.holds_lease:
-            holder = self._connection.lost_lease_to
-            message = (
-                "this client does not hold the lease"
-                if holder is None
-                else f"{holder} has taken the lease"
-            )
-            raise NotHolder(message, op="render", holder=holder)
+            raise self._connection.not_holder("render", self._connection.lost_lease_to)
         if state.mode in ("fault", "estop"):
             raise Faulted(
                 f"the rig is in mode {state.mode}: {state.fault or 'somebody stopped it'}",
                 op="render",
+            )
+        if self._calls == 0 and state.mode not in ("enabling", "active"):
+            _LOG.warning(
+                "render: the rig is in mode %s and makes no torque: call rig.enable() first",
+                state.mode,
             )
         if self._end is None and self._duration is not None:
             self._end = state.tick + round(self._duration * self._connection.hello.rate_hz)

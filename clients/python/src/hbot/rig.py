@@ -267,7 +267,8 @@ class Rig:
     ) -> Rendered:
         """Compute torques from states and stream them.
 
-        Needs the lease; the rig must be enabled to feel it.
+        Needs the lease; the rig must be enabled to feel it. If it is not when this begins, the
+        logger `hbot` logs a warning.
 
         The function always gets the newest state. If it is slow, older states are skipped and
         counted. The torque ends by itself `valid_ms` after the last message (and 20 ms of ramp),

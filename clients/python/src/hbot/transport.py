@@ -66,7 +66,9 @@ class Transport:
             self._socket = socket.create_connection((self.host, port), timeout=timeout)
         except OSError as error:
             raise NoServer(
-                f"no connection to {address}: {error}. Does the server run there?"
+                f"no connection to {address}: {error}. Start a server with `hbot server` "
+                "(`cargo run server` in the project's folder), or name another address, for "
+                "example in the variable HBOT_SERVER"
             ) from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._send_lock = threading.Lock()

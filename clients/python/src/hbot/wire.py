@@ -112,10 +112,8 @@ class Splitter:
 def _msgpack() -> Any:
     try:
         import msgpack
-    except ImportError:
-        raise MissingExtra(
-            'encoding="msgpack" needs a package: pip install "hbot[msgpack]"'
-        ) from None
+    except ImportError as missing:
+        raise MissingExtra.of('encoding="msgpack"', "msgpack", missing) from missing
     return msgpack
 
 

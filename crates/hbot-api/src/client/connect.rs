@@ -3,8 +3,8 @@
 use super::tls::ALERT;
 use super::{Client, ClientError, Stream, Trust, new_splitter, read_piece};
 use crate::{
-    DEFAULT_PORT, Encoding, Hello, HelloOk, Id, Op, OpName, PROTOCOL_VERSION, Request, Response,
-    ServerMessage, Token,
+    DEFAULT_PORT, Encoding, Hello, HelloOk, Id, Mode, ModeOk, Op, OpName, PROTOCOL_VERSION, Request,
+    Response, ServerMessage, Token,
 };
 use serde_json::Value;
 use std::collections::VecDeque;
@@ -65,6 +65,34 @@ impl Client {
     ///
     /// Fails like [`connect`](Self::connect).
     pub fn connect_with(address: &str, options: &ConnectOptions) -> Result<Self, ClientError> {
+        Self::greet(address, options, None)
+    }
+
+    /// Performs an emergency stop of the rig at `address` with a connection of its own. The stop is
+    /// sent together with the hello, so it does not wait for the answer to the hello. A server that
+    /// is suspended reads both when it runs again, even if this call has failed meanwhile. Only if
+    /// the server encrypts, the stop has to wait for the TLS handshake. The messages are JSON,
+    /// whatever [`encoding`](ConnectOptions::encoding) says. Returns the mode from the next tick
+    /// on.
+    ///
+    /// # Errors
+    ///
+    /// Fails like [`connect`](Self::connect), and with [`ClientError::Timeout`] if the server does
+    /// not confirm the stop in time. After any error nobody knows whether the rig stops: cut the
+    /// motors' power.
+    pub fn estop_at(address: &str, options: &ConnectOptions) -> Result<Mode, ClientError> {
+        let deadline = Instant::now() + options.timeout;
+        let options = ConnectOptions { encoding: Encoding::Json, ..options.clone() };
+        let id = Id::Integer(1);
+        let stop = Request { id: Some(id.clone()), op: Op::Estop };
+        let mut client = Self::greet(address, &options, Some(&stop))?;
+        let answer = client.answer(&id, OpName::Estop.as_str(), deadline)?;
+        typed(answer).map(|ModeOk { mode }| mode)
+    }
+
+    /// Connects, and sends the hello and the request `first`, if any, together. Returns when the
+    /// hello is answered. `first` is in JSON, so it needs `options` with this encoding.
+    fn greet(address: &str, options: &ConnectOptions, first: Option<&Request>) -> Result<Self, ClientError> {
         let deadline = Instant::now() + options.timeout;
         let stream = open(address, options.timeout)?;
         let configure = |stream: &TcpStream| {
@@ -89,6 +117,9 @@ impl Client {
         });
         let mut out = Vec::new();
         Encoding::Json.encode(&Request { id: Some(Id::Integer(0)), op }, &mut out)?;
+        if let Some(first) = first {
+            Encoding::Json.encode(first, &mut out)?;
+        }
         stream.send(&out).map_err(ClientError::from_io)?;
         if let Stream::Plain(socket) = &stream {
             answers_plainly(socket, deadline)?;

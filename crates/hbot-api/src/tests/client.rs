@@ -248,6 +248,35 @@ fn a_server_that_says_nothing_or_nonsense_is_told_apart() {
 }
 
 #[test]
+fn a_stop_does_not_wait_for_the_answer_to_hello() {
+    let (address, server) = serve(|mut peer| [peer.request(), peer.request()]);
+    let silent = Client::estop_at(&address, &options(Encoding::Msgpack, Duration::from_millis(50)));
+    let [hello, stop] = server.join().unwrap().map(|request| request.unwrap().op);
+    assert!(matches!(hello, Op::Hello(Hello { encoding: Encoding::Json, .. })), "{hello:?}");
+    assert!(matches!(stop, Op::Estop), "{stop:?}");
+    // The server closes the connection when it has read both, perhaps before the time is up.
+    assert!(matches!(silent, Err(ClientError::Timeout { what: "hello", .. } | ClientError::Closed)));
+
+    let (address, server) = serve(|mut peer| {
+        peer.welcome();
+        let id = peer.request().unwrap().id;
+        peer.send(&Event::State(samples::state()));
+        peer.send(&Response::ok(id, json!({"mode": "estop"})));
+    });
+    assert_eq!(Client::estop_at(&address, &options(Encoding::Json, SOON)).unwrap(), Mode::Estop);
+    server.join().unwrap();
+
+    let (address, server) = serve(|mut peer| {
+        peer.welcome();
+        // Keeps the connection open until the client has given up.
+        [peer.request(), peer.request()]
+    });
+    let error = Client::estop_at(&address, &options(Encoding::Json, Duration::from_secs(1))).unwrap_err();
+    assert!(matches!(error, ClientError::Timeout { what: "estop", .. }), "{error}");
+    server.join().unwrap();
+}
+
+#[test]
 fn what_is_not_finite_is_not_sent() {
     let (address, server) = serve(|mut peer| {
         peer.welcome();

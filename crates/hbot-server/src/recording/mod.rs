@@ -83,14 +83,19 @@ impl Counts {
         self.viewers_dropped.load(Ordering::Relaxed)
     }
 
-    /// Counts a file that has ended, whether its end could be written or not. A file that is not
-    /// there any more is not counted.
-    fn end_file(&self, path: &Path) {
+    /// Counts a file that has ended. `complete` says whether it was written to its end. A file that
+    /// is not there any more is not counted.
+    fn end_file(&self, path: &Path, complete: bool) {
         let Ok(found) = std::fs::metadata(path) else { return };
         let mut files = unpoisoned(&self.files);
-        files.count += 1;
-        files.bytes += found.len();
-        files.last = path.to_owned();
+        if complete {
+            files.count += 1;
+            files.bytes += found.len();
+            files.last = path.to_owned();
+        } else {
+            files.cut_short += 1;
+            files.last_cut_short = path.to_owned();
+        }
     }
 
     /// Returns the files that have ended.
@@ -119,12 +124,16 @@ pub struct Recorded {
 /// The files of a recording that have ended.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FilesWritten {
-    /// Number of files.
+    /// Number of files that were written to their end.
     pub count: u64,
-    /// Size of all files, bytes.
+    /// Size of all these files, bytes.
     pub bytes: u64,
     /// The last of them. Empty if there is none.
     pub last: PathBuf,
+    /// Number of files that were begun and could not be written to their end.
+    pub cut_short: u64,
+    /// The last of those. Empty if there is none.
+    pub last_cut_short: PathBuf,
 }
 
 /// A note of the service for the recorder's thread.
@@ -310,6 +319,18 @@ impl Recording {
         }
         self.first.is_some().then(|| self.notes.counts.now())
     }
+}
+
+/// Returns the text of an error with its causes. Errors of the MCAP library do not name them: the
+/// reason that the system gives is only in the causes.
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        text = format!("{text}: {cause}");
+        next = cause.source();
+    }
+    text
 }
 
 /// Returns the names of the joints, in the order steer, drive of each wheel.

@@ -12,7 +12,7 @@ use mcap::McapError;
 
 use super::file::{Counting, Files};
 use super::tap::Entry;
-use super::{Counts, SceneNote};
+use super::{Counts, SceneNote, with_causes};
 
 /// Time after which everything that was recorded is passed to the operating system. After a kill,
 /// at most this time is missing.
@@ -196,7 +196,7 @@ impl Output {
         if let Some(Open { path, writer, .. }) = self.file.take() {
             // The file is complete after it is dropped.
             let finished = writer.finish().map(drop);
-            self.counts.end_file(&path);
+            self.counts.end_file(&path, finished.is_ok());
             match finished {
                 Ok(()) => tracing::info!(path = %path.display(), "recording written"),
                 Err(error) => self.failed(&path, &error),
@@ -214,7 +214,7 @@ impl Output {
                     // Nobody knows how many of these ticks are in the file.
                     self.counts.written.fetch_sub(file.unflushed, Ordering::Relaxed);
                     self.miss(file.unflushed);
-                    self.counts.end_file(&file.path);
+                    self.counts.end_file(&file.path, false);
                     self.failed(&file.path, &error);
                 }
                 None
@@ -225,6 +225,7 @@ impl Output {
     fn failed(&mut self, path: &Path, error: &McapError) {
         self.failed_at = Some(Instant::now());
         self.counts.failed_files.fetch_add(1, Ordering::Relaxed);
+        let error = with_causes(error);
         tracing::warn!(path = %path.display(), %error, "the recording cannot be written; the server goes on without it");
     }
 }

@@ -154,7 +154,8 @@ fn a_new_file_begins_at_the_limit_and_replays_without_the_one_before() {
         let (files, mut next) = (files(folder.path()), 0);
         let bytes = files.iter().map(|path| path.metadata().unwrap().len()).sum();
         let (count, last) = (files.len() as u64, files.last().unwrap().clone());
-        assert_eq!((first, counts.files()), (files[0].clone(), FilesWritten { count, bytes, last }));
+        let written = FilesWritten { count, bytes, last, ..FilesWritten::default() };
+        assert_eq!((first, counts.files()), (files[0].clone(), written));
         assert!(files.len() >= 3, "{limit:?}: {files:?}");
         for path in &files {
             let report = replayed(path);
@@ -214,4 +215,26 @@ fn a_file_that_is_deleted_while_it_is_recorded_is_followed_by_another() {
     let files = files(folder.path());
     assert!(files.len() == 1 && files[0] != pulled[0], "{files:?}");
     assert!(replayed(&files[0]).is_exact());
+}
+
+#[test]
+fn a_file_that_is_cut_short_is_not_among_those_that_are_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, cut, gone] = ["whole", "cut", "gone"].map(|name| folder.path().join(name));
+    std::fs::write(&whole, "1234").unwrap();
+    std::fs::write(&cut, "12").unwrap();
+    let counts = Counts::default();
+    counts.end_file(&whole, true);
+    counts.end_file(&cut, false);
+    counts.end_file(&gone, false);
+    let wanted = FilesWritten { count: 1, bytes: 4, last: whole, cut_short: 1, last_cut_short: cut };
+    assert_eq!(counts.files(), wanted);
+}
+
+#[test]
+fn an_error_of_a_recording_names_the_reason_that_the_system_gives() {
+    let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
+    let reason = full.to_string();
+    let told = with_causes(&mcap::McapError::Io(full));
+    assert!(told.ends_with(&format!(": {reason}")), "{told}");
 }

@@ -14,7 +14,7 @@ use super::file::Files;
 use super::memory::{FlightNote, Memory};
 use super::output::{Law, Output, Rendered};
 use super::tap::{Drain, Entry};
-use super::{Counts, Note, SceneNote, Unsent, unpoisoned};
+use super::{Counts, Note, SceneNote, Unsent, unpoisoned, with_causes};
 use crate::live::Feed;
 use crate::service::convert;
 
@@ -186,7 +186,10 @@ impl Scribe {
                 let path = flight.path.display();
                 match copy.write(&flight, &about, unix_ns) {
                     Ok(()) => tracing::info!(%path, "recording of the flight log written"),
-                    Err(error) => tracing::warn!(%path, %error, "no recording of the flight log"),
+                    Err(error) => {
+                        let error = with_causes(&error);
+                        tracing::warn!(%path, %error, "no recording of the flight log");
+                    }
                 }
             };
             match std::thread::Builder::new().name("hbot-flight".to_owned()).spawn(write) {

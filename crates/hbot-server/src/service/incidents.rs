@@ -49,6 +49,11 @@ impl Incidents {
         }
     }
 
+    /// Returns whether the rig is simulated.
+    pub(super) const fn is_simulated(&self) -> bool {
+        self.simulated
+    }
+
     /// Records the phenomena that the simulated rig shows from now on, so that a message about a
     /// fault can name those that cause it.
     pub(super) fn show(&mut self, simulate: &Simulate) {

@@ -142,6 +142,7 @@ fn render(config: &RigConfig) -> Option<RenderInfo> {
         damping: USUAL_DAMPING,
         stiffness_stable: expected.stable(USUAL_DAMPING),
         stiffness_most,
+        damping_most: expected.most_damping(),
     })
 }
 

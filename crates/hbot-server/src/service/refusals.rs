@@ -2,29 +2,33 @@
 
 use hbot_api::{ErrorBody, ErrorCode, OpName};
 use hbot_core::Rig;
-use hbot_core::mode::Obstacle;
+use hbot_core::mode::{Cause, Obstacle};
 use hbot_core::outputs::Refusal;
 
 use super::convert;
+use hbot_host::sample::Sample;
 
-/// Returns the error message for a client whose request `op` the loop has refused. `effect` returns
-/// the id of the effect in a slot of the scene. `earlier_hand` is the name of the earlier scene
-/// whose hand still moves the simulated rig, if there is one.
+/// Returns the error message for a client whose request `op` the loop has refused in the tick of
+/// `sample`. `simulated` says whether the rig is simulated. `effect` returns the id of the effect
+/// in a slot of the scene. `earlier_hand` is the name of the earlier scene whose hand still moves
+/// the simulated rig, if there is one.
 pub(super) fn refusal<'a>(
     op: &str,
     refusal: Refusal,
     rig: &Rig,
+    (sample, simulated): (&Sample, bool),
     effect: impl FnOnce(u8) -> Option<&'a str>,
     earlier_hand: Option<&str>,
 ) -> ErrorBody {
     let limits = &rig.limits;
     let (code, message) = match refusal {
         Refusal::Mode(Obstacle::Faulted(cause)) => {
-            let cause = convert::fault(cause);
+            let name = convert::fault(cause);
             let message = if op == OpName::Reset.as_str() {
-                format!("op {op}: the cause of fault {cause} is still there: remove it first")
+                let remedy = still_there(cause, sample, rig, simulated);
+                format!("op {op}: the cause of fault {name} is still there: {remedy}")
             } else {
-                format!("op {op}: the rig is in fault {cause}: remove its cause and reset first")
+                format!("op {op}: the rig is in fault {name}: remove its cause and reset first")
             };
             (ErrorCode::Faulted, message)
         }
@@ -75,4 +79,54 @@ pub(super) fn refusal<'a>(
         ),
     };
     ErrorBody::new(code, message)
+}
+
+/// Says what is known in the tick of `sample` about a cause that is still there, and what removes
+/// it.
+fn still_there(cause: Cause, sample: &Sample, rig: &Rig, simulated: bool) -> String {
+    if cause != Cause::Overspeed {
+        return "remove it first".to_owned();
+    }
+    let limit = rig.limits.speed;
+    let what = match sample.state.omega.length() {
+        speed if speed > limit => {
+            format!("the sphere turns at {speed:.3} rad/s; the limit is {limit} (limits.speed)")
+        }
+        _ => format!(
+            "by its encoders' counts the sphere turned faster than {limit} rad/s (limits.speed) over 25 ms"
+        ),
+    };
+    let remedy = if simulated {
+        "If it spins on freely, load a scene whose hand holds the sphere: `hand = {}` in its table [simulate]"
+    } else {
+        "Stop the sphere first"
+    };
+    format!("{what}. {remedy}")
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_config::RigConfig;
+    use hbot_core::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn a_reset_that_overspeed_prevents_says_how_fast_the_sphere_turns() {
+        let rig = RigConfig::prototype().rig;
+        let told = |cause, speed, simulated| {
+            let mut sample = crate::still::still(7);
+            sample.state.omega = Vec3::new(0.0, speed, 0.0);
+            let refused = Refusal::Mode(Obstacle::Faulted(cause));
+            refusal("reset", refused, &rig, (&sample, simulated), |_| None, None).message
+        };
+        let fast = told(Cause::Overspeed, 45.25, true);
+        assert!(fast.contains("fault overspeed is still there: the sphere turns at 45.250 rad/s"), "{fast}");
+        assert!(fast.contains(&format!("the limit is {} (limits.speed)", rig.limits.speed)), "{fast}");
+        assert!(fast.ends_with("whose hand holds the sphere: `hand = {}` in its table [simulate]"), "{fast}");
+        let real = told(Cause::Overspeed, 45.25, false);
+        assert!(real.ends_with("Stop the sphere first") && !real.contains("scene"), "{real}");
+        assert!(told(Cause::Overspeed, 0.0, false).contains("by its encoders' counts"));
+        assert!(told(Cause::Thermal, 45.25, true).ends_with("is still there: remove it first"));
+    }
 }

@@ -322,7 +322,7 @@ fn keeps(name: &str, simulate: &Simulate) -> String {
     let all = if all.is_empty() { "no hand and no other phenomenon".to_owned() } else { all.join(", ") };
     format!(
         "simulate: this scene has no such table, so the simulated rig keeps that of the scene {name:?}: {all}. \
-         A table with `hand = {{}}` alone gives back the default hand on an ideal rig"
+         A table with `hand = {{}}` alone gives back the default hand on an ideal rig, which holds the sphere where it is then"
     )
 }
 

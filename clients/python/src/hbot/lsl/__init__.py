@@ -1,4 +1,4 @@
-"""Publishes states and markers as streams of the Lab Streaming Layer (LSL). Needs `hbot[lsl]`.
+"""Publishes states and markers as streams of the Lab Streaming Layer (LSL). Needs the extra `lsl`.
 
     python -m hbot.lsl 127.0.0.1:4268
 

@@ -36,8 +36,8 @@ def library() -> Any:
     """
     try:
         import pylsl
-    except (ImportError, RuntimeError) as error:
-        raise MissingExtra(f'LSL needs a package: pip install "hbot[lsl]" ({error})') from error
+    except (ImportError, RuntimeError) as missing:
+        raise MissingExtra.of("hbot.lsl", "lsl", missing) from missing
     return pylsl
 
 

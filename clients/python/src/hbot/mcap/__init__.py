@@ -1,4 +1,4 @@
-"""Turns a recording (MCAP) into arrays of numpy. Needs `hbot[mcap]`.
+"""Turns a recording (MCAP) into arrays of numpy. Needs the extra `mcap`.
 
     recording = hbot.mcap.read("run.mcap", topics=["/hbot/state"])
     state = recording["/hbot/state"]
@@ -13,8 +13,6 @@ from ..errors import MissingExtra
 try:
     from .reading import Gap, Recording, read
 except ImportError as missing:
-    raise MissingExtra(
-        f'hbot.mcap needs packages ({missing}): pip install "hbot[mcap]"'
-    ) from missing
+    raise MissingExtra.of("hbot.mcap", "mcap", missing) from missing
 
 __all__ = ["Gap", "Recording", "read"]

@@ -84,6 +84,11 @@ class Recording(Mapping[str, Mapping[str, Array]]):
         """Return the number of topics."""
         return len(self.topics)
 
+    def __repr__(self) -> str:
+        """Return the number of messages of each topic, without the arrays."""
+        counts = [f"{name}: {len(arrays['t'])}" for name, arrays in self.topics.items()]
+        return f"Recording({', '.join(counts)})"
+
 
 def read(
     path: str | os.PathLike[str],

@@ -73,7 +73,8 @@ impl Hub {
                     Some(Reply::Refused(refused)) => {
                         let effect = |slot| self.scenes.id_at(slot);
                         let hand = self.scenes.earlier_hand();
-                        let reason = refusal(what, refused, &self.rig.rig, effect, hand).message;
+                        let at = (sample, self.incidents.is_simulated());
+                        let reason = refusal(what, refused, &self.rig.rig, at, effect, hand).message;
                         tracing::warn!("{what}: refused: {reason}");
                     }
                     _ => tracing::info!(tick = sample.state.tick, "{what}: done"),
@@ -85,7 +86,8 @@ impl Hub {
             Some(Reply::Refused(refused)) => {
                 let effect = |slot| self.scenes.id_at(slot);
                 let hand = self.scenes.earlier_hand();
-                let error = refusal(op.as_str(), refused, &self.rig.rig, effect, hand);
+                let at = (sample, self.incidents.is_simulated());
+                let error = refusal(op.as_str(), refused, &self.rig.rig, at, effect, hand);
                 self.refuse(session, id, Some(op), error);
             }
             // A stream message without an id gets no answer.

@@ -350,6 +350,9 @@ fn info_and_stats_have_their_shape() {
     assert!((render.stiffness_stable - render.damping / 2.0e-3).abs() < 1e-9, "{render:?}");
     let most = 0.146_457e6 * render.inertia;
     assert!((render.stiffness_most / most - 1.0).abs() < 1e-5, "{render:?}");
+    // The damping that a torque one tick late, with this lag, can have at most is 0.880 J/h.
+    let most = 0.8800e3 * render.inertia;
+    assert!((render.damping_most / most - 1.0).abs() < 1e-3, "{render:?}");
     assert!(info.kind("spring").is_some() && info.phenomena.is_none());
     assert_eq!(info.scene["name"], "Spring");
     assert_eq!(info.lease, Some(LeaseInfo::default()));
