@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow, bail};
+use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::{CommandFactory as _, Parser, ValueEnum};
 use eframe::egui;
 use hbot_api::Trust;
@@ -43,7 +44,7 @@ struct Args {
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x800", value_parser = size)]
     size: [f32; 2],
     /// Save a picture of the window as a PNG file, then exit
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = PathBufValueParser::new().try_map(png))]
     picture: Option<PathBuf>,
     /// Time from the start until the picture is taken
     #[arg(long, value_name = "SECONDS", default_value_t = 5, requires = "picture", value_parser = clap::value_parser!(u64).range(0..=3600))]
@@ -74,6 +75,43 @@ fn size(text: &str) -> Result<[f32; 2], String> {
     parts
         .filter(|[w, h]: &[f32; 2]| (LEAST[0]..=10_000.0).contains(w) && (LEAST[1]..=10_000.0).contains(h))
         .ok_or_else(|| "WIDTHxHEIGHT from 900x600 to 10000x10000".to_owned())
+}
+
+fn png(path: PathBuf) -> Result<PathBuf, String> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        Ok(path)
+    } else {
+        Err("the picture is a PNG file, so its name must end in .png".to_owned())
+    }
+}
+
+/// What helps if there is no display on which the window can open.
+const WITHOUT_DISPLAY: &str = "Start the panel on a desktop. Over ssh, use `ssh -X`, or start the panel on the computer where you \
+     sit, with --server. Without a window, `hbot watch` shows the state in a terminal";
+
+/// Returns the display on which the window opens, as the environment variable that names it.
+/// Wayland comes first, as in the library that opens the window.
+fn display() -> Option<String> {
+    ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"].into_iter().find_map(|name| {
+        let value = std::env::var_os(name).filter(|value| !value.is_empty())?;
+        Some(format!("{name}={}", value.to_string_lossy()))
+    })
+}
+
+/// Explains why there is no window.
+fn no_window(error: &eframe::Error) -> anyhow::Error {
+    let text = match error {
+        eframe::Error::WinitEventLoop(error) => error.to_string(),
+        _ => String::new(),
+    };
+    // An error of the system begins with a line of the library's own source text.
+    let why = text.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
+    match (why, display()) {
+        (Some((_, why)), Some(display)) => {
+            anyhow!("cannot open a window on {display}: {why}. {WITHOUT_DISPLAY}")
+        }
+        _ => anyhow!("no window: {error}"),
+    }
 }
 
 /// The window with the panel, as an application of the library eframe.
@@ -131,9 +169,8 @@ fn print_man_page() -> anyhow::Result<()> {
 
 fn run(args: Args) -> anyhow::Result<()> {
     let trust = args.ca.as_deref().map(Trust::from_file).transpose().context("--ca")?;
-    let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    if cfg!(target_os = "linux") && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].into_iter().any(set) {
-        bail!("no display: set DISPLAY or WAYLAND_DISPLAY. `hbot watch` shows the state in a terminal");
+    if cfg!(target_os = "linux") && display().is_none() {
+        bail!("no display: neither DISPLAY nor WAYLAND_DISPLAY is set. {WITHOUT_DISPLAY}");
     }
     let token = match &args.token_file {
         Some(file) => {
@@ -172,13 +209,25 @@ fn run(args: Args) -> anyhow::Result<()> {
             Ok(Box::new(App { panel, picture, failed }))
         }),
     )
-    .map_err(|error| anyhow!("no window: {error}"))?;
+    .map_err(|error| no_window(&error))?;
     why.try_recv().map_or(Ok(()), Err)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_picture_is_a_png_file() {
+        let parsed = |name| Args::try_parse_from(["hbot-gui", "--picture", name]);
+        for name in ["x.png", "folder/X.PNG"] {
+            assert_eq!(parsed(name).expect(name).picture, Some(PathBuf::from(name)));
+        }
+        for name in ["x.jpg", "x", ".png"] {
+            let error = parsed(name).expect_err(name).to_string();
+            assert!(error.contains("the picture is a PNG file, so its name must end in .png"), "{error}");
+        }
+    }
 
     #[test]
     fn server_and_token_come_from_the_variables_that_commands_read() {

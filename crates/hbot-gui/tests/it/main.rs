@@ -9,5 +9,6 @@ mod identity;
 mod joints;
 mod plots;
 mod scene;
+mod start;
 mod states;
 mod window;
