@@ -260,7 +260,13 @@ macro_rules! kinds {
                 }
             }
 
-            pub(crate) fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
+            /// Returns the angle between the orientation `q` and the nearest orientation at which
+            /// the effect is at rest, rad. `desired` is the effect's reference, and `numbers` is
+            /// its list of numbers, such as the angles of notches. Returns `None` for kinds whose
+            /// torque does not grow with this angle. The rig refuses `enable` if the angle is
+            /// above `enable_max_angle`.
+            #[must_use]
+            pub fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
                 match self {
                     $(Self::$name(law) => law.excess(desired, q, numbers)),*
                 }

@@ -49,6 +49,11 @@ impl Model {
         self.simulated.map(|simulated| if simulated { "SIMULATED" } else { "LIVE" })
     }
 
+    /// Returns whether the server has said that its rig is simulated.
+    pub(crate) fn is_simulated(&self) -> bool {
+        self.simulated == Some(true)
+    }
+
     /// Returns the title of the window.
     pub(crate) fn title(&self) -> String {
         match self.badge() {

@@ -151,6 +151,12 @@ impl Model {
         self.is_online() && self.state.is_some() && self.silent_for().is_none()
     }
 
+    /// Returns whether the user can rely on what the window shows: it is live, and no stop of the
+    /// user is unconfirmed.
+    pub(crate) fn is_certain(&self) -> bool {
+        self.is_live() && self.unconfirmed_stop().is_none()
+    }
+
     /// Returns whether the user can command the rig: the panel is connected, the server is not
     /// silent, and no other client holds the lease.
     pub(crate) fn may_command(&self) -> bool {

@@ -95,10 +95,13 @@ impl Scene {
         self.file.as_ref().map_or(&[], SceneFile::effects)
     }
 
-    /// Returns whether the first effect with a reference is anchored where the sphere is at enable.
-    pub(crate) fn is_placed_here(&self) -> bool {
-        let first = self.laws().iter().find_map(|effect| effect.kind().reference());
-        matches!(first, Some((_, Anchor::Here)))
+    /// Returns the first effect with a reference, and the anchor of this reference. `None` if there
+    /// is no such effect, or if the panel does not know the laws of the scene.
+    pub(crate) fn first_reference(&self) -> Option<(&SceneEffect, Anchor)> {
+        self.laws().iter().find_map(|effect| {
+            let (_, anchor) = effect.kind().reference()?;
+            Some((effect, anchor))
+        })
     }
 
     /// Returns the longest time in which an effect of the scene fades in or out, s.

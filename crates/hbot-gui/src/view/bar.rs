@@ -82,16 +82,15 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
             _ => intents.push(intent),
         }
     }
-    let text = match &model.lease {
+    let (text, color) = match &model.lease {
         _ if !model.is_online() => return,
-        Lease::Mine => RichText::new("you command").color(palette.good),
-        Lease::Free => RichText::new("nobody commands"),
-        Lease::Unknown => RichText::new("watching"),
-        Lease::Other(holder) => {
-            RichText::new(format!("observer: {} commands", person(holder))).color(palette.warn)
-        }
+        Lease::Mine => ("you command".to_owned(), palette.good),
+        Lease::Free => ("nobody commands".to_owned(), ui.visuals().text_color()),
+        Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
+        Lease::Other(holder) => (format!("observer: {} commands", person(holder)), palette.warn),
     };
-    ui.add(egui::Label::new(text).truncate());
+    let color = if model.is_certain() { color } else { palette.weak };
+    ui.add(egui::Label::new(RichText::new(text).color(color)).truncate());
 }
 
 /// Asks whether the user really wants to take the lease from a client whose scene pushes now. The

@@ -3,6 +3,7 @@
 
 use eframe::egui::{Button, Ui, vec2};
 use hbot_api::Mode;
+use hbot_core::effects::Anchor;
 
 use super::theme::{Palette, coloured, weak};
 use crate::model::Model;
@@ -12,10 +13,14 @@ use crate::net::{Intent, Lease};
 /// How far the sphere is from where the scene would pull it after `enable`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Distance {
-    /// The angle to the scene's reference, rad, is at most what the rig allows.
+    /// The angle to where the first effect with a reference is at rest, rad, is at most what the
+    /// rig allows.
     Near(f64),
-    /// The angle to the scene's reference, rad, is more than the rig allows.
+    /// This angle, rad, is more than the rig allows.
     Far(f64),
+    /// The rig does not limit the angle to the scene's reference, rad, or the panel does not know
+    /// the law of the effect.
+    Free(f64),
     /// The scene is placed where the sphere is then.
     Here,
     /// No effect of the scene has a reference.
@@ -31,22 +36,30 @@ impl Distance {
         let Some(state) = &model.state else {
             return if model.is_online() { Self::NoState } else { Self::NoConnection };
         };
-        let Some(reference) = state.reference else { return Self::None };
-        if model.scene.is_placed_here() {
+        let Some(reference) = state.reference.map(quaternion) else { return Self::None };
+        let q = quaternion(state.q);
+        let first = model.scene.first_reference();
+        if matches!(first, Some((_, Anchor::Here))) {
             return Self::Here;
         }
-        let angle = quaternion(reference).angle_between(quaternion(state.q));
-        if angle <= model.info.limits.enable_max_angle { Self::Near(angle) } else { Self::Far(angle) }
+        // The server reports the reference of the first effect only, and refuses by this angle.
+        match first.and_then(|(effect, _)| effect.kind().excess(reference, q, effect.numbers())) {
+            Some(angle) if angle <= model.info.limits.enable_max_angle => Self::Near(angle),
+            Some(angle) => Self::Far(angle),
+            None => Self::Free(reference.angle_between(q)),
+        }
     }
 
-    fn in_words(self, allowed: f64, stopped: bool) -> String {
+    /// Says it in few words. `at_rest` is whether the user can reset or enable next.
+    fn in_words(self, allowed: f64, at_rest: bool) -> String {
         match self {
-            Self::Far(angle) if stopped => {
+            Self::Far(angle) if at_rest => {
                 format!("{angle:.2} rad from reference: turn to within {allowed:.2}")
             }
             Self::Near(angle) | Self::Far(angle) => {
                 format!("{angle:.2} rad from reference (enable: up to {allowed:.2})")
             }
+            Self::Free(angle) => format!("{angle:.2} rad from reference"),
             Self::Here => "The scene begins where the sphere is.".to_owned(),
             Self::None => "No reference: nothing pulls at once.".to_owned(),
             Self::NoConnection => "Distance: not known without a connection.".to_owned(),
@@ -64,27 +77,48 @@ pub(crate) fn way_on(model: &Model) -> &'static str {
     }
 }
 
+/// Returns why the server would refuse to enable now because of the distance, and what to do about
+/// it. Returns `None` if the panel knows no such reason.
+pub(crate) fn refusal(model: &Model) -> Option<String> {
+    let Distance::Far(angle) = Distance::of(model) else { return None };
+    let (effect, _) = model.scene.first_reference()?;
+    let (id, allowed) = (effect.id(), model.info.limits.enable_max_angle);
+    let otherwise = if model.is_simulated() {
+        format!(", or set its anchor to here: in the tab Scene, or by `hbot set {id} anchor=here`")
+    } else {
+        String::new()
+    };
+    Some(format!(
+        "The sphere is {angle:.3} rad from the reference of {id}. The rig enables it within {allowed} rad: turn the sphere \
+         nearer to the reference{otherwise}."
+    ))
+}
+
 /// Draws the button and the distance, in all modes at the same place. The distance is grey if it
 /// may be old.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let distance = Distance::of(model);
     let stopped = matches!(model.mode(), Some(Mode::Fault | Mode::Estop));
-    let enabled = model.may_command() && stopped && !matches!(distance, Distance::Far(_));
-    let hint = "Reset and Enable in one step, with a soft start of half a second. The sphere must be near the reference";
+    let at_rest = stopped || model.mode() == Some(Mode::Idle);
+    let refusal = refusal(model).filter(|_| stopped);
+    let enabled = model.may_command() && stopped && refusal.is_none();
+    let hint = refusal.as_deref().unwrap_or(
+        "Reset and Enable in one step, with a soft start of half a second. The sphere must be near the reference",
+    );
     ui.horizontal(|ui| {
         let button = Button::new("Recover").min_size(vec2(76.0, 34.0));
         let response = ui.add_enabled(enabled, button).on_hover_text(hint);
         if response.on_disabled_hover_text(hint).clicked() {
             intents.push(Intent::Recover);
         }
-        let text = distance.in_words(model.info.limits.enable_max_angle, stopped);
+        let text = distance.in_words(model.info.limits.enable_max_angle, at_rest);
         // The text has two lines of room beside the button, whatever it says.
         ui.allocate_ui(vec2(ui.available_width(), 34.0), |ui| {
             if !model.is_live() {
                 ui.disable();
             }
             match distance {
-                Distance::Far(_) if stopped => coloured(ui, Palette::of(ui).warn, text),
+                Distance::Far(_) if at_rest => coloured(ui, Palette::of(ui).warn, text),
                 _ => weak(ui, text),
             }
         });
@@ -112,8 +146,8 @@ mod tests {
     #[test]
     fn the_distance_is_that_which_enable_allows() {
         let Distance::Near(near) = Distance::of(&model(0.3, "absolute")) else { panic!("not near") };
-        // The arc cosine has the square root of the rounding of its argument.
-        assert!((near - 0.3).abs() < 1e-7, "{near}");
+        // The tolerance is for rounding.
+        assert!((near - 0.3).abs() < 1e-12, "{near}");
         assert!(matches!(Distance::of(&model(0.6, "absolute")), Distance::Far(_)));
         assert_eq!(Distance::of(&model(0.6, "here")), Distance::Here);
         let mut free = model(0.6, "absolute");
@@ -121,6 +155,28 @@ mod tests {
         assert_eq!(Distance::of(&free), Distance::None);
         free.state = None;
         assert_eq!(Distance::of(&free), Distance::NoConnection);
+    }
+
+    #[test]
+    fn the_distance_is_that_by_which_the_server_refuses() {
+        let of = |effect: serde_json::Value| {
+            let mut model = model(0.8, "absolute");
+            model.scene.take(&json!({"name": "S", "effect": [effect]}));
+            (Distance::of(&model), refusal(&model))
+        };
+        // The sphere has turned about the first axis, which this guide leaves free.
+        let (free, refused) = of(json!({"id": "g", "kind": "guide", "axis": [1, 0, 0]}));
+        assert!(matches!(free, Distance::Near(angle) if angle < 1e-7), "{free:?}");
+        assert_eq!(refused, None);
+        let (held, refused) = of(json!({"id": "g", "kind": "guide", "axis": [0, 0, 1]}));
+        assert!(matches!(held, Distance::Far(_)), "{held:?}");
+        assert!(refused.expect("refused").contains("0.800 rad from the reference of g"));
+        // A magnet pulls little from far away, so no distance is refused.
+        let (magnet, refused) = of(json!({"id": "m", "kind": "magnet"}));
+        assert!(matches!(magnet, Distance::Free(angle) if (angle - 0.8).abs() < 1e-7), "{magnet:?}");
+        assert_eq!((refused, magnet.in_words(0.5, true).as_str()), (None, "0.80 rad from reference"));
+        // A kind that the panel does not know.
+        assert!(matches!(of(json!({"id": "n", "kind": "new"})), (Distance::Free(_), None)));
     }
 
     #[test]

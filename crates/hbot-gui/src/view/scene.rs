@@ -71,8 +71,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     save(ui, model, &mut desk.shelf, acts);
 }
 
-/// Draws the name of the scene, and beside it which button lets an observer change the scene. A name
-/// that is too long for its line is shortened, so that nothing below it moves when the words come.
+/// Draws the name of the scene, and beside it which button lets an observer change the scene. A
+/// name that is too long for its line is shortened, so that nothing below it moves when the words
+/// come.
 fn title(ui: &mut Ui, model: &Model) {
     ui.add_space(2.0);
     ui.horizontal(|ui| {

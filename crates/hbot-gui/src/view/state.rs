@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Button, RichText, Role, ScrollArea, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use hbot_api::{Fault, Mode};
+use hbot_api::{Fault, Mode, StateEvent};
 
 use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
@@ -43,7 +43,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
     status(ui, model, palette);
-    ui.add_enabled_ui(model.is_live(), |ui| meters(ui, model, palette));
+    ui.add_enabled_ui(model.is_certain(), |ui| meters(ui, model, palette));
 }
 
 /// Draws what the rig does now, and what the user must know about it. The box has a fixed height,
@@ -79,14 +79,20 @@ fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
                 ui.add(egui::Label::new(stop.way_out(&model.server)).wrap());
                 ui.add(egui::Label::new(format!("At {}: {}.", stop.server, stop.why())).wrap());
             }
+            if let Some(text) = old(model) {
+                ui.add(egui::Label::new(text).wrap());
+            }
         }
         (Headline::NoContact, _) => no_contact(ui, model, palette),
-        (Headline::Mode(Mode::Fault), Some(state)) => fault(ui, model, state.fault, palette),
+        (Headline::Mode(Mode::Fault), Some(state)) => fault(ui, model, state, palette),
         (Headline::Mode(Mode::Estop), _) => match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
             Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
             None => stopped(ui, model, palette, words::mode(Mode::Estop)),
         },
-        (Headline::Mode(mode), _) => drop(weak(ui, words::mode(mode))),
+        (Headline::Mode(mode), _) => match recover::refusal(model).filter(|_| mode == Mode::Idle) {
+            Some(text) => drop(coloured(ui, palette.warn, format!("No torque. {text}"))),
+            None => drop(weak(ui, words::mode(mode))),
+        },
         (Headline::NoState, _) => {
             weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
         }
@@ -100,8 +106,7 @@ fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
 }
 
 fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
-    let silent = model.silent_for();
-    let text = match silent {
+    let text = match model.silent_for() {
         Some(silent) => format!("The server has said nothing for {:.0} s.", silent.as_secs_f64()),
         None => "Not connected.".to_owned(),
     };
@@ -109,13 +114,23 @@ fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
     // Before the text on the state, which can be out of sight in a low window.
     let advice = "What the rig does now is not known. If in doubt, cut the motors' power.";
     ui.add(egui::Label::new(advice).wrap());
-    if let (Some(_), Some(state)) = (silent, &model.state) {
-        weak(ui, format!("What is shown is old. The last mode was {}.", state.mode));
+    if let Some(text) = old(model) {
+        weak(ui, text);
     }
 }
 
-fn fault(ui: &mut Ui, model: &Model, fault: Option<Fault>, palette: Palette) {
-    let Some(fault) = fault else { return };
+/// Says that what the window shows is old, if the server is silent.
+fn old(model: &Model) -> Option<String> {
+    model.silent_for()?;
+    let state = model.state.as_ref()?;
+    Some(format!("What is shown is old. The last mode was {}.", state.mode))
+}
+
+fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
+    let Some(fault) = state.fault else { return };
+    if let Some(text) = too_fast(model, state) {
+        coloured(ui, palette.warn, text);
+    }
     let (what, cure) = words::fault(fault);
     let by = model.fault.as_ref().and_then(|told| told.by.as_ref());
     let by = by.map(|by| format!(" It was {}.", model.who(by))).unwrap_or_default();
@@ -125,6 +140,21 @@ fn fault(ui: &mut Ui, model: &Model, fault: Option<Fault>, palette: Palette) {
         Some(told) => weak(ui, format!("{fault}: {}", without_log(&told.message))),
         None => weak(ui, fault.as_str()),
     };
+}
+
+/// Says that the sphere must slow down before a reset, if it is still as fast as in the fault
+/// `overspeed`.
+fn too_fast(model: &Model, state: &StateEvent) -> Option<String> {
+    let (speed, limit) = (DVec3::from(state.omega).length(), model.info.limits.speed);
+    let fast = state.fault == Some(Fault::Overspeed) && limit > 0.0 && speed > limit;
+    let hand = if model.is_simulated() {
+        " If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate]."
+    } else {
+        ""
+    };
+    fast.then(|| {
+        format!("The sphere must slow down before Reset: {speed:.2} rad/s, the limit is {limit} rad/s.{hand}")
+    })
 }
 
 /// Removes the path of the flight log from a message, because the path is long. The list of
@@ -137,12 +167,13 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let mode = model.mode();
     let may = model.may_command();
     let width = (ui.available_width() - 2.0 * ui.spacing().item_spacing.x) / 3.0;
+    let refusal = recover::refusal(model).filter(|_| mode == Some(Mode::Idle));
     let orders = [
         (
             "Enable",
             Intent::Enable,
-            may && matches!(mode, Some(Mode::Idle)),
-            "begin to render, with a soft start of half a second",
+            may && matches!(mode, Some(Mode::Idle)) && refusal.is_none(),
+            refusal.as_deref().unwrap_or("begin to render, with a soft start of half a second"),
         ),
         (
             "Disable",

@@ -1,5 +1,7 @@
 //! Tests of the whole window, drawn into memory from a model.
 
+mod status;
+
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -260,26 +262,6 @@ fn simulated_or_live_is_said_in_every_state() {
 }
 
 #[test]
-fn a_stop_that_failed_is_shown_above_all_else() {
-    let mut seen = window(SIZES[1], commanding(false));
-    assert!(shows(&seen, "ACTIVE"));
-    for lost in [false, true] {
-        seen.state_mut().model = commanding(false);
-        if lost {
-            disconnect(&mut seen.state_mut().model);
-        }
-        stop_in_vain(&mut seen.state_mut().model);
-        settle(&mut seen);
-        assert!(shows(&seen, "NOT STOPPED") && shows(&seen, "Cut the motors' power."));
-        let way_out = ["tries again", "a state shows no torque", "STOP or Esc"];
-        for words in way_out {
-            assert!(shows(&seen, words), "{words}, lost: {lost}");
-        }
-        assert!(!shows(&seen, "ACTIVE") && !shows(&seen, "NO CONTACT"));
-    }
-}
-
-#[test]
 fn a_silent_server_is_no_contact_and_nothing_can_be_set() {
     let mut seen = window(SIZES[0], commanding(false));
     for name in ["Stiffness", "Damping", "spring gain", "Load", "Release"] {
@@ -327,46 +309,6 @@ fn the_controls_of_an_observer_are_grey_and_say_what_to_press() {
         settle(&mut seen);
         assert!(!shows(&seen, words), "the button is grey while the server is silent");
     }
-}
-
-#[test]
-fn who_stopped_the_rig_is_shown() {
-    let mut seen = window(SIZES[1], commanding(true));
-    for (name, session, who) in
-        [(ME, Some(4), "Stopped by you."), ("panel ben@lab3", Some(9), "Stopped by ben@lab3.")]
-    {
-        let model = &mut seen.state_mut().model;
-        *model = commanding(true);
-        hear(model, News::Fault(stopped_by(name, session)));
-        see(model, 200, Mode::Estop);
-        settle(&mut seen);
-        assert!(shows(&seen, who));
-        assert!(shows(&seen, "To go on, press Recover."), "{who}");
-    }
-    // The panel came after the stop.
-    let model = &mut seen.state_mut().model;
-    *model = commanding(true);
-    see(model, 200, Mode::Estop);
-    settle(&mut seen);
-    assert!(shows(&seen, "Stopped by somebody.") && shows(&seen, "To go on, press Recover."));
-}
-
-#[test]
-fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
-    let mut seen = window(SIZES[0], commanding(false));
-    let reference = Some([1.0, 0.0, 0.0, 0.0]);
-    let q = [0.1_f64.cos(), 0.1_f64.sin(), 0.0, 0.0];
-    let state = StateEvent { tick: 200, t: 0.2, mode: Mode::Active, q, reference, ..StateEvent::default() };
-    see_state(&mut seen.state_mut().model, state);
-    settle(&mut seen);
-    let is_grey = |seen: &Seen| {
-        let text = seen.get_by_label_contains("0.20 rad from reference");
-        text.accesskit_node().is_disabled()
-    };
-    assert!(!is_grey(&seen));
-    grow_silent(&mut seen.state_mut().model);
-    settle(&mut seen);
-    assert!(is_grey(&seen));
 }
 
 #[test]

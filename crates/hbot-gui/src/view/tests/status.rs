@@ -1,0 +1,150 @@
+//! Tests of what the window says about the state of the rig, and of what is grey if it may be wrong.
+
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
+use hbot_api::{Fault, Mode, StateEvent};
+
+use super::{Change, SIZES, Seen, settle, shows, window};
+use crate::model::Model;
+use crate::model::tests::{
+    ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
+};
+use crate::net::News;
+use crate::view::painted::{hint, texts};
+
+#[test]
+fn a_stop_that_failed_is_shown_above_all_else() {
+    let mut seen = window(SIZES[1], commanding(false));
+    assert!(shows(&seen, "ACTIVE"));
+    for lost in [false, true] {
+        seen.state_mut().model = commanding(false);
+        if lost {
+            disconnect(&mut seen.state_mut().model);
+        }
+        stop_in_vain(&mut seen.state_mut().model);
+        settle(&mut seen);
+        assert!(shows(&seen, "NOT STOPPED") && shows(&seen, "Cut the motors' power."));
+        let way_out = ["tries again", "a state shows no torque", "STOP or Esc"];
+        for words in way_out {
+            assert!(shows(&seen, words), "{words}, lost: {lost}");
+        }
+        assert!(!shows(&seen, "ACTIVE") && !shows(&seen, "NO CONTACT"));
+    }
+}
+
+#[test]
+fn who_stopped_the_rig_is_shown() {
+    let mut seen = window(SIZES[1], commanding(true));
+    for (name, session, who) in
+        [(ME, Some(4), "Stopped by you."), ("panel ben@lab3", Some(9), "Stopped by ben@lab3.")]
+    {
+        let model = &mut seen.state_mut().model;
+        *model = commanding(true);
+        hear(model, News::Fault(stopped_by(name, session)));
+        see(model, 200, Mode::Estop);
+        settle(&mut seen);
+        assert!(shows(&seen, who));
+        assert!(shows(&seen, "To go on, press Recover."), "{who}");
+    }
+    // The panel came after the stop.
+    let model = &mut seen.state_mut().model;
+    *model = commanding(true);
+    see(model, 200, Mode::Estop);
+    settle(&mut seen);
+    assert!(shows(&seen, "Stopped by somebody.") && shows(&seen, "To go on, press Recover."));
+}
+
+#[test]
+fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
+    let mut seen = window(SIZES[0], commanding(false));
+    let reference = Some([1.0, 0.0, 0.0, 0.0]);
+    let q = [0.1_f64.cos(), 0.1_f64.sin(), 0.0, 0.0];
+    let state = StateEvent { tick: 200, t: 0.2, mode: Mode::Active, q, reference, ..StateEvent::default() };
+    see_state(&mut seen.state_mut().model, state);
+    settle(&mut seen);
+    let is_grey = |seen: &Seen| {
+        let text = seen.get_by_label_contains("0.20 rad from reference");
+        text.accesskit_node().is_disabled()
+    };
+    assert!(!is_grey(&seen));
+    grow_silent(&mut seen.state_mut().model);
+    settle(&mut seen);
+    assert!(is_grey(&seen));
+}
+
+#[test]
+fn who_commands_and_the_bars_are_grey_while_they_are_not_certain() {
+    let mut seen = window(SIZES[1], commanding(false));
+    let is_grey = |seen: &Seen| {
+        let grey = |text: &str| {
+            let it = texts(seen).into_iter().find(|it| it.text == text).expect("a painted text");
+            !it.color.is_opaque()
+        };
+        let [commands, bars] = ["you command", "0.00 / 0.90 N m"].map(grey);
+        assert_eq!(commands, bars);
+        commands
+    };
+    assert!(!is_grey(&seen));
+    let changes: [(Change, bool); 3] = [
+        (Box::new(grow_silent), true),
+        (Box::new(stop_in_vain), false),
+        (Box::new(|model: &mut Model| (grow_silent(model), stop_in_vain(model)).0), true),
+    ];
+    for (k, (change, old)) in changes.into_iter().enumerate() {
+        seen.state_mut().model = commanding(false);
+        change(&mut seen.state_mut().model);
+        settle(&mut seen);
+        assert!(is_grey(&seen), "change {k}");
+        assert_eq!(shows(&seen, "What is shown is old. The last mode was active."), old, "change {k}");
+    }
+}
+
+#[test]
+fn enable_waits_until_the_sphere_is_near_its_reference_and_says_so() {
+    for simulated in [true, false] {
+        let mut seen = window(SIZES[1], commanding(simulated));
+        seen.state_mut().model.info.limits.enable_max_angle = 0.5;
+        let turn = |seen: &mut Seen, tick: u64, angle: f64| {
+            let q = [(0.5 * angle).cos(), (0.5 * angle).sin(), 0.0, 0.0];
+            let reference = Some([1.0, 0.0, 0.0, 0.0]);
+            let t = tick as f64 / 1000.0;
+            let state = StateEvent { tick, t, mode: Mode::Idle, q, reference, ..StateEvent::default() };
+            see_state(&mut seen.state_mut().model, state);
+            settle(seen);
+        };
+        let refused =
+            "The sphere is 0.800 rad from the reference of spring. The rig enables it within 0.5 rad";
+        turn(&mut seen, 200, 0.8);
+        assert!(seen.get_by_label("Enable").accesskit_node().is_disabled());
+        assert!(shows(&seen, &format!("No torque. {refused}")) && !shows(&seen, "Ready."));
+        assert!(shows(&seen, "0.80 rad from reference: turn to within 0.50"));
+        assert_eq!(shows(&seen, "`hbot set spring anchor=here`"), simulated);
+        let said = hint(&mut seen, "Enable");
+        assert!(said.contains(refused), "{said}");
+        assert_eq!(said.contains("`hbot set spring anchor=here`"), simulated, "{said}");
+        turn(&mut seen, 201, 0.4);
+        assert!(!seen.get_by_label("Enable").accesskit_node().is_disabled());
+        assert!(shows(&seen, "Ready.") && !shows(&seen, "hbot set"));
+    }
+}
+
+#[test]
+fn a_sphere_that_is_still_too_fast_for_a_reset_is_told() {
+    let told = "The sphere must slow down before Reset: 45.25 rad/s, the limit is 30 rad/s.";
+    let hand = "`hand = {}` in its table [simulate]";
+    for (fault, speed, simulated, fast) in [
+        (Fault::Overspeed, 45.25, true, true),
+        (Fault::Overspeed, 45.25, false, true),
+        (Fault::Overspeed, 29.0, true, false),
+        (Fault::Thermal, 45.25, true, false),
+    ] {
+        let mut model = commanding(simulated);
+        model.info.limits.speed = 30.0;
+        let (mode, omega) = (Mode::Fault, [0.0, speed, 0.0]);
+        let fault = Some(fault);
+        see_state(&mut model, StateEvent { tick: 200, t: 0.2, mode, fault, omega, ..StateEvent::default() });
+        let seen = window(SIZES[1], model);
+        assert_eq!(shows(&seen, told), fast, "{fault:?} at {speed} rad/s");
+        assert_eq!(shows(&seen, hand), fast && simulated, "{fault:?} at {speed} rad/s");
+        assert!(texts(&seen).iter().all(|it| it.is_whole()));
+    }
+}
