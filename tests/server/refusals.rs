@@ -225,6 +225,25 @@ fn what_is_legal_checks_out() {
     }
 }
 
+/// Somebody who reads only the first line must not miss the warnings below it.
+#[test]
+fn the_headline_of_a_rig_counts_its_warnings() {
+    let prototype = include_str!("../../rigs/prototype.toml");
+    let check = |calibrated| {
+        let rig = file(&prototype.replacen("zero = \"assume\"", "zero = \"calibrate\"", calibrated));
+        let checked = run(&["rig", "check", path(&rig)]).success();
+        let said = String::from_utf8_lossy(&checked.get_output().stdout).into_owned();
+        let headline = said.lines().next().expect("a line").to_owned();
+        (headline, said.matches("warning:").count())
+    };
+    for (calibrated, end) in
+        [(0, ": a legal design"), (1, ": a legal design, 1 warning"), (2, ": a legal design, 2 warnings")]
+    {
+        let (headline, warnings) = check(calibrated);
+        assert!(headline.ends_with(end) && warnings == calibrated, "{warnings}: {headline}");
+    }
+}
+
 /// The old command `study` is refused with one line, which names the command to run instead.
 #[test]
 fn a_study_is_a_program_by_itself() {
