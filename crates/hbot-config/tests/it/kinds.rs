@@ -47,6 +47,10 @@ fn positions_ascend_and_ranges_have_two_ends() {
         said("detents", "count = 0"),
         "x.toml:4:9: effect[0].count: 0 is out of range; legal: 1 to 720"
     );
+    assert_eq!(
+        said("magnet", "width = 10"),
+        "x.toml:4:9: effect[0].width: 10 is out of range; legal: 0.01 to 2 rad, or \"10 deg\" for degrees"
+    );
 }
 
 #[test]
