@@ -21,7 +21,7 @@ use hbot_host::last_word::Program;
 use hbot_host::signals;
 use serde_json::json;
 
-use super::out::{note, say};
+use super::out::{note, refuse_folder, say};
 use super::style;
 
 /// Time between two readings, s. It is long enough that one count is small relative to the motion,
@@ -246,6 +246,10 @@ fn compared(outcome: &Outcome) -> String {
 
 pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
+    // A person turns the sphere for a while before the file is written.
+    if let Some(file) = &args.write {
+        refuse_folder(file, "the rig file to write")?;
+    }
     let counts = on_the_lines(&rig, true, |bench| {
         if rig.link.port.is_simulated() {
             say!(

@@ -9,6 +9,7 @@ use std::task::Poll;
 use std::time::Duration;
 
 use anyhow::bail;
+use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::{Args, ValueEnum};
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig, SceneFile};
@@ -25,6 +26,7 @@ use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
+use super::record::file_or_folder;
 use super::{secrets, sockets, status, style};
 
 /// Exit code of a server whose run was good and whose recording was not: a file could not be
@@ -77,7 +79,7 @@ pub(crate) struct ServerArgs {
     duration: Option<f64>,
     /// Record everything the loop does: a file that ends in .mcap, or a folder in which each run
     /// gets a file; `hbot replay` runs it again
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", value_parser = PathBufValueParser::new().try_map(file_or_folder))]
     record: Option<PathBuf>,
     /// Begin a new file in the folder after this size or time, such as 500MB or 10min
     #[arg(long, value_name = "SIZE|TIME", requires = "record")]

@@ -227,6 +227,38 @@ fn an_address_without_host_or_with_a_word_as_port_says_what_an_address_is() {
         .stderr(contains("it has no host").and(legal()));
 }
 
+/// A file of another format would still be MCAP, and a folder of this name would surprise.
+#[test]
+fn a_recording_with_the_ending_of_another_format_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let csv = folder.path().join("x.csv");
+    let csv = csv.to_str().expect("UTF-8");
+    for command in [
+        &["record", csv][..],
+        &["server", "--listen", "127.0.0.1:0", "--record", csv],
+        &["replay", "x.mcap", "--scene", "clay", "--out", csv],
+    ] {
+        run(command)
+            .code(2)
+            .stderr(contains("a name that ends in .mcap").and(contains("makes a CSV file of it")));
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0, "{command:?}");
+    }
+}
+
+#[test]
+fn a_folder_in_place_of_a_file_is_told_with_what_is_wanted() {
+    let folder = tempfile::Builder::new().suffix(".svg").tempdir().expect("a folder");
+    let folder = folder.path().to_str().expect("UTF-8");
+    for (command, wanted) in [
+        (&["replay", folder][..], "Name the file of a recording (MCAP)"),
+        (&["scene", "plot", "clay", "--out", folder], "Name a file for the picture"),
+        (&["rig", "calibrate", "--write", folder], "Name the rig file to write"),
+        (&["info", "--ca", folder], "Name a file with certificates (PEM)"),
+    ] {
+        run(command).failure().stderr(contains("this is a folder. ").and(contains(wanted)));
+    }
+}
+
 #[test]
 fn what_is_legal_checks_out() {
     run(&["rig", "check"])
