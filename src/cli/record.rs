@@ -34,10 +34,10 @@ pub(crate) struct RecordArgs {
     file: PathBuf,
     #[command(flatten)]
     address: ServerAddress,
-    /// Record every N-th tick
+    /// Record every N-th tick, 1 to 1000000
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     every: u64,
-    /// Stop after this time, by the clock of this computer
+    /// Stop after this time, above 0 and at most 1e9 s, by the clock of this computer
     #[arg(long, value_name = "SECONDS", value_parser = super::server::seconds)]
     duration: Option<f64>,
 }

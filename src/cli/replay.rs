@@ -24,10 +24,10 @@ use super::{scene, style};
 pub(crate) struct ReplayArgs {
     /// Recording that was made by `hbot server --record`, or a flight log (MCAP)
     file: PathBuf,
-    /// Compare from this time of the run on
+    /// Compare from this time of the run on, 0 to 1e9 s
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     from: Option<f64>,
-    /// Compare up to this time of the run
+    /// Compare up to this time of the run, 0 to 1e9 s
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     to: Option<f64>,
     /// Render this scene (a file, or the name of a ready-made scene) instead of the recorded one:

@@ -58,23 +58,23 @@ pub(crate) struct ServerArgs {
     /// Address to listen on; addresses other than loopback need a token
     #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address)]
     listen: Option<SocketAddr>,
-    /// Ticks a second
+    /// Ticks a second, 50 to 20000
     #[arg(long, value_name = "HZ", value_parser = hertz)]
     rate: Option<u32>,
-    /// Processor that the loop's thread is pinned to, from 0
+    /// Processor that the loop's thread is pinned to, 0 to 1023
     #[arg(long, value_name = "N")]
     cpu: Option<u32>,
     /// Preset of methods
     #[arg(long, value_enum)]
     accuracy: Option<Accuracy>,
-    /// Use the cheapest methods whose error is at most this in 10 s of brisk motion, as measured at
-    /// start
+    /// Use the cheapest methods whose error is at most this (above 0) in 10 s of brisk motion, as
+    /// measured at start
     #[arg(long, value_name = "RAD", value_parser = radians, allow_negative_numbers = true, conflicts_with = "accuracy")]
     accuracy_target: Option<f64>,
     /// Wall-clock time, or as fast as the machine allows (simulated rig only)
     #[arg(long, value_enum, default_value_t = TimeArg::Wall)]
     time: TimeArg,
-    /// Stop after this time of the loop
+    /// Stop after this time of the loop, above 0 and at most 1e9 s
     #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Record everything the loop does: a file that ends in .mcap, or a folder in which each run

@@ -188,6 +188,39 @@ fn an_option_out_of_range_is_named() {
         .stderr(contains("virtual time needs the simulated rig"));
 }
 
+/// The help says what an option accepts, and the option accepts no more.
+#[test]
+fn the_help_of_an_option_states_its_range() {
+    for (command, option, outside, words) in [
+        (&["doctor"][..], "--seconds", ["0", "3601"], "1 to 3600 s"),
+        (&["rig", "calibrate"], "--seconds", ["4", "601"], "5 to 600 s"),
+        (&["rig", "new", "/nowhere/new.toml"], "--wheels", ["1", "9"], "2 to 8"),
+        (&["rig", "new", "/nowhere/new.toml"], "--radius", ["0.0009", "11"], "m, 0.001 to 10"),
+        (&["rig", "new", "/nowhere/new.toml"], "--mass", ["0.0009", "1001"], "kg, 0.001 to 1000"),
+        (&["rig", "new", "/nowhere/new.toml"], "--wheel-radius", ["0.00009", "11"], "m, 0.0001 to 10"),
+        (&["rig", "new", "/nowhere/new.toml"], "--cone", ["0", "180"], "above 0 and below 180"),
+        (&["rig", "new", "/nowhere/new.toml"], "--drive-gear", ["0.0009", "10001"], "0.001 to 10000"),
+        (&["rig", "new", "/nowhere/new.toml"], "--steer-peak", ["0", "1001"], "above 0 and at most 1000"),
+        (&["record", "x.mcap"], "--every", ["0", "1000001"], "1 to 1000000"),
+        (&["watch"], "--every", ["0", "1000001"], "1 to 1000000"),
+        (&["server"], "--rate", ["49", "20001"], "50 to 20000"),
+        (&["server"], "--duration", ["0", "1.1e9"], "above 0 and at most 1e9 s"),
+        (&["replay", "x.mcap"], "--from", ["-1", "1.1e9"], "0 to 1e9 s"),
+    ] {
+        let help = run(&[command, &["--help"]].concat()).success();
+        let help = String::from_utf8_lossy(&help.get_output().stdout).into_owned();
+        // The help of an option ends where that of the next one begins.
+        let stated = help.split(&format!("{option} <")).nth(1).unwrap_or_else(|| panic!("{option}: {help}"));
+        let stated = stated.split(" --").next().expect("a text").split_whitespace();
+        let stated = stated.collect::<Vec<_>>().join(" ");
+        assert!(stated.contains(words), "{command:?} {option}: {stated}");
+        for value in outside {
+            let equals = format!("{option}={value}");
+            run(&[command, &[equals.as_str()]].concat()).failure().stderr(contains(option));
+        }
+    }
+}
+
 #[test]
 fn an_accuracy_that_nothing_reaches_names_the_best() {
     run(&["server", "--listen", "127.0.0.1:0", "--accuracy-target", "1e-12"]).failure().stderr(
