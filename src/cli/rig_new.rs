@@ -39,8 +39,8 @@ pub(crate) struct NewArgs {
     /// Radius of the wheels, m, 0.0001 to 10
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     wheel_radius: Option<f64>,
-    /// Angle between a wheel's steering axis and the line to its contact, degrees, above 0 and below
-    /// 180
+    /// Angle between a wheel's steering axis and the line to its contact, degrees, above 0 and
+    /// below 180
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     cone: Option<f64>,
     /// Turns of the motor per turn of the wheel about its steering axis, 0.001 to 10000
