@@ -21,7 +21,7 @@ use hbot_host::last_word::Program;
 use hbot_host::signals;
 use serde_json::json;
 
-use super::out::{note, say};
+use super::out::{note, refuse_folder, say};
 use super::style;
 
 /// Time between two readings, s. It is long enough that one count is small relative to the motion,
@@ -66,10 +66,11 @@ pub(crate) struct TestArgs {
     /// Number of the joint, from 1, in the order steer, drive of each wheel
     #[arg(long, value_name = "N")]
     joint: usize,
-    /// Torque at the joint with its controller's own sign, N m; begin with a hundredth of its peak
+    /// Torque at the joint with its controller's own sign, N m, up to its peak and not 0; begin
+    /// with a hundredth of its peak
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     torque: f64,
-    /// Stop if any joint turns faster than this, rad/s
+    /// Stop if any joint turns faster than this, rad/s, above 0
     #[arg(long, value_name = "RATE", default_value_t = 5.0)]
     speed: f64,
 }
@@ -79,7 +80,7 @@ pub(crate) struct TestArgs {
 pub(crate) struct CalibrateArgs {
     #[command(flatten)]
     which: Which,
-    /// How long to watch the joints
+    /// How long to watch the joints, 5 to 600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u32).range(5..=600))]
     seconds: u32,
     /// Write the rig file with the corrections to this file; it can be the rig file itself
@@ -246,6 +247,10 @@ fn compared(outcome: &Outcome) -> String {
 
 pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
+    // A person turns the sphere for a while before the file is written.
+    if let Some(file) = &args.write {
+        refuse_folder(file, "the rig file to write")?;
+    }
     let counts = on_the_lines(&rig, true, |bench| {
         if rig.link.port.is_simulated() {
             say!(

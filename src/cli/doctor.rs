@@ -28,13 +28,13 @@ pub(crate) struct DoctorArgs {
     /// Serial device to check, in place of the rig file's
     #[arg(long, value_name = "DEVICE")]
     port: Option<String>,
-    /// Ticks a second to measure at, in place of the rig file's
+    /// Ticks a second to measure at, 50 to 20000, in place of the rig file's
     #[arg(long, value_name = "HZ", value_parser = server::hertz)]
     rate: Option<u32>,
-    /// Processor of the loop, from 0, in place of the rig file's
+    /// Processor of the loop, 0 to 1023, in place of the rig file's
     #[arg(long, value_name = "N")]
     cpu: Option<u32>,
-    /// How long to measure the lateness of this machine
+    /// How long to measure the lateness of this machine, 1 to 3600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=3600))]
     seconds: u64,
     /// Also show the statistics of a running server's loop

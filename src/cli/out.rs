@@ -17,7 +17,7 @@ use std::io::{ErrorKind, Result, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, anyhow, ensure};
 use hbot_api::Plain;
 
 use super::style;
@@ -81,8 +81,15 @@ fn foreign_lines(text: &str) -> String {
     text.lines().map(|line| foreign(line).to_string()).collect::<Vec<_>>().join("\n  ")
 }
 
+/// Fails if `path` is a folder. `wanted` says which file to name instead.
+pub(crate) fn refuse_folder(path: &Path, wanted: &str) -> anyhow::Result<()> {
+    ensure!(!path.is_dir(), "{}: this is a folder. Name {wanted}", path.display());
+    Ok(())
+}
+
 /// Creates a file that must not exist yet.
 pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
+    refuse_folder(path, "a new file")?;
     File::create_new(path).map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => {
             anyhow!("{}: the file exists already. Name another one, or remove it first", path.display())

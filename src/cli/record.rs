@@ -9,9 +9,11 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
 use clap::Args;
+use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_api::{ClientError, Event, InfoOk};
 use hbot_host::signals;
 use hbot_record::{About, Writer};
+use hbot_server::recording::is_file;
 
 use super::out::{create_new, note, say};
 use super::{ServerAddress, orders, style};
@@ -27,16 +29,38 @@ const NOTED_EVERY: Duration = Duration::from_secs(10);
 /// Options of `hbot record`.
 #[derive(Debug, Args)]
 pub(crate) struct RecordArgs {
-    /// File to write, which must not exist yet (MCAP)
+    /// File to write (MCAP), which must not exist yet; its name ends in .mcap or has no ending
+    #[arg(value_parser = PathBufValueParser::new().try_map(new_recording))]
     file: PathBuf,
     #[command(flatten)]
     address: ServerAddress,
-    /// Record every N-th tick
+    /// Record every N-th tick, 1 to 1000000
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     every: u64,
-    /// Stop after this time, by the clock of this computer
+    /// Stop after this time, above 0 and at most 1e9 s, by the clock of this computer
     #[arg(long, value_name = "SECONDS", value_parser = super::server::seconds)]
     duration: Option<f64>,
+}
+
+/// Parses the name of a new recording. An ending of another format is refused, because the file
+/// would still be MCAP.
+pub(crate) fn new_recording(path: PathBuf) -> Result<PathBuf, String> {
+    if is_file(&path) || path.extension().is_none() {
+        Ok(path)
+    } else {
+        Err("a recording is MCAP: a name that ends in .mcap. The Python client makes a CSV file of it: docs/recordings.md"
+            .to_owned())
+    }
+}
+
+/// Parses where `hbot server` records: into a new file, or into a folder. A folder that does not
+/// exist yet has a name without an ending, or `/` after its name.
+pub(crate) fn file_or_folder(path: PathBuf) -> Result<PathBuf, String> {
+    if path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/") {
+        return Ok(path);
+    }
+    new_recording(path)
+        .map_err(|why| format!("{why}. A new folder has a name without an ending, or `/` after it"))
 }
 
 /// A recording in progress.
@@ -237,6 +261,32 @@ mod tests {
         assert!(again.contains("exists already"), "{again}");
         let below = create(&path.join("run.mcap")).expect_err("a file is in the way");
         assert!(format!("{below:#}").contains("run.mcap: cannot be made: "), "{below:#}");
+        let folder = create(state.path()).expect_err("a folder is there").to_string();
+        assert!(folder.ends_with("this is a folder. Name a new file"), "{folder}");
+    }
+
+    #[test]
+    fn a_recording_has_no_ending_of_another_format() {
+        for name in ["live.mcap", "live", "a.b/live", "../live", ".live"] {
+            assert_eq!(new_recording(name.into()), Ok(name.into()));
+        }
+        for name in ["live.csv", "live.MCAP", "live.mcap.gz", "live."] {
+            let why = new_recording(name.into()).expect_err(name);
+            assert!(why.contains("ends in .mcap") && why.contains("docs/recordings.md"), "{why}");
+        }
+    }
+
+    #[test]
+    fn a_folder_for_recordings_has_no_ending_or_a_slash_or_is_there() {
+        let folder = tempfile::Builder::new().suffix(".d").tempdir().expect("a folder");
+        let there = folder.path().to_path_buf();
+        for path in ["run.mcap".into(), "runs".into(), "runs.d/".into(), there.clone(), there.join("runs")] {
+            assert_eq!(file_or_folder(path.clone()), Ok(path));
+        }
+        for path in ["runs.d".into(), there.join("run.csv")] {
+            let why = file_or_folder(path).expect_err("another ending");
+            assert!(why.contains("ends in .mcap") && why.contains("`/` after it"), "{why}");
+        }
     }
 
     #[test]

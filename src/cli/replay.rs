@@ -9,12 +9,14 @@ use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use clap::Args;
+use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_api::StateEvent;
 use hbot_config::{RunningScene, SceneFile};
 use hbot_record::replay::{Flaw, Replay, ReplayError, Replayed, Report, renumbered};
 use hbot_record::{About, Writer, public};
 
-use super::out::{create_new, say};
+use super::out::{create_new, refuse_folder, say};
+use super::record::new_recording;
 use super::{scene, style};
 
 /// Options of `hbot replay`.
@@ -22,18 +24,18 @@ use super::{scene, style};
 pub(crate) struct ReplayArgs {
     /// Recording that was made by `hbot server --record`, or a flight log (MCAP)
     file: PathBuf,
-    /// Compare from this time of the run on
+    /// Compare from this time of the run on, 0 to 1e9 s
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     from: Option<f64>,
-    /// Compare up to this time of the run
+    /// Compare up to this time of the run, 0 to 1e9 s
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     to: Option<f64>,
     /// Render this scene (a file, or the name of a ready-made scene) instead of the recorded one:
     /// what would the same hand have felt?
     #[arg(long, value_name = "FILE|NAME", requires = "out")]
     scene: Option<PathBuf>,
-    /// New recording with the recorded torque and that of --scene
-    #[arg(long, value_name = "FILE", requires = "scene")]
+    /// New recording (MCAP) with the recorded torque and that of --scene
+    #[arg(long, value_name = "FILE", requires = "scene", value_parser = PathBufValueParser::new().try_map(new_recording))]
     out: Option<PathBuf>,
 }
 
@@ -48,6 +50,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
     let name = || args.file.display().to_string();
+    refuse_folder(&args.file, "the file of a recording (MCAP)")?;
     let file = BufReader::new(File::open(&args.file).with_context(name)?);
     let other = args.scene.as_deref().map(scene::scene).transpose()?;
     let compiled = other.clone().map(|other| Box::new(renumbered(&RunningScene::new().load(other))));

@@ -10,7 +10,7 @@ use hbot_config::RigConfig;
 use hbot_config::rig::Port;
 use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::kinematics::Posture;
-use hbot_core::rig::Joint;
+use hbot_core::rig::{Joint, Zero};
 use hbot_core::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
@@ -58,27 +58,67 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
     };
     let config = RigConfig::load(file.as_deref(), &[])?;
-    say!("{}{}{}: a legal design", style::NAME, config.name, style::OFF)?;
-    for wheel in 0..config.wheels.len() {
-        if config.rig.joints[2 * wheel].zero == hbot_core::rig::Zero::Calibrate {
-            say!(
-                "  {}warning:{} {} leaves its steering zero to a calibration: the rig stays unreferenced until \
-                 `hbot rig calibrate` has measured zero_offset and `zero` has another value (docs/files.md)",
-                style::WARN,
-                style::OFF,
-                bringup::wheel_name(&config, wheel)
-            )?;
-        }
+    let warnings = Warnings::of(&config);
+    say!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
+    for wheel in &warnings.uncalibrated {
+        say!(
+            "  {}warning:{} {} leaves its steering zero to a calibration: the rig stays unreferenced until \
+             `hbot rig calibrate` has measured zero_offset and `zero` has another value (docs/files.md)",
+            style::WARN,
+            style::OFF,
+            bringup::wheel_name(&config, *wheel)
+        )?;
     }
-    geometry(&config)?;
-    abilities(&config)?;
+    geometry(&config, &warnings)?;
+    abilities(&config, &warnings)?;
     stiffness(&config)?;
     let fits = line(&config)?;
     rate(&config)?;
     Ok(if fits { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-fn geometry(config: &RigConfig) -> anyhow::Result<()> {
+/// What `hbot rig check` warns about. It is found first, so that the headline can count it.
+struct Warnings {
+    /// The wheels that leave their steering zero to a calibration, from 0.
+    uncalibrated: Vec<usize>,
+    /// The pairs of wheels that can collide, from 0.
+    colliding: Vec<[usize; 2]>,
+    /// The least spectral index of the driven joints over all postures.
+    actuation: f64,
+}
+
+impl Warnings {
+    fn of(config: &RigConfig) -> Self {
+        let (device, joints) = (&config.rig.device, &config.rig.joints);
+        let wheels = device.wheels();
+        let pairs = (0..wheels.len()).flat_map(|j| (0..j).map(move |i| [i, j]));
+        let can_collide =
+            |&[i, j]: &[usize; 2]| closest_approach(&wheels[i], &wheels[j], Meeting::Collocated) == 0.0;
+        let driven: Vec<bool> = joints[..device.joints()].iter().map(|joint| joint.peak > 0.0).collect();
+        let margins = torus(device).map(|th| actuation_margin(&Posture::new(device, &th), &driven));
+        Self {
+            uncalibrated: (0..wheels.len()).filter(|i| joints[2 * i].zero == Zero::Calibrate).collect(),
+            colliding: pairs.filter(can_collide).collect(),
+            actuation: margins.fold(f64::INFINITY, f64::min),
+        }
+    }
+
+    /// Returns whether the motors can hardly make some torques at some steering angles.
+    fn is_weak(&self) -> bool {
+        self.actuation < 0.05
+    }
+
+    /// Returns the number of warnings as the end of the headline. Empty if there is none.
+    fn in_words(&self) -> String {
+        match self.uncalibrated.len() + self.colliding.len() + usize::from(self.is_weak()) {
+            0 => String::new(),
+            1 => ", 1 warning".to_owned(),
+            count => format!(", {count} warnings"),
+        }
+    }
+}
+
+fn geometry(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
     let device = &config.rig.device;
     say!("\nmargins over all steering angles")?;
     for (wheel, name) in device.wheels().iter().zip(&config.wheels) {
@@ -99,7 +139,7 @@ fn geometry(config: &RigConfig) -> anyhow::Result<()> {
                 near.to_degrees(),
                 opposite.to_degrees()
             )?;
-            if near == 0.0 {
+            if warnings.colliding.contains(&[i, j]) {
                 say!(
                     "             {}warning:{} these wheels can collide; other wheels keep the sphere controlled",
                     style::WARN,
@@ -112,15 +152,12 @@ fn geometry(config: &RigConfig) -> anyhow::Result<()> {
     say!("  interior   sigma_min(Z)/R = {bound}{:.4} (0 is singular)", interior_margin_over_all(device))
 }
 
-fn abilities(config: &RigConfig) -> anyhow::Result<()> {
+fn abilities(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
     let rig = &config.rig;
-    let n = rig.device.joints();
     let peak = JointLimits::of(rig);
     let lasting = |joint: &Joint| if joint.peak > 0.0 { joint.continuous } else { 0.0 };
     let continuous = JointLimits::of_device(&rig.device, |i| lasting(&rig.joints[i]));
-    let driven: Vec<bool> = (0..n).map(|i| rig.joints[i].peak > 0.0).collect();
     let (mut least, mut mean) = (f64::INFINITY, 0.0);
-    let mut actuation = f64::INFINITY;
     let mut capable = [[f64::INFINITY; 3]; 2];
     let axes = [Vec3::X, Vec3::Y, Vec3::Z];
     for th in torus(&rig.device) {
@@ -128,15 +165,15 @@ fn abilities(config: &RigConfig) -> anyhow::Result<()> {
         let index = Indices::of(posture.rows()).spectral;
         least = least.min(index);
         mean += index / SAMPLES as f64;
-        actuation = actuation.min(actuation_margin(&posture, &driven));
         for (row, limits) in capable.iter_mut().zip([&peak, &continuous]) {
             for (value, axis) in row.iter_mut().zip(axes) {
                 *value = value.min(capability(posture.rows(), limits, axis));
             }
         }
     }
+    let actuation = warnings.actuation;
     say!("  actuation  least spectral index of the driven joints = {actuation:.3} (0 is singular)")?;
-    if actuation < 0.05 {
+    if warnings.is_weak() {
         say!(
             "             {}warning:{} at some steering angles the motors can hardly make some torques",
             style::WARN,

@@ -30,28 +30,29 @@ pub(crate) struct NewArgs {
     /// Number of wheels, 2 to 8
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=8))]
     wheels: Option<u32>,
-    /// Radius of the sphere, m
+    /// Radius of the sphere, m, 0.001 to 10
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     radius: Option<f64>,
-    /// Mass of the sphere, kg
+    /// Mass of the sphere, kg, 0.001 to 1000
     #[arg(long, value_name = "KG", allow_negative_numbers = true)]
     mass: Option<f64>,
-    /// Radius of the wheels, m
+    /// Radius of the wheels, m, 0.0001 to 10
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     wheel_radius: Option<f64>,
-    /// Angle between a wheel's steering axis and the line to its contact, degrees
+    /// Angle between a wheel's steering axis and the line to its contact, degrees, above 0 and
+    /// below 180
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     cone: Option<f64>,
-    /// Turns of the motor per turn of the wheel about its steering axis
+    /// Turns of the motor per turn of the wheel about its steering axis, 0.001 to 10000
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     steer_gear: Option<f64>,
-    /// Turns of the motor per turn of the rolling wheel
+    /// Turns of the motor per turn of the rolling wheel, 0.001 to 10000
     #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
     drive_gear: Option<f64>,
-    /// Largest torque of a steer joint after its gear, N m
+    /// Largest torque of a steer joint after its gear, N m, above 0 and at most 1000
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     steer_peak: Option<f64>,
-    /// Largest torque of a drive joint after its gear, N m
+    /// Largest torque of a drive joint after its gear, N m, above 0 and at most 1000
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     drive_peak: Option<f64>,
 }

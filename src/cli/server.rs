@@ -9,6 +9,7 @@ use std::task::Poll;
 use std::time::Duration;
 
 use anyhow::bail;
+use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::{Args, ValueEnum};
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig, SceneFile};
@@ -25,6 +26,7 @@ use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
+use super::record::file_or_folder;
 use super::{secrets, sockets, status, style};
 
 /// Exit code of a server whose run was good and whose recording was not: a file could not be
@@ -56,28 +58,28 @@ pub(crate) struct ServerArgs {
     /// Address to listen on; addresses other than loopback need a token
     #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address)]
     listen: Option<SocketAddr>,
-    /// Ticks a second
+    /// Ticks a second, 50 to 20000
     #[arg(long, value_name = "HZ", value_parser = hertz)]
     rate: Option<u32>,
-    /// Processor that the loop's thread is pinned to, from 0
+    /// Processor that the loop's thread is pinned to, 0 to 1023
     #[arg(long, value_name = "N")]
     cpu: Option<u32>,
     /// Preset of methods
     #[arg(long, value_enum)]
     accuracy: Option<Accuracy>,
-    /// Use the cheapest methods whose error is at most this in 10 s of brisk motion, as measured at
-    /// start
+    /// Use the cheapest methods whose error is at most this (above 0) in 10 s of brisk motion, as
+    /// measured at start
     #[arg(long, value_name = "RAD", value_parser = radians, allow_negative_numbers = true, conflicts_with = "accuracy")]
     accuracy_target: Option<f64>,
     /// Wall-clock time, or as fast as the machine allows (simulated rig only)
     #[arg(long, value_enum, default_value_t = TimeArg::Wall)]
     time: TimeArg,
-    /// Stop after this time of the loop
+    /// Stop after this time of the loop, above 0 and at most 1e9 s
     #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Record everything the loop does: a file that ends in .mcap, or a folder in which each run
     /// gets a file; `hbot replay` runs it again
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", value_parser = PathBufValueParser::new().try_map(file_or_folder))]
     record: Option<PathBuf>,
     /// Begin a new file in the folder after this size or time, such as 500MB or 10min
     #[arg(long, value_name = "SIZE|TIME", requires = "record")]

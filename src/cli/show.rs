@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use hbot_api::{Client, Event, Fault, InfoOk, Mode, StateEvent, StatsOk};
+use hbot_api::{Client, Event, Fault, InfoOk, Mode, RenderInfo, StateEvent, StatsOk};
 
 use super::out::{foreign, say};
 use super::{ServerAddress, controllers, orders, style};
@@ -58,12 +58,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         say!("  torque     at these steering angles up to {a:.2} {b:.2} {c:.2} N m about n1 n2 n3")?;
     }
     if let Some(render) = info.render {
-        say!(
-            "  stiffness  stable up to {:.1} N m/rad with a damping of {} N m s/rad, never above {:.0}",
-            render.stiffness_stable,
-            number(render.damping),
-            render.stiffness_most
-        )?;
+        say!("{}", stable(&render))?;
     }
     let holder = info.lease.as_ref().and_then(|lease| lease.holder.as_deref());
     say!(
@@ -83,6 +78,22 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         say!("    {:12} {}", text(&effect["id"]), text(&effect["kind"]))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Says which stiffness and damping the rig is expected to keep stable.
+fn stable(render: &RenderInfo) -> String {
+    let stiffness = format!(
+        "  stiffness  for example with a damping of {} N m s/rad stable up to {:.1} N m/rad; with no damping above {:.0}",
+        number(render.damping),
+        render.stiffness_stable,
+        render.stiffness_most
+    );
+    // An older server does not tell it.
+    if render.damping_most > 0.0 {
+        format!("{stiffness}\n  damping    alone stable up to {:.3} N m s/rad", render.damping_most)
+    } else {
+        stiffness
+    }
 }
 
 /// A server whose loop runs sends a state well within this time.
@@ -205,6 +216,21 @@ mod tests {
         ] {
             assert_eq!(number(x), shown);
         }
+    }
+
+    #[test]
+    fn the_damping_of_a_stable_stiffness_is_called_an_example() {
+        let render = RenderInfo {
+            damping: 0.02,
+            stiffness_stable: 9.96,
+            stiffness_most: 495.2,
+            damping_most: 1.25,
+            ..RenderInfo::default()
+        };
+        let stiffness = "  stiffness  for example with a damping of 0.02 N m s/rad stable up to 10.0 N m/rad; with no \
+                         damping above 495";
+        assert_eq!(stable(&render), format!("{stiffness}\n  damping    alone stable up to 1.250 N m s/rad"));
+        assert_eq!(stable(&RenderInfo { damping_most: 0.0, ..render }), stiffness, "an older server");
     }
 
     #[test]

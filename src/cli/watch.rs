@@ -22,7 +22,7 @@ pub(crate) struct WatchArgs {
     /// Print each sample as a line of JSON, for programs
     #[arg(long)]
     json: bool,
-    /// Take every N-th tick (default: ten samples a second)
+    /// Take every N-th tick, 1 to 1000000 (default: ten samples a second)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     every: Option<u64>,
 }

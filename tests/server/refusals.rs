@@ -188,6 +188,39 @@ fn an_option_out_of_range_is_named() {
         .stderr(contains("virtual time needs the simulated rig"));
 }
 
+/// The help says what an option accepts, and the option accepts no more.
+#[test]
+fn the_help_of_an_option_states_its_range() {
+    for (command, option, outside, words) in [
+        (&["doctor"][..], "--seconds", ["0", "3601"], "1 to 3600 s"),
+        (&["rig", "calibrate"], "--seconds", ["4", "601"], "5 to 600 s"),
+        (&["rig", "new", "/nowhere/new.toml"], "--wheels", ["1", "9"], "2 to 8"),
+        (&["rig", "new", "/nowhere/new.toml"], "--radius", ["0.0009", "11"], "m, 0.001 to 10"),
+        (&["rig", "new", "/nowhere/new.toml"], "--mass", ["0.0009", "1001"], "kg, 0.001 to 1000"),
+        (&["rig", "new", "/nowhere/new.toml"], "--wheel-radius", ["0.00009", "11"], "m, 0.0001 to 10"),
+        (&["rig", "new", "/nowhere/new.toml"], "--cone", ["0", "180"], "above 0 and below 180"),
+        (&["rig", "new", "/nowhere/new.toml"], "--drive-gear", ["0.0009", "10001"], "0.001 to 10000"),
+        (&["rig", "new", "/nowhere/new.toml"], "--steer-peak", ["0", "1001"], "above 0 and at most 1000"),
+        (&["record", "x.mcap"], "--every", ["0", "1000001"], "1 to 1000000"),
+        (&["watch"], "--every", ["0", "1000001"], "1 to 1000000"),
+        (&["server"], "--rate", ["49", "20001"], "50 to 20000"),
+        (&["server"], "--duration", ["0", "1.1e9"], "above 0 and at most 1e9 s"),
+        (&["replay", "x.mcap"], "--from", ["-1", "1.1e9"], "0 to 1e9 s"),
+    ] {
+        let help = run(&[command, &["--help"]].concat()).success();
+        let help = String::from_utf8_lossy(&help.get_output().stdout).into_owned();
+        // The help of an option ends where that of the next one begins.
+        let stated = help.split(&format!("{option} <")).nth(1).unwrap_or_else(|| panic!("{option}: {help}"));
+        let stated = stated.split(" --").next().expect("a text").split_whitespace();
+        let stated = stated.collect::<Vec<_>>().join(" ");
+        assert!(stated.contains(words), "{command:?} {option}: {stated}");
+        for value in outside {
+            let equals = format!("{option}={value}");
+            run(&[command, &[equals.as_str()]].concat()).failure().stderr(contains(option));
+        }
+    }
+}
+
 #[test]
 fn an_accuracy_that_nothing_reaches_names_the_best() {
     run(&["server", "--listen", "127.0.0.1:0", "--accuracy-target", "1e-12"]).failure().stderr(
@@ -215,6 +248,51 @@ fn a_client_command_without_a_server_says_how_to_start_one() {
 }
 
 #[test]
+fn an_address_without_host_or_with_a_word_as_port_says_what_an_address_is() {
+    let legal = || contains("Legal: HOST or HOST:PORT, as 127.0.0.1:4268");
+    run(&["info", "--server", ":4268"]).failure().stderr(contains("it has no host").and(legal()));
+    run(&["info", "--server", "host:nine"]).failure().stderr(contains("\"nine\" is no port").and(legal()));
+    assert_cmd::Command::from_std(hbot())
+        .args(["watch"])
+        .env("HBOT_SERVER", ":4268")
+        .assert()
+        .failure()
+        .stderr(contains("it has no host").and(legal()));
+}
+
+/// A file of another format would still be MCAP, and a folder of this name would surprise.
+#[test]
+fn a_recording_with_the_ending_of_another_format_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let csv = folder.path().join("x.csv");
+    let csv = csv.to_str().expect("UTF-8");
+    for command in [
+        &["record", csv][..],
+        &["server", "--listen", "127.0.0.1:0", "--record", csv],
+        &["replay", "x.mcap", "--scene", "clay", "--out", csv],
+    ] {
+        run(command)
+            .code(2)
+            .stderr(contains("a name that ends in .mcap").and(contains("makes a CSV file of it")));
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0, "{command:?}");
+    }
+}
+
+#[test]
+fn a_folder_in_place_of_a_file_is_told_with_what_is_wanted() {
+    let folder = tempfile::Builder::new().suffix(".svg").tempdir().expect("a folder");
+    let folder = folder.path().to_str().expect("UTF-8");
+    for (command, wanted) in [
+        (&["replay", folder][..], "Name the file of a recording (MCAP)"),
+        (&["scene", "plot", "clay", "--out", folder], "Name a file for the picture"),
+        (&["rig", "calibrate", "--write", folder], "Name the rig file to write"),
+        (&["info", "--ca", folder], "Name a file with certificates (PEM)"),
+    ] {
+        run(command).failure().stderr(contains("this is a folder. ").and(contains(wanted)));
+    }
+}
+
+#[test]
 fn what_is_legal_checks_out() {
     run(&["rig", "check"])
         .success()
@@ -222,6 +300,25 @@ fn what_is_legal_checks_out() {
     for scene in std::fs::read_dir("scenes").expect("the scenes") {
         let scene = scene.expect("a scene").path();
         run(&["scene", "check", scene.to_str().expect("UTF-8")]).success();
+    }
+}
+
+/// Somebody who reads only the first line must not miss the warnings below it.
+#[test]
+fn the_headline_of_a_rig_counts_its_warnings() {
+    let prototype = include_str!("../../rigs/prototype.toml");
+    let check = |calibrated| {
+        let rig = file(&prototype.replacen("zero = \"assume\"", "zero = \"calibrate\"", calibrated));
+        let checked = run(&["rig", "check", path(&rig)]).success();
+        let said = String::from_utf8_lossy(&checked.get_output().stdout).into_owned();
+        let headline = said.lines().next().expect("a line").to_owned();
+        (headline, said.matches("warning:").count())
+    };
+    for (calibrated, end) in
+        [(0, ": a legal design"), (1, ": a legal design, 1 warning"), (2, ": a legal design, 2 warnings")]
+    {
+        let (headline, warnings) = check(calibrated);
+        assert!(headline.ends_with(end) && warnings == calibrated, "{warnings}: {headline}");
     }
 }
 

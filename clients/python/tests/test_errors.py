@@ -81,7 +81,7 @@ def test_not_holder_names_the_holder(server: Server, rig: hbot.Rig) -> None:
     with (
         hbot.connect(server.address, name="first") as first,
         first.lease(),
-        pytest.raises(hbot.NotHolder, match="^load_scene: first holds the lease: ") as caught,
+        pytest.raises(hbot.NotHolder, match=r"^load_scene: first holds the lease: ") as caught,
     ):
         rig.load_scene({"name": "Nothing", "effect": []})
     assert caught.value.holder == "first"

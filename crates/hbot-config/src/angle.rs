@@ -6,7 +6,8 @@
 use serde_json::Value;
 
 use crate::document::{Report, join};
-use crate::legal::branches;
+use crate::legal::{branches, range};
+use crate::validate::is_in_range;
 
 /// Smallest and largest whole number that is taken for degrees if it is a multiple of 5. In
 /// radians, these would be 5 to 115 turns.
@@ -14,11 +15,11 @@ const LIKE_DEGREES: std::ops::RangeInclusive<f64> = 30.0..=720.0;
 
 /// Converts the angles in `value` that are texts with a unit into radians. `schema` is the JSON
 /// schema of `value`; an angle is a value whose unit there is `rad`. Adds a mistake to the report
-/// for each bare number that is plainly degrees. A text that is not an angle stays as it is, so the
-/// later check of types reports it.
+/// for each bare number that is plainly degrees, or is out of range and would be in range as
+/// degrees. A text that is not an angle stays as it is, so the later check of types reports it.
 pub(crate) fn to_radians(schema: &Value, value: &mut Value, path: &str, report: &mut Report) {
     if schema["unit"] == "rad" {
-        return convert(value, path, report);
+        return convert(schema, value, path, report);
     }
     for branch in branches(schema).into_iter().flatten() {
         to_radians(branch, value, path, report);
@@ -40,7 +41,7 @@ pub(crate) fn to_radians(schema: &Value, value: &mut Value, path: &str, report: 
     }
 }
 
-fn convert(value: &mut Value, path: &str, report: &mut Report) {
+fn convert(schema: &Value, value: &mut Value, path: &str, report: &mut Report) {
     match value {
         Value::String(text) => {
             if let Some(radians) = radians(text) {
@@ -49,17 +50,20 @@ fn convert(value: &mut Value, path: &str, report: &mut Report) {
         }
         Value::Array(elements) => {
             for (i, element) in elements.iter_mut().enumerate() {
-                convert(element, &format!("{path}[{i}]"), report);
+                convert(&schema["items"], element, &format!("{path}[{i}]"), report);
             }
         }
         Value::Number(number) => {
-            let Some(x) = number.as_f64().filter(|x| LIKE_DEGREES.contains(&x.abs()) && x % 5.0 == 0.0)
-            else {
-                return;
-            };
-            let turns = x.abs() / std::f64::consts::TAU;
-            let message = format!("{x} rad is about {turns:.0} turns");
-            report.push(path, message, format!("\"{x} deg\" for degrees, \"{x} rad\" if radians are meant"));
+            let Some(x) = number.as_f64() else { return };
+            let for_degrees = format!("\"{x} deg\" for degrees");
+            if LIKE_DEGREES.contains(&x.abs()) && x % 5.0 == 0.0 {
+                let turns = x.abs() / std::f64::consts::TAU;
+                let message = format!("{x} rad is about {turns:.0} turns");
+                report.push(path, message, format!("{for_degrees}, \"{x} rad\" if radians are meant"));
+            } else if !is_in_range(schema, x) && is_in_range(schema, x.to_radians()) {
+                let legal = range(schema).map(|range| format!("{range}, or {for_degrees}"));
+                report.push(path, format!("{number} is out of range"), legal);
+            }
         }
         _ => {}
     }
@@ -85,8 +89,12 @@ mod tests {
 
     fn converted(mut value: Value) -> (Value, Vec<String>) {
         let schema = json!({"properties": {
-            "cone": {"type": "number", "unit": "rad"},
-            "twist": {"type": "array", "items": {"type": "number"}, "unit": "rad"},
+            "cone": {"type": "number", "unit": "rad", "exclusiveMinimum": 0.0, "maximum": 3.0},
+            "twist": {
+                "type": "array",
+                "items": {"type": "number", "minimum": -1000.0, "maximum": 1000.0},
+                "unit": "rad",
+            },
             "stiffness": {"type": "number", "unit": "N m/rad"},
         }});
         let mut report = Report::default();
@@ -117,5 +125,18 @@ mod tests {
             assert_eq!(converted(legal.clone()), (legal, vec![]));
         }
         assert_eq!(converted(json!({"twist": ["-90 rad", "90 rad"]})).1, Vec::<String>::new());
+    }
+
+    #[test]
+    fn an_angle_out_of_range_that_is_legal_as_degrees_is_told_how_degrees_are_written() {
+        let told = |value| converted(value).1.concat();
+        let cone = "cone: 10 is out of range; legal: > 0 and <= 3 rad, or \"10 deg\" for degrees";
+        assert_eq!(told(json!({"cone": 10})), cone);
+        let twist = "twist[1]: 1080 is out of range; legal: -1000 to 1000, or \"1080 deg\" for degrees";
+        assert_eq!(told(json!({"twist": [0, 1080]})), twist);
+        // The check of ranges reports what is wrong as degrees too, and what is plainly radians.
+        for other in [json!({"cone": -1}), json!({"cone": 1e9}), json!({"cone": "10 rad"})] {
+            assert_eq!(told(other.clone()), "", "{other}");
+        }
     }
 }

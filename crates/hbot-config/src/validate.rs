@@ -45,14 +45,7 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
             }
         }
         Value::Number(number) => {
-            let inside = number.as_f64().is_some_and(|x| {
-                let bound = |key: &str| schema[key].as_f64();
-                bound("minimum").is_none_or(|b| x >= b)
-                    && bound("maximum").is_none_or(|b| x <= b)
-                    && bound("exclusiveMinimum").is_none_or(|b| x > b)
-                    && bound("exclusiveMaximum").is_none_or(|b| x < b)
-            });
-            if !inside {
+            if !number.as_f64().is_some_and(|x| is_in_range(schema, x)) {
                 report.push(path, format!("{number} is out of range"), range(schema));
             }
         }
@@ -121,6 +114,15 @@ pub(crate) fn is_typed(schema: &Value, value: &Value) -> bool {
     }
     is_of_type(schema, value)
         && value.as_array().is_none_or(|elements| elements.iter().all(|e| is_typed(&schema["items"], e)))
+}
+
+/// Returns whether a number is in the range that a schema allows.
+pub(crate) fn is_in_range(schema: &Value, x: f64) -> bool {
+    let bound = |key: &str| schema[key].as_f64();
+    bound("minimum").is_none_or(|b| x >= b)
+        && bound("maximum").is_none_or(|b| x <= b)
+        && bound("exclusiveMinimum").is_none_or(|b| x > b)
+        && bound("exclusiveMaximum").is_none_or(|b| x < b)
 }
 
 /// Returns whether a value has the type that a schema requires. Ranges are not checked.

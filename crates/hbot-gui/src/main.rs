@@ -34,19 +34,19 @@ struct Args {
     /// Folder for exported samples
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
-    /// States per second to request
+    /// States per second to request, 1 to 100000
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES_PER_S, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     samples: u32,
     /// Colours of the window
     #[arg(long, value_enum, default_value_t = Theme::System)]
     theme: Theme,
-    /// Size of the window, points
+    /// Size of the window, points, 900x600 to 10000x10000
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x800", value_parser = size)]
     size: [f32; 2],
     /// Save a picture of the window as a PNG file, then exit
     #[arg(long, value_name = "FILE", value_parser = PathBufValueParser::new().try_map(png))]
     picture: Option<PathBuf>,
-    /// Time from the start until the picture is taken
+    /// Time from the start until the picture is taken, 0 to 3600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 5, requires = "picture", value_parser = clap::value_parser!(u64).range(0..=3600))]
     picture_after: u64,
     /// Print a script that completes options in a shell

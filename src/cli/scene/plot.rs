@@ -9,6 +9,7 @@ use hbot_core::Vec3;
 use hbot_host::abilities::Abilities;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
+use super::super::out::refuse_folder;
 use super::sweep::Probe;
 use super::{Which, say, warn};
 
@@ -77,6 +78,7 @@ pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
 }
 
 pub(super) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
+    refuse_folder(path, "a file for the picture")?;
     std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
 }
 

@@ -164,8 +164,8 @@ pub(super) fn typed<T: serde::de::DeserializeOwned>(body: Value) -> Result<T, Cl
 /// Opens a TCP connection. Tries all addresses that the host name has: `localhost`, for example,
 /// can have two, and a server may listen on only one of them.
 fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
-    let candidates = resolve(address)
-        .map_err(|error| ClientError::Address { address: address.into(), reason: error.to_string() })?;
+    let candidates =
+        resolve(address).map_err(|reason| ClientError::Address { address: address.into(), reason })?;
     let mut last = io::Error::from(ErrorKind::AddrNotAvailable);
     for candidate in candidates {
         match TcpStream::connect_timeout(&candidate, timeout) {
@@ -179,12 +179,22 @@ fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
     })
 }
 
-fn resolve(address: &str) -> io::Result<Vec<SocketAddr>> {
-    if has_port(address) {
+/// Returns the socket addresses that an address names, or why it names none. The form is checked
+/// first, because the system's message about a wrong form does not say what is wrong.
+fn resolve(address: &str) -> Result<Vec<SocketAddr>, String> {
+    if host(address).is_empty() {
+        return Err("it has no host".to_owned());
+    }
+    let found: io::Result<Vec<SocketAddr>> = if has_port(address) {
+        let port = address.rsplit(':').next().unwrap_or_default();
+        if port.parse::<u16>().is_err() {
+            return Err(format!("{port:?} is no port, which is a number up to 65535"));
+        }
         address.to_socket_addrs().map(Iterator::collect)
     } else {
         (host(address), DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
-    }
+    };
+    found.map_err(|error| error.to_string())
 }
 
 /// Returns whether the address ends with a port. An IPv6 address without brackets contains colons

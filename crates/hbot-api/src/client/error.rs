@@ -22,7 +22,8 @@ pub enum ClientError {
     Address {
         /// The address that the caller gave.
         address: String,
-        /// The operating system's description of the error.
+        /// What is wrong with the form of the address, or the operating system's description of
+        /// the error.
         reason: String,
     },
     /// The connection failed for another reason than [`NoServer`](Self::NoServer) or

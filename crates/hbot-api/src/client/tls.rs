@@ -10,6 +10,7 @@ use rustls::{
     CertificateError, ClientConfig, ClientConnection, DigitallySignedStruct, Error, RootCertStore,
     SignatureScheme, StreamOwned, version,
 };
+use std::io::ErrorKind;
 use std::net::TcpStream;
 use std::path::Path;
 use std::sync::Arc;
@@ -39,7 +40,12 @@ impl Trust {
     /// Fails with [`ClientError::Tls`] if the file cannot be read or contains no certificate.
     pub fn from_file(path: &Path) -> Result<Self, ClientError> {
         let wrong = |what: String| ClientError::Tls(format!("{}: {what}", path.display()));
-        let text = std::fs::read(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
+        let text = std::fs::read(path).map_err(|error| match error.kind() {
+            ErrorKind::IsADirectory => {
+                wrong("this is a folder. Name a file with certificates (PEM)".to_owned())
+            }
+            _ => wrong(format!("cannot be read: {error}")),
+        })?;
         Self::from_pem(&text).map_err(|error| match error {
             ClientError::Tls(what) => wrong(what),
             other => other,
@@ -108,7 +114,7 @@ impl Trust {
             match connection.read_tls(&mut stream) {
                 Ok(0) => return Err(ClientError::Closed),
                 Ok(_) => {}
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
                 Err(error) if is_timeout(&error) => return Ok(None),
                 Err(error) => return Err(ClientError::from_io(error)),
             }

@@ -241,9 +241,18 @@ fn a_server_that_says_nothing_or_nonsense_is_told_apart() {
     assert_eq!(Client::connect(&address, "tester").unwrap_err().code(), Some(ErrorCode::Unauthorized));
     server.join().unwrap();
 
-    for address in ["127.0.0.1:seven", "127.0.0.1:99999", "", "no such host"] {
+    for (address, why) in [
+        ("127.0.0.1:seven", "\"seven\" is no port, which is a number up to 65535. Legal: HOST or HOST:PORT"),
+        ("127.0.0.1:99999", "\"99999\" is no port"),
+        ("rig.local:", "\"\" is no port"),
+        ("[::1]:nine", "\"nine\" is no port"),
+        ("", "it has no host. Legal: HOST or HOST:PORT, as 127.0.0.1:4268"),
+        (":4268", "\":4268\" is no address of a server: it has no host. Legal: HOST or HOST:PORT"),
+        ("no such host", "\"no such host\" is no address of a server: "),
+    ] {
         let error = Client::connect(address, "tester").unwrap_err();
         assert!(matches!(error, ClientError::Address { .. }), "{address}: {error}");
+        assert!(error.to_string().contains(why), "{address}: {error}");
     }
 }
 

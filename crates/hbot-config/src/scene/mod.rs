@@ -209,16 +209,20 @@ impl SceneFile {
         }
         validate(&TOP_SCHEMA, &tree, "", &mut report);
         let mut effects: Vec<SceneEffect> = Vec::new();
+        let mut ids: Vec<Option<&str>> = Vec::new();
         // A list that is too long has already been reported. Mistakes in the surplus effects do not
         // matter.
         for (i, value) in tree["effect"].as_array().into_iter().flatten().take(MAX_EFFECTS).enumerate() {
             let path = format!("effect[{i}]");
-            let Some(effect) = SceneEffect::parse(value, &path, &mut report) else { continue };
-            if let Some(other) = effects.iter().position(|e| e.id == effect.id) {
-                let message = format!("{:?} is the id of effect[{other}] already", effect.id);
-                report.push(&join(&path, "id"), message, "ids that differ".to_owned());
+            effects.extend(SceneEffect::parse(value, &path, &mut report));
+            let (id, at) = (value["id"].as_str(), join(&path, "id"));
+            if let Some(id) = id.filter(|_| report.clean_under(&at))
+                && let Some(other) = ids.iter().position(|earlier| *earlier == Some(id))
+            {
+                let message = format!("{id:?} is the id of effect[{other}] already");
+                report.push(&at, message, "ids that differ".to_owned());
             }
-            effects.push(effect);
+            ids.push(id);
         }
         check_figures(&effects, "effect", &mut report);
         // Other users see these texts in their terminals, so they must not contain control
@@ -438,10 +442,13 @@ impl SceneEffect {
                 "letters, digits, `_`, `-` and `.`".to_owned(),
             );
         }
+        let entry = entry?;
         if !report.clean_under(path) {
+            // An effect with mistakes is not compiled, which would find these too.
+            kinds::check_directions(&value, path, report);
             return None;
         }
-        Self::compile(id, entry?, &value, path, report)
+        Self::compile(id, entry, &value, path, report)
     }
 
     /// Creates an effect from values that its schema allows. If the values are not legal together,

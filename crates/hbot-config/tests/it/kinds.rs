@@ -33,6 +33,26 @@ fn axes_have_a_direction() {
     }
 }
 
+/// A user who corrects all mistakes of one check does not find another one in the next.
+#[test]
+fn a_direction_of_length_zero_is_told_with_the_other_mistakes_of_its_effect() {
+    for kind in kinds() {
+        for (key, parameter) in kind.schema["properties"].as_object().unwrap() {
+            if !parameter["description"].as_str().unwrap().ends_with("Any length except zero.") {
+                continue;
+            }
+            let zero = vec!["0"; parameter["minItems"].as_u64().unwrap() as usize].join(", ");
+            let told = said(kind.name, &format!("{key} = [{zero}]\ngain = -1\ngian = 1"));
+            let starts: Vec<&str> = told.lines().map(|line| line.split("; legal").next().unwrap()).collect();
+            let [direction, gain, unknown] = starts[..] else { panic!("{}: {told}", kind.name) };
+            assert!(direction.contains(&format!("effect[0].{key}: the ")), "{direction}");
+            assert!(direction.ends_with(" has no length"), "{direction}");
+            assert_eq!(gain, "x.toml:5:8: effect[0].gain: -1 is out of range");
+            assert!(unknown.contains("effect[0].gian: unknown key"), "{unknown}");
+        }
+    }
+}
+
 #[test]
 fn positions_ascend_and_ranges_have_two_ends() {
     assert_eq!(
@@ -46,6 +66,10 @@ fn positions_ascend_and_ranges_have_two_ends() {
     assert_eq!(
         said("detents", "count = 0"),
         "x.toml:4:9: effect[0].count: 0 is out of range; legal: 1 to 720"
+    );
+    assert_eq!(
+        said("magnet", "width = 10"),
+        "x.toml:4:9: effect[0].width: 10 is out of range; legal: 0.01 to 2 rad, or \"10 deg\" for degrees"
     );
 }
 

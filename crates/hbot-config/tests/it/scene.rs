@@ -123,6 +123,16 @@ fn ids_and_kinds() {
         said("[[effect]]\nid = 'a'\nkind = 'damper'\n[[effect]]\nid = 'a'\nkind = 'spring'"),
         "x.toml:5:6: effect[1].id: \"a\" is the id of effect[0] already; legal: ids that differ"
     );
+    // The same with another mistake in each effect, and an effect between them.
+    assert_eq!(
+        said(
+            "[[effect]]\nid = 'a'\nkind = 'damper'\ngain = -1\n[[effect]]\nid = 'b'\nkind = 'damper'\n\
+             [[effect]]\nid = 'a'\nkind = 'damper'\ngain = -2"
+        ),
+        "x.toml:4:8: effect[0].gain: -1 is out of range; legal: 0 to 10\n\
+         x.toml:9:6: effect[2].id: \"a\" is the id of effect[0] already; legal: ids that differ\n\
+         x.toml:11:8: effect[2].gain: -2 is out of range; legal: 0 to 10"
+    );
     assert_eq!(
         said("[[effect]]\nid = 'a b'\nkind = 'damper'"),
         "x.toml:2:6: effect[0].id: \"a b\" has other characters; legal: letters, digits, `_`, `-` and `.`"

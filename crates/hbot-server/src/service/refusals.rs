@@ -41,9 +41,12 @@ pub(super) fn refusal<'a>(
         ),
         Refusal::TooFar { slot, angle } => {
             let id = effect(slot).unwrap_or("?");
+            // Nobody can turn a simulated sphere by hand.
+            let remedy = if simulated { "Set" } else { "Turn the sphere towards it, or set" };
             let mut message = format!(
                 "op {op}: the reference of effect {id:?} is {angle:.3} rad from the sphere's orientation; legal: at \
-                 most {} rad (limits.enable_max_angle). Turn the sphere, or set anchor = \"here\"",
+                 most {} rad (limits.enable_max_angle). {remedy} its anchor to \"here\" (`hbot set {id} anchor=here`), \
+                 then enable again",
                 limits.enable_max_angle
             );
             if let Some(scene) = earlier_hand {
@@ -128,5 +131,23 @@ mod tests {
         assert!(real.ends_with("Stop the sphere first") && !real.contains("scene"), "{real}");
         assert!(told(Cause::Overspeed, 0.0, false).contains("by its encoders' counts"));
         assert!(told(Cause::Thermal, 45.25, true).ends_with("is still there: remove it first"));
+    }
+
+    #[test]
+    fn a_reference_that_is_too_far_is_anchored_or_the_sphere_turned_if_somebody_can() {
+        let rig = RigConfig::prototype().rig;
+        let told = |simulated, hand| {
+            let sample = crate::still::still(7);
+            let refused = Refusal::TooFar { slot: 0, angle: 1.25 };
+            refusal("enable", refused, &rig, (&sample, simulated), |_| Some("spring"), hand).message
+        };
+        let anchor = "et its anchor to \"here\" (`hbot set spring anchor=here`), then enable again";
+        let simulated = told(true, None);
+        assert!(simulated.contains("is 1.250 rad from the sphere's orientation"), "{simulated}");
+        assert!(simulated.ends_with(&format!("(limits.enable_max_angle). S{anchor}")), "{simulated}");
+        let hand = told(true, Some("Held"));
+        assert!(hand.contains(anchor) && hand.ends_with("of the scene \"Held\" still moves the sphere"));
+        let real = told(false, None);
+        assert!(real.ends_with(&format!(". Turn the sphere towards it, or s{anchor}")), "{real}");
     }
 }

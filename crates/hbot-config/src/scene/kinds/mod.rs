@@ -31,6 +31,7 @@ use crate::decode::decode;
 use crate::document::Report;
 use crate::schema;
 
+pub(in crate::scene) use target::check_directions;
 pub(in crate::scene) use track::MAX_POINTS;
 
 /// Every kind of effect that a scene can contain. To add a kind, add a file in this folder and a

@@ -4,6 +4,7 @@ use hbot_core::effects::{self, Target};
 use hbot_core::{Quat, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::document::{Report, join};
 
@@ -14,6 +15,25 @@ pub(super) const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// Smallest length of a vector or quaternion. A shorter one has no usable direction.
 const LEAST_LENGTH: f64 = 1.0e-6;
+
+/// Names of the parameters that are a vector or quaternion of any length except zero, in all kinds.
+const DIRECTIONS: [&str; 4] = ["axis", "pointer", "at", "reference"];
+
+/// Adds a mistake to the report for each vector and quaternion of length zero in the effect `value`
+/// at `path` whose parameter has no other mistake.
+pub(in crate::scene) fn check_directions(value: &Value, path: &str, report: &mut Report) {
+    for key in DIRECTIONS {
+        let at = join(path, key);
+        if !report.clean_under(&at) {
+            continue;
+        }
+        if let Ok(vector) = <[f64; 3]>::deserialize(&value[key]) {
+            unit_vector(vector, &at, report);
+        } else if let Ok(quaternion) = <[f64; 4]>::deserialize(&value[key]) {
+            unit_quaternion(quaternion, &at, report);
+        }
+    }
+}
 
 /// From where a reference orientation is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

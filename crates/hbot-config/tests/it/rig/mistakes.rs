@@ -1,5 +1,7 @@
 //! One case for each kind of mistake in a rig file, with its message.
 
+use hbot_config::RigConfig;
+
 use super::{LEAST, said, said_of};
 
 #[test]
@@ -121,6 +123,21 @@ fn geometry_that_no_device_can_have() {
         said_of(&one),
         "x.toml:3:1: wheel: found an array of 1 element; legal: an array of 2 to 8 tables"
     );
+}
+
+#[test]
+fn an_angle_in_degrees_says_how_degrees_are_written() {
+    assert_eq!(
+        said("cone = 0.17", "cone = 10"),
+        "x.toml:5:8: wheel[0].cone: 10 is out of range; legal: > 0 and < 3.141592653589793 rad, or \"10 deg\" for degrees"
+    );
+    assert_eq!(
+        said("cone = 0.17", "toe = -10\ncone = 0.17"),
+        "x.toml:5:7: wheel[0].toe: -10 is out of range; legal: > -1.5707963267948966 and < 1.5707963267948966 rad, \
+         or \"-10 deg\" for degrees"
+    );
+    let right = LEAST.replacen("cone = 0.17", "cone = \"10 deg\"", 1);
+    assert!(RigConfig::from_toml(&right, "x.toml").is_ok());
 }
 
 #[test]

@@ -116,7 +116,8 @@ fn the_hand_of_an_earlier_scene_is_named_when_it_stays() {
     let plain = json!({"name": "Far", "effect": [far]});
     assert_eq!(client.call(scene(plain.clone())).unwrap()["warnings"], json!([]), "no scene had a hand");
     let error = refused(client.call(Op::Enable));
-    assert!(error.message.ends_with("set anchor = \"here\""), "{error}");
+    let remedy = "(`hbot set s anchor=here`), then enable again";
+    assert!(error.message.ends_with(remedy), "{error}");
 
     for (simulate, kept, still) in [
         (json!({"hand": {}, "slip": {}}), "keeps that of the scene \"Held\": slip, hand. ", true),
@@ -125,7 +126,7 @@ fn the_hand_of_an_earlier_scene_is_named_when_it_stays() {
         let held = json!({"name": "Held", "simulate": simulate, "effect": [far]});
         assert_eq!(client.call(scene(held)).unwrap()["warnings"], json!([]));
         let error = refused(client.call(Op::Enable));
-        assert!(error.message.ends_with("set anchor = \"here\""), "its own hand: {error}");
+        assert!(error.message.ends_with(remedy), "its own hand: {error}");
         let warnings = client.call(scene(plain.clone())).unwrap()["warnings"].clone();
         let [Value::String(warning)] = &warnings.as_array().unwrap()[..] else { panic!("{warnings}") };
         assert!(warning.starts_with("simulate: ") && warning.contains(kept), "{warning}");

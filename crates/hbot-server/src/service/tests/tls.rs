@@ -235,4 +235,6 @@ fn what_is_no_certificate_is_not_trusted() {
     assert!(said(&Made::by_itself().certificate[..300]).contains("not PEM"));
     let error = Trust::from_file(std::path::Path::new("no-such-file")).unwrap_err().to_string();
     assert!(error.contains("no-such-file: cannot be read"), "{error}");
+    let error = Trust::from_file(std::path::Path::new("/")).unwrap_err().to_string();
+    assert_eq!(error, "/: this is a folder. Name a file with certificates (PEM)");
 }
