@@ -1,4 +1,5 @@
-//! Tests of what the window says about the state of the rig, and of what is grey if it may be wrong.
+//! Tests of what the window says about the state of the rig, and of what is grey if it may be
+//! wrong.
 
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Fault, Mode, StateEvent};
