@@ -45,8 +45,8 @@ fn a_guide_damps_the_turns_that_it_holds_and_no_others() {
     }
 }
 
-/// Beyond a swing of 120 degrees the damping of a dial falls with t² (3 - 2 t), t = 4 cos²(swing/2),
-/// to nothing at a half turn.
+/// Beyond a swing of 120 degrees the damping of a dial falls with t² (3 - 2 t), where t is 4
+/// cos²(swing/2), to nothing at a half turn.
 #[test]
 fn the_damping_of_a_dial_fades_with_its_notches() {
     const DAMPING: f64 = 0.02;

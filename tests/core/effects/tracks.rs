@@ -90,8 +90,8 @@ fn a_sphere_that_goes_along_with_any_track_feels_nothing() {
                 continue;
             }
             // The error of the differences is a sixth of the square of a tick times the third
-            // derivative of the path, at most 600 rad/s³ here. Where the chirp turns back, the second
-            // derivative jumps by 4 rad/s², and a quarter of a tick of it is added.
+            // derivative of the path, at most 600 rad/s³ here. Where the chirp turns back, its
+            // second derivative jumps by 4 rad/s². There a quarter of a tick times this is added.
             assert!(torque.length() < 1e-3, "{path:?} at tick {k}: {torque}");
         }
         assert!(fastest > 1.0, "{path:?}: at most {fastest} rad/s");
