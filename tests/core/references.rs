@@ -1,7 +1,9 @@
 //! References that move, and corrections of the orientation from outside.
 
 use crate::bench::{Bench, DT, FirstReply, altered, effect, rig, spring, spring_scene};
-use hbot_core::effects::{Anchor, Constant, Effect, Frame, Kind};
+use hbot_core::effects::{
+    Anchor, Constant, Detents, Effect, Frame, Freedom, Guide, Kind, SnapSet, Snaps, Target, Track, TrackPath,
+};
 use hbot_core::inputs::{Command, Stamp};
 use hbot_core::outputs::{Refusal, Reply};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
@@ -90,6 +92,38 @@ fn a_references_rate_expires_and_its_place_stays() {
         let torque = bench.step().state.torque;
         let want = turn + if k < 10 { omega * 0.1 } else { Vec3::ZERO };
         assert!((torque - want).length() < 1e-12, "tick {k}: {torque}");
+    }
+}
+
+/// Dampers act on the motion relative to the reference. So a reference that turns takes a sphere at
+/// rest along, in the directions that the effect holds.
+#[test]
+fn a_reference_that_turns_takes_along_what_an_effect_holds() {
+    const DAMPING: f64 = 0.1;
+    let (axis, pointer, omega) = (Vec3::new(0.6, 0.0, 0.8), Vec3::Y, Vec3::new(0.5, -1.0, 0.75));
+    let target = Target::N;
+    let guide =
+        |free| Kind::Guide(Guide { target, axis, free, stiffness: 2.0, damping: DAMPING, deadband: 0.0 });
+    let (strength, width) = (0.1, 0.2);
+    let dial = Detents { target, axis, strength, width, count: 12, end_stiffness: 0.0, damping: DAMPING };
+    let set = SnapSet::Cube;
+    let rounding = Snaps::rounding(set, &[]);
+    let snaps = Snaps { target, set, strength, width, rounding, damping: DAMPING };
+    let path = TrackPath::Swing { axis, amplitude: 0.0, from: 1.0, to: 1.0, sweep: 0.0, repeat: false };
+    let track = Track { target, path, stiffness: 2.0, damping: DAMPING, deadband: 0.0 };
+    let about = |unit: Vec3| unit * unit.dot(omega);
+    for (kind, held) in [
+        (guide(Freedom::Axis), omega - about(axis)),
+        (guide(Freedom::Swing), about(axis)),
+        // Only a turn about this axis moves the pointer out of the plane.
+        (guide(Freedom::Plane(pointer)), about(pointer.cross(axis))),
+        (Kind::Detents(dial), about(axis)),
+        (Kind::Snaps(snaps), omega),
+        (Kind::Track(track), omega),
+    ] {
+        let mut bench = Bench::active(rig(), CompiledScene::new(1, &[effect(3, 9, kind)]).unwrap());
+        let torque = bench.command(reference(Quat::IDENTITY, omega, 10)).state.torque;
+        assert!((torque - held * DAMPING).length() < 1e-12, "{kind:?}: {torque}");
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{Felt, askew, axis, pulse, vibration};
 use crate::bench::{Bench, DT, altered, effect, rig};
-use hbot_core::effects::{Anchor, Effect, Kind, Pulse, Span, Target, Track, TrackPath, Wave};
+use hbot_core::effects::{Anchor, Effect, Kind, Pulse, Span, Target, Track, TrackPath, Vibration, Wave};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 fn along(felt: &mut Felt, q: Quat, ticks: u32) -> Vec<f64> {
@@ -179,4 +179,103 @@ fn each_effect_finds_its_own_figures() {
     let rig = altered(&rig(), |rig| rig.limits.enable_max_angle = std::f64::consts::PI);
     let torque = Bench::active(rig, scene).step().state.torque;
     assert!(torque.length() > 1.0, "{torque}");
+}
+
+/// Returns the value at `t` of the line through `knots`, which are times (s) and values.
+fn polyline(knots: &[(f64, f64)], t: f64) -> f64 {
+    let piece = knots.windows(2).find(|pair| pair[0].0 <= t && t < pair[1].0);
+    piece.map_or(knots[knots.len() - 1].1, |pair| {
+        let [(from, low), (to, high)] = [pair[0], pair[1]];
+        low + (high - low) * (t - from) / (to - from)
+    })
+}
+
+#[test]
+fn a_vibration_is_its_wave_times_its_envelope_and_one_that_ends_stays_silent() {
+    const FREQUENCY: f64 = 37.0;
+    let turn = core::f64::consts::TAU;
+    for wave in [Wave::Sine, Wave::Square, Wave::Saw] {
+        // No tick is at the end of `hold`, where a vibration without release drops at once.
+        for (attack, hold, release) in [
+            (0.02, 0.0995, 0.05),
+            (0.02, 0.0995, 0.0),
+            (0.0, 0.0995, 0.05),
+            (0.03, 0.0, 0.05),
+            (0.0, 0.0, 0.0),
+        ] {
+            let mut knots = vec![(0.0, 0.0), (attack, 1.0)];
+            if hold > 0.0 {
+                knots.extend([(hold, 1.0), (hold + release, 0.0)]);
+            }
+            let vibration =
+                Vibration { frequency: FREQUENCY, attack, hold, release, repeat: 0.0, ..vibration(wave) };
+            let torque = along(&mut Felt::new(Kind::Vibration(vibration)), Quat::IDENTITY, 400);
+            for (k, torque) in torque.into_iter().enumerate() {
+                let t = k as f64 * DT;
+                // Within these 400 ticks only the first is on a border between two half periods.
+                let phase = (FREQUENCY * t).fract();
+                let sine = (turn * phase).sin();
+                let shape = match wave {
+                    Wave::Sine => sine,
+                    Wave::Square => 1.0_f64.copysign(sine),
+                    Wave::Saw => 2.0 * (phase - phase.round()),
+                };
+                let want = 0.1 * polyline(&knots, t) * shape;
+                // The tolerance is 400 roundings of the phase, times the steepest slope of a wave.
+                assert!((torque - want).abs() < 1e-12, "{vibration:?} at {t} s: {torque}, not {want}");
+            }
+        }
+    }
+}
+
+/// At these frequencies the phase is exact, and a tick lies exactly on the border between the two
+/// half periods.
+#[test]
+fn a_square_wave_of_an_even_number_of_ticks_has_no_mean() {
+    for (frequency, ticks) in [(500.0, 2), (250.0, 4), (125.0, 8), (62.5, 16)] {
+        let square = Vibration { frequency, attack: 0.0, hold: 0.0, repeat: 0.0, ..vibration(Wave::Square) };
+        let torque = along(&mut Felt::new(Kind::Vibration(square)), Quat::IDENTITY, 10 * ticks);
+        for period in torque.chunks(ticks as usize) {
+            assert!(period[0] > 0.09 && period.iter().sum::<f64>().abs() < 1e-12, "{frequency}: {period:?}");
+        }
+    }
+}
+
+/// Turns the sphere like a dial at `rate` rad/s for two seconds, with its axis swung away by
+/// `swing` rad. Returns the first torque of each click.
+fn clicked(count: u16, swing: f64, rate: f64) -> Vec<f64> {
+    let base = askew().reference().0;
+    let tilted = base * rotation::exp(axis().any_orthonormal_vector() * swing);
+    let mut felt = Felt::new(Kind::Pulse(Pulse { period: 0.0, count, ..pulse() }));
+    let torque: Vec<f64> = (0..2000)
+        .map(|k| {
+            let q = tilted * rotation::exp(axis() * (rate * DT * f64::from(k)));
+            felt.moving(q, tilted * axis() * rate).dot(base * axis())
+        })
+        .collect();
+    torque.windows(2).filter(|pair| pair[0] == 0.0 && pair[1] != 0.0).map(|pair| pair[1]).collect()
+}
+
+/// From one of two notches to the other is half a turn. Only the rate tells the direction.
+#[test]
+fn each_click_of_a_dial_pushes_first_in_the_direction_of_its_motion() {
+    for count in [2, 3, 4, 5, 12] {
+        for rate in [4.0, -4.0] {
+            let clicks = clicked(count, 0.0, rate);
+            // The dial turns by 8 rad. The first border is half a step from the notch at zero.
+            let borders = (8.0 * f64::from(count) / core::f64::consts::TAU + 0.5).floor();
+            assert_eq!(clicks.len(), borders as usize, "{count} notches at {rate} rad/s");
+            assert!(clicks.iter().all(|first| first * rate > 0.0), "{count} at {rate} rad/s: {clicks:?}");
+        }
+    }
+}
+
+/// Beyond a swing of 120 degrees a dial fades, and its notches with it.
+#[test]
+fn a_dial_that_has_swung_far_away_does_not_click() {
+    for (swing, clicks) in [(0.0, 12), (1.0, 12), (2.0, 12), (2.2, 0), (2.6, 0)] {
+        for rate in [3.1, -3.1] {
+            assert_eq!(clicked(12, swing, rate).len(), clicks, "swing {swing} at {rate} rad/s");
+        }
+    }
 }

@@ -132,3 +132,38 @@ fn walls_begin_at_nothing_are_damped_on_the_way_in_alone_and_only_push() {
     let mut felt = Felt::new(Kind::EndStop(stop));
     assert!(felt.at(base * rotation::from_parts(0.0, across)).length() < 1e-12);
 }
+
+#[test]
+fn walls_of_a_twist_only_push_too_at_either_end() {
+    let range = [-0.3, 0.8];
+    let stop = EndStop {
+        target: askew(),
+        axis: axis(),
+        cone: None,
+        twist: Some(range),
+        stiffness: 3.0,
+        damping: 0.1,
+    };
+    let base = askew().reference().0;
+    let along = base * axis();
+    for (end, out) in [(range[0], -1.0), (range[1], 1.0)] {
+        // The torque outwards at a depth in the wall, while the sphere turns outwards at a rate.
+        let torque = |depth: f64, rate: f64| {
+            let q = base * rotation::exp(axis() * (end + out * depth));
+            Felt::new(Kind::EndStop(stop)).moving(q, along * (out * rate)).dot(along) * out
+        };
+        assert_eq!(torque(-1e-9, 5.0), 0.0);
+        for (depth, rate, damping) in [
+            (0.1, 2.0, 0.2),
+            (0.1, 0.01, 0.001),
+            // In the middle of the first 10 mrad half of the damping acts.
+            (0.005, 5.0, 0.25),
+            (0.1, 0.0, 0.0),
+            (0.1, -0.01, 0.0),
+            (0.1, -2.0, 0.0),
+        ] {
+            let (is, want) = (torque(depth, rate), -3.0 * depth - damping);
+            assert!((is - want).abs() < 1e-12, "end {end}, depth {depth}, rate {rate}: {is}, not {want}");
+        }
+    }
+}

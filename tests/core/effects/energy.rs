@@ -1,10 +1,10 @@
 //! Energy stored and absorbed by effects: every torque compared with its energy, along closed and
 //! open paths.
 
-use super::{Felt, anywhere, askew, conservative, dissipative, uneven};
+use super::{Felt, anywhere, askew, axis, conservative, dissipative, end_stop, uneven};
 use crate::bench::{self, DT, rig};
 use crate::rng::Rng;
-use hbot_core::effects::{Anchor, Damper, Effect, Friction, Inertia, Kind};
+use hbot_core::effects::{Anchor, Damper, Effect, EndStop, Friction, Inertia, Kind};
 use hbot_core::render::Renderer;
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
@@ -14,12 +14,22 @@ fn somewhere(rng: &mut Rng, everywhere: bool) -> Quat {
     if everywhere { anywhere(rng) } else { rotation::exp(rng.vector(0.68)) * askew().reference().0 }
 }
 
-#[test]
-fn every_conservative_torque_is_the_gradient_of_its_energy() {
+/// Returns the negative gradient of the energy at `q`, N m, from central differences.
+fn downhill(felt: &mut Felt, q: Quat) -> Vec3 {
     /// Step of the central differences, rad. The error h²/6 of a third derivative (900 x 0.05 for
     /// the texture) is 1e-11, and rounding 1e-16/h is 1e-10. Where a second derivative jumps, by
     /// 0.1/0.017 at a ridge of the icosahedron, the error is 6 h/4.
     const H: f64 = 1e-6;
+    let mut slope = |axis: Vec3| {
+        let ahead = felt.energy(rotation::exp(axis * H) * q);
+        let behind = felt.energy(rotation::exp(axis * -H) * q);
+        (ahead - behind) / (2.0 * H)
+    };
+    -Vec3::new(slope(Vec3::X), slope(Vec3::Y), slope(Vec3::Z))
+}
+
+#[test]
+fn every_conservative_torque_is_the_gradient_of_its_energy() {
     let mut rng = Rng(1);
     for case in conservative() {
         let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
@@ -28,18 +38,59 @@ fn every_conservative_torque_is_the_gradient_of_its_energy() {
             let mut felt = Felt::with_numbers(case.kind, &case.figures);
             let q = somewhere(&mut rng, case.everywhere);
             let torque = felt.at(q);
-            let slope = |axis: Vec3, felt: &mut Felt| {
-                let ahead = felt.energy(rotation::exp(axis * H) * q);
-                let behind = felt.energy(rotation::exp(axis * -H) * q);
-                (ahead - behind) / (2.0 * H)
-            };
-            let want =
-                -Vec3::new(slope(Vec3::X, &mut felt), slope(Vec3::Y, &mut felt), slope(Vec3::Z, &mut felt));
-            worst = worst.max((torque - want).length());
+            worst = worst.max((torque - downhill(&mut felt, q)).length());
             largest = largest.max(torque.length());
         }
         assert!(worst < 2e-6, "{}: off by {worst:e}", case.name);
         assert!(largest > 0.02, "{}: the test saw at most {largest} N m", case.name);
+    }
+}
+
+/// A wall of the twist fades if the axis swings far away. Its torque remains the gradient of its
+/// energy there, which is 0 within the range.
+#[test]
+fn the_wall_of_a_twist_is_the_gradient_of_its_energy_at_any_swing() {
+    let stop = EndStop { cone: None, ..end_stop(0.0) };
+    let mut rng = Rng(6);
+    let (mut worst, mut faded, mut free) = (0.0_f64, 0, 0);
+    for _ in 0..3000 {
+        // The turns are counted from here.
+        let mut felt = Felt::new(Kind::EndStop(stop));
+        let q = anywhere(&mut rng);
+        let torque = felt.at(q);
+        worst = worst.max((torque - downhill(&mut felt, q)).length());
+        if torque == Vec3::ZERO {
+            assert_eq!(felt.energy(q), 0.0);
+            free += 1;
+        }
+        let x = askew().reference().0.conjugate() * q;
+        faded += usize::from((x * axis()).dot(axis()) < -0.5 && torque.length() > 0.1);
+    }
+    // The energy of up to 12 J is rounded to 2e-15 J, which the differences divide by 2e-6 rad.
+    assert!(worst < 2e-6, "off by {worst:e}");
+    // A quarter of all swings is beyond 120 degrees, and the range is 1.1 of the 6.3 rad of a turn.
+    assert!(faded > 300 && free > 300, "{faded} in the fade, {free} within the range");
+}
+
+/// The energy of a cone's wall is the work of a swing into it, also where the wall fades.
+#[test]
+fn the_energy_of_a_cone_is_the_work_that_a_swing_into_it_takes() {
+    /// Step of the swing, rad. By the midpoint rule the error at a corner of the torque is at most
+    /// an eighth of the jump in slope, 3 x 2.8/0.35 N m/rad, times the square of the step.
+    const STEP: f64 = core::f64::consts::PI / 4000.0;
+    let base = askew().reference().0;
+    let across = axis().any_orthonormal_vector();
+    for cone in [0.0, 0.5, 1.5, 2.7] {
+        let mut felt = Felt::new(Kind::EndStop(EndStop { cone: Some(cone), twist: None, ..end_stop(0.0) }));
+        let mut work = 0.0_f64;
+        for k in 0..4000 {
+            let at = |swing: f64| base * rotation::exp(across * swing);
+            let from = STEP * f64::from(k);
+            let energy = felt.energy(at(from));
+            assert!((energy - work).abs() < 1e-4, "cone {cone}, swing {from}: {energy} J, not {work} J");
+            work -= felt.at(at(from + 0.5 * STEP)).dot(base * across) * STEP;
+        }
+        assert!(work > 0.01, "cone {cone}: {work} J");
     }
 }
 

@@ -1,9 +1,11 @@
 //! Changes while the rig runs: scenes, parameters, references, fades. The torque never steps.
 
-use super::{active, anywhere, conservative, dissipative};
+use super::{active, anywhere, axis, conservative, detents, dissipative, end_stop, pointer};
 use crate::bench::{Bench, FirstReply, altered, effect, rig};
 use crate::rng::Rng;
-use hbot_core::effects::{Effect, Freedom, Guide, Kind, Span, Target};
+use hbot_core::effects::{
+    Anchor, Detents, Effect, EndStop, Freedom, Guide, Kind, Magnet, Span, Target, Track, TrackPath,
+};
 use hbot_core::inputs::{Command, Stamp};
 use hbot_core::outputs::{Refusal, Reply};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
@@ -171,6 +173,79 @@ fn what_would_pull_from_afar_keeps_the_rig_from_being_enabled() {
         match bench.command(Command::Enable).reply() {
             Reply::Done => assert_eq!(angle, 0.0),
             Reply::Refused(Refusal::TooFar { slot: 0, angle: said }) => assert!((said - angle).abs() < 1e-12),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn enable_is_refused_with_the_angle_to_the_nearest_rest_of_each_kind() {
+    let rig = altered(&rig(), |rig| rig.limits.enable_max_angle = 0.05);
+    let q = rotation::exp(Vec3::new(0.3, -0.5, 0.4));
+    let across = axis().any_orthonormal_vector();
+    // The reference relative to which the sphere is at `x`.
+    let target = |x: Quat| Target::new(q * x.conjugate(), Anchor::Absolute).unwrap();
+    let swung = |swing: f64, twist: f64| rotation::exp(across * swing) * rotation::exp(axis() * twist);
+    let dial = |psi, end_stiffness| {
+        Kind::Detents(Detents { target: target(swung(0.4, psi)), end_stiffness, ..detents(0, 0.0) })
+    };
+    // The cone is 0.5 rad wide, and the twist goes from -0.3 to 0.8 rad.
+    let walls =
+        |swing, twist| Kind::EndStop(EndStop { target: target(swung(swing, twist)), ..end_stop(0.0) });
+    let hinge = |x, free| {
+        let (stiffness, damping, deadband) = (3.0, 0.0, 0.0);
+        Kind::Guide(Guide { target: target(x), axis: axis(), free, stiffness, damping, deadband })
+    };
+    // The pointer at the angle `rise` above the plane of the guide.
+    let plane = |rise: f64| {
+        let up = across * rise.cos() + axis() * rise.sin();
+        hinge(Quat::from_rotation_arc(pointer(), up), Freedom::Plane(pointer()))
+    };
+    // A path that begins `away` from the sphere.
+    let first = rotation::exp(Vec3::new(0.2, 0.6, -0.3));
+    let track = |away: Vec3| {
+        let target = Target::new(first.conjugate() * rotation::exp(away) * q, Anchor::Absolute).unwrap();
+        let path = TrackPath::Points { rest: false, repeat: false };
+        Kind::Track(Track { target, path, stiffness: 2.0, damping: 0.0, deadband: 0.0 })
+    };
+    let [w, x, y, z] = rotation::to_wxyz(first);
+    let points = vec![0.0, w, x, y, z, 1.0, 1.0, 0.0, 0.0, 0.0];
+    let ends = vec![0.4, 1.0];
+    let half = target(swung(0.0, std::f64::consts::PI));
+    let cases = [
+        (dial(-0.5, 2.0), ends.clone(), 0.9),
+        (dial(1.8, 2.0), ends.clone(), 0.8),
+        (dial(0.7, 2.0), ends.clone(), 0.0),
+        // An open dial has no walls, and rests anywhere beyond its last notch.
+        (dial(-0.5, 0.0), ends, 0.0),
+        (walls(1.2, 0.1), vec![], 0.7),
+        (walls(0.2, 1.4), vec![], 0.6),
+        (walls(0.2, -1.0), vec![], 0.7),
+        (walls(0.9, 1.0), vec![], 0.4),
+        (walls(0.2, 0.1), vec![], 0.0),
+        (hinge(swung(0.6, 0.0), Freedom::Axis), vec![], 0.6),
+        (hinge(swung(0.0, 2.0), Freedom::Axis), vec![], 0.0),
+        (hinge(swung(0.0, -0.7), Freedom::Swing), vec![], 0.7),
+        (hinge(swung(2.0, 0.0), Freedom::Swing), vec![], 0.0),
+        (plane(0.9), vec![], 0.9),
+        (plane(-0.4), vec![], 0.4),
+        (plane(0.0), vec![], 0.0),
+        (track(Vec3::new(0.0, 0.48, -0.64)), points.clone(), 0.8),
+        (track(Vec3::ZERO), points, 0.0),
+        // The torque of a magnet does not grow with the angle.
+        (Kind::Magnet(Magnet { target: half, strength: 0.2, width: 0.3 }), vec![], 0.0),
+    ];
+    for (kind, figures, angle) in cases {
+        let mut bench = Bench::new(rig);
+        bench.run(5);
+        bench.command(Command::Align { q, weight: 1.0, tick: 3 });
+        bench.scene = scene(1, kind, &figures);
+        bench.step();
+        match bench.command(Command::Enable).reply() {
+            Reply::Done => assert_eq!(angle, 0.0, "{kind:?}"),
+            Reply::Refused(Refusal::TooFar { slot: 0, angle: said }) => {
+                assert!((said - angle).abs() < 1e-9, "{kind:?}: {said} rad, not {angle}");
+            }
             other => panic!("{other:?}"),
         }
     }

@@ -1,8 +1,12 @@
 //! Virtual masses: they feel like masses, and are limited to what the loop can render stably.
 
 use super::Felt;
-use crate::bench::{DT, effect, rig};
+use crate::bench::{Bench, DT, FirstReply, effect, rig};
+use crate::rng::Rng;
 use hbot_core::effects::{Effect, Inertia, Kind, Motion};
+use hbot_core::inputs::Command;
+use hbot_core::mode::Mode;
+use hbot_core::outputs::Reply;
 use hbot_core::render::Renderer;
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3};
 
@@ -112,5 +116,69 @@ fn the_bound_of_masses_counts_each_with_its_gain() {
         }
         // At 1 rad/s² the torque is the mass.
         assert!((torque.z + share * bound).abs() < 1e-9, "{masses:?}: {torque}, the bound is {bound}");
+    }
+}
+
+/// A mass whose axis lies between the coordinate axes is bounded about its own axis.
+#[test]
+fn the_bound_of_a_mass_holds_about_every_axis() {
+    let bound = 0.5 * rig().device.sphere_inertia() * (0.01 + DT) / DT;
+    for about in [Vec3::ONE, Vec3::new(1.0, -1.0, 1.0), Vec3::new(-1.0, 1.0, 1.0), Vec3::new(1.0, 1.0, -1.0)]
+    {
+        // The mass is 3.1 times the bound about this axis, and a tenth of the bound across it. Each
+        // row adds up to 3.1 times the bound too.
+        let outer = Mat3::from_cols(about * about.x, about * about.y, about * about.z);
+        let mass = (outer + Mat3::IDENTITY * 0.1) * bound;
+        let mut felt = Felt::new(Kind::Inertia(Inertia { mass, smoothing: 0.01 }));
+        let axis = about.normalize();
+        let mut torque = Vec3::ZERO;
+        for k in 0..300 {
+            torque = felt.moving(Quat::IDENTITY, axis * (DT * f64::from(k)));
+        }
+        // At 1 rad/s² the torque is the mass.
+        assert!((torque + axis * bound).length() < 1e-9, "about {about}: {torque}, the bound is {bound}");
+    }
+}
+
+/// With a time step of 0 a renderer only evaluates the torque. A virtual mass then shows the torque
+/// of the last tick, and the next tick is not changed.
+#[test]
+fn a_virtual_mass_is_not_moved_by_an_evaluation_between_two_ticks() {
+    let mut rng = Rng(6);
+    for smoothing in [0.0, 0.01] {
+        let scene = CompiledScene::new(1, &[effect(0, 1, mass(1e-4, smoothing))]).unwrap();
+        let mut plain = Renderer::new(&rig());
+        plain.adopt(&scene, Quat::IDENTITY);
+        let mut asked = plain.clone();
+        let mut last = Vec3::ZERO;
+        for tick in 0..200 {
+            let motion = |omega| Motion { q: Quat::IDENTITY, omega };
+            let between = asked.render(&scene, &motion(rng.vector(5.0)), tick, 0.0, 0.0);
+            assert_eq!(between, last, "between ticks {tick}");
+            let now = motion(rng.vector(1.0));
+            last = asked.render(&scene, &now, tick, DT, 1.0);
+            assert_eq!(last, plain.render(&scene, &now, tick, DT, 1.0), "tick {tick}");
+        }
+        assert!(last.length() > 1e-4, "{last}");
+    }
+}
+
+#[test]
+fn a_mass_that_is_enabled_again_at_another_rate_does_not_kick() {
+    let scene = CompiledScene::new(1, &[effect(0, 1, mass(0.001, 0.001))]).unwrap();
+    let mut bench = Bench::active(rig(), scene);
+    for _ in 0..100 {
+        bench.turn(Vec3::Y * 2.0);
+    }
+    bench.command(Command::Disable);
+    for _ in 0..600 {
+        bench.turn(Vec3::Y * 2.0);
+    }
+    bench.sphere.omega = Vec3::ZERO;
+    assert_eq!(bench.run(100).state.mode, Mode::Idle);
+    assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
+    for k in 0..50 {
+        let torque = bench.step().state.torque;
+        assert!(torque.length() < 1e-12, "after {k} ms: {torque}");
     }
 }

@@ -2,13 +2,16 @@
 
 mod bits;
 mod clicks;
+mod damping;
 mod edges;
 mod energy;
 mod live;
 mod mass;
 mod places;
+mod play;
 mod snaps;
 mod sticking;
+mod tracks;
 
 use crate::bench::{DT, effect, rig};
 use crate::rng::Rng;

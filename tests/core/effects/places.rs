@@ -1,8 +1,8 @@
-//! Detents: where they hold the dial, and the torque needed to leave them.
+//! Detents: where they hold the dial, and the torque needed to leave them. Magnets: how they pull.
 
 use super::{Felt, askew, axis, detents};
 use crate::rng::Rng;
-use hbot_core::effects::{Detents, Kind};
+use hbot_core::effects::{Detents, Kind, Magnet};
 use hbot_core::{Quat, Vec3, rotation};
 
 fn felt(detents: Detents, positions: &[f64]) -> Felt {
@@ -96,4 +96,52 @@ fn a_dial_counts_its_turns() {
     assert!((torque - 0.1).abs() < 1e-12, "in its third turn: {torque}");
     let torque = along(detents(0, 0.0), &positions, -12.9);
     assert!((torque - 25.8).abs() < 1e-9, "against the wall of the first: {torque}");
+}
+
+#[test]
+fn notches_nearer_to_each_other_than_two_widths_meet_half_way() {
+    let positions = [-0.3, -0.1, 0.5, 0.8];
+    let dial = detents(0, 0.0);
+    for pair in positions.windows(2) {
+        let gap = pair[1] - pair[0];
+        let reach = dial.width.min(0.5 * gap);
+        // Half way between its centre and its rim a notch pulls with its strength.
+        for (psi, want) in [
+            (pair[0] + 0.5 * reach, -dial.strength),
+            (pair[0] + 0.5 * gap, 0.0),
+            (pair[1] - 0.5 * reach, dial.strength),
+        ] {
+            let torque = along(dial, &positions, psi);
+            assert!((torque - want).abs() < 1e-12, "at {psi}: {torque}, not {want}");
+        }
+    }
+}
+
+#[test]
+fn a_magnet_pulls_straight_to_its_target_and_hardest_at_its_width() {
+    let magnet = Magnet { target: askew(), strength: 0.2, width: 0.3 };
+    let base = askew().reference().0;
+    let mut felt = Felt::new(Kind::Magnet(magnet));
+    let mut rng = Rng(21);
+    assert!(felt.at(base).length() < 1e-14);
+    for _ in 0..50 {
+        let away = rotation::exp(rng.vector(3.0)) * Vec3::X;
+        let (mut most, mut hardest_at) = (0.0, 0.0);
+        for k in 1..300 {
+            let angle = 0.01 * f64::from(k);
+            let torque = felt.at(rotation::exp(away * angle) * base);
+            let pull = -torque.dot(away);
+            assert!((torque + away * pull).length() < 1e-14, "aside at {angle}: {torque}");
+            assert!(pull > 0.0 && pull <= magnet.strength, "{pull} N m at {angle}");
+            // Little is left at three times the width.
+            assert!(angle < 0.9 || pull < 0.1 * magnet.strength, "{pull} N m at {angle}");
+            if pull > most {
+                (most, hardest_at) = (pull, angle);
+            }
+        }
+        // The cosine of half of the angle takes 1 % of the torque, and moves its maximum by less
+        // than 0.01 rad.
+        assert!(most > 0.98 * magnet.strength, "at most {most} N m");
+        assert!((hardest_at - magnet.width).abs() < 0.021, "hardest at {hardest_at}");
+    }
 }

@@ -127,3 +127,32 @@ fn a_sphere_with_inertia_rests_in_a_well() {
         assert!(nearest as f64 >= least * 500.0, "{nearest}");
     }
 }
+
+/// Near a well U is a quarter of the square of the angle, so the energy there is that of a spring
+/// of A/w.
+#[test]
+fn every_well_is_a_spring_of_its_strength_over_its_width_and_no_torque_exceeds_the_strength() {
+    const ANGLE: f64 = 1e-4;
+    let figures = own();
+    for set in [SnapSet::Tetrahedron, SnapSet::Cube, SnapSet::Icosahedron, SnapSet::Own] {
+        let figures: &[f64] = if set == SnapSet::Own { &figures } else { &[] };
+        let law = snaps(set, figures);
+        let stiffness = law.strength / law.width;
+        let mut felt = Felt::with_numbers(Kind::Snaps(law), figures);
+        let mut rng = Rng(32);
+        for well in wells(set, figures) {
+            let energy = felt.energy(well);
+            assert!(energy.abs() < 1e-14, "{set:?}: {energy:e} J in a well");
+            let turn = (rotation::exp(rng.vector(3.0)) * Vec3::X) * ANGLE;
+            let q = rotation::exp(turn) * well;
+            let (torque, energy) = (felt.at(q), felt.energy(q));
+            // The next term of the series is smaller by (angle/w)².
+            assert!((torque + turn * stiffness).length() < 1e-6 * stiffness * ANGLE, "{set:?}: {torque}");
+            // The tolerance is the rounding of U, a difference of numbers near 1.
+            assert!((energy - 0.5 * stiffness * ANGLE * ANGLE).abs() < 1e-14, "{set:?}: {energy:e} J");
+        }
+        let largest = (0..3000).map(|_| felt.at(anywhere(&mut rng)).length()).fold(0.0, f64::max);
+        assert!(largest <= law.strength, "{set:?}: {largest} N m");
+        assert!(largest > 0.8 * law.strength, "{set:?}: at most {largest} N m");
+    }
+}

@@ -75,3 +75,14 @@ fn it_slides_at_its_torque_and_holds_wherever_it_is_left() {
     }
     assert!(rotation::angle_between(left, body.q) < 1e-9, "it stays where it was left");
 }
+
+#[test]
+fn without_a_torque_to_stick_only_the_damping_is_left() {
+    let mut felt = Felt::new(Kind::Friction(Friction { torque: 0.0, ..FRICTION }));
+    // It begins at rest, where the bristle has no length.
+    for k in 0..100 {
+        let (q, omega) = (rotation::exp(Vec3::X * (0.001 * f64::from(k / 2))), Vec3::Y * f64::from(k % 3));
+        let torque = felt.moving(q, omega);
+        assert!((torque + omega * FRICTION.damping).length() < 1e-15, "tick {k}: {torque}");
+    }
+}
