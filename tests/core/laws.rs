@@ -2,7 +2,10 @@
 //! of a quaternion (physics notes, section 6).
 
 use crate::designs::{impedance, orientation, vector};
-use hbot_core::impedance::{Elastic, damper, first_order_law, geodesic_law, quaternion_law, rotation_vector};
+use crate::rng::Rng;
+use hbot_core::impedance::{
+    Elastic, damper, first_order_law, geodesic_law, is_impedance, quaternion_law, rotation_vector,
+};
 use hbot_core::{Mat3, Quat, Vec3, rotation};
 use proptest::prelude::*;
 
@@ -206,4 +209,89 @@ fn the_first_order_law_is_the_exact_ones_limit_by_its_orders() {
     let got = first_order_law(desired, q, &Mat3::IDENTITY);
     assert!((got.torque + desired * axis * (2.0 * 0.65_f64.sin())).length() < 4.0 * f64::EPSILON);
     assert!((got.energy - 4.0 * (1.0 - 0.65_f64.cos())).abs() < 4.0 * f64::EPSILON);
+}
+
+/// Returns the elements of a symmetric matrix with the eigenvalues `values` and random axes.
+fn with_eigenvalues(rng: &mut Rng, values: [f64; 3]) -> [[f64; 3]; 3] {
+    let r = Mat3::from_quat(rotation::exp(rng.vector(3.0)));
+    let m = r * Mat3::from_diagonal(Vec3::from(values)) * r.transpose();
+    ((m + m.transpose()) * 0.5).to_cols_array_2d()
+}
+
+/// Checks that the torque delivers the power by which the energy 1/2 pᵀ K p falls, for every motion
+/// of the sphere. The rate of the sphere is J p', with the left Jacobian J of the exponential map,
+/// so Jᵀ T = -K p.
+#[test]
+fn the_power_of_the_geodesic_torque_comes_from_its_energy() {
+    let mut rng = Rng(23);
+    for case in 0..400 {
+        // The law uses a series for turns below 0.3 rad.
+        let t = if case % 2 == 0 { rng.between(0.01, 0.3) } else { rng.between(0.3, 3.1) };
+        let p = rng.vector(1.0).normalize() * t;
+        let values = [0; 3].map(|_| 10.0_f64.powf(rng.between(-1.0, 1.0)));
+        let k = Mat3::from_cols_array_2d(&with_eigenvalues(&mut rng, values));
+        let torque = geodesic(Quat::IDENTITY, rotation::exp(p), &k).torque;
+        // Jᵀ = I - (1 - cos t)/t² [p] + (t - sin t)/t³ [p]²
+        let half = (0.5 * t).sin();
+        let across = p.cross(torque);
+        let power =
+            torque - across * (2.0 * half * half / (t * t)) + p.cross(across) * ((t - t.sin()) / (t * t * t));
+        let off = (power + k * p).length();
+        assert!(off <= 16.0 * f64::EPSILON * size(&k) * t, "{off:e} N m at {t} rad");
+    }
+}
+
+fn is_legal(m: &[[f64; 3]; 3]) -> bool {
+    is_impedance(&Mat3::from_cols_array_2d(m))
+}
+
+#[test]
+fn a_stiffness_is_legal_if_it_pushes_away_in_no_direction() {
+    let mut rng = Rng(21);
+    for _ in 0..400 {
+        let most = 10.0_f64.powf(rng.between(-9.0, 6.0));
+        let [a, b] = [0; 2].map(|_| most * rng.between(0.01, 1.0));
+        for values in [[a, b, most], [0.0, b, most], [0.0, 0.0, most]] {
+            assert!(is_legal(&with_eigenvalues(&mut rng, values)), "{values:?}");
+        }
+        for values in [[-a, b, most], [-a, 0.0, most], [-a, -b, most]] {
+            assert!(!is_legal(&with_eigenvalues(&mut rng, values)), "{values:?}");
+        }
+    }
+    assert!(is_legal(&[[0.0; 3]; 3]));
+    for k in [1e-6, 1.0, 1e6] {
+        for [i, j] in [[0, 1], [0, 2], [1, 2]] {
+            // The eigenvalues are 2.2 k, -0.2 k and 0. The only negative minor is that of i and j.
+            let mut m = [[0.0; 3]; 3];
+            (m[i][i], m[j][j], m[i][j], m[j][i]) = (k, k, 1.2 * k, 1.2 * k);
+            assert!(!is_legal(&m), "{m:?}");
+        }
+        for [d, e, f] in [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
+            // The eigenvalues are 2.1 k and twice 0.45 k. With all elements beside the diagonal
+            // negated, they are twice 1.55 k and -0.1 k. Then only the determinant is negative.
+            let matrix = |x: f64| [[k, d * x, e * x], [d * x, k, f * x], [e * x, f * x, k]];
+            assert!(is_legal(&matrix(0.55 * k)) && !is_legal(&matrix(-0.55 * k)), "{d} {e} {f}, {k}");
+        }
+    }
+    // Diagonals of zeros and at least one negative number.
+    for bits in 1..8_u32 {
+        let diagonal = [0, 1, 2].map(|k| if (bits >> k) & 1 == 1 { -1.0 } else { 0.0 });
+        assert!(!is_impedance(&Mat3::from_diagonal(Vec3::from(diagonal))), "{diagonal:?}");
+    }
+}
+
+#[test]
+fn a_stiffness_is_symmetric_up_to_rounding_at_any_scale() {
+    let mut rng = Rng(22);
+    for _ in 0..100 {
+        let size = 10.0_f64.powf(rng.between(-9.0, 6.0));
+        let symmetric = with_eigenvalues(&mut rng, [0.2 * size, 0.5 * size, size]);
+        for [i, j] in [[0, 1], [0, 2], [1, 2], [1, 0], [2, 0], [2, 1]] {
+            let mut m = symmetric;
+            m[i][j] *= 1.0 + 2.0 * f64::EPSILON;
+            assert!(is_legal(&m), "{m:?}");
+            m[i][j] += 1e-9 * size;
+            assert!(!is_legal(&m), "{m:?}");
+        }
+    }
 }

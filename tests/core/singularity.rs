@@ -1,12 +1,17 @@
-//! Interior singularities compared with a search over steer angles (physics notes, section 3).
+//! Interior singularities compared with a search over steer angles, and the margin of the motors
+//! (physics notes, section 3).
 
 use crate::rng::Rng;
 use hbot_core::device::DeviceError;
-use hbot_core::singularity::{Meeting, closest_approach, interior_margin_over_all};
-use hbot_core::{Device, Vec3, WheelSpec};
+use hbot_core::kinematics::Posture;
+use hbot_core::singularity::{
+    Indices, Meeting, actuation_margin, closest_approach, interior_margin_over_all,
+};
+use hbot_core::{Device, Mat3, Vec3, WheelSpec};
 use hbot_testing::prototype::wheels as prototype_wheels;
 
 /// A contact circle: the points at the angle `cone` from `axis`.
+#[derive(Debug, Clone, Copy)]
 struct Circle {
     axis: Vec3,
     cone: f64,
@@ -45,6 +50,18 @@ fn direction(rng: &mut Rng) -> Vec3 {
 
 fn circle(rng: &mut Rng) -> Circle {
     Circle { axis: direction(rng), cone: rng.between(0.1, 3.0) }
+}
+
+/// Returns a random circle that goes through `u` or through `-u`.
+fn through(rng: &mut Rng, u: Vec3) -> Circle {
+    loop {
+        let axis = direction(rng);
+        let cone = axis.dot(u).acos();
+        if (0.1..core::f64::consts::PI - 0.1).contains(&cone) {
+            let cone = if rng.once_in(2) { cone } else { core::f64::consts::PI - cone };
+            return Circle { axis, cone };
+        }
+    }
 }
 
 /// Returns the smallest distance of a line through the centre from all circles, rad. It tries `n`
@@ -96,19 +113,7 @@ fn wheels_that_can_all_reach_one_line_are_refused() {
     for case in 0..400 {
         let wheels = 2 + case % 4;
         let u = direction(&mut rng);
-        // Each circle goes through u or through -u.
-        let circles: Vec<Circle> = (0..wheels)
-            .map(|_| {
-                loop {
-                    let axis = direction(&mut rng);
-                    let cone = axis.dot(u).acos();
-                    if (0.1..core::f64::consts::PI - 0.1).contains(&cone) {
-                        let cone = if rng.once_in(2) { cone } else { core::f64::consts::PI - cone };
-                        break Circle { axis, cone };
-                    }
-                }
-            })
-            .collect();
+        let circles: Vec<Circle> = (0..wheels).map(|_| through(&mut rng, u)).collect();
         let verdict = judged(&circles);
         assert!(matches!(verdict, Err(DeviceError::InteriorSingular { .. })), "{wheels} wheels: {verdict:?}");
         // If one circle is 10 mrad smaller, three or more circles no longer share a line, except by
@@ -119,6 +124,92 @@ fn wheels_that_can_all_reach_one_line_are_refused() {
             if brute_force(&apart, 20_000) > 1e-3 {
                 assert!(judged(&apart).is_ok(), "{wheels} wheels");
             }
+        }
+    }
+}
+
+#[test]
+fn wheels_on_one_circle_are_refused_with_any_wheel_that_crosses_it() {
+    let mut rng = Rng(11);
+    for _ in 0..100 {
+        let u = direction(&mut rng);
+        let [a, c] = [0; 2].map(|_| through(&mut rng, u));
+        let opposite = Circle { axis: -a.axis, ..a };
+        let sets: [&[Circle]; 6] =
+            [&[a, a, a], &[a, opposite, a], &[a, a, c], &[a, opposite, c], &[c, a, a], &[a, a, opposite, c]];
+        for circles in sets {
+            let verdict = judged(circles);
+            assert!(matches!(verdict, Err(DeviceError::InteriorSingular { .. })), "{circles:?}: {verdict:?}");
+        }
+    }
+}
+
+#[test]
+fn two_wheels_of_almost_one_axis_are_refused() {
+    let mut rng = Rng(12);
+    for case in 0..300 {
+        let apart = 10.0_f64.powf(rng.between(-8.0, -2.0));
+        let (axis, cone) = (direction(&mut rng), rng.between(0.1, 1.4));
+        let tilted = (axis + axis.any_orthonormal_vector() * apart).normalize();
+        let (meeting, other) =
+            if case % 2 == 0 { (Meeting::Collocated, tilted) } else { (Meeting::Antipodal, -tilted) };
+        // The circles are equally large and not concentric, so they cross.
+        let error = judged(&[Circle { axis, cone }, Circle { axis: other, cone }]).err();
+        let want = DeviceError::InteriorSingular { wheels: [0, 1], meeting };
+        assert_eq!(error, Some(want), "{apart:e} rad apart, cone {cone}");
+    }
+}
+
+#[test]
+fn a_line_through_the_point_where_two_circles_touch_counts() {
+    let mut rng = Rng(13);
+    let mut tried = 0;
+    while tried < 200 {
+        let u = direction(&mut rng);
+        let side = u.any_orthonormal_vector();
+        let cones = [0; 2].map(|_| rng.between(0.1, 2.0));
+        let outside = rng.once_in(2);
+        let apart = if outside { cones[0] + cones[1] } else { (cones[0] - cones[1]).abs() };
+        // If the axes are far from parallel, rounding stays below the tolerance of the check.
+        if !(1.0..2.1).contains(&apart) {
+            continue;
+        }
+        tried += 1;
+        // Two circles that touch at u, from outside or from inside, and a third one through u.
+        let touching = |cone: f64, side: Vec3| Circle { axis: u * cone.cos() + side * cone.sin(), cone };
+        let second = touching(cones[1], if outside { -side } else { side });
+        let verdict = judged(&[touching(cones[0], side), second, through(&mut rng, u)]);
+        assert!(matches!(verdict, Err(DeviceError::InteriorSingular { .. })), "{cones:?}: {verdict:?}");
+    }
+}
+
+/// The planes of two circles meet in a straight line. If this line passes outside the sphere, the
+/// circles do not cross, and it does not matter that a third plane meets the other two out there.
+#[test]
+fn planes_that_meet_outside_the_sphere_are_no_singularity() {
+    let mut rng = Rng(14);
+    let mut tried = 0;
+    while tried < 100 {
+        let [a, b] = [0; 2].map(|_| circle(&mut rng));
+        let sign = if rng.once_in(2) { 1.0 } else { -1.0 };
+        // The nearest point to the centre on the planes of circle a and of circle b or its mirror
+        // image.
+        let planes = Mat3::from_cols(a.axis, b.axis, a.axis.cross(b.axis)).transpose();
+        let nearest = planes.inverse() * Vec3::new(a.cone.cos(), sign * b.cone.cos(), 0.0);
+        let axis = direction(&mut rng);
+        let height = nearest.dot(axis);
+        if nearest.length() < 1.03 || height.abs() > 0.99 {
+            continue;
+        }
+        let circles = [a, b, Circle { axis, cone: height.acos() }];
+        // Each two of the circles cross somewhere, but no line meets all three.
+        let crosses = |i: usize, j: usize| judged(&[circles[i], circles[j]]).is_err();
+        if !(crosses(0, 1) && crosses(0, 2) && crosses(1, 2)) {
+            continue;
+        }
+        if brute_force(&circles, 4000) > core::f64::consts::TAU / 4000.0 {
+            tried += 1;
+            assert!(judged(&circles).is_ok(), "{circles:?}");
         }
     }
 }
@@ -159,5 +250,54 @@ fn the_least_margin_of_two_wheels_is_met_and_never_passed() {
         let margin = (1.0 - distance.cos()).sqrt();
         // The grid is 1.6 mrad, and the margin changes by at most 1/sqrt 2 of the angle.
         assert!((interior_margin_over_all(&device) - margin).abs() < 1e-3, "{distance}");
+    }
+}
+
+/// Returns the squares of the smallest and the largest singular value of `rows`. They are
+/// eigenvalues of the sum of outer products, from the trigonometric solution of its characteristic
+/// polynomial (Smith 1961).
+fn extremes(rows: &[Vec3]) -> [f64; 2] {
+    let mut moment = Mat3::ZERO;
+    for g in rows {
+        moment += Mat3::from_cols(*g * g.x, *g * g.y, *g * g.z);
+    }
+    let mean = (moment.x_axis.x + moment.y_axis.y + moment.z_axis.z) / 3.0;
+    let rest = moment - Mat3::from_diagonal(Vec3::splat(mean));
+    let size = (rest.to_cols_array().iter().map(|x| x * x).sum::<f64>() / 6.0).sqrt();
+    let angle = (0.5 * (rest * (1.0 / size)).determinant()).clamp(-1.0, 1.0).acos() / 3.0;
+    [angle + core::f64::consts::TAU / 3.0, angle].map(|angle| mean + 2.0 * size * angle.cos())
+}
+
+#[test]
+fn the_actuation_margin_is_that_of_the_joints_with_a_motor() {
+    let mut rng = Rng(15);
+    let [a, b] = prototype_wheels();
+    let c = WheelSpec { axis: Vec3::new(0.2, -0.7, 0.6), ..a };
+    let device = Device::new(0.102, 0.467, &[a, b, c]).unwrap();
+    for _ in 0..300 {
+        let posture = Posture::new(&device, &[0; 3].map(|_| rng.between(-3.2, 3.2)));
+        let driven = [0; 6].map(|_| !rng.once_in(3));
+        let rows: Vec<Vec3> =
+            posture.rows().iter().zip(driven).filter(|(_, has)| *has).map(|(row, _)| *row).collect();
+        let margin = actuation_margin(&posture, &driven);
+        if rows.len() < 3 {
+            assert!(margin < 16.0 * f64::EPSILON, "{driven:?}: {margin}");
+        } else {
+            // If two eigenvalues are equal, the trigonometric solution is exact to the square root
+            // of rounding.
+            let [least, most] = extremes(&rows);
+            assert!((margin * margin - least / most).abs() < 1e-7, "{driven:?}: {margin}");
+        }
+    }
+    let posture = Posture::new(&device, &[0.0; 3]);
+    assert_eq!(actuation_margin(&posture, &[false; 6]), 0.0);
+}
+
+#[test]
+fn joints_that_turn_nothing_have_indices_of_zero() {
+    let sets: [&[Vec3]; 2] = [&[], &[Vec3::ZERO; 4]];
+    for rows in sets {
+        let none = Indices { spectral: 0.0, frobenius: 0.0, manipulability: f64::INFINITY };
+        assert_eq!(Indices::of(rows), none);
     }
 }

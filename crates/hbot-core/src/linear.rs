@@ -279,4 +279,101 @@ mod tests {
             assert!(!m.adjugate().rank_above(1.0e-4), "two rows: {a}, {b}");
         }
     }
+
+    /// A generator of random numbers that are the same in every run.
+    struct Random(u32);
+
+    impl Random {
+        /// Returns a random number from -0.5 to 0.5.
+        fn number(&mut self) -> Real {
+            self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (self.0 >> 8) as Real / 16_777_216.0 - 0.5
+        }
+
+        fn vector(&mut self) -> Vec3 {
+            Vec3::new(self.number(), self.number(), self.number())
+        }
+    }
+
+    #[test]
+    fn rank_is_what_the_eigenvalues_say_at_any_scale() {
+        let mut random = Random(1);
+        // Far below this ratio of eigenvalues, rounding can hide the rank.
+        let least = 20.0 * sqrt(Real::EPSILON);
+        for case in 0..200 {
+            let q = crate::rotation::exp(random.vector() * 6.0);
+            let [x, y] = [0; 2].map(|_| {
+                let u = random.number() + 0.5;
+                least + (1.0 - least) * u * u * u
+            });
+            let values: [Real; 3] = match case % 4 {
+                0 => [1.0, 1.0, 1.0],
+                1 => [1.0, 1.0, x],
+                2 => [1.0, x, x],
+                _ => [1.0, x, y],
+            };
+            let ratio = values[1].min(values[2]);
+            for scale in [1.0e-6, 1.0, 1.0e6] {
+                let mut m = Sym3::ZERO;
+                for (axis, value) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().zip(values) {
+                    m.add(q * axis, value * scale);
+                }
+                // The check may refuse ratios up to 9 times the required one.
+                assert!(m.adjugate().rank_above(ratio / 9.1), "{values:?}, scale {scale:e}");
+                assert!(!m.adjugate().rank_above(ratio * 1.01), "{values:?}, scale {scale:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn two_rows_have_no_third_direction_even_if_they_are_nearly_parallel() {
+        let mut random = Random(1);
+        // At this ratio and for these angles between the rows, the rounding error of the
+        // determinant can exceed ratio times pairs times sum.
+        let (ratio, angle) = (0.1 * sqrt(Real::EPSILON), 2.0 * sqrt(sqrt(Real::EPSILON)));
+        for _ in 0..1000 {
+            let a = random.vector();
+            let b = a + random.vector() * (angle * (random.number() + 0.5));
+            let mut m = Sym3::ZERO;
+            m.add(a, 1.3);
+            m.add(b, 0.7);
+            assert!(!m.adjugate().rank_above(ratio), "{a}, {b}");
+        }
+    }
+
+    #[test]
+    fn principal_axes_are_orthonormal_and_separate_the_rows_at_any_scale() {
+        let mut random = Random(1);
+        // A few roundings, relative to the sum of the squared rows.
+        let bound = 16.0 * Real::EPSILON;
+        for case in 0..100 {
+            // The rows are the nearer to one plane, the smaller `flat` is.
+            let flat = [1.0, 1.0e-3, 1.0e-6][case % 3];
+            let mut rows = [Vec3::ZERO; MAX_JOINTS];
+            let n = 3 + case % 14;
+            for row in &mut rows[..n] {
+                let v = random.vector();
+                *row = Vec3::new(v.x, v.y, 0.7 * (v.x + v.y) + flat * v.z);
+            }
+            for scale in [Real::EPSILON, 1.0, 1.0 / Real::EPSILON] {
+                let rows = &rows.map(|row| row * scale)[..n];
+                let squares: Real = rows.iter().map(|row| row.length_squared()).sum();
+                let (lengths, axes) = principal(rows, [Vec3::X, Vec3::Y, Vec3::Z]);
+                assert!(lengths[0] >= lengths[1] && lengths[1] >= lengths[2]);
+                for i in 0..3 {
+                    for j in 0..3 {
+                        let same = if i == j { 1.0 } else { 0.0 };
+                        let cosine = axes[i].dot(axes[j]);
+                        assert!(fabs(cosine - same) <= bound, "case {case}, scale {scale:e}: {cosine}");
+                        let moment: Real = rows.iter().map(|row| row.dot(axes[i]) * row.dot(axes[j])).sum();
+                        let want = same * lengths[i] * lengths[j];
+                        assert!(
+                            fabs(moment - want) <= bound * squares,
+                            "case {case}, scale {scale:e}: {moment:e}, not {want:e}"
+                        );
+                    }
+                }
+            }
+        }
+    }
 }

@@ -268,6 +268,36 @@ mod tests {
     }
 
     #[test]
+    fn the_change_by_a_turn_is_its_exponential_less_one() {
+        let axis = Vec3::new(0.6, -0.48, 0.64);
+        for t in [0.0, 1e-200, 1e-9, 1e-4, 0.02, 0.0312, 0.0313, 0.5, 1.5] {
+            let (less, s) = exp_less_one(axis * t);
+            // A few roundings of the vector part, which is about half as long as the turn.
+            let off = (s - vector_part(exp(axis * t))).length();
+            assert!(off <= 2.0 * f64::EPSILON * t, "vector part at {t:e}: {off:e}");
+            // The quaternion is of unit length: (1 + less)² + s² = 1.
+            let s2 = s.length_squared();
+            let want = -s2 / (1.0 + sqrt(1.0 - s2));
+            assert!(
+                (less - want).abs() <= 8.0 * f64::EPSILON * want.abs(),
+                "{less:e} at {t:e}, not {want:e}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_roundings_of_many_small_changes_grow_only_by_their_root() {
+        const TURNS: u32 = 100_000;
+        let turn = Vec3::new(0.6, -0.48, 0.64) * 1e-9;
+        for start in [[0.5, 0.5, 0.5, 0.5], [0.9, 0.4, 0.1, 0.15]] {
+            let start = from_wxyz(start).unwrap();
+            let q = (0..TURNS).fold(start, |q, _| turned_by_change(q, turn));
+            let off = difference(q, exp(turn * f64::from(TURNS)) * start).length();
+            assert!(off < f64::EPSILON * sqrt(f64::from(TURNS)), "{off:e} rad from {start}");
+        }
+    }
+
+    #[test]
     fn zero_and_unbounded_quaternions_are_refused_and_scale_does_not_matter() {
         assert_eq!(from_wxyz([0.0; 4]), None);
         assert_eq!(from_wxyz([f64::NAN, 1.0, 0.0, 0.0]), None);
@@ -283,5 +313,12 @@ mod tests {
         assert_eq!(wrap_angle(PI), PI);
         assert!((wrap_angle(-PI - 0.25) - (PI - 0.25)).abs() < 1e-15);
         assert!((wrap_angle(100.0 * PI + 0.5) - 0.5).abs() < 1e-13);
+        for k in -400..=400 {
+            let angle = 0.05 * f64::from(k);
+            let wrapped = wrap_angle(angle);
+            let turns = (angle - wrapped) / TURN;
+            assert!(-PI < wrapped && wrapped <= PI, "{angle} becomes {wrapped}");
+            assert!((turns - libm::round(turns)).abs() < 1e-14, "{angle} less {turns} turns");
+        }
     }
 }
