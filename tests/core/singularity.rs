@@ -160,6 +160,32 @@ fn two_wheels_of_almost_one_axis_are_refused() {
     }
 }
 
+/// Where the circles of two wheels of almost one axis cross is known badly, so it must not matter
+/// which wheels come first.
+#[test]
+fn a_common_line_is_found_in_every_order_of_the_wheels() {
+    let mut rng = Rng(16);
+    for _ in 0..300 {
+        let u = direction(&mut rng);
+        let [a, c] = [0; 2].map(|_| through(&mut rng, u));
+        if a.axis.cross(c.axis).length() < 0.3 {
+            continue;
+        }
+        let apart = 10.0_f64.powf(rng.between(-8.0, -2.0));
+        let axis = (a.axis + u.cross(a.axis) * apart).normalize();
+        let cone = axis.dot(u).acos();
+        let same_side = a.cone.cos() * a.axis.dot(u) > 0.0;
+        let b = Circle { axis, cone: if same_side { cone } else { core::f64::consts::PI - cone } };
+        for circles in [[a, b, c], [b, a, c], [a, c, b], [c, a, b]] {
+            let verdict = judged(&circles);
+            assert!(
+                matches!(verdict, Err(DeviceError::InteriorSingular { .. })),
+                "{apart:e} rad apart: {verdict:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn a_line_through_the_point_where_two_circles_touch_counts() {
     let mut rng = Rng(13);

@@ -121,39 +121,36 @@ pub(crate) fn interior_singularity(device: &Device) -> Option<([usize; 2], Meeti
 /// Returns true if one line through the sphere's centre meets the contact circles of all wheels.
 /// This means that a unit vector u satisfies u.l = +-cos a for every wheel, with its steer axis l
 /// and cone angle a. The function tries the points at which the circles of one pair of wheels
-/// cross.
+/// cross. It takes the pair whose axes are farthest from parallel, because there a rounding error
+/// of the axes moves these points least.
 fn common_line(device: &Device) -> bool {
     let wheels = device.wheels();
     let on_circle = |u: Vec3, w: &Wheel| fabs(fabs(u.dot(w.spec().axis)) - fabs(cos(w.spec().cone)));
-    let mut found = false;
-    let mut crossed = false;
-    for_each_pair(device, |_, _, a, b| {
-        let (la, lb) = (a.spec().axis, b.spec().axis);
-        let normal = la.cross(lb);
-        let n2 = normal.length_squared();
-        // The axes are parallel: their circles are equal or never meet. Another pair is needed.
-        if crossed || n2 < 1.0e-12 {
-            return;
-        }
-        crossed = true;
-        let dot = la.dot(lb);
-        for sign in [1.0, -1.0] {
-            let (ha, hb) = (cos(a.spec().cone), sign * cos(b.spec().cone));
-            let base = (la * (ha - dot * hb) + lb * (hb - dot * ha)) / n2;
-            let rest = 1.0 - base.length_squared();
-            if rest < -TOUCH {
-                continue;
-            }
-            let along = normal * sqrt(rest.max(0.0) / n2);
-            for u in [base + along, base - along] {
-                // Near a tangency a rounding error of the angles moves the point by the square root
-                // of the error.
-                found |= wheels.iter().all(|w| on_circle(u, w) <= sqrt(TOUCH));
-            }
+    let (mut pair, mut n2) = ([0, 0], 0.0);
+    for_each_pair(device, |i, j, a, b| {
+        let this = a.spec().axis.cross(b.spec().axis).length_squared();
+        if this > n2 {
+            (pair, n2) = ([i, j], this);
         }
     });
     // All axes are parallel and no pair is safe, so all circles are equal.
-    found || !crossed
+    if n2 < 1.0e-12 {
+        return true;
+    }
+    let [a, b] = pair.map(|i| wheels[i].spec());
+    let (normal, dot) = (a.axis.cross(b.axis), a.axis.dot(b.axis));
+    [1.0, -1.0].into_iter().any(|sign| {
+        let (ha, hb) = (cos(a.cone), sign * cos(b.cone));
+        let base = (a.axis * (ha - dot * hb) + b.axis * (hb - dot * ha)) / n2;
+        let rest = 1.0 - base.length_squared();
+        let along = normal * sqrt(rest.max(0.0) / n2);
+        // Near a tangency a rounding error of the angles moves the point by the square root of the
+        // error.
+        rest >= -TOUCH
+            && [base + along, base - along]
+                .iter()
+                .any(|u| wheels.iter().all(|w| on_circle(*u, w) <= sqrt(TOUCH)))
+    })
 }
 
 fn for_each_pair(device: &Device, mut each: impl FnMut(usize, usize, &Wheel, &Wheel)) {
