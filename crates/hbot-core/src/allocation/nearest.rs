@@ -253,8 +253,8 @@ mod tests {
 
     /// Checks that a step of a steer joint is judged together with the torque that the drive joint
     /// of the same wheel has already. The drive joint of wheel 0 makes 0.15/0.02 = 7.5 N. With a
-    /// steer torque of 0.09 N m, 0.09/0.01 = 9 N at right angles, it would be 11.7 N, above the grip
-    /// of 10 N. Joint 3 of the other wheel makes it with 0.09/0.04 = 2.25 N.
+    /// steer torque of 0.09 N m, which makes 0.09/0.01 = 9 N at right angles, it would be 11.7 N.
+    /// The grip is 10 N. Joint 3 of the other wheel makes the torque with 0.09/0.04 = 2.25 N.
     #[test]
     fn a_contact_that_is_loaded_already_takes_no_more() {
         let rows = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::X];
@@ -296,8 +296,8 @@ mod tests {
         assert_eq!(found(1.0 / 1_048_576.0), large);
     }
 
-    /// Checks joints that the search must leave alone: one without a motor, although its limit is no
-    /// number; one whose cost makes it count as not driven; and one that cannot turn the sphere.
+    /// Checks joints that the search must leave alone: one whose limit is no number, one whose
+    /// weight is zero, so that it counts as not driven, and one that cannot turn the sphere.
     #[test]
     fn joints_that_cannot_help_stay_as_they_are() {
         let rows = [Vec3::X, Vec3::X, Vec3::Y, Vec3::ZERO];
