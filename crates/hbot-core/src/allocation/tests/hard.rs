@@ -268,8 +268,8 @@ fn stray_torque_is_a_deficiency() {
         }
     }
     assert_eq!(strayed, 8, "the two smallest lifts with different costs stray");
-    // A line: two steer motors that act about X, except for 1e-4. The second one costs four times as
-    // much, so it makes a fifth of the torque. The torque about Y is uncontrolled.
+    // A line: two steer motors that act about X, except for 1e-4. The second one costs four times
+    // as much, so it makes a fifth of the torque. The torque about Y is uncontrolled.
     let rows = [Vec3::new(1.0, 1.0e-4, 0.0), Vec3::Z, Vec3::new(1.0, -1.0e-4, 0.0), Vec3::Z];
     let two = limits(&[1.0, 0.0, 1.0, 0.0], &[1.0, 1.0, 4.0, 1.0]);
     let found = allocate(&rows, &two, Vec3::X * 0.5);
