@@ -86,7 +86,7 @@ fn no_costs_turn_the_torque() {
 
 /// Checks that the allocation finds a torque on the border of the reachable set, if two joints turn
 /// the sphere about axes that differ by only 1e-8 to 1e-6. These two joints make a very narrow
-/// facet. The torque is in the middle of this facet, or at its edge.
+/// facet. The torque is on a long edge of this facet, where one of the two joints is at its limit.
 #[test]
 fn two_joints_that_are_nearly_parallel_lose_no_torque() {
     let mut rng = Rng(4);
@@ -98,7 +98,7 @@ fn two_joints_that_are_nearly_parallel_lose_no_torque() {
         rows[1] = rows[0] * rng.between(0.5, 1.0) + rng.vector() * apart;
         let one = limits(&[1.0; MAX_JOINTS], &[1.0; MAX_JOINTS]);
         let normal = rows[0].cross(rows[1]);
-        let mut border = rows[0] + rows[1] * [1.0, -1.0, 0.0, 0.5][rng.whole(0, 4) as usize];
+        let mut border = rows[0] + rows[1] * [0.0, 0.5, -0.5, -0.2][rng.whole(0, 4) as usize];
         for row in &rows[2..] {
             border += *row * row.dot(normal).signum();
         }
@@ -108,10 +108,9 @@ fn two_joints_that_are_nearly_parallel_lose_no_torque() {
         tried += 1;
         let found = allocate(&rows, &one, border * 2.0);
         check_limits(&rows, &one, &found).unwrap();
-        // The normal of two such rows is known to 2e-16 / 1e-8.
-        assert!(fabs(found.scale - 0.5) <= 1.0e-6, "{tried}: {apart:e}, {found:?}");
+        assert!(fabs(found.scale - 0.5) <= ROUNDING, "{tried}: {apart:e}, {found:?}");
         let off = (made(&rows, &found) - border).length();
-        assert!(off <= 1.0e-6, "{tried}: {apart:e}, {off:e}, {found:?}");
+        assert!(off <= ROUNDING, "{tried}: {apart:e}, {off:e}, {found:?}");
     }
 }
 
