@@ -251,6 +251,68 @@ mod tests {
         assert!(limited > 0 && unlimited > 0, "{limited} limited, {unlimited} as without a limit");
     }
 
+    /// Checks that a step of a steer joint is judged together with the torque that the drive joint
+    /// of the same wheel has already. The drive joint of wheel 0 makes 0.15/0.02 = 7.5 N. With a
+    /// steer torque of 0.09 N m, which makes 0.09/0.01 = 9 N at right angles, it would be 11.7 N.
+    /// The grip is 10 N. Joint 3 of the other wheel makes the torque with 0.09/0.04 = 2.25 N.
+    #[test]
+    fn a_contact_that_is_loaded_already_takes_no_more() {
+        let rows = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::X];
+        let arms = [
+            ContactArms { steer: 0.01, cross: 0.0, roll: 0.02 },
+            ContactArms { steer: 0.03, cross: 0.0, roll: 0.04 },
+        ];
+        let mut limits = JointLimits::NONE;
+        limits.peak[..4].copy_from_slice(&GIVES);
+        let bounds = Bounds { rows: &rows, limits: &limits, arms: &arms, grip: Some(10.0) };
+        let mut start = [0.0; MAX_JOINTS];
+        start[1] = 0.15;
+        let found = nearest(&bounds, start, Vec3::new(0.09, 0.15, 0.0));
+        for (joint, wanted) in found.into_iter().zip([0.0, 0.15, 0.0, 0.09]) {
+            assert!(fabs(joint - wanted) < 1.0e-3, "{found:?}");
+        }
+    }
+
+    /// Checks that the unit of torque does not matter. A power of two causes no rounding, so the
+    /// result must be the same to the last bit.
+    #[test]
+    fn small_torques_are_found_as_well_as_large_ones() {
+        let rows = [
+            Vec3::new(1.421607, -5.581649, 0.007394),
+            Vec3::new(-4.578794, -1.172253, -4.578794),
+            Vec3::new(-0.948457, 5.662096, -0.465757),
+            Vec3::new(4.644787, 0.395973, -4.644787),
+        ];
+        let found = |unit: Real| {
+            let mut limits = JointLimits::NONE;
+            limits.peak[..4].copy_from_slice(&GIVES.map(|peak| peak * unit));
+            let arms = [ContactArms { steer: 0.01, cross: 0.0, roll: 0.02 }; 2];
+            let bounds = Bounds { rows: &rows, limits: &limits, arms: &arms, grip: None };
+            let torque = Vec3::new(0.11732, -2.16859, -4.531585) * unit;
+            nearest(&bounds, [0.0; MAX_JOINTS], torque).map(|joint| joint / unit)
+        };
+        let large = found(1.0);
+        assert!(large[..4].iter().any(|joint| *joint != 0.0), "{large:?}");
+        assert_eq!(found(1.0 / 1_048_576.0), large);
+    }
+
+    /// Checks joints that the search must leave alone: one whose limit is no number, one whose
+    /// weight is zero, so that it counts as not driven, and one that cannot turn the sphere.
+    #[test]
+    fn joints_that_cannot_help_stay_as_they_are() {
+        let rows = [Vec3::X, Vec3::X, Vec3::Y, Vec3::ZERO];
+        let arms = [ContactArms { steer: 0.01, cross: 0.0, roll: 0.02 }; 2];
+        let mut limits = JointLimits::NONE;
+        limits.peak[..4].copy_from_slice(&[Real::NAN, 1.0, 1.0, 1.0]);
+        limits.weight[1] = 0.0;
+        let bounds = Bounds { rows: &rows, limits: &limits, arms: &arms, grip: None };
+        let mut start = [0.0; MAX_JOINTS];
+        start[3] = 0.25;
+        let found = nearest(&bounds, start, Vec3::new(0.5, 0.5, 0.0));
+        assert_eq!((found[0], found[1], found[3]), (0.0, 0.0, 0.25));
+        assert!(fabs(found[2] - 0.5) < 1.0e-3, "{found:?}");
+    }
+
     #[test]
     fn what_is_held_already_stays() {
         let rows = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::X];
