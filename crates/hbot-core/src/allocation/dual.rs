@@ -21,7 +21,7 @@ const MAX_STEPS: usize = 32;
 /// term in the sum of torques. The value is about the square root of the rounding error of a
 /// [`Real`]. Only joints that act on the sphere in nearly parallel directions cause a residual of
 /// this size. For them, rounding also limits how accurately the largest reachable torque is known.
-const FORGIVEN: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
+pub(super) const FORGIVEN: Real = if Real::EPSILON < 1.0e-10 { 1.5e-8 } else { 3.5e-4 };
 
 /// Returns the vector y of three numbers from which the least-cost joint torques follow, if joints
 /// have no limits. With these joint torques, the torque on the sphere is `direction`.

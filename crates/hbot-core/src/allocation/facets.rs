@@ -6,6 +6,7 @@
 //! zonotope extends along n by the sum of |b_k.n|. A torque s v is inside if and only if s |v.n| is
 //! at most this sum for all of these normals.
 
+use super::dual::FORGIVEN;
 use super::problem::Problem;
 use crate::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs};
@@ -64,7 +65,7 @@ pub(super) fn nearest(problem: &Problem, direction: Vec3) -> Facet {
 ///
 /// Joint torques are unique only on a facet that is spanned by exactly two rows. So the result is
 /// `None` if more than two rows lie in the facet, or if the rank is below 3. It is also `None` if
-/// rounding led to a torque above its limit.
+/// rounding led to a torque above its limit, or to torques that do not make `target`.
 pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option<[Real; MAX_JOINTS]> {
     let [i, j] = facet.span;
     if i == j {
@@ -76,7 +77,7 @@ pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option
     // lie in it.
     let doubt = problem.rounding * problem.rounding * bi.length_squared() * bj.length_squared();
     let mut x = [0.0; MAX_JOINTS];
-    let mut rest = target;
+    let (mut rest, mut terms) = (target, target.abs());
     for k in 0..problem.n {
         if k == i || k == j {
             continue;
@@ -88,6 +89,7 @@ pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option
         }
         x[k] = if height > 0.0 { 1.0 } else { -1.0 };
         rest -= b * x[k];
+        terms += b.abs();
     }
     // Cramer's rule with n = b_i x b_j, before its sign was changed.
     let square = facet.normal.length_squared();
@@ -96,5 +98,8 @@ pub(super) fn on_facet(problem: &Problem, facet: &Facet, target: Vec3) -> Option
     // The solution exceeds a limit by more than the rounding of a well-spanned facet. The general
     // method has to solve it.
     let limit = 1.0 + 1024.0 * Real::EPSILON;
-    (fabs(x[i]) <= limit && fabs(x[j]) <= limit).then_some(x)
+    // The normal of rows that are nearly parallel has few accurate digits, and so has the solution.
+    let left = rest - bi * x[i] - bj * x[j];
+    let made = left.abs().max_element() <= FORGIVEN * terms.max_element();
+    (made && fabs(x[i]) <= limit && fabs(x[j]) <= limit).then_some(x)
 }

@@ -114,6 +114,26 @@ fn two_joints_that_are_nearly_parallel_lose_no_torque() {
     }
 }
 
+/// Checks the torque that leaves through the narrow facet of two rows whose angle is near the
+/// rounding of their normal.
+#[test]
+fn a_facet_without_accurate_digits_does_not_turn_the_torque() {
+    let rows = [
+        Vec3::new(0.9700843932974481, -0.7273618564455036, 0.1642043602409553),
+        Vec3::new(0.7760675146375094, -0.5818894851563776, 0.1313634881923175),
+        Vec3::new(-0.11454360768288696, 0.44071515155446583, 0.6800756972844246),
+        Vec3::new(-0.622192311166262, 0.9976092769292486, 0.2711259443340768),
+        Vec3::new(0.16013107028423423, 0.7045864752267945, 0.3302277945558485),
+    ];
+    let one = limits(&[1.0; MAX_JOINTS], &[1.0; MAX_JOINTS]);
+    let wanted = Vec3::new(2.797268549471634, -0.09554148200060775, 0.43369178007754683);
+    let found = allocate(&rows, &one, wanted);
+    check_limits(&rows, &one, &found).unwrap();
+    let off = (made(&rows, &found) - wanted * found.scale).length();
+    assert!(off <= ROUNDING * wanted.length(), "{off:e}, {found:?}");
+    assert!(found.scale > 0.4, "half of the torque is the largest: {found:?}");
+}
+
 /// Checks the symmetry of joints that are exactly alike: of all solutions, the cheapest one gives
 /// them the same torque, within the limits and on the border.
 #[test]
