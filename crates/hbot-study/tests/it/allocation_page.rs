@@ -119,7 +119,8 @@ fn declared() -> Vec<(String, String)> {
         if file.file_stem().is_some_and(|stem| stem == "tests" || stem == "reference") {
             continue;
         }
-        for line in code.lines().map(|line| line.trim_start().trim_start_matches("pub ")) {
+        for line in code.lines() {
+            let line = line.trim_start().trim_start_matches("pub ").trim_start_matches("pub(super) ");
             if let Some((name, value)) = line.strip_prefix("const ").and_then(|rest| rest.split_once(": "))
                 && name.chars().all(|c| c.is_ascii_uppercase() || c == '_')
                 && let Some((_, value)) = value.split_once(" = ")
