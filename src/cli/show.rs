@@ -83,9 +83,9 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
 /// Says which stiffness and damping the rig is expected to keep stable.
 fn stable(render: &RenderInfo) -> String {
     let stiffness = format!(
-        "  stiffness  for example with a damping of {} N m s/rad stable up to {:.1} N m/rad; with no damping above {:.0}",
-        number(render.damping),
+        "  stiffness  stable up to {:.1} N m/rad with a damping of {} N m s/rad, for example, and up to {:.0} with the best damping",
         render.stiffness_stable,
+        number(render.damping),
         render.stiffness_most
     );
     // An older server does not tell it.
@@ -227,8 +227,8 @@ mod tests {
             damping_most: 1.25,
             ..RenderInfo::default()
         };
-        let stiffness = "  stiffness  for example with a damping of 0.02 N m s/rad stable up to 10.0 N m/rad; with no \
-                         damping above 495";
+        let stiffness = "  stiffness  stable up to 10.0 N m/rad with a damping of 0.02 N m s/rad, for example, and up to \
+                         495 with the best damping";
         assert_eq!(stable(&render), format!("{stiffness}\n  damping    alone stable up to 1.250 N m s/rad"));
         assert_eq!(stable(&RenderInfo { damping_most: 0.0, ..render }), stiffness, "an older server");
     }

@@ -128,13 +128,13 @@ fn old(model: &Model) -> Option<String> {
 
 fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     let Some(fault) = state.fault else { return };
-    if let Some(text) = too_fast(model, state) {
-        coloured(ui, palette.warn, text);
-    }
     let (what, cure) = words::fault(fault);
     let by = model.fault.as_ref().and_then(|told| told.by.as_ref());
     let by = by.map(|by| format!(" It was {}.", model.who(by))).unwrap_or_default();
     coloured(ui, palette.bad, format!("{what}{by}"));
+    if let Some(text) = too_fast(model, state) {
+        coloured(ui, palette.warn, text);
+    }
     ui.add(egui::Label::new(cure).wrap());
     match &model.fault {
         Some(told) => weak(ui, format!("{fault}: {}", without_log(&told.message))),
