@@ -71,8 +71,8 @@ pub(crate) struct Model {
     stop_sessions: OwnSessions,
     /// Whether the rig is simulated, as the server at this address last said.
     simulated: Option<bool>,
-    /// A stop that the user has asked for and that is not confirmed yet.
-    stop: Option<PendingStop>,
+    /// Stops that the user has asked for and that are not confirmed yet, one for each server.
+    stops: Vec<PendingStop>,
     /// The newest state message from the server.
     pub(crate) state: Option<StateEvent>,
     /// Time at which the newest state message arrived.
@@ -114,7 +114,7 @@ impl Model {
             sessions: OwnSessions::default(),
             stop_sessions: OwnSessions::default(),
             simulated: None,
-            stop: None,
+            stops: Vec::new(),
             state: None,
             heard: None,
             history: History::default(),
@@ -168,9 +168,11 @@ impl Model {
         self.is_live() && matches!(self.lease, Lease::Other(_))
     }
 
-    /// Returns the stop that the user has asked for, if nothing has confirmed it in time.
+    /// Returns the stop that the user has asked for, if nothing has confirmed it in time. A stop at
+    /// the present server comes before one at another.
     pub(crate) fn unconfirmed_stop(&self) -> Option<&PendingStop> {
-        self.stop.as_ref().filter(|stop| stop.is_unconfirmed())
+        let unconfirmed = || self.stops.iter().filter(|stop| stop.is_unconfirmed());
+        unconfirmed().find(|stop| stop.server == self.server).or_else(|| unconfirmed().next())
     }
 
     pub(crate) fn mode(&self) -> Option<Mode> {
@@ -195,9 +197,7 @@ impl Model {
                 state.tick > fault.tick && !matches!(state.mode, Mode::Fault | Mode::Estop)
             };
             self.fault = self.fault.take().filter(|fault| !over(fault));
-            if self.stop.as_ref().is_some_and(|stop| stop.is_proved_by(&self.server, &state)) {
-                self.stop = None;
-            }
+            self.stops.retain(|stop| !stop.is_proved_by(&self.server, &state));
             let now = is_rendering(state.mode);
             match self.mode().map(is_rendering) {
                 Some(false) if now => self.began = Some(quaternion(state.q)),
@@ -251,8 +251,8 @@ impl Model {
                 self.stop_sessions.clear();
             }
             // A key that is held down asks many times. The time limit begins with the first.
-            Intent::Stop if self.stop.is_none() => {
-                self.stop = Some(PendingStop::new(&self.server, self.state.as_ref()));
+            Intent::Stop if self.stops.iter().all(|stop| stop.server != self.server) => {
+                self.stops.push(PendingStop::new(&self.server, self.state.as_ref()));
             }
             Intent::Samples(n) => self.samples_per_s = *n,
             _ => {}
@@ -298,6 +298,7 @@ impl Model {
             News::Fault(fault) => self.fault(fault),
             News::Scene(scene) => self.scene_loaded(scene),
             News::Dropped(dropped) => self.dropped = dropped.total,
+            News::Stop { server, result } => self.stop_answered(&server, result),
             News::Answer { intent, result } => self.answer(&intent, result),
             News::Note(Ok(message)) => self.messages.add(Weight::Good, message),
             News::Note(Err(message)) => self.messages.add(Weight::Bad, message),
@@ -324,9 +325,7 @@ impl Model {
         self.dropped = 0;
         // The server can have started again with another rig. The answer to `info` says which.
         self.simulated = None;
-        if let Some(stop) = &mut self.stop {
-            stop.reconnected();
-        }
+        self.stops.iter_mut().for_each(PendingStop::reconnected);
     }
 
     fn fault(&mut self, fault: FaultEvent) {
@@ -351,30 +350,36 @@ impl Model {
     }
 
     fn answer(&mut self, intent: &Intent, result: Result<(), String>) {
-        match (intent, &result) {
-            (Intent::Set { effect, key, value }, _) => {
-                self.scene.answered(effect, key, value, result.is_ok());
-                if result.is_ok() {
-                    // Lists and matrices are too long for a mark.
-                    let value = if value.is_array() { String::new() } else { format!(" = {value}") };
-                    self.unmarked.push((What::Set, format!("{effect}: {key}{value}"), None));
-                }
+        if let Intent::Set { effect, key, value } = intent {
+            self.scene.answered(effect, key, value, result.is_ok());
+            if result.is_ok() {
+                // Lists and matrices are too long for a mark.
+                let value = if value.is_array() { String::new() } else { format!(" = {value}") };
+                self.unmarked.push((What::Set, format!("{effect}: {key}{value}"), None));
             }
-            (Intent::Stop, Ok(())) => self.stop = self.stop.take().filter(PendingStop::is_unconfirmed),
-            (Intent::Stop, Err(why)) => return self.stop_failed(why.clone()),
-            _ => {}
         }
         if let Err(why) = result {
             self.messages.add(Weight::Bad, format!("{}: {why}", intent.name()));
         }
     }
 
-    /// Records that a stop was not confirmed. The window shows this in the place of the mode until
-    /// a state proves that the rig has stopped.
-    fn stop_failed(&mut self, why: String) {
+    /// Records the answer to a stop of the rig at the address `server`. If the stop was not
+    /// confirmed, the window shows this in the place of the mode until a state proves that the rig
+    /// has stopped.
+    fn stop_answered(&mut self, server: &str, result: Result<(), String>) {
+        let Err(why) = result else {
+            self.stops.retain(|stop| stop.server != server || stop.is_unconfirmed());
+            return;
+        };
         self.messages.add_told(Weight::Bad, format!("{why}: cut the motors' power"));
-        let (server, state) = (&self.server, self.state.as_ref());
-        self.stop.get_or_insert_with(|| PendingStop::new(server, state)).fail(why);
+        if let Some(stop) = self.stops.iter_mut().find(|stop| stop.server == server) {
+            stop.fail(why);
+        } else {
+            let newest = self.state.as_ref().filter(|_| server == self.server);
+            let mut stop = PendingStop::new(server, newest);
+            stop.fail(why);
+            self.stops.push(stop);
+        }
     }
 
     fn lease(&mut self, lease: Lease, cause: Option<LeaseCause>) {

@@ -71,7 +71,12 @@ pub(crate) fn stopped_by(name: &str, session: Option<u64>) -> FaultEvent {
 pub(crate) fn stop_in_vain(model: &mut Model) {
     model.asked(&Intent::Stop);
     let result = Err("the server has not confirmed the stop (no answer)".to_owned());
-    hear(model, News::Answer { intent: Intent::Stop, result });
+    hear(model, News::Stop { server: model.server.clone(), result });
+}
+
+/// Makes the present server confirm a stop.
+fn confirm(model: &mut Model) {
+    hear(model, News::Stop { server: model.server.clone(), result: Ok(()) });
 }
 
 #[test]
@@ -83,7 +88,7 @@ fn a_stop_that_is_not_confirmed_stays_until_a_state_proves_it() {
     assert_eq!(model.headline(), Headline::NotStopped, "that state is not newer");
     see(&mut model, 101, Mode::Active);
     assert_eq!(model.headline(), Headline::NotStopped);
-    hear(&mut model, News::Answer { intent: Intent::Stop, result: Ok(()) });
+    confirm(&mut model);
     assert_eq!(model.headline(), Headline::NotStopped, "no state has proved it");
     disconnect(&mut model);
     assert_eq!(model.headline(), Headline::NotStopped);
@@ -112,11 +117,34 @@ fn a_stop_that_is_confirmed_at_once_is_not_reported() {
     let mut model = commanding(false);
     model.asked(&Intent::Stop);
     assert_eq!(model.headline(), Headline::Mode(Mode::Active), "the answer is still to come");
-    hear(&mut model, News::Answer { intent: Intent::Stop, result: Ok(()) });
-    assert!(model.stop.is_none());
+    confirm(&mut model);
+    assert!(model.stops.is_empty());
     model.asked(&Intent::Stop);
     see(&mut model, 101, Mode::Estop);
-    assert!(model.stop.is_none(), "a state is as good as an answer");
+    assert!(model.stops.is_empty(), "a state is as good as an answer");
+}
+
+#[test]
+fn stops_at_two_servers_are_confirmed_apart() {
+    let mut model = commanding(false);
+    stop_in_vain(&mut model);
+    model.asked(&Intent::Connect("other:4268".to_owned()));
+    hear(&mut model, News::Connected(hello(1)));
+    see(&mut model, 500, Mode::Active);
+    let unconfirmed = |model: &Model| model.unconfirmed_stop().map(|stop| stop.server.clone());
+    assert_eq!(unconfirmed(&model).as_deref(), Some("rig:4268"));
+    // That of the present server is told first.
+    stop_in_vain(&mut model);
+    assert_eq!(unconfirmed(&model).as_deref(), Some("other:4268"));
+    // An answer of one server says nothing about the other.
+    hear(&mut model, News::Stop { server: "rig:4268".to_owned(), result: Ok(()) });
+    assert_eq!(unconfirmed(&model).as_deref(), Some("other:4268"));
+    see(&mut model, 501, Mode::Estop);
+    assert_eq!(unconfirmed(&model).as_deref(), Some("rig:4268"));
+    model.asked(&Intent::Connect("rig:4268".to_owned()));
+    hear(&mut model, News::Connected(hello(2)));
+    see(&mut model, 7, Mode::Estop);
+    assert_eq!(model.headline(), Headline::Mode(Mode::Estop));
 }
 
 #[test]

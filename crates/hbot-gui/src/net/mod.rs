@@ -160,7 +160,12 @@ pub(crate) enum News {
     Fault(FaultEvent),
     Scene(SceneEvent),
     Dropped(DroppedEvent),
-    /// The result of a request of the user: success, or the reason why it failed.
+    /// The result of a stop of the rig at the address `server`.
+    Stop {
+        server: String,
+        result: Result<(), String>,
+    },
+    /// The result of another request of the user: success, or the reason why it failed.
     Answer {
         intent: Intent,
         result: Result<(), String>,

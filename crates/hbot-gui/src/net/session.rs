@@ -104,12 +104,20 @@ fn wait(pause: Duration, options: &mut PanelOptions, outgoing: &Outgoing, mailbo
             Some(Intent::Samples(n)) => options.samples_per_s = n,
             Some(intent) => {
                 let result = Err("there is no connection to a server".to_owned());
-                mailbox.post(News::Answer { intent, result });
+                mailbox.post(answer(intent, result, &options.server));
             }
             None => std::thread::sleep(Duration::from_millis(20)),
         }
     }
     true
+}
+
+/// Returns the news of the result of a request to the server at the address `server`.
+fn answer(intent: Intent, result: Result<(), String>, server: &str) -> News {
+    match intent {
+        Intent::Stop => News::Stop { server: server.to_owned(), result },
+        intent => News::Answer { intent, result },
+    }
 }
 
 struct Session<'a> {
@@ -196,7 +204,7 @@ impl<'a> Session<'a> {
         if matches!(intent, Intent::Load { .. }) {
             self.info_due = Instant::now();
         }
-        self.mailbox.post(News::Answer { intent, result: told });
+        self.mailbox.post(answer(intent, told, &self.options.server));
         result.or_else(survivable)
     }
 

@@ -1,5 +1,6 @@
 //! The stop line: a thread with a separate connection that is used only to stop the rig.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
@@ -53,19 +54,23 @@ impl StopLine {
 
 fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, outgoing: &Outgoing) {
     let mut client = None;
+    let mut waiting = VecDeque::new();
     loop {
-        match inbox.recv_timeout(IDLE) {
+        match waiting.pop_front().map_or_else(|| inbox.recv_timeout(IDLE), Ok) {
             Ok(Order::Stop) => {
                 // A key that is held down asks many times. One stop answers all of these requests,
                 // up to a change of the server.
-                let next = inbox.try_iter().find_map(|order| match order {
-                    Order::Stop => None,
-                    Order::Connect(address) => Some(address),
-                });
+                waiting.extend(inbox.try_iter());
+                while matches!(waiting.front(), Some(Order::Stop)) {
+                    waiting.pop_front();
+                }
                 let result = estop(&mut client, &options, mailbox);
                 if let Err(error) = &result {
                     client = None;
-                    if !matches!(error, ClientError::NoServer { .. }) && next.is_none() {
+                    // The user may have chosen another server meanwhile, which must not be stopped.
+                    waiting.extend(inbox.try_iter());
+                    let elsewhere = waiting.iter().any(|order| matches!(order, Order::Connect(_)));
+                    if !matches!(error, ClientError::NoServer { .. }) && !elsewhere {
                         // Also try the session's connection, as soon as it gets through.
                         outgoing.push_first(Intent::Stop);
                     }
@@ -74,11 +79,7 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
                     let why = in_words(&error);
                     format!("the server has not confirmed the stop ({why})")
                 });
-                mailbox.post(News::Answer { intent: Intent::Stop, result });
-                if let Some(address) = next {
-                    options.server = address;
-                    client = None;
-                }
+                mailbox.post(News::Stop { server: options.server.clone(), result });
             }
             Ok(Order::Connect(address)) => {
                 options.server = address;

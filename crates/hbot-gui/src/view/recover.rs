@@ -42,7 +42,8 @@ impl Distance {
         if matches!(first, Some((_, Anchor::Here))) {
             return Self::Here;
         }
-        // The server reports the reference of the first effect only, and refuses by this angle.
+        // The server reports the reference of the first effect only. It refuses by this angle,
+        // unless the reference has been changed since the torque ended.
         match first.and_then(|(effect, _)| effect.kind().excess(reference, q, effect.numbers())) {
             Some(angle) if angle <= model.info.limits.enable_max_angle => Self::Near(angle),
             Some(angle) => Self::Far(angle),
@@ -72,6 +73,9 @@ impl Distance {
 pub(crate) fn way_on(model: &Model) -> &'static str {
     match (&model.lease, Distance::of(model)) {
         (Lease::Other(_), _) => "No torque. To go on, press Take over, then Recover.",
+        (_, Distance::Far(_)) if model.is_simulated() => {
+            "No torque. To go on, set the anchor to here in the tab Scene, then press Recover."
+        }
         (_, Distance::Far(_)) => "No torque. To go on, turn the sphere to its reference, then press Recover.",
         _ => "No torque. To go on, press Recover.",
     }
@@ -83,14 +87,14 @@ pub(crate) fn refusal(model: &Model) -> Option<String> {
     let Distance::Far(angle) = Distance::of(model) else { return None };
     let (effect, _) = model.scene.first_reference()?;
     let (id, allowed) = (effect.id(), model.info.limits.enable_max_angle);
-    let otherwise = if model.is_simulated() {
-        format!(", or set its anchor to here: in the tab Scene, or by `hbot set {id} anchor=here`")
+    // Nobody can turn a simulated sphere by hand.
+    let remedy = if model.is_simulated() {
+        format!("set its anchor to here, in the tab Scene or by `hbot set {id} anchor=here`")
     } else {
-        String::new()
+        "turn the sphere nearer to the reference".to_owned()
     };
     Some(format!(
-        "The sphere is {angle:.3} rad from the reference of {id}. The rig enables it within {allowed} rad: turn the sphere \
-         nearer to the reference{otherwise}."
+        "The sphere is {angle:.3} rad from the reference of {id}. The rig enables it within {allowed} rad: {remedy}."
     ))
 }
 

@@ -78,6 +78,12 @@ fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
             if let Some(stop) = model.unconfirmed_stop() {
                 ui.add(egui::Label::new(stop.way_out(&model.server)).wrap());
                 ui.add(egui::Label::new(format!("At {}: {}.", stop.server, stop.why())).wrap());
+                if stop.server != model.server
+                    && let Some(mode) = model.mode().filter(|_| model.is_live())
+                {
+                    let text = format!("The mode of the rig at {} is {mode}.", model.server);
+                    ui.add(egui::Label::new(text).wrap());
+                }
             }
             if let Some(text) = old(model) {
                 ui.add(egui::Label::new(text).wrap());
@@ -172,7 +178,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         (
             "Enable",
             Intent::Enable,
-            may && matches!(mode, Some(Mode::Idle)) && refusal.is_none(),
+            may && matches!(mode, Some(Mode::Idle)),
             refusal.as_deref().unwrap_or("begin to render, with a soft start of half a second"),
         ),
         (

@@ -250,6 +250,6 @@ fn recover_waits_until_the_sphere_is_near_its_reference() {
     seat.until_text("0.80 rad from reference: turn to within 0.50");
     assert!(!seat.is_enabled("Recover"));
     seat.click("Reset");
-    seat.until_text("The rig enables it within 0.5 rad: turn the sphere nearer to the reference");
-    assert!(!seat.is_enabled("Enable") && seat.shows("`hbot set spring anchor=here`"));
+    seat.until_text("The rig enables it within 0.5 rad: set its anchor to here, in the tab Scene");
+    assert!(seat.is_enabled("Enable") && seat.shows("`hbot set spring anchor=here`"));
 }

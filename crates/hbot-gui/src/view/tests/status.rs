@@ -100,7 +100,7 @@ fn who_commands_and_the_bars_are_grey_while_they_are_not_certain() {
 }
 
 #[test]
-fn enable_waits_until_the_sphere_is_near_its_reference_and_says_so() {
+fn a_sphere_that_is_too_far_from_its_reference_to_enable_is_told() {
     for simulated in [true, false] {
         let mut seen = window(SIZES[1], commanding(simulated));
         seen.state_mut().model.info.limits.enable_max_angle = 0.5;
@@ -115,7 +115,8 @@ fn enable_waits_until_the_sphere_is_near_its_reference_and_says_so() {
         let refused =
             "The sphere is 0.800 rad from the reference of spring. The rig enables it within 0.5 rad";
         turn(&mut seen, 200, 0.8);
-        assert!(seen.get_by_label("Enable").accesskit_node().is_disabled());
+        // The server decides: the reference may have been changed since the torque ended.
+        assert!(!seen.get_by_label("Enable").accesskit_node().is_disabled());
         assert!(shows(&seen, &format!("No torque. {refused}")) && !shows(&seen, "Ready."));
         assert!(shows(&seen, "0.80 rad from reference: turn to within 0.50"));
         assert_eq!(shows(&seen, "`hbot set spring anchor=here`"), simulated);
@@ -123,7 +124,6 @@ fn enable_waits_until_the_sphere_is_near_its_reference_and_says_so() {
         assert!(said.contains(refused), "{said}");
         assert_eq!(said.contains("`hbot set spring anchor=here`"), simulated, "{said}");
         turn(&mut seen, 201, 0.4);
-        assert!(!seen.get_by_label("Enable").accesskit_node().is_disabled());
         assert!(shows(&seen, "Ready.") && !shows(&seen, "hbot set"));
     }
 }
