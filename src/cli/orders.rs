@@ -4,15 +4,22 @@
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Trust, client_name};
+use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Token, Trust, client_name};
 
 use super::out::say;
 use super::{Commanding, ServerAddress};
 
 /// Stops the rig, and prints the mode that follows. The stop is sent without waiting for an answer
 /// of the server. If the server does not confirm it, the error says so before anything else.
+///
+/// If the file with the token cannot be read, the stop is sent without a token, because the server
+/// may need none.
 pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
-    let confirmed = options(address, "hbot").and_then(|options| {
+    let (token, unread) = match token(address) {
+        Ok(token) => (token, String::new()),
+        Err(error) => (None, format!("; {error:#}")),
+    };
+    let confirmed = options(address, "hbot", token).and_then(|options| {
         Client::estop_at(&address.server, &options).map_err(|error| match error {
             ClientError::NoServer { .. } => anyhow::anyhow!("no server there: connection refused"),
             other => not_connected(other),
@@ -20,7 +27,7 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
     });
     let mode = confirmed.map_err(|error| {
         anyhow::anyhow!(
-            "NOT STOPPED: the server at {} has not confirmed the stop ({error:#}). Cut the motors' power.",
+            "NOT STOPPED: the server at {} has not confirmed the stop ({error:#}{unread}). Cut the motors' power.",
             address.server
         )
     })?;
@@ -51,18 +58,21 @@ fn print(mode: Mode) -> anyhow::Result<ExitCode> {
 /// Connects to the server, with a token if one is given. `program` begins the name of the client;
 /// the user and the machine follow.
 pub(crate) fn connect(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
-    Client::connect_with(&address.server, &options(address, program)?).map_err(not_connected)
+    let options = options(address, program, token(address)?)?;
+    Client::connect_with(&address.server, &options).map_err(not_connected)
 }
 
-/// Returns the options for connecting to the server. Reads the files that `address` names.
-fn options(address: &ServerAddress, program: &str) -> anyhow::Result<ConnectOptions> {
-    let mut options = ConnectOptions::new(&client_name(program));
-    if let Some(file) = address.token_file() {
-        let token = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
-        options.token = Some(token.trim().to_owned().into());
-    }
-    options.trust = address.ca.as_deref().map(Trust::from_file).transpose().context("--ca")?;
-    Ok(options)
+/// Returns the token in the file that `address` names, if it names one.
+fn token(address: &ServerAddress) -> anyhow::Result<Option<Token>> {
+    let Some(file) = address.token_file() else { return Ok(None) };
+    let text = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
+    Ok(Some(text.trim().to_owned().into()))
+}
+
+/// Returns the options for connecting to the server. Reads the certificates that `address` names.
+fn options(address: &ServerAddress, program: &str, token: Option<Token>) -> anyhow::Result<ConnectOptions> {
+    let trust = address.ca.as_deref().map(Trust::from_file).transpose().context("--ca")?;
+    Ok(ConnectOptions { token, trust, ..ConnectOptions::new(&client_name(program)) })
 }
 
 /// Adds to the error of a connection that failed what the command line can do about it.

@@ -13,7 +13,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_api::{ClientError, Event, InfoOk};
 use hbot_host::signals;
 use hbot_record::{About, Writer};
-use hbot_server::recording::is_file;
+use hbot_server::recording::is_folder;
 
 use super::out::{create_new, note, say};
 use super::{ServerAddress, orders, style};
@@ -45,7 +45,7 @@ pub(crate) struct RecordArgs {
 /// Parses the name of a new recording. An ending of another format is refused, because the file
 /// would still be MCAP.
 pub(crate) fn new_recording(path: PathBuf) -> Result<PathBuf, String> {
-    if is_file(&path) || path.extension().is_none() {
+    if path.extension().is_none_or(|ending| ending == "mcap") {
         Ok(path)
     } else {
         Err("a recording is MCAP: a name that ends in .mcap. The Python client makes a CSV file of it: docs/recordings.md"
@@ -56,7 +56,7 @@ pub(crate) fn new_recording(path: PathBuf) -> Result<PathBuf, String> {
 /// Parses where `hbot server` records: into a new file, or into a folder. A folder that does not
 /// exist yet has a name without an ending, or `/` after its name.
 pub(crate) fn file_or_folder(path: PathBuf) -> Result<PathBuf, String> {
-    if path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/") {
+    if is_folder(&path) {
         return Ok(path);
     }
     new_recording(path)
@@ -263,6 +263,9 @@ mod tests {
         assert!(format!("{below:#}").contains("run.mcap: cannot be made: "), "{below:#}");
         let folder = create(state.path()).expect_err("a folder is there").to_string();
         assert!(folder.ends_with("this is a folder. Name a new file"), "{folder}");
+        let slash = create(&state.path().join("x.mcap/")).expect_err("the name of a folder");
+        assert!(format!("{slash:#}").contains("x.mcap/: cannot be made: "), "{slash:#}");
+        assert!(!state.path().join("x.mcap").exists());
     }
 
     #[test]
@@ -280,7 +283,14 @@ mod tests {
     fn a_folder_for_recordings_has_no_ending_or_a_slash_or_is_there() {
         let folder = tempfile::Builder::new().suffix(".d").tempdir().expect("a folder");
         let there = folder.path().to_path_buf();
-        for path in ["run.mcap".into(), "runs".into(), "runs.d/".into(), there.clone(), there.join("runs")] {
+        for path in [
+            "run.mcap".into(),
+            "runs".into(),
+            "runs.d/".into(),
+            "runs.mcap/".into(),
+            there.clone(),
+            there.join("runs"),
+        ] {
             assert_eq!(file_or_folder(path.clone()), Ok(path));
         }
         for path in ["runs.d".into(), there.join("run.csv")] {

@@ -136,11 +136,13 @@ mod tests {
         let spring = "[[effect]]\nid = 's'\nkind = 'spring'\nstiffness = ";
         let matrix = "[[30, 0, 0], [0, 2, 0], [0, 0, 1]]\n";
         let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.065\n";
+        let honey = "[[effect]]\nid = 'honey'\nkind = 'damper'\ndamping = 2\n";
         let push = "[[effect]]\nid = 'p'\nkind = 'constant'\ntorque = [2, 1, 0]\n";
         let rubber = "[[effect]]\nid = 'f'\nkind = 'friction'\n";
         for (text, count) in [
             (format!("{spring}2\ndamping = 0.02\n"), 0),
             (format!("{spring}2\ndamping = 20\n"), 1),
+            (format!("{spring}2\ndamping = 2\n{honey}"), 1),
             (format!("{spring}30\n"), 1),
             (format!("{spring}{matrix}"), 1),
             (format!("{spring}{matrix}{air}"), 0),

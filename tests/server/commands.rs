@@ -359,6 +359,27 @@ fn a_token_file_is_found_by_its_variable_and_its_absence_names_it() {
     with.args(["info", "--server", &server.address]).env("HBOT_TOKEN_FILE", file).assert().success();
 }
 
+/// Whether a server asks for a token only the server knows, so a stop does not wait for its file.
+#[test]
+fn a_stop_is_sent_even_if_the_token_file_cannot_be_read() {
+    let state = tempfile::tempdir().expect("a folder");
+    let gone = state.path().join("gone");
+    let stop = |server: &Process| {
+        let mut command = assert_cmd::Command::from_std(hbot());
+        command.args(["estop", "--server", &server.address]).env("HBOT_TOKEN_FILE", &gone).assert()
+    };
+    stop(&server(state.path())).success().stdout(starts_with("estop"));
+
+    let token = state.path().join("token");
+    std::fs::write(&token, "a token of more than sixteen").expect("written");
+    let file = token.to_str().expect("UTF-8");
+    let server = Process::start(&["--rig", &patient_rig(state.path()), "--token-file", file], state.path());
+    let unread = format!("; token file {}: ", gone.display());
+    stop(&server)
+        .code(1)
+        .stderr(contains("NOT STOPPED").and(contains(unread)).and(contains("). Cut the motors' power.")));
+}
+
 /// A variable that is set and empty counts as one that is not set, as usual in shells.
 #[test]
 fn empty_variables_are_as_if_unset() {

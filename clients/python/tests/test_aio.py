@@ -101,7 +101,8 @@ def test_a_lease_that_is_stolen_ends_a_render(server: Server, run: Run) -> None:
                     await thief.acquire(steal=True)
                 return [0.0, 0.0, 0.0]
 
-            with pytest.raises(hbot.NotHolder, match="thief has taken the lease"):
+            said = r"thief has taken the lease: take it with `rig\.lease\(steal=True\)`"
+            with pytest.raises(hbot.NotHolder, match=said):
                 await rig.render(steal_once)
         events = [event async for event in rig.events(0.0)]
         causes = [event.cause for event in events if isinstance(event, hbot.LeaseEvent)]

@@ -57,8 +57,8 @@ def test_unauthorized_and_both_forms_of_a_token(tmp_path: Path, encoding: Encodi
 def test_not_holder(rig: hbot.Rig) -> None:
     with pytest.raises(hbot.NotHolder) as caught:
         rig.enable()
-    takes = "`with rig.lease():` takes it (not_holder)"
-    assert str(caught.value) == f"enable: this client does not hold the lease: {takes}"
+    take = "take it with `rig.lease()` (not_holder)"
+    assert str(caught.value) == f"enable: this client does not hold the lease: {take}"
     with pytest.raises(hbot.NotHolder, match="does not hold the lease"):
         rig.render(lambda _state: [0.0, 0.0, 0.0])
 
@@ -72,9 +72,16 @@ def test_not_holder_says_who_has_taken_the_lease(server: Server, rig: hbot.Rig) 
                 thief.release()
             with pytest.raises(hbot.NotHolder) as caught:
                 rig.set("spring", stiffness=1.0)
-            takes = f"`with rig.lease({steal}):` takes it (not_holder)"
-            assert str(caught.value) == f"set: thief has taken the lease: {takes}"
+            take = f"take it with `rig.lease({steal})` (not_holder)"
+            assert str(caught.value) == f"set: thief has taken the lease: {take}"
             assert caught.value.holder == ("thief" if steal else None)
+        with hbot.connect(server.address, name="heir") as heir, heir.lease():
+            with pytest.raises(hbot.NotHolder) as caught:
+                rig.set("spring", stiffness=1.0)
+            take = "take it with `rig.lease(steal=True)` (not_holder)"
+            state = "thief has taken the lease, and heir holds it now"
+            assert str(caught.value) == f"set: {state}: {take}"
+            assert caught.value.holder == "heir"
 
 
 def test_not_holder_names_the_holder(server: Server, rig: hbot.Rig) -> None:

@@ -67,7 +67,8 @@ impl Abilities {
     /// [`stable`](StiffnessBound::stable) it needs more damping than the whole scene has, for
     /// example that of the hand. Both are for a sphere without friction. Effects that have no
     /// stiffness as a parameter, such as snaps, are compared by their torque only. A damping is
-    /// compared with [`most_damping`](StiffnessBound::most_damping).
+    /// compared with [`most_damping`](StiffnessBound::most_damping), and so is the sum of those
+    /// that always act.
     #[must_use]
     pub fn warnings(&self, scene: &SceneFile) -> Vec<String> {
         let damping: f64 =
@@ -94,6 +95,7 @@ impl Abilities {
                 ));
             }
         }
+        found.extend(self.too_damped_together(scene));
         found.extend(in_vain(scene));
         found.extend(self.too_late(scene));
         found
@@ -115,11 +117,27 @@ impl Abilities {
     fn too_damped(&self, damping: f64) -> Option<String> {
         let (most, rate) = (self.springs?.most_damping, self.rate_hz);
         (damping > most).then(|| {
+            // A sum of decimal numbers has many digits.
+            let damping = (damping * 1.0e6).round() / 1.0e6;
             format!(
                 "{damping} N m s/rad may shake the sphere: at {rate} Hz the rig keeps at most {most:.1} N m s/rad stable, or \
                  somewhat more in a hand"
             )
         })
+    }
+
+    /// Returns the words that say that the dampings that always act are too large together, or
+    /// `None` if they are not, or if one of them is too large alone. They are added as if all acted
+    /// in the same direction.
+    fn too_damped_together(&self, scene: &SceneFile) -> Option<String> {
+        let most = self.springs?.most_damping;
+        // A wall damps only while the sphere moves into it.
+        let acting = scene.effects().iter().filter(|effect| effect.kind_name() != "end_stop");
+        let dampings: Vec<f64> = acting.flat_map(|effect| values(effect, DAMPING)).map(|v| v.1).collect();
+        if dampings.iter().any(|damping| *damping > most) {
+            return None;
+        }
+        Some(format!("all effects together: damping {}", self.too_damped(dampings.iter().sum())?))
     }
 
     /// Returns the words that say why a stiffness, N m/rad, is too large, or `None` if it is not.
@@ -294,6 +312,23 @@ mod tests {
             let said = Abilities::of(&RigConfig::prototype()).warnings(&again);
             assert!(!said.iter().any(|warning| warning.contains("has no effect")), "{said:?}");
         }
+    }
+
+    /// The prototype keeps 2.98 N m s/rad stable.
+    #[test]
+    fn dampings_that_are_too_large_only_together_are_named_once() {
+        let effect = |id: &str, kind: &str, damping: f64| {
+            format!("[[effect]]\nid = '{id}'\nkind = '{kind}'\ndamping = {damping}\n")
+        };
+        let (air, honey) = (effect("air", "damper", 2.1), effect("honey", "damper", 2.2));
+        assert_eq!(warnings(&air), Vec::<String>::new());
+        let both = warnings(&format!("{air}{honey}"));
+        let sum = "all effects together: damping 4.3 N m s/rad may shake the sphere: at 1000 Hz";
+        assert!(both.len() == 1 && both[0].starts_with(sum), "{both:?}");
+        let wall = effect("wall", "end_stop", 2.2);
+        assert_eq!(warnings(&format!("{air}{wall}")), Vec::<String>::new(), "the wall gives way");
+        let alone = warnings(&format!("{air}{}", effect("tar", "damper", 3.1)));
+        assert!(alone.len() == 1 && alone[0].starts_with("tar: damping 3.1 N m s/rad"), "{alone:?}");
     }
 
     #[test]

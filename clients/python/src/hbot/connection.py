@@ -214,12 +214,14 @@ class Connection:
         """
         if self.lost_lease_to is not None:
             state = f"{self.lost_lease_to} has taken the lease"
+            if holder not in (None, self.lost_lease_to):
+                state += f", and {holder} holds it now"
         elif holder is not None:
             state = f"{holder} holds the lease"
         else:
             state = "this client does not hold the lease"
         steal = "" if holder is None else "steal=True"
-        return NotHolder(f"{state}: `with rig.lease({steal}):` takes it", op=op, holder=holder)
+        return NotHolder(f"{state}: take it with `rig.lease({steal})`", op=op, holder=holder)
 
     def close(self) -> None:
         """End the connection. Calls and iterations that wait raise `ConnectionLost`."""

@@ -90,7 +90,13 @@ fn named(path: &Path, number: u64) -> PathBuf {
 
 /// Returns whether a recording goes into the file `path`, and not into a folder of this name.
 pub fn is_file(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == EXTENSION)
+    path.extension().is_some_and(|extension| extension == EXTENSION) && !is_folder(path)
+}
+
+/// Returns whether `path` is a folder whatever its ending: it has `/` at its end, or the folder
+/// exists.
+pub fn is_folder(path: &Path) -> bool {
+    path.as_os_str().as_encoded_bytes().ends_with(b"/") || path.is_dir()
 }
 
 /// Creates the file `path`, which must not exist yet.

@@ -179,6 +179,25 @@ fn a_new_file_begins_at_the_limit_and_replays_without_the_one_before() {
     }
 }
 
+/// Whether a path is a folder is said by its `/` or by the folder that is there, also if its name
+/// ends like a file's.
+#[test]
+fn a_folder_can_have_the_ending_of_a_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let (slash, there) = (dir.path().join("slash.mcap/"), dir.path().join("there.mcap"));
+    assert!(is_file(&there), "nothing is there yet");
+    std::fs::create_dir(&there).unwrap();
+    for folder in [slash, there] {
+        assert!(!is_file(&folder), "{}", folder.display());
+        let (mut run, prepared) = prepared(&folder, None, true);
+        let recording = run.start(prepared);
+        (0..100).for_each(|_| run.tick());
+        assert_eq!(recording.end(), Some(Recorded { written: 100, lost: 0, failed_files: 0 }));
+        let files = files(&folder);
+        assert!(files.len() == 1 && is_file(&files[0]), "{files:?}");
+    }
+}
+
 #[test]
 fn a_folder_that_cannot_be_written_is_tried_again() {
     let dir = tempfile::tempdir().unwrap();
