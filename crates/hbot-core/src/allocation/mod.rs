@@ -6,10 +6,6 @@
 //! those of least cost 1/2 sum w_j tau_j². Both s and tau are unique. The direction of T is kept;
 //! only its size is reduced.
 //!
-//! If the weights w differ by some sixteen orders of magnitude, or if two rows are nearly parallel,
-//! rounding can hide the optimum. Then s can be about a tenth smaller than the largest one, and the
-//! direction is still that of T.
-//!
 //! The methods, from the fastest to the slowest:
 //!
 //! 1. The torques of least cost without limits. If none exceeds its limit, they are the result.
