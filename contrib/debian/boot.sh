@@ -4,17 +4,13 @@
 #
 #     contrib/debian/boot.sh ROOT PACKAGE.deb
 #
-# ROOT is a folder with Debian's base system and systemd, as for try.sh. debootstrap makes it if it does not exist. The
+# ROOT is a folder with Debian's base system and systemd, as for try.sh. base.sh makes it if it does not exist. The
 # script works on a copy of it.
 set -euo pipefail
 base=$1
 package=$2
 
-if [ ! -d "$base" ]; then
-    debootstrap --variant=minbase --include=systemd,udev bookworm "$base.part" >"$base.log" ||
-        { tail "$base.log" >&2; exit 1; }
-    mv "$base.part" "$base"
-fi
+contrib/debian/base.sh "$base"
 work=$(mktemp -d)
 root=$work/root
 trap 'rm -rf --one-file-system "$work"' EXIT

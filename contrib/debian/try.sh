@@ -4,17 +4,13 @@
 #
 #     contrib/debian/try.sh ROOT PACKAGE.deb
 #
-# ROOT is a folder with Debian's base system and systemd. debootstrap makes it if it does not exist. The script works on
-# a copy of it.
+# ROOT is a folder with Debian's base system and systemd. base.sh makes it if it does not exist. The script works on a
+# copy of it.
 set -euo pipefail
 base=$1
 package=$2
 
-if [ ! -d "$base" ]; then
-    debootstrap --variant=minbase --include=systemd,udev bookworm "$base.part" >"$base.log" ||
-        { tail "$base.log" >&2; exit 1; }
-    mv "$base.part" "$base"
-fi
+contrib/debian/base.sh "$base"
 
 server=
 work=$(mktemp -d)

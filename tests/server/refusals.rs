@@ -240,7 +240,8 @@ fn a_client_command_without_a_server_says_how_to_start_one() {
             .failure()
             .stderr(contains("`hbot server`").and(contains("cargo run server")).and(contains("HBOT_SERVER")));
     }
-    // Whoever stops a rig needs no server that starts now.
+    // A server that is started now would not stop the rig, so the error does not name `hbot
+    // server`.
     let lost = format!("NOT STOPPED: the server at {free} has not confirmed the stop (no server there: ");
     run(&["estop", "--server", &free.to_string()])
         .code(1)

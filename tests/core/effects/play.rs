@@ -49,8 +49,9 @@ fn a_dead_band_is_free_and_the_torque_beyond_it_begins_at_nothing() {
                 let angle = side * PLAY * f64::from(k) / 20.0;
                 assert_eq!(back(angle), 0.0, "{kind:?} at {angle}");
             }
-            // Near its rim the torque is that of the excess, but for the square of the cosine of
-            // the dead band (the plane) or of its half (the laws of quaternions).
+            // Just outside the dead band, the torque is at most that of the excess. It is at least
+            // that times the squared cosine of the dead band (the plane), or of half of it (the
+            // laws of quaternions).
             let least = PLAY.cos().powi(2) - 0.01;
             for excess in [1e-6, 1e-4, 1e-3] {
                 let part = back(side * (PLAY + excess)) / (STIFFNESS * excess);

@@ -68,12 +68,13 @@ impl Client {
         Self::greet(address, options, None)
     }
 
-    /// Performs an emergency stop of the rig at `address` with a connection of its own. The stop is
-    /// sent together with the hello, so it does not wait for the answer to the hello. A server that
-    /// is suspended reads both when it runs again, even if this call has failed meanwhile. Only if
-    /// the server encrypts, the stop has to wait for the TLS handshake. The messages are JSON,
-    /// whatever [`encoding`](ConnectOptions::encoding) says. Returns the mode from the next tick
-    /// on.
+    /// Performs an emergency stop of the rig at `address`, over a new connection. Returns the mode
+    /// from the next tick on.
+    ///
+    /// The stop is sent together with the hello, so it does not wait for the answer to the hello. A
+    /// server that is suspended reads both when it runs again, even if this call has failed
+    /// meanwhile. If the server encrypts, the stop has to wait for the TLS handshake. The messages
+    /// are JSON, whatever [`encoding`](ConnectOptions::encoding) says.
     ///
     /// # Errors
     ///
