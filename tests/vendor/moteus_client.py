@@ -42,6 +42,19 @@ async def main(port):
         assert values[Register.VOLTAGE] == 24.0 and abs(values[Register.POSITION]) <= 0.5, values
     print("query: four servos answer")
 
+    # Before any torque: a rolling wheel turns hundreds of times a second.
+    drive = servos[DRIVE]
+    values = (await drive.query()).values
+    assert values[Register.VELOCITY] == 0.0, values
+    where = values[Register.POSITION]
+    await drive.set_output_exact(position=where + 5.3)
+    moved = (await drive.query()).values[Register.POSITION]
+    assert abs(moved - where - 5.3) < 1e-4, (where, moved)
+    await drive.set_output_nearest(position=0.0)
+    nearest = (await drive.query()).values[Register.POSITION]
+    assert abs(nearest) <= 0.5 and abs((moved - nearest) - round(moved - nearest)) < 1e-4, (moved, nearest)
+    print("zero: set exactly, and to the nearest turn")
+
     before = (await steer.query()).values[Register.POSITION]
     for _ in range(20):
         await steer.set_position(**torque(0.2, watchdog_timeout=0.5))
@@ -77,14 +90,6 @@ async def main(port):
     assert values[Register.FAULT] == 0, values
     print("fault: 39 outside of servopos limits, cleared by a stop")
 
-    drive = servos[DRIVE]
-    where = (await drive.query()).values[Register.POSITION]
-    await drive.set_output_exact(position=where + 5.0)
-    moved = (await drive.query()).values
-    assert abs(moved[Register.POSITION] - where - 5.0) < 0.5, moved
-    await drive.set_output_nearest(position=0.0)
-    assert abs((await drive.query()).values[Register.POSITION]) <= 0.5
-    print("zero: set exactly, and to the nearest turn")
     transport.close()
 
 

@@ -80,6 +80,11 @@ for axis in range(4):
     assert answer("supply", "Get_Bus_Voltage_Current", axis)["Bus_Voltage"] == 24.0
 print("heartbeat and version: four axes")
 
+# Before any torque: a rolling wheel turns hundreds of times a second.
+say("Set_Absolute_Position", DRIVE, Position=34.0)
+hear("set", "Get_Encoder_Estimates", DRIVE, lambda said: abs(said["Pos_Estimate"] - 34.0) < 1e-3)
+print("position: set")
+
 
 def keep(torque, *states):
     """Feeds the watchdog, and now and then clears errors and asks for states: a busy machine feeds late."""
@@ -123,7 +128,4 @@ assert said["Axis_Error"] & ESTOP, said
 hear("cleared", "Heartbeat", STEER, lambda said: said["Axis_Error"] == 0, keep(0.0))
 print("error: an emergency stop, cleared")
 
-say("Set_Absolute_Position", DRIVE, Position=34.0)
-hear("set", "Get_Encoder_Estimates", DRIVE, lambda said: abs(said["Pos_Estimate"] - 34.0) < 1.0)
-print("position: set")
 bus.shutdown()
