@@ -1,18 +1,14 @@
 //! `hbot rig scan`, `hbot rig test` and `hbot rig calibrate`: a rig before any loop is closed over
 //! it. No server may hold its port meanwhile.
 
-#[cfg(test)]
-mod tests;
+mod calibrate;
 
-use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use clap::Args;
 use hbot_config::{Override, RigConfig};
-use hbot_core::rig::Zero;
-use hbot_host::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
 use hbot_host::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
 use hbot_host::bringup::scan::scan;
 use hbot_host::bringup::{Bench, Interrupted, open};
@@ -21,16 +17,9 @@ use hbot_host::last_word::Program;
 use hbot_host::signals;
 use serde_json::json;
 
-use super::out::{note, refuse_folder, say};
+use super::out::{note, say};
 use super::style;
-
-/// Time between two readings, s. It is long enough that one count is small relative to the motion,
-/// and short enough that the steer angles hardly change.
-const APART_S: f64 = 0.02;
-/// Error of a zero that is as small as it can be made by hand, rad.
-const TRIFLE: f64 = 0.01;
-/// Relative difference of two wheels' radii that is too large for a misread caliper.
-const CALIPER: f64 = 0.1;
+pub(crate) use calibrate::{CalibrateArgs, run_calibrate};
 
 /// The rig to work on.
 #[derive(Debug, Args)]
@@ -73,48 +62,6 @@ pub(crate) struct TestArgs {
     /// Stop if any joint turns faster than this, rad/s, above 0
     #[arg(long, value_name = "RATE", default_value_t = 5.0)]
     speed: f64,
-}
-
-/// Options of `hbot rig calibrate`.
-#[derive(Debug, Args)]
-pub(crate) struct CalibrateArgs {
-    #[command(flatten)]
-    which: Which,
-    /// How long to watch the joints, 5 to 600 s
-    #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u32).range(5..=600))]
-    seconds: u32,
-    /// Write the rig file with the corrections to this file; it can be the rig file itself
-    #[arg(long, value_name = "FILE")]
-    write: Option<PathBuf>,
-}
-
-/// Text of the rig file that is used if no other is named.
-const PROTOTYPE: &str = include_str!("../../rigs/prototype.toml");
-
-/// A value of the rig file that a calibration corrects.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Correction {
-    /// Number of the joint, from 0.
-    joint: usize,
-    key: &'static str,
-    value: f64,
-}
-
-impl Correction {
-    /// Returns the value as the rig file has it: a sign is a whole number.
-    fn written(&self) -> String {
-        if self.key == "sign" { format!("{:.0}", self.value) } else { format!("{:.4}", self.value) }
-    }
-}
-
-/// The result of a calibration.
-struct Told {
-    /// The message for the user.
-    words: String,
-    /// True if the rig is as its file states.
-    as_filed: bool,
-    /// The values to correct. Empty if nothing is wrong, or if nothing can be concluded.
-    corrections: Vec<Correction>,
 }
 
 fn joint_name(rig: &RigConfig, joint: usize) -> String {
@@ -243,260 +190,4 @@ fn compared(outcome: &Outcome) -> String {
         100.0 * (by_rate / moved - 1.0).abs(),
         100.0 * DISAGREEMENT
     )
-}
-
-pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
-    let rig = args.which.load()?;
-    // A person turns the sphere for a while before the file is written.
-    if let Some(file) = &args.write {
-        refuse_folder(file, "the rig file to write")?;
-    }
-    let counts = on_the_lines(&rig, true, |bench| {
-        if rig.link.port.is_simulated() {
-            say!(
-                "the simulated hand turns the sphere about all axes for {} s, faster than real time",
-                args.seconds
-            )?;
-        } else {
-            say!(
-                "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
-                args.seconds
-            )?;
-        }
-        Ok(watch(bench, args.seconds)?)
-    })?;
-    say!("the sphere can rest: computing from {} readings", counts.len())?;
-    let told = told(&rig, &counts)?;
-    say!("{}\n{}", told.words.trim_end(), to_paste(&rig, &told))?;
-    if let Some(file) = &args.write {
-        write(args.which.rig.as_deref(), &told.corrections, file)?;
-        say!("{} has {} correction(s)", file.display(), told.corrections.len())?;
-    }
-    Ok(if told.as_filed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
-}
-
-/// Returns the end of the message: the lines to write into the rig file, or why there are none.
-fn to_paste(rig: &RigConfig, told: &Told) -> String {
-    let unset = zeros_to_choose(rig).filter(|_| told.as_filed || !told.corrections.is_empty());
-    if told.corrections.is_empty() {
-        return match unset {
-            Some(unset) => format!("signs, zero_offset and radii are as the rig file says\n{unset}"),
-            None if told.as_filed => {
-                "nothing to write into the rig file: the rig is as its file says".to_owned()
-            }
-            None => "nothing to write into the rig file: correct first what stands above".to_owned(),
-        };
-    }
-    let mut text = "to write into the rig file (`--write FILE` does it):".to_owned();
-    let mut last = None;
-    for correction in &told.corrections {
-        if last != Some(correction.joint) {
-            let table = if correction.joint.is_multiple_of(2) { "steer" } else { "drive" };
-            text += &format!("\n  [wheel.{table}] of {}:", wheel_name(rig, correction.joint / 2));
-            last = Some(correction.joint);
-        }
-        text += &format!("\n  {} = {}", correction.key, correction.written());
-    }
-    if let Some(unset) = unset {
-        text += &format!("\n{unset}");
-    }
-    text
-}
-
-/// Returns what to do about the wheels of which the rig file does not say how their zeros become
-/// known. Returns `None` if there are no such wheels.
-fn zeros_to_choose(rig: &RigConfig) -> Option<String> {
-    let joints = &rig.rig.joints;
-    let unset = (0..rig.wheels.len()).filter(|wheel| joints[2 * wheel].zero == Zero::Calibrate);
-    let unset: Vec<String> = unset.map(|wheel| wheel_name(rig, wheel)).collect();
-    (!unset.is_empty()).then(|| {
-        format!(
-            "{}zero = \"calibrate\"{} of {}: the zero counts as not known, and a server stays unreferenced, without torque.\n  \
-             zero_offset is measured now. Write how the zero becomes known at each start into [wheel.steer]: zero = \"assume\" if \
-             the encoder counts from where it gets power, \"absolute\" if it knows its angle without power, or \"index\" if it \
-             has an index (docs/files.md). Then start `hbot server`",
-            style::WARN,
-            style::OFF,
-            unset.join(", ")
-        )
-    })
-}
-
-/// Writes the rig file `rig`, or the built-in one, with corrections to `file`. Comments and the
-/// order of the keys stay.
-fn write(rig: Option<&Path>, corrections: &[Correction], file: &Path) -> anyhow::Result<()> {
-    let text = match rig {
-        Some(path) => hbot_config::read_text(path).with_context(|| path.display().to_string())?,
-        None => PROTOTYPE.to_owned(),
-    };
-    let corrected = corrected(&text, corrections)?;
-    std::fs::write(file, corrected).with_context(|| format!("{}: cannot be written", file.display()))
-}
-
-fn corrected(text: &str, corrections: &[Correction]) -> anyhow::Result<String> {
-    let mut document: toml_edit::DocumentMut = text.parse()?;
-    for correction in corrections {
-        let table = if correction.joint.is_multiple_of(2) { "steer" } else { "drive" };
-        let joint = &mut document["wheel"][correction.joint / 2][table];
-        let new: toml_edit::Value = correction.written().parse()?;
-        // The comment behind the old value stays.
-        match joint.get_mut(correction.key).and_then(toml_edit::Item::as_value_mut) {
-            Some(old) => {
-                let decor = old.decor().clone();
-                *old = new;
-                *old.decor_mut() = decor;
-            }
-            None => joint[correction.key] = toml_edit::Item::Value(new),
-        }
-    }
-    Ok(document.to_string())
-}
-
-/// Records the counts of all joints for `seconds`, with motors off.
-fn watch(bench: &mut Bench, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
-    let every = (APART_S / bench.period_s()).round().max(1.0) as u32;
-    let ticks = (f64::from(seconds) / bench.period_s()) as u32;
-    let mut counts = Vec::new();
-    for tick in 0..ticks {
-        let reading = bench.exchange(None)?;
-        if tick.is_multiple_of(every) {
-            counts.push(reading.counts);
-        }
-    }
-    Ok(counts)
-}
-
-/// Evaluates recorded counts.
-fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<Told> {
-    let dead = still(&rig.rig, counts);
-    if !dead.is_empty() && dead.len() < rig.rig.device.joints() {
-        let mut words = String::new();
-        for joint in dead {
-            writeln!(
-                words,
-                "  {}joint {}, {}: its counts stood still while others moved{}: where it was turned too, its encoder is dead, or its cable",
-                style::BAD,
-                joint + 1,
-                joint_name(rig, joint),
-                style::OFF
-            )?;
-        }
-        // Without this joint, nothing can be concluded about the others.
-        return Ok(Told { words, as_filed: false, corrections: Vec::new() });
-    }
-    let found = calibrate(&rig.rig, counts).context("nothing has moved: turn the sphere while this runs")?;
-    let mut told = report(rig, &found)?;
-    let words = &mut told.words;
-    if found.known && !explains(&rig.rig, &found) {
-        match exchanged(&rig.rig, counts) {
-            Some((a, b)) => writeln!(
-                words,
-                "  {}were joints {} and {} exchanged, it would be explained{}: the {} and the {} have each other's encoder, or each \
-                 other's `controller` in the rig file",
-                style::BAD,
-                a + 1,
-                b + 1,
-                style::OFF,
-                joint_name(rig, a),
-                joint_name(rig, b)
-            )?,
-            None => writeln!(
-                words,
-                "  {}no signs, zeros, radii, cones or two exchanged joints explain it{}: look for slip, play, or a wrong gear (`hbot rig test`)",
-                style::BAD,
-                style::OFF
-            )?,
-        }
-    }
-    Ok(told)
-}
-
-/// Describes a calibration in words.
-fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error> {
-    let mut words = String::new();
-    let mut corrections = Vec::new();
-    writeln!(
-        words,
-        "slip over rolling, root mean square: {:.2} % as the file has the rig, {:.2} % as found",
-        100.0 * found.before,
-        100.0 * found.after
-    )?;
-    let (bad, off) = (style::BAD, style::OFF);
-    if !found.known {
-        writeln!(
-            words,
-            "  {bad}not enough was turned to tell the zeros{off}: turn further, about all three axes, and longer"
-        )?;
-        return Ok(Told { words, as_filed: false, corrections });
-    }
-    if !explains(&rig.rig, found) {
-        // The zeros found are not valid then and must not be set.
-        return Ok(Told { words, as_filed: false, corrections });
-    }
-    let mut as_filed = true;
-    for (i, wheel) in found.wheels.iter().enumerate() {
-        let name = wheel_name(rig, i);
-        for (wrong, joint, key) in
-            [(wheel.wrong_sign[0], 2 * i, "steer"), (wheel.wrong_sign[1], 2 * i + 1, "drive")]
-        {
-            if wrong {
-                as_filed = false;
-                let sign = if rig.rig.joints[joint].reversed { 1 } else { -1 };
-                corrections.push(Correction { joint, key: "sign", value: f64::from(sign) });
-                writeln!(
-                    words,
-                    "  {bad}{name}: the sign of {key} is wrong{off}: set wheel[{i}].{key}.sign = {sign}"
-                )?;
-            }
-        }
-        let zero_wrong = wheel.zero.abs() > TRIFLE.max(3.0 * wheel.zero_deviation);
-        as_filed &= !zero_wrong;
-        writeln!(
-            words,
-            "  {name}: {}steering zero off by {:+.4} rad{off} (+- {:.4}); radius {:.3} mm, cone {:.4} rad",
-            if zero_wrong { bad } else { style::GOOD },
-            wheel.zero,
-            wheel.zero_deviation,
-            1000.0 * wheel.radius,
-            wheel.cone
-        )?;
-        if zero_wrong {
-            let filed = rig.zero_offsets[2 * i];
-            let lasts = match rig.rig.joints[2 * i].zero {
-                Zero::Absolute | Zero::Index => "for good",
-                Zero::Assume | Zero::Calibrate => "with zero = \"assume\", until the controllers lose power",
-            };
-            let value = if wheel.wrong_sign[0] { wheel.zero - filed } else { wheel.zero + filed };
-            corrections.push(Correction { joint: 2 * i, key: "zero_offset", value });
-            writeln!(words, "    set wheel[{i}].steer.zero_offset = {value:.4}: it holds {lasts}")?;
-        }
-    }
-    if let Some((most, least, apart)) = radii_apart(rig, found) {
-        as_filed = false;
-        let [most, least] = [most, least].map(|wheel| wheel_name(rig, wheel));
-        writeln!(
-            words,
-            "  {bad}{most} rolls {:.0} % further than {least} for what the file says of both{off}: measure their radii; where \
-             those are right, the gear of one drive is wrong (`hbot rig test` tells which)",
-            100.0 * apart
-        )?;
-    }
-    corrections.sort_by_key(|correction| correction.joint);
-    Ok(Told { words, as_filed, corrections })
-}
-
-/// Compares the radii found with those of the file. Returns the two wheels whose ratios differ
-/// most, and by how much, if the difference is too large for a caliper's error. A common factor of
-/// all radii cannot be seen, because a smaller sphere turns in the same way.
-fn radii_apart(rig: &RigConfig, found: &Calibration) -> Option<(usize, usize, f64)> {
-    let share: Vec<f64> = found
-        .wheels
-        .iter()
-        .zip(rig.rig.device.wheels())
-        .map(|(wheel, filed)| wheel.radius / filed.spec().radius)
-        .collect();
-    let by_share = |a: &usize, b: &usize| share[*a].total_cmp(&share[*b]);
-    let (most, least) = ((0..share.len()).max_by(by_share)?, (0..share.len()).min_by(by_share)?);
-    let apart = share[most] / share[least] - 1.0;
-    (apart > CALIPER).then_some((most, least, apart))
 }

@@ -1,5 +1,7 @@
 //! Tests of the messages of `hbot rig calibrate` for rigs with an error.
 
+use hbot_host::bringup::open;
+use hbot_host::last_word::Program;
 use hbot_host::run_loop::StopFlag;
 
 use super::*;
@@ -12,7 +14,7 @@ fn watched() -> Vec<Counts> {
 
 /// Returns the prototype's rig file with a mistake in it.
 fn mistaken(from: &str, to: &str) -> RigConfig {
-    let file = include_str!("../../../rigs/prototype.toml");
+    let file = include_str!("../../../../rigs/prototype.toml");
     assert!(file.contains(from), "the prototype has no {from:?}");
     RigConfig::from_toml(&file.replacen(from, to, 1), "mistaken.toml").unwrap()
 }
