@@ -1,5 +1,5 @@
-//! Tests of the computing time and the error that a rig's methods have: their choice, the readings of
-//! the test motion, the ticks that are followed, and the comparison with the true orientation.
+//! Tests of the computing time and the error that a rig's methods have: their choice, the readings
+//! of the test motion, the ticks that are followed, and the comparison with the true orientation.
 
 use super::*;
 
