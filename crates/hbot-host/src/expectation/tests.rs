@@ -49,7 +49,7 @@ fn fine_encoders_leave_the_methods_error() {
 
 #[test]
 fn a_loop_too_slow_for_the_motion_is_told() {
-    // The steer joints turn at 20 rad/s and more.
+    // The drive joints turn at about 20 rad/s, which is 8 rad in a tick.
     let rig = prototype(|parts| parts.timing.period_ns = 400_000_000);
     assert_eq!(of(&rig).error, f64::INFINITY);
 }
