@@ -52,8 +52,15 @@ pub fn sleep_until_ns(deadline_ns: u64) {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::mpsc;
     use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+    use rustix::process::{Signal, kill_process};
+    use rustix::thread::gettid;
+
+    use super::*;
 
     #[test]
     fn an_origin_is_one_moment_on_both_clocks() {
@@ -65,5 +72,36 @@ mod tests {
         // The system may correct its clock a little between these reads.
         let correction = Duration::from_millis(1);
         assert!(unix + correction >= before + second && unix <= after + second + correction, "{unix:?}");
+    }
+
+    /// The sleeping thread gets signals that interrupt its sleep, one each millisecond. This test
+    /// takes some time because time is its subject.
+    #[test]
+    fn signals_do_not_end_a_sleep_before_its_deadline() {
+        let caught = Arc::new(AtomicBool::new(false));
+        // A signal that nothing else in the tests uses, and which is ignored without a handler.
+        signal_hook::flag::register(signal_hook::consts::SIGWINCH, Arc::clone(&caught)).expect("a handler");
+        let (tell, told) = mpsc::channel();
+        let (release, released) = mpsc::channel::<()>();
+        let deadline_ns = now_ns() + 150_000_000;
+        let sleeper = std::thread::spawn(move || {
+            tell.send(gettid()).expect("the test listens");
+            sleep_until_ns(deadline_ns);
+            let woken_ns = now_ns();
+            // The thread stays until no more signals are sent to it.
+            let _ = released.recv();
+            woken_ns
+        });
+        let thread = told.recv().expect("the thread's id");
+        while now_ns() < deadline_ns {
+            kill_process(thread, Signal::WINCH).expect("the thread is there");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        drop(release);
+        let woken_ns = sleeper.join().expect("no panic");
+        assert!(woken_ns >= deadline_ns, "{} ns too early", deadline_ns - woken_ns);
+        assert!(caught.load(Ordering::Relaxed), "no signal has come");
+        // A deadline that has passed is not waited for.
+        sleep_until_ns(0);
     }
 }

@@ -53,3 +53,42 @@ impl Controllers {
         self.lines.iter().find_map(place).unwrap_or_default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::{JointPlace, Layout};
+
+    /// Two lines have two joints each. Those of the second line are in the opposite order.
+    #[test]
+    fn each_joint_has_the_controller_at_its_place_on_its_line() {
+        let place = |bus, at, id| JointPlace { bus, at, id };
+        let places = vec![place(0, 0, 5), place(0, 1, 9), place(1, 1, 8), place(1, 0, 7)];
+        let layout = Layout { places, ..Layout::single([]) };
+        let rig = hbot_config::RigConfig::prototype().rig;
+        let lines = [("one", 0), ("two", 1)].map(|(port, bus)| Expected::new(port, &rig, &layout, bus));
+        let vendors = Controllers::new(Protocol::Moteus, lines.to_vec());
+        // The firmware becomes known later, when the line is opened.
+        lines[1].set_firmware(1, "new".to_owned());
+        let controller = |port: &str, id, firmware: Option<&str>| JointController {
+            port: Some(port.to_owned()),
+            protocol: Some(Protocol::Moteus),
+            id: Some(id),
+            firmware: firmware.map(str::to_owned),
+        };
+        let told: Vec<_> = (0..5).map(|joint| vendors.of(joint)).collect();
+        let expected = [
+            controller("one", 5, None),
+            controller("one", 9, None),
+            controller("two", 8, Some("new")),
+            controller("two", 7, None),
+            JointController::default(),
+        ];
+        assert_eq!(told, expected);
+        // Controllers of hbot's own protocol have no ids.
+        let own = Controllers::new(Protocol::Hbot, lines.to_vec());
+        let without =
+            JointController { protocol: Some(Protocol::Hbot), id: None, ..controller("two", 0, Some("new")) };
+        assert_eq!((own.of(2), Controllers::default().of(2)), (without, JointController::default()));
+    }
+}

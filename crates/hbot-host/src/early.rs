@@ -191,6 +191,14 @@ mod tests {
         assert_eq!(early.lead_ns, 1_000_000 + 99 * 200);
     }
 
+    /// The first wake-up has no rehearsal before it whose duration could be compared.
+    #[test]
+    fn a_wake_up_after_its_deadline_is_followed_by_no_rehearsal() {
+        let mut early = Early::new(4_000_000, 1_000_000_000);
+        assert_eq!(early.wait(now_ns() - 1, || panic!("the tick is late already")), 0);
+        assert_eq!((early.lead_ns, early.rehearsal_ns), (4_000_000, 0));
+    }
+
     /// After each rehearsal half of the time that is left passes before the next one.
     #[test]
     fn rehearsals_are_repeated_in_shorter_and_shorter_pauses() {

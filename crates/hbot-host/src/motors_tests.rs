@@ -4,7 +4,7 @@
 use std::sync::{Arc, Mutex};
 
 use hbot_config::RigConfig;
-use hbot_config::rig::Port;
+use hbot_config::rig::{Port, Protocol};
 use hbot_core::inputs::Complaints;
 use hbot_core::outputs::Drive;
 use hbot_core::{MAX_JOINTS, Rig};
@@ -206,6 +206,17 @@ fn a_reopened_line_reports_an_expired_watchdog_once_with_its_first_word() {
     }
 }
 
+/// A line that was lost for long comes back with controllers whose watchdog has indeed expired.
+#[test]
+fn a_watchdog_that_a_reopened_line_reports_itself_is_reported() {
+    let (mut motors, lines) = two_lines();
+    lines.iter().for_each(|line| line.reports(reading(4, 10)));
+    motors.receive(0, 5);
+    let complaints = Complaints { watchdog: true, ..Complaints::default() };
+    lines[0].reports(Heard { reopened: true, complaints, ..reading(5, 10) });
+    assert_eq!(motors.receive(0, 6).feedback.expect("a reading").complaints, complaints);
+}
+
 /// Returns the prototype's rig with zero offsets of the first wheel's joints, gears and signs.
 fn offset_rig(offsets: [f64; 2], gear: f64, reversed: bool) -> RigConfig {
     let mut config = RigConfig::prototype();
@@ -277,6 +288,18 @@ fn joints_of_several_ports_have_the_order_of_their_controllers_on_each() {
             |joint: usize| JointPlace { bus: ports[joint], at: order[joint], id: controllers[joint] as u8 };
         assert_eq!(layout.places, [0, 1, 2, 3].map(place), "{ports:?}, {controllers:?}");
         assert_eq!(layout.buses(), 1 + ports.iter().max().expect("four"));
+    }
+}
+
+/// Simulated controllers are on one line, in the order of the joints. Their ids count up from the
+/// first id that their protocol allows.
+#[test]
+fn simulated_controllers_have_the_first_ids_of_their_protocol() {
+    for (protocol, first) in [(Protocol::Hbot, 0), (Protocol::Moteus, 1), (Protocol::Odrive, 0)] {
+        let mut config = RigConfig::prototype();
+        (config.link.port, config.link.protocol) = (Port::Sim, protocol);
+        let places: Vec<_> = (first..).zip(0..4).map(|(id, at)| JointPlace { bus: 0, at, id }).collect();
+        assert_eq!(Layout::of(&config).places, places, "{protocol:?}");
     }
 }
 

@@ -1,17 +1,20 @@
-//! Tests of what the engine reports of a tick (times, counters) and of the last commands, with a
-//! bus that takes time and that a test scripts.
+//! Tests of what the engine reports of a tick (times, counters), of the last commands, and of which
+//! ticks a loop does, with a bus that takes time and that a test scripts.
 
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_core::MAX_JOINTS;
+use hbot_sim::socket::SharedTime;
 
 use crate::bus::{BusCommand, Heard, MotorBus};
-use crate::engine::TickTime;
+use crate::clock::{Origin, now_ns};
+use crate::engine::{Engine, TickTime};
 use crate::layout::Layout;
-use crate::run_loop::{Ended, StopFlag, lockstep};
+use crate::run_loop::{Ended, Schedule, StopFlag, lockstep, wall};
 use crate::tick_bench::{TickBench, default_scene, on_time};
 
 /// What a test sets and sees of a bus.
@@ -193,4 +196,72 @@ fn a_loop_in_virtual_time_waits_for_room_for_its_samples_until_it_is_stopped() {
     assert_eq!(ended, Ended::Stopped);
     let left: Vec<_> = std::iter::from_fn(|| end.try_sample()).map(|sample| sample.state.tick).collect();
     assert!(left.into_iter().eq(6000..6000 + 4096) && end.is_over());
+}
+
+/// Runs a loop in wall-clock time until it ends, and returns how it ended and the time of tick 0.
+/// The loop has its own thread, because it asks for real-time priority.
+fn on_the_clock(engine: Engine, schedule: &Schedule) -> (Ended, Origin) {
+    let mut origin = None;
+    let run = || wall(engine, schedule, &StopFlag::default(), |_, at| origin = Some(at));
+    let ended = std::thread::scope(|scope| scope.spawn(run).join().expect("no panic"));
+    (ended, origin.expect("it is told before the first tick"))
+}
+
+/// A loop in wall-clock time does the ticks that it is asked for, none before its deadline, and
+/// then switches the motors off. Its time waits here, as it does for a simulated rig, so a busy
+/// machine leaves out no tick.
+#[test]
+fn a_loop_in_wall_clock_time_ends_after_its_ticks() {
+    let period = Duration::from_millis(1);
+    for ticks in [0, 1, 50] {
+        let (bench, bus) = bench();
+        let TickBench { engine, mut end, .. } = bench;
+        let shared = Some(SharedTime::default());
+        let schedule = Schedule { period_ns: 1_000_000, early_ns: 0, ticks: Some(ticks), shared };
+        let (begun, begun_ns) = (Instant::now(), now_ns());
+        let (ended, origin) = on_the_clock(engine, &schedule);
+        assert_eq!(ended, Ended::Stopped);
+        let ahead = origin.monotonic_ns.saturating_sub(begun_ns);
+        assert!(ahead >= 1_000_000, "the first deadline is {ahead} ns ahead");
+        let samples = std::iter::from_fn(|| end.try_sample());
+        let times: Vec<_> = samples.map(|sample| (sample.state.tick, sample.t_ns)).collect();
+        assert_eq!(times, (0..ticks).map(|tick| (tick, tick * 1_000_000)).collect::<Vec<_>>());
+        assert!(end.is_over());
+        bus.with(|desk| {
+            let numbers: Vec<_> = desk.commands.iter().map(|(it, ..)| it.tick).collect();
+            assert_eq!(numbers, (0..ticks as u32 + 3).collect::<Vec<_>>(), "three more at the end");
+            for (tick, (_, _, came)) in (0..ticks as u32).zip(&desk.commands) {
+                let after = *came - begun;
+                assert!(after >= period * (tick + 1), "tick {tick} came after {after:?}");
+            }
+        });
+    }
+}
+
+/// A bus that takes 2.5 ms makes a loop of 1 ms leave out at least two ticks after each one.
+#[test]
+fn ticks_that_a_loop_in_wall_clock_time_leaves_out_are_counted() {
+    let (bench, bus) = bench();
+    bus.with(|desk| desk.takes[0] = Duration::from_micros(2500));
+    let TickBench { engine, mut end, .. } = bench;
+    let schedule = Schedule { period_ns: 1_000_000, early_ns: 0, ticks: Some(60), shared: None };
+    assert_eq!(on_the_clock(engine, &schedule).0, Ended::Stopped);
+    let samples: Vec<_> = std::iter::from_fn(|| end.try_sample()).collect();
+    for (done, sample) in (0_u64..).zip(&samples) {
+        let (tick, skipped) = (sample.state.tick, sample.counters.skipped);
+        assert_eq!((tick, sample.t_ns), (done + skipped, tick * 1_000_000));
+        assert!(skipped >= 2 * done, "{skipped} before tick {tick}");
+    }
+    // A tick that would be number 60 or later begins only if the one before was due in time.
+    let [before @ .., last] = &samples[..] else { panic!("no tick") };
+    assert!(before.iter().all(|sample| sample.state.tick + 1 < 60));
+    assert!(last.state.tick + 1 >= 60, "the last is tick {}", last.state.tick);
+}
+
+#[test]
+fn a_stop_flag_is_one_flag_for_its_clones_and_for_signal_handlers() {
+    let flag = StopFlag::default();
+    assert!(!flag.is_set());
+    flag.clone().shared().store(true, Ordering::Relaxed);
+    assert!(flag.is_set() && !StopFlag::default().is_set());
 }

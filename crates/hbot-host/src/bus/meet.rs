@@ -304,6 +304,8 @@ pub fn converse<T>(
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::Ordering;
+
     use super::*;
 
     fn expected(period_ns: u64) -> Expected {
@@ -335,6 +337,8 @@ mod tests {
         let counts: Vec<_> = (0..4).filter_map(|at| Some(expected.joint(at)?.counts_per_turn)).collect();
         assert_eq!(expected.first_wrong_counts(counts.clone()), None);
         assert_eq!(expected.with_other_counts().first_wrong_counts(counts.clone()), Some(3));
+        let more = expected.with_other_counts().joint(3).map(|joint| joint.counts_per_turn);
+        assert_eq!(more, Some(counts[3] + 1));
         assert_eq!(expected.without_last().joints(), 3);
         for at in 0..4 {
             let mut other = counts.clone();
@@ -343,6 +347,32 @@ mod tests {
         }
         let text = expected.wrong_counts(1, 77).to_string();
         assert!(text.contains("joint 3") && text.contains("77") && text.contains("wheel[1].steer"), "{text}");
+    }
+
+    /// The bus and the thread that reopens a lost line have clones of what `meet` has filled in.
+    #[test]
+    fn clones_share_the_notes_and_the_firmware_of_each_controller() {
+        let expected = expected(1_000_000);
+        let clone = expected.clone();
+        assert_eq!((expected.port(), expected.joints()), ("test", 4));
+        // One note for the line, and one for each joint that a line can have.
+        for at in 0..=MAX_JOINTS {
+            assert_eq!(expected.note(at).swap(7 + at as i64, Ordering::Relaxed), 0, "note {at}");
+        }
+        for at in 0..=MAX_JOINTS {
+            assert_eq!(clone.note(at).load(Ordering::Relaxed), 7 + at as i64, "note {at}");
+        }
+        let names = |of: &Expected| (0..5).map(|at| of.firmware(at)).collect::<Vec<_>>();
+        let named = |name: &str| Some(name.to_owned());
+        assert_eq!(names(&expected), vec![None::<String>; 5]);
+        expected.set_firmware(0, "one 1.0".to_owned());
+        clone.set_firmware(2, "two 2.0".to_owned());
+        // There is no fifth joint on the line.
+        expected.set_firmware(4, "five 5.0".to_owned());
+        let both = [named("one 1.0"), None, named("two 2.0"), None, None];
+        assert!(names(&expected) == both && names(&clone) == both, "{:?}", names(&clone));
+        clone.set_firmware(0, "one 1.1".to_owned());
+        assert_eq!(expected.firmware(0), named("one 1.1"), "the line came back with other firmware");
     }
 
     /// A line that answers the question number `answered`, counted from 1.
