@@ -84,11 +84,16 @@ impl Line for Memory {
 mod tests {
     use std::sync::mpsc;
 
+    use hbot_config::RigConfig;
     use hbot_link::{Command, MAX_COMMAND_FRAME, ToController, encode};
     use hbot_sim::phenomena::Link;
     use hbot_testing::prototype::simulated;
 
     use super::*;
+    use crate::attach::simulated_rig;
+    use crate::bus::odrive::Odrive;
+    use crate::bus::{Expected, Protocol as _};
+    use crate::layout::Layout;
 
     const MS: u64 = 1_000_000;
     /// An impaired line that neither delays, loses nor damages frames. Tests add a delay.
@@ -172,6 +177,34 @@ mod tests {
             });
             assert_eq!(found, Some(tick), "after {delay_s} s");
         }
+    }
+
+    /// ODrives send messages without being asked. One that is sent exactly at the time of a tick is
+    /// read in the next one, as on a real line.
+    #[test]
+    fn a_message_that_nobody_asked_for_is_read_in_the_first_tick_after_it() {
+        let file = include_str!("../../../../rigs/prototype-odrive.toml");
+        let rig = RigConfig::from_toml(file, "prototype-odrive.toml").expect("a legal rig");
+        let simulated = simulated_rig(&rig, Default::default()).expect("it can be simulated");
+        let mut line = Memory::new(simulated, mpsc::channel().1);
+        let expected = Expected::new("test", &rig.rig, &Layout::of(&rig), 0);
+        Odrive.meet(&mut line, &expected).expect("they are those of the rig");
+        let mut buffer = [0; 4096];
+        // The time of the next message is that of the rig, and the line adds `base_ns` to ours.
+        let next_ns = |line: &Memory| line.rig.next_arrival_ns().expect("they report") - line.base_ns;
+        // What was sent up to now is read first.
+        let now_ns = line.last_ns;
+        line.write(now_ns, &[]).expect("it is open");
+        while line.read(now_ns, &mut buffer).expect("it is open") > 0 {}
+
+        let sent_ns = next_ns(&line);
+        assert!(sent_ns > now_ns, "{sent_ns} ns after {now_ns} ns");
+        assert_eq!(line.read(sent_ns, &mut buffer).expect("it is open"), 0);
+        line.write(sent_ns, &[]).expect("it is open");
+        assert!(line.read(sent_ns + 1, &mut buffer).expect("it is open") > 0);
+        // The next message is read before anything is written.
+        let sent_ns = next_ns(&line);
+        assert!(line.read(sent_ns + 1, &mut buffer).expect("it is open") > 0);
     }
 
     /// After a pause of the caller, everything that was on its way arrives at once.

@@ -135,8 +135,8 @@ fn a_zero_byte_follows_a_command_that_was_cut_and_no_other() {
     assert_eq!(written(7, None), (true, frame));
 }
 
-/// Controllers that have lost power are asked in every hundredth tick. Others are not asked, because
-/// the question and its answer take time on the line.
+/// Controllers that have lost power are asked in every hundredth tick. Others are not asked,
+/// because the question and its answer take time on the line.
 #[test]
 fn only_controllers_that_lost_power_are_asked_to_describe_themselves_and_rarely() {
     for (flags, asked) in [(ControllerFlags::default(), 0), (ControllerFlags::UNDESCRIBED, 10)] {
