@@ -126,6 +126,6 @@ fn one_whose_server_leaves_without_a_word_is_waited_for() {
 #[test]
 fn the_frames_of_the_last_word_are_some_milliseconds_apart() {
     let begun = Instant::now();
-    assert_eq!(said(&[2, 5, 0]), ([5, 0].repeat(3), true));
+    assert_eq!(said(&[2, 5, 0]), ([5_u8, 0].repeat(3), true));
     assert!(begun.elapsed() >= Duration::from_millis(6), "{:?}", begun.elapsed());
 }

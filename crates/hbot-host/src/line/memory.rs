@@ -170,7 +170,7 @@ mod tests {
             let mut line = line();
             line.rig.set_link(Some(Link { command_latency_s: delay_s, ..EXACT }));
             line.write(0, &frame(&ToController::Describe)).expect("it is open");
-            let found = (1..10).find(|tick| {
+            let found = (1..10_u64).find(|tick| {
                 let n = line.read(tick * MS, &mut [0; 4096]).expect("it is open");
                 line.write(tick * MS, &[]).expect("it is open");
                 n > 0
