@@ -81,3 +81,62 @@ pub fn touch_stack() {
     }
     std::hint::black_box(&mut pages);
 }
+
+#[cfg(test)]
+mod tests {
+    use rustix::io::Errno;
+
+    use super::*;
+
+    /// Number of the policy SCHED_FIFO in /proc (sched(7)).
+    const FIFO: u64 = 1;
+
+    /// Returns the scheduling policy and the real-time priority of the calling thread, as the
+    /// system shows them: fields 41 and 40 of proc_pid_stat(5).
+    fn schedule() -> (u64, u64) {
+        let text = std::fs::read_to_string("/proc/thread-self/stat").expect("a thread");
+        // The first field after the name in parentheses is number 3.
+        let (_, fields) = text.rsplit_once(')').expect("a name");
+        let field = |number: usize| {
+            let text = fields.split_whitespace().nth(number - 3).expect("a field");
+            text.parse().expect("a number")
+        };
+        (field(41), field(40))
+    }
+
+    /// Whether the system grants the priority depends on the machine.
+    #[test]
+    fn a_thread_has_the_priority_that_it_asked_for_or_the_reason_why_not() {
+        let asks = || (schedule(), real_time(SIMULATOR_PRIORITY), schedule());
+        let (before, told, after) = std::thread::spawn(asks).join().expect("no panic");
+        match told {
+            Ok(()) => assert_eq!(after, (FIFO, 48)),
+            Err(reason) => assert!(after == before && !reason.is_empty(), "{after:?}: {reason:?}"),
+        }
+        assert!(real_time(100).is_err_and(|reason| reason.contains("99")), "99 is the highest");
+    }
+
+    /// Whether the system grants it depends on the machine. Tests of the loop in wall-clock time
+    /// lock the memory of this process, too.
+    #[test]
+    fn memory_is_locked_or_there_is_a_reason_why_not() {
+        match lock_memory() {
+            Ok(()) => {
+                let status = std::fs::read_to_string("/proc/self/status").expect("a process");
+                let locked = status.lines().find_map(|line| line.strip_prefix("VmLck:")).expect("a line");
+                let kib = locked.trim().trim_end_matches(" kB").parse::<u64>().expect("a number");
+                assert!(kib > 0, "{locked}");
+            }
+            Err(reason) => {
+                let refusals = [Errno::PERM, Errno::NOMEM, Errno::AGAIN].map(|errno| errno.to_string());
+                assert!(refusals.contains(&reason), "{reason}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_limit_of_the_wake_up_time_that_is_refused_names_its_file_and_the_reason() {
+        let told = in_words(std::io::Error::from(std::io::ErrorKind::PermissionDenied));
+        assert_eq!(told, "/dev/cpu_dma_latency: permission denied");
+    }
+}

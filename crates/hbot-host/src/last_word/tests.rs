@@ -109,3 +109,23 @@ fn one_that_does_not_end_is_killed() {
     stubborn.all_said();
     assert!(matches!(held(&stubborn.helper).child.try_wait(), Ok(Some(_))));
 }
+
+/// A server that gives a line up without a word: the helper speaks, and has ended when the line may
+/// be opened again.
+#[test]
+fn one_whose_server_leaves_without_a_word_is_waited_for() {
+    // The pipe stays open until the helper is dropped.
+    let (word, _far) = start(&helper("cat >/dev/null; sleep 0.1")).unwrap();
+    let (process, watched) = (Arc::clone(&word.helper), word.watched());
+    drop(word);
+    assert!(matches!(held(&process).child.try_wait(), Ok(Some(_))), "it is still there");
+    assert!(!watched.is_lost(), "it was to end");
+}
+
+/// The frames have 3 ms between them, so that one disturbance of the line does not hit all three.
+#[test]
+fn the_frames_of_the_last_word_are_some_milliseconds_apart() {
+    let begun = Instant::now();
+    assert_eq!(said(&[2, 5, 0]), ([5_u8, 0].repeat(3), true));
+    assert!(begun.elapsed() >= Duration::from_millis(6), "{:?}", begun.elapsed());
+}

@@ -8,6 +8,8 @@
 
 mod keeper;
 mod latency;
+#[cfg(test)]
+mod tests;
 
 use std::fmt::Display;
 use std::io;

@@ -135,6 +135,21 @@ fn a_zero_byte_follows_a_command_that_was_cut_and_no_other() {
     assert_eq!(written(7, None), (true, frame));
 }
 
+/// Controllers that have lost power are asked in every hundredth tick. Others are not asked,
+/// because the question and its answer take time on the line.
+#[test]
+fn only_controllers_that_lost_power_are_asked_to_describe_themselves_and_rarely() {
+    for (flags, asked) in [(ControllerFlags::default(), 0), (ControllerFlags::UNDESCRIBED, 10)] {
+        let (mut bus, fake) = bus_and_line();
+        for tick in 1..=1000 {
+            read(&mut *bus, &fake, tick, &answer(tick - 1, flags, 4, None));
+            let torque = [0.0; hbot_core::MAX_JOINTS];
+            assert!(bus.command(0, &BusCommand { tick, enable: false, watchdog_ms: 20, torque }));
+        }
+        assert_eq!(fake.with(|far| far.asked), asked, "{flags:?}");
+    }
+}
+
 /// The line ends its helper process when it learns that the motors are off.
 #[test]
 fn the_line_learns_that_the_motors_are_off() {

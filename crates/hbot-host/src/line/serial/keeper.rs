@@ -140,16 +140,140 @@ fn pauses() -> impl Iterator<Item = Duration> {
 #[cfg(test)]
 mod tests {
     use std::io::{Read as _, Write as _};
+    use std::os::fd::OwnedFd;
+    use std::os::unix::net::UnixStream;
+    use std::sync::Mutex;
+    use std::sync::atomic::AtomicUsize;
+    use std::thread::JoinHandle;
     use std::time::Instant;
 
     use hbot_config::RigConfig;
     use hbot_link::{Decoder, FromController, encode};
+    use hbot_testing::patience::{eventually, until};
     use hbot_testing::prototype::simulated_as;
+    use rustix::termios::ioctl_tiocnxcl;
     use serialport::{SerialPort as _, TTYPort};
 
+    use super::super::tests::{plainly, port};
     use super::*;
-    use crate::bus::{Expected, hbot::HbotLink};
+    use crate::bus::{Expected, Found, MeetError, MotorBus, Protocol, Traffic, hbot::HbotLink};
     use crate::layout::Layout;
+    use crate::line::Line;
+
+    /// A protocol whose attempts to switch the motors off fail for the reasons that a test gives,
+    /// one after the other.
+    #[derive(Debug)]
+    struct Scripted {
+        reasons: &'static [&'static str],
+        attempts: AtomicUsize,
+        /// Is set at the last of the reasons: the control loop then no longer needs the line.
+        over: Arc<AtomicBool>,
+        /// Another descriptor of the port.
+        port: OwnedFd,
+    }
+
+    impl Protocol for Scripted {
+        fn meet(&self, _: &mut dyn Line, _: &Expected) -> Result<(), MeetError> {
+            Ok(())
+        }
+
+        fn switch_off(&self, _: &mut dyn Line, expected: &Expected) -> Result<bool, MeetError> {
+            // Half of the stack of the thread: a driver can have large buffers.
+            let mut buffers = [0_u8; STACK_OF_A_DRIVER];
+            std::hint::black_box(&mut buffers);
+            // This process has the port open, so its exclusive use would outlast the attempt.
+            ioctl_tiocnxcl(&self.port).expect("a terminal");
+            let attempt = self.attempts.fetch_add(1, Ordering::Relaxed);
+            let Some(reason) = self.reasons.get(attempt) else { return Ok(false) };
+            if attempt + 1 == self.reasons.len() {
+                self.over.store(true, Ordering::Relaxed);
+            }
+            Err(MeetError::Setting { port: expected.port().to_owned(), reason: (*reason).to_owned() })
+        }
+
+        fn off_bytes(&self, _: &Expected) -> Vec<u8> {
+            Vec::new()
+        }
+
+        fn bus(&self, line: Box<dyn Line>, expected: Expected) -> Box<dyn MotorBus> {
+            HbotLink.bus(line, expected)
+        }
+
+        fn scan(&self, _: &mut dyn Line, _: &Expected) -> Result<Vec<Found>, MeetError> {
+            Ok(Vec::new())
+        }
+
+        fn traffic(&self, joints: usize) -> Traffic {
+            HbotLink.traffic(joints)
+        }
+    }
+
+    const STACK_OF_A_DRIVER: usize = 128 * 1024;
+
+    fn scripted(
+        path: &str,
+        reasons: &'static [&'static str],
+        over: &Arc<AtomicBool>,
+    ) -> &'static dyn Protocol {
+        let (attempts, over, port) = (AtomicUsize::new(0), Arc::clone(over), plainly(path));
+        Box::leak(Box::new(Scripted { reasons, attempts, over, port }))
+    }
+
+    fn kept(path: &str, protocol: &'static dyn Protocol) -> Kept {
+        let rig = RigConfig::prototype();
+        let expected = Expected::new(path, &rig.rig, &Layout::single(0..4), 0);
+        Kept { path: path.into(), baud: rig.link.baud, peer: Peer { protocol, expected }, helper: None }
+    }
+
+    /// Returns a keeper whose loop has not lost its line.
+    fn keeper(kept: Kept, watched: Option<Watched>, over: &Arc<AtomicBool>) -> Keeper {
+        let (_, lost) = RingBuffer::new(1);
+        let (back, _) = RingBuffer::new(1);
+        Keeper { kept, watched, lost, back, over: Arc::clone(over) }
+    }
+
+    /// A log subscriber that collects the text of each log message.
+    struct Listener(Arc<Mutex<Vec<String>>>);
+
+    impl tracing::Subscriber for Listener {
+        fn enabled(&self, _: &tracing::Metadata<'_>) -> bool {
+            true
+        }
+
+        fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
+            tracing::span::Id::from_u64(1)
+        }
+
+        fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
+
+        fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
+
+        fn event(&self, event: &tracing::Event<'_>) {
+            self.0.lock().expect("no panic").push(format!("{event:?}"));
+        }
+
+        fn enter(&self, _: &tracing::span::Id) {}
+
+        fn exit(&self, _: &tracing::span::Id) {}
+    }
+
+    /// Starts `work` in a thread. Returns the thread and the log messages of it.
+    fn logged<T: Send + 'static>(
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> (JoinHandle<T>, Arc<Mutex<Vec<String>>>) {
+        let said = Arc::default();
+        // With a single subscriber, `tracing` caches for each log statement whether the first
+        // thread that reaches it has the subscriber. That can be a thread of another test, without
+        // one. A second subscriber disables this shortcut.
+        let second = tracing::Dispatch::new(tracing::subscriber::NoSubscriber::default());
+        let log = tracing::Dispatch::new(Listener(Arc::clone(&said)));
+        let thread = std::thread::spawn(move || {
+            let _second = second;
+            let _log = tracing::dispatcher::set_default(&log);
+            work()
+        });
+        (thread, said)
+    }
 
     #[test]
     fn a_lost_line_is_looked_for_with_growing_pauses() {
@@ -191,16 +315,61 @@ mod tests {
                 });
             }
         });
-        let (_lost, to_reopen) = RingBuffer::new(1);
-        let (back, _back) = RingBuffer::new(1);
-        let expected = Expected::new(&path, &rig.rig, &Layout::single(0..4), 0);
-        let peer = Peer { protocol: &HbotLink, expected };
-        let over_too = Arc::clone(&over);
-        let kept = Kept { path: path.into(), baud: rig.link.baud, peer, helper: None };
-        let keeper = Keeper { kept, watched: None, lost: to_reopen, back, over: over_too };
-        let (_, renewed) = keeper.find().unwrap();
+        let (_, renewed) = keeper(kept(&path, &HbotLink), None, &over).find().unwrap();
         assert_eq!(renewed, Renewed { rebooted: true });
         over.store(true, Ordering::Relaxed);
         far_side.join().unwrap();
+    }
+
+    /// A line can be away for hours, and an attempt is made every two seconds.
+    #[test]
+    fn only_a_new_reason_is_logged_and_the_search_ends_with_the_need_for_the_line() {
+        let (_pty, path) = port();
+        let over = Arc::new(AtomicBool::new(false));
+        let reasons = &["no supply", "no supply", "no brake resistor"];
+        let keeper = keeper(kept(&path, scripted(&path, reasons, &over)), None, &over);
+        let begun = Instant::now();
+        let (search, said) = logged(move || keeper.find().is_some());
+        eventually("the search ends", || search.is_finished());
+        assert!(!search.join().unwrap(), "the line is back although nobody needs it");
+        // The pauses before the three attempts are 100, 200 and 400 ms.
+        assert!(begun.elapsed() >= Duration::from_millis(700), "{:?}", begun.elapsed());
+        let said = said.lock().unwrap();
+        assert_eq!(said.len(), 2, "{said:#?}");
+        for (text, reason) in said.iter().zip([reasons[0], reasons[2]]) {
+            assert!(text.contains(&path) && text.contains(reason), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_helper_that_ends_by_itself_is_a_warning() {
+        let (_pty, path) = port();
+        let mut line = Serial::open(&path, 115_200).unwrap();
+        // This helper reports that it is ready, reads the frame with its length byte, and ends.
+        let helper = Program::shell("printf '\\002' >&2; head -c 5 >/dev/null");
+        line.guard(&helper, &[0, 7, 7, 0]).unwrap();
+        let over = Arc::new(AtomicBool::new(false));
+        let keeper = keeper(kept(&path, &HbotLink), line.watched(), &over);
+        let (thread, said) = logged(move || keeper.run());
+        let warned = |text: &String| text.contains(&path) && text.contains("the helper process has ended");
+        eventually("a warning", || said.lock().unwrap().iter().any(warned));
+        over.store(true, Ordering::Relaxed);
+        thread.join().unwrap();
+    }
+
+    /// The thread opens the port again within the stack that it has, and ends with its line.
+    #[test]
+    fn the_thread_of_a_line_has_room_for_a_driver_and_ends_with_the_line() {
+        let (_pty, path) = port();
+        let over = Arc::new(AtomicBool::new(false));
+        let mut reopening = keep(kept(&path, scripted(&path, &[], &over)), None).unwrap();
+        let (dead, _) = UnixStream::pair().unwrap();
+        assert!(reopening.lost.push(Held { line: dead.into(), last_word: None }).is_ok());
+        let (_, renewed) = until("the line is back", || reopening.back.pop().ok());
+        assert_eq!(renewed, Renewed { rebooted: false });
+        let lost = std::mem::replace(&mut reopening.lost, RingBuffer::new(1).0);
+        assert!(!lost.is_abandoned(), "the thread waits for the next loss");
+        drop(reopening);
+        eventually("the thread ends", || lost.is_abandoned());
     }
 }
