@@ -191,3 +191,24 @@ fn compared(outcome: &Outcome) -> String {
         100.0 * DISAGREEMENT
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_good_test_says_what_was_compared_with_numbers_and_units() {
+        let outcome = Outcome {
+            joint: 1,
+            torque: 0.01,
+            moved: 0.3,
+            by_rate: 0.303,
+            fastest: 2.0,
+            verdict: Verdict::Good,
+        };
+        let said = compared(&outcome);
+        for words in ["+0.01 N m", "+0.3000 rad", "+0.3030 rad", "differs by 1.0 %", "less than 10 %"] {
+            assert!(said.contains(words), "{said}");
+        }
+    }
+}

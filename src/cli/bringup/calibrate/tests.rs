@@ -1,6 +1,7 @@
 //! Tests of the messages of `hbot rig calibrate` for rigs with an error.
 
 use hbot_host::bringup::open;
+use hbot_host::bus::field;
 use hbot_host::last_word::Program;
 use hbot_host::run_loop::StopFlag;
 
@@ -125,14 +126,4 @@ fn a_zero_that_is_left_to_a_calibration_is_told_with_what_to_write() {
         assert!(end.contains(words), "{end}");
     }
     assert!(!end.contains("wheel B"), "its zero is assumed: {end}");
-}
-
-#[test]
-fn a_good_test_says_what_was_compared_with_numbers_and_units() {
-    let outcome =
-        Outcome { joint: 1, torque: 0.01, moved: 0.3, by_rate: 0.303, fastest: 2.0, verdict: Verdict::Good };
-    let said = compared(&outcome);
-    for words in ["+0.01 N m", "+0.3000 rad", "+0.3030 rad", "differs by 1.0 %", "less than 10 %"] {
-        assert!(said.contains(words), "{said}");
-    }
 }
