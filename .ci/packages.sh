@@ -4,6 +4,7 @@
 # one than target/debug.
 #
 #     .ci/packages.sh                 what .ci/run does
+#     .ci/packages.sh --tools         only installs what it needs
 #     .ci/packages.sh --clean-root    also installs, runs and purges hbot in a clean root. That takes a minute more, and
 #                                     needs the right to mount, which a container may not have
 set -euo pipefail
@@ -17,6 +18,7 @@ dpkg -s "${packages[@]}" >/dev/null 2>&1 || { apt-get update -qq && apt-get inst
 export PATH=$PATH:$target/tools/bin
 command -v cargo-deb >/dev/null || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=$target/tools/build \
     cargo install cargo-deb --version 3.8.0 --locked --debug --no-default-features --quiet --root "$target/tools"
+[ "${1:-}" != --tools ] || exit 0
 [ -n "${HBOT_BUILT:-}" ] || cargo build --workspace --locked --quiet
 
 echo "-- packages"

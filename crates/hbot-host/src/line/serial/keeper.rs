@@ -293,11 +293,14 @@ mod tests {
         // The controllers have just powered on. Their descriptions are lost on the line until after
         // the first attempt (1 s).
         let far_side = std::thread::spawn(move || {
-            let _far = far;
+            let mut far = far;
             let (mut buffer, mut reply, mut decoder) =
                 ([0; 4096], Vec::new(), Decoder::<FromController>::new());
             let (start, mut first) = (Instant::now(), None);
             while !stop.load(Ordering::Relaxed) {
+                // This process has the port open, so the exclusive use of an attempt would outlast
+                // it. Only root may then open the port again.
+                far.set_exclusive(false).expect("a terminal");
                 let Ok(n) = near.read(&mut buffer) else { continue };
                 reply.clear();
                 simulated.receive(start.elapsed().as_nanos() as u64, &buffer[..n], &mut reply);
