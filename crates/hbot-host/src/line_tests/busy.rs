@@ -1,7 +1,8 @@
 //! Tests of the built-in simulated rig in wall-clock time when loop or rig are held up, as on a
 //! busy machine. A thread that sleeps stands for a thread that gets no processor.
 
-use std::time::Duration;
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::mode::{Cause, Mode};
@@ -93,4 +94,20 @@ fn a_simulated_rig_whose_thread_has_ended_is_a_lost_link() {
     simulator.post(Box::new(|_| panic!("this panic ends the rig's thread, as the test wants")));
     let cause = until("a fault", || end.try_sample()?.state.cause);
     assert_eq!(cause, Cause::LinkLost);
+}
+
+/// The loop waits for its simulated rig for two seconds, and no longer. This test takes that time
+/// because time is its subject.
+#[test]
+fn a_simulated_rig_that_is_held_up_for_more_than_two_seconds_is_a_lost_link() {
+    let (host, mut end) = start(Duration::ZERO);
+    sample_of(&mut end, &mut 0, HELD_TICK);
+    let simulator = host.simulator().expect("a simulated rig");
+    let (release, released) = mpsc::channel::<()>();
+    simulator.post(Box::new(move |_| drop(released.recv())));
+    let begun = Instant::now();
+    let cause = until("a fault", || end.try_sample()?.state.cause);
+    assert_eq!(cause, Cause::LinkLost);
+    assert!(begun.elapsed() >= Duration::from_millis(1900), "after {:?}", begun.elapsed());
+    drop(release);
 }
