@@ -45,10 +45,13 @@ impl Far {
         let thread = std::thread::spawn(move || {
             // Keeps the far end open as long as this thread runs. If it closed, reads at the near
             // end would fail.
-            let _far = far;
+            let mut far = far;
             let mut decoder = Decoder::<ToController>::new();
             let (start, mut buffer, mut reply) = (Instant::now(), [0; 4096], Vec::new());
             while !stop.load(Ordering::Relaxed) {
+                // This process has the port open, so the exclusive use of a server would outlast
+                // that server. Only root could then start the next one on this port.
+                far.set_exclusive(false).expect("a terminal");
                 let Ok(n) = near.read(&mut buffer) else { continue };
                 decoder.feed(&buffer[..n], |message| {
                     if let Ok(ToController::Command(command)) = message {
