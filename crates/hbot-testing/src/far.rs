@@ -2,6 +2,7 @@
 //! they receive.
 
 use std::io::{Read as _, Write as _};
+use std::os::fd::OwnedFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -9,6 +10,8 @@ use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_link::{Command, Decoder, ToController};
+use rustix::fs::{Mode, OFlags};
+use rustix::termios::ioctl_tiocnxcl;
 use serialport::{SerialPort as _, TTYPort};
 
 use crate::prototype::simulated_as;
@@ -16,6 +19,16 @@ use crate::prototype::simulated_as;
 /// Time without a new command after which the line counts as silent. It is long enough that delays
 /// on a busy computer do not count as silence.
 const SILENCE: Duration = Duration::from_millis(200);
+
+/// Opens a terminal as a program does that changes none of its settings.
+///
+/// # Panics
+/// If there is no such terminal.
+#[must_use]
+pub fn open_plainly(path: &str) -> OwnedFd {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+    rustix::fs::open(path, flags, Mode::empty()).expect("a terminal")
+}
 
 /// A simulated rig at the far end of a pseudo-terminal. It records the commands that it receives,
 /// so that a test can check them.
@@ -42,16 +55,17 @@ impl Far {
         let over = Arc::new(AtomicBool::new(false));
         let mut simulated = simulated_as(rig, |_| ());
         let (record, stop) = (Arc::clone(&heard), Arc::clone(&over));
+        let port = open_plainly(&path);
         let thread = std::thread::spawn(move || {
             // Keeps the far end open as long as this thread runs. If it closed, reads at the near
             // end would fail.
-            let mut far = far;
+            let _far = far;
             let mut decoder = Decoder::<ToController>::new();
             let (start, mut buffer, mut reply) = (Instant::now(), [0; 4096], Vec::new());
             while !stop.load(Ordering::Relaxed) {
                 // This process has the port open, so the exclusive use of a server would outlast
                 // that server. Only root could then start the next one on this port.
-                far.set_exclusive(false).expect("a terminal");
+                ioctl_tiocnxcl(&port).expect("a terminal");
                 let Ok(n) = near.read(&mut buffer) else { continue };
                 decoder.feed(&buffer[..n], |message| {
                     if let Ok(ToController::Command(command)) = message {

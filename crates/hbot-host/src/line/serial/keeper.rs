@@ -149,12 +149,13 @@ mod tests {
 
     use hbot_config::RigConfig;
     use hbot_link::{Decoder, FromController, encode};
+    use hbot_testing::far::open_plainly;
     use hbot_testing::patience::{eventually, until};
     use hbot_testing::prototype::simulated_as;
     use rustix::termios::ioctl_tiocnxcl;
     use serialport::{SerialPort as _, TTYPort};
 
-    use super::super::tests::{plainly, port};
+    use super::super::tests::port;
     use super::*;
     use crate::bus::{Expected, Found, MeetError, MotorBus, Protocol, Traffic, hbot::HbotLink};
     use crate::layout::Layout;
@@ -215,7 +216,7 @@ mod tests {
         reasons: &'static [&'static str],
         over: &Arc<AtomicBool>,
     ) -> &'static dyn Protocol {
-        let (attempts, over, port) = (AtomicUsize::new(0), Arc::clone(over), plainly(path));
+        let (attempts, over, port) = (AtomicUsize::new(0), Arc::clone(over), open_plainly(path));
         Box::leak(Box::new(Scripted { reasons, attempts, over, port }))
     }
 
@@ -292,15 +293,16 @@ mod tests {
         let stop = Arc::clone(&over);
         // The controllers have just powered on. Their descriptions are lost on the line until after
         // the first attempt (1 s).
+        let port = open_plainly(&path);
         let far_side = std::thread::spawn(move || {
-            let mut far = far;
+            let _far = far;
             let (mut buffer, mut reply, mut decoder) =
                 ([0; 4096], Vec::new(), Decoder::<FromController>::new());
             let (start, mut first) = (Instant::now(), None);
             while !stop.load(Ordering::Relaxed) {
                 // This process has the port open, so the exclusive use of an attempt would outlast
                 // it. Only root may then open the port again.
-                far.set_exclusive(false).expect("a terminal");
+                ioctl_tiocnxcl(&port).expect("a terminal");
                 let Ok(n) = near.read(&mut buffer) else { continue };
                 reply.clear();
                 simulated.receive(start.elapsed().as_nanos() as u64, &buffer[..n], &mut reply);

@@ -7,6 +7,7 @@ use std::sync::mpsc;
 
 use hbot_config::RigConfig;
 use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
+use hbot_testing::far::open_plainly;
 use hbot_testing::patience::{eventually, until};
 use hbot_testing::prototype::simulated;
 
@@ -23,18 +24,12 @@ pub(super) fn port() -> (PtyRig, String) {
     (pty, path)
 }
 
-/// Opens a terminal as a program does that changes none of its settings.
-pub(super) fn plainly(path: &str) -> OwnedFd {
-    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
-    rustix::fs::open(path, flags, Mode::empty()).expect("a terminal")
-}
-
 /// Another program can leave a port with settings that the link does not have. Of these settings, a
 /// pseudo-terminal keeps two stop bits, flow control, and attention to the modem's lines.
 #[test]
 fn a_port_is_opened_with_the_settings_of_the_link_whatever_it_had() {
     let (_pty, path) = port();
-    let other = plainly(&path);
+    let other = open_plainly(&path);
     let mut settings = tcgetattr(&other).expect("a terminal");
     settings.control_modes |= ControlModes::CSTOPB | ControlModes::CRTSCTS;
     settings.control_modes -= ControlModes::CLOCAL;
