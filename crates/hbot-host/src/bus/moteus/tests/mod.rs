@@ -1,6 +1,8 @@
 //! Compares the driver with vectors from the vendor's own software, and tests what the conformance
 //! suite cannot see.
 
+mod answers;
+mod meeting;
 mod servos;
 mod tick;
 mod vectors;
