@@ -86,8 +86,8 @@ impl Told {
         Self { can_id: id << 8, tick, mode: 0, position: 0, home: 1, uptime_ms: None }
     }
 
-    /// Returns the data of the answer. The first byte of each part has the number type in bits 2 and
-    /// 3 and the number of registers below. The number of the first register follows.
+    /// Returns the data of the answer. The first byte of each part has the number type in bits 2
+    /// and 3 and the number of registers below. The number of the first register follows.
     fn data(self) -> Vec<u8> {
         // The mode as int8. Position, velocity and torque as int32.
         let mut data = vec![0x21, 0x00, self.mode, 0x2b, 0x01];
@@ -270,9 +270,9 @@ fn what_waits_on_a_line_is_read_in_one_tick() {
     }
 }
 
-/// A servo is asked to subtract whole turns only in every hundredth tick, and only while its motor is
-/// off, as it has reported itself, and further than 100 turns from its zero: the bytes are a write of
-/// one float, 0, to register 0x130.
+/// A servo is asked to subtract whole turns only in every hundredth tick, only while its motor is
+/// commanded off and reported as off, and only if it is further than 100 turns from its zero. The
+/// request writes the float 0 to register 0x130.
 #[test]
 fn whole_turns_are_subtracted_from_a_far_position_of_a_motor_that_is_off_and_never_otherwise() {
     const REQUEST: &str = "0DB00200000000";

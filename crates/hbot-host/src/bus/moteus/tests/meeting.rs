@@ -102,7 +102,8 @@ fn each_servo_is_listed_with_its_own_model_and_firmware() {
 #[test]
 fn a_servo_with_another_register_map_or_without_its_time_since_power_on_is_refused() {
     type Change = fn(String) -> String;
-    // The time since power-on is one int32 of register 0x070, 5000 ms. The servo refuses to read it.
+    // The time since power-on is one int32 of register 0x070, 5000 ms. The servo refuses to read
+    // it.
     let without_uptime: Change = |text| in_identity(text, 2, "297088130000", "317001505050");
     let with_map_4: Change =
         |text| in_identity(text, 2, "2B8002040000000F01000005", "2B8002040000000F01000004");
@@ -244,8 +245,8 @@ fn the_time_of_power_on_is_the_time_of_the_system_without_that_since_power_on() 
     }
 }
 
-/// The bytes of the helper process: an end of an incomplete line, and the command that sets the mode
-/// (register 0x000) of all servos to 0, without and with a checksum.
+/// The bytes of the helper process: an end of an incomplete line, and the command that sets the
+/// mode (register 0x000) of all servos to 0, without and with a checksum.
 #[test]
 fn the_last_word_is_off_for_all_servos_in_both_dialects() {
     let bytes = Moteus.off_bytes(&expected());
@@ -258,11 +259,11 @@ fn the_last_word_is_off_for_all_servos_in_both_dialects() {
 /// `rcv 100 DATA E B F *00` with 32 bytes of data and up to 28 other characters.
 #[test]
 fn the_traffic_of_a_tick_is_that_of_all_servos() {
-    // 48 bytes with a long id: 49 bits of 1 us and 389 + 32 bits of 0.2 us. With the most stuff bits
-    // 8 and 97 more.
+    // 48 bytes with a long id: 49 bits of 1 us and 389 + 32 bits of 0.2 us. With the most stuff
+    // bits 8 and 97 more.
     let command_ns = [49_000 + 84_200, 57_000 + 103_600];
-    // 32 bytes with a short id: 30 bits and 261 + 32 bits. With a long id and the most stuff bits 57
-    // bits and 261 + 65 + 32 bits.
+    // 32 bytes with a short id: 30 bits and 261 + 32 bits. With a long id and the most stuff bits
+    // 57 bits and 261 + 65 + 32 bits.
     let answer_ns = [30_000 + 58_600, 57_000 + 71_600];
     let [least_ns, most_ns] = [0, 1].map(|at| 4 * (command_ns[at] + answer_ns[at]));
     let bus = BusTraffic { name: "CAN-FD at 1 and 5 Mbit/s", least_ns, most_ns };

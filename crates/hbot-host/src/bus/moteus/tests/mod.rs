@@ -4,6 +4,7 @@
 mod answers;
 mod meeting;
 mod servos;
+mod state;
 mod tick;
 mod vectors;
 
