@@ -1,7 +1,7 @@
 //! Tests what the driver says to the servos before and after the loop, and what it reads in their
 //! answers.
 
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
 use hbot_config::RigConfig;
@@ -14,9 +14,9 @@ use super::super::Moteus;
 use super::super::codec;
 use super::super::talk::{Talk, powered};
 use super::super::text::{self, BREAK, Dialect};
-use crate::bus::{BusTraffic, Expected, Protocol as _, Traffic};
+use crate::bus::{BusTraffic, Expected, MeetError, Protocol as _, Traffic};
 use crate::layout::Layout;
-use crate::line::{Line, Memory};
+use crate::line::{Line, Memory, SimulatorCall};
 
 /// A line to simulated servos. A test changes the text that comes from them.
 struct Changed<F> {
@@ -169,30 +169,70 @@ fn pushing(rig: &SimulatedRig) -> usize {
     rig.joint_torque().iter().filter(|torque| **torque != 0.0).count()
 }
 
-/// Motors that push when a server starts, without a watchdog, are off when the servos have been
-/// checked: if all is well, and also if another servo has a wrong setting.
+/// Returns four servos whose motors push without a watchdog, as another program has left them.
+fn servos_that_push() -> SimulatedRig {
+    let mut rig = servos();
+    for id in 1..=4 {
+        let frame = codec::torque_frame(id, 0.005, 1.0, f32::NAN, &codec::torque_format());
+        let mut bytes = Vec::new();
+        text::push(&mut bytes, &frame, Dialect::Fdcanusb);
+        rig.receive(0, &bytes, &mut Vec::new());
+    }
+    assert_eq!(pushing(&rig), 4, "{:?}", rig.joint_torque());
+    rig
+}
+
+/// Returns how many motors of the rig behind `line` give torque. Calls that are sent into `calls`
+/// run on this rig.
+fn pushing_behind(line: &mut Memory, calls: &Sender<SimulatorCall>) -> usize {
+    let (speaker, hears) = channel();
+    let ask = move |rig: &mut SimulatedRig| speaker.send(pushing(rig)).expect("somebody waits");
+    assert!(calls.send(Box::new(ask)).is_ok(), "the line is there");
+    line.write(1_000_000, b"\n").expect("it is in memory");
+    hears.recv().expect("it was asked")
+}
+
+/// Motors that push when a server starts are off when it has checked the servos: if all is well,
+/// and also if a setting is wrong.
 #[test]
 fn motors_that_another_program_has_left_on_are_switched_off_before_all_else() {
     for wrong_setting in [false, true] {
-        let mut rig = servos();
-        for id in 1..=4 {
-            let (mut bytes, format) = (Vec::new(), codec::torque_format());
-            let frame = codec::torque_frame(id, 0.005, 1.0, f32::NAN, &format);
-            text::push(&mut bytes, &frame, Dialect::Fdcanusb);
-            rig.receive(0, &bytes, &mut Vec::new());
-        }
-        assert_eq!(pushing(&rig), 4, "{:?}", rig.joint_torque());
+        let mut rig = servos_that_push();
         assert!(rig.controllers_mut().set(0, "servo.timeout_mode", if wrong_setting { 12.0 } else { 0.0 }));
         let (calls, inbox) = channel();
         let mut line = Memory::new(rig, inbox);
         let met = Moteus.meet(&mut line, &expected());
         assert_eq!(met.is_err(), wrong_setting, "{met:?}");
-        let (speaker, hears) = channel();
-        let ask = move |rig: &mut SimulatedRig| speaker.send(pushing(rig)).expect("somebody waits");
-        assert!(calls.send(Box::new(ask)).is_ok(), "the line is there");
-        line.write(2_000_000, b"\n").expect("it is in memory");
-        assert_eq!(hears.recv(), Ok(0), "motors push, wrong setting {wrong_setting}");
+        assert_eq!(pushing_behind(&mut line, &calls), 0, "wrong setting {wrong_setting}");
     }
+}
+
+/// A line that is lost after some writes.
+struct Lost {
+    line: Memory,
+    writes: u32,
+}
+
+impl Line for Lost {
+    fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.line.read(now_ns, buffer)
+    }
+
+    fn write(&mut self, now_ns: u64, bytes: &[u8]) -> std::io::Result<usize> {
+        self.writes = self.writes.checked_sub(1).ok_or(std::io::ErrorKind::BrokenPipe)?;
+        self.line.write(now_ns, bytes)
+    }
+}
+
+/// The driver finds out whether the line has checksums, and then switches all motors off with one
+/// command, before it asks any servo. A servo that does not answer keeps no other motor on.
+#[test]
+fn all_motors_are_off_before_a_servo_is_asked_whether_it_is() {
+    let (calls, inbox) = channel();
+    let mut line = Lost { line: Memory::new(servos_that_push(), inbox), writes: 2 };
+    let off = Moteus.switch_off(&mut line, &expected());
+    assert!(matches!(off, Err(MeetError::Line { .. })), "{off:?}");
+    assert_eq!(pushing_behind(&mut line.line, &calls), 0);
 }
 
 /// A line on which each answer arrives 40 ms after the one before.
