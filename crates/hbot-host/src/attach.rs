@@ -192,10 +192,30 @@ pub(crate) fn serial(
 /// Returns a notice for the user if the USB serial chip of `device` delays received data by more
 /// than 1 ms.
 fn held_back(device: &str) -> Option<String> {
-    let timer = LatencyTimer::of(Path::new(device)).filter(|timer| timer.ms > 1)?;
-    Some(format!(
-        "{device} holds readings back for {} ms: write 1 to {} (contrib/ has a udev rule)",
-        timer.ms,
-        timer.path.display()
-    ))
+    LatencyTimer::of(Path::new(device)).and_then(|timer| delay(device, &timer))
+}
+
+fn delay(device: &str, timer: &LatencyTimer) -> Option<String> {
+    (timer.ms > 1).then(|| {
+        format!(
+            "{device} holds readings back for {} ms: write 1 to {} (contrib/ has a udev rule)",
+            timer.ms,
+            timer.path.display()
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chip_that_delays_readings_by_more_than_a_millisecond_is_a_notice() {
+        let of = |ms| delay("/dev/ttyUSB0", &LatencyTimer { path: "latency_timer".into(), ms });
+        assert_eq!((of(0), of(1)), (None, None));
+        for ms in [2, 16, 255] {
+            let notice = format!("/dev/ttyUSB0 holds readings back for {ms} ms: write 1 to latency_timer");
+            assert!(of(ms).is_some_and(|said| said.starts_with(&notice)), "{:?}", of(ms));
+        }
+    }
 }

@@ -47,5 +47,8 @@ mod tests {
         assert_eq!(can_fd_ns(0, false, false), 30_000 + 6_400);
         // 64 bytes, a long id and the most stuff bits: 36 + 8 + 13 bits, then 517 + 129 + 25 + 7.
         assert_eq!(can_fd_ns(64, true, true), 57_000 + 135_600);
+        // Up to 16 bytes the CRC has 17 bits, and beyond 21: 133 + 27 and 165 + 32 bits.
+        assert_eq!(can_fd_ns(16, false, false), 30_000 + 32_000);
+        assert_eq!(can_fd_ns(20, false, false), 30_000 + 39_400);
     }
 }

@@ -215,7 +215,7 @@ fn stream(data: &[u8]) -> Option<Vec<u8>> {
 
 /// Returns the time at which a servo got power, in ms since the start of the system. `uptime_ms` is
 /// the time since power-on that the servo has just reported, in ms.
-fn powered(uptime_ms: i32) -> i64 {
+pub(super) fn powered(uptime_ms: i32) -> i64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
     now.tv_sec * 1000 + now.tv_nsec / 1_000_000 - i64::from(uptime_ms as u32)
 }

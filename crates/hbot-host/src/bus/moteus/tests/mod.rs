@@ -1,7 +1,10 @@
 //! Compares the driver with vectors from the vendor's own software, and tests what the conformance
 //! suite cannot see.
 
+mod answers;
+mod meeting;
 mod servos;
+mod state;
 mod tick;
 mod vectors;
 
