@@ -1,6 +1,6 @@
 //! Tests of the state of one axis, and of its commands, with messages of known content at known
-//! times. A tick is one millisecond. The expected lines of text are written by hand from the vendor's
-//! CAN protocol page.
+//! times. A tick is one millisecond. The expected lines of text are written by hand from the
+//! vendor's CAN protocol page.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -174,8 +174,9 @@ fn an_expired_watchdog_is_excused_for_a_tenth_of_a_second() {
     }
 }
 
-/// Steps between neighbouring `f32` numbers grow from 2^-14 to 2^-13 turns at 1024 turns. The widest
-/// accepted steps are 2^-13 turns of the joint. The driver's upper bound for them is exact at 1024.
+/// Steps between neighbouring `f32` numbers grow from 2^-14 to 2^-13 turns at 1024 turns. The
+/// widest accepted steps are 2^-13 turns of the joint. The driver's upper bound for them is exact at
+/// 1024.
 #[test]
 fn a_position_beyond_1024_turns_of_the_joint_is_a_fault() {
     for (gear, turns) in [(1.0, 1024.0_f32), (17.0, 17.0 * 1024.0)] {
@@ -334,7 +335,8 @@ fn motors_are_switched_off_at_once_and_the_state_is_repeated_until_they_are_off(
             bench.beat(state::IDLE, 0);
         }
         for age in 1..150_u32 {
-            // Until the motor is off for certain, both messages take turns: each feeds the watchdog.
+            // Until the motor is off for certain, both messages take turns. Each feeds the
+            // watchdog.
             let certain = obeys && age > 20;
             let right = if certain || !(since + age).is_multiple_of(2) { NO_TORQUE } else { IDLE };
             assert_eq!(bench.command(false), [right], "{age} ticks after tick {since}");

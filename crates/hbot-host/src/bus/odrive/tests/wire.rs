@@ -178,8 +178,8 @@ fn bring_up_reads_everything_that_has_arrived_within_a_millisecond() {
     assert_eq!((talk.of(0).heartbeats, talk.now_ms, reads.ends().reads), (200, 1, 9));
 }
 
-/// Returns whether an axis may have restarted, or the error, after the driver has switched the motors
-/// off on a line on which every millisecond brings `bytes`. Also returns how many milliseconds it took.
+/// Switches the motors off on a line on which every millisecond brings `bytes`. Returns whether an
+/// axis may have restarted, or the error, and how many milliseconds it took.
 fn switched_off(bytes: &str) -> (Result<bool, String>, usize) {
     let mut line = Canned { bytes: bytes.as_bytes().to_vec(), reads: 0 };
     let off = Odrive.switch_off(&mut line, &expected()).map_err(|error| error.to_string());
