@@ -12,6 +12,7 @@ use hbot_host::bus::{BusCommand, Expected, Heard, MotorBus, Protocol, Telemetry}
 use hbot_host::layout::Layout;
 use hbot_host::line::{Line, Memory, SimulatorCall};
 use hbot_sim::controller::InjectedFault;
+use hbot_sim::phenomena::Link;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 const RIG: &str = include_str!("../../../rigs/prototype-odrive.toml");
@@ -86,6 +87,26 @@ fn watchdogs_that_expire_although_they_are_fed_are_refused() {
         let words = "its watchdog expires although it is fed every 2 ms";
         assert!(said.contains(words) && said.contains(&format!("ODrive {first} ")), "{said}");
     }
+}
+
+/// The watchdogs expire at 125 ms. The driver clears their errors at 150 ms. For 30 ms more,
+/// heartbeats from before then arrive. They prove nothing. After the clearing, the next expired
+/// watchdog is reported after more than 125 + 30 ms, which is too late.
+#[test]
+fn heartbeats_from_before_the_clearing_of_errors_do_not_show_that_a_watchdog_works() {
+    let said = refusal(|rig| {
+        (0..4).for_each(|joint| set(rig, joint, "config.watchdog_timeout", 0.125));
+        rig.set_link(Some(Link {
+            latency_s: 0.03,
+            command_latency_s: 0.0,
+            jitter_s: 0.0,
+            loss: 0.0,
+            corrupt: 0.0,
+            seed: 1,
+        }));
+    });
+    let words = "left alone for 140 ms it does not say that its watchdog has expired";
+    assert!(said.contains(words), "{said}");
 }
 
 /// A line to simulated ODrives that loses some of the commands: those lines of text for which

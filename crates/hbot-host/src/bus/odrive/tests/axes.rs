@@ -175,8 +175,8 @@ fn an_expired_watchdog_is_excused_for_a_tenth_of_a_second() {
 }
 
 /// Steps between neighbouring `f32` numbers grow from 2^-14 to 2^-13 turns at 1024 turns. The
-/// widest accepted steps are 2^-13 turns of the joint. The driver's upper bound for them is exact at
-/// 1024.
+/// widest accepted steps are 2^-13 turns of the joint. At 1024 turns, the driver's upper bound for
+/// them is exact.
 #[test]
 fn a_position_beyond_1024_turns_of_the_joint_is_a_fault() {
     for (gear, turns) in [(1.0, 1024.0_f32), (17.0, 17.0 * 1024.0)] {
