@@ -123,7 +123,7 @@ impl<F: FnMut(&str) -> bool + Send> Line for Lossy<F> {
 
     fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
         let text = std::str::from_utf8(bytes).expect("commands are text");
-        let kept: String = text.split_inclusive('\r').filter(|line| !(self.loses)(line)).collect();
+        let kept: String = text.split_inclusive('\r').filter(|&line| !(self.loses)(line)).collect();
         self.line.write(now_ns, kept.as_bytes())?;
         Ok(bytes.len())
     }
@@ -134,7 +134,7 @@ impl<F: FnMut(&str) -> bool + Send> Line for Lossy<F> {
 /// Returns a function that returns true for the first `times` texts that begin with `start`.
 fn first(times: u32, start: &'static str) -> impl FnMut(&str) -> bool + Send {
     let mut left = times;
-    move |text| {
+    move |text: &str| {
         let hit = left > 0 && text.starts_with(start);
         left -= u32::from(hit);
         hit
