@@ -1,6 +1,7 @@
 //! Tests of the ODrive driver with simulated ODrives, for properties that the conformance suite
 //! does not cover.
 
+use std::io;
 use std::sync::mpsc::{Sender, channel};
 
 use hbot_config::RigConfig;
@@ -9,8 +10,9 @@ use hbot_core::MAX_JOINTS;
 use hbot_host::bus::odrive::Odrive;
 use hbot_host::bus::{BusCommand, Expected, Heard, MotorBus, Protocol, Telemetry};
 use hbot_host::layout::Layout;
-use hbot_host::line::{Memory, SimulatorCall};
+use hbot_host::line::{Line, Memory, SimulatorCall};
 use hbot_sim::controller::InjectedFault;
+use hbot_sim::phenomena::Link;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 const RIG: &str = include_str!("../../../rigs/prototype-odrive.toml");
@@ -49,6 +51,7 @@ fn axes_that_may_not_be_asked_for_torque_are_refused_with_the_command_that_mends
         ("config.can.encoder_msg_rate_ms", 10.0, "odrv0.axis0.config.can.encoder_msg_rate_ms = 1"),
         ("config.can.encoder_msg_rate_ms", 0.0, "odrv0.axis0.config.can.encoder_msg_rate_ms = 1"),
         ("config.can.heartbeat_msg_rate_ms", 100.0, "odrv0.axis0.config.can.heartbeat_msg_rate_ms = 10"),
+        ("config.can.encoder_msg_rate_ms", 0.0, "it has said its position 0 times in 150 ms"),
         ("fw_version_minor", 5.0, "odrivetool dfu"),
     ] {
         let said = refusal(|rig| set(rig, 2, name, value));
@@ -67,6 +70,105 @@ fn axes_that_may_not_be_asked_for_torque_are_refused_with_the_command_that_mends
         said.contains("ODrives of id 3 are on the line and not in the rig file, which has 0, 1, 2"),
         "{said}"
     );
+}
+
+/// The longest accepted average time between two positions is 4 ms. In 150 ms, 37 of them arrive.
+#[test]
+fn positions_that_come_just_often_enough_are_accepted() {
+    assert_eq!(refusal(|rig| set(rig, 2, "config.can.encoder_msg_rate_ms", 4.05)), "met");
+}
+
+/// Axes whose watchdogs are too short switch their motors off between two commands.
+#[test]
+fn watchdogs_that_expire_although_they_are_fed_are_refused() {
+    for axes in [2..3, 0..4] {
+        let first = axes.start;
+        let said = refusal(|rig| axes.for_each(|joint| set(rig, joint, "config.watchdog_timeout", 0.001)));
+        let words = "its watchdog expires although it is fed every 2 ms";
+        assert!(said.contains(words) && said.contains(&format!("ODrive {first} ")), "{said}");
+    }
+}
+
+/// The watchdogs expire at 125 ms. The driver clears their errors at 150 ms. For 30 ms more,
+/// heartbeats from before then arrive. They prove nothing. After the clearing, the next expired
+/// watchdog is reported after more than 125 + 30 ms, which is too late.
+#[test]
+fn heartbeats_from_before_the_clearing_of_errors_do_not_show_that_a_watchdog_works() {
+    let said = refusal(|rig| {
+        (0..4).for_each(|joint| set(rig, joint, "config.watchdog_timeout", 0.125));
+        rig.set_link(Some(Link {
+            latency_s: 0.03,
+            command_latency_s: 0.0,
+            jitter_s: 0.0,
+            loss: 0.0,
+            corrupt: 0.0,
+            seed: 1,
+        }));
+    });
+    let words = "left alone for 140 ms it does not say that its watchdog has expired";
+    assert!(said.contains(words), "{said}");
+}
+
+/// A line to simulated ODrives that loses some of the commands: those lines of text for which
+/// `loses` returns true.
+struct Lossy<F> {
+    line: Memory,
+    loses: F,
+}
+
+impl<F: FnMut(&str) -> bool + Send> Line for Lossy<F> {
+    fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
+        self.line.read(now_ns, buffer)
+    }
+
+    fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
+        let text = std::str::from_utf8(bytes).expect("commands are text");
+        let kept: String = text.split_inclusive('\r').filter(|&line| !(self.loses)(line)).collect();
+        self.line.write(now_ns, kept.as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn pause(&mut self) {}
+}
+
+/// Returns a function that returns true for the first `times` texts that begin with `start`.
+fn first(times: u32, start: &'static str) -> impl FnMut(&str) -> bool + Send {
+    let mut left = times;
+    move |text: &str| {
+        let hit = left > 0 && text.starts_with(start);
+        left -= u32::from(hit);
+        hit
+    }
+}
+
+/// Axis 2 has the CAN ids 0x40 (version), 0x57 (supply), and 0x59 (setting of the position).
+#[test]
+fn a_lost_question_is_repeated_and_an_axis_that_takes_no_position_is_refused() {
+    let (line, _calls, expected) = line(|_| ());
+    let mut lossy = Lossy { line, loses: first(u32::MAX, "t0598") };
+    let said = Odrive.meet(&mut lossy, &expected).expect_err("it takes no position").to_string();
+    assert!(
+        said.contains("ODrive 2 (wheel[1].steer): it does not take a position (Set_Absolute_Position)"),
+        "{said}"
+    );
+    // A question is repeated every 50 ms.
+    let mut lossy = Lossy { line: lossy.line, loses: first(6, "r0408") };
+    Odrive.meet(&mut lossy, &expected).expect("it answers the seventh question");
+    let mut lossy = Lossy { line: lossy.line, loses: first(1, "r0578") };
+    let found = Odrive.scan(&mut lossy, &expected).expect("they answer");
+    assert_eq!(found.iter().map(|it| it.supply_v).collect::<Vec<_>>(), [Some(24.0); 4]);
+}
+
+#[test]
+fn axes_that_have_been_met_are_met_again_and_have_not_restarted() {
+    let (mut line, calls, expected) = line(|_| ());
+    for _ in 0..2 {
+        Odrive.meet(&mut line, &expected).expect("they are good");
+        assert!(!Odrive.switch_off(&mut line, &expected).expect("they answer"));
+    }
+    let call: SimulatorCall = Box::new(|rig| rig.inject(InjectedFault::RebootOne(3)));
+    calls.send(call).expect("the line is there");
+    assert!(Odrive.switch_off(&mut line, &expected).expect("they answer"), "the last has restarted");
 }
 
 #[test]
@@ -110,6 +212,10 @@ fn a_scan_lists_two_of_one_id_twice_and_strangers_too() {
     });
     let found = Odrive.scan(&mut line, &expected).expect("they answer");
     assert_eq!(found.iter().map(|it| it.id).collect::<Vec<_>>(), [0, 2, 2, 40]);
+    // The stranger is asked for the same.
+    let stranger = &found[3];
+    assert_eq!((stranger.firmware.as_str(), stranger.supply_v), ("0.6.10, CANSimple", Some(24.0)));
+    assert_eq!((&stranger.model, stranger.remedies.len()), (&found[0].model, 0));
 }
 
 /// A bus whose axes have passed bring-up. It runs in ticks of one millisecond.

@@ -216,4 +216,27 @@ mod tests {
         // A remote request has a length but no data bytes.
         assert_eq!(words(b"r0208\r"), [Ok(Word::Frame(Frame::request(0x020)))]);
     }
+
+    /// The longest line has 26 bytes without its end.
+    #[test]
+    fn a_line_that_is_too_long_or_begins_with_no_letter_of_a_frame_is_damaged_at_once() {
+        let good = Ok(Word::Frame(Frame::new(0x021, &[1, 2])));
+        let long = [&b"T"[..], &[b'0'; 26], b"\rt02120102\r"].concat();
+        assert_eq!(words(&long), [Err(Damaged), good]);
+        for line in [&b"12\x07"[..], b"?\x07", b"zz\x07", b"t02?\x07", b"t02z\x07"] {
+            let line_text = line.escape_ascii();
+            assert_eq!(words(line), [Err(Damaged), Ok(Word::Refused)], "{line_text}");
+        }
+    }
+
+    #[test]
+    fn ids_have_11_or_29_bits() {
+        let largest = Frame::new(0x7ff, &[]);
+        assert_eq!(words(b"t7FF0\r"), [Ok(Word::Frame(largest))]);
+        let long = Frame { id: 0x1fff_ffff, extended: true, ..Frame::new(0, &[1, 2]) };
+        assert_eq!(words(b"T1FFFFFFF20102\r"), [Ok(Word::Frame(long))]);
+        let request = Frame { id: 0x21, extended: true, ..Frame::request(0) };
+        assert_eq!(words(b"R000000218\r"), [Ok(Word::Frame(request))]);
+        assert_eq!(words(b"T200000000\r"), [Err(Damaged)]);
+    }
 }

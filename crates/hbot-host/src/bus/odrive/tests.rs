@@ -1,6 +1,9 @@
 //! Tests of the codec against vectors that were made with independent software, and tests of the
 //! bus.
 
+mod axes;
+mod wire;
+
 use hbot_config::rig::Protocol as Name;
 use hbot_core::MAX_JOINTS;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
@@ -134,6 +137,15 @@ impl Line for Canned {
     fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> std::io::Result<usize> {
         Ok(bytes.len())
     }
+
+    fn pause(&mut self) {}
+}
+
+/// Returns the axes of the prototype: 0 to 3, of which 1 and 3 have a gear of 17.
+fn expected() -> Expected {
+    let text = include_str!("../../../../../rigs/prototype-odrive.toml");
+    let rig = hbot_config::RigConfig::from_toml(text, "rigs/prototype-odrive.toml").expect("it is legal");
+    Expected::new("test", &rig.rig, &Layout::of(&rig), 0)
 }
 
 #[test]
@@ -147,10 +159,7 @@ fn a_tick_allocates_nothing() {
         bytes.extend(format!("t{:03X}8{position}00000000\r", id << 5 | 9).bytes());
         bytes.extend(format!("t{:03X}80000000008000000\r", id << 5 | 1).bytes());
     }
-    let text = include_str!("../../../../../rigs/prototype-odrive.toml");
-    let rig = hbot_config::RigConfig::from_toml(text, "rigs/prototype-odrive.toml").expect("it is legal");
-    let expected = Expected::new("test", &rig.rig, &Layout::of(&rig), 0);
-    let mut bus = super::Odrive.bus(Box::new(Canned { bytes, reads: 0 }), expected);
+    let mut bus = super::Odrive.bus(Box::new(Canned { bytes, reads: 0 }), expected());
     let mut readings = 0;
     let allocated = allocation_counter::measure(|| {
         for tick in 0..TICKS {
