@@ -27,7 +27,7 @@ pub const CASES: &[Case] = &[
         run: expired,
     },
     Case { name: "the last word switches motors off, even after an incomplete command", run: last_word },
-    Case { name: "switching off says whether power was lost", run: switched_off },
+    Case { name: "switching off ends torque and says whether power was lost", run: switched_off },
     Case { name: "controllers that are not the rig's are refused", run: strangers },
     Case { name: "a tick sends no more bytes than the driver states", run: traffic },
 ];
@@ -346,7 +346,11 @@ fn switched_off(subject: &Subject) -> Result<(), String> {
         let torque = tap.controllers(|controllers| controllers.torque(0));
         expect(torque.iter().all(|torque| *torque == 0.0), || format!("motors give {torque:?} N m"))?;
     }
-    Ok(())
+    // Motors that push are off when it returns.
+    let bench = Bench::pushing(subject)?;
+    let off = subject.protocol.switch_off(&mut bench.tap.wire(), &subject.expected);
+    expect(off.is_ok(), || format!("while motors push: {off:?}"))?;
+    bench.expect_torque(false)
 }
 
 fn strangers(subject: &Subject) -> Result<(), String> {

@@ -90,9 +90,16 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
         let twice = all.iter().filter(|(other, _)| other == id).count() > 1;
         let map = state.register_map.unwrap_or_default();
         let mut remedies = Vec::new();
-        if map != REGISTER_MAP || state.uptime_ms.is_none() {
+        let unknown = if map != REGISTER_MAP {
+            Some(format!("its register map is version {map}, this program knows {REGISTER_MAP}"))
+        } else if state.uptime_ms.is_none() {
+            Some("it does not report its time since power-on (register 0x070)".to_owned())
+        } else {
+            None
+        };
+        if let Some(what) = unknown {
             remedies.push(Remedy {
-                what: format!("its register map is version {map}, this program knows {REGISTER_MAP}"),
+                what,
                 command: format!("update the firmware: python3 -m moteus.moteus_tool -t {id} --flash FILE"),
             });
         } else if !twice {
