@@ -13,7 +13,8 @@ export RUSTC_BOOTSTRAP=1
 
 can_fuzz() {
     command -v g++ >/dev/null || return 1
-    cargo fuzz --version >/dev/null 2>&1 || cargo install --quiet --locked --debug cargo-fuzz@0.13.2 || return 1
+    cargo fuzz --version >/dev/null 2>&1 || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/target}/tools/build \
+        cargo install --quiet --locked --debug cargo-fuzz@0.13.2 || return 1
     cargo fuzz build
 }
 
@@ -30,7 +31,7 @@ fuzz() {
 }
 
 if [ "${1:-}" = --build ]; then
-    # Without libFuzzer the seeded mutations have nothing to build beforehand.
+    # Without libFuzzer the seeded mutations are built when they run.
     can_fuzz || true
     exit
 fi

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The vendor's own client, unchanged, drives virtual moteus servos: query, torque, watchdog, fault, settings.
+"""The vendor's own client, unchanged, drives virtual moteus servos: query, zero, torque, watchdog, fault.
 
     moteus_client.py PORT
 """

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""python-can's slcan and cantools with the DBC of ODrive firmware 0.6.10 drive virtual ODrives: heartbeat, version, torque,
-watchdog, error, position.
+"""python-can's slcan and cantools with the DBC of ODrive firmware 0.6.10 drive virtual ODrives: heartbeat, version,
+position, torque, watchdog, error.
 
     odrive_client.py PORT
 """

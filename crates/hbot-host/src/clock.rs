@@ -74,13 +74,9 @@ mod tests {
         assert!(unix + correction >= before + second && unix <= after + second + correction, "{unix:?}");
     }
 
-    /// The sleeping thread gets signals that interrupt its sleep, one each millisecond. This test
-    /// takes some time because time is its subject.
-    #[test]
-    fn signals_do_not_end_a_sleep_before_its_deadline() {
-        let caught = Arc::new(AtomicBool::new(false));
-        // A signal that nothing else in the tests uses, and which is ignored without a handler.
-        signal_hook::flag::register(signal_hook::consts::SIGWINCH, Arc::clone(&caught)).expect("a handler");
+    /// Sleeps in a thread that gets a signal each millisecond. Checks that the sleep does not end
+    /// before its deadline. The system prefers that thread for the signals, but promises nothing.
+    fn sleep_with_signals() {
         let (tell, told) = mpsc::channel();
         let (release, released) = mpsc::channel::<()>();
         let deadline_ns = now_ns() + 150_000_000;
@@ -100,7 +96,20 @@ mod tests {
         drop(release);
         let woken_ns = sleeper.join().expect("no panic");
         assert!(woken_ns >= deadline_ns, "{} ns too early", deadline_ns - woken_ns);
-        assert!(caught.load(Ordering::Relaxed), "no signal has come");
+    }
+
+    /// This test takes some time because time is its subject. On a busy machine an attempt can end
+    /// before its first signal.
+    #[test]
+    fn signals_do_not_end_a_sleep_before_its_deadline() {
+        let caught = Arc::new(AtomicBool::new(false));
+        // A signal that nothing else in the tests uses, and which is ignored without a handler.
+        signal_hook::flag::register(signal_hook::consts::SIGWINCH, Arc::clone(&caught)).expect("a handler");
+        let has_come = (0..20).any(|_| {
+            sleep_with_signals();
+            caught.load(Ordering::Relaxed)
+        });
+        assert!(has_come, "no signal has come");
         // A deadline that has passed is not waited for.
         sleep_until_ns(0);
     }

@@ -191,7 +191,8 @@ mod tests {
         assert_eq!(early.lead_ns, 1_000_000 + 99 * 200);
     }
 
-    /// The first wake-up has no rehearsal before it whose duration could be compared.
+    /// Before the first rehearsal its duration counts as 0. No time left must not count as enough
+    /// for it.
     #[test]
     fn a_wake_up_after_its_deadline_is_followed_by_no_rehearsal() {
         let mut early = Early::new(4_000_000, 1_000_000_000);

@@ -252,7 +252,7 @@ fn ticks_that_a_loop_in_wall_clock_time_leaves_out_are_counted() {
         assert_eq!((tick, sample.t_ns), (done + skipped, tick * 1_000_000));
         assert!(skipped >= 2 * done, "{skipped} before tick {tick}");
     }
-    // A tick that would be number 60 or later begins only if the one before was due in time.
+    // The loop ends after the first tick with number 59 or more. Skipped ticks can take it beyond.
     let [before @ .., last] = &samples[..] else { panic!("no tick") };
     assert!(before.iter().all(|sample| sample.state.tick + 1 < 60));
     assert!(last.state.tick + 1 >= 60, "the last is tick {}", last.state.tick);

@@ -110,16 +110,20 @@ fn one_that_does_not_end_is_killed() {
     assert!(matches!(held(&stubborn.helper).child.try_wait(), Ok(Some(_))));
 }
 
-/// A server that gives a line up without a word: the helper speaks, and has ended when the line may
-/// be opened again.
+/// If a server gives a line up without a word, its helper has ended before the line can be opened
+/// again. It ends by itself: a helper that is killed does not write the last word of this one.
 #[test]
 fn one_whose_server_leaves_without_a_word_is_waited_for() {
-    // The pipe stays open until the helper is dropped.
-    let (word, _far) = start(&helper("cat >/dev/null; sleep 0.1")).unwrap();
+    // The helper reads until the server drops it.
+    let (word, mut far) = start(&helper("cat >/dev/null; sleep 0.1; printf done")).unwrap();
     let (process, watched) = (Arc::clone(&word.helper), word.watched());
     drop(word);
     assert!(matches!(held(&process).child.try_wait(), Ok(Some(_))), "it is still there");
     assert!(!watched.is_lost(), "it was to end");
+    drop((process, watched));
+    let mut said = String::new();
+    far.read_to_string(&mut said).unwrap();
+    assert_eq!(said, "done");
 }
 
 /// The frames have 3 ms between them, so that one disturbance of the line does not hit all three.
