@@ -10,7 +10,7 @@ set -euo pipefail
 base=$1
 package=$2
 
-contrib/debian/base.sh "$base"
+"$(dirname "$0")/base.sh" "$base"
 
 server=
 work=$(mktemp -d)

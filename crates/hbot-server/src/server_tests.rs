@@ -15,6 +15,7 @@ use crate::service::Status;
 use hbot_host::bridge::EmergencyStop;
 use hbot_host::engine::Recorder;
 use hbot_testing::far::Far;
+use hbot_testing::log::Listener;
 use hbot_testing::patience::{PATIENCE, eventually};
 use hbot_testing::prototype::patient;
 
@@ -108,33 +109,6 @@ impl Ends {
     fn shutdown(&mut self, how: Shutdown) {
         assert!(self.shutdown.take().unwrap().send(how).is_ok(), "the service waits for it");
     }
-}
-
-/// A log subscriber that calls a function with the text of each log message and the name of the
-/// thread that logged it.
-struct Listener<F>(F);
-
-impl<F: Fn(String) + 'static> tracing::Subscriber for Listener<F> {
-    fn enabled(&self, _: &tracing::Metadata<'_>) -> bool {
-        true
-    }
-
-    fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
-        tracing::span::Id::from_u64(1)
-    }
-
-    fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
-
-    fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
-
-    fn event(&self, event: &tracing::Event<'_>) {
-        let thread = std::thread::current().name().unwrap_or_default().to_owned();
-        (self.0)(format!("{thread}: {event:?}"));
-    }
-
-    fn enter(&self, _: &tracing::span::Id) {}
-
-    fn exit(&self, _: &tracing::span::Id) {}
 }
 
 #[test]

@@ -7,12 +7,14 @@
 //! | [`prototype`] | the prototype, its simulated rig, and a variant with long time-outs |
 //! | [`far`] | simulated motor controllers behind a pseudo-terminal, which record all commands |
 //! | [`lines`] | a client that sends and receives JSON lines without the client library |
+//! | [`log`] | a log subscriber that hands each message to the test |
 //! | `server` (feature) | a server that runs in the process of the test |
 //!
 //! All helpers panic if something goes wrong. The panic makes the test fail.
 
 pub mod far;
 pub mod lines;
+pub mod log;
 pub mod patience;
 pub mod prototype;
 #[cfg(feature = "server")]

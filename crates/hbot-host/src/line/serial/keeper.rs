@@ -150,6 +150,7 @@ mod tests {
     use hbot_config::RigConfig;
     use hbot_link::{Decoder, FromController, encode};
     use hbot_testing::far::open_plainly;
+    use hbot_testing::log::Listener;
     use hbot_testing::patience::{eventually, until};
     use hbot_testing::prototype::simulated_as;
     use rustix::termios::ioctl_tiocnxcl;
@@ -233,41 +234,17 @@ mod tests {
         Keeper { kept, watched, lost, back, over: Arc::clone(over) }
     }
 
-    /// A log subscriber that collects the text of each log message.
-    struct Listener(Arc<Mutex<Vec<String>>>);
-
-    impl tracing::Subscriber for Listener {
-        fn enabled(&self, _: &tracing::Metadata<'_>) -> bool {
-            true
-        }
-
-        fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
-            tracing::span::Id::from_u64(1)
-        }
-
-        fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
-
-        fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
-
-        fn event(&self, event: &tracing::Event<'_>) {
-            self.0.lock().expect("no panic").push(format!("{event:?}"));
-        }
-
-        fn enter(&self, _: &tracing::span::Id) {}
-
-        fn exit(&self, _: &tracing::span::Id) {}
-    }
-
     /// Starts `work` in a thread. Returns the thread and the log messages of it.
     fn logged<T: Send + 'static>(
         work: impl FnOnce() -> T + Send + 'static,
     ) -> (JoinHandle<T>, Arc<Mutex<Vec<String>>>) {
-        let said = Arc::default();
+        let said = Arc::<Mutex<Vec<String>>>::default();
+        let heard = Arc::clone(&said);
         // With a single subscriber, `tracing` caches for each log statement whether the first
         // thread that reaches it has the subscriber. That can be a thread of another test, without
         // one. A second subscriber disables this shortcut.
         let second = tracing::Dispatch::new(tracing::subscriber::NoSubscriber::default());
-        let log = tracing::Dispatch::new(Listener(Arc::clone(&said)));
+        let log = tracing::Dispatch::new(Listener(move |text| heard.lock().expect("no panic").push(text)));
         let thread = std::thread::spawn(move || {
             let _second = second;
             let _log = tracing::dispatcher::set_default(&log);
