@@ -4,9 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-if ! command -v g++ >/dev/null || [ ! -e /usr/include/doctest/doctest.h ]; then
-    apt-get update -qq && apt-get install -y -qq g++ doctest-dev
-fi
+.ci/install.sh g++ doctest-dev
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 out=$target/arduino
 mkdir -p "$out"

@@ -5,9 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-for tool in gcc g++ cmake make pkg-config; do
-    command -v "$tool" >/dev/null || { apt-get update -qq && apt-get install -y -qq build-essential cmake pkg-config; break; }
-done
+.ci/install.sh build-essential cmake pkg-config
 
 # What the tests of the workspace have built, so that nothing is compiled with a second set of features. HBOT_BUILT
 # names a folder with the libraries and the program, if they are there already.

@@ -10,9 +10,7 @@ most_ram=$((3 * 1024))
 
 packages=(qemu-system-arm gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib
     rustc-web cargo-web rust-web-src libstd-rust-web-dev)
-if ! dpkg -s "${packages[@]}" >/dev/null 2>&1; then
-    apt-get update -qq && apt-get install -y -qq "${packages[@]}"
-fi
+.ci/install.sh "${packages[@]}"
 
 # Adds up the sizes of sections of an ELF file: sizes FILE SECTION...
 sizes() {

@@ -9,7 +9,7 @@ cd "$(dirname "$0")/.."
 
 hbot=$PWD/${HBOT:-target/debug/hbot}
 [ -x "$hbot" ] || { echo "$hbot is missing: cargo build" >&2; exit 1; }
-command -v npm >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends nodejs npm; }
+command -v npm >/dev/null || .ci/install.sh --no-install-recommends nodejs npm
 home=target/ci/foxglove
 mkdir -p "$home"
 [ -d "$home/node_modules/protobufjs" ] ||

@@ -4,8 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-command -v promtool prometheus >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends prometheus; }
-command -v curl >/dev/null || apt-get install -y -qq curl
+.ci/install.sh --no-install-recommends prometheus curl
 
 hbot=${1:-${CARGO_TARGET_DIR:-target}/debug/hbot}
 work=$(mktemp -d)

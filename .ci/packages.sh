@@ -14,7 +14,7 @@ target=${CARGO_TARGET_DIR:-$PWD/target}
 built=${HBOT_BUILT:-$target/debug}
 packages=(lintian dpkg-dev groff-base)
 [ "${1:-}" != --clean-root ] || packages+=(debootstrap)
-dpkg -s "${packages[@]}" >/dev/null 2>&1 || { apt-get update -qq && apt-get install -y -qq "${packages[@]}"; }
+.ci/install.sh "${packages[@]}"
 export PATH=$PATH:$target/tools/bin
 command -v cargo-deb >/dev/null || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=$target/tools/build \
     cargo install cargo-deb --version 3.8.0 --locked --debug --no-default-features --quiet --root "$target/tools"

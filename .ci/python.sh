@@ -10,9 +10,8 @@ export HBOT_PROGRAM="${HBOT_PROGRAM:-$target/debug/hbot}"
 if [ ! -x "$HBOT_PROGRAM" ]; then
     cargo build --quiet --locked --workspace --bin hbot
 fi
-if ! python3 -m venv --help >/dev/null 2>&1 || ! command -v openssl >/dev/null; then
-    apt-get update -qq && apt-get install -y -qq python3-venv openssl
-fi
+python3 -m venv --help >/dev/null 2>&1 || .ci/install.sh python3-venv
+command -v openssl >/dev/null || .ci/install.sh openssl
 
 # The environment stays in target/: a second run installs nothing.
 venv="$target/python/venv"

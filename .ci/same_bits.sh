@@ -8,11 +8,7 @@ cd "$(dirname "$0")/.."
 # Debian's Rust builds for both emulated machines; the pinned toolchain has no other targets.
 packages=(qemu-system-arm qemu-user-static gcc-arm-none-eabi gcc-aarch64-linux-gnu libc6-dev-arm64-cross
     rustc-web cargo-web rust-web-src libstd-rust-web-dev libstd-rust-web-dev:arm64)
-if ! dpkg -s "${packages[@]}" >/dev/null 2>&1; then
-    dpkg --add-architecture arm64
-    apt-get update -qq
-    apt-get install -y -qq "${packages[@]}"
-fi
+.ci/install.sh "${packages[@]}"
 
 target="$(realpath "${CARGO_TARGET_DIR:-target}")/core-hash"
 cd firmware/core-hash

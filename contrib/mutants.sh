@@ -17,58 +17,12 @@ shift
 
 # Which tests judge a crate: those of the packages that name its behaviour.
 case $crate in
-hbot-core) judges=(hbot-core hbot) targets=(--lib --test core --test golden) ;;
+hbot-core) judges=(hbot-core hbot-testing) targets=(--lib --test core --test golden) ;;
 hbot-link) judges=(hbot-link hbot-device) targets=(--lib --tests) ;;
 hbot-device) judges=(hbot-device) targets=(--lib --tests) ;;
 hbot-host) judges=(hbot-host) targets=(--lib --tests) ;;
 *) judges=("$crate") targets=(--lib --tests) ;;
 esac
-
-# The root package depends on all crates, and its tests build its program. For hbot-core that would be built anew for each
-# mutant. So these tests run in a copy of the workspace that contains only what they need.
-small_workspace() {
-    local tree=$1
-    rm -rf "$tree"
-    mkdir -p "$tree"/{crates,src,firmware/core-hash}
-    # The copies are newer than everything that is built, so nothing of an earlier run, with its mutants, is taken for new.
-    cp -r .cargo Cargo.lock rust-toolchain.toml rigs scenes tests "$tree"
-    cp -r firmware/core-hash/src "$tree/firmware/core-hash"
-    for room in core core-f32 config link device sim testing; do cp -r "crates/hbot-$room" "$tree/crates"; done
-    touch "$tree/src/lib.rs"
-    sed -E '/^\[package\]/,$d; s/^members = .*/members = ["crates\/*"]/; /^(default-members|exclude) /d
-        /^hbot-(api|host|server|record|plot|study) /d' Cargo.toml >"$tree/Cargo.toml"
-    cat >>"$tree/Cargo.toml" <<'MANIFEST'
-[package]
-name = "hbot"
-version.workspace = true
-edition.workspace = true
-autotests = false
-
-[[test]]
-name = "core"
-path = "tests/core/main.rs"
-
-[[test]]
-name = "golden"
-path = "tests/golden.rs"
-
-[dependencies]
-hbot-core.workspace = true
-
-[dev-dependencies]
-hbot-config.workspace = true
-hbot-core-f32.workspace = true
-hbot-sim.workspace = true
-hbot-testing.workspace = true
-libm.workspace = true
-oorandom.workspace = true
-proptest.workspace = true
-serde.workspace = true
-serde_json.workspace = true
-MANIFEST
-    # The feature `server` of hbot-testing needs crates that are not there.
-    sed -i -E 's/^server = .*/server = []/; /^(hbot-host|hbot-server|tokio) /d' "$tree/crates/hbot-testing/Cargo.toml"
-}
 
 # The copies of all runs share one folder of built dependencies.
 export CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_DEBUG=none
@@ -78,11 +32,4 @@ mkdir -p "$out"
 options=()
 for judge in "${judges[@]}"; do options+=("--test-package=$judge"); done
 for target in "${targets[@]}"; do options+=("--cargo-test-arg=$target"); done
-if [ "$crate" = hbot-core ]; then
-    # Its own copy for each run, so that several shards can run on one machine.
-    tree=$(mktemp -d)
-    trap 'rm -rf "$tree"' EXIT
-    small_workspace "$tree"
-    options+=("--dir=$tree" --in-place)
-fi
 cargo mutants --package "$crate" --output "$out" "${options[@]}" "$@"

@@ -14,7 +14,7 @@ use golden_support::{Failure, Ledger, check_folder};
 use std::path::{Path, PathBuf};
 
 /// Folder of the vectors in this repository.
-const HERE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden");
+const HERE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/golden");
 
 fn failures(ledgers: &[Ledger]) -> Vec<String> {
     ledgers.iter().flat_map(|ledger| &ledger.failures).map(Failure::to_string).collect()

@@ -30,7 +30,7 @@ mod single {
 
 use double::run::{Measured, RATE_UNIT, TICKS, follow, rig};
 
-const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/firmware/core-hash/src/recording.bin");
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/core-hash/src/recording.bin");
 
 /// Returns the angular velocity with which a strong hand turns the sphere at the time `t` (s),
 /// rad/s in N. It is smooth and reverses about each axis.
