@@ -60,7 +60,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 fn main() {
     let mut args: Vec<_> = std::env::args().skip(1).collect();
-    // Cargo gives this argument to benches that shall measure, and none to those that `cargo test` runs.
+    // Cargo gives this argument to benches that shall measure, and none to those that `cargo test`
+    // runs.
     let smoke = !args.iter().any(|a| a == "--bench");
     args.retain(|a| !a.starts_with("--"));
     let seconds = if smoke { 0.2 } else { args.first().and_then(|s| s.parse().ok()).unwrap_or(3.0) };
