@@ -193,8 +193,6 @@ pub(super) struct State {
     pub(super) model: Option<i32>,
     pub(super) firmware: Option<i32>,
     pub(super) register_map: Option<i32>,
-    /// The first register that the servo could not read or write, if any.
-    pub(super) refused: Option<u16>,
 }
 
 /// Returns the id of the servo that sent a frame, or `None` if the frame is not addressed to this
@@ -224,10 +222,11 @@ pub(super) fn state(data: &[u8]) -> Option<State> {
                     take(&mut state, register, code >> 2 & 3, &mut rest)?;
                 }
             }
+            // A register that the servo could not write or read, and why. What is missing in the
+            // state shows it.
             0x30 | 0x31 => {
-                let register = rest.register()?;
                 rest.register()?;
-                state.refused = state.refused.or(Some(register));
+                rest.register()?;
             }
             _ => return None,
         }

@@ -29,7 +29,6 @@ const STOPPED: State = State {
     model: None,
     firmware: None,
     register_map: None,
-    refused: None,
 };
 
 /// Velocities are in steps of 1e-5 turns/s of the motor. The lowest integer is no velocity, and the
