@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The Arduino library: the vectors of docs/link.md, every duty, a million inputs against hbot-link's decoder, its examples,
-# and the example Loopback driven by the server. Needs the programs that `cargo test --workspace` has built.
+# The Arduino library: the vectors of docs/link.md, every duty, a million inputs against hbot-link's decoder, and its
+# examples. A server drives the example Loopback in .ci/firmware.sh.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -33,4 +33,3 @@ for example in Loopback SimpleFOC HBridge; do
         -x c++ -c "clients/arduino/HbotLink/examples/$example/$example.ino"
 done
 "$build" "$out/loopback" -I tests/arduino/board tests/arduino/board/on_terminal.cpp "$out/Loopback.o"
-HBOT="${HBOT:-$target/debug/hbot}" python3 tests/firmware/on_terminal.py "$out/loopback" 10

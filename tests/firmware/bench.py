@@ -159,15 +159,18 @@ class Spring:
 
     def start(self):
         """Leaves a fault, whose cause must go away, and enables the spring where the sphere is."""
-        until("the rig can be reset", lambda: "ok" in self.client.request("reset"))
-        here = self.client.state("a state", lambda _: True)["q"]
-        self.client.call("set", effect="spring", reference=here)
-        self.client.call("enable")
-        try:
-            self.client.state("an active rig", is_active)
-        except Deadline:
-            self.deadlines += 1
-            self.start()
+        while True:
+            until("the rig can be reset", lambda: "ok" in self.client.request("reset"))
+            here = self.client.state("a state", lambda _: True)["q"]
+            self.client.call("set", effect="spring", reference=here)
+            try:
+                if "error" in (answer := self.client.request("enable")):
+                    # Any other reason than a fault `deadline` that came after the reset.
+                    assert answer["error"]["code"] == "faulted", answer
+                self.client.state("an active rig", is_active)
+                return
+            except Deadline:
+                self.deadlines += 1
 
     def follow(self, seconds):
         """Moves the spring from orientation to orientation. The sphere must follow.
