@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Builds the firmware images for an emulated board, and checks that they are small enough for a small microcontroller.
 # Also tests the check of frames with the small tables that firmware uses. Then a server drives both images, and the example
-# Loopback that .ci/arduino.sh has built. These are live rigs, for which a busy machine can be a fault: run nothing else
-# at that time. Needs the server's program, which the tests of the workspace have built.
+# Loopback that .ci/arduino.sh has built. These are live rigs, and a busy machine can put them into a fault: run nothing
+# else at that time. Needs the server's program, which the tests of the workspace have built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -16,7 +16,8 @@ can_fuzz() {
     cargo fuzz --version >/dev/null 2>&1 || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/target}/tools/build \
         cargo install --quiet --locked --debug cargo-fuzz@0.13.2 || return 1
     cargo fuzz build && return
-    # A target that does not compile is a mistake, not a lack of this machine.
+    # A target that does not compile is a mistake. A machine that cannot build libFuzzer only lacks something.
+    cargo check --quiet --locked --manifest-path fuzz/Cargo.toml --package libfuzzer-sys || return 1
     cargo check --quiet --locked --manifest-path fuzz/Cargo.toml || exit 1
     return 1
 }

@@ -10,11 +10,11 @@ if [ "$1" = --no-install-recommends ]; then
     options+=("$1")
     shift
 fi
-exec {lock}>"${TMPDIR:-/tmp}/hbot-install.lock"
+exec {lock}</var/lib/dpkg
 flock "$lock"
 missing=()
 for package in "$@"; do
-    # Without an architecture any will do: some packages are for all.
+    # A name without an architecture matches any, because some packages have the architecture `all`.
     dpkg-query --show --showformat='${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || missing+=("$package")
 done
 [ ${#missing[@]} -gt 0 ] || exit 0

@@ -29,10 +29,18 @@ eventually() {
 
 # A free port for the page and one for Prometheus, which cannot choose by themselves.
 read -r page prometheus < <(python3 -c '
-import socket
-sockets = [socket.socket() for _ in range(2)]
-for s in sockets: s.bind(("127.0.0.1", 0))
-print(*(s.getsockname()[1] for s in sockets))')
+import random, socket
+# Below those that the system gives to other programs meanwhile.
+def free():
+    while True:
+        with socket.socket() as s:
+            try:
+                port = random.randrange(10000, 32768)
+                s.bind(("127.0.0.1", port))
+                return port
+            except OSError:
+                pass
+print(free(), free())')
 XDG_STATE_HOME=$work "$hbot" server --listen 127.0.0.1:0 --metrics "127.0.0.1:$page" >"$work/hbot.log" 2>&1 &
 processes+=($!)
 scrape() { curl --silent --fail "http://127.0.0.1:$page/metrics" >"$work/page"; }

@@ -1,10 +1,9 @@
 #!/usr/bin/env bash
 # The Debian packages: made from the programs that the tests have built, and checked by lintian. Then the crates that are
-# ready to publish, and the metrics page. HBOT_BUILT names a folder with the programs hbot and hbot-gui, if it is another
-# one than target/debug.
+# ready to publish, and the metrics page. HBOT_BUILT names a folder with the programs hbot and hbot-gui, if they are
+# built already.
 #
 #     .ci/packages.sh                 what .ci/run does
-#     .ci/packages.sh --tools         only installs what it needs
 #     .ci/packages.sh --clean-root    also installs, runs and purges hbot in a clean root. That takes a minute more, and
 #                                     needs the right to mount, which a container may not have
 set -euo pipefail
@@ -18,7 +17,6 @@ packages=(lintian dpkg-dev groff-base)
 export PATH=$PATH:$target/tools/bin
 command -v cargo-deb >/dev/null || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=$target/tools/build \
     cargo install cargo-deb --version 3.8.0 --locked --debug --no-default-features --quiet --root "$target/tools"
-[ "${1:-}" != --tools ] || exit 0
 [ -n "${HBOT_BUILT:-}" ] || cargo build --workspace --locked --quiet
 
 echo "-- packages"

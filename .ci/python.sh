@@ -10,7 +10,7 @@ export HBOT_PROGRAM="${HBOT_PROGRAM:-$target/debug/hbot}"
 if [ ! -x "$HBOT_PROGRAM" ]; then
     cargo build --quiet --locked --workspace --bin hbot
 fi
-python3 -m venv --help >/dev/null 2>&1 || .ci/install.sh python3-venv
+python3 -c 'import ensurepip' 2>/dev/null || .ci/install.sh python3-venv
 command -v openssl >/dev/null || .ci/install.sh openssl
 
 # The environment stays in target/: a second run installs nothing.

@@ -4,9 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-if ! python3 -m venv --help >/dev/null 2>&1; then
-    .ci/install.sh python3-venv
-fi
+python3 -c 'import ensurepip' 2>/dev/null || .ci/install.sh python3-venv
 folder=$(mktemp -d)
 served=
 trap 'exec 3>&- || true; [ -z "$served" ] || wait "$served" || true; rm -rf "$folder"' EXIT

@@ -60,9 +60,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 fn main() {
     let mut args: Vec<_> = std::env::args().skip(1).collect();
-    // Cargo gives this argument to benches that shall measure, and none to those that `cargo test`
-    // runs.
-    let smoke = !args.iter().any(|a| a == "--bench");
+    // `cargo bench` gives the argument `--bench`, `cargo test` does not.
+    let has = |name: &str| args.iter().any(|a| a == name);
+    let smoke = has("--test") || !has("--bench");
     args.retain(|a| !a.starts_with("--"));
     let seconds = if smoke { 0.2 } else { args.first().and_then(|s| s.parse().ok()).unwrap_or(3.0) };
     let pairs = if smoke { 1 } else { PAIRS };

@@ -13,6 +13,9 @@ mod golden_support;
 use golden_support::{Failure, Ledger, check_folder};
 use std::path::{Path, PathBuf};
 
+/// The top of this repository, where a relative path in `HBOT_GOLDEN` begins.
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
 /// Folder of the vectors in this repository.
 const HERE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/golden");
 
@@ -22,7 +25,8 @@ fn failures(ledgers: &[Ledger]) -> Vec<String> {
 
 #[test]
 fn every_golden_vector_is_met() {
-    let folder = std::env::var_os("HBOT_GOLDEN").map_or_else(|| PathBuf::from(HERE), PathBuf::from);
+    let folder = std::env::var_os("HBOT_GOLDEN")
+        .map_or_else(|| PathBuf::from(HERE), |folder| Path::new(ROOT).join(folder));
     let ledgers = check_folder(&folder).unwrap_or_else(|message| panic!("{message}"));
     for ledger in &ledgers {
         println!("{ledger}");

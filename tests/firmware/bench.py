@@ -11,6 +11,9 @@ import time
 # so that a busy machine does not fail a test.
 PATIENCE = 60.0
 
+# How often a rig that faults with `deadline` is enabled again.
+ATTEMPTS = 20
+
 
 def until(what, found):
     """Calls `found` until it returns something true, and returns that. Fails after PATIENCE."""
@@ -159,7 +162,7 @@ class Spring:
 
     def start(self):
         """Leaves a fault, whose cause must go away, and enables the spring where the sphere is."""
-        while True:
+        for _ in range(ATTEMPTS):
             until("the rig can be reset", lambda: "ok" in self.client.request("reset"))
             here = self.client.state("a state", lambda _: True)["q"]
             self.client.call("set", effect="spring", reference=here)
@@ -171,6 +174,7 @@ class Spring:
                 return
             except Deadline:
                 self.deadlines += 1
+        raise AssertionError(f"{ATTEMPTS} faults deadline, one after the other")
 
     def follow(self, seconds):
         """Moves the spring from orientation to orientation. The sphere must follow.

@@ -204,8 +204,8 @@ def test_ctrl_c_switches_both_torques_off(tmp_path: Path) -> None:
         assert program.returncode == 0, errors
         assert "Stopped" in output
         # A stall moves the clock of a simulated rig: the delay one way then seems longer, and the
-        # other way as much shorter, until the clocks are asked for anew. The mean stays right. It
-        # is far above the 10 ms of a coupling without `--delay-ms`, however long the way takes.
+        # other way as much shorter, until the clocks are asked for anew. The mean stays right,
+        # and is far above the 10 ms of a coupling without `--delay-ms`, however long the way takes.
         delays = [float(line.split("delay ")[1].split(" ms")[0]) for line in lines]
         assert sum(delays) / len(delays) > 60.0
         eventually(lambda: is_off(first) and is_off(second), "both are off")

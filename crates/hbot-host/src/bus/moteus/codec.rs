@@ -222,8 +222,8 @@ pub(super) fn state(data: &[u8]) -> Option<State> {
                     take(&mut state, register, code >> 2 & 3, &mut rest)?;
                 }
             }
-            // A register that the servo could not write or read, and why. What is missing in the
-            // state shows it.
+            // A register that the servo could not write or read, and why. The state then lacks its
+            // value, which is how the driver notices.
             0x30 | 0x31 => {
                 rest.register()?;
                 rest.register()?;
