@@ -2,8 +2,14 @@
 //! 4 wheels, in f64 and f32.
 //!
 //! `cargo bench --bench tick`
+//!
+//! `cargo bench --bench tick -- --peer REPETITIONS TICKS` measures only the balanced tick in f64
+//! with 2 wheels, in the same way as benches/peer/tick.c, and prints the same line.
 
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::Instant;
+
+use criterion::{BenchmarkId, Criterion, criterion_group};
 
 /// Defines the benchmarks for one floating-point width of the core (f64 or f32).
 macro_rules! width {
@@ -94,7 +100,7 @@ macro_rules! width {
 
             /// Returns a function that runs one tick of a controller in the mode `active`, whose
             /// soft start is already over.
-            fn active(rig: Rig) -> impl FnMut() -> Outputs {
+            pub(super) fn active(rig: Rig) -> impl FnMut() -> Outputs {
                 // The joint feedback above is not that of a turning sphere, so the wheels seem to
                 // slip. The slip limit is so wide that this is no fault.
                 let rig = rig.with(|rig| rig.limits.slip = 100.0).expect("a legal rig");
@@ -104,8 +110,11 @@ macro_rules! width {
                 let mut tick = 0_u64;
                 let mut run = move || {
                     let mut inputs = Inputs::quiet(tick);
-                    let reading = &readings[(tick % CYCLE) as usize];
-                    inputs.feedback = Some(JointReadings { sequence: tick as u32, ..*reading });
+                    // Copied once, as in benches/peer/tick.c. The expression
+                    // `JointReadings { sequence, ..*reading }` would be put together first and then
+                    // copied, which makes the processor wait.
+                    let reading = inputs.feedback.insert(readings[(tick % CYCLE) as usize]);
+                    reading.sequence = tick as u32;
                     if tick == 1 {
                         let _ = inputs.commands.push(Command::Enable);
                     }
@@ -266,4 +275,34 @@ fn stages(c: &mut Criterion) {
 }
 
 criterion_group!(benches, whole, limits, stages);
-criterion_main!(benches);
+
+/// Returns the mean time of a tick in each of `repetitions` series of `ticks` ticks, ns, sorted.
+fn means(repetitions: usize, ticks: u32) -> Vec<f64> {
+    let mut run = double::active(double::rig(2, hbot_core::rig::Methods::BALANCED));
+    let mut means: Vec<f64> = (0..repetitions)
+        .map(|_| {
+            let start = Instant::now();
+            for _ in 0..ticks {
+                black_box(&run());
+            }
+            start.elapsed().as_nanos() as f64 / f64::from(ticks)
+        })
+        .collect();
+    means.sort_by(f64::total_cmp);
+    means
+}
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
+    if let [peer, repetitions, ticks] = &args[..]
+        && peer == "--peer"
+    {
+        let repetitions = repetitions.parse().expect("a number of repetitions");
+        let means = means(repetitions, ticks.parse().expect("a number of ticks"));
+        let (least, median, most) = (means[0], means[repetitions / 2], means[repetitions - 1]);
+        println!("ns/tick min {least:.1} median {median:.1} max {most:.1}");
+        return;
+    }
+    benches();
+    Criterion::default().configure_from_args().final_summary();
+}

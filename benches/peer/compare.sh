@@ -1,12 +1,11 @@
 #!/usr/bin/env bash
 # Compares the time of the balanced tick with the same formulas in plain C (tick.c). The programs run
-# alternately, so that other load on the machine affects all of them.
+# alternately, so that other load on the machine affects all of them. On a busy machine compare the least times.
 #
 #   benches/peer/compare.sh [rounds]
 set -euo pipefail
 
-rounds=${1:-5}
-bench=tick/f64/balanced/2
+rounds=${1:-21}
 cd "$(dirname "$0")/../.."
 peer=${CARGO_TARGET_DIR:-target}/peer
 mkdir -p "$peer"
@@ -26,50 +25,40 @@ if command -v taskset >/dev/null && taskset -c 1 true 2>/dev/null; then
     pin=(taskset -c 1)
 fi
 
-rust() {
-    local out
-    out=$("${pin[@]}" cargo bench --quiet --bench tick -- "$bench" \
-        --warm-up-time 1 --measurement-time 3 --discard-baseline 2>&1)
-    # The line is "time: [low median high]", each number with its unit. Convert the median to ns.
-    awk '$1 == "time:" || $2 == "time:" {
-        sub(/.*\[/, ""); sub(/\].*/, "")
-        k = $4 == "ns" ? 1 : $4 == "ps" ? 1e-3 : $4 == "ms" ? 1e6 : 1e3
-        printf "%.1f\n", $3 * k; found = 1
-    } END { exit !found }' <<<"$out"
-}
-c() { "${pin[@]}" "$peer/$1" 2000 150 20000 | awk '/^ns\/tick/ { print $5 }'; }
+# Each program measures 500 series of 400 ticks, and prints the least and the median of their mean times.
+rust() { "${pin[@]}" cargo bench --quiet --bench tick -- --peer 500 400; }
+c() { "${pin[@]}" "$peer/$1" 2000 500 400; }
 
-programs=(tick tick-watch tick-baseline tick-baseline-watch)
-names=('C, native' 'C, native, with the watch' 'C, baseline' 'C, baseline, with the watch')
-r=() c0=() c1=() c2=() c3=()
-printf '%-6s %8s %10s %10s %10s %10s   ns a tick\n' round hbot native '+ watch' baseline '+ watch'
+programs=(rust 'c tick' 'c tick-watch' 'c tick-baseline' 'c tick-baseline-watch')
+names=(hbot 'C, native' 'C, native, with the watch' 'C, baseline' 'C, baseline, with the watch')
+results=$(mktemp)
+trap 'rm -f "$results"' EXIT
 for ((i = 1; i <= rounds; i++)); do
-    r+=("$(rust)")
-    row=("${r[-1]}")
+    if [ -t 2 ]; then printf '\rround %d of %d' "$i" "$rounds" >&2; fi
     for k in "${!programs[@]}"; do
-        declare -n times=c$k
-        times+=("$(c "${programs[k]}")")
-        row+=("${times[-1]}")
+        line=$(${programs[k]} | grep '^ns/tick')
+        printf '%s\t%s\n' "${names[k]}" "$line" >>"$results"
     done
-    printf '%-6d %8s %10s %10s %10s %10s\n' "$i" "${row[@]}"
 done
+if [ -t 2 ]; then printf '\r                \r' >&2; fi
 
-# Prints the median, the smallest and the largest of the arguments.
-spread() {
-    printf '%s\n' "$@" | sort -g | awk '{ v[NR] = $1 } END {
-        m = NR % 2 ? v[(NR + 1) / 2] : (v[NR / 2] + v[NR / 2 + 1]) / 2
-        print m, v[1], v[NR]
-    }'
-}
-read -r rm rl rh < <(spread "${r[@]}")
-echo
-printf '%-28s median %6.1f ns   (%.1f to %.1f)\n' hbot "$rm" "$rl" "$rh"
-for k in "${!programs[@]}"; do
-    declare -n times=c$k
-    read -r m l h < <(spread "${times[@]}")
-    printf '%-28s median %6.1f ns   (%.1f to %.1f)   hbot / C = %s\n' "${names[k]}" "$m" "$l" "$h" \
-        "$(awk -v a="$rm" -v b="$m" 'BEGIN { printf "%.2f", a / b }')"
-done
+python3 - "$results" <<'PY'
+import statistics, sys
+
+medians, least = {}, {}
+for line in open(sys.argv[1]):
+    name, times = line.rstrip("\n").split("\t")
+    _, _, low, _, median, *_ = times.split()
+    medians.setdefault(name, []).append(float(median))
+    least[name] = min(float(low), least.get(name, float("inf")))
+print(f"{'ns a tick':28} {'median of rounds':>22} {'hbot / C':>9} {'least':>7} {'hbot / C':>9}")
+for name, rounds in medians.items():
+    median = statistics.median(rounds)
+    shown = f"{median:.0f} ({min(rounds):.0f} to {max(rounds):.0f})"
+    ratios = [statistics.median(medians["hbot"]) / median, least["hbot"] / least[name]]
+    a, b = ("", "") if name == "hbot" else (f"{ratio:.2f}" for ratio in ratios)
+    print(f"{name:28} {shown:>22} {a:>9} {least[name]:7.0f} {b:>9}")
+PY
 echo
 echo "The last of the first 2000 ticks in C:"
 "$peer/tick" 2000 1 1 | grep -v '^ns'

@@ -159,7 +159,7 @@ impl Motors {
             oldest.filter(|_| news.buses_with_reading > 0 || complaints != Complaints::default())
         {
             self.readings.sequence = sequence;
-            news.feedback = Some(JointReadings { complaints, ..self.readings });
+            news.feedback.insert(self.readings).complaints = complaints;
         }
         news
     }
