@@ -15,7 +15,6 @@ use criterion::{BenchmarkId, Criterion, criterion_group};
 macro_rules! width {
     ($name:ident, $core:ident, $real:ty) => {
         mod $name {
-            use std::hint::black_box;
             use $core::allocation::{JointLimits, allocate};
             use $core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
             use $core::impedance::{geodesic_law, quaternion_law};

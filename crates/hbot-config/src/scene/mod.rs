@@ -1,6 +1,7 @@
 //! The scene file: it describes what the sphere feels like, and which imperfections of a real rig
 //! the simulated rig shows.
 
+mod catalogue;
 mod files;
 mod kinds;
 mod running;
@@ -16,8 +17,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+pub use self::catalogue::{Listed, Parameter, kinds, phenomena};
 pub use self::kinds::IdleKey;
-use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KINDS, KindEntry};
+use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KindEntry};
 pub use self::running::{EffectPlace, RunningScene, SetError};
 pub use self::shelf::{SHELF, ShelfScene};
 pub use self::simulate::{
@@ -53,7 +55,7 @@ pub struct SceneEffect {
     parameters: Map<String, Value>,
     kind: Kind,
     /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
-    /// stores these lists of all effects in one table, its figures.
+    /// stores these lists of all effects in one table.
     numbers: Vec<f64>,
     /// The parameters that have no effect because of the values of others.
     idle: Vec<IdleKey>,
@@ -67,68 +69,6 @@ impl PartialEq for SceneEffect {
     fn eq(&self, other: &Self) -> bool {
         (&self.id, self.kind_name, self.common, &self.parameters)
             == (&other.id, other.kind_name, other.common, &other.parameters)
-    }
-}
-
-/// Describes something that a scene can contain: a kind of effect, or a phenomenon of the simulated
-/// rig.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Listed {
-    /// Name of the kind or phenomenon in scene files.
-    pub name: &'static str,
-    /// A description of what the kind or phenomenon does, in one or two sentences.
-    pub description: String,
-    /// JSON schema of the parameters, with `description`, `default`, range and `unit` of each. For
-    /// a kind of effect, it covers all that the op `set` accepts.
-    pub schema: Value,
-}
-
-/// Returns a description of every kind of effect that a scene can contain.
-#[must_use]
-pub fn kinds() -> Vec<Listed> {
-    KINDS.iter().map(|kind| Listed::new(kind.name, &kind.schema)).collect()
-}
-
-/// Returns a description of every phenomenon that the table `[simulate]` of a scene can contain.
-#[must_use]
-pub fn phenomena() -> Vec<Listed> {
-    /// A static copy of the schema's properties, so that the names of the phenomena are `&'static
-    /// str`.
-    static NAMES: LazyLock<Map<String, Value>> =
-        LazyLock::new(|| crate::schema::properties(&simulate::SCHEMA));
-    NAMES.iter().map(|(name, schema)| Listed::new(name, schema)).collect()
-}
-
-/// A description in words of one parameter of an effect or phenomenon.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Parameter {
-    /// Name of the parameter in scene files.
-    pub name: String,
-    /// A description of what the parameter does.
-    pub description: String,
-    /// The legal values of the parameter, with the unit.
-    pub legal: String,
-    /// The default value of the parameter, as JSON.
-    pub default: String,
-}
-
-impl Listed {
-    /// Returns a description of each parameter, in the order of the schema.
-    #[must_use]
-    pub fn parameters(&self) -> Vec<Parameter> {
-        let properties = crate::schema::properties(&self.schema);
-        let words = properties.iter().map(|(name, schema)| Parameter {
-            name: name.clone(),
-            description: schema["description"].as_str().unwrap_or_default().to_owned(),
-            legal: crate::legal::legal_with_elements(schema),
-            default: crate::legal::short(&schema["default"]),
-        });
-        words.collect()
-    }
-
-    fn new(name: &'static str, schema: &Value) -> Self {
-        let description = schema["description"].as_str().unwrap_or_default().to_owned();
-        Self { name, description, schema: schema.clone() }
     }
 }
 
@@ -224,7 +164,7 @@ impl SceneFile {
             }
             ids.push(id);
         }
-        check_figures(&effects, "effect", &mut report);
+        check_numbers(&effects, "effect", &mut report);
         // Other users see these texts in their terminals, so they must not contain control
         // characters.
         for key in ["name", "description"] {
@@ -335,7 +275,7 @@ fn is_visible(c: char) -> bool {
 
 /// Checks that the positions, orientations and points of all effects together have at most
 /// [`MAX_NUMBERS`] numbers. If they have more, adds a mistake at `path` to the report.
-fn check_figures(effects: &[SceneEffect], path: &str, report: &mut Report) {
+fn check_numbers(effects: &[SceneEffect], path: &str, report: &mut Report) {
     let numbers: usize = effects.iter().map(|effect| effect.numbers.len()).sum();
     if numbers > MAX_NUMBERS {
         let message = format!("positions, orientations and points take {numbers} numbers");

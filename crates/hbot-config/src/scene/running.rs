@@ -5,7 +5,7 @@ use hbot_core::effects::{Effect, Span};
 use hbot_core::scene::{CompiledScene, MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value};
 
-use super::{KindEntry, SceneEffect, SceneFile, check_figures};
+use super::{KindEntry, SceneEffect, SceneFile, check_numbers};
 use crate::angle::to_radians;
 use crate::diagnostic::Diagnostics;
 use crate::document::Report;
@@ -89,7 +89,7 @@ impl RunningScene {
     }
 
     /// Replaces the running scene by `file`. Every effect starts with a new memory. Effects of the
-    /// old scene that have a fade-out time fade out, if slots and figures are free for them.
+    /// old scene that have a fade-out time fade out, if slots and numbers are free for them.
     pub fn load(&mut self, file: SceneFile) -> CompiledScene {
         let old = std::mem::take(&mut self.file.effects).into_iter().zip(std::mem::take(&mut self.memories));
         let mut numbers: usize = file.effects.iter().map(|effect| effect.numbers.len()).sum();
@@ -131,7 +131,7 @@ impl RunningScene {
         let changed = self.file.effects[index].with(parameters)?;
         let before = std::mem::replace(&mut self.file.effects[index], changed);
         let mut report = Report::default();
-        check_figures(&self.file.effects, "", &mut report);
+        check_numbers(&self.file.effects, "", &mut report);
         if let Err(mistakes) = report.finish(Some(())) {
             self.file.effects[index] = before;
             return Err(mistakes.into());

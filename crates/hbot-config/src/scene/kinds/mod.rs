@@ -69,7 +69,7 @@ pub(super) trait EffectKind: Serialize + DeserializeOwned + JsonSchema {
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind>;
 
     /// Returns the positions, orientations or points of the effect as a list of numbers. A compiled
-    /// scene stores these lists of all effects in one table, its figures. Called only after
+    /// scene stores these lists of all effects in one table. Called only after
     /// [`compile`](Self::compile) has succeeded.
     fn numbers(&self) -> Vec<f64> {
         Vec::new()
@@ -128,7 +128,7 @@ pub(super) struct Compiled {
     /// The kind of the effect with its parameters, as the core computes it.
     pub(super) kind: Kind,
     /// The positions, orientations or points of the effect as a list of numbers. A compiled scene
-    /// stores these lists of all effects in one table, its figures.
+    /// stores these lists of all effects in one table.
     pub(super) numbers: Vec<f64>,
     /// The parameters that have no effect because of the values of others.
     pub(super) idle: Vec<IdleKey>,
