@@ -201,6 +201,24 @@ def test_a_damaged_chunk_is_a_gap_and_is_named(tmp_path: Path) -> None:
     assert len(recording["/hbot/state"]["t"]) == 1000 - lost
 
 
+def test_a_damaged_first_chunk_costs_its_own_messages_only(tmp_path: Path) -> None:
+    """The first chunk says what each channel is. The index at the end repeats it."""
+    with KEPT.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    first = min(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+    data = bytearray(KEPT.read_bytes())
+    data[first.chunk_start_offset + first.chunk_length // 2] ^= 0x40
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    recording = hbot.mcap.read(damaged)
+    assert len(recording.damaged) == 1
+    assert recording.complete
+    tick = recording["/hbot/state"]["tick"]
+    assert tick.tolist() == list(range(tick[0], 1000))
+    assert 0 < tick[0] < 1000
+
+
 def test_a_file_that_was_cut_is_read_up_to_there(tmp_path: Path) -> None:
     small, cut = tmp_path / "small.mcap", tmp_path / "cut.mcap"
     rewrite(KEPT, small, lost=range(0))

@@ -1,11 +1,12 @@
 //! Reads recordings, also those that are cut off or damaged.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
-use std::io::{ErrorKind, Read};
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
 use mcap::read::parse_record;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use mcap::{MAGIC, McapError};
 
 use crate::writer::METADATA;
@@ -28,7 +29,7 @@ pub enum Item {
         /// The message in the encoding of its topic.
         data: Vec<u8>,
     },
-    /// A chunk that cannot be read, with the reason. The messages in it are lost.
+    /// A chunk or record that cannot be read, with the reason. The messages in it are lost.
     Damaged(String),
     /// The file ends before the end of the recording, for example because the program was killed.
     Cut,
@@ -51,22 +52,24 @@ pub enum ReadError {
 /// Reads a recording from its beginning to its end.
 pub struct Reader<R> {
     from: R,
+    /// The topic of each channel.
     channels: HashMap<u16, String>,
     waiting: VecDeque<Item>,
     over: bool,
 }
 
-impl<R: Read> Reader<R> {
-    /// Begins to read a recording.
+impl<R: Read + Seek> Reader<R> {
+    /// Begins to read a recording. First it reads the index at the end, which repeats what each
+    /// channel is. So messages can be read even if the chunk that says it first is damaged.
     ///
     /// # Errors
     /// Fails if `from` cannot be read or is not an MCAP file.
     pub fn new(mut from: R) -> Result<Self, ReadError> {
+        let channels = indexed_channels(&mut from).unwrap_or_default();
+        from.rewind()?;
         let mut magic = [0; MAGIC.len()];
         match from.read_exact(&mut magic) {
-            Ok(()) if magic == *MAGIC => {
-                Ok(Self { from, channels: HashMap::new(), waiting: VecDeque::new(), over: false })
-            }
+            Ok(()) if magic == *MAGIC => Ok(Self { from, channels, waiting: VecDeque::new(), over: false }),
             Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(error.into()),
             _ => Err(ReadError::Foreign),
         }
@@ -113,6 +116,10 @@ impl<R: Read> Reader<R> {
             }
             // The index follows, which repeats what has been read.
             Ok(Record::DataEnd(_)) => self.over = true,
+            // No version of hbot writes other kinds, so it may be what is left of a chunk.
+            Ok(Record::Unknown { opcode, .. }) => {
+                self.waiting.push_back(Item::Damaged(format!("a record of the unknown kind {opcode}")));
+            }
             Ok(record) => self.plain(record),
             Err(error) => return Err(ReadError::Damaged(error.to_string())),
         }
@@ -176,6 +183,25 @@ impl<R: Read> Reader<R> {
             _ => {}
         }
     }
+}
+
+/// Returns the topics of the channels in the index at the end of a recording.
+fn indexed_channels(from: &mut (impl Read + Seek)) -> Result<HashMap<u16, String>, McapError> {
+    let options = SummaryReaderOptions::default()
+        .with_file_size(from.seek(SeekFrom::End(0))?)
+        .with_record_length_limit(MAX_RECORD as usize);
+    let mut reader = SummaryReader::new_with_options(options);
+    while let Some(event) = reader.next_event() {
+        match event? {
+            SummaryReadEvent::ReadRequest(wanted) => {
+                let read = from.read(reader.insert(wanted))?;
+                reader.notify_read(read);
+            }
+            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(from.seek(to)?),
+        }
+    }
+    let channels = reader.finish().map(|summary| summary.channels).unwrap_or_default();
+    Ok(channels.iter().map(|(id, channel)| (*id, channel.topic.clone())).collect())
 }
 
 /// Fills `bytes`. Returns false if the file ends before.

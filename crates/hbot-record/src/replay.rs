@@ -1,7 +1,7 @@
 //! Runs the recorded inputs through the control law again and compares the outputs.
 
 use std::collections::BTreeMap;
-use std::io::Read;
+use std::io::{Read, Seek};
 
 use hbot_core::effects::Effect;
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
@@ -128,7 +128,7 @@ pub struct Replay<R> {
     report: Report,
 }
 
-impl<R: Read> Replay<R> {
+impl<R: Read + Seek> Replay<R> {
     /// Begins to replay a recording. With `other`, this scene is rendered instead of the recorded
     /// ones, and outputs are not compared.
     ///

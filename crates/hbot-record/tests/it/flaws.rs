@@ -1,6 +1,7 @@
 //! Recordings that are altered, damaged, cut off or of another version.
 
 use std::io::Cursor;
+use std::ops::Range;
 
 use hbot_api::StateEvent;
 use hbot_config::SceneFile;
@@ -23,6 +24,25 @@ fn altered(recording: &[u8], alter: impl FnOnce(&mut Vec<(Exact, u64)>)) -> Vec<
 fn at(records: &[(Exact, u64)], tick: u64) -> usize {
     let is_it = |(record, _): &(Exact, u64)| matches!(record, Exact::Tick(found) if found.0.tick == tick);
     records.iter().position(is_it).unwrap()
+}
+
+/// Bytes of a chunk before its compressed messages: a kind and a length, two times, a length and a
+/// check code, the text `lz4`, a length.
+const BEFORE_MESSAGES: usize = 9 + 8 + 8 + 8 + 4 + 4 + 3 + 8;
+
+/// Returns the places of the chunks in `recording`.
+fn chunks(recording: &[u8]) -> Vec<Range<usize>> {
+    // Eight bytes of signature, then records: a kind, a length and as many bytes. A chunk is of
+    // kind 6.
+    let (mut at, mut chunks) = (8, Vec::new());
+    while let Some(head) = recording.get(at..at + 9) {
+        let end = at + 9 + u64::from_le_bytes(head[1..].try_into().unwrap()) as usize;
+        if head[0] == 6 {
+            chunks.push(at..end);
+        }
+        at = end;
+    }
+    chunks
 }
 
 #[test]
@@ -98,16 +118,47 @@ fn a_file_that_is_cut_anywhere_replays_up_to_there() {
 
 #[test]
 fn a_damaged_chunk_costs_the_ticks_until_the_next_state_of_the_law() {
-    let (mut recording, _) = record(SceneFile::default_scene(), 25, |_| ());
-    // A byte in the middle of the run: in a chunk of several seconds.
-    let middle = recording.len() / 4;
-    recording[middle] ^= 0x10;
-    let report = replay(&recording).unwrap();
-    assert!(report.difference.is_none() && !report.is_exact());
-    assert!(matches!(report.flaws[..], [Flaw::Damaged(_), Flaw::Unknown(_)]), "{:?}", report.flaws);
-    // States of the law are ten seconds apart.
-    assert!((10_000..25_000).contains(&report.ticks), "{}", report.ticks);
-    assert_eq!(report.range.unwrap().1, 24_999);
+    let (recording, _) = record(SceneFile::default_scene(), 25, |_| ());
+    let chunks = chunks(&recording);
+    let (first, later) = (&chunks[0], &chunks[chunks.len() / 4]);
+    // The first chunk says what each channel is. Only the index at the end repeats it. The last
+    // place is the kind of a chunk: then nobody knows what the record is.
+    for place in [first.start + first.len() / 2, later.start + later.len() / 2, later.start] {
+        let mut damaged = recording.clone();
+        damaged[place] ^= 0x10;
+        let report = replay(&damaged).unwrap();
+        assert!(report.difference.is_none() && !report.is_exact(), "{report:?}");
+        assert!(matches!(report.flaws[..], [Flaw::Damaged(_), Flaw::Unknown(_)]), "{report:?}");
+        // States of the law are ten seconds apart.
+        assert!((10_000..25_000).contains(&report.ticks), "{report:?}");
+        assert_eq!(report.range.unwrap().1, 24_999);
+    }
+}
+
+#[test]
+fn one_changed_byte_anywhere_is_never_a_difference() {
+    let (recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    let chunks = chunks(&recording);
+    let (mut exact, mut flawed, mut refused) = (0, 0, 0);
+    // The step is prime, so the places are in all kinds of records.
+    for place in (0..recording.len()).step_by(12_007) {
+        let mut damaged = recording.clone();
+        damaged[place] ^= 0x10;
+        match replay(&damaged) {
+            Ok(report) => {
+                assert_eq!(report.difference, None, "{place}");
+                // Only the messages of a chunk are replayed, not the indexes.
+                let repeats =
+                    chunks.iter().all(|chunk| !(chunk.start + BEFORE_MESSAGES..chunk.end).contains(&place));
+                assert!(!report.is_exact() || repeats, "{place}: {report:?}");
+                if report.is_exact() { exact += 1 } else { flawed += 1 }
+            }
+            // In the signature at the beginning.
+            Err(ReplayError::Read(_)) => refused += 1,
+            Err(other) => panic!("{place}: {other}"),
+        }
+    }
+    assert!(exact > 0 && flawed > 50 && refused > 0, "{exact}, {flawed}, {refused}");
 }
 
 /// A file can have intact chunks with wrong numbers in them.
@@ -162,7 +213,7 @@ fn what_is_no_recording_of_this_version_is_refused_by_name() {
     let entry = format!("\x06\0\0\0format\x01\0\0\0{FORMAT}");
     let place = recording.windows(entry.len()).position(|bytes| bytes == entry.as_bytes()).unwrap();
     recording[place + entry.len() - 1] = b'9';
-    let Err(error) = Replay::new(&recording[..], None) else { panic!("another format is replayed") };
+    let Err(error) = Replay::new(Cursor::new(recording), None) else { panic!("another format is replayed") };
     let text = error.to_string();
     assert!(text.contains("in format 9") && text.contains(env!("CARGO_PKG_VERSION")), "{text}");
 }

@@ -3,6 +3,7 @@
 //! If the control law or its types change on purpose, raise `FORMAT` in `src/exact.rs` and keep a
 //! new recording: `HBOT_BLESS=1` writes `kept/format-N.mcap`.
 
+use std::io::Cursor;
 use std::path::Path;
 
 use hbot_config::SceneFile;
@@ -23,7 +24,7 @@ fn recordings_of_earlier_versions_replay_or_are_refused_by_name() {
     for file in std::fs::read_dir(folder).unwrap() {
         let path = file.unwrap().path();
         let recording = std::fs::read(&path).unwrap();
-        match Replay::new(&recording[..], None) {
+        match Replay::new(Cursor::new(&recording), None) {
             Err(ReplayError::Version { .. }) => assert_ne!(path, newest),
             Err(error) => panic!("{}: {error}", path.display()),
             Ok(_) => assert_exact(&recording, 1000),

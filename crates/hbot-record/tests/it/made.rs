@@ -37,7 +37,7 @@ pub(crate) fn record_to(path: &Path, scene: SceneFile, seconds: u64, client: fn(
 }
 
 pub(crate) fn replay(recording: &[u8]) -> Result<Report, ReplayError> {
-    Replay::new(recording, None)?.run(0, u64::MAX, |_| Ok(()))
+    Replay::new(Cursor::new(recording), None)?.run(0, u64::MAX, |_| Ok(()))
 }
 
 /// Asserts that `ticks` ticks replay bit for bit, and that nothing else is said.
@@ -50,7 +50,7 @@ pub(crate) fn assert_exact(recording: &[u8], ticks: u64) {
 
 /// Reads the records of the private topic, with their times.
 pub(crate) fn exact(recording: &[u8]) -> Vec<(Exact, u64)> {
-    let mut reader = Reader::new(recording).unwrap();
+    let mut reader = Reader::new(Cursor::new(recording)).unwrap();
     let mut all = Vec::new();
     while let Some(item) = reader.next().unwrap() {
         if let Item::Message { topic, log_time, data } = item

@@ -1,6 +1,7 @@
 //! Recordings of servers replay bit for bit, whatever happens in the run.
 
 use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::net::SocketAddr;
 use std::path::Path;
 
@@ -96,7 +97,7 @@ fn a_recording_has_every_public_topic_of_every_tick_at_its_time() {
     let (recording, finished) = record(SceneFile::default_scene(), 2, |address| {
         JsonLines::greeted(address).ask(r#"{"id": 1, "op": "acquire"}"#);
     });
-    let mut reader = Reader::new(&recording[..]).unwrap();
+    let mut reader = Reader::new(Cursor::new(&recording)).unwrap();
     let mut topics: BTreeMap<String, Vec<u64>> = BTreeMap::new();
     while let Some(item) = reader.next().unwrap() {
         if let Item::Message { topic, log_time, .. } = item {
@@ -123,7 +124,7 @@ fn another_scene_gives_the_torque_that_this_hand_would_have_felt() {
     let run = |stiffness: f64| {
         let scene = serde_json::json!({"name": "s", "effect": [{"id": "s", "kind": "spring", "stiffness": stiffness}]});
         let compiled = hbot_config::RunningScene::new().load(SceneFile::from_json(scene).unwrap());
-        let replay = Replay::new(&recording[..], Some(Box::new(renumbered(&compiled)))).unwrap();
+        let replay = Replay::new(Cursor::new(&recording), Some(Box::new(renumbered(&compiled)))).unwrap();
         let mut torques = Vec::new();
         let report = replay.run(2000, 2999, |tick| {
             assert_eq!(tick.recorded.state.q, tick.computed.state.q, "the motion is the recorded one");
@@ -143,7 +144,8 @@ fn another_scene_gives_the_torque_that_this_hand_would_have_felt() {
 #[test]
 fn a_part_of_a_recording_is_compared_if_asked() {
     let (recording, _) = record(SceneFile::default_scene(), 2, |_| ());
-    let report = Replay::new(&recording[..], None).unwrap().run(500, 999, |_| Ok::<_, ReplayError>(()));
+    let report =
+        Replay::new(Cursor::new(&recording), None).unwrap().run(500, 999, |_| Ok::<_, ReplayError>(()));
     let report = report.unwrap();
     assert_eq!((report.ticks, report.range, report.is_exact()), (500, Some((500, 999)), true));
     assert_eq!(replay(&recording).unwrap().ticks, 2000);

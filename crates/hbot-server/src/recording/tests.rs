@@ -1,6 +1,7 @@
 //! Tests of what happens if the recorder or the disk cannot follow, and of new files. The loop is
 //! played by the test, so that it can be faster than the recorder.
 
+use std::io::Cursor;
 use std::path::Path;
 
 use hbot_config::RunningScene;
@@ -85,7 +86,7 @@ impl Loop {
 
 fn replayed(path: &Path) -> Report {
     let file = std::fs::read(path).unwrap();
-    Replay::new(file.as_slice(), None).unwrap().run(0, u64::MAX, |_| Ok::<_, ReplayError>(())).unwrap()
+    Replay::new(Cursor::new(file), None).unwrap().run(0, u64::MAX, |_| Ok::<_, ReplayError>(())).unwrap()
 }
 
 /// Returns the number of scenes that viewers see in a recording.

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import IO, Any, TypeAlias
 
 from mcap.exceptions import InvalidMagic, McapError
+from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap_protobuf.decoder import DecoderFactory
@@ -135,8 +136,9 @@ class _Reader:
     def __init__(
         self, file: IO[bytes], wanted: tuple[str, ...], start: float | None, end: float | None
     ) -> None:
-        size = os.fstat(file.fileno()).st_size  # No record is longer, also in a damaged file.
-        self._records = StreamReader(file, emit_chunks=True, record_size_limit=size).records
+        self._file = file
+        # No record is longer, also in a damaged file.
+        self._limit = os.fstat(file.fileno()).st_size
         self._wanted = wanted
         self._first = -math.inf if start is None else start * 1e9
         self._end = math.inf if end is None else end * 1e9
@@ -154,8 +156,11 @@ class _Reader:
 
     def run(self) -> None:
         """Read to the end, or to the place where the file is cut."""
+        self._index()
+        self._file.seek(0)
+        records = StreamReader(self._file, emit_chunks=True, record_size_limit=self._limit).records
         try:
-            for record in self._records:
+            for record in records:
                 self._damaged += self._doubtful
                 self._doubtful.clear()
                 if isinstance(record, Footer):
@@ -168,6 +173,21 @@ class _Reader:
             if isinstance(wrong, InvalidMagic) and not self.metadata:
                 raise
             self._complete = False
+
+    def _index(self) -> None:
+        """Take what each channel is, as the index at the end of the file repeats it.
+
+        So messages can be read even if the chunk that says it first is damaged.
+        """
+        try:
+            summary = SeekingReader(self._file, record_size_limit=self._limit).get_summary()
+        except (*_DAMAGE, OSError, StopIteration):
+            return  # The file is no recording, or it is cut: there is no index.
+        if summary is not None:
+            for schema in summary.schemas.values():
+                self._take(schema)
+            for channel in summary.channels.values():
+                self._take(channel)
 
     def _chunk(self, chunk: Chunk) -> None:
         try:
