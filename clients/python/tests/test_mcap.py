@@ -6,6 +6,7 @@ import dataclasses
 import math
 import re
 import signal
+import struct
 import subprocess
 import sys
 from collections import defaultdict
@@ -201,22 +202,61 @@ def test_a_damaged_chunk_is_a_gap_and_is_named(tmp_path: Path) -> None:
     assert len(recording["/hbot/state"]["t"]) == 1000 - lost
 
 
-def test_a_damaged_first_chunk_costs_its_own_messages_only(tmp_path: Path) -> None:
-    """The first chunk says what each channel is. The index at the end repeats it."""
+def changed(path: Path, place: int, bit: int) -> Path:
+    """Write the kept recording with one bit changed."""
+    data = bytearray(KEPT.read_bytes())
+    data[place] ^= 1 << bit
+    path.write_bytes(data)
+    return path
+
+
+def summary_of_kept() -> tuple[list[int], int]:
+    """Return the places of the chunks of the kept recording, and of the record that ends them."""
     with KEPT.open("rb") as file:
         summary = make_reader(file).get_summary()
-    assert summary is not None
-    first = min(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
-    data = bytearray(KEPT.read_bytes())
-    data[first.chunk_start_offset + first.chunk_length // 2] ^= 0x40
-    damaged = tmp_path / "damaged.mcap"
-    damaged.write_bytes(data)
-    recording = hbot.mcap.read(damaged)
+        assert summary is not None
+        [footer] = struct.unpack("<9xQ20x", KEPT.read_bytes()[-37:])
+    return sorted(chunk.chunk_start_offset for chunk in summary.chunk_indexes), footer - 13
+
+
+def test_a_damaged_first_chunk_costs_its_own_messages_only(tmp_path: Path) -> None:
+    """The first chunk says which topic has which number. The index at the end repeats it."""
+    [first, *_], end = summary_of_kept()
+    place = first + 9 + 3 * 8  # Its check code, after its kind, its length, two times, a size.
+    recording = hbot.mcap.read(changed(tmp_path / "damaged.mcap", place, 4))
     assert len(recording.damaged) == 1
     assert recording.complete
     tick = recording["/hbot/state"]["tick"]
     assert tick.tolist() == list(range(tick[0], 1000))
     assert 0 < tick[0] < 1000
+    # An index that is damaged too is not believed.
+    data = bytearray((tmp_path / "damaged.mcap").read_bytes())
+    data[end + 100] ^= 1
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    recording = hbot.mcap.read(tmp_path / "damaged.mcap")
+    assert len(recording.damaged) == 1
+    assert len(recording["/hbot/state"]["tick"]) == 0
+
+
+def test_a_damaged_index_costs_nothing(tmp_path: Path) -> None:
+    whole = hbot.mcap.read(KEPT)
+    _, end = summary_of_kept()
+    for place in range(end + 22, KEPT.stat().st_size - 8, 509):
+        recording = hbot.mcap.read(changed(tmp_path / "damaged.mcap", place, 4))
+        assert recording.damaged == ()
+        for name, values in whole["/hbot/state"].items():
+            numpy.testing.assert_array_equal(recording["/hbot/state"][name], values)
+
+
+def test_damage_is_named_wherever_it_is(tmp_path: Path) -> None:
+    chunks, end = summary_of_kept()
+    # The kind of a chunk (then it is a record that nobody knows), a place between two chunks.
+    for place in (chunks[-1], chunks[-1] - 20, end - 20):
+        recording = hbot.mcap.read(changed(tmp_path / "damaged.mcap", place, 4))
+        assert len(recording.damaged) == 1
+        assert "crc" in recording.damaged[0]
+        assert recording.complete
+        assert place == chunks[-1] or len(recording["/hbot/state"]["t"]) == 1000
 
 
 def test_a_file_that_was_cut_is_read_up_to_there(tmp_path: Path) -> None:

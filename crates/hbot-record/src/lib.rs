@@ -10,6 +10,7 @@
 
 mod difference;
 pub mod exact;
+mod index;
 #[allow(missing_docs, clippy::all, reason = "made from the definitions in proto/")]
 pub mod messages;
 pub mod public;

@@ -1,19 +1,20 @@
 //! Reads recordings, also those that are cut off or damaged.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
-use std::io::{ErrorKind, Read, Seek, SeekFrom};
+use std::io::{ErrorKind, Read, Seek};
 
+use crc32fast::Hasher;
 use mcap::read::parse_record;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use mcap::{MAGIC, McapError};
 
+use crate::index;
 use crate::writer::METADATA;
 
 /// Largest record that is read, bytes. It is far above the chunks that [`Writer`](crate::Writer)
 /// writes, and keeps a damaged length from filling the memory.
-const MAX_RECORD: u64 = 256 << 20;
+pub(crate) const MAX_RECORD: u64 = 256 << 20;
 
 /// A part of a recording, in the order of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,7 +30,7 @@ pub enum Item {
         /// The message in the encoding of its topic.
         data: Vec<u8>,
     },
-    /// A chunk or record that cannot be read, with the reason. The messages in it are lost.
+    /// A part that cannot be read, with the reason. The messages in it are lost.
     Damaged(String),
     /// The file ends before the end of the recording, for example because the program was killed.
     Cut,
@@ -52,27 +53,45 @@ pub enum ReadError {
 /// Reads a recording from its beginning to its end.
 pub struct Reader<R> {
     from: R,
+    /// Check code of all bytes until here.
+    sum: Hasher,
     /// The topic of each channel.
     channels: HashMap<u16, String>,
+    /// Whether the channels of the index at the end are among them.
+    indexed: bool,
     waiting: VecDeque<Item>,
+    /// Whether anything was damaged until here.
+    damaged: bool,
+    /// Whether a record of a strange kind has been told of since the last chunk.
+    strange: bool,
     over: bool,
 }
 
 impl<R: Read + Seek> Reader<R> {
-    /// Begins to read a recording. First it reads the index at the end, which repeats what each
-    /// channel is. So messages can be read even if the chunk that says it first is damaged.
+    /// Begins to read a recording from a file or a pipe. In a file, the index at the end is read if
+    /// the chunk that says which topic a message belongs to was damaged.
     ///
     /// # Errors
     /// Fails if `from` cannot be read or is not an MCAP file.
     pub fn new(mut from: R) -> Result<Self, ReadError> {
-        let channels = indexed_channels(&mut from).unwrap_or_default();
-        from.rewind()?;
         let mut magic = [0; MAGIC.len()];
         match from.read_exact(&mut magic) {
-            Ok(()) if magic == *MAGIC => Ok(Self { from, channels, waiting: VecDeque::new(), over: false }),
-            Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(error.into()),
-            _ => Err(ReadError::Foreign),
+            Ok(()) if magic == *MAGIC => {}
+            Err(error) if error.kind() != ErrorKind::UnexpectedEof => return Err(error.into()),
+            _ => return Err(ReadError::Foreign),
         }
+        let mut sum = Hasher::new();
+        sum.update(&magic);
+        Ok(Self {
+            from,
+            sum,
+            channels: HashMap::new(),
+            indexed: false,
+            waiting: VecDeque::new(),
+            damaged: false,
+            strange: false,
+            over: false,
+        })
     }
 
     /// Returns the next part of the recording, or `None` at its end.
@@ -104,24 +123,51 @@ impl<R: Read + Seek> Reader<R> {
         if (&mut self.from).take(length).read_to_end(&mut body)? as u64 != length {
             return self.cut();
         }
-        if opcode == op::CHUNK {
-            if let Err(error) = self.chunk(&body) {
-                self.waiting.push_back(Item::Damaged(error.to_string()));
+        let before = self.sum.clone().finalize();
+        self.sum.update(&head);
+        self.sum.update(&body);
+        let read = match opcode {
+            op::CHUNK => {
+                self.strange = false;
+                self.chunk(&body)
             }
-            return Ok(());
+            op::SCHEMA | op::CHANNEL | op::MESSAGE => self.plain(opcode, &body),
+            op::METADATA => self.metadata(&body),
+            op::DATA_END if body.len() == 4 => {
+                // The index follows.
+                self.over = true;
+                let right = u32::from_le_bytes([body[0], body[1], body[2], body[3]]);
+                if right != 0 && right != before && !self.damaged {
+                    self.damaged("the check code of the file is wrong, those of its chunks are right");
+                }
+                Ok(())
+            }
+            op::HEADER => Ok(()),
+            op::MESSAGE_INDEX if index::is_of_chunk(&body) => Ok(()),
+            // It may be what is left of a chunk. Recordings have no other kinds.
+            _ => {
+                if !std::mem::replace(&mut self.strange, true) {
+                    self.damaged("a record of a kind that recordings do not have");
+                }
+                Ok(())
+            }
+        };
+        if let Err(error) = read {
+            self.damaged(&error.to_string());
         }
-        match parse_record(opcode, &body) {
-            Ok(Record::Metadata(metadata)) if metadata.name == METADATA => {
-                self.waiting.push_back(Item::About(metadata.metadata));
-            }
-            // The index follows, which repeats what has been read.
-            Ok(Record::DataEnd(_)) => self.over = true,
-            // No version of hbot writes other kinds, so it may be what is left of a chunk.
-            Ok(Record::Unknown { opcode, .. }) => {
-                self.waiting.push_back(Item::Damaged(format!("a record of the unknown kind {opcode}")));
-            }
-            Ok(record) => self.plain(record),
-            Err(error) => return Err(ReadError::Damaged(error.to_string())),
+        Ok(())
+    }
+
+    fn damaged(&mut self, why: &str) {
+        self.damaged = true;
+        self.waiting.push_back(Item::Damaged(why.to_owned()));
+    }
+
+    fn metadata(&mut self, body: &[u8]) -> Result<(), McapError> {
+        if let Record::Metadata(metadata) = parse_record(op::METADATA, body)?
+            && metadata.name == METADATA
+        {
+            self.waiting.push_back(Item::About(metadata.metadata));
         }
         Ok(())
     }
@@ -164,44 +210,42 @@ impl<R: Read + Seek> Reader<R> {
                     reader.notify_read(now.len());
                     rest = later;
                 }
-                LinearReadEvent::Record { opcode, data } => self.plain(parse_record(opcode, data)?),
+                LinearReadEvent::Record { opcode, data } => self.plain(opcode, data)?,
             }
         }
         Ok(())
     }
 
-    fn plain(&mut self, record: Record<'_>) {
-        match record {
+    /// Takes what a record of a chunk says. Other records than a channel or a message are not
+    /// needed.
+    fn plain(&mut self, opcode: u8, body: &[u8]) -> Result<(), McapError> {
+        if opcode != op::CHANNEL && opcode != op::MESSAGE {
+            return Ok(());
+        }
+        match parse_record(opcode, body)? {
             Record::Channel(channel) => {
                 self.channels.insert(channel.id, channel.topic);
             }
             Record::Message { header, data } => {
-                let topic = self.channels.get(&header.channel_id).cloned().unwrap_or_default();
+                let topic = self.topic(header.channel_id);
                 let (log_time, data) = (header.log_time, data.into_owned());
                 self.waiting.push_back(Item::Message { topic, log_time, data });
             }
             _ => {}
         }
+        Ok(())
     }
-}
 
-/// Returns the topics of the channels in the index at the end of a recording.
-fn indexed_channels(from: &mut (impl Read + Seek)) -> Result<HashMap<u16, String>, McapError> {
-    let options = SummaryReaderOptions::default()
-        .with_file_size(from.seek(SeekFrom::End(0))?)
-        .with_record_length_limit(MAX_RECORD as usize);
-    let mut reader = SummaryReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
-        match event? {
-            SummaryReadEvent::ReadRequest(wanted) => {
-                let read = from.read(reader.insert(wanted))?;
-                reader.notify_read(read);
+    /// Returns the topic of a channel. The index at the end is read if no chunk has said it.
+    fn topic(&mut self, channel: u16) -> String {
+        if !self.indexed && !self.channels.contains_key(&channel) {
+            self.indexed = true;
+            for (id, topic) in index::channels(&mut self.from).unwrap_or_default() {
+                self.channels.entry(id).or_insert(topic);
             }
-            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(from.seek(to)?),
         }
+        self.channels.get(&channel).cloned().unwrap_or_default()
     }
-    let channels = reader.finish().map(|summary| summary.channels).unwrap_or_default();
-    Ok(channels.iter().map(|(id, channel)| (*id, channel.topic.clone())).collect())
 }
 
 /// Fills `bytes`. Returns false if the file ends before.

@@ -136,7 +136,11 @@ impl<R: Read + Seek> Replay<R> {
     /// Fails if the file cannot be read, is no recording of hbot, or is one of another format.
     pub fn new(from: R, other: Option<Box<CompiledScene>>) -> Result<Self, ReplayError> {
         let mut reader = Reader::new(from)?;
-        let Some(Item::About(about)) = reader.next()? else { return Err(ReplayError::Foreign) };
+        let about = match reader.next()? {
+            Some(Item::About(about)) => about,
+            Some(Item::Damaged(why)) => return Err(ReadError::Damaged(why).into()),
+            _ => return Err(ReplayError::Foreign),
+        };
         let entry = |key: &str| about.get(key).cloned().unwrap_or_else(|| "unknown".to_owned());
         if entry("format") != FORMAT.to_string() {
             return Err(ReplayError::Version { version: entry("version"), format: entry("format") });

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import os
 import struct
+import zlib
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
 from typing import IO, Any, TypeAlias
 
 from mcap.exceptions import InvalidMagic, McapError
-from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata, Schema
+from mcap.records import Channel, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap_protobuf.decoder import DecoderFactory
 from zstandard import ZstdError
@@ -34,6 +36,11 @@ _DAMAGE = (
 )
 """What the reader of MCAP and its decompressors raise at bytes that are no record (lz4:
 RuntimeError)."""
+_END = struct.Struct("<9x QQI 8x")
+"""The end of a file: the footer (places of two parts of the index, and its check code), and the
+signature."""
+_UNCHECKED = 4 + 8
+"""Bytes of the end of a file that are not in its check code: the code itself and the signature."""
 
 
 @dataclass(frozen=True)
@@ -145,49 +152,46 @@ class _Reader:
         self._decoders = DecoderFactory()
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, tuple[str, Decode | None]] = {}
+        self._indexed = False
         self._topics: dict[str, Topic] = {}
         self._states = array("q")  # Their times, also if the topic is not wanted: for the gaps.
         self._tick_0: int | None = None
         self._lost = self._dropped = 0
-        self._complete = False
+        self._over = self._complete = False
         self._damaged: list[str] = []
         self._doubtful: list[str] = []
         self.metadata: dict[str, str] = {}
 
     def run(self) -> None:
         """Read to the end, or to the place where the file is cut."""
-        self._index()
-        self._file.seek(0)
-        records = StreamReader(self._file, emit_chunks=True, record_size_limit=self._limit).records
+        records = partial(StreamReader, self._file, emit_chunks=True, record_size_limit=self._limit)
         try:
-            for record in records:
-                self._damaged += self._doubtful
-                self._doubtful.clear()
-                if isinstance(record, Footer):
-                    self._complete = True
-                elif isinstance(record, Chunk):
-                    self._chunk(record)
-                else:
-                    self._take(record)
+            try:
+                self._read(records(validate_crcs=True).records)
+            except CRCValidationError as wrong:
+                # This is the check code of all that precedes the index. If it is wrong and those of
+                # the chunks are right, the damage is outside of chunks, or in the kind of one.
+                if not self._damaged and not self._doubtful:
+                    self._damaged.append(f"the file: {wrong}")
+                self._over = True
+                self._read(records(skip_magic=True).records)
         except _DAMAGE as wrong:
             if isinstance(wrong, InvalidMagic) and not self.metadata:
                 raise
             self._complete = False
 
-    def _index(self) -> None:
-        """Take what each channel is, as the index at the end of the file repeats it.
-
-        So messages can be read even if the chunk that says it first is damaged.
-        """
-        try:
-            summary = SeekingReader(self._file, record_size_limit=self._limit).get_summary()
-        except (*_DAMAGE, OSError, StopIteration):
-            return  # The file is no recording, or it is cut: there is no index.
-        if summary is not None:
-            for schema in summary.schemas.values():
-                self._take(schema)
-            for channel in summary.channels.values():
-                self._take(channel)
+    def _read(self, records: Iterator[McapRecord]) -> None:
+        for record in records:
+            self._damaged += self._doubtful
+            self._doubtful.clear()
+            if isinstance(record, DataEnd):
+                self._over = True
+            elif isinstance(record, Footer):
+                self._complete = True
+            elif isinstance(record, Chunk):
+                self._chunk(record)
+            elif not self._over:  # The index repeats what was read.
+                self._take(record)
 
     def _chunk(self, chunk: Chunk) -> None:
         try:
@@ -205,9 +209,7 @@ class _Reader:
         elif isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
-            schema = self._schemas.get(record.schema_id)
-            decode = self._decoders.decoder_for(record.message_encoding, schema)
-            self._channels[record.id] = (record.topic, decode)
+            self._channels[record.id] = _decoding(record, self._schemas, self._decoders)
         elif isinstance(record, Metadata) and record.name == METADATA:
             self.metadata = record.metadata
             joints = len(record.metadata.get("joints", "").split())
@@ -216,6 +218,10 @@ class _Reader:
             self._tick_0 = None if clock is None else int(clock)
 
     def _message(self, record: Message) -> None:
+        if record.channel_id not in self._channels and not self._indexed:
+            # The chunk that says which topic this is was damaged.
+            self._indexed = True
+            self._channels = _index(self._file) | self._channels
         name, decode = self._channels.get(record.channel_id, ("", None))
         if decode is None:
             return
@@ -250,3 +256,42 @@ class _Reader:
             complete=self._complete,
             damaged=tuple(self._damaged),
         )
+
+
+def _decoding(
+    channel: Channel, schemas: Mapping[int, Schema], decoders: DecoderFactory
+) -> tuple[str, Decode | None]:
+    """Return the topic of a channel and the function that decodes its messages."""
+    schema = schemas.get(channel.schema_id)
+    return channel.topic, decoders.decoder_for(channel.message_encoding, schema)
+
+
+def _index(file: IO[bytes]) -> dict[int, tuple[str, Decode | None]]:
+    """Return which topics have which numbers, as the index at the end says.
+
+    The position stays as it was. There are none if the file has no index, or if the check code of
+    the index is wrong.
+    """
+    here = file.tell()
+    try:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - _END.size))
+        start, _, right = _END.unpack(file.read())
+        if not 0 < start < size:
+            return {}
+        file.seek(start)
+        index = file.read()
+    except struct.error:
+        return {}
+    finally:
+        file.seek(here)
+    if zlib.crc32(index[:-_UNCHECKED]) != right:
+        return {}
+    try:
+        records = list(StreamReader(BytesIO(index), skip_magic=True).records)
+    except _DAMAGE:
+        return {}
+    schemas = {record.id: record for record in records if isinstance(record, Schema)}
+    channels = [record for record in records if isinstance(record, Channel)]
+    decoders = DecoderFactory()
+    return {channel.id: _decoding(channel, schemas, decoders) for channel in channels}
