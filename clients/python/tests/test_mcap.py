@@ -25,6 +25,7 @@ import hbot.mcap
 from hbot.mcap.topics import TOPICS
 
 KEPT = REPOSITORY / "crates" / "hbot-record" / "tests" / "it" / "kept" / "format-2.mcap"
+DATA_END = 15  # The kind of the record that ends the chunks.
 EVERY_TICK = ("/hbot/state", "/hbot/joints", "/tf", "/hbot/torque")
 
 
@@ -248,15 +249,45 @@ def test_a_damaged_index_costs_nothing(tmp_path: Path) -> None:
             numpy.testing.assert_array_equal(recording["/hbot/state"][name], values)
 
 
+def records_of_kept() -> list[int]:
+    """Return the places of the records of the kept recording that precede its index."""
+    data, places = KEPT.read_bytes(), [8]
+    while data[places[-1]] != DATA_END:
+        places.append(places[-1] + 9 + struct.unpack_from("<Q", data, places[-1] + 1)[0])
+    return places
+
+
 def test_damage_is_named_wherever_it_is(tmp_path: Path) -> None:
+    """A changed bit in the kind or the length of any record, or between two chunks."""
+    whole = hbot.mcap.read(KEPT)["/hbot/state"]
     chunks, end = summary_of_kept()
-    # The kind of a chunk (then it is a record that nobody knows), a place between two chunks.
-    for place in (chunks[-1], chunks[-1] - 20, end - 20):
-        recording = hbot.mcap.read(changed(tmp_path / "damaged.mcap", place, 4))
-        assert len(recording.damaged) == 1
-        assert "crc" in recording.damaged[0]
-        assert recording.complete
-        assert place == chunks[-1] or len(recording["/hbot/state"]["t"]) == 1000
+    places = [
+        (place + byte, bit)
+        for place in records_of_kept()
+        for byte in (0, 1, 8)
+        for bit in (0, 3, 7)
+    ]
+    places += [(place, bit) for place in (chunks[0], chunks[-1]) for bit in range(8)]
+    for place, bit in [*places, (chunks[-1] - 20, 4), (end - 20, 4)]:
+        path = changed(tmp_path / "damaged.mcap", place, bit)
+        try:
+            recording = hbot.mcap.read(path)
+        except hbot.IllegalInput:
+            assert place < chunks[0]
+            continue
+        assert recording.damaged or not recording.complete, (place, bit)
+        state = recording["/hbot/state"]
+        kept = numpy.isin(whole["tick"], state["tick"])
+        for name, values in whole.items():
+            numpy.testing.assert_array_equal(state[name], values[kept])
+
+
+def test_metadata_that_contradict_the_states_are_named(tmp_path: Path) -> None:
+    place = KEPT.read_bytes().index(b"A.steer A.drive") + len(b"A.steer")
+    with pytest.raises(
+        hbot.IllegalInput, match=r"damaged\.mcap is damaged: .* has 4 values, not 3"
+    ):
+        hbot.mcap.read(changed(tmp_path / "damaged.mcap", place, 4))
 
 
 def test_a_file_that_was_cut_is_read_up_to_there(tmp_path: Path) -> None:

@@ -14,8 +14,7 @@ const HEAD: usize = 9;
 /// Bytes of the footer: a head, the places of two parts of the index, a check code.
 const FOOTER: usize = HEAD + 8 + 8 + 4;
 
-/// Returns whether `body` is the index of a channel in a chunk: the channel, a length, and as many
-/// bytes.
+/// Returns whether `body` is the index of a chunk: a channel, a length, and as many bytes.
 pub(crate) fn is_of_chunk(body: &[u8]) -> bool {
     body.get(2..6).is_some_and(|length| *length == ((body.len() - 6) as u64).to_le_bytes()[..4])
 }

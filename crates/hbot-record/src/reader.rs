@@ -16,6 +16,10 @@ use crate::writer::METADATA;
 /// writes, and keeps a damaged length from filling the memory.
 pub(crate) const MAX_RECORD: u64 = 256 << 20;
 
+/// Bytes of a chunk record before its messages, without the name of the compression: two times, a
+/// length, a check code, the lengths of the name and of the compressed messages.
+const CHUNK_HEADER: usize = 8 + 8 + 8 + 4 + 4 + 8;
+
 /// A part of a recording, in the order of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Item {
@@ -131,7 +135,6 @@ impl<R: Read + Seek> Reader<R> {
                 self.strange = false;
                 self.chunk(&body)
             }
-            op::SCHEMA | op::CHANNEL | op::MESSAGE => self.plain(opcode, &body),
             op::METADATA => self.metadata(&body),
             op::DATA_END if body.len() == 4 => {
                 // The index follows.
@@ -144,10 +147,10 @@ impl<R: Read + Seek> Reader<R> {
             }
             op::HEADER => Ok(()),
             op::MESSAGE_INDEX if index::is_of_chunk(&body) => Ok(()),
-            // It may be what is left of a chunk. Recordings have no other kinds.
+            // It may be what is left of a chunk. The first of several is told.
             _ => {
                 if !std::mem::replace(&mut self.strange, true) {
-                    self.damaged("a record of a kind that recordings do not have");
+                    self.damaged(&format!("a record of kind {opcode}, which recordings do not have"));
                 }
                 Ok(())
             }
@@ -181,6 +184,13 @@ impl<R: Read + Seek> Reader<R> {
     /// Takes the messages of the chunk record `body`. If the chunk is damaged, none of them is
     /// taken.
     fn chunk(&mut self, body: &[u8]) -> Result<(), McapError> {
+        if let Record::Chunk { header, data } = parse_record(op::CHUNK, body)?
+            && body.len() != CHUNK_HEADER + header.compression.len() + data.len()
+        {
+            // Its length is wrong, so it may have other chunks in it.
+            self.damaged("a chunk that is longer than its messages");
+            return Ok(());
+        }
         let begin = self.waiting.len();
         let taken = self.records_of(body);
         if taken.is_err() {

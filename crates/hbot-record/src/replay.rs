@@ -136,10 +136,14 @@ impl<R: Read + Seek> Replay<R> {
     /// Fails if the file cannot be read, is no recording of hbot, or is one of another format.
     pub fn new(from: R, other: Option<Box<CompiledScene>>) -> Result<Self, ReplayError> {
         let mut reader = Reader::new(from)?;
-        let about = match reader.next()? {
-            Some(Item::About(about)) => about,
-            Some(Item::Damaged(why)) => return Err(ReadError::Damaged(why).into()),
-            _ => return Err(ReplayError::Foreign),
+        let mut report = Report::default();
+        let about = loop {
+            match (reader.next()?, report.flaws.first()) {
+                (Some(Item::About(about)), _) => break about,
+                (Some(Item::Damaged(why)), _) => report.flaws.push(Flaw::Damaged(why)),
+                (_, Some(Flaw::Damaged(why))) => return Err(ReadError::Damaged(why.clone()).into()),
+                _ => return Err(ReplayError::Foreign),
+            }
         };
         let entry = |key: &str| about.get(key).cloned().unwrap_or_else(|| "unknown".to_owned());
         if entry("format") != FORMAT.to_string() {
@@ -152,7 +156,6 @@ impl<R: Read + Seek> Replay<R> {
         if about.contains_key("other_scene") {
             return Err(ReplayError::OfReplay);
         }
-        let report = Report::default();
         Ok(Self { reader, about, controller: None, scene: None, other, unknown: 0, report })
     }
 

@@ -132,7 +132,7 @@ fn a_damaged_chunk_costs_the_ticks_until_the_next_state_of_the_law() {
     let chunks = places(&recording, CHUNK);
     // The first chunk says which topic has which number; only the index at the end repeats it. The
     // last place is the kind of a chunk: then nobody knows what the record is. A chunk has at most
-    // half a second.
+    // 0.6 s.
     for place in [chunks[0] + SUM, chunks[4] + SUM, chunks[4]] {
         let report = replay(&damaged(&recording, place, 4)).unwrap();
         assert!(report.difference.is_none(), "{report:?}");
@@ -172,6 +172,29 @@ fn one_changed_bit_is_never_a_difference_and_never_goes_unnoticed() {
     }
     // What follows the end repeats the rest, and is not replayed.
     assert_exact(&damaged(&recording, end + 100, 4), 2000);
+}
+
+#[test]
+fn damage_outside_of_the_chunks_costs_no_tick() {
+    let (recording, _) = record(SceneFile::default_scene(), 1, |_| ());
+    let end = places(&recording, DATA_END)[0];
+    // The kind of the header, and the last entry in the index of the first or the last chunk.
+    for place in [8, places(&recording, CHUNK)[1] - 4, end - 4] {
+        let report = replay(&damaged(&recording, place, 4)).unwrap();
+        assert!(matches!(report.flaws[..], [Flaw::Damaged(_)]), "{report:?}");
+        assert_eq!((report.ticks, report.range), (1000, Some((0, 999))));
+    }
+}
+
+#[test]
+fn a_chunk_whose_length_swallows_others_is_damaged() {
+    let (mut recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    let chunks = places(&recording, CHUNK);
+    let length = (chunks[chunks.len() - 1] - chunks[1] - 9) as u64;
+    recording[chunks[1] + 1..chunks[1] + 9].copy_from_slice(&length.to_le_bytes());
+    let report = replay(&recording).unwrap();
+    assert!(matches!(report.flaws[..], [Flaw::Damaged(_), Flaw::Unknown(_)]), "{report:?}");
+    assert!(report.difference.is_none(), "{report:?}");
 }
 
 /// A file can have intact chunks with wrong numbers in them.

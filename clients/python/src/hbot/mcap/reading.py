@@ -4,43 +4,22 @@ from __future__ import annotations
 
 import math
 import os
-import struct
-import zlib
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
-from io import BytesIO
 from typing import IO, Any, TypeAlias
 
-from mcap.exceptions import InvalidMagic, McapError
-from mcap.records import Channel, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap_protobuf.decoder import DecoderFactory
-from zstandard import ZstdError
 
 from ..errors import IllegalInput
 from ..events import DroppedEvent
+from .records import Records, index
 from .topics import EVENT, EXACT, STATE, TOPICS, Array, Topic, event_of, missing_steps
 
 METADATA = "hbot"
 """Name of the metadata record of a recording."""
 Decode: TypeAlias = Callable[[bytes], Any]
-_DAMAGE = (
-    McapError,
-    CRCValidationError,
-    ZstdError,
-    struct.error,
-    RuntimeError,
-    UnicodeDecodeError,
-)
-"""What the reader of MCAP and its decompressors raise at bytes that are no record (lz4:
-RuntimeError)."""
-_END = struct.Struct("<9x QQI 8x")
-"""The end of a file: the footer (places of two parts of the index, and its check code), and the
-signature."""
-_UNCHECKED = 4 + 8
-"""Bytes of the end of a file that are not in its check code: the code itself and the signature."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +95,7 @@ def read(
 
     Raises:
         OSError: the file cannot be read.
-        IllegalInput: the file is no recording of hbot.
+        IllegalInput: the file is no recording of hbot, or its metadata are damaged.
         ValueError: there is no such topic.
     """
     if isinstance(topics, str):
@@ -128,8 +107,8 @@ def read(
         reader = _Reader(file, wanted, start, end)
         try:
             reader.run()
-        except InvalidMagic as wrong:
-            raise IllegalInput(f"{os.fspath(path)}: {wrong}") from wrong
+        except ValueError as wrong:  # For example, the metadata name fewer joints than a state has.
+            raise IllegalInput(f"{os.fspath(path)} is damaged: {wrong}") from wrong
     if not reader.metadata:
         raise IllegalInput(
             f"{os.fspath(path)} is no recording of hbot, or it ends before its first record"
@@ -144,8 +123,7 @@ class _Reader:
         self, file: IO[bytes], wanted: tuple[str, ...], start: float | None, end: float | None
     ) -> None:
         self._file = file
-        # No record is longer, also in a damaged file.
-        self._limit = os.fstat(file.fileno()).st_size
+        self._records = Records(file)
         self._wanted = wanted
         self._first = -math.inf if start is None else start * 1e9
         self._end = math.inf if end is None else end * 1e9
@@ -157,50 +135,11 @@ class _Reader:
         self._states = array("q")  # Their times, also if the topic is not wanted: for the gaps.
         self._tick_0: int | None = None
         self._lost = self._dropped = 0
-        self._over = self._complete = False
-        self._damaged: list[str] = []
-        self._doubtful: list[str] = []
         self.metadata: dict[str, str] = {}
 
     def run(self) -> None:
         """Read to the end, or to the place where the file is cut."""
-        records = partial(StreamReader, self._file, emit_chunks=True, record_size_limit=self._limit)
-        try:
-            try:
-                self._read(records(validate_crcs=True).records)
-            except CRCValidationError as wrong:
-                # This is the check code of all that precedes the index. If it is wrong and those of
-                # the chunks are right, the damage is outside of chunks, or in the kind of one.
-                if not self._damaged and not self._doubtful:
-                    self._damaged.append(f"the file: {wrong}")
-                self._over = True
-                self._read(records(skip_magic=True).records)
-        except _DAMAGE as wrong:
-            if isinstance(wrong, InvalidMagic) and not self.metadata:
-                raise
-            self._complete = False
-
-    def _read(self, records: Iterator[McapRecord]) -> None:
-        for record in records:
-            self._damaged += self._doubtful
-            self._doubtful.clear()
-            if isinstance(record, DataEnd):
-                self._over = True
-            elif isinstance(record, Footer):
-                self._complete = True
-            elif isinstance(record, Chunk):
-                self._chunk(record)
-            elif not self._over:  # The index repeats what was read.
-                self._take(record)
-
-    def _chunk(self, chunk: Chunk) -> None:
-        try:
-            records = breakup_chunk(chunk, validate_crc=True)
-        except _DAMAGE as wrong:
-            # It is damaged if another record follows. Otherwise the file is cut within it.
-            self._doubtful.append(f"the chunk at {chunk.message_start_time} ns: {wrong}")
-            return
-        for record in records:
+        for record in self._records:
             self._take(record)
 
     def _take(self, record: McapRecord) -> None:
@@ -215,13 +154,14 @@ class _Reader:
             joints = len(record.metadata.get("joints", "").split())
             self._topics = {name: Topic(name, joints) for name in self._wanted}
             clock = record.metadata.get("clock_unix_ns")
-            self._tick_0 = None if clock is None else int(clock)
+            if clock is not None and clock.isdecimal():
+                self._tick_0 = int(clock)
 
     def _message(self, record: Message) -> None:
         if record.channel_id not in self._channels and not self._indexed:
             # The chunk that says which topic this is was damaged.
             self._indexed = True
-            self._channels = _index(self._file) | self._channels
+            self._channels = _channels(index(self._file)) | self._channels
         name, decode = self._channels.get(record.channel_id, ("", None))
         if decode is None:
             return
@@ -253,8 +193,8 @@ class _Reader:
             ),
             lost_ticks=self._lost,
             dropped=self._dropped,
-            complete=self._complete,
-            damaged=tuple(self._damaged),
+            complete=self._records.complete,
+            damaged=tuple(self._records.damaged),
         )
 
 
@@ -266,31 +206,8 @@ def _decoding(
     return channel.topic, decoders.decoder_for(channel.message_encoding, schema)
 
 
-def _index(file: IO[bytes]) -> dict[int, tuple[str, Decode | None]]:
-    """Return which topics have which numbers, as the index at the end says.
-
-    The position stays as it was. There are none if the file has no index, or if the check code of
-    the index is wrong.
-    """
-    here = file.tell()
-    try:
-        size = file.seek(0, os.SEEK_END)
-        file.seek(max(0, size - _END.size))
-        start, _, right = _END.unpack(file.read())
-        if not 0 < start < size:
-            return {}
-        file.seek(start)
-        index = file.read()
-    except struct.error:
-        return {}
-    finally:
-        file.seek(here)
-    if zlib.crc32(index[:-_UNCHECKED]) != right:
-        return {}
-    try:
-        records = list(StreamReader(BytesIO(index), skip_magic=True).records)
-    except _DAMAGE:
-        return {}
+def _channels(records: list[McapRecord]) -> dict[int, tuple[str, Decode | None]]:
+    """Return the channels that are among `records`, by number."""
     schemas = {record.id: record for record in records if isinstance(record, Schema)}
     channels = [record for record in records if isinstance(record, Channel)]
     decoders = DecoderFactory()
