@@ -22,7 +22,7 @@ from serving import PATIENCE_S, RATE_HZ, REPOSITORY, SCENES, Server, program
 
 import hbot
 import hbot.mcap
-from hbot.mcap.topics import TOPICS
+from hbot.mcap.topics import STATE, TOPICS
 
 KEPT = REPOSITORY / "crates" / "hbot-record" / "tests" / "it" / "kept" / "format-2.mcap"
 DATA_END = 15  # The kind of the record that ends the chunks.
@@ -239,6 +239,36 @@ def test_a_damaged_first_chunk_costs_its_own_messages_only(tmp_path: Path) -> No
     assert len(recording["/hbot/state"]["tick"]) == 0
 
 
+def test_a_damaged_chunk_with_the_definition_of_another_topic_costs_no_more(tmp_path: Path) -> None:
+    """Both topics of torque have the same message, which the first chunk defines."""
+    small = tmp_path / "small.mcap"
+    with KEPT.open("rb") as old, small.open("wb") as new:
+        reader, writer = make_reader(old), Writer(new, chunk_size=20_000)
+        writer.start()
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        channels: dict[str, int] = {}
+        number = 0
+        for count, (schema, _, message) in enumerate(reader.iter_messages(["/hbot/torque"])):
+            assert schema is not None
+            topic = "/hbot/torque" if count < 500 else "/hbot/torque/other"
+            number = number or writer.register_schema(schema.name, schema.encoding, schema.data)
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "protobuf", number)
+            writer.add_message(channels[topic], message.log_time, message.data, message.log_time)
+        writer.finish()  # type: ignore[no-untyped-call]
+    with small.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    data = bytearray(small.read_bytes())
+    data[summary.chunk_indexes[0].chunk_start_offset + 9 + 3 * 8] ^= 1
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    recording = hbot.mcap.read(tmp_path / "damaged.mcap")
+    assert len(recording.damaged) == 1
+    assert 0 < len(recording["/hbot/torque"]["t"]) < 500
+    assert len(recording["/hbot/torque/other"]["t"]) == 500
+
+
 def test_a_damaged_index_costs_nothing(tmp_path: Path) -> None:
     whole = hbot.mcap.read(KEPT)
     _, end = summary_of_kept()
@@ -259,7 +289,7 @@ def records_of_kept() -> list[int]:
 
 def test_damage_is_named_wherever_it_is(tmp_path: Path) -> None:
     """A changed bit in the kind or the length of any record, or between two chunks."""
-    whole = hbot.mcap.read(KEPT)["/hbot/state"]
+    whole = hbot.mcap.read(KEPT, STATE)["/hbot/state"]
     chunks, end = summary_of_kept()
     places = [
         (place + byte, bit)
@@ -271,7 +301,7 @@ def test_damage_is_named_wherever_it_is(tmp_path: Path) -> None:
     for place, bit in [*places, (chunks[-1] - 20, 4), (end - 20, 4)]:
         path = changed(tmp_path / "damaged.mcap", place, bit)
         try:
-            recording = hbot.mcap.read(path)
+            recording = hbot.mcap.read(path, STATE)
         except hbot.IllegalInput:
             assert place < chunks[0]
             continue

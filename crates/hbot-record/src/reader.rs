@@ -145,12 +145,12 @@ impl<R: Read + Seek> Reader<R> {
                 }
                 Ok(())
             }
-            op::HEADER => Ok(()),
+            op::HEADER | op::ATTACHMENT => Ok(()),
             op::MESSAGE_INDEX if index::is_of_chunk(&body) => Ok(()),
             // It may be what is left of a chunk. The first of several is told.
             _ => {
                 if !std::mem::replace(&mut self.strange, true) {
-                    self.damaged(&format!("a record of kind {opcode}, which recordings do not have"));
+                    self.damaged(&format!("an unexpected record of kind {opcode}"));
                 }
                 Ok(())
             }

@@ -18,7 +18,7 @@ pub enum ReplayError {
     #[error(transparent)]
     Read(#[from] ReadError),
     /// The file has no metadata of hbot.
-    #[error("not a recording of hbot: it has no metadata record \"hbot\"")]
+    #[error("not a recording of hbot: it has no readable metadata record \"hbot\"")]
     Foreign,
     /// The recording is of another version, whose control law may compute other bits.
     #[error(
@@ -138,10 +138,9 @@ impl<R: Read + Seek> Replay<R> {
         let mut reader = Reader::new(from)?;
         let mut report = Report::default();
         let about = loop {
-            match (reader.next()?, report.flaws.first()) {
-                (Some(Item::About(about)), _) => break about,
-                (Some(Item::Damaged(why)), _) => report.flaws.push(Flaw::Damaged(why)),
-                (_, Some(Flaw::Damaged(why))) => return Err(ReadError::Damaged(why.clone()).into()),
+            match reader.next()? {
+                Some(Item::About(about)) => break about,
+                Some(Item::Damaged(why)) => report.flaws.push(Flaw::Damaged(why)),
                 _ => return Err(ReplayError::Foreign),
             }
         };

@@ -55,9 +55,10 @@ class Recording(Mapping[str, Mapping[str, Array]]):
     dropped: int
     """States that the server dropped because the recording client (`hbot record`) was too slow."""
     complete: bool
-    """Whether the file has its end. False: the server was killed, or it still records."""
+    """Whether the file has its end. False: the server was killed, it still records, or the file is
+    damaged so that its end is not found."""
     damaged: tuple[str, ...]
-    """Why parts of the file could not be read. Their messages are missing."""
+    """What is damaged, and the reason. Messages of a damaged chunk are missing."""
 
     def __getitem__(self, topic: str) -> Mapping[str, Array]:
         """Return the arrays of a topic."""
@@ -111,7 +112,7 @@ def read(
             raise IllegalInput(f"{os.fspath(path)} is damaged: {wrong}") from wrong
     if not reader.metadata:
         raise IllegalInput(
-            f"{os.fspath(path)} is no recording of hbot, or it ends before its first record"
+            f"{os.fspath(path)} is no recording of hbot, or its metadata are missing or damaged"
         )
     return reader.result()
 
@@ -148,7 +149,9 @@ class _Reader:
         elif isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
-            self._channels[record.id] = _decoding(record, self._schemas, self._decoders)
+            schema = self._schemas.get(record.schema_id)
+            decode = self._decoders.decoder_for(record.message_encoding, schema)
+            self._channels[record.id] = (record.topic, decode)
         elif isinstance(record, Metadata) and record.name == METADATA:
             self.metadata = record.metadata
             joints = len(record.metadata.get("joints", "").split())
@@ -158,11 +161,13 @@ class _Reader:
                 self._tick_0 = int(clock)
 
     def _message(self, record: Message) -> None:
-        if record.channel_id not in self._channels and not self._indexed:
-            # The chunk that says which topic this is was damaged.
-            self._indexed = True
-            self._channels = _channels(index(self._file)) | self._channels
         name, decode = self._channels.get(record.channel_id, ("", None))
+        if decode is None and not self._indexed:
+            # The chunk that says which topic this is, or what its messages look like, was damaged.
+            self._indexed = True
+            for again in index(self._file):
+                self._take(again)
+            name, decode = self._channels.get(record.channel_id, ("", None))
         if decode is None:
             return
         if self._tick_0 is None and name == STATE:
@@ -196,19 +201,3 @@ class _Reader:
             complete=self._records.complete,
             damaged=tuple(self._records.damaged),
         )
-
-
-def _decoding(
-    channel: Channel, schemas: Mapping[int, Schema], decoders: DecoderFactory
-) -> tuple[str, Decode | None]:
-    """Return the topic of a channel and the function that decodes its messages."""
-    schema = schemas.get(channel.schema_id)
-    return channel.topic, decoders.decoder_for(channel.message_encoding, schema)
-
-
-def _channels(records: list[McapRecord]) -> dict[int, tuple[str, Decode | None]]:
-    """Return the channels that are among `records`, by number."""
-    schemas = {record.id: record for record in records if isinstance(record, Schema)}
-    channels = [record for record in records if isinstance(record, Channel)]
-    decoders = DecoderFactory()
-    return {channel.id: _decoding(channel, schemas, decoders) for channel in channels}

@@ -24,9 +24,11 @@ _HEAD = struct.Struct("<BQ")
 """The head of a record: its kind, and its length in bytes without the head."""
 _FOOTER = struct.Struct("<9xQQI")
 """The last record: places of two parts of the index, and the check code of the index."""
+_SKIPPED = (Opcode.HEADER, Opcode.ATTACHMENT)
+"""Kinds of records that say nothing of the recording."""
 _CODE = 4
 """Bytes of a check code."""
-_DAMAGE = (McapError, ZstdError, struct.error, RuntimeError, ValueError, OverflowError)
+_DAMAGE = (McapError, ZstdError, struct.error, RuntimeError, ValueError, OverflowError, MemoryError)
 """What the reader of MCAP and its decompressors raise at bytes that are no record (lz4:
 RuntimeError)."""
 
@@ -39,7 +41,7 @@ class Records:
         self.complete = False
         """Whether the file ends as a recording does. Known after the last record."""
         self.damaged: list[str] = []
-        """The parts that could not be read, with the reason."""
+        """What is damaged, and the reason."""
 
     def __iter__(self) -> Iterator[McapRecord]:
         """Return the records up to the end, or to the place where the file is cut."""
@@ -63,10 +65,10 @@ class Records:
                 yield from self._chunk(body)
             elif kind == Opcode.METADATA:
                 yield from self._metadata(body)
-            elif kind != Opcode.HEADER and not (kind == Opcode.MESSAGE_INDEX and _is_index(body)):
+            elif kind not in _SKIPPED and not (kind == Opcode.MESSAGE_INDEX and _is_index(body)):
                 # It may be what is left of a chunk. The first of several is named.
                 if not strange:
-                    self.damaged.append(f"a record of kind {kind}, which recordings do not have")
+                    self.damaged.append(f"an unexpected record of kind {kind}")
                 strange = True
 
     def _chunk(self, body: bytes) -> list[McapRecord]:
@@ -76,7 +78,7 @@ class Records:
             if stream.count != len(body):
                 raise ValueError(f"{len(body)} bytes instead of {stream.count}")
         except _DAMAGE as wrong:
-            self.damaged.append(f"a chunk: {wrong}")
+            self.damaged.append(f"a chunk: {wrong!r}")
             return []
         try:
             return breakup_chunk(chunk, validate_crc=True)
@@ -88,7 +90,7 @@ class Records:
         try:
             return [Metadata.read(ReadDataStream(BytesIO(body)))]
         except _DAMAGE as wrong:
-            self.damaged.append(f"the metadata: {wrong}")
+            self.damaged.append(f"the metadata: {wrong!r}")
             return []
 
     def _end(self, body: bytes, code: int) -> None:
