@@ -312,6 +312,22 @@ def test_damage_is_named_wherever_it_is(tmp_path: Path) -> None:
             numpy.testing.assert_array_equal(state[name], values[kept])
 
 
+def test_damage_of_a_cut_file_is_named_too(tmp_path: Path) -> None:
+    """A file that is cut has no check code of the whole."""
+    [first, *_, last], end = summary_of_kept()
+    for bit in range(8):
+        path = changed(tmp_path / "damaged.mcap", last, bit)
+        path.write_bytes(path.read_bytes()[:end])
+        recording = hbot.mcap.read(path, STATE)
+        assert len(recording.damaged) == 1
+        assert not recording.complete
+    # A length that swallows what is between two chunks.
+    data = bytearray(KEPT.read_bytes()[:end])
+    struct.pack_into("<Q", data, first + 1, last - first - 9)
+    path.write_bytes(data)
+    assert len(hbot.mcap.read(path, STATE).damaged) == 1
+
+
 def test_metadata_that_contradict_the_states_are_named(tmp_path: Path) -> None:
     place = KEPT.read_bytes().index(b"A.steer A.drive") + len(b"A.steer")
     with pytest.raises(
