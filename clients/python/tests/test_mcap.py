@@ -11,11 +11,11 @@ import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy
 import pytest
-from mcap.reader import make_reader
+from mcap.reader import McapReader, make_reader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from serving import PATIENCE_S, RATE_HZ, REPOSITORY, SCENES, Server, program
@@ -29,13 +29,20 @@ DATA_END = 15  # The kind of the record that ends the chunks.
 EVERY_TICK = ("/hbot/state", "/hbot/joints", "/tf", "/hbot/torque")
 
 
+def begun(file: IO[bytes], source: McapReader) -> Writer:
+    """Begin a recording in small chunks with the metadata of another one."""
+    writer = Writer(file, chunk_size=20_000)
+    writer.start()
+    for metadata in source.iter_metadata():
+        writer.add_metadata(metadata.name, metadata.metadata)
+    return writer
+
+
 def rewrite(source: Path, target: Path, lost: range) -> None:
     """Copy a recording without the ticks in `lost`, as a recorder that was too slow leaves it."""
     with source.open("rb") as old, target.open("wb") as new:
-        reader, writer = make_reader(old), Writer(new, chunk_size=20_000)
-        writer.start()
-        for metadata in reader.iter_metadata():
-            writer.add_metadata(metadata.name, metadata.metadata)
+        reader = make_reader(old)
+        writer = begun(new, reader)
         schemas: dict[int, int] = {}
         channels: dict[int, int] = {}
         first = None
@@ -243,10 +250,8 @@ def test_a_damaged_chunk_with_the_definition_of_another_topic_costs_no_more(tmp_
     """Both topics of torque have the same message, which the first chunk defines."""
     small = tmp_path / "small.mcap"
     with KEPT.open("rb") as old, small.open("wb") as new:
-        reader, writer = make_reader(old), Writer(new, chunk_size=20_000)
-        writer.start()
-        for metadata in reader.iter_metadata():
-            writer.add_metadata(metadata.name, metadata.metadata)
+        reader = make_reader(old)
+        writer = begun(new, reader)
         channels: dict[str, int] = {}
         number = 0
         for count, (schema, _, message) in enumerate(reader.iter_messages(["/hbot/torque"])):

@@ -220,15 +220,14 @@ impl<R: Read + Seek> Reader<R> {
                     reader.notify_read(now.len());
                     rest = later;
                 }
-                LinearReadEvent::Record { opcode, data } => self.plain(opcode, data)?,
+                LinearReadEvent::Record { opcode, data } => self.take(opcode, data)?,
             }
         }
         Ok(())
     }
 
-    /// Takes what a record of a chunk says. Other records than a channel or a message are not
-    /// needed.
-    fn plain(&mut self, opcode: u8, body: &[u8]) -> Result<(), McapError> {
+    /// Takes what a record of a chunk says, if it is a channel or a message.
+    fn take(&mut self, opcode: u8, body: &[u8]) -> Result<(), McapError> {
         if opcode != op::CHANNEL && opcode != op::MESSAGE {
             return Ok(());
         }

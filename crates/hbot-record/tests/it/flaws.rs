@@ -245,7 +245,7 @@ fn a_recording_without_exact_inputs_is_refused_with_what_to_do() {
 #[test]
 fn what_is_no_recording_of_this_version_is_refused_by_name() {
     assert!(matches!(replay(b"not an MCAP file, but text").unwrap_err(), ReplayError::Read(_)));
-    let (mut recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    let (mut recording, _) = record(SceneFile::default_scene(), 1, |_| ());
     let entry = format!("\x06\0\0\0format\x01\0\0\0{FORMAT}");
     let place = recording.windows(entry.len()).position(|bytes| bytes == entry.as_bytes()).unwrap();
     recording[place + entry.len() - 1] = b'9';

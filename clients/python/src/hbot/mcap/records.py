@@ -14,10 +14,9 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord, Metadata
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
+from mcap.writer import MCAP0_MAGIC
 from zstandard import ZstdError
 
-MAGIC = b"\x89MCAP0\r\n"
-"""What an MCAP file begins and ends with."""
 _LARGEST = 256 << 20
 """Largest record that is read, bytes. A damaged length must not fill the memory."""
 _HEAD = struct.Struct("<BQ")
@@ -48,7 +47,7 @@ class Records:
         signature = self._file.read(MAGIC_SIZE)
         code = zlib.crc32(signature)
         strange = False
-        while signature == MAGIC and len(head := self._file.read(_HEAD.size)) == _HEAD.size:
+        while signature == MCAP0_MAGIC and len(head := self._file.read(_HEAD.size)) == _HEAD.size:
             kind, length = _HEAD.unpack(head)
             if length > _LARGEST:
                 self.damaged.append(f"the rest: a record of {length} bytes")
@@ -78,19 +77,19 @@ class Records:
             if stream.count != len(body):
                 raise ValueError(f"{len(body)} bytes instead of {stream.count}")
         except _DAMAGE as wrong:
-            self.damaged.append(f"a chunk: {wrong!r}")
+            self.damaged.append(f"a chunk: {_said(wrong)}")
             return []
         try:
             return breakup_chunk(chunk, validate_crc=True)
         except _DAMAGE as wrong:
-            self.damaged.append(f"the chunk at {chunk.message_start_time} ns: {wrong}")
+            self.damaged.append(f"the chunk at {chunk.message_start_time} ns: {_said(wrong)}")
             return []
 
     def _metadata(self, body: bytes) -> list[McapRecord]:
         try:
             return [Metadata.read(ReadDataStream(BytesIO(body)))]
         except _DAMAGE as wrong:
-            self.damaged.append(f"the metadata: {wrong!r}")
+            self.damaged.append(f"the metadata: {_said(wrong)}")
             return []
 
     def _end(self, body: bytes, code: int) -> None:
@@ -101,7 +100,12 @@ class Records:
                 "the check code of the file is wrong, those of its chunks are right"
             )
         self._file.seek(-MAGIC_SIZE, os.SEEK_END)
-        self.complete = self._file.read() == MAGIC
+        self.complete = self._file.read() == MCAP0_MAGIC
+
+
+def _said(wrong: BaseException) -> str:
+    """Return what an exception says, or its name if it says nothing."""
+    return str(wrong) or type(wrong).__name__
 
 
 def _is_index(body: bytes) -> bool:
@@ -126,7 +130,7 @@ def index(file: IO[bytes]) -> list[McapRecord]:
         read = file.read(size - start)
         if zlib.crc32(read[:-_CODE]) != right:
             return []
-        return list(StreamReader(BytesIO(read + MAGIC), skip_magic=True).records)
+        return list(StreamReader(BytesIO(read + MCAP0_MAGIC), skip_magic=True).records)
     except _DAMAGE:
         return []
     finally:
