@@ -104,6 +104,7 @@
 #![no_std]
 
 pub mod allocation;
+pub mod around;
 mod burst;
 pub mod controller;
 mod count;
@@ -124,7 +125,7 @@ mod orientation;
 pub mod outputs;
 mod passivity;
 pub mod path;
-mod rates;
+pub mod rates;
 mod real;
 pub mod render;
 pub mod rig;

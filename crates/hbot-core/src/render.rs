@@ -1,6 +1,8 @@
 //! Runs the effects of a compiled scene and keeps their memories.
 
-use crate::effects::{Anchor, Effect, EffectState, Memory, Motion, Now, Reference, Shared, mass_scale};
+use crate::effects::{
+    Anchor, Effect, EffectState, Memory, Motion, Now, Reference, Shared, largest, mass_scale,
+};
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::Rig;
 use crate::rotation;
@@ -71,7 +73,7 @@ impl Renderer {
         }
         let masses = scene.effects().iter().filter_map(|effect| {
             let (mass, smoothing) = effect.kind.mass()?;
-            Some((mass * effect.gain, smoothing))
+            Some((largest(&mass) * effect.gain, smoothing))
         });
         self.shared.mass_scale = mass_scale(masses, self.inertia, self.period);
         let has = |effect: &&Effect| !effect.leaving && effect.kind.reference().is_some();

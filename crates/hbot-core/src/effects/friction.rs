@@ -27,6 +27,7 @@ pub struct Friction {
 impl Law for Friction {
     /// Orientation in which the friction holds the sphere. `None` before the first tick.
     type Memory = Option<Quat>;
+    const REMEMBERS: bool = true;
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, anchor: &mut Option<Quat>) -> Vec3 {

@@ -11,8 +11,9 @@
 //! at each point. Between the points of a record the rate is constant. The effect gives out energy:
 //! the work that moves the reference against the spring.
 
-use super::target::Target;
+use super::target::{Target, places_of_spring};
 use super::{Anchor, Law, Now};
+use crate::around::Spot;
 use crate::real::{Quat, Real, TURN, Vec3, floor, sincos};
 use crate::rotation::{self, from_parts, vector_part};
 
@@ -200,5 +201,14 @@ impl Law for Track {
     fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
         let (start, _) = self.path.at(&TrackPlace::default(), numbers);
         Some(rotation::angle_between(start * desired, q))
+    }
+
+    fn places(&self, numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, TrackPlace)) {
+        // The path turns the reference in frame N.
+        let (reference, _) = self.target.reference();
+        let start = reference.conjugate() * self.path.at(&TrackPlace::default(), numbers).0 * reference;
+        places_of_spring(&[Vec3::X, Vec3::Y, Vec3::Z], self.deadband, &mut |spot, x, deeper, memory| {
+            visit(spot, start * x, deeper, memory);
+        });
     }
 }

@@ -12,9 +12,9 @@ use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::Value;
 
 use super::convert;
+use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
 use hbot_host::clock::Origin;
 use hbot_host::sample::Sample;
-use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
 
 /// The parts of the answer to `info` that do not change while the server runs.
 pub(super) struct Info {
@@ -138,7 +138,7 @@ fn render(config: &RigConfig) -> Option<RenderInfo> {
     let expected = StiffnessBound::of(config)?;
     let [stiffness_most, _] = expected.most();
     Some(RenderInfo {
-        inertia: expected.inertia,
+        inertia: expected.inertia(),
         damping: USUAL_DAMPING,
         stiffness_stable: expected.stable(USUAL_DAMPING),
         stiffness_most,

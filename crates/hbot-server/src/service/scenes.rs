@@ -14,7 +14,7 @@ use tokio::task::{JoinError, JoinSet};
 
 use super::{SetPhenomena, cost};
 use crate::recording::Notes;
-use hbot_host::abilities::Abilities;
+use hbot_config::advice::Abilities;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 

@@ -2,11 +2,14 @@
 
 use std::sync::LazyLock;
 
-use hbot_config::scene::{IdleKey, Listed, SceneEffect, kinds};
-use hbot_config::{RigConfig, SceneFile};
+use hbot_core::around::Spot;
 use serde_json::{Map, Value};
 
-use crate::stiffness::StiffnessBound;
+use super::bound::StiffnessBound;
+use super::judge::{Finding, Judge, Why};
+use super::sampled::HOLDS;
+use crate::scene::{IdleKey, Listed, RunningScene, SceneEffect, kinds};
+use crate::{RigConfig, SceneFile};
 
 /// The kinds of effects with their schemas, which name the unit of each parameter.
 static KINDS: LazyLock<Vec<Listed>> = LazyLock::new(kinds);
@@ -15,90 +18,139 @@ static KINDS: LazyLock<Vec<Listed>> = LazyLock::new(kinds);
 const TORQUE: &str = "N m";
 const STIFFNESS: &str = "N m/rad";
 const DAMPING: &str = "N m s/rad";
+const MASS: &str = "kg";
+/// Units of the parameters that make an effect stiff, the most direct one first.
+const STIFF: [&str; 3] = [STIFFNESS, TORQUE, MASS];
 
-/// The torque and the stiffness that a rig can make.
-#[derive(Debug, Clone, Copy)]
+/// The torque that a rig can make, and the loop that decides what it keeps stable.
+#[derive(Debug, Clone)]
 pub struct Abilities {
     /// Largest torque on the sphere, N m.
     pub torque: f64,
     /// Rate of the loop, Hz.
     pub rate_hz: u32,
-    /// `None` if the inertias in the rig file contradict each other.
-    pub springs: Option<Springs>,
+    /// Judges what the loop keeps stable. `None` if the inertias in the rig file contradict each
+    /// other.
+    pub judge: Option<Judge>,
     /// Time constant of the motors' torque by which stiffness is judged, s. `None` if a scene
     /// cannot make the motors later, because the rig is real.
     pub simulated_lag: Option<f64>,
-}
-
-/// The springs that a rig keeps stable: two figures of [`StiffnessBound`].
-#[derive(Debug, Clone, Copy)]
-pub struct Springs {
-    /// Mean time from a reading to the effect of the torque that is computed from it, s.
-    pub lateness: f64,
-    /// Largest stiffness that any damping keeps stable, N m/rad.
-    pub most: f64,
-    /// Largest damping that is stable, N m s/rad.
-    pub most_damping: f64,
 }
 
 impl Abilities {
     /// Computes the abilities of a rig.
     #[must_use]
     pub fn of(config: &RigConfig) -> Self {
-        let bound = StiffnessBound::of(config);
+        let judge = StiffnessBound::of(config).map(|bound| Judge {
+            sampled: bound.sampled().clone(),
+            torque: config.rig.limits.torque,
+            speed: config.rig.limits.speed,
+            passive: config.rig.methods.passivity.is_some(),
+        });
         Self {
             torque: config.rig.limits.torque,
             rate_hz: config.rate_hz,
-            springs: bound.map(|bound| Springs {
-                lateness: bound.lateness(),
-                most: bound.most()[0],
-                most_damping: bound.most_damping(),
-            }),
-            simulated_lag: bound.filter(|_| config.link.port.is_simulated()).map(|bound| bound.lag),
+            simulated_lag: judge
+                .as_ref()
+                .filter(|_| config.link.port.is_simulated())
+                .map(|judge| judge.sampled.lag),
+            judge,
         }
     }
 
-    /// Returns a sentence for each parameter of the scene that asks for more torque than the rig
-    /// makes, or for more stiffness or damping than it keeps stable, or that has no effect because
-    /// of the values of others.
+    /// Returns a sentence for each effect that the rig does not keep stable, for each parameter
+    /// that asks for more torque than the rig makes, and for each that has no effect because of the
+    /// values of others.
     ///
-    /// A stiffness is compared with two limits of [`StiffnessBound`]: above
-    /// [`most`](StiffnessBound::most) no spring is stable; above
-    /// [`stable`](StiffnessBound::stable) it needs more damping than the whole scene has, for
-    /// example that of the hand. Both are for a sphere without friction. Effects that have no
-    /// stiffness as a parameter, such as snaps, are compared by their torque only. A damping is
-    /// compared with [`most_damping`](StiffnessBound::most_damping), and so is the sum of those
-    /// that always act.
+    /// Stability is judged by [`Judge`]: for a sphere without friction, free and in two hands, at
+    /// each place where a law is steepest or changes.
     #[must_use]
     pub fn warnings(&self, scene: &SceneFile) -> Vec<String> {
-        let damping: f64 =
-            scene.effects().iter().flat_map(|effect| values(effect, DAMPING)).map(|v| v.1).sum();
-        let mut found = Vec::new();
+        let mut found = self.unstable(scene);
         for effect in scene.effects() {
-            let id = effect.id();
-            // The spring of friction gives way at the torque of the friction, so it cannot buzz
-            // with more than that.
-            let springs = effect.kind_name() != "friction";
-            found.extend(values(effect, STIFFNESS).filter(|_| springs).filter_map(|(name, stiffness)| {
-                Some(format!("{id}: {name} {}", self.too_stiff(stiffness, damping)?))
-            }));
-            found.extend(
-                values(effect, DAMPING).filter_map(|(name, damping)| {
-                    Some(format!("{id}: {name} {}", self.too_damped(damping)?))
-                }),
-            );
             for (name, torque) in values(effect, TORQUE).filter(|(_, torque)| *torque > self.torque) {
-                let most = self.torque;
+                let (id, most) = (effect.id(), self.torque);
                 found.push(format!(
                     "{id}: {name} {torque} N m is more than this rig makes; the sum of all torques is cut off at {most} N m \
                      (limits.torque)"
                 ));
             }
         }
-        found.extend(self.too_damped_together(scene));
         found.extend(in_vain(scene));
         found.extend(self.too_late(scene));
         found
+    }
+
+    /// Returns a sentence for each effect that the rig does not keep stable.
+    fn unstable(&self, scene: &SceneFile) -> Vec<String> {
+        let Some(judge) = &self.judge else { return Vec::new() };
+        let compiled = RunningScene::new().load(scene.clone());
+        judge.findings(&compiled).iter().map(|finding| self.sentence(scene, finding)).collect()
+    }
+
+    fn sentence(&self, scene: &SceneFile, finding: &Finding) -> String {
+        let effect = &scene.effects()[finding.effect];
+        let (id, rate) = (effect.id(), self.rate_hz);
+        let place = place(scene, finding);
+        let about = finding.axis.map_or(String::new(), |axis| {
+            format!(" about {:?}", axis.to_array().map(|x| (x * 100.0).round() / 100.0 + 0.0))
+        });
+        let whom = if finding.hold == HOLDS[0] { "the sphere" } else { "the sphere in a hand" };
+        // What the effect's own key must become for its law to become `part` of what it is.
+        let key = |units: &[&'static str]| {
+            units.iter().find_map(|unit| values(effect, unit).max_by(|a, b| a.1.total_cmp(&b.1)))
+        };
+        let gain = effect.gain().max(1.0e-9);
+        let softer = |units: &[&'static str], part: f64| {
+            let (name, value) = key(units).filter(|_| part > 0.0)?;
+            Some(format!("{name} = {} or less", short(value * part / gain)))
+        };
+        let damped = |added: f64| {
+            let (name, own) = key(&[DAMPING]).unwrap_or(("damping".to_owned(), 0.0));
+            format!("{name} = {} or more", short_up((own + added) / gain))
+        };
+        match finding.why {
+            Why::Stiff { stiffness, stable, damping, cure } => {
+                let most = short(stiffness * stable);
+                let whatever = if cure.added.is_none() { ", with any damping" } else { "" };
+                let cures: Vec<String> =
+                    cure.added.map(damped).into_iter().chain(softer(&STIFF, cure.own)).collect();
+                let cure = match &cures[..] {
+                    [] => "make the effects of the scene softer".to_owned(),
+                    cures => format!("set {}", cures.join(", or ")),
+                };
+                format!(
+                    "{id}: may shake {whom}{about} {place}: the scene has {} N m/rad and a damping of {} N m s/rad there, and at \
+                     {rate} Hz at most {most} N m/rad is stable{whatever}; {cure}",
+                    short(stiffness),
+                    short(damping),
+                )
+            }
+            Why::Damped { damping, stable, own } => {
+                let cure = softer(&[DAMPING], own).map_or("damp less".to_owned(), |key| format!("set {key}"));
+                format!(
+                    "{id}: may shake {whom}{about} {place}: the damping of the scene, {} N m s/rad, acts too late, and at {rate} Hz \
+                     at most {} is stable; {cure}",
+                    short(damping),
+                    short(damping * stable),
+                )
+            }
+            Why::Rings { added } => {
+                format!(
+                    "{id}: a free sphere swings for more than 3 s after a tap{about} {place}; set {}",
+                    damped(added)
+                )
+            }
+            Why::Turning { speed, damping } => {
+                let reaches =
+                    if speed.is_finite() { format!(" up to {} rad/s", short(speed)) } else { String::new() };
+                format!(
+                    "{id}: a free sphere that turns{about} gains speed{reaches}, because its torque acts late; add {} N m s/rad of \
+                     damping, or set passivity = true in the rig file",
+                    short_up(damping),
+                )
+            }
+        }
     }
 
     /// Returns the words that say that the simulated motors of a scene are later than those by
@@ -112,51 +164,45 @@ impl Abilities {
             )
         })
     }
+}
 
-    /// Returns the words that say that a damping, N m s/rad, is too large, or `None` if it is not.
-    fn too_damped(&self, damping: f64) -> Option<String> {
-        let (most, rate) = (self.springs?.most_damping, self.rate_hz);
-        (damping > most).then(|| {
-            // A sum of decimal numbers has many digits.
-            let damping = (damping * 1.0e6).round() / 1.0e6;
-            format!(
-                "{damping} N m s/rad may shake the sphere: at {rate} Hz the rig keeps at most {most:.1} N m s/rad stable, or \
-                 somewhat more in a hand"
-            )
-        })
+/// Returns where a finding is, in words.
+fn place(scene: &SceneFile, finding: &Finding) -> String {
+    let whose = match &scene.effects()[finding.place.effect] {
+        _ if finding.place.effect == finding.effect => "its".to_owned(),
+        other => format!("the {}'s", other.id()),
+    };
+    match finding.place.spot {
+        Spot::Rest if whose == "its" => "at its rest".to_owned(),
+        Spot::Rest => format!("at {whose} rest"),
+        Spot::Notch => format!("in {whose} notch"),
+        Spot::Wall => format!("at {whose} wall"),
+        Spot::Edge => format!("at the end of {whose} dead band"),
+        Spot::Bump => format!("on {whose} bumps"),
     }
+}
 
-    /// Returns the words that say that the dampings that always act are too large together, or
-    /// `None` if they are not, or if one of them is too large alone. They are added as if all acted
-    /// in the same direction.
-    fn too_damped_together(&self, scene: &SceneFile) -> Option<String> {
-        let most = self.springs?.most_damping;
-        // A wall damps only while the sphere moves into it.
-        let acting = scene.effects().iter().filter(|effect| effect.kind_name() != "end_stop");
-        let dampings: Vec<f64> = acting.flat_map(|effect| values(effect, DAMPING)).map(|v| v.1).collect();
-        if dampings.iter().any(|damping| *damping > most) {
-            return None;
-        }
-        Some(format!("all effects together: damping {}", self.too_damped(dampings.iter().sum())?))
-    }
+/// Returns a number with two digits, rounded down so that what is stable stays so.
+fn short(x: f64) -> String {
+    rounded(x, f64::floor)
+}
 
-    /// Returns the words that say why a stiffness, N m/rad, is too large, or `None` if it is not.
-    /// `damping` is that of the scene, N m s/rad.
-    fn too_stiff(&self, stiffness: f64, damping: f64) -> Option<String> {
-        let Springs { lateness, most, .. } = self.springs?;
-        let (stable, rate) = (damping / lateness, self.rate_hz);
-        if stiffness > most {
-            return Some(format!(
-                "{stiffness} N m/rad is unstable on this rig with any damping: at {rate} Hz it keeps at most {most:.0} N m/rad stable"
-            ));
-        }
-        (stiffness > stable).then(|| {
-            format!(
-                "{stiffness} N m/rad may buzz: at {rate} Hz the damping of this scene, {damping:.3} N m s/rad, keeps {stable:.1} \
-                 N m/rad stable; more damping, or a hand that holds firmly, keeps more"
-            )
-        })
+/// Returns a number with two digits, rounded up.
+fn short_up(x: f64) -> String {
+    rounded(x, f64::ceil)
+}
+
+fn rounded(x: f64, round: fn(f64) -> f64) -> String {
+    if !(x > 1.0e-9 && x.is_finite()) {
+        return if x > 1.0e-9 { format!("{x}") } else { "0".to_owned() };
     }
+    let unit = 10.0_f64.powf(x.log10().floor() - 1.0);
+    // A value that has two digits already stays as it is, in spite of rounding errors.
+    let digits = x / unit;
+    let whole =
+        if (digits - digits.round()).abs() < 1.0e-9 * digits { digits.round() } else { round(digits) };
+    let places = (1.0 - x.log10().floor()).max(0.0) as usize;
+    format!("{:.places$}", whole * unit)
 }
 
 /// Returns a sentence for each parameter that the file of the scene names although it has no effect
@@ -206,6 +252,61 @@ mod tests {
     fn warnings(text: &str) -> Vec<String> {
         let scene = SceneFile::from_toml(text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
         Abilities::of(&RigConfig::prototype()).warnings(&scene)
+    }
+
+    #[test]
+    fn tries() {
+        let e = |kind: &str, rest: &str| format!("[[effect]]\nid = '{kind}'\nkind = '{kind}'\n{rest}\n");
+        let many = |n: usize, rest: &str| {
+            (0..n)
+                .map(|i| format!("[[effect]]\nid = 's{i}'\nkind = 'spring'\nanchor='here'\n{rest}\n"))
+                .collect::<String>()
+        };
+        let s = |rest: &str| e("spring", &format!("anchor='here'\n{rest}"));
+        let cases = [
+            ("stable 10 .02", s("stiffness=10\ndamping=0.02")),
+            ("stable 9 .02", s("stiffness=9\ndamping=0.02")),
+            ("warned 40 .01", s("stiffness=40\ndamping=0.01")),
+            ("3 of 15", many(3, "stiffness=15\ndamping=0.01")),
+            ("20 of 20", many(20, "stiffness=20\ndamping=0.002")),
+            ("one axis", s("stiffness=40\ndamping=[[0.1,0,0],[0,0,0],[0,0,0]]")),
+            ("dial", s("stiffness=40") + &e("detents", "axis=[1,0,0]\nstrength=0\ndamping=0.1")),
+            ("wall far", s("stiffness=40") + &e("end_stop", "cone=2.7\nstiffness=1\ndamping=0.1")),
+            ("deadband", s("stiffness=40") + &e("damper", "damping=0.1\ndeadband=100")),
+            ("wall 0", e("end_stop", "cone=0\nanchor='here'\nstiffness=200\ndamping=0.45")),
+            ("snaps", e("snaps", "strength=0.9\nwidth=0.01")),
+            ("snaps2", e("snaps", "strength=0.3\nwidth=0.02\ndamping=0")),
+            ("magnet", e("magnet", "anchor='here'\nstrength=0.9\nwidth=0.01")),
+            ("magnet2", e("magnet", "anchor='here'\nstrength=0.9\nwidth=0.1")),
+            ("magnet3", e("magnet", "anchor='here'\nstrength=0.15\nwidth=0.02")),
+            ("detents 30", e("detents", "count=30\nstrength=0.9")),
+            ("detents 720", e("detents", "count=720\nstrength=0.9")),
+            ("texture 500", e("texture", "waves=500\ndepth=0.9")),
+            ("texture 100", e("texture", "waves=100\ndepth=0.1")),
+            ("texture", e("texture", "")),
+            ("magnet def", e("magnet", "")),
+            ("snaps def", e("snaps", "")),
+            ("detents def", e("detents", "")),
+            ("pendulum", e("pendulum", "mass=100\ncentre=[0,0,-10]\ngravity=100")),
+            ("pendulum5", e("pendulum", "mass=5\ncentre=[0,0,-0.5]")),
+            ("friction", e("friction", "torque=0.9\nstiffness=1000\ndamping=0")),
+            ("friction.3", e("friction", "torque=0.3\nstiffness=100")),
+            ("friction.3d", e("friction", "torque=0.3")),
+            ("friction def", e("friction", "")),
+            ("damper+inertia", e("damper", "damping=2.5") + &e("inertia", "mass=1\nsmoothing_s=0.01")),
+            ("damper 3", "[[effect]]\nid='a'\nkind='damper'\ndamping=1.5\n[[effect]]\nid='b'\nkind='damper'\ndamping=1.5".to_owned()),
+            ("inertia spring", e("inertia", "mass=1\nsmoothing_s=1") + &s("stiffness=40\ndamping=0.08")),
+            ("inertia def", e("inertia", "")),
+            ("spring 60+wall", s("stiffness=60") + &e("end_stop", "cone=2.5\ndamping=0.5")),
+        ];
+        let abilities = Abilities::of(&RigConfig::prototype());
+        for (name, text) in cases {
+            let scene =
+                SceneFile::from_toml(&text, "x.toml").unwrap_or_else(|error| panic!("{name}: {error}"));
+            let t = std::time::Instant::now();
+            let w = abilities.warnings(&scene);
+            println!("{name}: {:.2} ms {w:#?}", t.elapsed().as_secs_f64() * 1e3);
+        }
     }
 
     #[test]

@@ -1,0 +1,399 @@
+//! The sampled loop of three axes: from a reading of the sphere's motion to the torque that acts
+//! on it, and back. It says whether a stiffness and a damping are stable in it.
+//!
+//! The torque of a tick is computed from the motion at its reading, acts a whole number of ticks
+//! later, is held for a period, and reaches the sphere by the motors' lag. The rates are late by
+//! the lag of their filter. All of it is linear, so the loop is stable if no zero of
+//! det(I + L(z)) is outside the unit circle. L is the loop's transfer matrix. The number of these
+//! zeros is the number of turns that the determinant makes about 0 along the circle (Cauchy's
+//! argument principle), because no pole of L is outside.
+
+use std::f64::consts::PI;
+
+use hbot_core::{Mat3, Vec3};
+
+use super::complex::{Complex, determinant};
+
+/// Radius of the circle along which zeros are counted, less 1. It is so far outside of the unit
+/// circle that a sphere that nothing holds, whose zeros are at 1, counts as stable. A swing that
+/// grows more slowly than by a factor e in 1e5 ticks also counts as stable.
+const OUTSIDE: f64 = 1.0e-5;
+/// Angle of the first point on the circle, rad. It is far below [`OUTSIDE`], so the determinant is
+/// real there but for rounding.
+const FIRST: f64 = 1.0e-8;
+/// Ratio between the angles of two points on the circle, before points are added where the
+/// determinant turns quickly.
+const RATIO: f64 = 1.5;
+/// Largest change of the determinant between two points: of its angle (rad), and of the logarithm of
+/// its size.
+const STEP: f64 = 0.8;
+
+/// A person's hand on the sphere: a spring and a damper to a place that the hand holds, and an
+/// inertia that turns with the sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hold {
+    /// Name of the hand, for sentences.
+    pub name: &'static str,
+    /// Stiffness of the grip, N m/rad.
+    pub stiffness: f64,
+    /// Damping of the grip, N m s/rad.
+    pub damping: f64,
+    /// Inertia that the hand adds to the sphere, kg m².
+    pub inertia: f64,
+}
+
+/// Nobody holds the sphere, a hand of 3 N m/rad holds it, and one of 30 N m/rad. The first hand is
+/// the default hand of the simulated rig. The second grips ten times as hard; its damping grows by
+/// the square root, as that of muscles does in measurements of the wrist.
+pub const HOLDS: [Hold; 3] = [
+    Hold { name: "the free sphere", stiffness: 0.0, damping: 0.0, inertia: 0.0 },
+    Hold { name: "a hand of 3 N m/rad", stiffness: 3.0, damping: 0.05, inertia: 2.0e-3 },
+    Hold { name: "a hand of 30 N m/rad", stiffness: 30.0, damping: 0.16, inertia: 2.0e-3 },
+];
+
+/// How the rates that a scene gets follow the sphere's true rate.
+#[derive(Debug, Clone, PartialEq)]
+pub enum RateResponse {
+    /// The rates are the true ones, filtered twice with this time constant each, s. 0 for none.
+    /// This is a phase-locked loop with critical damping, as motor controllers have it.
+    Filtered(f64),
+    /// The rates are computed from the angles: the sum of the last angles, each multiplied by one
+    /// of these numbers, 1/s. The newest angle comes first.
+    Taps(Vec<f64>),
+}
+
+/// The numbers of a loop that decide what it keeps stable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sampled {
+    /// Period, s.
+    pub period: f64,
+    /// Whole ticks from a reading to the torque that is computed from it.
+    pub delay: u32,
+    /// Time constant with which the torque follows its command, s.
+    pub lag: f64,
+    /// Time by which the scene is rendered ahead of its reading, s: 0 without a lead.
+    pub lead: f64,
+    /// How the rates follow the motion.
+    pub rates: RateResponse,
+    /// Inertia of the sphere about three axes, kg m².
+    pub inertia: Vec3,
+    /// The axes of `inertia` in frame N, as columns.
+    pub axes: Mat3,
+}
+
+/// A scene around one orientation, as the loop renders it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Stiffness in frame N, N m/rad.
+    pub stiffness: Mat3,
+    /// Damping in frame N, N m s/rad.
+    pub damping: Mat3,
+    /// Virtual masses in frame N (kg m²), with the time constants of their smoothing (s).
+    pub masses: Vec<(Mat3, f64)>,
+}
+
+/// Largest number of states of an axis: angle, rate, torque, and two of a filter of the rate.
+const STATES: usize = 5;
+
+/// A matrix of an axis. An axis with fewer states uses its first rows and columns.
+type Square = [[f64; STATES + 1]; STATES + 1];
+
+/// Transfer functions of one axis, from the torque that a tick commands to the angle and the
+/// filtered rate at readings: two numerators and the denominator, polynomials of z in falling
+/// order.
+struct Axis {
+    angle: Vec<f64>,
+    rate: Vec<f64>,
+    denominator: Vec<f64>,
+}
+
+impl Sampled {
+    /// Returns whether the loop keeps `scene` stable while `hold` holds the sphere.
+    ///
+    /// A place from which the sphere rolls away, such as the ridge between two notches, is no
+    /// instability of the loop. It counts as stable if nothing swings there.
+    #[must_use]
+    pub fn is_stable(&self, scene: &Scene, hold: &Hold) -> bool {
+        let loop_ = Closed::new(self, scene, hold);
+        let radius = 1.0 + OUTSIDE;
+        let at = |angle: f64| loop_.at(Complex::polar(radius, angle));
+        let mut turns = 0.0;
+        let mut from = (FIRST, at(FIRST));
+        while from.0 < PI {
+            let angle = (from.0 * RATIO).min(from.0 + 0.4).min(PI);
+            let to = (angle, at(angle));
+            turns += turned(&at, from, to, 0);
+            from = to;
+        }
+        // Over half of the circle each zero outside turns the determinant by half a turn back. One
+        // on the positive axis is a sphere that rolls away.
+        let outside = (-turns / PI).round();
+        outside - loop_.rolling(radius) < 0.5
+    }
+
+    /// Returns the stiffness K (N m/rad) and the damping B (N m s/rad) with which a free sphere with
+    /// the inertia `inertia` (kg m²) swings about one axis by `phi` rad per tick, and its swing
+    /// neither grows nor decays.
+    ///
+    /// Then 1 + K (X + t W) + B W = 0 at z = exp(i phi), with the transfer functions X to the angle
+    /// and W to the rate, and the lead t. Its real and imaginary parts are two linear equations.
+    #[must_use]
+    pub fn on_border(&self, inertia: f64, phi: f64) -> [f64; 2] {
+        let axis = Axis::new(self, inertia, &HOLDS[0]);
+        let z = Complex::polar(1.0, phi);
+        let [angle, rate] = self.responses(&axis, z);
+        let stiffness = angle + rate * self.lead;
+        let cross = |p: Complex, q: Complex| p.re * q.im - p.im * q.re;
+        let one = Complex::real(1.0);
+        let scale = -1.0 / cross(stiffness, rate);
+        [scale * cross(one, rate), scale * cross(stiffness, one)]
+    }
+
+    /// Returns the transfer functions of an axis from the torque that a tick computes to the angle
+    /// and the rate that a later tick gets, at `z`.
+    fn responses(&self, axis: &Axis, z: Complex) -> [Complex; 2] {
+        let back = z.inverse();
+        let delay = (0..self.delay).fold(Complex::real(1.0), |product, _| product * back);
+        let over = polynomial(&axis.denominator, z).inverse() * delay;
+        let angle = polynomial(&axis.angle, z) * over;
+        let rate = match &self.rates {
+            RateResponse::Filtered(_) => polynomial(&axis.rate, z) * over,
+            RateResponse::Taps(taps) => {
+                angle * taps.iter().rev().fold(Complex::real(0.0), |sum, tap| sum * back + *tap)
+            }
+        };
+        [angle, rate]
+    }
+
+    /// Returns the time constant of the whole loop: the mean time from a reading to the effect of
+    /// the torque that is computed from it, s.
+    #[must_use]
+    pub fn lateness(&self) -> f64 {
+        self.period * (0.5 + f64::from(self.delay)) + self.lag
+    }
+}
+
+/// Returns the angle by which the determinant turns from one point of the circle to another, rad.
+/// Adds points between them where it changes quickly.
+///
+/// Between a point and the middle it may change by [`STEP`] in angle and in the logarithm of its
+/// size. The size matters where several axes have equal zeros: their turns add up to whole ones,
+/// which the angle alone does not show.
+fn turned(at: &impl Fn(f64) -> Complex, from: (f64, Complex), to: (f64, Complex), depth: u32) -> f64 {
+    /// Number of halvings after which a zero is on the circle but for rounding.
+    const DEEPEST: u32 = 40;
+    let angle = 0.5 * (from.0 + to.0);
+    let middle = (angle, at(angle));
+    let change = |a: Complex, b: Complex| {
+        let ratio = b * a.inverse();
+        (ratio.angle(), ratio.size().ln())
+    };
+    let (first, second) = (change(from.1, middle.1), change(middle.1, to.1));
+    let most = [first.0, first.1, second.0, second.1].into_iter().map(f64::abs).fold(0.0, f64::max);
+    if most < STEP || depth > DEEPEST {
+        return first.0 + second.0;
+    }
+    turned(at, from, middle, depth + 1) + turned(at, middle, to, depth + 1)
+}
+
+/// The closed loop: everything that det(I + L(z)) needs.
+struct Closed<'a> {
+    sampled: &'a Sampled,
+    axes: [Axis; 3],
+    free: bool,
+    stiffness: Mat3,
+    damping: Mat3,
+    masses: Vec<(Mat3, f64)>,
+}
+
+impl<'a> Closed<'a> {
+    fn new(sampled: &'a Sampled, scene: &Scene, hold: &Hold) -> Self {
+        let turned = |m: &Mat3| sampled.axes.transpose() * *m * sampled.axes;
+        let stiffness = turned(&scene.stiffness);
+        let part = |smoothing: f64| sampled.period / (smoothing + sampled.period);
+        Self {
+            sampled,
+            axes: [0, 1, 2].map(|k| Axis::new(sampled, sampled.inertia[k], hold)),
+            free: hold.stiffness == 0.0,
+            stiffness,
+            damping: turned(&scene.damping) + stiffness * sampled.lead,
+            masses: scene.masses.iter().map(|(m, smoothing)| (turned(m), part(*smoothing))).collect(),
+        }
+    }
+
+    /// Returns det(I + L(z)).
+    fn at(&self, z: Complex) -> Complex {
+        let back = z.inverse();
+        let one = Complex::real(1.0);
+        let difference = (one - back) * (1.0 / self.sampled.period);
+        // A virtual mass resists the change of the rate since the last tick, smoothed.
+        let masses: Vec<(&Mat3, Complex)> = self
+            .masses
+            .iter()
+            .map(|(m, part)| (m, difference * *part * (one - back * (1.0 - part)).inverse()))
+            .collect();
+        // Where nothing holds the sphere the determinant has two poles at 1 for each axis. Without
+        // them it changes less near 1. What takes their place is inside the circle.
+        let level = if self.free { (one - back) * (one - back) } else { one };
+        let mut m = [[Complex::real(0.0); 3]; 3];
+        for (j, axis) in self.axes.iter().enumerate() {
+            let [angle, rate] = self.sampled.responses(axis, z);
+            for (i, row) in m.iter_mut().enumerate() {
+                let mut entry = angle * self.stiffness.col(j)[i] + rate * self.damping.col(j)[i];
+                for (mass, response) in &masses {
+                    entry = entry + rate * *response * mass.col(j)[i];
+                }
+                row[j] = (if i == j { entry + 1.0 } else { entry }) * level;
+            }
+        }
+        determinant(&m)
+    }
+
+    /// Returns the number of zeros on the real axis beyond `radius`.
+    fn rolling(&self, radius: f64) -> f64 {
+        let sign = |z: f64| self.at(Complex::real(z)).re > 0.0;
+        let mut step = radius - 1.0;
+        let (mut count, mut last) = (0.0, sign(radius));
+        // Far out the determinant is 1.
+        while step < 10.0 {
+            step *= 1.5;
+            let next = sign(1.0 + step);
+            count += if next == last { 0.0 } else { 1.0 };
+            last = next;
+        }
+        count
+    }
+}
+
+fn polynomial(coefficients: &[f64], z: Complex) -> Complex {
+    coefficients.iter().fold(Complex::real(0.0), |sum, c| sum * z + *c)
+}
+
+impl Axis {
+    /// Creates the transfer functions of an axis with the inertia `inertia` (kg m²) in `hold`.
+    fn new(sampled: &Sampled, inertia: f64, hold: &Hold) -> Self {
+        let (h, j) = (sampled.period, inertia + hold.inertia);
+        // The state is angle, rate, torque and the filter's two. The input, behind the last state,
+        // is the commanded torque, which is constant over a tick. A lag far below the period is
+        // none.
+        let lag = sampled.lag.max(1.0e-3 * h);
+        let filter = match sampled.rates {
+            RateResponse::Filtered(time) if time > 1.0e-3 * h => Some(time),
+            _ => None,
+        };
+        let n = if filter.is_some() { STATES } else { 3 };
+        let mut slope: Square = [[0.0; STATES + 1]; STATES + 1];
+        slope[0][1] = h;
+        slope[1][..3].copy_from_slice(&[-hold.stiffness / j * h, -hold.damping / j * h, h / j]);
+        (slope[2][2], slope[2][n]) = (-h / lag, h / lag);
+        if let Some(time) = filter {
+            (slope[3][1], slope[3][3]) = (h / time, -h / time);
+            (slope[4][3], slope[4][4]) = (h / time, -h / time);
+        }
+        let step = exponential(&slope, n + 1);
+        let input: Vec<f64> = (0..n).map(|i| step[i][n]).collect();
+        let output = if filter.is_some() { 4 } else { 1 };
+        // Faddeev and LeVerrier: the adjugate of z - step and its determinant, power by power.
+        let (mut angle, mut rate, mut denominator) = (Vec::new(), Vec::new(), vec![1.0]);
+        let mut adjugate = identity(n);
+        for k in 1..=n {
+            let times = |row: &[f64]| row.iter().zip(&input).map(|(a, b)| a * b).sum::<f64>();
+            angle.push(times(&adjugate[0][..n]));
+            rate.push(times(&adjugate[output][..n]));
+            let next = product(&step, &adjugate, n);
+            let trace: f64 = (0..n).map(|i| next[i][i]).sum();
+            let c = -trace / k as f64;
+            denominator.push(c);
+            adjugate = next;
+            (0..n).for_each(|i| adjugate[i][i] += c);
+        }
+        Self { angle, rate, denominator }
+    }
+}
+
+fn identity(n: usize) -> Square {
+    let mut m = [[0.0; STATES + 1]; STATES + 1];
+    (0..n).for_each(|i| m[i][i] = 1.0);
+    m
+}
+
+/// Returns the product of the first `n` rows and columns of two matrices.
+fn product(a: &Square, b: &Square, n: usize) -> Square {
+    let mut m = [[0.0; STATES + 1]; STATES + 1];
+    for (i, row) in m.iter_mut().enumerate().take(n) {
+        for (k, entry) in row.iter_mut().enumerate().take(n) {
+            *entry = (0..n).map(|l| a[i][l] * b[l][k]).sum();
+        }
+    }
+    m
+}
+
+/// Returns the exponential of the first `n` rows and columns of a matrix, by its series after
+/// halvings.
+fn exponential(m: &Square, n: usize) -> Square {
+    let size = m.iter().map(|row| row.iter().map(|x| x.abs()).sum::<f64>()).fold(0.0, f64::max);
+    let halvings = (size / 0.25).log2().ceil().max(0.0) as i32;
+    let small = m.map(|row| row.map(|x| x * 0.5_f64.powi(halvings)));
+    let mut sum = identity(n);
+    let mut term = sum;
+    // 0.25^14/14! is below rounding.
+    for k in 1..=14 {
+        term = product(&term, &small, n).map(|row| row.map(|x| x / f64::from(k)));
+        for (row, more) in sum.iter_mut().zip(term) {
+            row.iter_mut().zip(more).for_each(|(x, y)| *x += y);
+        }
+    }
+    (0..halvings).fold(sum, |m, _| product(&m, &m, n))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const J: f64 = 3.4e-3;
+
+    fn rig(lag: f64, lead: f64) -> Sampled {
+        Sampled {
+            period: 1.0e-3,
+            delay: 1,
+            lag,
+            lead,
+            rates: RateResponse::Filtered(0.0),
+            inertia: Vec3::splat(J),
+            axes: Mat3::IDENTITY,
+        }
+    }
+
+    fn spring(k: f64, b: f64) -> Scene {
+        Scene { stiffness: Mat3::IDENTITY * k, damping: Mat3::IDENTITY * b, masses: Vec::new() }
+    }
+
+    /// Returns the first unstable stiffness with the damping `b`, N m/rad, to 1e-4 of it.
+    fn border(rig: &Sampled, b: f64, hold: &Hold) -> f64 {
+        let mut k = 0.01;
+        while rig.is_stable(&spring(k * 1.1, b), hold) {
+            k *= 1.1;
+            assert!(k < 1.0e5);
+        }
+        let (mut low, mut high) = (k, k * 1.1);
+        while high - low > 1.0e-4 * low {
+            let middle = 0.5 * (low + high);
+            if rig.is_stable(&spring(middle, b), hold) { low = middle } else { high = middle }
+        }
+        low
+    }
+
+    #[test]
+    fn borders_print() {
+        for (lag, lead) in
+            [(0.0, 0.0), (5e-4, 0.0), (5e-4, 0.8 * 2e-3), (5e-4, 2e-3), (5e-4, 2.2e-3), (5e-4, 2.4e-3)]
+        {
+            eprintln!("{lag} {lead} {}", border(&rig(lag, lead), 0.01, &HOLDS[0]));
+        }
+        let t = std::time::Instant::now();
+        for _ in 0..100 {
+            std::hint::black_box(rig(5e-4, 2e-3).is_stable(&spring(50.0, 0.01), &HOLDS[0]));
+        }
+        eprintln!("{:?} a check", t.elapsed() / 100);
+    }
+}
