@@ -54,6 +54,13 @@ impl Place {
     pub fn at_depth(&self, depth: Real) -> Self {
         Self { q: rotation::exp(self.deeper * depth) * self.q, ..*self }
     }
+
+    /// Returns the orientation `q` as a place where the sphere rests. Its effect keeps the memory
+    /// that it had.
+    #[must_use]
+    pub fn rest_at(&self, q: Quat) -> Self {
+        Self { q, spot: Spot::Rest, deeper: Vec3::ZERO, ..*self }
+    }
 }
 
 /// A swing of the sphere by which laws are linearised.

@@ -65,6 +65,11 @@ impl Whole {
         self.period_ns as f64 / 1.0e9
     }
 
+    /// Returns whether the motors can make torque: the last command asked for it.
+    pub(crate) fn is_active(&self) -> bool {
+        self.drive.enable
+    }
+
     pub(crate) fn controller(&self) -> &Controller {
         &self.controller
     }

@@ -44,6 +44,7 @@ impl Abilities {
         let judge = StiffnessBound::of(config).map(|bound| Judge {
             sampled: bound.sampled().clone(),
             torque: config.rig.limits.torque,
+            torque_rate: config.rig.limits.torque_rate,
             speed: config.rig.limits.speed,
             passive: config.rig.methods.passivity.is_some(),
         });

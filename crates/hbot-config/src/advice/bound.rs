@@ -5,7 +5,7 @@ use hbot_core::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS};
 
 use super::inertia;
-use super::sampled::{RateResponse, Sampled};
+use super::sampled::Sampled;
 use crate::RigConfig;
 
 /// Damping of a spring that is assumed when a stable stiffness is shown as an example, N m s/rad.
@@ -47,18 +47,20 @@ impl StiffnessBound {
             posture.forward(&rig.device, &rates).omega.length()
         };
         let mut steps = [0.0; TAPS];
-        let rates = if hbot_core::rates::step_response(rig, 0, &mut steps) {
+        let taps = if hbot_core::rates::step_response(rig, 0, &mut steps) {
             let before = std::iter::once(0.0).chain(steps);
-            RateResponse::Taps(steps.iter().zip(before).map(|(step, before)| step - before).collect())
+            steps.iter().zip(before).map(|(step, before)| step - before).collect()
         } else {
-            RateResponse::Filtered(0.0)
+            Vec::new()
         };
         let sampled = Sampled {
             period: rig.timing.period_s(),
             delay: 1,
             lag: config.torque_lag,
             lead: 0.0,
-            rates,
+            slew: 0.0,
+            rate_lag: 0.0,
+            taps,
             inertia,
             axes,
         };
@@ -76,12 +78,11 @@ impl StiffnessBound {
         Self { sampled, count, border }
     }
 
-    /// Returns the same rig with a loop of `rate_hz` ticks per second. Its rates are not filtered
-    /// or estimated.
+    /// Returns the same rig with a loop of `rate_hz` ticks per second, and with the rates of its
+    /// motor controllers.
     #[must_use]
     pub fn at_rate(&self, rate_hz: f64) -> Self {
-        let sampled =
-            Sampled { period: 1.0 / rate_hz, rates: RateResponse::Filtered(0.0), ..self.sampled.clone() };
+        let sampled = Sampled { period: 1.0 / rate_hz, taps: Vec::new(), ..self.sampled.clone() };
         Self::new(sampled, self.count)
     }
 

@@ -1,8 +1,10 @@
 //! Judges a scene: whether the loop keeps it stable at each place where its laws are steepest or
 //! change, which effect shakes the sphere if not, and what would be stable there.
 
+use std::f64::consts::PI;
+
 use hbot_core::around::{Linear, Place, Spot, Swing};
-use hbot_core::{CompiledScene, Mat3, Quat, Vec3};
+use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 use super::inertia::principal;
 use super::sampled::{HOLDS, Hold, Sampled, Scene};
@@ -22,6 +24,9 @@ const SLOWEST: f64 = 6.0;
 const FASTEST: f64 = 1.5;
 /// Number of places that are judged. A scene with more has many effects of one kind.
 const MOST_PLACES: usize = 64;
+/// A scene has to be stable with its stiffness times this: for what the linear loop leaves out, such
+/// as the posture's other inertias and the encoders' counts.
+const MARGIN: f64 = 1.1;
 /// Speed of a sphere that keeps turning, below which it is not felt as gaining speed, rad/s.
 const TURNING: f64 = 0.5;
 /// Energy that a turning sphere gains in 10 s, below which nobody notices it, J.
@@ -98,6 +103,8 @@ pub struct Judge {
     pub sampled: Sampled,
     /// Largest torque on the sphere, N m. Where the scene asks for more, its torque is cut off.
     pub torque: f64,
+    /// Largest change of this torque, N m/s.
+    pub torque_rate: f64,
     /// Largest speed at which the rig runs, rad/s.
     pub speed: f64,
     /// Whether the rig limits the energy that it gives out. Then a turning sphere does not gain
@@ -112,16 +119,13 @@ impl Judge {
     #[must_use]
     pub fn findings(&self, scene: &CompiledScene) -> Vec<Finding> {
         let mut found: Vec<Finding> = Vec::new();
-        let mut judged: Vec<Scene> = Vec::new();
-        let places = places(scene);
+        let mut judged = [Vec::new(), Vec::new()];
+        let places = self.places(scene);
         // Where more torque is wanted than the rig makes, the sphere does not stay.
-        let within = |place: &&Place| {
-            let pulls = (0..scene.effects().len()).map(|i| scene.pull(i, place, Quat::IDENTITY, place.q));
-            pulls.sum::<Vec3>().length() <= self.torque
-        };
+        let within = |place: &&Place| pull(scene, place).length() <= self.torque;
         for place in places.iter().filter(within) {
-            for speed in SPEEDS {
-                if let Some(finding) = self.at(scene, place, speed, &mut judged) {
+            for (speed, judged) in SPEEDS.into_iter().zip(&mut judged) {
+                if let Some(finding) = self.at(scene, place, speed, judged) {
                     keep(&mut found, finding);
                 }
             }
@@ -175,9 +179,31 @@ impl Judge {
         (parts, Scene { stiffness: sum.stiffness, damping: sum.damping, masses })
     }
 
-    /// Returns the first hold in which the loop does not keep `scene` stable.
-    fn shakes(&self, scene: &Scene) -> Option<Hold> {
-        HOLDS.into_iter().find(|hold| !self.sampled.is_stable(scene, hold))
+    /// Returns the first hold in which the loop does not keep `scene` stable in a swing of the speed
+    /// `speed`, rad/s.
+    fn shakes(&self, scene: &Scene, speed: f64) -> Option<Hold> {
+        let sampled = self.slewed(scene, speed);
+        let scene = Scene { stiffness: scene.stiffness * MARGIN, ..scene.clone() };
+        HOLDS.into_iter().find(|hold| !sampled.is_stable(&scene, hold))
+    }
+
+    /// Returns the loop with the delay that the slew limit adds in a swing of the speed `speed`,
+    /// rad/s.
+    ///
+    /// A torque of the amplitude T that swings by W rad/s needs T W of the slew limit R. With r = T
+    /// W/R above pi/2 it becomes a triangle, which is late by acos(pi/(2 r))/W (the describing
+    /// function of a rate limiter).
+    fn slewed(&self, scene: &Scene, speed: f64) -> Sampled {
+        let sampled = self.sampled.clone();
+        let inertia = sampled.inertia.min_element();
+        let stiffness = principal(&scene.stiffness).0.max_element().max(0.0);
+        let damping = principal(&scene.damping).0.max_element().max(0.0);
+        // The pace of a swing on the stiffness, and that at which the damping alone swings.
+        let pace = (stiffness / inertia).sqrt().max(damping / inertia).min(1.0 / sampled.lateness());
+        let torque = (speed * (damping + stiffness / pace.max(SLOWEST))).min(self.torque);
+        let part = 0.5 * PI * self.torque_rate / (torque * pace);
+        let slew = if part < 1.0 { part.acos() / pace } else { 0.0 };
+        Sampled { slew, ..sampled }
     }
 
     /// Returns whether a free sphere swings for long in `scene` after a tap.
@@ -207,7 +233,9 @@ impl Judge {
             return None;
         }
         judged.push(sum.clone());
-        let Some(hold) = self.shakes(&sum) else {
+        let one_sided = Scene { damping: sum.damping * 2.0, ..sum.clone() };
+        let sided = (place.spot == Spot::Wall).then(|| self.shakes(&one_sided, speed)).flatten();
+        let Some(hold) = self.shakes(&sum, speed).or(sided) else {
             let (axis, about) = largest_axis(&sum.stiffness);
             let (effect, part) = largest(&parts, |part| about.dot(part.stiffness * about))?;
             let shape = shape(part, about)?;
@@ -216,16 +244,20 @@ impl Judge {
             let [hold, ..] = HOLDS;
             return Some(Finding { effect, place: *place, axis, hold, why: Why::Rings { added } });
         };
-        let stable = |scene: Scene| self.shakes(&scene).is_none();
-        let without = Scene { stiffness: Mat3::ZERO, ..sum.clone() };
+        let stable = |scene: Scene| self.shakes(&scene, speed).is_none();
+        // A wall damps in one direction. While it does, it damps twice what a swing feels.
+        let sided = if place.spot == Spot::Wall { 2.0 } else { 1.0 };
+        let without = Scene { stiffness: Mat3::ZERO, damping: sum.damping * sided, ..sum.clone() };
         if !stable(without.clone()) {
             let (axis, about) = largest_axis(&sum.damping);
             let (effect, part) = largest(&parts, |part| about.dot(part.damping * about))?;
-            let rest = sum.damping - part.damping;
+            let rest = without.damping - part.damping * sided;
             let why = Why::Damped {
                 damping: about.dot(sum.damping * about),
-                stable: bisected(|s| stable(Scene { damping: sum.damping * s, ..without.clone() })),
-                own: bisected(|s| stable(Scene { damping: rest + part.damping * s, ..without.clone() })),
+                stable: bisected(|s| stable(Scene { damping: without.damping * s, ..without.clone() })),
+                own: bisected(|s| {
+                    stable(Scene { damping: rest + part.damping * (sided * s), ..without.clone() })
+                }),
             };
             return Some(Finding { effect, place: *place, axis, hold, why });
         }
@@ -243,6 +275,74 @@ impl Judge {
             },
         };
         Some(Finding { effect, place: *place, axis, hold, why })
+    }
+
+    /// Returns the places of the scene, each orientation once: walls also a little inside, and where
+    /// the sphere rests if the effects pull it away from a place.
+    fn places(&self, scene: &CompiledScene) -> Vec<Place> {
+        /// Depth at which a hand leans against a wall or a spring, rad, and the part of the largest
+        /// torque with which it does so at most.
+        const LEANING: (f64, f64) = (0.01, 0.9);
+        let mut all: Vec<Place> = Vec::new();
+        let mut add = |place: Place| {
+            // At the rest of one effect the others are judged as well.
+            let known = all.iter().any(|other| {
+                (other.spot == place.spot || place.spot == Spot::Rest)
+                    && other.q.dot(place.q).abs() > 1.0 - 1.0e-9
+                    && (place.spot == Spot::Rest || other.effect == place.effect)
+            });
+            if !known && all.len() < MOST_PLACES {
+                all.push(place);
+            }
+        };
+        scene.places(Quat::IDENTITY, |place| {
+            add(place);
+            if place.deeper != Vec3::ZERO {
+                let torque = pull(scene, &place.at_depth(LEANING.0)).length();
+                add(place.at_depth(LEANING.0 * (LEANING.1 * self.torque / torque).min(1.0)));
+            }
+            if let Some(rest) = self.rest(scene, &place) {
+                add(rest);
+            }
+        });
+        all
+    }
+
+    /// Returns where the sphere comes to rest if it starts at `place`, or `None` if it rests there
+    /// or finds no rest.
+    #[must_use]
+    pub fn rest(&self, scene: &CompiledScene, place: &Place) -> Option<Place> {
+        let enough = 1.0e-2 * self.torque;
+        let (mut at, mut torque) = (*place, pull(scene, place));
+        if torque.length() <= enough {
+            return None;
+        }
+        // The steps of Levenberg and Marquardt: by the stiffness there, as long as that helps.
+        let mut caution = 1.0e-3;
+        let mut stiffness = None;
+        for _ in 0..60 {
+            let matrix = *stiffness.get_or_insert_with(|| self.around(scene, &at, SPEEDS[0]).1.stiffness);
+            let (sizes, axes) = principal(&matrix);
+            // Downhill also where the sphere rolls away, and at most a tenth of a turn.
+            let size = sizes.abs() + caution * sizes.abs().max_element() + 1.0e-9;
+            let step = axes * ((axes.transpose() * torque) / size);
+            let step = step.clamp_length_max(0.5);
+            let next = at.rest_at(rotation::exp(step) * at.q);
+            let left = pull(scene, &next);
+            if left.length() < torque.length() {
+                (at, torque, stiffness) = (next, left, None);
+                caution = (0.2 * caution).max(1.0e-6);
+            } else {
+                caution = 5.0 * caution.max(1.0e-2);
+            }
+            if torque.length() <= enough {
+                return Some(at);
+            }
+            if caution > 1.0e6 {
+                return None;
+            }
+        }
+        None
     }
 
     /// Returns an entry if a sphere that keeps turning gains speed.
@@ -277,27 +377,9 @@ impl Judge {
     }
 }
 
-/// Returns the places of the scene, each orientation once, and walls also a little inside.
-fn places(scene: &CompiledScene) -> Vec<Place> {
-    /// Depth at which a hand leans against a wall, rad.
-    const LEANING: f64 = 0.01;
-    let mut all: Vec<Place> = Vec::new();
-    scene.places(Quat::IDENTITY, |place| {
-        let depths: &[f64] = if place.spot == Spot::Wall { &[0.0, LEANING] } else { &[0.0] };
-        for depth in depths {
-            let place = place.at_depth(*depth);
-            // At the rest of one effect the others are judged as well.
-            let known = all.iter().any(|other| {
-                other.spot == Spot::Rest
-                    && place.spot == Spot::Rest
-                    && other.q.dot(place.q).abs() > 1.0 - 1.0e-12
-            });
-            if !known && all.len() < MOST_PLACES {
-                all.push(place);
-            }
-        }
-    });
-    all
+/// Returns the torque of the whole scene on a sphere that rests at `place`, N m.
+fn pull(scene: &CompiledScene, place: &Place) -> Vec3 {
+    (0..scene.effects().len()).map(|i| scene.pull(i, place, Quat::IDENTITY, place.q)).sum()
 }
 
 /// Adds a finding, unless the same effect has one with less that is stable.

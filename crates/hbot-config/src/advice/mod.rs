@@ -16,4 +16,4 @@ mod sampled;
 pub use abilities::{Abilities, in_vain};
 pub use bound::{StiffnessBound, USUAL_DAMPING};
 pub use judge::{Cure, Finding, Judge, Why};
-pub use sampled::{HOLDS, Hold, RateResponse, Sampled, Scene};
+pub use sampled::{HOLDS, Hold, Sampled, Scene};

@@ -13,13 +13,13 @@ use std::f64::consts::PI;
 use hbot_core::{Mat3, Vec3};
 
 use super::complex::{Complex, determinant};
+use super::inertia::principal;
 
-/// Radius of the circle along which zeros are counted, less 1. It is so far outside of the unit
-/// circle that a sphere that nothing holds, whose zeros are at 1, counts as stable. A swing that
-/// grows more slowly than by a factor e in 1e5 ticks also counts as stable.
-const OUTSIDE: f64 = 1.0e-5;
-/// Angle of the first point on the circle, rad. It is far below [`OUTSIDE`], so the determinant is
-/// real there but for rounding.
+/// Growth of a swing that still counts as stable, 1/s: by a factor e in 20 s. Any friction takes
+/// that. It also makes a sphere that nothing holds, whose zeros are at 1, count as stable.
+const GROWTH: f64 = 0.05;
+/// Angle of the first point on the circle, rad. It is so small that the determinant is real there but
+/// for rounding.
 const FIRST: f64 = 1.0e-8;
 /// Ratio between the angles of two points on the circle, before points are added where the
 /// determinant turns quickly.
@@ -51,17 +51,6 @@ pub const HOLDS: [Hold; 3] = [
     Hold { name: "a hand of 30 N m/rad", stiffness: 30.0, damping: 0.16, inertia: 2.0e-3 },
 ];
 
-/// How the rates that a scene gets follow the sphere's true rate.
-#[derive(Debug, Clone, PartialEq)]
-pub enum RateResponse {
-    /// The rates are the true ones, filtered twice with this time constant each, s. 0 for none.
-    /// This is a phase-locked loop with critical damping, as motor controllers have it.
-    Filtered(f64),
-    /// The rates are computed from the angles: the sum of the last angles, each multiplied by one
-    /// of these numbers, 1/s. The newest angle comes first.
-    Taps(Vec<f64>),
-}
-
 /// The numbers of a loop that decide what it keeps stable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sampled {
@@ -73,8 +62,14 @@ pub struct Sampled {
     pub lag: f64,
     /// Time by which the scene is rendered ahead of its reading, s: 0 without a lead.
     pub lead: f64,
-    /// How the rates follow the motion.
-    pub rates: RateResponse,
+    /// Time by which the slew limit delays the torque in addition, s.
+    pub slew: f64,
+    /// Time constant 2/w of the filter of the motor controllers' encoders, s: a phase-locked loop
+    /// with critical damping and the bandwidth w (rad/s), which filters angle and rate. 0 for none.
+    pub rate_lag: f64,
+    /// The numbers by which the last angles are multiplied to give the rate, 1/s; the newest angle
+    /// comes first. Empty if the rates are those of the motor controllers.
+    pub taps: Vec<f64>,
     /// Inertia of the sphere about three axes, kg m².
     pub inertia: Vec3,
     /// The axes of `inertia` in frame N, as columns.
@@ -92,7 +87,8 @@ pub struct Scene {
     pub masses: Vec<(Mat3, f64)>,
 }
 
-/// Largest number of states of an axis: angle, rate, torque, and two of a filter of the rate.
+/// Largest number of states of an axis: angle, rate, torque, and the errors of the encoders' filter in
+/// angle and rate.
 const STATES: usize = 5;
 
 /// A matrix of an axis. An axis with fewer states uses its first rows and columns.
@@ -115,7 +111,7 @@ impl Sampled {
     #[must_use]
     pub fn is_stable(&self, scene: &Scene, hold: &Hold) -> bool {
         let loop_ = Closed::new(self, scene, hold);
-        let radius = 1.0 + OUTSIDE;
+        let radius = 1.0 + GROWTH * self.period;
         let at = |angle: f64| loop_.at(Complex::polar(radius, angle));
         let mut turns = 0.0;
         let mut from = (FIRST, at(FIRST));
@@ -125,10 +121,12 @@ impl Sampled {
             turns += turned(&at, from, to, 0);
             from = to;
         }
-        // Over half of the circle each zero outside turns the determinant by half a turn back. One
-        // on the positive axis is a sphere that rolls away.
+        // Over half of the circle each zero outside turns the determinant by half a turn back. A
+        // direction with a stiffness below zero has one: the sphere rolls away.
         let outside = (-turns / PI).round();
-        outside - loop_.rolling(radius) < 0.5
+        let (stiffness, _) = principal(&scene.stiffness);
+        let rolling = stiffness.to_array().iter().filter(|own| **own + hold.stiffness < 0.0).count();
+        outside < rolling as f64 + 0.5
     }
 
     /// Returns the stiffness K (N m/rad) and the damping B (N m s/rad) with which a free sphere with
@@ -154,13 +152,14 @@ impl Sampled {
     fn responses(&self, axis: &Axis, z: Complex) -> [Complex; 2] {
         let back = z.inverse();
         let delay = (0..self.delay).fold(Complex::real(1.0), |product, _| product * back);
-        let over = polynomial(&axis.denominator, z).inverse() * delay;
+        // The slew limit's delay is no whole number of ticks.
+        let slew = Complex::polar(1.0, -z.angle() * self.slew / self.period);
+        let over = polynomial(&axis.denominator, z).inverse() * delay * slew;
         let angle = polynomial(&axis.angle, z) * over;
-        let rate = match &self.rates {
-            RateResponse::Filtered(_) => polynomial(&axis.rate, z) * over,
-            RateResponse::Taps(taps) => {
-                angle * taps.iter().rev().fold(Complex::real(0.0), |sum, tap| sum * back + *tap)
-            }
+        let rate = if self.taps.is_empty() {
+            polynomial(&axis.rate, z) * over
+        } else {
+            angle * self.taps.iter().rev().fold(Complex::real(0.0), |sum, tap| sum * back + *tap)
         };
         [angle, rate]
     }
@@ -248,21 +247,6 @@ impl<'a> Closed<'a> {
         }
         determinant(&m)
     }
-
-    /// Returns the number of zeros on the real axis beyond `radius`.
-    fn rolling(&self, radius: f64) -> f64 {
-        let sign = |z: f64| self.at(Complex::real(z)).re > 0.0;
-        let mut step = radius - 1.0;
-        let (mut count, mut last) = (0.0, sign(radius));
-        // Far out the determinant is 1.
-        while step < 10.0 {
-            step *= 1.5;
-            let next = sign(1.0 + step);
-            count += if next == last { 0.0 } else { 1.0 };
-            last = next;
-        }
-        count
-    }
 }
 
 fn polynomial(coefficients: &[f64], z: Complex) -> Complex {
@@ -277,29 +261,31 @@ impl Axis {
         // is the commanded torque, which is constant over a tick. A lag far below the period is
         // none.
         let lag = sampled.lag.max(1.0e-3 * h);
-        let filter = match sampled.rates {
-            RateResponse::Filtered(time) if time > 1.0e-3 * h => Some(time),
-            _ => None,
-        };
-        let n = if filter.is_some() { STATES } else { 3 };
+        let is_filtered = sampled.rate_lag > 1.0e-3 * h;
+        let n = if is_filtered { STATES } else { 3 };
         let mut slope: Square = [[0.0; STATES + 1]; STATES + 1];
+        let acceleration = [-hold.stiffness / j * h, -hold.damping / j * h, h / j];
         slope[0][1] = h;
-        slope[1][..3].copy_from_slice(&[-hold.stiffness / j * h, -hold.damping / j * h, h / j]);
+        slope[1][..3].copy_from_slice(&acceleration);
         (slope[2][2], slope[2][n]) = (-h / lag, h / lag);
-        if let Some(time) = filter {
-            (slope[3][1], slope[3][3]) = (h / time, -h / time);
-            (slope[4][3], slope[4][4]) = (h / time, -h / time);
+        if is_filtered {
+            // The filter's angle X and rate V follow x: X' = V + 2 w (x - X), V' = w² (x - X). So
+            // the errors e = x - X and d = x' - V have e' = d - 2 w e and d' = x'' - w² e.
+            let w = 2.0 / sampled.rate_lag;
+            (slope[3][3], slope[3][4]) = (-2.0 * w * h, h);
+            slope[4][..3].copy_from_slice(&acceleration);
+            slope[4][3] = -w * w * h;
         }
         let step = exponential(&slope, n + 1);
         let input: Vec<f64> = (0..n).map(|i| step[i][n]).collect();
-        let output = if filter.is_some() { 4 } else { 1 };
         // Faddeev and LeVerrier: the adjugate of z - step and its determinant, power by power.
         let (mut angle, mut rate, mut denominator) = (Vec::new(), Vec::new(), vec![1.0]);
         let mut adjugate = identity(n);
         for k in 1..=n {
-            let times = |row: &[f64]| row.iter().zip(&input).map(|(a, b)| a * b).sum::<f64>();
-            angle.push(times(&adjugate[0][..n]));
-            rate.push(times(&adjugate[output][..n]));
+            let times = |row: usize| adjugate[row][..n].iter().zip(&input).map(|(a, b)| a * b).sum::<f64>();
+            let error = |row| if is_filtered { times(row) } else { 0.0 };
+            angle.push(times(0) - error(3));
+            rate.push(times(1) - error(4));
             let next = product(&step, &adjugate, n);
             let trace: f64 = (0..n).map(|i| next[i][i]).sum();
             let c = -trace / k as f64;
@@ -358,7 +344,9 @@ mod tests {
             delay: 1,
             lag,
             lead,
-            rates: RateResponse::Filtered(0.0),
+            slew: 0.0,
+            rate_lag: 0.0,
+            taps: Vec::new(),
             inertia: Vec3::splat(J),
             axes: Mat3::IDENTITY,
         }
@@ -381,6 +369,21 @@ mod tests {
             if rig.is_stable(&spring(middle, b), hold) { low = middle } else { high = middle }
         }
         low
+    }
+
+    #[test]
+    fn damped_print() {
+        for (h, lag, j) in [(1e-3, 5e-4, 4.3e-3), (2.5e-4, 2.3e-4, 1.4e-3), (5e-4, 1e-3, 1e-3)] {
+            for diag in [Vec3::ONE, Vec3::new(1.0, 1.0, 0.0), Vec3::X, Vec3::new(1.0, 0.9, 0.5)] {
+                let mut line = String::new();
+                let rig = Sampled { period: h, inertia: Vec3::new(j, 1.1 * j, 1.3 * j), ..rig(lag, 0.0) };
+                for b in [0.3, 0.6, 1.0, 1.3, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0] {
+                    let s = Scene { damping: Mat3::from_diagonal(diag * b), ..spring(0.0, 0.0) };
+                    line += &format!(" {b}:{}", if rig.is_stable(&s, &HOLDS[0]) { "s" } else { "U" });
+                }
+                eprintln!("{h} {lag} {j} {diag}: {line}");
+            }
+        }
     }
 
     #[test]

@@ -129,7 +129,7 @@ impl Controller {
         };
         let delta = rotation::difference(q, then);
         if weight > 0.0 {
-            self.orientation.correct(delta, weight);
+            self.orientation.correct(then, delta, weight);
         }
         Reply::Aligned { angle: delta.length() }
     }

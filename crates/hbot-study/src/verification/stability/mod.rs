@@ -9,6 +9,7 @@ mod linear;
 mod long;
 mod passive;
 mod rig;
+mod scenes;
 mod search;
 mod short;
 mod wall;
