@@ -6,6 +6,7 @@ use std::sync::{Arc, mpsc};
 
 use hbot_config::RigConfig;
 use hbot_config::rig::Port;
+use hbot_sim::controller::Lags;
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::pty::{PtyOptions, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig, SimulatedRigError};
@@ -133,7 +134,8 @@ pub(crate) fn simulated_rig(
     phenomena: Phenomena,
 ) -> Result<SimulatedRig, SimulatedRigError> {
     let line = rig.link.protocol.into();
-    SimulatedRig::new(&SimulatedConfig { line, phenomena, ..SimulatedConfig::new(&rig.rig) })
+    let lags = Lags { torque: Some(rig.torque_lag), rate: Some(rig.rate_lag) };
+    SimulatedRig::new(&SimulatedConfig { line, lags, phenomena, ..SimulatedConfig::new(&rig.rig) })
 }
 
 /// A motor bus, and the controllers on its line, which have been checked.

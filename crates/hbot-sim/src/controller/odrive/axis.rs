@@ -2,6 +2,9 @@
 
 use core::f64::consts::TAU;
 
+use hbot_config::rig::Protocol;
+
+use super::super::Lags;
 use super::super::joints::{Joints, Truth};
 
 /// Firmware version that each axis reports: major, minor, revision.
@@ -36,6 +39,8 @@ struct Settings {
     encoder_msg_rate: u64,
     /// Time between two heartbeats, in ns; 0 means none are sent.
     heartbeat_msg_rate: u64,
+    /// Natural frequency of the filter of position and velocity, rad/s.
+    encoder_bandwidth: f64,
     /// Minor version of the firmware that the axis reports.
     firmware_minor: u8,
 }
@@ -73,12 +78,13 @@ pub(super) struct Axis {
 
 impl Axis {
     /// Returns the axis of joint `j` after power-on, with the settings that the driver requires.
-    pub(super) fn new(j: usize) -> Self {
+    pub(super) fn new(j: usize, lags: Lags) -> Self {
         let settings = Settings {
             enable_watchdog: true,
             watchdog_timeout: 50 * MS,
             encoder_msg_rate: MS,
             heartbeat_msg_rate: 10 * MS,
+            encoder_bandwidth: 2.0 / lags.rate.unwrap_or(Protocol::Odrive.rate_lag()),
             firmware_minor: FIRMWARE[1],
         };
         Self {
@@ -112,10 +118,16 @@ impl Axis {
             "config.watchdog_timeout" => settings.watchdog_timeout = (value * 1e9) as u64,
             "config.can.encoder_msg_rate_ms" => settings.encoder_msg_rate = ms,
             "config.can.heartbeat_msg_rate_ms" => settings.heartbeat_msg_rate = ms,
+            "config.encoder_bandwidth" => settings.encoder_bandwidth = value,
             "fw_version_minor" => settings.firmware_minor = value as u8,
             _ => return false,
         }
         true
+    }
+
+    /// Returns the natural frequency of the filter of position and velocity, rad/s.
+    pub(super) fn filter(&self) -> f64 {
+        self.settings.encoder_bandwidth
     }
 
     /// Restarts the watchdog, as any message to the axis does.
