@@ -180,7 +180,7 @@ mod tests {
             assert!(worst[1] < 100.0 * 2.0 * dt, "{hz}: {worst:?}");
             assert!(worst[0] < 2.0 * dt * worst[1].max(100.0 / w), "{hz}: {worst:?}");
             // Half of the 3 dB bandwidth's delay: 3.9 ms at 200 Hz.
-            assert!((filter.rate_lag() - 0.789_39 / hz).abs() < 1e-5 / hz, "{}", filter.rate_lag());
+            assert!((filter.rate_lag() - 0.789_409 / hz).abs() < 1e-6 / hz, "{}", filter.rate_lag());
             assert!((EncoderFilter::moteus_hz(filter.rate_lag()) / hz - 1.0).abs() < 1e-12);
         }
     }
