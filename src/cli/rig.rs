@@ -15,7 +15,7 @@ use hbot_core::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
 use hbot_core::{Device, Vec3};
-use hbot_host::bus::{BusTraffic, driver};
+use hbot_host::bus::{BusTraffic, driver, late_rates};
 use hbot_host::doctor::{MOST_LOAD, highest_rate, punctuality};
 use hbot_host::stiffness::{DELAY_TICKS, StiffnessBound, USUAL_DAMPING};
 
@@ -60,6 +60,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let config = RigConfig::load(file.as_deref(), &[])?;
     let warnings = Warnings::of(&config);
     say!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
+    if let Some(late) = &warnings.late {
+        say!("  {}warning:{} {late}", style::WARN, style::OFF)?;
+    }
     for wheel in &warnings.uncalibrated {
         say!(
             "  {}warning:{} {} leaves its steering zero to a calibration: the rig stays unreferenced until \
@@ -85,6 +88,8 @@ struct Warnings {
     colliding: Vec<[usize; 2]>,
     /// The least spectral index of the driven joints over all postures.
     actuation: f64,
+    /// What to do about rates that the controllers report too late.
+    late: Option<String>,
 }
 
 impl Warnings {
@@ -100,6 +105,7 @@ impl Warnings {
             uncalibrated: (0..wheels.len()).filter(|i| joints[2 * i].zero == Zero::Calibrate).collect(),
             colliding: pairs.filter(can_collide).collect(),
             actuation: margins.fold(f64::INFINITY, f64::min),
+            late: late_rates(config),
         }
     }
 
@@ -110,7 +116,8 @@ impl Warnings {
 
     /// Returns the number of warnings as the end of the headline. Empty if there is none.
     fn in_words(&self) -> String {
-        match self.uncalibrated.len() + self.colliding.len() + usize::from(self.is_weak()) {
+        let one = usize::from(self.is_weak()) + usize::from(self.late.is_some());
+        match self.uncalibrated.len() + self.colliding.len() + one {
             0 => String::new(),
             1 => ", 1 warning".to_owned(),
             count => format!(", {count} warnings"),

@@ -14,7 +14,7 @@ use hbot_sim::served::{ServeError, ServedRig};
 use hbot_sim::socket::{SharedTime, spawn_socket};
 use thiserror::Error;
 
-use crate::bus::{Expected, MeetError, MotorBus, driver};
+use crate::bus::{Expected, MeetError, MotorBus, driver, filtering_warnings};
 use crate::last_word::{Program, without_core_file};
 use crate::layout::Layout;
 use crate::line::serial::{LatencyTimer, OpenError, Peer, Serial, unguarded};
@@ -176,6 +176,7 @@ pub(crate) fn serial(
         let mut line = Serial::open(device, rig.link.baud)?;
         let expected = Expected::new(device, &rig.rig, layout, bus);
         protocol.meet(&mut line, &expected)?;
+        notices.extend(filtering_warnings(rig, &expected));
         let off = protocol.off_bytes(&expected);
         if let Some(Err(error)) = helper.map(|helper| line.guard(helper, &off)) {
             notices.push(unguarded(device, &error));

@@ -11,6 +11,7 @@
 //! is.
 
 mod can;
+mod filtering;
 pub mod hbot;
 mod meet;
 pub mod moteus;
@@ -24,6 +25,7 @@ use hbot_config::rig as config;
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
 
+pub use self::filtering::{Filtering, Lag, filtering_warnings, late_rates};
 pub use self::meet::{Expected, ExpectedJoint, Found, MeetError, Remedy, converse, field};
 pub use self::obedience::Obedience;
 pub use self::telemetry::{Telemetry, TelemetryLog};

@@ -7,7 +7,7 @@ use hbot_config::rig::Protocol as Name;
 use super::axis::{mark, may_be_booted};
 use super::message::{Command, Question, error, state};
 use super::talk::{Met, Talk};
-use crate::bus::{Expected, Found, MeetError, Remedy, field};
+use crate::bus::{Expected, Filtering, Found, MeetError, Remedy, field};
 use crate::line::Line;
 
 /// Shortest time for which the driver counts positions and heartbeats before it judges the settings
@@ -124,6 +124,7 @@ pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found
             firmware: format!("{major}.{middle}.{revision}, CANSimple"),
             supply_v: met.supply,
             zero: None,
+            filtering: Filtering::default(),
             remedies,
         };
         let twice = met.answered > met.asked;
