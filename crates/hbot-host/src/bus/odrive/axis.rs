@@ -12,6 +12,7 @@ use hbot_core::inputs::Complaints;
 
 use super::message::{Message, error, state};
 use super::order::{Order, Times};
+use super::trip::RoundTrip;
 use crate::bus::{Telemetry, TelemetryLog};
 
 /// Encoder counts per turn that the driver reports. Equals `counts_per_turn` of this protocol in
@@ -88,7 +89,12 @@ pub(super) struct Axis {
     heard_ns: u64,
     heartbeat_ns: u64,
     /// The tick of the last command that was sent before the newest position arrived.
+    arrived: Option<u32>,
+    /// The tick of the oldest command that the newest position can answer. `None` until the round
+    /// trip is known.
     pub(super) answers: Option<u32>,
+    /// The round trip of questions to the axis.
+    pub(super) trip: RoundTrip,
     error: u32,
     state: u8,
     /// Turns of the encoder by which the driver has just moved the position of the axis back.
@@ -124,7 +130,9 @@ impl Axis {
             velocity: 0.0,
             heard_ns: 0,
             heartbeat_ns: 0,
+            arrived: None,
             answers: None,
+            trip: RoundTrip::default(),
             error: 0,
             state: state::UNDEFINED,
             set_back: None,
@@ -166,6 +174,10 @@ impl Axis {
     /// Updates the state with a message that arrived before the command of `tick`. `order` tells
     /// whether the motors are commanded on, and since when.
     pub(super) fn hear(&mut self, now_ns: u64, tick: u32, order: Order, message: &Message) {
+        if self.trip.hear(tick, message) && self.arrived == Some(tick.wrapping_sub(1)) {
+            // The position came just before the first answer.
+            self.date(tick);
+        }
         match *message {
             Message::Estimates { position, velocity } => {
                 self.estimate(now_ns, tick, f64::from(position), f64::from(velocity));
@@ -221,8 +233,15 @@ impl Axis {
         }
         (self.position, self.velocity, self.heard_ns) = (Some(position), velocity, now_ns);
         if now_ns.saturating_sub(self.heartbeat_ns) <= HEARTBEAT_NS {
-            self.answers = Some(tick.wrapping_sub(1));
+            self.arrived = Some(tick.wrapping_sub(1));
+            self.date(tick);
         }
+    }
+
+    /// Dates the position that has arrived before the command of `tick`: it can be as old as the
+    /// round trip.
+    fn date(&mut self, tick: u32) {
+        self.answers = self.trip.ticks().map(|ticks| tick.wrapping_sub(ticks)).or(self.answers);
     }
 
     /// Updates the state with a heartbeat, and checks whether it shows a restart.

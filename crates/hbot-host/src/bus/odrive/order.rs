@@ -15,8 +15,11 @@ const AGAIN_MS: u32 = 100;
 /// Time between two commands to enter closed loop, ms. The driver repeats the command until the
 /// axis obeys.
 const ON_AGAIN_MS: u32 = 10;
-/// Time between two questions, ms. Each question asks one axis for one value.
+/// Time between two questions, ms. Each question asks one axis for one value. A question without an
+/// answer after this time counts as lost.
 const ASK_MS: u32 = 50;
+/// Time between two questions, ms, while the round trip to an axis is in doubt.
+const ASK_SOON_MS: u32 = 5;
 
 /// The times of this file in ticks of the loop.
 #[derive(Debug, Clone, Copy)]
@@ -27,6 +30,7 @@ pub(super) struct Times {
     pub(super) again: u32,
     pub(super) on_again: u32,
     pub(super) ask: u32,
+    pub(super) ask_soon: u32,
 }
 
 impl Times {
@@ -38,6 +42,7 @@ impl Times {
             again: expected.ticks(AGAIN_MS),
             on_again: expected.ticks(ON_AGAIN_MS),
             ask: expected.ticks(ASK_MS),
+            ask_soon: expected.ticks(ASK_SOON_MS),
         }
     }
 }
