@@ -1,9 +1,12 @@
 //! The bus of a line of ODrives. Torques are sent in every tick. Positions arrive without being
 //! asked for.
 
+use std::sync::atomic::Ordering;
+
 use hbot_core::MAX_JOINTS;
 
 use super::axis::Axis;
+use super::meet::PROVED_ARMED;
 use super::message::{Command, decode};
 use super::order::{Order, Times};
 use super::slcan::{Decoder, Word};
@@ -40,9 +43,12 @@ pub(super) struct OdriveBus {
 impl OdriveBus {
     /// Returns the bus of a line whose axes have passed bring-up.
     pub(super) fn new(line: Box<dyn Line>, expected: &Expected) -> Self {
-        let joints = (0..expected.joints()).filter_map(|at| expected.joint(at));
         let times = Times::new(expected);
-        let axes = joints.map(|joint| Axis::new(joint.id, joint.gear, times)).collect();
+        let axis = |at| {
+            let armed = expected.note(PROVED_ARMED + at).load(Ordering::Relaxed) != 0;
+            expected.joint(at).map(|joint| Axis::new(joint.id, joint.gear, times, armed))
+        };
+        let axes = (0..expected.joints()).filter_map(axis).collect();
         Self {
             line,
             axes,

@@ -2,10 +2,13 @@
 //! checks which axes are on the line, whether each is set up so that it can be commanded a torque,
 //! and whether its watchdog switches its motor off.
 
+use std::sync::atomic::Ordering;
+
 use hbot_config::rig::Protocol as Name;
 
 use super::axis::{mark, may_be_booted};
 use super::message::{Command, Question, error, state};
+use super::order::ON_MS;
 use super::talk::{Met, Talk};
 use crate::bus::{Expected, Filtering, Found, MeetError, Remedy, field};
 use crate::line::Line;
@@ -26,11 +29,17 @@ const ESTIMATES_MS: u64 = 4;
 const HEARTBEAT_MS: u64 = 20;
 /// Time after the last message within which each axis must have reported that its watchdog has
 /// expired, in ms: the longest watchdog time, and the time until the next heartbeat.
-const EXPIRED_MS: u64 = WATCHDOG_MS + HEARTBEAT_MS;
+pub(super) const EXPIRED_MS: u64 = WATCHDOG_MS + HEARTBEAT_MS;
+/// Number of times that zero torque and torque mode are commanded before a motor is switched on to
+/// prove its watchdog. The commands are repeated because one of them can be lost.
+const BEFORE_ARMED: u64 = 5;
 /// Time between two messages that keep a watchdog from expiring, in ms.
 const FEED_MS: u64 = 2;
 /// Oldest firmware that has the messages that the driver needs, as major and minor version.
 const FIRMWARE: [u8; 2] = [0, 6];
+/// Index into the notes of an [`Expected`]: of each axis, 1 if its watchdog was seen to expire only
+/// while its motor was on.
+pub(super) const PROVED_ARMED: usize = 1;
 /// Largest number of axes on a line. With more of them, the last word would exceed 255 bytes.
 const MOST_AXES: usize = 11;
 
@@ -66,15 +75,20 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
             return Err(said(*id, remedy));
         }
     }
+    let armed = match watchdogs(&mut talk, &ids)? {
+        Ok(armed) => armed,
+        Err((id, remedy)) => return Err(said(id, &remedy)),
+    };
     for (at, id) in ids.iter().enumerate() {
+        let is_armed = armed.contains(id);
+        expected.note(PROVED_ARMED + at).store(i64::from(is_armed), Ordering::Relaxed);
         if let Some([major, minor, revision]) = talk.of(*id).firmware {
-            expected.set_firmware(at, format!("ODrive {major}.{minor}.{revision}"));
+            let proof = if is_armed { "armed at zero torque" } else { "idle" };
+            let name = format!("ODrive {major}.{minor}.{revision}, watchdog seen to expire {proof}");
+            expected.set_firmware(at, name);
         }
     }
-    let refused = match watchdogs(&mut talk, &ids)? {
-        None => marks(&mut talk, expected)?,
-        refused => refused,
-    };
+    let refused = marks(&mut talk, expected)?;
     refused.map_or(Ok(()), |(id, remedy)| Err(said(id, &remedy)))
 }
 
@@ -107,7 +121,7 @@ pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found
         let met = &said[usize::from(id)];
         let mut remedies = settings(met, listened_ms);
         if talk.of(id).error & error::WATCHDOG_TIMER_EXPIRED == 0 {
-            remedies.push(no_watchdog());
+            remedies.push(no_watchdog_idle());
         }
         let others = talk.of(id).error & !error::WATCHDOG_TIMER_EXPIRED;
         if others != 0 {
@@ -220,51 +234,111 @@ fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
     remedies
 }
 
-/// Returns the remedy for an axis whose watchdog does not expire in time.
-fn no_watchdog() -> Remedy {
-    Remedy {
-        what: format!(
-            "left alone for {EXPIRED_MS} ms it does not say that its watchdog has expired: it is off, or slow"
-        ),
-        command: format!("{ENABLE}; odrv0.save_configuration()"),
-    }
+/// Returns the remedy for an axis whose watchdog does not expire in time. `what` tells what was
+/// tried.
+fn no_watchdog(what: &str) -> Remedy {
+    Remedy { what: what.to_owned(), command: format!("{ENABLE}; odrv0.save_configuration()") }
+}
+
+/// Returns the remedy for an axis that was left alone and did not report an expired watchdog.
+fn no_watchdog_idle() -> Remedy {
+    no_watchdog(&format!(
+        "left alone for {EXPIRED_MS} ms it does not say that its watchdog has expired: it is off, or slow, or it counts \
+         only while the motor is on, which a scan does not try"
+    ))
 }
 
 /// The first axis that fails a check, with what is wrong and its remedy. `None` if all pass.
 type Refused = Option<(u8, Remedy)>;
 
-/// Tests the watchdogs of the axes: feeds them until none is expired, then sends nothing until all
-/// have expired. Returns the first axis that fails. Reading the setting of a watchdog would prove
-/// less, and the number of this setting differs between firmware versions.
-fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
-    let expired = |met: &Met| met.error & error::WATCHDOG_TIMER_EXPIRED != 0;
+/// Tests the watchdogs of the axes. Feeds them until none is expired, then sends nothing until all
+/// have expired. Axes that have not are tested once more with their motors on, at zero torque.
+/// Returns the ids of these axes, or the first axis that fails. Reading the setting of a watchdog
+/// would prove less, and the number of this setting differs between firmware versions.
+fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Result<Vec<u8>, (u8, Remedy)>, MeetError> {
     talk.say_all(ids, Command::AxisState(state::IDLE))?;
     if let Some(id) = talk.until(ANSWER_MS, ids, |met| met.state == state::IDLE)? {
         let what = format!("it is in state {} and does not become idle", talk.of(id).state);
-        return Ok(Some((id, Remedy { what, command: "dump_errors(odrv0)".to_owned() })));
+        return Ok(Err((id, Remedy { what, command: "dump_errors(odrv0)".to_owned() })));
     }
-    // Axes are fed until two heartbeats have arrived and the last one shows no expired watchdog.
-    // The first of them can be older than the clearing of errors.
-    talk.say_all(ids, Command::ClearErrors)?;
-    let before = talk.met;
-    let mut fed = false;
-    for _ in 0..ANSWER_MS / FEED_MS {
+    if let Some(id) = feed(talk, ids)? {
+        let what = format!("its watchdog expires although it is fed every {FEED_MS} ms");
+        return Ok(Err((id, no_watchdog(&what))));
+    }
+    let Some(_) = talk.until(EXPIRED_MS, ids, expired)? else { return Ok(Ok(Vec::new())) };
+    let left: Vec<u8> = ids.iter().copied().filter(|id| !expired(talk.of(*id))).collect();
+    let refused = armed(talk, &left)?;
+    Ok(refused.map_or(Ok(left), Err))
+}
+
+fn expired(met: &Met) -> bool {
+    met.error & error::WATCHDOG_TIMER_EXPIRED != 0
+}
+
+/// Feeds the axes until two heartbeats of each have arrived since its errors were last cleared, and
+/// the last one shows no expired watchdog. The first of them can be older than the clearing. The
+/// errors are cleared after feeding has begun, and again if they return: a watchdog that only
+/// torques feed has expired again before the first one. Returns the first axis whose watchdog stays
+/// expired.
+fn feed(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Option<u8>, MeetError> {
+    let mut before = talk.met;
+    for round in 0..ANSWER_MS / FEED_MS {
         talk.say_all(ids, Command::InputTorque(0.0))?;
+        if round.is_multiple_of(AGAIN_MS / FEED_MS) {
+            talk.say_all(ids, Command::ClearErrors)?;
+            before = talk.met;
+        }
         talk.listen(FEED_MS)?;
         let clear = |id: &u8| {
             talk.of(*id).heartbeats >= before[usize::from(*id)].heartbeats + 2 && !expired(talk.of(*id))
         };
-        fed = ids.iter().all(clear);
-        if fed {
+        if ids.iter().all(clear) {
+            return Ok(None);
+        }
+    }
+    Ok(ids.iter().copied().find(|id| expired(talk.of(*id))))
+}
+
+/// Tests the watchdogs of axes with their motors on, at zero torque: switches the motors on, then
+/// sends nothing until each has switched itself off because its watchdog has expired. Returns the
+/// first axis that fails. All motors are off afterwards.
+fn armed(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
+    let is_on = |met: &Met| met.state == state::CLOSED_LOOP;
+    for round in 0..u64::from(ON_MS) / FEED_MS {
+        talk.say_all(ids, Command::TorqueMode)?;
+        talk.say_all(ids, Command::InputTorque(0.0))?;
+        if round >= BEFORE_ARMED && round.is_multiple_of(BEFORE_ARMED) {
+            let off: Vec<u8> = ids.iter().copied().filter(|id| !is_on(talk.of(*id))).collect();
+            talk.say_all(&off, Command::AxisState(state::CLOSED_LOOP))?;
+        }
+        talk.listen(FEED_MS)?;
+        if ids.iter().all(|id| is_on(talk.of(*id))) {
             break;
         }
     }
-    if !fed && let Some(id) = ids.iter().copied().find(|id| expired(talk.of(*id))) {
-        let what = format!("its watchdog expires although it is fed every {FEED_MS} ms");
-        return Ok(Some((id, Remedy { what, command: format!("{ENABLE}; odrv0.save_configuration()") })));
+    let idle = format!("left alone for {EXPIRED_MS} ms it does not say that its watchdog has expired");
+    let refused = match ids.iter().copied().find(|id| !is_on(talk.of(*id))) {
+        Some(id) => {
+            let error = talk.of(id).error;
+            let what = format!(
+                "{idle}, and it does not switch its motor on to show it at zero torque (errors {error:#x})"
+            );
+            Some((id, no_watchdog(&what)))
+        }
+        None => {
+            let disarmed = |met: &Met| !is_on(met) && expired(met);
+            let what =
+                format!("{idle}, neither idle nor with its motor on at zero torque: it is off, or slow");
+            talk.until(EXPIRED_MS, ids, disarmed)?.map(|id| (id, no_watchdog(&what)))
+        }
+    };
+    for _ in 0..ANSWER_MS / AGAIN_MS {
+        talk.say_all(ids, Command::AxisState(state::IDLE))?;
+        if talk.until(AGAIN_MS, ids, |met| !is_on(met))?.is_none() {
+            break;
+        }
     }
-    let refused = talk.until(EXPIRED_MS, ids, expired)?;
-    Ok(refused.map(|id| (id, no_watchdog())))
+    Ok(refused)
 }
 
 /// Marks the position of each axis that has no mark: moves it away from 0, so that the driver can
@@ -277,7 +351,8 @@ fn marks(talk: &mut Talk<'_>, expected: &Expected) -> Result<Refused, MeetError>
             talk.say(joint.id, Command::AbsolutePosition((position + mark(joint.gear)) as f32))?;
         }
     }
-    for command in [Command::TorqueMode, Command::ClearErrors, Command::InputTorque(0.0)] {
+    // The torque comes first, so that a watchdog that only torques feed does not expire again.
+    for command in [Command::TorqueMode, Command::InputTorque(0.0), Command::ClearErrors] {
         talk.say_all(&ids, command)?;
     }
     let marked = |met: &Met| met.position.is_some_and(|position| !may_be_booted(position));

@@ -3,7 +3,8 @@
 //!
 //! They were written from the vendor's CAN protocol page, the DBC of firmware 0.6.10, and the
 //! source code of firmware 0.5.6. Every message to an axis restarts its watchdog, which runs
-//! whether the motor is on or off. Errors stay until they are cleared. Positions and heartbeats are
+//! whether the motor is on or off, unless a test has it otherwise. Errors stay until they are
+//! cleared. Positions and heartbeats are
 //! sent without being asked for.
 
 mod axis;
@@ -106,7 +107,7 @@ impl Odrive {
             if axis.id != node || axis.deaf {
                 continue;
             }
-            axis.feed(now_ns);
+            axis.feed(now_ns, message);
             // An axis also treats a frame without data bytes as a request. The emergency stop is
             // the exception.
             if frame.asks || frame.bytes.is_empty() && message != ESTOP {
@@ -114,6 +115,7 @@ impl Odrive {
             } else {
                 axis.hear(j, message, &frame.bytes, joints, truth);
             }
+            axis.watch(now_ns);
             axis.push(j, joints);
         }
     }

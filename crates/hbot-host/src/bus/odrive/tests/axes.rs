@@ -25,7 +25,7 @@ struct Bench {
 
 impl Bench {
     fn new(gear: f64) -> Self {
-        let axis = Axis::new(1, gear, Times::new(&super::expected()));
+        let axis = Axis::new(1, gear, Times::new(&super::expected()), false);
         Self { axis, order: Order::default(), tick: 0 }
     }
 
