@@ -12,7 +12,7 @@ use hbot_config::{Override, RigConfig};
 use hbot_host::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
 use hbot_host::bringup::scan::scan;
 use hbot_host::bringup::{Bench, Interrupted, open};
-use hbot_host::bus::field;
+use hbot_host::bus::{Lag, field};
 use hbot_host::last_word::Program;
 use hbot_host::signals;
 use serde_json::json;

@@ -60,8 +60,8 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let config = RigConfig::load(file.as_deref(), &[])?;
     let warnings = Warnings::of(&config);
     say!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
-    if let Some(late) = &warnings.late {
-        say!("  {}warning:{} {late}", style::WARN, style::OFF)?;
+    if let Some(advice) = late_rates(&config) {
+        say!("  {}advice:{} {advice}", style::NAME, style::OFF)?;
     }
     for wheel in &warnings.uncalibrated {
         say!(
@@ -88,8 +88,6 @@ struct Warnings {
     colliding: Vec<[usize; 2]>,
     /// The least spectral index of the driven joints over all postures.
     actuation: f64,
-    /// What to do about rates that the controllers report too late.
-    late: Option<String>,
 }
 
 impl Warnings {
@@ -105,7 +103,6 @@ impl Warnings {
             uncalibrated: (0..wheels.len()).filter(|i| joints[2 * i].zero == Zero::Calibrate).collect(),
             colliding: pairs.filter(can_collide).collect(),
             actuation: margins.fold(f64::INFINITY, f64::min),
-            late: late_rates(config),
         }
     }
 
@@ -116,8 +113,7 @@ impl Warnings {
 
     /// Returns the number of warnings as the end of the headline. Empty if there is none.
     fn in_words(&self) -> String {
-        let one = usize::from(self.is_weak()) + usize::from(self.late.is_some());
-        match self.uncalibrated.len() + self.colliding.len() + one {
+        match self.uncalibrated.len() + self.colliding.len() + usize::from(self.is_weak()) {
             0 => String::new(),
             1 => ", 1 warning".to_owned(),
             count => format!(", {count} warnings"),

@@ -5,7 +5,6 @@ use hbot_config::RigConfig;
 use hbot_core::rig::RateEstimate;
 
 use super::{Expected, field};
-use crate::stiffness::DELAY_TICKS;
 
 /// Largest excess of a lag over the rig file's that is not reported, as a fraction. A rig file has
 /// few digits: 0.8 ms for the 0.796 ms of 200 Hz.
@@ -70,18 +69,19 @@ pub fn filtering_warnings(config: &RigConfig, expected: &Expected) -> Vec<String
     (0..expected.joints()).flat_map(one).collect()
 }
 
-/// Returns the advice to estimate the rates from the positions, if the rates that the controllers
-/// report are later than everything else in the loop together, so that they limit its damping.
+/// Returns the advice to compute the rates from the positions, if the rates that the controllers
+/// report are more than one tick late. The difference of two readings is half a tick late, and
+/// positions have no delay in slow motion, although they pass the same filter.
 #[must_use]
 pub fn late_rates(config: &RigConfig) -> Option<String> {
-    let rest = config.rig.timing.period_s() * (0.5 + DELAY_TICKS) + config.torque_lag;
-    let late = config.rig.methods.rate == RateEstimate::Controller && config.rate_lag > rest;
+    let period = config.rig.timing.period_s();
+    let late = config.rig.methods.rate == RateEstimate::Controller && config.rate_lag > period;
     late.then(|| {
         format!(
-            "the rates of the controllers are {:.1} ms late (rate_lag), later than the rest of the loop ({:.1} ms): set \
-             loop.rate_estimate = \"kalman\", which computes them from the positions",
+            "the rates of the controllers are {:.1} ms late (rate_lag), more than a tick of {:.1} ms; \
+             loop.rate_estimate = \"kalman\" computes them from the positions, and stiffer springs are stable",
             1e3 * config.rate_lag,
-            1e3 * rest
+            1e3 * period
         )
     })
 }
@@ -127,10 +127,10 @@ mod tests {
 
     #[test]
     fn kalman_is_offered_where_the_rates_are_the_latest_part_of_the_loop() {
-        let advice = late_rates(&config("rate_lag = 0.0039")).expect("later than 2.3 ms");
-        assert!(advice.contains("3.9 ms late (rate_lag)") && advice.contains("(2.3 ms)"), "{advice}");
+        let advice = late_rates(&config("rate_lag = 0.0039")).expect("later than 1 ms");
+        assert!(advice.contains("3.9 ms late (rate_lag), more than a tick of 1.0 ms"), "{advice}");
         assert!(advice.contains("loop.rate_estimate = \"kalman\""), "{advice}");
-        assert_eq!(late_rates(&config("rate_lag = 0.0022")), None);
+        assert_eq!(late_rates(&config("rate_lag = 0.0009")), None);
         let mut rig = config("rate_lag = 0.0039");
         rig.rig = rig.rig.with(|parts| parts.methods.rate = RateEstimate::Difference).expect("legal");
         assert_eq!(late_rates(&rig), None, "its rates are not those of the controllers");
