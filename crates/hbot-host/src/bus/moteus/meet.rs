@@ -1,6 +1,8 @@
 //! Checks that the servos on a line are those of the rig file, and that their settings allow torque
 //! commands.
 
+use std::f64::consts::TAU;
+
 use super::REGISTER_MAP;
 use super::codec::{self, Turn};
 use super::talk::Talk;
@@ -112,7 +114,7 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
                     remedies.push(mend(&port, *id, must, &said));
                 }
             }
-            filtering = self::filtering(talk, *id)?;
+            filtering = self::filtering(talk, *id, state.firmware.unwrap_or_default())?;
         }
         let home = ["relative: no zero", "rotor: within a turn", "output"];
         found.push(Found {
@@ -128,26 +130,27 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
     Ok(found)
 }
 
+/// The first firmware whose setting `pll_filter_hz` is the 3 dB bandwidth of the filter. In older
+/// firmware it is the natural frequency (`set_encoder_filter` of the vendor's `moteus_tool` 1.1.1).
+const BANDWIDTH_SINCE: i32 = 0x010c;
+
 /// Reads the settings of servo `id` that make its torque and its rate late. Both bandwidths are
 /// chosen by `moteus_tool --calibrate --cal-bw-hz`. A setting that the firmware does not have gives
-/// `None`.
-fn filtering(talk: &mut Talk<'_>, id: u8) -> Result<Filtering, MeetError> {
+/// `None`. `firmware` is the version of the firmware.
+fn filtering(talk: &mut Talk<'_>, id: u8, firmware: i32) -> Result<Filtering, MeetError> {
     let source = talk.setting(id, "motor_position.output.source")?;
-    let mut lag = |setting: String, seconds: fn(f64) -> f64| {
+    let mut lag = |setting: String, at_1_hz: f64| {
         let said: Option<f64> = talk.setting(id, &setting)?.parse().ok();
         let hz = said.filter(|hz| *hz > 0.0);
-        Ok::<_, MeetError>(hz.map(|hz| Lag { setting, hz, seconds: seconds(hz) }))
+        Ok::<_, MeetError>(hz.map(|hz| Lag { setting, hz, seconds: at_1_hz / hz }))
     };
-    let torque = lag("servo.pid_dq_hz".to_owned(), |hz| 1.0 / (std::f64::consts::TAU * hz))?;
-    let rate = lag(format!("motor_position.sources.{source}.pll_filter_hz"), rate_lag)?;
+    // The filter is a critically damped one of second order with the natural frequency w, so the
+    // rate is 2/w late. w is 2 pi f / 2.48 (`HandleConfigUpdate` in the vendor's
+    // `fw/motor_position.h`).
+    let ratio = if firmware >= BANDWIDTH_SINCE { 2.48 } else { 1.0 };
+    let torque = lag("servo.pid_dq_hz".to_owned(), 1.0 / TAU)?;
+    let rate = lag(format!("motor_position.sources.{source}.pll_filter_hz"), 2.0 * ratio / TAU)?;
     Ok(Filtering { torque, rate })
-}
-
-/// Returns the delay of the rate that a servo reports with a `pll_filter_hz` of `hz`, s. The filter
-/// is a critically damped one of second order with the natural frequency w = 2 pi `hz` / 2.48, so
-/// the delay is 2/w (`HandleConfigUpdate` in the vendor's `fw/motor_position.h`).
-fn rate_lag(hz: f64) -> f64 {
-    2.0 * 2.48 / (std::f64::consts::TAU * hz)
 }
 
 fn model(number: i32) -> String {
