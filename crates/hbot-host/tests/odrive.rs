@@ -157,7 +157,7 @@ fn states(rig: &mut SimulatedRig) -> String {
     let text = String::from_utf8(reply).expect("text");
     let state = |id: u32| {
         let start = format!("t{:03X}8", id << 5 | 1);
-        let last = text.split('\r').filter(|line| line.starts_with(&start)).next_back();
+        let last = text.split('\r').rfind(|line| line.starts_with(&start));
         last.map_or('?', |line| line.as_bytes()[14] as char)
     };
     (0..4).map(state).collect()

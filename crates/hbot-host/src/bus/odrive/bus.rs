@@ -106,9 +106,8 @@ impl OdriveBus {
             put(&mut axes[*turn]);
         } else if tick.is_multiple_of(times.ask_soon) {
             let from = *turn + 1;
-            let doubted = (from..from + count).map(|at| at % count);
-            let doubted = doubted.filter(|at| axes[*at].trip.is_in_doubt(tick, times.ask)).next();
-            if let Some(at) = doubted {
+            let mut turns = (from..from + count).map(|at| at % count);
+            if let Some(at) = turns.find(|at| axes[*at].trip.is_in_doubt(tick, times.ask)) {
                 *turn = at;
                 put(&mut axes[at]);
             }
