@@ -158,24 +158,16 @@ fn a_motor_goes_on_for_the_proof_of_its_watchdog_only_if_it_did_at_bring_up() {
 
     let mut bench = restarted(true);
     let sent = commands(&mut bench, 142 + 25, false);
-    let torque_mode: Vec<(u32, Vec<&str>)> = (0..25)
-        .map(|age: u32| {
-            let turn = if age.is_multiple_of(2) { NO_TORQUE } else { TORQUE_MODE };
-            let also = match age {
-                5 => Some(CLEAR_ERRORS),
-                10 | 20 => Some(CLOSED_LOOP),
-                _ => None,
-            };
-            (142 + age, std::iter::once(turn).chain(also).collect())
-        })
-        .collect();
-    assert_eq!(
-        sent,
-        torque_mode
-            .into_iter()
-            .map(|(tick, lines)| (tick, lines.into_iter().map(str::to_owned).collect()))
-            .collect::<Vec<_>>()
-    );
+    let right = |age: u32| {
+        let turn = if age.is_multiple_of(2) { NO_TORQUE } else { TORQUE_MODE };
+        let also = match age {
+            5 => Some(CLEAR_ERRORS),
+            10 | 20 => Some(CLOSED_LOOP),
+            _ => None,
+        };
+        (141 + age, std::iter::once(turn).chain(also).map(str::to_owned).collect::<Vec<_>>())
+    };
+    assert_eq!(sent, (1..=25).map(right).collect::<Vec<_>>());
     // The motor is on. Now the axis is left alone, and its watchdog expires.
     bench.beat(state::CLOSED_LOOP, 0);
     assert_eq!(bench.complaints(), Complaints::default());
