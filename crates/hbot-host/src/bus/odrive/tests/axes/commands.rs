@@ -194,6 +194,8 @@ fn a_motor_that_its_watchdog_does_not_switch_off_is_kept_off() {
             assert!(sent.iter().any(|line| line == IDLE), "{sent:?}");
             bench.beat(state::IDLE, 0);
         }
+        // A position away from 0, as after the axis was marked.
+        bench.at(60.0, 0.0);
         for _ in 0..1000 {
             let sent = bench.command(false);
             assert!(sent == [NO_TORQUE] || sent == [NO_TORQUE, CLEAR_ERRORS], "{sent:?}");
