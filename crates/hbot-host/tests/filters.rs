@@ -1,4 +1,5 @@
-//! How stiff a spring can be with the filters of simulated moteus servos, in the whole loop.
+//! How stiff a spring can be with the filters of simulated moteus servos and ODrives, in the whole
+//! loop.
 
 use std::sync::mpsc::channel;
 
@@ -6,7 +7,7 @@ use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::mode::Mode;
 use hbot_core::{Controller, Vec3};
 use hbot_host::bridge::bridge;
-use hbot_host::bus::{Expected, Protocol as _, late_rates, moteus::Moteus};
+use hbot_host::bus::{Expected, driver, late_rates};
 use hbot_host::engine::{Engine, TickTime};
 use hbot_host::layout::Layout;
 use hbot_host::line::{Memory, SimulatorCall};
@@ -19,12 +20,21 @@ use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 /// Rate of the sphere, rad/s, above which it counts as shaking some seconds after a tap of 0.8 rad/s.
 const STILL: f64 = 0.2;
 
-fn rig(estimate: &str, hz: f64) -> RigConfig {
-    let text = include_str!("../../../rigs/prototype-moteus.toml");
+/// Returns the prototype with moteus servos whose filters have a bandwidth of `hz`, and with rates
+/// that are computed by `estimate`.
+fn servos(estimate: &str, hz: f64) -> RigConfig {
+    rig(include_str!("../../../rigs/prototype-moteus.toml"), estimate, 0.789_409 / hz)
+}
+
+/// Returns the rig of a file with other rates and another delay of them, s, and without the
+/// passivity stage, which would hide that a spring is too stiff.
+fn rig(text: &str, estimate: &str, lag: f64) -> RigConfig {
     let text = text
         .replace("rate_estimate = \"controller\"", &format!("rate_estimate = \"{estimate}\""))
-        .replace("rate_lag = 0.0039 ", &format!("rate_lag = {} #", 0.789_409 / hz));
-    RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|e| panic!("{e}"))
+        .replace("rate_lag = ", &format!("rate_lag = {lag} #"));
+    let mut rig = RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|e| panic!("{e}"));
+    rig.rig = rig.rig.with(|parts| parts.methods.passivity = None).expect("legal");
+    rig
 }
 
 /// Returns the largest rate of the sphere, rad/s, in the last of `seconds` after a tap.
@@ -41,8 +51,9 @@ fn rest(rig: &RigConfig, k: f64, b: f64, seconds: u64) -> f64 {
     let mut line = Memory::new(simulated, inbox);
     let layout = Layout::of(rig);
     let expected = Expected::new("test", &rig.rig, &layout, 0);
-    Moteus.meet(&mut line, &expected).expect("they are good");
-    let motors = Motors::new(vec![Moteus.bus(Box::new(line), expected)], &layout, 20);
+    let protocol = driver(rig.link.protocol);
+    protocol.meet(&mut line, &expected).expect("they are good");
+    let motors = Motors::new(vec![protocol.bus(Box::new(line), expected)], &layout, 20);
     let (end, mut service) = bridge().expect("a bridge");
     let scene = format!("[[effect]]\nid = \"s\"\nkind = \"spring\"\nstiffness = {k}\ndamping = {b}\n");
     let scene = SceneFile::from_toml(&scene, "s.toml").expect("legal");
@@ -130,22 +141,36 @@ fn axis_rests(rig: &RigConfig, k: f64, b: f64) -> bool {
     late < 1e-3
 }
 
-/// The largest stiffness of the model of one axis is that of the whole loop with simulated servos,
-/// within 5 %, for the dampings that carry most. At 200 Hz it is 57 N m/rad.
+/// Returns the largest stiffness at which the model of one axis comes to rest, N m/rad. Checks that
+/// it is the border of the whole loop with simulated controllers within 5 %.
+fn border(rig: &RigConfig, damping: f64) -> f64 {
+    let (mut low, mut high) = (10.0_f64, 1000.0_f64);
+    while high / low > 1.002 {
+        let middle = (low * high).sqrt();
+        if axis_rests(rig, middle, damping) { low = middle } else { high = middle }
+    }
+    let name = rig.link.protocol.name();
+    let [below, above] = [0.95, 1.05].map(|share| rest(rig, share * low, damping, 4));
+    assert!(below < STILL, "{name}, {} s, 5 % below {low} N m/rad: {below} rad/s", rig.rate_lag);
+    assert!(above > STILL, "{name}, {} s, 5 % above {low} N m/rad: {above} rad/s", rig.rate_lag);
+    low
+}
+
+/// The dampings are those that carry most. At 200 Hz this is 57 N m/rad.
 #[test]
 fn springs_are_as_stiff_as_the_filters_of_the_servos_allow() {
-    for (hz, damping, about) in [(200.0, 0.4, 57.0), (400.0, 0.6, 115.0), (1000.0, 0.8, 210.0)] {
-        let rig = rig("controller", hz);
-        let (mut low, mut high) = (10.0_f64, 1000.0_f64);
-        while high / low > 1.002 {
-            let middle = (low * high).sqrt();
-            if axis_rests(&rig, middle, damping) { low = middle } else { high = middle }
-        }
-        println!("{hz} Hz, damping {damping}: {low:.1} N m/rad");
-        assert!((low / about - 1.0).abs() < 0.05, "{hz} Hz: {low} N m/rad");
-        let [below, above] = [0.95, 1.05].map(|share| rest(&rig, share * low, damping, 4));
-        assert!(below < STILL, "{hz} Hz, 5 % below {low} N m/rad: {below} rad/s");
-        assert!(above > STILL, "{hz} Hz, 5 % above {low} N m/rad: {above} rad/s");
+    for (hz, damping, about) in [(200.0, 0.4, 57.0), (400.0, 0.6, 114.0), (1000.0, 0.8, 206.0)] {
+        let found = border(&servos("controller", hz), damping);
+        assert!((found / about - 1.0).abs() < 0.02, "{hz} Hz: {found} N m/rad");
+    }
+}
+
+/// An ODrive with the vendor's bandwidth of 1000 rad/s, and with a quarter of it.
+#[test]
+fn springs_are_as_stiff_as_the_filters_of_odrives_allow() {
+    for lag in [0.002, 0.008] {
+        let rig = rig(include_str!("../../../rigs/prototype-odrive.toml"), "controller", lag);
+        border(&rig, 0.3);
     }
 }
 
@@ -153,7 +178,7 @@ fn springs_are_as_stiff_as_the_filters_of_the_servos_allow() {
 #[test]
 fn kalman_makes_springs_stiffer_where_the_rates_of_the_servos_are_late() {
     for (hz, stiffness) in [(200.0, 100.0), (400.0, 150.0)] {
-        let [late, kalman] = ["controller", "kalman"].map(|estimate| rig(estimate, hz));
+        let [late, kalman] = ["controller", "kalman"].map(|estimate| servos(estimate, hz));
         assert!(late_rates(&late).is_some() && late_rates(&kalman).is_none());
         let shakes = rest(&late, stiffness, 0.6, 4);
         assert!(shakes > STILL, "{hz} Hz: {shakes} rad/s");
