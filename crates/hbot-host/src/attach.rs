@@ -212,6 +212,24 @@ fn delay(device: &str, timer: &LatencyTimer) -> Option<String> {
 mod tests {
     use super::*;
 
+    /// A server over a serial port compares the filters of its servos with the rig file.
+    #[test]
+    fn a_servo_that_is_later_than_the_rig_file_says_is_a_notice() {
+        let text = include_str!("../../../rigs/prototype-moteus.toml");
+        let rig = RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("legal");
+        let mut simulated = simulated_rig(&rig, Phenomena::default()).expect("it can be simulated");
+        assert!(simulated.controllers_mut().set(1, "motor_position.sources.0.pll_filter_hz", 100.0));
+        let pty = spawn_pty(simulated, PtyOptions::default());
+        let pty = pty.expect("this test needs pseudo-terminals (/dev/ptmx)");
+        let device = pty.path().display().to_string();
+        let mut notices = Vec::new();
+        let met = serial(&rig, &[device], &Layout::of(&rig), None, false, &mut notices);
+        assert_eq!(met.map(|lines| lines.len()).map_err(|error| error.to_string()), Ok(1));
+        let right = "wheel[0].drive: its controller has motor_position.sources.0.pll_filter_hz = 100 Hz, so the rate that \
+                     it reports is 7.9 ms late and not 3.9 ms";
+        assert!(notices.len() == 1 && notices[0].starts_with(right), "{notices:?}");
+    }
+
     #[test]
     fn a_chip_that_delays_readings_by_more_than_a_millisecond_is_a_notice() {
         let of = |ms| delay("/dev/ttyUSB0", &LatencyTimer { path: "latency_timer".into(), ms });
