@@ -6,9 +6,9 @@ use std::sync::atomic::Ordering;
 use hbot_core::MAX_JOINTS;
 
 use super::axis::Axis;
-use super::meet::PROVED_ARMED;
 use super::message::{Command, decode};
 use super::order::{Order, Times};
+use super::proof::PROVED_ARMED;
 use super::slcan::{Decoder, Word};
 use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Reading, Telemetry};
 use crate::line::Line;

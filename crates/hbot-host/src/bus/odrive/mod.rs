@@ -8,7 +8,8 @@
 //! | `axis` | state of one axis: position, errors, detection of a restart |
 //! | `order` | whether motors are commanded on, and how long an axis may take |
 //! | `bus` | torques to the axes and positions from them, in each tick |
-//! | `meet` | bring-up: which axes are on the line, and whether their watchdogs work |
+//! | `meet` | bring-up: which axes are on the line, and whether they are set up right |
+//! | `proof` | the part of bring-up that proves that watchdogs work |
 //! | `trip` | the round trip of questions in the loop, from which the age of positions follows |
 //! | `talk` | questions and answers before the first tick |
 //!
@@ -20,6 +21,7 @@ mod bus;
 mod meet;
 pub mod message;
 mod order;
+mod proof;
 pub mod slcan;
 mod talk;
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Whether the motors of a line are commanded on, and how long an axis may take to obey.
 
-use super::meet::EXPIRED_MS;
+use super::proof::EXPIRED_MS;
 use crate::bus::Expected;
 
 /// Longest time that an axis may take to switch its motor off after the command, ms.
