@@ -159,7 +159,7 @@ fn border(rig: &RigConfig, damping: f64) -> f64 {
 /// The dampings are those that carry most. At 200 Hz this is 57 N m/rad.
 #[test]
 fn springs_are_as_stiff_as_the_filters_of_the_servos_allow() {
-    for (hz, damping, about) in [(200.0, 0.4, 57.0), (400.0, 0.6, 114.0), (1000.0, 0.8, 206.0)] {
+    for (hz, damping, about) in [(200.0, 0.4, 57.0), (400.0, 0.6, 114.0), (1000.0, 1.0, 212.0)] {
         let found = border(&servos("controller", hz), damping);
         assert!((found / about - 1.0).abs() < 0.02, "{hz} Hz: {found} N m/rad");
     }
