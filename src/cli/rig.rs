@@ -16,7 +16,7 @@ use hbot_core::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
 use hbot_core::{Device, Vec3};
-use hbot_host::bus::{BusTraffic, driver};
+use hbot_host::bus::{BusTraffic, driver, late_rates};
 use hbot_host::doctor::{MOST_LOAD, highest_rate, punctuality};
 
 use super::out::say;
@@ -60,6 +60,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let config = RigConfig::load(file.as_deref(), &[])?;
     let warnings = Warnings::of(&config);
     say!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
+    if let Some(advice) = late_rates(&config) {
+        say!("  {}advice:{} {advice}", style::NAME, style::OFF)?;
+    }
     for wheel in &warnings.uncalibrated {
         say!(
             "  {}warning:{} {} leaves its steering zero to a calibration: the rig stays unreferenced until \

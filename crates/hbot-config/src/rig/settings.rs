@@ -164,6 +164,23 @@ impl Protocol {
             Self::Odrive => Some(1 << 21),
         }
     }
+
+    /// Returns the delay of the joint rates that the controllers report with the settings that
+    /// their vendor chooses, s. The rate comes from a filter of second order, critically damped,
+    /// with the natural frequency w, so it is 2/w late.
+    ///
+    /// moteus: w = 2 pi f / 2.48 with f = 200 Hz, the default of `moteus_tool --calibrate` (vendor's
+    /// `fw/motor_position.h`). ODrive: w = 1000 rad/s, the default of the encoder's `bandwidth`
+    /// (`Encoder::update_pll_gains` of firmware 0.5.6). Controllers with hbot's own protocol are
+    /// taken to report rates without delay.
+    #[must_use]
+    pub const fn rate_lag(self) -> f64 {
+        match self {
+            Self::Hbot => 0.0,
+            Self::Moteus => 2.0 * 2.48 / (std::f64::consts::TAU * 200.0),
+            Self::Odrive => 2.0 / 1000.0,
+        }
+    }
 }
 
 /// Largest torque, speed, slip, energy and rates that are allowed.

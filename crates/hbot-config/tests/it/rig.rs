@@ -296,3 +296,26 @@ fn the_lag_of_a_rig_is_that_of_its_latest_motor() {
     assert_eq!(lag(&with(["0", "0.05"])), 5e-4, "three motors have the usual lag");
     assert!(said("steer = { ", "steer = { torque_lag = 0.2, ").contains("wheel[0].steer.torque_lag"));
 }
+
+/// The rates of a rig are as late as those of its latest joint, with or without a motor. A joint that
+/// does not name its delay has the one of its protocol.
+#[test]
+fn the_lag_of_the_rates_is_that_of_the_latest_joint() {
+    let lag = |text: &str| RigConfig::from_toml(text, "x.toml").unwrap_or_else(|e| panic!("{e}")).rate_lag;
+    assert_eq!(lag(LEAST), 0.0, "hbot's own protocol");
+    assert_eq!(lag(&LEAST.replacen("motor = false", "rate_lag = 0.003, motor = false", 1)), 3e-3);
+    assert_eq!(lag(&LEAST.replacen("steer = { ", "steer = { rate_lag = 0.001, ", 1)), 1e-3);
+    assert!(said("steer = { ", "steer = { rate_lag = 0.2, ").contains("wheel[0].steer.rate_lag"));
+    for (file, text, protocol) in [
+        ("moteus", include_str!("../../../../rigs/prototype-moteus.toml"), Protocol::Moteus),
+        ("odrive", include_str!("../../../../rigs/prototype-odrive.toml"), Protocol::Odrive),
+    ] {
+        // The file names the delay in full digits of milliseconds; without it, the protocol does.
+        let without: String =
+            text.lines().filter(|l| !l.starts_with("rate_lag")).fold(String::new(), |a, l| a + l + "\n");
+        assert_eq!(lag(&without), protocol.rate_lag(), "{file}");
+        assert!((lag(text) - protocol.rate_lag()).abs() < 5e-5 && without != text, "{file}: {}", lag(text));
+        let all = text.replace("rate_lag = ", "rate_lag = 0 # ");
+        assert_eq!(lag(&all), 0.0, "{file}");
+    }
+}
