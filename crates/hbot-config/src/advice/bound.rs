@@ -59,7 +59,7 @@ impl StiffnessBound {
             lag: config.torque_lag,
             lead: 0.0,
             slew: 0.0,
-            rate_lag: 0.0,
+            rate_lag: config.rate_lag,
             taps,
             inertia,
             axes,

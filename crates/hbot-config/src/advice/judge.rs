@@ -11,8 +11,10 @@ use super::sampled::{HOLDS, Hold, Sampled, Scene};
 
 /// Speeds of the swings by which laws are linearised, rad/s. A slower swing is not felt as shaking.
 /// A law that gets weaker in larger swings can still be unstable in the smaller one, and one whose
-/// damping gets weaker, such as dry friction, in the larger one.
-const SPEEDS: [f64; 2] = [0.3, 1.0];
+/// damping gets weaker, such as dry friction, in the larger one. Walls alone are judged by the last
+/// one as well: a sphere that leans against a round wall can circle along it, and then the wall's
+/// damping takes no part.
+const SPEEDS: [f64; 3] = [0.3, 1.0, 0.03];
 /// A swing of a free sphere that decays more slowly than this rings for long, 1/s: it falls to less
 /// than half in 3 s.
 const DECAY: f64 = 0.25;
@@ -27,6 +29,8 @@ const MOST_PLACES: usize = 64;
 /// A scene has to be stable with its stiffness times this: for what the linear loop leaves out, such
 /// as the posture's other inertias and the encoders' counts.
 const MARGIN: f64 = 1.1;
+/// Part of a scene that is left where the torque limit cuts it off.
+const CUT_OFF: f64 = 0.3;
 /// Speed of a sphere that keeps turning, below which it is not felt as gaining speed, rad/s.
 const TURNING: f64 = 0.5;
 /// Energy that a turning sphere gains in 10 s, below which nobody notices it, J.
@@ -119,12 +123,11 @@ impl Judge {
     #[must_use]
     pub fn findings(&self, scene: &CompiledScene) -> Vec<Finding> {
         let mut found: Vec<Finding> = Vec::new();
-        let mut judged = [Vec::new(), Vec::new()];
+        let mut judged = [Vec::new(), Vec::new(), Vec::new()];
         let places = self.places(scene);
-        // Where more torque is wanted than the rig makes, the sphere does not stay.
-        let within = |place: &&Place| pull(scene, place).length() <= self.torque;
-        for place in places.iter().filter(within) {
-            for (speed, judged) in SPEEDS.into_iter().zip(&mut judged) {
+        for place in &places {
+            let speeds = if place.spot == Spot::Wall { &SPEEDS[..] } else { &SPEEDS[..2] };
+            for (speed, judged) in speeds.iter().copied().zip(&mut judged) {
                 if let Some(finding) = self.at(scene, place, speed, judged) {
                     keep(&mut found, finding);
                 }
@@ -183,8 +186,21 @@ impl Judge {
     /// `speed`, rad/s.
     fn shakes(&self, scene: &Scene, speed: f64) -> Option<Hold> {
         let sampled = self.slewed(scene, speed);
-        let scene = Scene { stiffness: scene.stiffness * MARGIN, ..scene.clone() };
-        HOLDS.into_iter().find(|hold| !sampled.is_stable(&scene, hold))
+        let stiffer = Scene { stiffness: scene.stiffness * MARGIN, ..scene.clone() };
+        let more = Scene { damping: scene.damping * MARGIN, ..stiffer.clone() };
+        // A virtual mass can keep a spring stable that is unstable once the torque limit cuts both
+        // off.
+        let cut = Scene {
+            stiffness: stiffer.stiffness * CUT_OFF,
+            damping: scene.damping * CUT_OFF,
+            masses: scene.masses.iter().map(|(mass, time)| (*mass * CUT_OFF, *time)).collect(),
+        };
+        let unstable = |hold: &Hold| {
+            !sampled.is_stable(&stiffer, hold)
+                || !sampled.is_stable(&more, hold)
+                || !scene.masses.is_empty() && !sampled.is_stable(&cut, hold)
+        };
+        HOLDS.into_iter().find(unstable)
     }
 
     /// Returns the loop with the delay that the slew limit adds in a swing of the speed `speed`,
@@ -199,7 +215,7 @@ impl Judge {
         let stiffness = principal(&scene.stiffness).0.max_element().max(0.0);
         let damping = principal(&scene.damping).0.max_element().max(0.0);
         // The pace of a swing on the stiffness, and that at which the damping alone swings.
-        let pace = (stiffness / inertia).sqrt().max(damping / inertia).min(1.0 / sampled.lateness());
+        let pace = (stiffness / inertia).sqrt().max(damping / inertia).min(2.0 / sampled.lateness());
         let torque = (speed * (damping + stiffness / pace.max(SLOWEST))).min(self.torque);
         let part = 0.5 * PI * self.torque_rate / (torque * pace);
         let slew = if part < 1.0 { part.acos() / pace } else { 0.0 };
@@ -296,12 +312,16 @@ impl Judge {
             }
         };
         scene.places(Quat::IDENTITY, |place| {
-            add(place);
+            // Where more torque is wanted than the rig makes, the sphere does not stay.
+            let rest = self.rest(scene, &place);
+            if rest.is_none() || pull(scene, &place).length() <= self.torque {
+                add(place);
+            }
             if place.deeper != Vec3::ZERO {
                 let torque = pull(scene, &place.at_depth(LEANING.0)).length();
                 add(place.at_depth(LEANING.0 * (LEANING.1 * self.torque / torque).min(1.0)));
             }
-            if let Some(rest) = self.rest(scene, &place) {
+            if let Some(rest) = rest {
                 add(rest);
             }
         });

@@ -284,7 +284,6 @@ impl Count {
             Why::Rings { .. } | Why::Turning { .. } => false,
         });
         let Some(finding) = beyond else { return };
-        self.judged += 1;
         let [free, soft, firm] = hands();
         let hand = [free, soft, firm]
             [usize::from(finding.hold.stiffness > 1.0) + usize::from(finding.hold.stiffness > 10.0)];
@@ -292,6 +291,11 @@ impl Count {
         // A wall is touched lightly.
         let touched = finding.place.at_depth(1.0e-3);
         let load = -trial.pull(&touched);
+        if load.length() > trial.judge.torque {
+            // The rig cannot hold the sphere there.
+            return;
+        }
+        self.judged += 1;
         let rests = |tap: f64| {
             let swings = trial.run(touched.q, load, axis * tap, hand, SHAKE_S);
             let last = swings.last().copied().unwrap_or(f64::INFINITY);
