@@ -72,7 +72,7 @@ mod text;
 mod untyped;
 
 pub use answer::{
-    AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SubscribeOk,
+    AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SetOk, SubscribeOk,
 };
 pub use axes::Axes;
 pub use client::{

@@ -16,7 +16,7 @@ asyncio.
 """
 
 from . import aio
-from .answers import Controller, Distribution, Loaded, Pong, Stats
+from .answers import Changed, Controller, Distribution, Loaded, Pong, Stats
 from .errors import (
     BadRequest,
     Busy,
@@ -63,6 +63,7 @@ from .rig import Rig
 __all__ = [
     "BadRequest",
     "Busy",
+    "Changed",
     "Clock",
     "ConnectionLost",
     "Controller",

@@ -89,6 +89,7 @@ pub(super) fn answers() -> Vec<ServerMessage> {
                 warnings: vec!["spring: too stiff".into()],
             },
         ),
+        ok(10, SetOk { warnings: vec!["spring: too stiff".into()] }),
         ok(13, AlignOk { angle: 0.03125 }),
         ok(14, ModeOk { mode: Mode::Enabling }),
         ok("p", PingOk { data: json!({"n": 1}), tick: 1000, t: 1.0 }),

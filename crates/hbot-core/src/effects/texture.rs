@@ -11,6 +11,9 @@ use crate::real::{PI, Quat, Real, Vec3, cos, sincos, sqrt};
 
 /// An effect that simulates bumps on the sphere's surface, which the hand feels when the sphere
 /// turns.
+///
+/// If the effect has a number in the scene's table, it is the viscous damping of the sphere across
+/// `at`, N m s/rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Texture {
@@ -37,7 +40,14 @@ impl Law for Texture {
         let s = self.under(now);
         let sine = |x: Real| sincos(self.wave_number * x).0;
         let f = Vec3::new(sine(s.x), sine(s.y), sine(s.z));
-        now.motion.q * (f.cross(s) * self.depth)
+        let mut torque = now.motion.q * (f.cross(s) * self.depth);
+        // The damping is the only number of the effect, so that a texture without it stays as it is
+        // in recordings. A turn about `at` is not damped, because it is not felt.
+        if let [damping, ..] = now.numbers {
+            let omega = now.motion.omega;
+            torque -= (omega - self.at * self.at.dot(omega)) * *damping;
+        }
+        torque
     }
 
     fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {
