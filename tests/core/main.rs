@@ -11,6 +11,7 @@ mod designs;
 mod determinism;
 mod effects;
 mod energy;
+mod fades;
 mod faults;
 mod geometry;
 mod hard_cases;

@@ -112,6 +112,7 @@ pub mod effects;
 mod encoder;
 #[cfg(feature = "exact")]
 mod exact;
+mod fades;
 mod heat;
 pub mod impedance;
 pub mod inputs;

@@ -1,6 +1,7 @@
 //! Runs the effects of a compiled scene and keeps their memories.
 
 use crate::effects::{Anchor, Effect, EffectState, Memory, Motion, Now, Reference, Shared, mass_scale};
+use crate::fades::{self, Parts};
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::Rig;
 use crate::rotation;
@@ -222,6 +223,46 @@ impl Renderer {
         }
         self.shared.end(&motion, dt);
         torque
+    }
+
+    /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add those
+    /// that fade. The fades do not advance. `ahead` is the time until the next tick, s.
+    pub(crate) fn parts(
+        &mut self,
+        scene: &CompiledScene,
+        motion: &Motion,
+        (tick, dt, ahead): (u64, Real, Real),
+        reach: Real,
+    ) -> Parts {
+        let mut parts = Parts::NONE;
+        self.shared.begin();
+        for effect in scene.effects() {
+            let state = &mut self.states[usize::from(effect.slot)];
+            if state.reference.moving {
+                advance(&mut state.reference, tick, reach);
+            }
+            if effect.leaving && !(effect.fade_out_s - state.leaving_s > 0.0) {
+                continue;
+            }
+            let now = Now {
+                motion: *motion,
+                dt,
+                reference: &state.reference,
+                numbers: scene.numbers(effect.numbers),
+                shared: &mut self.shared,
+            };
+            let torque = effect.kind.render(effect.gain, now, &mut state.memory);
+            parts.add(effect, state, torque, ahead);
+        }
+        self.shared.end(motion, dt);
+        parts
+    }
+
+    /// Advances all fades by the fraction `part` of a tick of `dt` seconds.
+    pub(crate) fn fade(&mut self, scene: &CompiledScene, dt: Real, part: Real) {
+        for effect in scene.effects() {
+            fades::advance(effect, &mut self.states[usize::from(effect.slot)], dt, part);
+        }
     }
 
     /// Returns the energy that the effects store at the orientation `q`, J, multiplied by their

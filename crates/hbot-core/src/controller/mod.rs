@@ -15,6 +15,7 @@ use crate::burst::Burst;
 use crate::count::{Any, Count, Two};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
+use crate::fades::Fades;
 use crate::heat::Heat;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::joints::Joints;
@@ -89,6 +90,8 @@ pub struct Controller {
     /// orientation. The torque then blends as after a change of scene.
     anchored: bool,
     client: Option<(Stamp, u64)>,
+    /// The law of changes of scene. All bits zero is that of older recordings.
+    fades: Fades,
 }
 
 impl Controller {
@@ -132,6 +135,7 @@ impl Controller {
             client_lost: false,
             anchored: false,
             client: None,
+            fades: Fades::Running,
         }
     }
 
