@@ -30,6 +30,7 @@ mod references;
 mod rng;
 mod same_bits;
 mod sessions;
+mod shaking;
 mod shaping;
 mod shelf;
 mod singularity;

@@ -131,6 +131,7 @@ pub mod render;
 pub mod rig;
 pub mod rotation;
 pub mod scene;
+pub mod shaking;
 mod shaping;
 pub mod singularity;
 mod watch;

@@ -112,6 +112,11 @@ impl Renderer {
         effect.kind.excess(goal, q, scene.numbers(effect.numbers))
     }
 
+    /// Returns true if the reference of an effect of `scene` moves.
+    pub(crate) fn is_led(&self, scene: &CompiledScene) -> bool {
+        scene.effects().iter().any(|effect| self.states[usize::from(effect.slot)].reference.moving)
+    }
+
     /// Restarts all effects of `scene` when the rig is enabled. References with the anchor
     /// [`Anchor::Here`] are placed relative to the orientation `q`. All other references jump to
     /// their goals. Every effect fades in.
@@ -177,19 +182,20 @@ impl Renderer {
         dt: Real,
         reach: Real,
     ) -> Vec3 {
-        self.render_in_tick(scene, *motion, tick, dt, reach)
+        self.render_in_tick(scene, *motion, (tick, dt), reach, |_, _| {})
     }
 
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
-    /// returned through memory costs some nanoseconds.
+    /// returned through memory costs some nanoseconds. `each` is called with the slot and the torque
+    /// of each effect.
     #[inline(always)]
     pub(crate) fn render_in_tick(
         &mut self,
         scene: &CompiledScene,
         motion: Motion,
-        tick: u64,
-        dt: Real,
+        (tick, dt): (u64, Real),
         reach: Real,
+        mut each: impl FnMut(u8, Vec3),
     ) -> Vec3 {
         let mut torque = Vec3::ZERO;
         self.shared.begin();
@@ -219,7 +225,9 @@ impl Renderer {
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
             };
-            torque += effect.kind.render(gain, now, &mut state.memory);
+            let part = effect.kind.render(gain, now, &mut state.memory);
+            each(effect.slot, part);
+            torque += part;
         }
         self.shared.end(&motion, dt);
         torque

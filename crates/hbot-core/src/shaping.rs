@@ -140,6 +140,11 @@ impl Stream {
         self.until = self.until.min(tick);
     }
 
+    /// Returns true if no torque is streamed.
+    pub(crate) fn is_over(&self) -> bool {
+        self.level == 0.0
+    }
+
     /// Advances the ramp-down by `dt` seconds if the streamed torque is no longer valid in tick
     /// `tick`.
     #[inline]

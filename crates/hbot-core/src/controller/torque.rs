@@ -121,13 +121,17 @@ impl Controller {
             self.carried = sqrt(self.made.torque.length_squared());
             self.carried_s = 0.0;
         }
-        let gain = self.machine.gain;
+        let gain = self.machine.gain * self.shaking.gain();
         let before = before.map(|before| before * gain);
         let (asked, share, offset) = if self.fades == Fades::Running {
             self.rendered_fading(scene, tick, dt, before)
         } else {
             let turn = limits.reference_rate * dt;
-            let rendered = self.renderer.render_in_tick(scene, motion, tick, dt, turn);
+            let rendered = if self.shaking.suspects() {
+                self.rendered_each(scene, tick, dt, turn)
+            } else {
+                self.renderer.render_in_tick(scene, motion, (tick, dt), turn, |_, _| {})
+            };
             let (asked, share) = self.stream.added_to(rendered, limits.torque);
             let offset = if self.fades == Fades::Over {
                 let offset = self.blend.added(asked * gain, before, limits.torque);
@@ -141,12 +145,12 @@ impl Controller {
         self.last_asked = asked;
         // The bound follows the soft start and the disable ramp. If a soft start began with motors
         // on, the torque before it fades out within the time of a blend.
-        let bound = if gain == 1.0 {
+        let bound = if self.machine.gain == 1.0 {
             limits.torque
         } else {
             let left = self.carried * (1.0 - self.carried_s / BLEND_S).max(0.0);
             self.carried_s += dt;
-            (limits.torque * gain + left).min(limits.torque)
+            (limits.torque * self.machine.gain + left).min(limits.torque)
         };
         let mut wanted = limited(asked * gain + offset, bound);
         if self.guard.is_some() {
@@ -154,6 +158,30 @@ impl Controller {
             wanted = limited(self.damp(tick, wanted), bound);
         }
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
+    }
+
+    /// Renders the scene as in any other tick, and records the torque of each effect.
+    #[inline(never)]
+    fn rendered_each(&mut self, scene: &CompiledScene, tick: u64, dt: Real, turn: Real) -> Vec3 {
+        let (motion, shaking) = (self.rendered_motion, &mut self.shaking);
+        let record = |slot, torque| shaking.record(tick, slot, torque);
+        self.renderer.render_in_tick(scene, motion, (tick, dt), turn, record)
+    }
+
+    /// Gives the guard against shaking the present tick.
+    #[inline(never)]
+    pub(super) fn look_for_shaking(&mut self, scene: &CompiledScene, tick: u64, dt: Real) {
+        let now = crate::shaking::Moment {
+            tick,
+            omega: self.joints.omega,
+            energy: self.observer.energy(),
+            period: self.rig.timing.period_s(),
+            inertia: self.rig.device.sphere_inertia(),
+        };
+        let reason = !self.stream.is_over() || self.renderer.is_led(scene) || self.machine.mode == Mode::Idle;
+        let gives = scene.effects().iter().filter(|effect| effect.kind.gives());
+        let on_purpose = gives.fold(0, |bits, effect| bits | 1 << effect.slot);
+        self.shaking.look(&now, reason, on_purpose, dt);
     }
 
     /// Renders the scene while an effect may be fading. Returns the torque of scene and stream after
@@ -169,7 +197,8 @@ impl Controller {
         dt: Real,
         before: Option<Vec3>,
     ) -> (Vec3, Real, Vec3) {
-        let (limits, gain, stream) = (self.rig.limits, self.machine.gain, self.stream);
+        let (limits, stream) = (self.rig.limits, self.stream);
+        let gain = self.machine.gain * self.shaking.gain();
         let limit = |sum| stream.added_to(sum, limits.torque);
         let turn = limits.reference_rate * dt;
         let parts = self.renderer.parts(scene, &self.rendered_motion, (tick, dt, dt), turn);
