@@ -26,7 +26,7 @@ const LEAST_RATE: Real = 0.2;
 const CYCLES: usize = 3;
 /// Longest cycle, s. Hands hardly swing faster than 5 Hz, and hardly give less energy than they take
 /// when they do.
-const LONGEST_CYCLE_S: Real = 1.0 / 6.0;
+const LONGEST_CYCLE_S: Real = 0.2;
 /// Longest cycle while the torque is lowered, s. Less torque swings more slowly.
 const LONGEST_LOWERED_S: Real = 0.4;
 /// Energy that the motors give out in [`CYCLES`] cycles, relative to the kinetic energy of the
@@ -54,7 +54,7 @@ pub struct Shaking {
     /// Largest rate about the axis of frame N about which it shook most clearly, rad/s.
     pub amplitude: Real,
     /// Slot of the effect that gave the most energy (see
-    /// [`Effect::slot`](crate::effects::Effect::slot)). `None` if no effect gave any.
+    /// [`Effect::slot`](crate::effects::Effect::slot)). `None` if no effect made a torque.
     pub slot: Option<u8>,
     /// Fraction of the torque that the guard leaves, 0 to 1.
     pub gain: Real,
@@ -255,6 +255,7 @@ impl Guard {
         if cycles == 0 {
             return;
         }
+        let (before, newest) = (own.crossings[cycles - 1], own.crossings[cycles]);
         let Some(suspect) = &mut self.suspect else {
             self.suspect = Some(Suspect {
                 axis,
@@ -266,20 +267,18 @@ impl Guard {
             return;
         };
         suspect.seen = now.tick;
-        if let Some(lowered) = &mut self.lowered {
-            // Still shaking, while the torque falls or soon after.
+        let kinetic = 0.5 * now.inertia * suspect.peak * suspect.peak;
+        if let Some(lowered) = &mut self.lowered
+            && lowered.is_falling(now)
+            && newest.energy - before.energy >= LEAST_ENERGY / CYCLES as Real * kinetic
+        {
             lowered.last = now.tick;
-            if lowered.shaking.gain <= lowered.target && lowered.is_falling(now) {
+            if lowered.shaking.gain <= lowered.target {
                 lowered.target *= 0.5;
             }
         }
-        if cycles < CYCLES {
-            return;
-        }
-        let first = own.crossings[0];
-        let peak = suspect.peak;
-        let given = now.energy - first.energy;
-        if given < LEAST_ENERGY * 0.5 * now.inertia * peak * peak {
+        let (first, peak) = (own.crossings[0], suspect.peak);
+        if cycles < CYCLES || newest.energy - first.energy < LEAST_ENERGY * kinetic {
             return;
         }
         let (slot, purposeful) = suspect.worst(on_purpose);
@@ -316,15 +315,15 @@ impl Suspect {
     /// Returns the effect that has given out the most energy, and whether an effect that does so on
     /// purpose has given at least half as much.
     fn worst(&self, on_purpose: u32) -> (Option<u8>, bool) {
-        let (mut worst, mut most, mut purpose) = (None, 0.0, 0.0);
+        let (mut worst, mut most, mut purpose) = (None, Real::NEG_INFINITY, 0.0);
         for (slot, given) in self.given.iter().enumerate() {
             if on_purpose & (1 << slot) != 0 {
                 purpose += given;
-            } else if *given > most {
+            } else if *given != 0.0 && *given > most {
                 (worst, most) = (Some(slot as u8), *given);
             }
         }
-        (worst, purpose > 0.5 * most)
+        (worst, purpose > 0.5 * most.max(0.0))
     }
 }
 
@@ -337,18 +336,14 @@ impl Lowered {
     /// Takes a further finding.
     fn again(self, shaking: Shaking) -> Self {
         let gain = shaking.gain;
-        Self {
-            shaking,
-            target: 0.5 * gain.min(self.target.max(2.0 * Real::EPSILON)),
-            ceiling: self.ceiling.min(BELOW * gain),
-            last: shaking.tick,
-        }
+        Self { shaking, target: 0.5 * gain, ceiling: self.ceiling.min(BELOW * gain), last: shaking.tick }
     }
 
     /// Advances the gain by `dt` seconds. Returns true if the torque has its full value again.
     fn advance(&mut self, now: &Moment, dt: Real) -> bool {
+        let falls = self.is_falling(now);
         let gain = &mut self.shaking.gain;
-        if (now.tick.saturating_sub(self.last) as Real) * now.period < CALM_S {
+        if falls {
             *gain = (*gain - dt / FALL_S).max(self.target.min(*gain));
             return false;
         }
