@@ -20,7 +20,8 @@ use std::time::{Duration, Instant};
 
 use glam::DQuat;
 use hbot_api::{
-    ControllerInfo, FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, ShakingEvent, StateEvent, StatsOk,
+    ControllerInfo, FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, ShakingEvent, StateEvent,
+    StatsOk,
 };
 
 pub(crate) use fit::{Fit, fit};
@@ -130,6 +131,7 @@ impl Model {
             lacks_controllers: false,
             scene: Scene::default(),
             fault: None,
+            shaking: None,
             messages: Messages::default(),
             dropped: 0,
             samples_per_s,

@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Button, RichText, Role, ScrollArea, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use hbot_api::{Fault, Mode, StateEvent};
+use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
 use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
