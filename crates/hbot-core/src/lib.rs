@@ -113,6 +113,7 @@ pub mod effects;
 mod encoder;
 #[cfg(feature = "exact")]
 mod exact;
+mod fades;
 mod heat;
 pub mod impedance;
 pub mod inputs;
@@ -131,6 +132,7 @@ pub mod render;
 pub mod rig;
 pub mod rotation;
 pub mod scene;
+pub mod shaking;
 mod shaping;
 pub mod singularity;
 mod watch;

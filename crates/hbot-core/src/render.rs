@@ -3,6 +3,7 @@
 use crate::effects::{
     Anchor, Effect, EffectState, Memory, Motion, Now, Reference, Shared, largest, mass_scale,
 };
+use crate::fades::{self, Parts};
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::Rig;
 use crate::rotation;
@@ -113,6 +114,11 @@ impl Renderer {
         effect.kind.excess(goal, q, scene.numbers(effect.numbers))
     }
 
+    /// Returns true if the reference of an effect of `scene` moves.
+    pub(crate) fn is_led(&self, scene: &CompiledScene) -> bool {
+        scene.effects().iter().any(|effect| self.states[usize::from(effect.slot)].reference.moving)
+    }
+
     /// Restarts all effects of `scene` when the rig is enabled. References with the anchor
     /// [`Anchor::Here`] are placed relative to the orientation `q`. All other references jump to
     /// their goals. Every effect fades in.
@@ -178,19 +184,20 @@ impl Renderer {
         dt: Real,
         reach: Real,
     ) -> Vec3 {
-        self.render_in_tick(scene, *motion, tick, dt, reach)
+        self.render_in_tick(scene, *motion, (tick, dt), reach, |_, _| {})
     }
 
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
-    /// returned through memory costs some nanoseconds.
+    /// returned through memory costs some nanoseconds. `each` is called with the slot and the torque
+    /// of each effect.
     #[inline(always)]
     pub(crate) fn render_in_tick(
         &mut self,
         scene: &CompiledScene,
         motion: Motion,
-        tick: u64,
-        dt: Real,
+        (tick, dt): (u64, Real),
         reach: Real,
+        mut each: impl FnMut(u8, Vec3),
     ) -> Vec3 {
         let mut torque = Vec3::ZERO;
         self.shared.begin();
@@ -220,10 +227,52 @@ impl Renderer {
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
             };
-            torque += effect.kind.render(gain, now, &mut state.memory);
+            let part = effect.kind.render(gain, now, &mut state.memory);
+            each(effect.slot, part);
+            torque += part;
         }
         self.shared.end(&motion, dt);
         torque
+    }
+
+    /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add those
+    /// that fade. The fades do not advance. `ahead` is the time until the next tick, s.
+    pub(crate) fn parts(
+        &mut self,
+        scene: &CompiledScene,
+        motion: &Motion,
+        (tick, dt, ahead): (u64, Real, Real),
+        reach: Real,
+    ) -> Parts {
+        let mut parts = Parts::NONE;
+        self.shared.begin();
+        for effect in scene.effects() {
+            let state = &mut self.states[usize::from(effect.slot)];
+            if state.reference.moving {
+                advance(&mut state.reference, tick, reach);
+            }
+            if effect.leaving && !(effect.fade_out_s - state.leaving_s > 0.0) {
+                continue;
+            }
+            let now = Now {
+                motion: *motion,
+                dt,
+                reference: &state.reference,
+                numbers: scene.numbers(effect.numbers),
+                shared: &mut self.shared,
+            };
+            let torque = effect.kind.render(effect.gain, now, &mut state.memory);
+            parts.add(effect, state, torque, ahead);
+        }
+        self.shared.end(motion, dt);
+        parts
+    }
+
+    /// Advances all fades by the fraction `part` of a tick of `dt` seconds.
+    pub(crate) fn fade(&mut self, scene: &CompiledScene, dt: Real, part: Real) {
+        for effect in scene.effects() {
+            fades::advance(effect, &mut self.states[usize::from(effect.slot)], dt, part);
+        }
     }
 
     /// Returns the energy that the effects store at the orientation `q`, J, multiplied by their

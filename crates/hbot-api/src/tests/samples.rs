@@ -176,6 +176,16 @@ pub(super) fn events() -> Vec<ServerMessage> {
             code: ErrorCode::NotHolder,
             message: "y".into(),
         }),
+        Event::Shaking(ShakingEvent {
+            tick: 77,
+            t: 0.077,
+            shaking: true,
+            frequency: 16.5,
+            amplitude: 1.25,
+            effect: Some("spring".into()),
+            gain: 0.5,
+            message: "z".into(),
+        }),
         Event::Stopping(StoppingEvent { message: "SIGTERM".into() }),
     ]
     .map(ServerMessage::Event)

@@ -81,6 +81,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         early_ns: 1000 * u64::from(file.r#loop.early_us),
         wake_us: (file.r#loop.wake_us < settings::ANY_WAKE_US).then_some(file.r#loop.wake_us),
         cpu: file.r#loop.cpu,
+        shaking_guard: file.r#loop.shaking_guard,
         accuracy: file.r#loop.accuracy.name(),
         link,
         api: api?,

@@ -29,6 +29,8 @@ pub(crate) struct Loop {
     /// Whether the energy delivered to the hand is limited to the energy absorbed from it: true,
     /// false, or a table of parameters.
     pub(crate) passivity: Passivity,
+    /// Whether the torque is lowered if the sphere shakes by itself.
+    pub(crate) shaking_guard: bool,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick. Never
     /// more than a quarter of the period. The loop measures which lead this machine needs. Between
     /// wake-up and deadline it rehearses the tick, which keeps a processor busy. 0: the loop sleeps
@@ -54,6 +56,7 @@ impl Default for Loop {
             accuracy: Accuracy::Preset(Preset::Balanced),
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
             passivity: Passivity::Switch(false),
+            shaking_guard: true,
             early_us: 200,
             wake_us: 0,
             cpu: None,

@@ -15,6 +15,7 @@ use crate::burst::Burst;
 use crate::count::{Any, Count, Two};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
+use crate::fades::Fades;
 use crate::heat::Heat;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::joints::Joints;
@@ -26,6 +27,7 @@ use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
 use crate::rig::Rig;
 use crate::scene::CompiledScene;
+use crate::shaking;
 use crate::shaping::{Blend, Stream};
 
 use self::faults::Silence;
@@ -89,6 +91,10 @@ pub struct Controller {
     /// orientation. The torque then blends as after a change of scene.
     anchored: bool,
     client: Option<(Stamp, u64)>,
+    /// The law of changes of scene. All bits zero is that of older recordings.
+    fades: Fades,
+    /// The guard against a sphere that shakes by itself. All bits zero: switched off.
+    shaking: shaking::Guard,
 }
 
 impl Controller {
@@ -132,7 +138,17 @@ impl Controller {
             client_lost: false,
             anchored: false,
             client: None,
+            fades: Fades::Running,
+            shaking: shaking::Guard::OFF,
         }
+    }
+
+    /// Switches the guard against a sphere that shakes by itself on or off (see
+    /// [`shaking`](crate::shaking)). It is off at first.
+    #[must_use]
+    pub fn with_shaking_guard(mut self, on: bool) -> Self {
+        self.shaking.switch(on);
+        self
     }
 
     /// Returns the rig that this control law is for.
@@ -180,8 +196,14 @@ impl Controller {
         }
         self.machine.take_condition(present);
         let changed = self.renderer.adopt(scene, self.orientation.q);
+        if changed {
+            self.shaking.allow();
+        }
         let replies = (!inputs.commands.is_empty()).then(|| self.obey_all(scene, inputs));
         self.machine.ramp(dt);
+        if self.shaking.is_needed(self.joints.omega) {
+            self.look_for_shaking(scene, inputs.tick, dt);
+        }
 
         let wanted = self.render(scene, inputs.tick, dt, changed);
         self.hold(count, inputs.tick, &wanted);
@@ -218,6 +240,9 @@ impl Controller {
         let step = self.joints.advance(count, &self.rig, feedback, late, judged)?;
         self.orientation.advance(step.turn);
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
+        if self.shaking.suspects() {
+            self.shaking.attribute(step.answered[0], step.answered[1], step.turn);
+        }
         if let Some(guard) = &mut self.guard {
             guard.add(given);
         }
@@ -295,6 +320,7 @@ impl Controller {
             damping: self.guard.as_ref().map_or(0.0, Guard::damping),
             client,
             fresh,
+            shaking: self.shaking.found(),
         }
     }
 }

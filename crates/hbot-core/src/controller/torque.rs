@@ -6,6 +6,7 @@ use crate::allocation::{self, Bounds};
 use crate::count::{Any, Count};
 use crate::device::MAX_JOINTS;
 use crate::effects::Motion;
+use crate::fades::Fades;
 use crate::kinematics::torque_of;
 use crate::mode::Mode;
 use crate::passivity::Moment;
@@ -89,6 +90,9 @@ impl Controller {
     #[inline(always)]
     pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
+        if changed && self.fades == Fades::Over {
+            self.fades = Fades::Running;
+        }
         let ramped = self.machine.gain != 0.0;
         // Needs the motion and the stream of the last tick, which are replaced next.
         let before = (changed && ramped).then(|| self.rendered_anew(scene, tick));
@@ -117,19 +121,36 @@ impl Controller {
             self.carried = sqrt(self.made.torque.length_squared());
             self.carried_s = 0.0;
         }
-        let gain = self.machine.gain;
-        let rendered = self.renderer.render_in_tick(scene, motion, tick, dt, limits.reference_rate * dt);
-        let (asked, share) = self.stream.added_to(rendered, limits.torque);
+        let gain = self.machine.gain * self.shaking.gain();
+        let before = before.map(|before| before * gain);
+        let (asked, share, offset) = if self.fades == Fades::Running {
+            self.rendered_fading(scene, tick, dt, before)
+        } else {
+            let turn = limits.reference_rate * dt;
+            let rendered = if self.shaking.suspects() {
+                self.rendered_each(scene, tick, dt, turn)
+            } else {
+                self.renderer.render_in_tick(scene, motion, (tick, dt), turn, |_, _| {})
+            };
+            let (asked, share) = self.stream.added_to(rendered, limits.torque);
+            let offset = if self.fades == Fades::Over {
+                let offset = self.blend.added(asked * gain, before, limits.torque);
+                self.blend.fade(dt, 1.0);
+                offset
+            } else {
+                self.blend.added_unlimited(asked * gain, before, dt)
+            };
+            (asked, share, offset)
+        };
         self.last_asked = asked;
-        let offset = self.blend.advance(asked * gain, before.map(|before| before * gain), dt);
         // The bound follows the soft start and the disable ramp. If a soft start began with motors
         // on, the torque before it fades out within the time of a blend.
-        let bound = if gain == 1.0 {
+        let bound = if self.machine.gain == 1.0 {
             limits.torque
         } else {
             let left = self.carried * (1.0 - self.carried_s / BLEND_S).max(0.0);
             self.carried_s += dt;
-            (limits.torque * gain + left).min(limits.torque)
+            (limits.torque * self.machine.gain + left).min(limits.torque)
         };
         let mut wanted = limited(asked * gain + offset, bound);
         if self.guard.is_some() {
@@ -139,13 +160,71 @@ impl Controller {
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
     }
 
+    /// Renders the scene as in any other tick, and records the torque of each effect.
+    #[inline(never)]
+    fn rendered_each(&mut self, scene: &CompiledScene, tick: u64, dt: Real, turn: Real) -> Vec3 {
+        let (motion, shaking) = (self.rendered_motion, &mut self.shaking);
+        let record = |slot, torque| shaking.record(tick, slot, torque);
+        self.renderer.render_in_tick(scene, motion, (tick, dt), turn, record)
+    }
+
+    /// Gives the guard against shaking the present tick.
+    #[inline(never)]
+    pub(super) fn look_for_shaking(&mut self, scene: &CompiledScene, tick: u64, dt: Real) {
+        let now = crate::shaking::Moment {
+            tick,
+            omega: self.joints.omega,
+            energy: self.observer.energy(),
+            period: self.rig.timing.period_s(),
+            inertia: self.rig.device.sphere_inertia(),
+        };
+        let reason = !self.stream.is_over() || self.renderer.is_led(scene) || self.machine.mode == Mode::Idle;
+        let gives = scene.effects().iter().filter(|effect| effect.kind.gives());
+        let on_purpose = gives.fold(0, |bits, effect| bits | 1 << effect.slot);
+        self.shaking.look(&now, reason, on_purpose, dt);
+    }
+
+    /// Renders the scene while an effect may be fading. Returns the torque of scene and stream after
+    /// the limit (N m), the fraction that remains, and the torque that the blend adds (N m).
+    ///
+    /// The progress of fades and blend changes the torque by at most the limit in [`BLEND_S`]. If it
+    /// would change faster, for example from one direction to the opposite, they all take longer.
+    #[inline(never)]
+    fn rendered_fading(
+        &mut self,
+        scene: &CompiledScene,
+        tick: u64,
+        dt: Real,
+        before: Option<Vec3>,
+    ) -> (Vec3, Real, Vec3) {
+        let (limits, stream) = (self.rig.limits, self.stream);
+        let gain = self.machine.gain * self.shaking.gain();
+        let limit = |sum| stream.added_to(sum, limits.torque);
+        let turn = limits.reference_rate * dt;
+        let parts = self.renderer.parts(scene, &self.rendered_motion, (tick, dt, dt), turn);
+        let (asked, share) = parts.torque(0.0, limit);
+        let offset = self.blend.added(asked * gain, before, limits.torque);
+        let most = limits.torque * (dt / BLEND_S);
+        let part = parts.advance_within(most, self.blend.change(dt), gain, limit);
+        self.renderer.fade(scene, dt, part);
+        self.blend.fade(dt, part);
+        if parts.is_over() {
+            self.fades = Fades::Over;
+        }
+        (asked, share, offset)
+    }
+
     /// Returns the torque that `scene` would have made in the last tick, N m: at the motion of the
     /// sphere and together with the stream of that tick. It is a separate function, so that only a
     /// change of scene needs stack for a copy of the effects' memories.
     #[inline(never)]
     fn rendered_anew(&self, scene: &CompiledScene, tick: u64) -> Vec3 {
-        let rendered = self.renderer.clone().render(scene, &self.rendered_motion, tick, 0.0, 0.0);
-        self.rendered_stream.added_to(rendered, self.rig.limits.torque).0
+        let (mut renderer, motion) = (self.renderer.clone(), &self.rendered_motion);
+        let limit = |sum| self.rendered_stream.added_to(sum, self.rig.limits.torque);
+        if self.fades == Fades::Unlimited {
+            return limit(renderer.render(scene, motion, tick, 0.0, 0.0)).0;
+        }
+        renderer.parts(scene, motion, (tick, 0.0, 0.0), 0.0).torque(0.0, limit).0
     }
 
     /// Returns true if the new scene is so far from rest that `enable` would refuse it. This has

@@ -62,6 +62,9 @@ pub(crate) trait Law {
     /// True for a law that most scenes have. It is inlined into the loop over the effects.
     const COMMON: bool = false;
 
+    /// True for a law that gives out energy on purpose, whatever the sphere does.
+    const GIVES: bool = false;
+
     /// Returns the torque on the sphere in frame N, in N m, before the effect's gain and fading.
     /// Advances `memory` by one tick.
     fn render(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
@@ -281,6 +284,13 @@ macro_rules! kinds {
             pub fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
                 match self {
                     $(Self::$name(law) => law.excess(desired, q, numbers)),*
+                }
+            }
+
+            /// Returns true for kinds that give out energy on purpose, whatever the sphere does.
+            pub(crate) const fn gives(&self) -> bool {
+                match self {
+                    $(Self::$name(_) => <$name as Law>::GIVES),*
                 }
             }
 

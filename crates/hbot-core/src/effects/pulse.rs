@@ -76,6 +76,8 @@ impl Pulse {
 impl Law for Pulse {
     type Memory = Clicks;
 
+    const GIVES: bool = true;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, state: &mut Clicks) -> Vec3 {
         if state.fired != self.fire {

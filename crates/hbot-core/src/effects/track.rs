@@ -176,6 +176,8 @@ fn along(numbers: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
 impl Law for Track {
     type Memory = TrackPlace;
 
+    const GIVES: bool = true;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, place: &mut TrackPlace) -> Vec3 {
         let (turn, rate) = self.path.at(place, now.numbers);
