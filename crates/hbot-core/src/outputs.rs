@@ -129,6 +129,9 @@ pub struct State {
     pub client: Option<TakenStream>,
     /// True if this tick took a new reading.
     pub fresh: bool,
+    /// How far ahead of the reading the scene was rendered, us. 0 if it was rendered at the
+    /// measured pose `q`, or not at all.
+    pub lead_us: Real,
 }
 
 /// Labels of the last message of a torque or reference stream that was accepted from a client.

@@ -57,7 +57,9 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         passivity: file.r#loop.passivity.compile(&device, timing.period_s()),
         ..file.r#loop.accuracy.methods()
     };
-    let parts = core::RigParts { device, joints, limits: limits(&file.limits), timing, methods };
+    let lead = file.r#loop.lead.compile();
+    let limits = limits(&file.limits);
+    let parts = core::RigParts { device, joints, limits, timing, methods, torque_lag, lead };
     for mistake in parts.mistakes() {
         report.push(
             &place(&mistake),

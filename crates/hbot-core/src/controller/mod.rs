@@ -18,6 +18,7 @@ use crate::effects::Motion;
 use crate::heat::Heat;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::joints::Joints;
+use crate::lead::Lead;
 use crate::mode::{Cause, ModeMachine};
 use crate::orientation::Orientation;
 use crate::outputs::{Drive, Outputs, State, TakenStream};
@@ -89,6 +90,9 @@ pub struct Controller {
     /// orientation. The torque then blends as after a change of scene.
     anchored: bool,
     client: Option<(Stamp, u64)>,
+    /// How far ahead of its reading the scene is rendered. `None` if it is rendered at the measured
+    /// pose.
+    lead: Option<Lead>,
 }
 
 impl Controller {
@@ -109,6 +113,7 @@ impl Controller {
             joints: Joints::new(&rig),
             guard: rig.methods.passivity.map(Guard::new),
             burst: rig.limits.energy.map(Burst::new),
+            lead: Lead::new(&rig),
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             rig,
             orientation: Orientation::new(),
@@ -295,6 +300,7 @@ impl Controller {
             damping: self.guard.as_ref().map_or(0.0, Guard::damping),
             client,
             fresh,
+            lead_us: self.lead.as_ref().map_or(0.0, |lead| 1.0e6 * lead.time()),
         }
     }
 }

@@ -10,6 +10,7 @@ use crate::kinematics::torque_of;
 use crate::mode::Mode;
 use crate::passivity::Moment;
 use crate::real::{Real, Vec3, sqrt};
+use crate::render;
 use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
 use crate::shaping::{BLEND_S, Blend, limited, slewed};
@@ -93,6 +94,7 @@ impl Controller {
         // Needs the motion and the stream of the last tick, which are replaced next.
         let before = (changed && ramped).then(|| self.rendered_anew(scene, tick));
         let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        let motion = if self.lead.is_some() { self.led(motion, tick) } else { motion };
         self.rendered_motion = motion;
         self.rendered_stream = self.stream;
         self.stream.advance(tick, dt);
@@ -100,6 +102,9 @@ impl Controller {
         let reach = limits.torque_rate * dt;
         if !ramped {
             self.blend = Blend::DONE;
+            if let Some(lead) = &mut self.lead {
+                lead.rest();
+            }
             self.last_asked = Vec3::ZERO;
             self.carried = 0.0;
             if let Some(guard) = &mut self.guard {
@@ -118,7 +123,8 @@ impl Controller {
             self.carried_s = 0.0;
         }
         let gain = self.machine.gain;
-        let rendered = self.renderer.render_in_tick(scene, motion, tick, dt, limits.reference_rate * dt);
+        let moment = self.moment(tick, dt);
+        let rendered = self.renderer.render_in_tick(scene, motion, moment);
         let (asked, share) = self.stream.added_to(rendered, limits.torque);
         self.last_asked = asked;
         let offset = self.blend.advance(asked * gain, before.map(|before| before * gain), dt);
@@ -144,7 +150,8 @@ impl Controller {
     /// change of scene needs stack for a copy of the effects' memories.
     #[inline(never)]
     fn rendered_anew(&self, scene: &CompiledScene, tick: u64) -> Vec3 {
-        let rendered = self.renderer.clone().render(scene, &self.rendered_motion, tick, 0.0, 0.0);
+        let moment = self.moment(tick, 0.0);
+        let rendered = self.renderer.clone().render_in_tick(scene, self.rendered_motion, moment);
         self.rendered_stream.added_to(rendered, self.rig.limits.torque).0
     }
 
@@ -163,6 +170,23 @@ impl Controller {
         let step = (before - self.last_asked).length_squared();
         let steps = step > (SOFT_STEP * limits.torque) * (SOFT_STEP * limits.torque);
         self.renderer.is_far(scene, self.orientation.q, limits.enable_max_angle, steps)
+    }
+
+    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick acts.
+    /// It is a separate function, so that it costs nothing if the rig has no lead.
+    #[inline(never)]
+    fn led(&mut self, measured: Motion, tick: u64) -> Motion {
+        let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };
+        lead.of(measured, (tick as u32).wrapping_sub(answered))
+    }
+
+    /// Returns what the effects need to know of the time, if they advance by `dt` seconds.
+    #[inline(always)]
+    fn moment(&self, tick: u64, dt: Real) -> render::Moment {
+        let rate = self.rig.limits.reference_rate;
+        let still = render::Moment::without_lead(tick, dt, rate * dt);
+        let Some(lead) = &self.lead else { return still };
+        render::Moment { lead: lead.time(), ahead: lead.ahead(), reach_ahead: rate * lead.ahead(), ..still }
     }
 
     /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for

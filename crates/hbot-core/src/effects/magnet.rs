@@ -36,6 +36,7 @@ impl Law for Magnet {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        now.lead_at_most(self.width);
         let x = now.relative();
         let e = vector_part(x);
         now.in_n(e * (-2.0 * self.strength / self.width * self.nearness(e) * x.w))

@@ -6,7 +6,7 @@
 //! exact gradient. A turn about n is not felt.
 
 use super::{Law, Now};
-use crate::real::{Real, Vec3, cos, sincos};
+use crate::real::{Real, TURN, Vec3, cos, sincos};
 
 /// An effect that simulates bumps on the sphere's surface, which the hand feels when the sphere
 /// turns.
@@ -33,6 +33,7 @@ impl Law for Texture {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        now.lead_at_most(0.25 * TURN / self.wave_number);
         let s = self.under(now);
         let sine = |x: Real| sincos(self.wave_number * x).0;
         let f = Vec3::new(sine(s.x), sine(s.y), sine(s.z));
