@@ -205,12 +205,7 @@ impl Renderer {
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
     /// returned through memory costs some nanoseconds.
     #[inline(always)]
-    pub(crate) fn render_in_tick(
-        &mut self,
-        scene: &CompiledScene,
-        motion: Motion,
-        moment: Moment,
-    ) -> Vec3 {
+    pub(crate) fn render_in_tick(&mut self, scene: &CompiledScene, motion: Motion, moment: Moment) -> Vec3 {
         let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
         let shares = self.shared.several;
         let mut torque = Vec3::ZERO;

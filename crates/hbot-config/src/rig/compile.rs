@@ -25,6 +25,8 @@ fn place(mistake: &core::RigError) -> String {
         "timing.period_ns" => "loop.rate_hz",
         "timing.timeout_ticks" => "link.timeout_ticks",
         "counts" => "gear",
+        "lead.factor" => "loop.lead.factor",
+        "lead.longest" => "loop.lead.longest_ms",
         field => field,
     };
     match mistake.joint {

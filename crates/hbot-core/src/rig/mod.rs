@@ -38,7 +38,8 @@ mod methods;
 pub use self::legal::{Range, RigError};
 pub use self::limits::{EnergyLimit, Limits, Traction};
 pub use self::methods::{
-    AllocationMethod, LONGEST_WINDOW, LeadTime, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate,
+    AllocationMethod, LONGEST_WINDOW, LeadTime, Methods, OdometryMethod, PassivityLimit, PathFit,
+    RateEstimate,
 };
 
 use core::ops::Deref;
