@@ -196,8 +196,8 @@ fn at_half_a_turn_from_the_reference_the_torque_stays_finite_and_in_one_directio
 }
 
 /// A law that is a wave of the number k gets a lead of at most a quarter of a wave. Beyond, a lead
-/// would give energy out. The laws have up to 360 N m/rad, so 1e-8 N m are 3e-11 rad, the rounding of
-/// the pose after two turns.
+/// would give energy out. The laws have up to 360 N m/rad, so 1e-6 N m are 3e-9 rad: a lead
+/// that is wrong by a thousandth of a wave changes the torque by more.
 #[test]
 fn a_law_is_led_by_at_most_a_quarter_of_its_wave() {
     let axis = Vec3::Z;
@@ -218,7 +218,7 @@ fn a_law_is_led_by_at_most_a_quarter_of_its_wave() {
         let state = bench.turn(axis * 20.0).state;
         let psi = rotation::log(state.q).z;
         let want = -0.5 * (core::f64::consts::TAU * (psi + 0.25 * wave) / wave).sin();
-        assert!((state.torque.z - want).abs() < 1e-8, "tick {k}: {} for {want}", state.torque.z);
+        assert!((state.torque.z - want).abs() < 1e-6, "tick {k}: {} for {want}", state.torque.z);
     }
     // A texture at the same speed. Its point under the normal moves by the same angle.
     let texture = Texture { at: Vec3::X, wave_number: 500.0, depth: 0.5 };
@@ -227,11 +227,11 @@ fn a_law_is_led_by_at_most_a_quarter_of_its_wave() {
     bench.turn(axis * 20.0);
     for k in 0..40 {
         let state = bench.turn(axis * 20.0).state;
-        let pose = rotation::exp(axis * (0.25 * core::f64::consts::TAU / 500.0)) * state.q;
+        let pose = rotation::exp(state.omega.normalize() * (0.25 * core::f64::consts::TAU / 500.0)) * state.q;
         let s = pose.conjugate() * Vec3::X;
         let f = Vec3::new((500.0 * s.x).sin(), (500.0 * s.y).sin(), (500.0 * s.z).sin());
         let want = pose * (f.cross(s) * 0.5);
-        assert!((state.torque - want).length() < 1e-8, "tick {k}: {} for {want}", state.torque);
+        assert!((state.torque - want).length() < 1e-6, "tick {k}: {} for {want}", state.torque);
     }
 }
 
