@@ -19,6 +19,7 @@ mod held;
 mod hostile;
 mod inputs;
 mod laws;
+mod lead;
 mod lies;
 mod motion;
 mod motors;

@@ -119,6 +119,7 @@ pub mod impedance;
 pub mod inputs;
 mod joints;
 pub mod kinematics;
+mod lead;
 mod linear;
 pub mod mode;
 pub mod odometry;

@@ -132,6 +132,9 @@ pub struct State {
     pub fresh: bool,
     /// What the guard against a sphere that shakes by itself has found, while it lowers the torque.
     pub shaking: Option<Shaking>,
+    /// How far ahead of the reading the scene was rendered, us. 0 if it was rendered at the
+    /// measured pose `q`, or not at all.
+    pub lead_us: Real,
 }
 
 /// Labels of the last message of a torque or reference stream that was accepted from a client.

@@ -10,6 +10,29 @@ use crate::rotation;
 use crate::scene::{CompiledScene, MAX_EFFECTS};
 use crate::shaping::limited;
 
+/// The tick in which a scene is rendered, and the time by which its effects advance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moment {
+    /// Number of the tick.
+    pub(crate) tick: u64,
+    /// Time since the last tick, s. It is 0 if the effects must not advance.
+    pub(crate) dt: Real,
+    /// Largest turn of a reference towards its goal in the time `dt`, rad.
+    pub(crate) reach: Real,
+    /// Time by which the pose at which the scene is rendered is ahead of its reading, s.
+    pub(crate) lead: Real,
+    /// Part of `lead` that is still to come: time from this tick to the moment of the pose, s.
+    pub(crate) ahead: Real,
+    /// Largest turn of a reference towards its goal in the time `ahead`, rad.
+    pub(crate) reach_ahead: Real,
+}
+
+impl Moment {
+    pub(crate) fn without_lead(tick: u64, dt: Real, reach: Real) -> Self {
+        Self { tick, dt, reach, lead: 0.0, ahead: 0.0, reach_ahead: 0.0 }
+    }
+}
+
 /// Computes the torque of a scene, and keeps the memory that its effects need from tick to tick.
 /// The controller uses it. Plots, studies and tests also use it without a controller.
 #[derive(Debug, Clone)]
@@ -184,7 +207,7 @@ impl Renderer {
         dt: Real,
         reach: Real,
     ) -> Vec3 {
-        self.render_in_tick(scene, *motion, (tick, dt), reach, |_, _| {})
+        self.render_in_tick(scene, *motion, Moment::without_lead(tick, dt, reach), |_, _| {})
     }
 
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
@@ -195,10 +218,11 @@ impl Renderer {
         &mut self,
         scene: &CompiledScene,
         motion: Motion,
-        (tick, dt): (u64, Real),
-        reach: Real,
+        moment: Moment,
         mut each: impl FnMut(u8, Vec3),
     ) -> Vec3 {
+        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
+        let shares = self.shared.several;
         let mut torque = Vec3::ZERO;
         self.shared.begin();
         for effect in scene.effects() {
@@ -220,12 +244,19 @@ impl Renderer {
                 // An effect that leaves before its fade-in has ended does not get stronger.
                 state.age_s += if effect.leaving { 0.0 } else { dt };
             }
+            let mut led = None;
+            if state.reference.moving && ahead > 0.0 {
+                led = Some(led_by(&state.reference, ahead, reach_ahead));
+            }
             let now = Now {
                 motion,
                 dt,
-                reference: &state.reference,
+                lead,
+                ahead,
+                reference: led.as_ref().unwrap_or(&state.reference),
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
+                shares,
             };
             let part = effect.kind.render(gain, now, &mut state.memory);
             each(effect.slot, part);
@@ -236,14 +267,16 @@ impl Renderer {
     }
 
     /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add those
-    /// that fade. The fades do not advance. `ahead` is the time until the next tick, s.
+    /// that fade. The fades do not advance. `next` is the time until the next tick, s.
     pub(crate) fn parts(
         &mut self,
         scene: &CompiledScene,
         motion: &Motion,
-        (tick, dt, ahead): (u64, Real, Real),
-        reach: Real,
+        moment: Moment,
+        next: Real,
     ) -> Parts {
+        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
+        let shares = self.shared.several;
         let mut parts = Parts::NONE;
         self.shared.begin();
         for effect in scene.effects() {
@@ -254,15 +287,20 @@ impl Renderer {
             if effect.leaving && !(effect.fade_out_s - state.leaving_s > 0.0) {
                 continue;
             }
+            let led = (state.reference.moving && ahead > 0.0)
+                .then(|| led_by(&state.reference, ahead, reach_ahead));
             let now = Now {
                 motion: *motion,
                 dt,
-                reference: &state.reference,
+                lead,
+                ahead,
+                reference: led.as_ref().unwrap_or(&state.reference),
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
+                shares,
             };
             let torque = effect.kind.render(effect.gain, now, &mut state.memory);
-            parts.add(effect, state, torque, ahead);
+            parts.add(effect, state, torque, next);
         }
         self.shared.end(motion, dt);
         parts
@@ -288,9 +326,12 @@ impl Renderer {
             let mut now = Now {
                 motion,
                 dt: 0.0,
+                lead: 0.0,
+                ahead: 0.0,
                 reference: &state.reference,
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut shared,
+                shares: false,
             };
             if let Some(energy) = effect.kind.energy(&mut now, &state.memory) {
                 sum = Some(sum.unwrap_or(0.0) + energy * effect.gain);
@@ -329,6 +370,19 @@ fn advance(reference: &mut Reference, tick: u64, reach: Real) {
         reference.omega = Vec3::ZERO;
     }
     reference.moving = reference.q != reference.goal || reference.omega != Vec3::ZERO;
+}
+
+/// Returns where a moving reference will be `ahead` seconds later. It turns towards its goal by at
+/// most `reach` rad, or by its own rate if it is there.
+#[inline(never)]
+fn led_by(reference: &Reference, ahead: Real, reach: Real) -> Reference {
+    let mut led = *reference;
+    if led.q != led.goal {
+        approach(&mut led.q, led.goal, reach);
+    } else {
+        led.q = rotation::renormalized(rotation::exp(led.omega * ahead) * led.q);
+    }
+    led
 }
 
 /// Turns the orientation `q` towards `goal` by at most `reach` rad.

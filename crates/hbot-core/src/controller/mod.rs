@@ -19,6 +19,7 @@ use crate::fades::Fades;
 use crate::heat::Heat;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::joints::Joints;
+use crate::lead::Lead;
 use crate::mode::{Cause, ModeMachine};
 use crate::orientation::Orientation;
 use crate::outputs::{Drive, Outputs, State, TakenStream};
@@ -95,6 +96,9 @@ pub struct Controller {
     fades: Fades,
     /// The guard against a sphere that shakes by itself. All bits zero: switched off.
     shaking: shaking::Guard,
+    /// How far ahead of its reading the scene is rendered. `None` if it is rendered at the measured
+    /// pose.
+    lead: Option<Lead>,
 }
 
 impl Controller {
@@ -115,6 +119,7 @@ impl Controller {
             joints: Joints::new(&rig),
             guard: rig.methods.passivity.map(Guard::new),
             burst: rig.limits.energy.map(Burst::new),
+            lead: Lead::new(&rig),
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             rig,
             orientation: Orientation::new(),
@@ -321,6 +326,7 @@ impl Controller {
             client,
             fresh,
             shaking: self.shaking.found(),
+            lead_us: self.lead.as_ref().map_or(0.0, |lead| 1.0e6 * lead.time()),
         }
     }
 }

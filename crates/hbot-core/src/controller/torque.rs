@@ -11,6 +11,7 @@ use crate::kinematics::torque_of;
 use crate::mode::Mode;
 use crate::passivity::Moment;
 use crate::real::{Real, Vec3, sqrt};
+use crate::render;
 use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
 use crate::shaping::{BLEND_S, Blend, limited, slewed};
@@ -97,6 +98,7 @@ impl Controller {
         // Needs the motion and the stream of the last tick, which are replaced next.
         let before = (changed && ramped).then(|| self.rendered_anew(scene, tick));
         let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        let motion = if self.lead.is_some() { self.led(motion, tick) } else { motion };
         self.rendered_motion = motion;
         self.rendered_stream = self.stream;
         self.stream.advance(tick, dt);
@@ -104,6 +106,9 @@ impl Controller {
         let reach = limits.torque_rate * dt;
         if !ramped {
             self.blend = Blend::DONE;
+            if let Some(lead) = &mut self.lead {
+                lead.rest();
+            }
             self.last_asked = Vec3::ZERO;
             self.carried = 0.0;
             if let Some(guard) = &mut self.guard {
@@ -126,11 +131,11 @@ impl Controller {
         let (asked, share, offset) = if self.fades == Fades::Running {
             self.rendered_fading(scene, tick, dt, before)
         } else {
-            let turn = limits.reference_rate * dt;
+            let moment = self.moment(tick, dt);
             let rendered = if self.shaking.suspects() {
-                self.rendered_each(scene, tick, dt, turn)
+                self.rendered_each(scene, moment)
             } else {
-                self.renderer.render_in_tick(scene, motion, (tick, dt), turn, |_, _| {})
+                self.renderer.render_in_tick(scene, motion, moment, |_, _| {})
             };
             let (asked, share) = self.stream.added_to(rendered, limits.torque);
             let offset = if self.fades == Fades::Over {
@@ -162,10 +167,10 @@ impl Controller {
 
     /// Renders the scene as in any other tick, and records the torque of each effect.
     #[inline(never)]
-    fn rendered_each(&mut self, scene: &CompiledScene, tick: u64, dt: Real, turn: Real) -> Vec3 {
+    fn rendered_each(&mut self, scene: &CompiledScene, moment: render::Moment) -> Vec3 {
         let (motion, shaking) = (self.rendered_motion, &mut self.shaking);
-        let record = |slot, torque| shaking.record(tick, slot, torque);
-        self.renderer.render_in_tick(scene, motion, (tick, dt), turn, record)
+        let record = |slot, torque| shaking.record(moment.tick, slot, torque);
+        self.renderer.render_in_tick(scene, motion, moment, record)
     }
 
     /// Gives the guard against shaking the present tick.
@@ -200,8 +205,8 @@ impl Controller {
         let (limits, stream) = (self.rig.limits, self.stream);
         let gain = self.machine.gain * self.shaking.gain();
         let limit = |sum| stream.added_to(sum, limits.torque);
-        let turn = limits.reference_rate * dt;
-        let parts = self.renderer.parts(scene, &self.rendered_motion, (tick, dt, dt), turn);
+        let moment = self.moment(tick, dt);
+        let parts = self.renderer.parts(scene, &self.rendered_motion, moment, dt);
         let (asked, share) = parts.torque(0.0, limit);
         let offset = self.blend.added(asked * gain, before, limits.torque);
         let most = limits.torque * (dt / BLEND_S);
@@ -221,10 +226,11 @@ impl Controller {
     fn rendered_anew(&self, scene: &CompiledScene, tick: u64) -> Vec3 {
         let (mut renderer, motion) = (self.renderer.clone(), &self.rendered_motion);
         let limit = |sum| self.rendered_stream.added_to(sum, self.rig.limits.torque);
+        let moment = self.moment(tick, 0.0);
         if self.fades == Fades::Unlimited {
-            return limit(renderer.render(scene, motion, tick, 0.0, 0.0)).0;
+            return limit(renderer.render_in_tick(scene, *motion, moment, |_, _| {})).0;
         }
-        renderer.parts(scene, motion, (tick, 0.0, 0.0), 0.0).torque(0.0, limit).0
+        renderer.parts(scene, motion, moment, 0.0).torque(0.0, limit).0
     }
 
     /// Returns true if the new scene is so far from rest that `enable` would refuse it. This has
@@ -242,6 +248,23 @@ impl Controller {
         let step = (before - self.last_asked).length_squared();
         let steps = step > (SOFT_STEP * limits.torque) * (SOFT_STEP * limits.torque);
         self.renderer.is_far(scene, self.orientation.q, limits.enable_max_angle, steps)
+    }
+
+    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick acts.
+    /// It is a separate function, so that it costs nothing if the rig has no lead.
+    #[inline(never)]
+    fn led(&mut self, measured: Motion, tick: u64) -> Motion {
+        let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };
+        lead.of(measured, (tick as u32).wrapping_sub(answered))
+    }
+
+    /// Returns what the effects need to know of the time, if they advance by `dt` seconds.
+    #[inline(always)]
+    fn moment(&self, tick: u64, dt: Real) -> render::Moment {
+        let rate = self.rig.limits.reference_rate;
+        let still = render::Moment::without_lead(tick, dt, rate * dt);
+        let Some(lead) = &self.lead else { return still };
+        render::Moment { lead: lead.time(), ahead: lead.ahead(), reach_ahead: rate * lead.ahead(), ..still }
     }
 
     /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for

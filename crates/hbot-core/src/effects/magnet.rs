@@ -43,6 +43,7 @@ impl Law for Magnet {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        now.lead_at_most(self.width);
         let x = now.relative();
         let e = vector_part(x);
         let near = self.nearness(e);

@@ -364,7 +364,16 @@ mod tests {
     }
 
     fn now(motion: Motion, shared: &mut Shared) -> Now<'_> {
-        Now { motion, dt: 0.001, reference: &Reference::STILL, numbers: &[], shared }
+        Now {
+            motion,
+            dt: 0.001,
+            lead: 0.0,
+            ahead: 0.0,
+            reference: &Reference::STILL,
+            numbers: &[],
+            shared,
+            shares: true,
+        }
     }
 
     /// Checks that every kind of effect gives finite torques and energies, in builds with `f32` and

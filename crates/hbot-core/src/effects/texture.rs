@@ -7,7 +7,7 @@
 
 use super::{Law, Now};
 use crate::around::Spot;
-use crate::real::{PI, Quat, Real, Vec3, cos, sincos, sqrt};
+use crate::real::{PI, Quat, Real, TURN, Vec3, cos, sincos, sqrt};
 
 /// An effect that simulates bumps on the sphere's surface, which the hand feels when the sphere
 /// turns.
@@ -37,6 +37,7 @@ impl Law for Texture {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        now.lead_at_most(0.25 * TURN / self.wave_number);
         let s = self.under(now);
         let sine = |x: Real| sincos(self.wave_number * x).0;
         let f = Vec3::new(sine(s.x), sine(s.y), sine(s.z));

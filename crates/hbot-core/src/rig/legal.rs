@@ -70,6 +70,13 @@ pub const STORE: Range = Range::from(0.0, 1000.0, "J");
 /// Permitted range of the largest damping that the passivity controller adds, N m s/rad.
 pub const DAMPING: Range = Range::above(1.0e-6, 100.0, "N m s/rad");
 
+/// Permitted range of the time constant with which the torque of a joint follows a command, s.
+pub const TORQUE_LAG: Range = Range::from(0.0, 0.1, "s");
+/// Permitted range of the ratio of the lead to the delay from a reading to its torque.
+pub const LEAD_FACTOR: Range = Range::above(0.0, 2.0, "");
+/// Permitted range of the longest lead, s.
+pub const LEAD_LONGEST: Range = Range::above(0.0, 0.1, "s");
+
 /// The permitted range of a number, with its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
