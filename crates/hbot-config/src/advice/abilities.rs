@@ -123,8 +123,8 @@ impl Abilities {
                 format!(
                     "{id}: may shake {whom}{about} {place}: the scene has {} N m/rad and a damping of {} N m s/rad there, and at \
                      {rate} Hz at most {most} N m/rad is stable{whatever}; {cure}",
-                    short(stiffness),
-                    short(damping),
+                    near(stiffness),
+                    near(damping),
                 )
             }
             Why::Damped { damping, stable, own } => {
@@ -132,7 +132,7 @@ impl Abilities {
                 format!(
                     "{id}: may shake {whom}{about} {place}: the damping of the scene, {} N m s/rad, acts too late, and at {rate} Hz \
                      at most {} is stable; {cure}",
-                    short(damping),
+                    near(damping),
                     short(damping * stable),
                 )
             }
@@ -181,6 +181,11 @@ fn place(scene: &SceneFile, finding: &Finding) -> String {
         Spot::Edge => format!("at the end of {whose} dead band"),
         Spot::Bump => format!("on {whose} bumps"),
     }
+}
+
+/// Returns a number with two digits, rounded to the nearest.
+fn near(x: f64) -> String {
+    rounded(x, f64::round)
 }
 
 /// Returns a number with two digits, rounded down so that what is stable stays so.

@@ -138,9 +138,7 @@ impl Judge {
         // Effects that rest at one orientation share its place. Each finding has its own effect's.
         scene.places(Quat::IDENTITY, |place| {
             let shared = |finding: &&mut Finding| {
-                finding.effect == place.effect
-                    && finding.place.spot == place.spot
-                    && finding.place.q.dot(place.q).abs() > SAME
+                finding.effect == place.effect && finding.place.q.dot(place.q).abs() > SAME
             };
             found.iter_mut().filter(shared).for_each(|finding| finding.place = place);
         });
