@@ -346,7 +346,7 @@ fn info_and_stats_have_their_shape() {
     // `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1 ms and the lag
     // of the motors, 0.5 ms. `stiffness_most` is 0.146457 times the smallest apparent inertia
     // divided by the square of a tick (docs/physics.md, section 9, to six digits).
-    let render = info.render.unwrap();
+    let render = info.render.clone().unwrap();
     assert!((render.stiffness_stable - render.damping / 2.0e-3).abs() < 1e-9, "{render:?}");
     let most = 0.146_457e6 * render.inertia;
     assert!((render.stiffness_most / most - 1.0).abs() < 1e-5, "{render:?}");
