@@ -3,11 +3,35 @@
 use crate::effects::{
     Anchor, Effect, EffectState, Memory, Motion, Now, Reference, Shared, largest, mass_scale,
 };
+use crate::fades::{self, Parts};
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::Rig;
 use crate::rotation;
 use crate::scene::{CompiledScene, MAX_EFFECTS};
 use crate::shaping::limited;
+
+/// The tick in which a scene is rendered, and the time by which its effects advance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moment {
+    /// Number of the tick.
+    pub(crate) tick: u64,
+    /// Time since the last tick, s. It is 0 if the effects must not advance.
+    pub(crate) dt: Real,
+    /// Largest turn of a reference towards its goal in the time `dt`, rad.
+    pub(crate) reach: Real,
+    /// Time by which the pose at which the scene is rendered is ahead of its reading, s.
+    pub(crate) lead: Real,
+    /// Part of `lead` that is still to come: time from this tick to the moment of the pose, s.
+    pub(crate) ahead: Real,
+    /// Largest turn of a reference towards its goal in the time `ahead`, rad.
+    pub(crate) reach_ahead: Real,
+}
+
+impl Moment {
+    pub(crate) fn without_lead(tick: u64, dt: Real, reach: Real) -> Self {
+        Self { tick, dt, reach, lead: 0.0, ahead: 0.0, reach_ahead: 0.0 }
+    }
+}
 
 /// Computes the torque of a scene, and keeps the memory that its effects need from tick to tick.
 /// The controller uses it. Plots, studies and tests also use it without a controller.
@@ -113,6 +137,11 @@ impl Renderer {
         effect.kind.excess(goal, q, scene.numbers(effect.numbers))
     }
 
+    /// Returns true if the reference of an effect of `scene` moves.
+    pub(crate) fn is_led(&self, scene: &CompiledScene) -> bool {
+        scene.effects().iter().any(|effect| self.states[usize::from(effect.slot)].reference.moving)
+    }
+
     /// Restarts all effects of `scene` when the rig is enabled. References with the anchor
     /// [`Anchor::Here`] are placed relative to the orientation `q`. All other references jump to
     /// their goals. Every effect fades in.
@@ -178,20 +207,22 @@ impl Renderer {
         dt: Real,
         reach: Real,
     ) -> Vec3 {
-        self.render_in_tick(scene, *motion, tick, dt, reach)
+        self.render_in_tick(scene, *motion, Moment::without_lead(tick, dt, reach), |_, _| {})
     }
 
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
-    /// returned through memory costs some nanoseconds.
+    /// returned through memory costs some nanoseconds. `each` is called with the slot and the torque
+    /// of each effect.
     #[inline(always)]
     pub(crate) fn render_in_tick(
         &mut self,
         scene: &CompiledScene,
         motion: Motion,
-        tick: u64,
-        dt: Real,
-        reach: Real,
+        moment: Moment,
+        mut each: impl FnMut(u8, Vec3),
     ) -> Vec3 {
+        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
+        let shares = self.shared.several;
         let mut torque = Vec3::ZERO;
         self.shared.begin();
         for effect in scene.effects() {
@@ -213,17 +244,73 @@ impl Renderer {
                 // An effect that leaves before its fade-in has ended does not get stronger.
                 state.age_s += if effect.leaving { 0.0 } else { dt };
             }
+            let mut led = None;
+            if state.reference.moving && ahead > 0.0 {
+                led = Some(led_by(&state.reference, ahead, reach_ahead));
+            }
             let now = Now {
                 motion,
                 dt,
-                reference: &state.reference,
+                lead,
+                ahead,
+                reference: led.as_ref().unwrap_or(&state.reference),
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
+                shares,
             };
-            torque += effect.kind.render(gain, now, &mut state.memory);
+            let part = effect.kind.render(gain, now, &mut state.memory);
+            each(effect.slot, part);
+            torque += part;
         }
         self.shared.end(&motion, dt);
         torque
+    }
+
+    /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add those
+    /// that fade. The fades do not advance. `next` is the time until the next tick, s.
+    pub(crate) fn parts(
+        &mut self,
+        scene: &CompiledScene,
+        motion: &Motion,
+        moment: Moment,
+        next: Real,
+    ) -> Parts {
+        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
+        let shares = self.shared.several;
+        let mut parts = Parts::NONE;
+        self.shared.begin();
+        for effect in scene.effects() {
+            let state = &mut self.states[usize::from(effect.slot)];
+            if state.reference.moving {
+                advance(&mut state.reference, tick, reach);
+            }
+            if effect.leaving && !(effect.fade_out_s - state.leaving_s > 0.0) {
+                continue;
+            }
+            let led = (state.reference.moving && ahead > 0.0)
+                .then(|| led_by(&state.reference, ahead, reach_ahead));
+            let now = Now {
+                motion: *motion,
+                dt,
+                lead,
+                ahead,
+                reference: led.as_ref().unwrap_or(&state.reference),
+                numbers: scene.numbers(effect.numbers),
+                shared: &mut self.shared,
+                shares,
+            };
+            let torque = effect.kind.render(effect.gain, now, &mut state.memory);
+            parts.add(effect, state, torque, next);
+        }
+        self.shared.end(motion, dt);
+        parts
+    }
+
+    /// Advances all fades by the fraction `part` of a tick of `dt` seconds.
+    pub(crate) fn fade(&mut self, scene: &CompiledScene, dt: Real, part: Real) {
+        for effect in scene.effects() {
+            fades::advance(effect, &mut self.states[usize::from(effect.slot)], dt, part);
+        }
     }
 
     /// Returns the energy that the effects store at the orientation `q`, J, multiplied by their
@@ -239,9 +326,12 @@ impl Renderer {
             let mut now = Now {
                 motion,
                 dt: 0.0,
+                lead: 0.0,
+                ahead: 0.0,
                 reference: &state.reference,
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut shared,
+                shares: false,
             };
             if let Some(energy) = effect.kind.energy(&mut now, &state.memory) {
                 sum = Some(sum.unwrap_or(0.0) + energy * effect.gain);
@@ -280,6 +370,19 @@ fn advance(reference: &mut Reference, tick: u64, reach: Real) {
         reference.omega = Vec3::ZERO;
     }
     reference.moving = reference.q != reference.goal || reference.omega != Vec3::ZERO;
+}
+
+/// Returns where a moving reference will be `ahead` seconds later. It turns towards its goal by at
+/// most `reach` rad, or by its own rate if it is there.
+#[inline(never)]
+fn led_by(reference: &Reference, ahead: Real, reach: Real) -> Reference {
+    let mut led = *reference;
+    if led.q != led.goal {
+        approach(&mut led.q, led.goal, reach);
+    } else {
+        led.q = rotation::renormalized(rotation::exp(led.omega * ahead) * led.q);
+    }
+    led
 }
 
 /// Turns the orientation `q` towards `goal` by at most `reach` rad.

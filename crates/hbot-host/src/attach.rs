@@ -60,8 +60,18 @@ impl Simulator {
     pub fn post(&self, call: SimulatorCall) {
         match &self.0 {
             Place::Loop(calls) => _ = calls.send(call),
-            // If the rig's thread has ended, the loop reports a lost link.
+            // If the rig's thread has ended, the server ends too.
             Place::Thread(served) => _ = served.post(call),
+        }
+    }
+
+    /// Returns why the thread of the simulated rig has failed. Returns `None` if it has not, or if
+    /// the rig runs in the loop's thread.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        match &self.0 {
+            Place::Loop(_) => None,
+            Place::Thread(served) => served.failure(),
         }
     }
 

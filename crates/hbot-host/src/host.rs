@@ -129,9 +129,15 @@ impl Host {
         };
         let (loop_end, end) = bridge()?;
         let motors = Motors::new(buses, &layout, rig.link.watchdog_ms);
-        let engine = Engine::new(motors, Controller::new(rig.rig), scene, loop_end, recorder)
-            .enabling(simulator.is_some())
-            .waiting(shared.is_some());
+        let engine = Engine::new(
+            motors,
+            Controller::new(rig.rig).with_shaking_guard(rig.shaking_guard),
+            scene,
+            loop_end,
+            recorder,
+        )
+        .enabling(simulator.is_some())
+        .waiting(shared.is_some());
         let time_waits = shared.is_some();
         let stop = StopFlag::default();
         let (thread, origin) = match time {

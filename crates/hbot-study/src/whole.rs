@@ -55,6 +55,11 @@ impl Whole {
         }
     }
 
+    /// Replaces the scene from the next tick on.
+    pub(crate) fn load(&mut self, scene: CompiledScene) {
+        self.scene = scene;
+    }
+
     /// Returns the number of ticks that the loop makes in `seconds`.
     pub(crate) fn ticks(&self, seconds: f64) -> u32 {
         (seconds * 1.0e9 / self.period_ns as f64) as u32

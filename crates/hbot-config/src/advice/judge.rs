@@ -277,7 +277,8 @@ impl Judge {
             };
             return Some(Finding { effect, place: *place, axis, hold, why });
         }
-        let (axis, about) = largest_axis(&sum.stiffness);
+        // The axis about which the delay takes more damping away than the scene has.
+        let (axis, about) = largest_axis(&(sum.stiffness * self.sampled.lateness() - sum.damping));
         let (effect, part) = largest(&parts, |part| about.dot(part.stiffness * about))?;
         let rest = sum.stiffness - part.stiffness;
         let shape = shape(part, about)?;

@@ -73,6 +73,9 @@ pub struct RigConfig {
     /// Index of the processor on which the loop's thread runs. `None` if the operating system
     /// chooses one.
     pub cpu: Option<u32>,
+    /// Whether the torque is lowered if the sphere shakes by itself (see
+    /// [`hbot_core::shaking`]).
+    pub shaking_guard: bool,
     /// Name of the preset of numerical methods: `fast`, `balanced` or `exact`. It is `custom` if
     /// the rig file names each method.
     pub accuracy: &'static str,

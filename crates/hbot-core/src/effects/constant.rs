@@ -27,6 +27,8 @@ pub struct Constant {
 impl Law for Constant {
     type Memory = ();
 
+    const GIVES: bool = true;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
         match self.frame {

@@ -60,6 +60,13 @@ impl Detents {
         }
     }
 
+    /// Returns half of the width of a notch, rad. Notches that are given one by one can be narrower
+    /// if they are near to each other.
+    #[inline]
+    fn narrowest(&self) -> Real {
+        if self.count > 0 { self.width.min(0.5 * TURN / Real::from(self.count)) } else { self.width }
+    }
+
     /// Returns the dial's energy (J) and its slope (N m) at the distance `d` (rad) from a notch.
     /// `room` is half of the distance to the next notch, rad.
     #[inline]
@@ -90,6 +97,7 @@ impl Law for Detents {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
+        now.lead_at_most(0.5 * self.narrowest());
         let dial = now.dial(self.axis);
         let (energy, slope) = self.profile(turns.follow(dial.psi), now.numbers);
         let mut torque = dial.torque(energy, slope);

@@ -62,6 +62,9 @@ pub(crate) trait Law {
     /// True for a law that most scenes have. It is inlined into the loop over the effects.
     const COMMON: bool = false;
 
+    /// True for a law that gives out energy on purpose, whatever the sphere does.
+    const GIVES: bool = false;
+
     /// Returns the torque on the sphere in frame N, in N m, before the effect's gain and fading.
     /// Advances `memory` by one tick.
     fn render(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
@@ -284,6 +287,13 @@ macro_rules! kinds {
                 }
             }
 
+            /// Returns true for kinds that give out energy on purpose, whatever the sphere does.
+            pub(crate) const fn gives(&self) -> bool {
+                match self {
+                    $(Self::$name(_) => <$name as Law>::GIVES),*
+                }
+            }
+
             pub(crate) fn mass(&self) -> Option<(Mat3, Real)> {
                 match self {
                     $(Self::$name(law) => law.mass()),*
@@ -354,7 +364,16 @@ mod tests {
     }
 
     fn now(motion: Motion, shared: &mut Shared) -> Now<'_> {
-        Now { motion, dt: 0.001, reference: &Reference::STILL, numbers: &[], shared }
+        Now {
+            motion,
+            dt: 0.001,
+            lead: 0.0,
+            ahead: 0.0,
+            reference: &Reference::STILL,
+            numbers: &[],
+            shared,
+            shares: true,
+        }
     }
 
     /// Checks that every kind of effect gives finite torques and energies, in builds with `f32` and

@@ -3,8 +3,8 @@
 
 use super::geometry::Dial;
 use super::target::Reference;
-use crate::real::{Quat, Real, Vec3};
-use crate::rotation::{angle_over_sine, shortest, vector_part};
+use crate::real::{Quat, Real, Vec3, sqrt};
+use crate::rotation::{angle_over_sine, exp, renormalized, shortest, vector_part};
 use crate::scene::MAX_EFFECTS;
 
 /// The motion of the sphere at one moment.
@@ -24,11 +24,17 @@ pub(crate) struct Now<'a> {
     /// Time since the last tick, s. It is 0 if the torque is only evaluated and the effect must not
     /// advance.
     pub(crate) dt: Real,
+    /// Time by which the pose `motion.q` is ahead of its reading, s, and the part of this time that
+    /// is still to come, s. Both are 0 without a lead.
+    pub(crate) lead: Real,
+    pub(crate) ahead: Real,
     /// The orientation from which the effect is measured, and its rate.
     pub(crate) reference: &'a Reference,
     /// The effect's part of the scene's table of numbers.
     pub(crate) numbers: &'a [Real],
     pub(crate) shared: &'a mut Shared,
+    /// True if quantities are looked up in `shared`, because other effects may need them too.
+    pub(crate) shares: bool,
 }
 
 impl Now<'_> {
@@ -38,7 +44,7 @@ impl Now<'_> {
     pub(crate) fn relative(&mut self) -> Quat {
         let (desired, q) = (self.reference.q, self.motion.q);
         let make = || shortest(desired.conjugate() * q);
-        if self.shared.several { self.shared.relatives.get(desired, make) } else { make() }
+        if self.shares { self.shared.relatives.get(desired, make) } else { make() }
     }
 
     /// Returns t / sin(t/2) and the rotation vector p of the sphere's orientation relative to the
@@ -57,7 +63,7 @@ impl Now<'_> {
             let factor = angle_over_sine(x.w, vector_part(x));
             (factor, vector_part(x) * factor)
         };
-        if self.shared.several { self.shared.logs.get(self.reference.q, make) } else { make() }
+        if self.shares { self.shared.logs.get(self.reference.q, make) } else { make() }
     }
 
     /// Returns the twist of the sphere about the unit vector `axis`, relative to the effect's
@@ -65,7 +71,26 @@ impl Now<'_> {
     #[inline]
     pub(crate) fn dial(&mut self, axis: Vec3) -> Dial {
         let x = self.relative();
-        self.shared.dials.get((self.reference.q, axis), || Dial::new(x, axis))
+        let make = || Dial::new(x, axis);
+        if self.shares { self.shared.dials.get((self.reference.q, axis), make) } else { make() }
+    }
+
+    /// Takes back so much of the lead that the pose is at most `most` rad ahead of its reading.
+    ///
+    /// A law that bends within `most` calls it before it uses the pose. Let the torque be a wave of
+    /// the wave number k that is crossed at the rate v, tau the delay and c tau the lead. With q = k v tau the loop
+    /// gives out energy in proportion to sin(q)/q - c cos(q). So a lead takes energy out as long as
+    /// it is below a quarter of a wave, q = pi/2, and gives energy out beyond. A lead of a constant
+    /// angle does neither.
+    #[inline]
+    pub(crate) fn lead_at_most(&mut self, most: Real) {
+        let turn = self.motion.omega * self.lead;
+        let length2 = turn.length_squared();
+        if length2 > most * most {
+            let back = turn * (most / sqrt(length2) - 1.0);
+            self.motion.q = renormalized(exp(back) * self.motion.q);
+            self.shares = false;
+        }
     }
 
     /// Returns the sphere's angular velocity minus that of the effect's reference, in the

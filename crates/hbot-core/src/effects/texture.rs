@@ -7,10 +7,13 @@
 
 use super::{Law, Now};
 use crate::around::Spot;
-use crate::real::{PI, Quat, Real, Vec3, cos, sincos, sqrt};
+use crate::real::{PI, Quat, Real, TURN, Vec3, cos, sincos, sqrt};
 
 /// An effect that simulates bumps on the sphere's surface, which the hand feels when the sphere
 /// turns.
+///
+/// If the effect has a number in the scene's table, it is the viscous damping of the sphere across
+/// `at`, N m s/rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Texture {
@@ -34,10 +37,18 @@ impl Law for Texture {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        now.lead_at_most(0.25 * TURN / self.wave_number);
         let s = self.under(now);
         let sine = |x: Real| sincos(self.wave_number * x).0;
         let f = Vec3::new(sine(s.x), sine(s.y), sine(s.z));
-        now.motion.q * (f.cross(s) * self.depth)
+        let mut torque = now.motion.q * (f.cross(s) * self.depth);
+        // The damping is the only number of the effect, so that a texture without it stays as it is
+        // in recordings. A turn about `at` is not damped, because it is not felt.
+        if let [damping, ..] = now.numbers {
+            let omega = now.motion.omega;
+            torque -= (omega - self.at * self.at.dot(omega)) * *damping;
+        }
+        torque
     }
 
     fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {

@@ -176,9 +176,12 @@ fn along(numbers: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
 impl Law for Track {
     type Memory = TrackPlace;
 
+    const GIVES: bool = true;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, place: &mut TrackPlace) -> Vec3 {
         let (turn, rate) = self.path.at(place, now.numbers);
+        let turn = if now.ahead > 0.0 { rotation::exp(rate * now.ahead) * turn } else { turn };
         let desired = turn * now.reference.q;
         let mut x = rotation::shortest(now.motion.q * desired.conjugate());
         if x.w == 0.0 && vector_part(x).dot(place.branch) < 0.0 {

@@ -101,6 +101,8 @@ impl Vibration {
 impl Law for Vibration {
     type Memory = Phase;
 
+    const GIVES: bool = true;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, state: &mut Phase) -> Vec3 {
         let level = self.amplitude * self.envelope(state.age);

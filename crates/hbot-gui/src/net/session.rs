@@ -332,6 +332,7 @@ impl<'a> Session<'a> {
                 self.mailbox.post(News::Lease { lease: self.lease.clone(), cause: Some(cause) });
             }
             Event::Dropped(dropped) => self.mailbox.post(News::Dropped(dropped)),
+            Event::Shaking(shaking) => self.mailbox.post(News::Shaking(shaking)),
             // The panel sends no streams. Events that only a later server knows are ignored.
             Event::Refused(_) | Event::Stopping(_) | Event::Unknown => {}
         }

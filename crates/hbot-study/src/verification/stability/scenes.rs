@@ -36,6 +36,8 @@ const PART_S: f64 = 0.3;
 const SHAKES: f64 = 0.3;
 /// Amplitude that still is shaking if the torque limit keeps it from growing, rad/s.
 const TREMBLES: f64 = 0.05;
+/// Part of the largest torque by which a torque that still swings is felt and heard.
+const CHATTERS: f64 = 0.1;
 /// Kinds that give out energy on purpose. Their torque is scaled to nothing, so that they change
 /// nothing and must change no warning.
 const ON_PURPOSE: [&str; 4] = ["constant", "pulse", "track", "vibration"];
@@ -102,8 +104,14 @@ impl Trial {
         let scene = RunningScene::new().load(file);
         let mut first = None;
         scene.places(Quat::IDENTITY, |place| _ = first.get_or_insert(place));
-        let rest = first.and_then(|place| self.judge.rest(&scene, &place.rest_at(Quat::IDENTITY)));
-        rest.map_or(Quat::IDENTITY, |place| place.q)
+        let Some(place) = first else { return Quat::IDENTITY };
+        let here = place.rest_at(Quat::IDENTITY);
+        // Where nothing is found, the place of the first effect serves.
+        let rest = self.judge.rest(&scene, &here).or_else(|| self.judge.rest(&scene, &place));
+        rest.map_or(
+            if self.pull(&here).length() < 0.1 * self.judge.torque { here.q } else { place.q },
+            |place| place.q,
+        )
     }
 
     fn findings(&self, scene: &Value) -> Option<Vec<Finding>> {
@@ -111,10 +119,9 @@ impl Trial {
     }
 
     /// Runs the whole loop after a tap that gives the sphere the angular velocity `tap` (frame N,
-    /// rad/s), at the orientation `q`, where `load` (N m) balances the scene. Returns the amplitudes
-    /// of the swing in each part of [`PART_S`] after the tap, rad/s. They end with infinity if the
-    /// rig faults.
-    fn run(&self, q: Quat, load: Vec3, tap: Vec3, hand: Option<Hand>, watch_s: f64) -> Vec<f64> {
+    /// rad/s), at the orientation `q`, where `load` (N m) balances the scene. Returns the swings in
+    /// each part of [`PART_S`] after the tap. They end with infinity if the rig faults.
+    fn run(&self, q: Quat, load: Vec3, tap: Vec3, hand: Option<Hand>, watch_s: f64) -> Vec<Swing> {
         let scene = &self.scene;
         let phenomena = Phenomena { motor: Some(self.motor), hand, ..Phenomena::default() };
         let start = PlantState { q, ..PlantState::default() };
@@ -131,24 +138,36 @@ impl Trial {
         let state = *whole.rig().state();
         whole.rig_mut().set_state(PlantState { omega: state.omega + tap, ..state });
         let part = whole.ticks(PART_S) as usize;
-        let (mut amplitudes, mut rates) = (Vec::new(), Vec::with_capacity(part));
+        let (mut swings, mut rates, mut torques) =
+            (Vec::new(), Vec::with_capacity(part), Vec::with_capacity(part));
         for _ in 0..whole.ticks(watch_s) {
-            if whole.step(None).state.mode != Mode::Active {
-                amplitudes.push(f64::INFINITY);
+            let state = whole.step(None).state;
+            if state.mode != Mode::Active {
+                swings.push(Swing { rate: f64::INFINITY, torque: f64::INFINITY });
                 break;
             }
             rates.push(whole.rig().state().omega);
+            torques.push(state.torque);
             if rates.len() == part {
-                amplitudes.push(swing(&rates));
+                swings.push(Swing { rate: amplitude(&rates), torque: amplitude(&torques) });
                 rates.clear();
+                torques.clear();
             }
         }
-        amplitudes
+        swings
     }
 }
 
-/// Returns the amplitude of the swing in `rates` about their straight line, rad/s.
-fn swing(rates: &[Vec3]) -> f64 {
+/// How far the sphere's rate (rad/s) and the torque on it (N m) swing about their straight lines:
+/// amplitudes.
+#[derive(Debug, Clone, Copy)]
+struct Swing {
+    rate: f64,
+    torque: f64,
+}
+
+/// Returns the amplitude of the swing in `rates` about their straight line.
+fn amplitude(rates: &[Vec3]) -> f64 {
     let n = rates.len() as f64;
     let middle = 0.5 * (n - 1.0);
     let mean = rates.iter().sum::<Vec3>() / n;
@@ -269,7 +288,7 @@ impl Count {
             let start = trial.rest();
             let shakes = |hand| {
                 let swings = trial.run(start, Vec3::ZERO, axis * TAP, hand, REST_S);
-                swings.last().is_some_and(|swing| *swing > SHAKES)
+                swings.last().is_some_and(|swing| swing.rate > SHAKES)
             };
             if hands().into_iter().any(shakes) {
                 self.misses.push(seed);
@@ -298,8 +317,9 @@ impl Count {
         self.judged += 1;
         let rests = |tap: f64| {
             let swings = trial.run(touched.q, load, axis * tap, hand, SHAKE_S);
-            let last = swings.last().copied().unwrap_or(f64::INFINITY);
-            last <= TREMBLES && swings.iter().all(|swing| *swing <= SHAKES)
+            let trembles =
+                |swing: &Swing| swing.rate > TREMBLES || swing.torque > CHATTERS * trial.judge.torque;
+            !swings.last().is_none_or(trembles) && swings.iter().all(|swing| swing.rate <= SHAKES)
         };
         if rests(TOUCH) && rests(TAP) {
             self.false_alarms.push(seed);
