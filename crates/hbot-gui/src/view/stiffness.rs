@@ -64,19 +64,27 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
 }
 
 /// Returns the largest stiffness of `effect` about each axis with which the loop keeps `scene`
-/// stable, N m/rad. If the stiffness is one number, the first is that of all axes. Returns `None`
-/// where the server does not tell its loop.
+/// stable, N m/rad. If the stiffness is one number, the first is that of all axes. An older server
+/// does not tell its loop: then it is the stiffness that is stable with a usual damping.
 fn borders(model: &Model, effect: &Effect, scene: &Value, desk: &mut Desk) -> [Option<f64>; 3] {
     let Some(most) = model.info.render.as_ref().map(|render| render.stiffness_most) else { return [None; 3] };
     let index = model.scene.effects().iter().position(|other| other.id == effect.id);
     let is_matrix = model.scene.value(effect, "stiffness").is_some_and(Value::is_array);
     let gain = model.scene.value(effect, "gain").and_then(Value::as_f64).unwrap_or(1.0);
+    if !tells_loop(model) {
+        return [stable(model).filter(|_| gain > 0.0).map(|stable| stable / gain); 3];
+    }
     let mut of = |axis| {
         let key = Key { effect: index?, name: "stiffness", axis };
         // No stiffer spring is stable, with any damping.
         if gain > 0.0 { desk.judged.border(scene, key, (most / gain).min(SEARCHED)) } else { None }
     };
     if is_matrix { [Some(0), Some(1), Some(2)].map(of) } else { [of(None), None, None] }
+}
+
+/// Returns whether the server tells the loop from which stable stiffnesses follow.
+fn tells_loop(model: &Model) -> bool {
+    model.info.render.as_ref().is_some_and(|render| render.sampled.is_some())
 }
 
 /// Draws what the server warns of when it loads such a scene.
@@ -242,8 +250,14 @@ fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
     if let Some(stable) = stable
         && value.is_number()
     {
-        let text = format!("with this damping expected to be stable up to {stable:.2} N m/rad (mark)");
-        weak(ui, text);
+        // An older server tells one stiffness, whatever the damping.
+        let with = if tells_loop(model) { "with this damping " } else { "" };
+        let text = format!("{with}expected to be stable up to {stable:.2} N m/rad (mark)");
+        if stiffest > gain * stable {
+            coloured(ui, Palette::of(ui).warn, text);
+        } else {
+            weak(ui, text);
+        }
     }
 }
 
@@ -268,7 +282,7 @@ fn has_off_diagonal(value: &Value) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::painted::hint;
+    use crate::view::painted::{hint, vertical_lines};
     use egui_kittest::Harness;
     use hbot_config::advice::{Abilities, StiffnessBound, ToldLoop, USUAL_DAMPING};
     use hbot_config::{RigConfig, SceneFile};
@@ -338,6 +352,18 @@ mod tests {
     }
 
     #[test]
+    fn the_mark_moves_with_the_damping() {
+        let mark = |damping| {
+            let mut model = panel(5.0, 0.02, true);
+            model.scene.ask("s", "damping", &json!(damping));
+            vertical_lines(&drawn(model))
+        };
+        let (none, little, more) = (mark(0.0), mark(0.01), mark(0.02));
+        assert_eq!([none.len(), little.len(), more.len()], [1; 3]);
+        assert!(none[0] < little[0] - 5.0 && little[0] < more[0] - 5.0, "{none:?} {little:?} {more:?}");
+    }
+
+    #[test]
     fn the_sentence_is_the_warning_of_the_server() {
         let model = panel(40.0, 0.01, true);
         let scene = SceneFile::from_json(model.scene.to_json()).expect("legal");
@@ -348,8 +374,16 @@ mod tests {
     }
 
     #[test]
-    fn a_server_that_does_not_tell_its_loop_is_not_judged() {
-        let said = said(panel(7.0, 0.0, false));
+    fn the_mark_of_an_older_server_is_what_it_tells_with_any_damping() {
+        let stable = StiffnessBound::of(&RigConfig::prototype()).expect("legal").stable(USUAL_DAMPING);
+        for damping in [0.0, 0.2] {
+            let said = said(panel(40.0, damping, false));
+            assert!((border(&said) - stable).abs() < 0.006, "{said}");
+            assert!(!said.contains("with this damping") && !said.contains("shake"), "{said}");
+        }
+        let mut silent = panel(7.0, 0.0, false);
+        silent.info.render = None;
+        let said = said(silent);
         assert!(said.contains("reaches the rig's 0.9 N m at 0.13 rad") && !said.contains("stable"), "{said}");
     }
 
