@@ -158,7 +158,7 @@ mod tests {
     fn a_changed_scene_has_the_warnings_of_one_that_is_loaded() {
         let spring = "[[effect]]\nid = 's'\nkind = 'spring'\nstiffness = ";
         let matrix = "[[30, 0, 0], [0, 2, 0], [0, 0, 1]]\n";
-        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.065\n";
+        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.08\n";
         let honey = "[[effect]]\nid = 'honey'\nkind = 'damper'\ndamping = 2\n";
         let push = "[[effect]]\nid = 'p'\nkind = 'constant'\ntorque = [2, 1, 0]\n";
         let rubber = "[[effect]]\nid = 'f'\nkind = 'friction'\n";

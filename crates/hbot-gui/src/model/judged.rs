@@ -7,8 +7,9 @@ use serde_json::Value;
 
 /// A border is computed to this part of it.
 const RESOLUTION: f64 = 0.03;
-/// Below this stiffness a border is 0, N m/rad: it could not be seen on a slider.
-const NOTHING: f64 = 0.05;
+/// Below this stiffness a border is 0, N m/rad: it could not be seen on a slider, and without
+/// damping so soft a spring is stable only because the judge lets a swing grow by 5 % per second.
+const NOTHING: f64 = 0.2;
 
 /// Judges scenes by what a server has told of its rig, and keeps the results: a window is drawn many
 /// times for each change.

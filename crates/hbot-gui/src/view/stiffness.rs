@@ -344,9 +344,9 @@ mod tests {
             // The slider moves; the server has not answered yet.
             let mut model = panel(5.0, 0.02, true);
             model.scene.ask("s", "damping", &json!(damping));
-            let (told, want) = (border(&said(model)), bound.stable(damping));
-            // The search ends within 4.5 % below the border. A spring in a hand can have a lower one.
-            assert!(told <= 1.01 * want && told >= 0.9 * want, "{damping}: {told}, not {want}");
+            // The judge keeps a margin of 10 %. The search ends within 4.5 % below the border.
+            let (told, want) = (border(&said(model)), bound.stable(damping) / 1.1);
+            assert!(told <= 1.01 * want && told >= 0.95 * want, "{damping}: {told}, not {want}");
         }
         assert_eq!(border(&said(panel(5.0, 0.0, true))), 0.0, "nothing is stable without damping");
     }
