@@ -172,7 +172,7 @@ mod tests {
             (format!("{spring}100\ngain = 9\n{air}{push}"), 2),
             (format!("{rubber}{push}"), 1),
             (
-                "[[effect]]\nid = 'd'\nkind = 'detents'\npositions = [0, 1]\nend_stiffness = 600\n"
+                "[[effect]]\nid = 'd'\nkind = 'detents'\npositions = [0, 1]\nend_stiffness = 600\ndamping = 0.02\n"
                     .to_owned(),
                 1,
             ),
