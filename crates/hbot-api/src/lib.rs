@@ -90,7 +90,7 @@ pub use event::{
 pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
 pub use info::{
-    ClientLostPolicy, ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
+    ClientLostPolicy, ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, LoopInfo,
     PassivityInfo, RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 pub use names::Name;

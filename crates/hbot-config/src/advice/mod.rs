@@ -12,8 +12,10 @@ mod complex;
 mod inertia;
 mod judge;
 mod sampled;
+mod told;
 
 pub use abilities::{Abilities, in_vain};
 pub use bound::{StiffnessBound, USUAL_DAMPING};
 pub use judge::{Cure, Finding, Judge, Why};
 pub use sampled::{HOLDS, Hold, Sampled, Scene};
+pub use told::{Told, ToldLoop};

@@ -232,7 +232,7 @@ impl<'a> Session<'a> {
                 Ok(())
             }
             Intent::Set { effect, key, value } => {
-                self.client.set(effect, Map::from_iter([(key.clone(), value.clone())]))
+                self.client.set(effect, Map::from_iter([(key.clone(), value.clone())])).map(drop)
             }
             Intent::Load { scene } => self.client.load_scene(scene.clone()).map(drop),
             Intent::Samples(n) => {

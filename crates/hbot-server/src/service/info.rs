@@ -1,8 +1,8 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, PassivityInfo, RenderInfo,
-    RigInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, LoopInfo, PassivityInfo,
+    RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::Listed;
@@ -12,7 +12,7 @@ use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::Value;
 
 use super::convert;
-use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
+use hbot_config::advice::{StiffnessBound, ToldLoop, USUAL_DAMPING};
 use hbot_host::clock::Origin;
 use hbot_host::sample::Sample;
 
@@ -143,7 +143,21 @@ fn render(config: &RigConfig) -> Option<RenderInfo> {
         stiffness_stable: expected.stable(USUAL_DAMPING),
         stiffness_most,
         damping_most: expected.most_damping(),
+        sampled: Some(sampled(ToldLoop::of(expected.sampled()))),
     })
+}
+
+fn sampled(told: ToldLoop) -> LoopInfo {
+    LoopInfo {
+        delay_ticks: told.delay,
+        lag_s: told.lag,
+        lead_s: told.lead,
+        slew_s: told.slew,
+        rate_lag_s: told.rate_lag,
+        rate_weights: told.taps,
+        inertia: told.inertia,
+        axes: told.axes,
+    }
 }
 
 fn listed(kinds: Vec<Listed>) -> Vec<KindInfo> {
