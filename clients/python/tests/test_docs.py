@@ -274,9 +274,9 @@ def test_the_stiffnesses_of_the_page_are_those_of_its_formula_and_of_info(server
         # A spring of the scene, and of a client whose torques are 1 and 10 ticks old.
         right = [damping / (1e-3 * (0.5 + delay) + lag_s) for delay in (1, 2, 11)]
         assert figures == pytest.approx(right, abs=0.05)  # One decimal is written.
-    # The formula is of first order. The border that the server computes is less than 1 % below.
+    # The formula is of first order. The border that the server computes is less than 2 % below.
     first = damping / (1.5 * h + lag)  # D is 1.
-    assert 0.99 * first < render.stiffness_stable < first
+    assert 0.98 * first < render.stiffness_stable < first
 
 
 def test_the_spring_of_the_page_is_the_quaternion_law(server: Server) -> None:
