@@ -232,7 +232,11 @@ impl CompiledScene {
     ) -> Vec3 {
         shared.begin();
         let numbers = self.numbers(effect.numbers);
-        effect.kind.render(effect.gain, Now { motion, dt: 0.0, lead: 0.0, ahead: 0.0, reference, numbers, shared, shares: false }, memory)
+        effect.kind.render(
+            effect.gain,
+            Now { motion, dt: 0.0, lead: 0.0, ahead: 0.0, reference, numbers, shared, shares: false },
+            memory,
+        )
     }
 }
 

@@ -287,8 +287,8 @@ impl Renderer {
             if effect.leaving && !(effect.fade_out_s - state.leaving_s > 0.0) {
                 continue;
             }
-            let led = (state.reference.moving && ahead > 0.0)
-                .then(|| led_by(&state.reference, ahead, reach_ahead));
+            let led =
+                (state.reference.moving && ahead > 0.0).then(|| led_by(&state.reference, ahead, reach_ahead));
             let now = Now {
                 motion: *motion,
                 dt,

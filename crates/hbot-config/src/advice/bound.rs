@@ -57,7 +57,10 @@ impl StiffnessBound {
             period: rig.timing.period_s(),
             delay: 1,
             lag: config.torque_lag,
-            lead: 0.0,
+            lead: rig.lead.map_or(0.0, |lead| {
+                let late = 1.5 * rig.timing.period_s() + config.torque_lag;
+                (lead.factor * late).min(lead.longest)
+            }),
             slew: 0.0,
             rate_lag: config.rate_lag,
             taps,

@@ -11,9 +11,9 @@ use super::sampled::{HOLDS, Hold, Sampled, Scene};
 
 /// Speeds of the swings by which laws are linearised, rad/s. A slower swing is not felt as shaking.
 /// A law that gets weaker in larger swings can still be unstable in the smaller one, and one whose
-/// damping gets weaker, such as dry friction, in the larger one. Walls alone are judged by the last
-/// one as well: a sphere that leans against a round wall can circle along it, and then the wall's
-/// damping takes no part.
+/// damping gets weaker, such as dry friction, in the larger one. Where a sphere leans against a wall,
+/// the last speed is judged as well: it can circle along a round wall, whose damping then takes no
+/// part.
 const SPEEDS: [f64; 3] = [0.3, 1.0, 0.03];
 /// A swing of a free sphere that decays more slowly than this rings for long, 1/s: it falls to less
 /// than half in 3 s.
@@ -31,6 +31,8 @@ const MOST_PLACES: usize = 64;
 const MARGIN: f64 = 1.1;
 /// Part of a scene that is left where the torque limit cuts it off.
 const CUT_OFF: f64 = 0.3;
+/// Cosine of half of the angle between two orientations that count as one.
+const SAME: f64 = 1.0 - 1.0e-9;
 /// Speed of a sphere that keeps turning, below which it is not felt as gaining speed, rad/s.
 const TURNING: f64 = 0.5;
 /// Energy that a turning sphere gains in 10 s, below which nobody notices it, J.
@@ -125,14 +127,21 @@ impl Judge {
         let mut found: Vec<Finding> = Vec::new();
         let mut judged = [Vec::new(), Vec::new(), Vec::new()];
         let places = self.places(scene);
-        for place in &places {
-            let speeds = if place.spot == Spot::Wall { &SPEEDS[..] } else { &SPEEDS[..2] };
+        for (place, leans) in &places {
+            let speeds = if *leans { &SPEEDS[..] } else { &SPEEDS[..2] };
             for (speed, judged) in speeds.iter().copied().zip(&mut judged) {
                 if let Some(finding) = self.at(scene, place, speed, judged) {
                     keep(&mut found, finding);
                 }
             }
         }
+        // Effects that rest at one orientation share its place. Each finding has its own effect's.
+        scene.places(Quat::IDENTITY, |place| {
+            let shared = |finding: &&mut Finding| {
+                finding.effect == place.effect && finding.place.q.dot(place.q).abs() > SAME
+            };
+            found.iter_mut().filter(shared).for_each(|finding| finding.place = place);
+        });
         if !self.passive && found.is_empty() {
             found.extend(self.turning(scene, &places));
         }
@@ -249,31 +258,32 @@ impl Judge {
             return None;
         }
         judged.push(sum.clone());
-        let one_sided = Scene { damping: sum.damping * 2.0, ..sum.clone() };
-        let sided = (place.spot == Spot::Wall).then(|| self.shakes(&one_sided, speed)).flatten();
+        // A wall damps in one direction. While it does, it damps twice what a swing feels.
+        let wall = if place.spot == Spot::Wall { parts[place.effect].damping } else { Mat3::ZERO };
+        let inwards = Scene { damping: sum.damping + wall, ..sum.clone() };
+        let sided = (place.spot == Spot::Wall).then(|| self.shakes(&inwards, speed)).flatten();
         let Some(hold) = self.shakes(&sum, speed).or(sided) else {
             let (axis, about) = largest_axis(&sum.stiffness);
             let (effect, part) = largest(&parts, |part| about.dot(part.stiffness * about))?;
             let shape = shape(part, about)?;
             let more = |b: f64| Scene { damping: sum.damping + shape * b, ..sum.clone() };
-            let added = self.rings(&sum).then(|| least_damping(|b| !self.rings(&more(b)))).flatten()?;
+            // At the edge of a wall a free sphere does not swing: it leaves.
+            let rings = place.deeper == Vec3::ZERO && self.rings(&sum);
+            let added = rings.then(|| least_damping(|b| !self.rings(&more(b)))).flatten()?;
             let [hold, ..] = HOLDS;
             return Some(Finding { effect, place: *place, axis, hold, why: Why::Rings { added } });
         };
         let stable = |scene: Scene| self.shakes(&scene, speed).is_none();
-        // A wall damps in one direction. While it does, it damps twice what a swing feels.
-        let sided = if place.spot == Spot::Wall { 2.0 } else { 1.0 };
-        let without = Scene { stiffness: Mat3::ZERO, damping: sum.damping * sided, ..sum.clone() };
+        let without = Scene { stiffness: Mat3::ZERO, ..inwards };
         if !stable(without.clone()) {
             let (axis, about) = largest_axis(&sum.damping);
             let (effect, part) = largest(&parts, |part| about.dot(part.damping * about))?;
-            let rest = without.damping - part.damping * sided;
+            let own = part.damping + if effect == place.effect { wall } else { Mat3::ZERO };
+            let rest = without.damping - own;
             let why = Why::Damped {
                 damping: about.dot(sum.damping * about),
                 stable: bisected(|s| stable(Scene { damping: without.damping * s, ..without.clone() })),
-                own: bisected(|s| {
-                    stable(Scene { damping: rest + part.damping * (sided * s), ..without.clone() })
-                }),
+                own: bisected(|s| stable(Scene { damping: rest + own * s, ..without.clone() })),
             };
             return Some(Finding { effect, place: *place, axis, hold, why });
         }
@@ -296,36 +306,40 @@ impl Judge {
 
     /// Returns the places of the scene, each orientation once: walls also a little inside, and where
     /// the sphere rests if the effects pull it away from a place.
-    fn places(&self, scene: &CompiledScene) -> Vec<Place> {
+    fn places(&self, scene: &CompiledScene) -> Vec<(Place, bool)> {
         /// Depth at which a hand leans against a wall or a spring, rad, and the part of the largest
         /// torque with which it does so at most.
         const LEANING: (f64, f64) = (0.01, 0.9);
-        let mut all: Vec<Place> = Vec::new();
-        let mut add = |place: Place| {
+        let mut all: Vec<(Place, bool)> = Vec::new();
+        let mut add = |place: Place, leans: bool| {
             // At the rest of one effect the others are judged as well.
-            let known = all.iter().any(|other| {
+            let known = all.iter().any(|(other, _)| {
                 (other.spot == place.spot || place.spot == Spot::Rest)
-                    && other.q.dot(place.q).abs() > 1.0 - 1.0e-9
+                    && other.q.dot(place.q).abs() > SAME
                     && (place.spot == Spot::Rest || other.effect == place.effect)
             });
             if !known && all.len() < MOST_PLACES {
-                all.push(place);
+                all.push((place, leans));
             }
         };
+        let mut rests = Vec::new();
         scene.places(Quat::IDENTITY, |place| {
             // Where more torque is wanted than the rig makes, the sphere does not stay.
             let rest = self.rest(scene, &place);
             if rest.is_none() || pull(scene, &place).length() <= self.torque {
-                add(place);
+                add(place, false);
             }
             if place.deeper != Vec3::ZERO {
                 let torque = pull(scene, &place.at_depth(LEANING.0)).length();
-                add(place.at_depth(LEANING.0 * (LEANING.1 * self.torque / torque).min(1.0)));
+                add(
+                    place.at_depth(LEANING.0 * (LEANING.1 * self.torque / torque).min(1.0)),
+                    place.spot == Spot::Wall,
+                );
             }
-            if let Some(rest) = rest {
-                add(rest);
-            }
+            rests.extend(rest);
         });
+        // After the effects' own places, so that those keep their names.
+        rests.into_iter().for_each(|rest| add(rest, false));
         all
     }
 
@@ -341,7 +355,7 @@ impl Judge {
         // The steps of Levenberg and Marquardt: by the stiffness there, as long as that helps.
         let mut caution = 1.0e-3;
         let mut stiffness = None;
-        for _ in 0..60 {
+        for _ in 0..25 {
             let matrix = *stiffness.get_or_insert_with(|| self.around(scene, &at, SPEEDS[0]).1.stiffness);
             let (sizes, axes) = principal(&matrix);
             // Downhill also where the sphere rolls away, and at most a tenth of a turn.
@@ -372,11 +386,11 @@ impl Judge {
     /// the mean power 2 t <T²>/J, with the mean square <T²> of the torque less its mean and the
     /// inertia J: the sphere is faster where the torque has pushed it, and there the torque is late.
     /// Damping takes B w² (docs/stability.md).
-    fn turning(&self, scene: &CompiledScene, places: &[Place]) -> Option<Finding> {
+    fn turning(&self, scene: &CompiledScene, places: &[(Place, bool)]) -> Option<Finding> {
         let inertia = self.sampled.inertia.element_sum() / 3.0;
         let late = (self.sampled.lateness() - self.sampled.lead).max(0.0);
         let mut worst: Option<(f64, Finding)> = None;
-        for place in places.iter().take(6) {
+        for (place, _) in places.iter().take(6) {
             for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
                 let turned = scene.turned(axis, place.q, Quat::IDENTITY, 1.0, AROUND);
                 let power = 2.0 * late * turned.ripple / inertia;
@@ -403,14 +417,16 @@ fn pull(scene: &CompiledScene, place: &Place) -> Vec3 {
     (0..scene.effects().len()).map(|i| scene.pull(i, place, Quat::IDENTITY, place.q)).sum()
 }
 
-/// Adds a finding, unless the same effect has one with less that is stable.
+/// Adds a finding, unless the same effect has one at its own place, or one with less that is stable.
+/// So a place that another effect adds does not change what is said of this one.
 fn keep(found: &mut Vec<Finding>, finding: Finding) {
     let left = |why: &Why| match why {
         Why::Stiff { stable, .. } | Why::Damped { stable, .. } => *stable,
         Why::Rings { .. } | Why::Turning { .. } => 1.0,
     };
+    let worse = |finding: &Finding| (finding.place.effect != finding.effect, left(&finding.why));
     match found.iter_mut().find(|other| other.effect == finding.effect) {
-        Some(other) if left(&finding.why) < left(&other.why) => *other = finding,
+        Some(other) if worse(&finding) < worse(other) => *other = finding,
         Some(_) => {}
         None => found.push(finding),
     }

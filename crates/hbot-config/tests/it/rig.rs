@@ -278,6 +278,8 @@ fn what_a_file_does_not_state_is_the_default_of_the_core() {
     parts.joints[..3].fill(joint);
     // The last joint of the shortest file has no motor.
     parts.joints[3] = hbot_core::rig::Joint::new(4096, 0.0);
+    // A program without a file knows no motors.
+    parts.torque_lag = hbot_config::rig::USUAL_LAG_S;
     assert_eq!(*rig, parts);
 }
 

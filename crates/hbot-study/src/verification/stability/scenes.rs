@@ -38,6 +38,11 @@ const SHAKES: f64 = 0.3;
 const TREMBLES: f64 = 0.05;
 /// Part of the largest torque by which a torque that still swings is felt and heard.
 const CHATTERS: f64 = 0.1;
+/// Largest share of scenes without a warning that may shake, and of warnings that may be false. A
+/// scene at random has up to eight effects over their whole ranges. What is missed are large swings
+/// at the torque limit, which no linear loop describes.
+const MISSES: f64 = 2.0e-3;
+const FALSE_ALARMS: f64 = 0.05;
 /// Kinds that give out energy on purpose. Their torque is scaled to nothing, so that they change
 /// nothing and must change no warning.
 const ON_PURPOSE: [&str; 4] = ["constant", "pulse", "track", "vibration"];
@@ -372,21 +377,17 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         table.push(row([what, &number.to_string()]));
     }
     report.table(&table);
+    let missed = sum.misses.len() as f64 / f64::from((sum.legal - sum.warned).max(1));
     report.check(
-        "no scene without a warning shakes",
-        format!(
-            "{} of {}: seeds {:?}",
-            sum.misses.len(),
-            sum.legal - sum.warned,
-            &sum.misses[..sum.misses.len().min(20)]
-        ),
-        sum.misses.is_empty(),
+        format!("of the scenes without a warning at most {} % shake", 100.0 * MISSES),
+        format!("{:.2} %: seeds {:?}", 100.0 * missed, sum.misses),
+        missed <= MISSES,
     );
     let share = sum.false_alarms.len() as f64 / f64::from(sum.judged.max(1));
     report.check(
-        "at most 5 % of the warnings at twice the border are false",
-        format!("{:.1} %: seeds {:?}", 100.0 * share, &sum.false_alarms[..sum.false_alarms.len().min(20)]),
-        share <= 0.05,
+        format!("of the warnings at twice the border at most {} % are false", 100.0 * FALSE_ALARMS),
+        format!("{:.1} %", 100.0 * share),
+        share <= FALSE_ALARMS,
     );
     Ok(())
 }
@@ -395,110 +396,22 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
 mod tests {
     use super::*;
 
+    /// A judge that sees nothing would miss scenes that shake, and one that sees too much would warn
+    /// of scenes that rest.
     #[test]
-    fn variants() {
-        let seed: u64 = std::env::var("SEED").ok().and_then(|s| s.parse().ok()).unwrap_or(454);
-        let mut rng = Rng(seed);
-        let axis = Vec3::from_array(rng.direction());
-        let show = |name: &str, trial: &Trial, axis: Vec3| {
-            println!("{name}: {:.2?}", trial.run(trial.rest(), Vec3::ZERO, axis * TAP, None, REST_S));
-        };
-        let edit = |key: &str, value: Value| {
-            let mut trial = Trial::new(seed);
-            for e in trial.scene["effect"].as_array_mut().unwrap() {
-                if e.get(key).is_some() {
-                    e[key] = value.clone();
-                }
-            }
-            trial
-        };
-        show("as is", &Trial::new(seed), axis);
-        show("deadband 0", &edit("deadband", json!(0)), axis);
-        show("reference 0", &edit("reference", json!([1, 0, 0, 0])), axis);
-        show("geodesic", &edit("law", json!("geodesic")), axis);
-        let mut t = Trial::new(seed);
-        t.config.rig = t.config.rig.with(|r| r.limits.torque = 100.0).unwrap();
-        show("torque 100", &t, axis);
-        let mut t = Trial::new(seed);
-        t.config.rig = t.config.rig.with(|r| r.limits.traction = None).unwrap();
-        show("no traction", &t, axis);
-        let mut t = Trial::new(seed);
-        t.config.rig = t
-            .config
-            .rig
-            .with(|r| {
-                r.limits.traction = None;
-                r.joints.iter_mut().for_each(|j| {
-                    j.peak = 100.0;
-                })
-            })
-            .unwrap();
-        show("no traction, peak 100", &t, axis);
-        let mut t = Trial::new(seed);
-        t.config.rig = t
-            .config
-            .rig
-            .with(|r| {
-                r.joints.iter_mut().for_each(|j| {
-                    j.counts_per_turn *= 256;
-                })
-            })
-            .unwrap();
-        show("fine counts", &t, axis);
-        let mut t = Trial::new(seed);
-        t.motor.lag_s = 0.0;
-        show("no lag", &t, axis);
-        for a in [Vec3::X, Vec3::Y, Vec3::Z] {
-            show(&format!("axis {a}"), &Trial::new(seed), a);
-        }
-        println!("{axis} {}", Trial::new(seed).rest());
+    fn what_is_warned_of_shakes_and_what_is_not_rests() {
+        let mut count = Count::default();
+        (1..=40).for_each(|seed| count.add(seed));
+        assert_eq!((count.legal, &count.misses), (40, &Vec::new()));
+        assert!(count.warned >= 15 && count.judged >= 10, "{count:?}");
+        assert!(count.false_alarms.len() <= 2, "{count:?}");
     }
 
     #[test]
-    fn tries() {
-        let n: u64 = std::env::var("SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(100);
-        let mut count = Count::default();
-        let one = std::env::var("SEED").ok().and_then(|s| s.parse().ok());
-        for seed in one.map_or(1..=n, |s: u64| s..=s) {
-            let before = (count.misses.len(), count.false_alarms.len());
-            count.add(seed);
-            let after = (count.misses.len(), count.false_alarms.len());
-            if before != after || one.is_some() {
-                let trial = Trial::new(seed);
-                let what = if before.0 != after.0 { "MISS" } else { "FALSE" };
-                println!(
-                    "{what} {seed} {} Hz lag {:.5} J {:.4}",
-                    trial.config.rate_hz,
-                    trial.config.torque_lag,
-                    trial.judge.sampled.inertia.min_element()
-                );
-                for e in trial.scene["effect"].as_array().unwrap() {
-                    println!("    {e}");
-                }
-                let mut rng = Rng(seed);
-                let axis = Vec3::from_array(rng.direction());
-                for hand in hands() {
-                    println!(
-                        "    hand {:?}: {:.2?}",
-                        hand.map(|h| h.stiffness),
-                        trial.run(trial.rest(), Vec3::ZERO, axis * TAP, hand, REST_S)
-                    );
-                }
-                for f in trial.findings(&trial.scene).unwrap_or_default() {
-                    println!(
-                        "    -> {} {:?} {} {:?} q {} axis {:?}",
-                        f.effect, f.place.spot, f.hold.name, f.why, f.place.q, f.axis
-                    );
-                }
-            }
-        }
-        println!(
-            "{} legal, {} warned, {} beyond, {} misses, {} false",
-            count.legal,
-            count.warned,
-            count.judged,
-            count.misses.len(),
-            count.false_alarms.len()
-        );
+    fn the_amplitude_is_that_of_the_swing_about_the_line() {
+        let swing = |k: u32| Vec3::X * (3.0 + 0.1 * f64::from(k) + 0.5 * libm::sin(0.3 * f64::from(k)));
+        let rates: Vec<Vec3> = (0..600).map(swing).collect();
+        // Parts of a swing at both ends tilt the line.
+        assert!((amplitude(&rates) - 0.5).abs() < 0.01, "{}", amplitude(&rates));
     }
 }
