@@ -154,12 +154,12 @@ class Loop:
     """Time by which the limit on the torque's rate of change delays the torque, s."""
     rate_lag_s: float
     """Time constant of the filter of the motor controllers' encoders, s. 0 for none."""
-    rate_weights: list[float]
+    rate_weights: tuple[float, ...]
     """Weights of the last angles in an estimated rate, 1/s, the newest angle first. Empty if the
     rates are those of the motor controllers."""
     inertia: Vector
     """Inertia of the sphere about each of `axes`, kg m²."""
-    axes: list[Vector]
+    axes: tuple[Vector, Vector, Vector]
     """Principal axes of the inertia, unit vectors in frame N."""
 
 
