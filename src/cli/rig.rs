@@ -214,7 +214,7 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     let examples = [USUAL_DAMPING / 2.0, USUAL_DAMPING, 2.5 * USUAL_DAMPING];
     let examples = examples.map(|damping| format!("{:.3} at {damping}", expected.stable(damping)));
     say!(
-        "  stable     up to (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {} N m s/rad",
+        "  stable     up to about (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {} N m s/rad",
         examples.join(", ").replacen(" at", " N m/rad at", 1)
     )?;
     say!(

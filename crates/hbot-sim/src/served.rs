@@ -132,7 +132,8 @@ pub(crate) fn serve(
                 server.run()
             }));
             let served = served.unwrap_or_else(|panic| Err(ServeError::Panicked(message(&*panic))));
-            if let Err(error) = &served {
+            // A line that ends is no failure: a loop that stops closes it.
+            if let Err(error @ ServeError::Panicked(_)) = &served {
                 // Nobody else sets it.
                 let _ = failed.set(error.to_string());
             }
@@ -180,8 +181,8 @@ impl ServedRig {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Returns why the thread has failed: the line broke, or something in the thread panicked.
-    /// Returns `None` while it runs, and after it was stopped.
+    /// Returns why the thread has failed: something in it panicked. Returns `None` while it runs, and
+    /// after it was stopped or its line has ended.
     #[must_use]
     pub fn failure(&self) -> Option<&str> {
         self.failure.get().map(String::as_str)

@@ -122,7 +122,7 @@ impl StiffnessBound {
         let crossings = self.border.windows(2).filter_map(|pair| {
             let [[k0, b0], [k1, b1]] = [pair[0], pair[1]];
             let part = (damping - b0) / (b1 - b0);
-            (0.0..=1.0).contains(&part).then(|| k0 + part * (k1 - k0)).filter(|k| *k >= 0.0)
+            (0.0..=1.0).contains(&part).then_some(k0 + part * (k1 - k0)).filter(|k| *k >= 0.0)
         });
         // A damping below that of the slowest swing on the border is stable with less stiffness.
         let [k, b] = self.border[0];
