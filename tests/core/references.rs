@@ -257,8 +257,9 @@ fn an_outside_orientation_is_held_against_the_moment_that_it_shows() {
     assert!(matches!(reply, Reply::Aligned { angle } if angle < 1e-12), "{reply:?}");
 }
 
-/// The wheels are fixed in frame N, so a turn that they measure is about the same axis of N whatever
-/// the orientation was before. A correction that turned these axes would let a spring push sideways.
+/// The wheels are fixed in frame N, so a turn that they measure is about the same axis of N
+/// whatever the orientation was before. A correction that turned these axes would let a spring push
+/// sideways.
 #[test]
 fn turns_after_a_correction_keep_their_axes() {
     let mut bench = Bench::new(rig());

@@ -1,5 +1,5 @@
-//! The guard against spheres that shake by themselves: it must fire on scenes that shake, and not in
-//! any ready-made scene.
+//! The guard against spheres that shake by themselves: it must fire on scenes that shake, and not
+//! in any ready-made scene.
 
 use std::path::PathBuf;
 
@@ -124,7 +124,8 @@ fn effect(kind: &str, rest: &str) -> String {
     format!("[[effect]]\nid = '{kind}'\nkind = '{kind}'\n{rest}\n")
 }
 
-/// Scenes that shake in the hand that holds still, with the slots of the effects that can be blamed.
+/// Scenes that shake in the hand that holds still, with the slots of the effects that can be
+/// blamed.
 fn shaking() -> Vec<(&'static str, String, &'static [u8])> {
     let many = |n: usize, rest: &str| -> String {
         (0..n)

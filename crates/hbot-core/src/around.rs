@@ -5,8 +5,8 @@
 //! swings about one axis by a sine, and the part of the torque that follows the angle is the
 //! stiffness, the part that follows the rate the damping. For a linear law this is its derivative,
 //! whatever the swing. For other laws it is what a swing of that size feels: less than the steepest
-//! slope of a notch that is narrower than the swing, half of a wall at its edge, and the energy that
-//! dry friction takes in each cycle as damping.
+//! slope of a notch that is narrower than the swing, half of a wall at its edge, and the energy
+//! that dry friction takes in each cycle as damping.
 
 use crate::effects::{Anchor, Effect, Memory, Motion, Now, Reference, Shared, largest, mass_scale};
 use crate::real::{Mat3, Quat, Real, TURN, Vec3, sincos};

@@ -2,12 +2,14 @@
 //!
 //! Each effect i makes the torque T_i and has a fade factor f_i, 0 to 1. If the sum of f_i T_i were
 //! limited, an effect that asks for a hundred times the limit L would reach the limit after a
-//! hundredth of its fade. If each T_i were limited by itself, a scene would make another torque than
-//! without fades: a wall that asks for 5 N m would not hold a spring that asks for 3 N m any more.
+//! hundredth of its fade. If each T_i were limited by itself, a scene would make another torque
+//! than without fades: a wall that asks for 5 N m would not hold a spring that asks for 3 N m any
+//! more.
 //!
 //! So the limit is applied to whole sums, and the fades blend between these. A change of scene is a
-//! way from one set of effects to another. A number u from 0 to 1 names a place on this way: effects
-//! that come take part where u < f_i, and effects that go where u > 1 - f_i. The torque is the mean
+//! way from one set of effects to another. A number u from 0 to 1 names a place on this way:
+//! effects that come take part where u < f_i, and effects that go where u > 1 - f_i. The torque is
+//! the mean
 //!
 //! ```text
 //! T = integral over u from 0 to 1 of L(sum of the torques of the effects that take part at u)

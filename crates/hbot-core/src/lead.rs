@@ -1,8 +1,8 @@
 //! The lead: the scene is rendered at the pose that the sphere will have when the torque acts.
 //!
 //! A reading is `a` ticks old when it becomes a torque, the motors hold the torque for one period
-//! h, and it follows the command with a lag. So the middle of the torque comes a h + h/2 + lag after
-//! the reading. The lead turns the measured orientation q on by the measured rate w:
+//! h, and it follows the command with a lag. So the middle of the torque comes a h + h/2 + lag
+//! after the reading. The lead turns the measured orientation q on by the measured rate w:
 //!
 //! ```text
 //! t = min(c (a h + h/2 + lag), longest)        |t w| <= LARGEST
@@ -54,8 +54,8 @@ impl Lead {
         })
     }
 
-    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick acts.
-    /// `age` is the number of ticks since the joints were measured.
+    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick
+    /// acts. `age` is the number of ticks since the joints were measured.
     #[inline(never)]
     pub(crate) fn of(&mut self, measured: Motion, age: u32) -> Motion {
         let age = age.min(self.oldest) as Real;

@@ -19,9 +19,9 @@ pub const ALIGN_HISTORY: usize = 1024;
 ///
 /// The orientation is q = integral * correction. The integral comes from the turns measured at the
 /// wheels, the correction from independent measurements. The wheels measure turns in frame N, which
-/// multiply from the left. So the correction stands on the right: on the left it would turn the axes
-/// of all later turns. The history contains only the integral, so later corrections also apply to
-/// past orientations.
+/// multiply from the left. So the correction stands on the right: on the left it would turn the
+/// axes of all later turns. The history contains only the integral, so later corrections also apply
+/// to past orientations.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Orientation {

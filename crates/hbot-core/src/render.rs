@@ -211,8 +211,8 @@ impl Renderer {
     }
 
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
-    /// returned through memory costs some nanoseconds. `each` is called with the slot and the torque
-    /// of each effect.
+    /// returned through memory costs some nanoseconds. `each` is called with the slot and the
+    /// torque of each effect.
     #[inline(always)]
     pub(crate) fn render_in_tick(
         &mut self,
@@ -266,8 +266,8 @@ impl Renderer {
         torque
     }
 
-    /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add those
-    /// that fade. The fades do not advance. `next` is the time until the next tick, s.
+    /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add
+    /// those that fade. The fades do not advance. `next` is the time until the next tick, s.
     pub(crate) fn parts(
         &mut self,
         scene: &CompiledScene,

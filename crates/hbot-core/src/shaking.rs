@@ -1,21 +1,21 @@
 //! The guard against a sphere that shakes by itself, for example because a spring is too stiff for
 //! the delay of the loop.
 //!
-//! The sphere shakes by itself if its rate about an axis of frame N reverses again and again and the
-//! motors give out energy while it does. One cycle is the time between two crossings of the rate
-//! above [`LEAST_RATE`], with a crossing below minus this rate in between. The guard acts after
-//! [`CYCLES`] cycles in a row that are each shorter than [`LONGEST_CYCLE_S`], if the passivity
-//! observer says that the rig has given out energy in them: at least [`LEAST_ENERGY`] times the
-//! kinetic energy of the sphere at its largest rate.
+//! The sphere shakes by itself if its rate about an axis of frame N reverses again and again and
+//! the motors give out energy while it does. One cycle is the time between two crossings of the
+//! rate above [`LEAST_RATE`], with a crossing below minus this rate in between. The guard acts
+//! after [`CYCLES`] cycles in a row that are each shorter than [`LONGEST_CYCLE_S`], if the
+//! passivity observer says that the rig has given out energy in them: at least [`LEAST_ENERGY`]
+//! times the kinetic energy of the sphere at its largest rate.
 //!
 //! A client's stream, a reference that moves, and effects that give out energy on purpose are
 //! reasons to swing. So after the first cycle the guard adds up the energy that each effect gives
 //! out, by the torques and delays of the observer. If an effect that does so on purpose gives half
 //! as much as the worst of the others, or more, it does nothing.
 //!
-//! The guard halves the torque, and halves it again in each further cycle, until the sphere is calm.
-//! Then the torque comes back slowly. If the sphere shakes again on the way, the torque stays below
-//! 60 % of the fraction at which it did, until the scene changes or the rig is enabled.
+//! The guard halves the torque, and halves it again in each further cycle, until the sphere is
+//! calm. Then the torque comes back slowly. If the sphere shakes again on the way, the torque stays
+//! below 60 % of the fraction at which it did, until the scene changes or the rig is enabled.
 
 use crate::real::{Real, Vec3};
 use crate::scene::MAX_EFFECTS;
@@ -24,8 +24,8 @@ use crate::scene::MAX_EFFECTS;
 const LEAST_RATE: Real = 0.2;
 /// Number of cycles in a row after which the guard acts.
 const CYCLES: usize = 3;
-/// Longest cycle, s. Hands hardly swing faster than 5 Hz, and hardly give less energy than they take
-/// when they do.
+/// Longest cycle, s. Hands hardly swing faster than 5 Hz, and hardly give less energy than they
+/// take when they do.
 const LONGEST_CYCLE_S: Real = 0.2;
 /// Longest cycle while the torque is lowered, s. Less torque swings more slowly.
 const LONGEST_LOWERED_S: Real = 0.4;
@@ -65,8 +65,8 @@ pub struct Shaking {
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Guard {
     on: bool,
-    /// One bit per axis of frame N. It is set if the rate was above [`LEAST_RATE`] since it was last
-    /// below minus this rate.
+    /// One bit per axis of frame N. It is set if the rate was above [`LEAST_RATE`] since it was
+    /// last below minus this rate.
     positive: u8,
     axes: [Axis; 3],
     suspect: Option<Suspect>,
@@ -198,8 +198,8 @@ impl Guard {
         }
     }
 
-    /// Adds the energy that each effect has given out while the sphere made `turn` (rotation vector,
-    /// rad), between the readings that answer the commands `from` and `to`.
+    /// Adds the energy that each effect has given out while the sphere made `turn` (rotation
+    /// vector, rad), between the readings that answer the commands `from` and `to`.
     #[inline(never)]
     pub(crate) fn attribute(&mut self, from: u32, to: u32, turn: Vec3) {
         let Some(suspect) = &mut self.suspect else { return };
@@ -213,9 +213,9 @@ impl Guard {
         }
     }
 
-    /// Looks at a tick for which [`is_needed`](Self::is_needed) is true: counts cycles, and lowers or
-    /// raises the torque. `reason` is true if a client moves the sphere. `on_purpose` has one bit
-    /// per slot, which is set for effects that give out energy on purpose.
+    /// Looks at a tick for which [`is_needed`](Self::is_needed) is true: counts cycles, and lowers
+    /// or raises the torque. `reason` is true if a client moves the sphere. `on_purpose` has one
+    /// bit per slot, which is set for effects that give out energy on purpose.
     #[inline(never)]
     pub(crate) fn look(&mut self, now: &Moment, reason: bool, on_purpose: u32, dt: Real) {
         let reversed = self.reversed(now.omega);

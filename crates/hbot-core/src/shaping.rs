@@ -27,8 +27,8 @@ pub(crate) struct Blend {
     /// Torque that is added to the torque of the scene, N m. `speed` is its rate of change, N m/s.
     offset: Vec3,
     speed: Vec3,
-    /// Clock of the blend, s. The blend ends when it reaches [`BLEND_S`]. It begins at 0, or at less
-    /// if the blend takes longer.
+    /// Clock of the blend, s. The blend ends when it reaches [`BLEND_S`]. It begins at 0, or at
+    /// less if the blend takes longer.
     age_s: Real,
     /// Torque that the scene asked for in the last tick, N m, without the torque that the blend
     /// adds.

@@ -17,7 +17,8 @@ use hbot_sim::phenomena::{Motor, Phenomena};
 use hbot_sim::plant::{Plant, PlantState};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
-/// Rate of the sphere, rad/s, above which it counts as shaking some seconds after a tap of 0.8 rad/s.
+/// Rate of the sphere, rad/s, above which it counts as shaking some seconds after a tap of 0.8
+/// rad/s.
 const STILL: f64 = 0.2;
 
 /// Returns the prototype with moteus servos whose filters have a bandwidth of `hz`, and with rates
@@ -42,7 +43,8 @@ fn rest(rig: &RigConfig, k: f64, b: f64, seconds: u64) -> f64 {
     let lags = Lags { torque: Some(rig.torque_lag), rate: Some(rig.rate_lag) };
     let motor = Motor { lag_s: rig.torque_lag, ..ideal() };
     let phenomena = Phenomena { motor: Some(motor), ..Phenomena::default() };
-    // In a step of the plant the torque is even, so a step must be short beside the lag of the motors.
+    // In a step of the plant the torque is even, so a step must be short beside the lag of the
+    // motors.
     let (max_step_ns, line) = (100_000, rig.link.protocol.into());
     let new = SimulatedConfig::new(&rig.rig);
     let config = SimulatedConfig { line, lags, phenomena, max_step_ns, ..new };
@@ -112,9 +114,9 @@ fn inertia(rig: &RigConfig) -> f64 {
     1.0 / v.dot(inverse * v)
 }
 
-/// Returns whether one axis of the loop comes to rest: an inertia with the spring `k` and the damping
-/// `b`, whose angle and rate pass the filter and reach the torque one tick later. The motor follows
-/// the command with its lag. Everything is integrated in steps of a hundredth of a tick.
+/// Returns whether one axis of the loop comes to rest: an inertia with the spring `k` and the
+/// damping `b`, whose angle and rate pass the filter and reach the torque one tick later. The motor
+/// follows the command with its lag. Everything is integrated in steps of a hundredth of a tick.
 fn axis_rests(rig: &RigConfig, k: f64, b: f64) -> bool {
     const STEPS: u32 = 100;
     let (period, inertia) = (rig.rig.timing.period_s(), inertia(rig));
@@ -174,7 +176,8 @@ fn springs_are_as_stiff_as_the_filters_of_odrives_allow() {
     }
 }
 
-/// Rates that are computed from the positions are not late, although the positions are filtered too.
+/// Rates that are computed from the positions are not late, although the positions are filtered
+/// too.
 #[test]
 fn kalman_makes_springs_stiffer_where_the_rates_of_the_servos_are_late() {
     for (hz, stiffness) in [(200.0, 100.0), (400.0, 150.0)] {

@@ -270,8 +270,8 @@ impl Server {
     }
 }
 
-/// Completes when the thread of the simulated rig has failed, and logs why. Never completes if there
-/// is no such thread.
+/// Completes when the thread of the simulated rig has failed, and logs why. Never completes if
+/// there is no such thread.
 async fn failed(simulator: Option<Simulator>) {
     let Some(simulator) = simulator else { return std::future::pending().await };
     let mut looks = tokio::time::interval(LOOK_AT_SIMULATOR);

@@ -181,8 +181,8 @@ impl ServedRig {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Returns why the thread has failed: something in it panicked. Returns `None` while it runs, and
-    /// after it was stopped or its line has ended.
+    /// Returns why the thread has failed: something in it panicked. Returns `None` while it runs,
+    /// and after it was stopped or its line has ended.
     #[must_use]
     pub fn failure(&self) -> Option<&str> {
         self.failure.get().map(String::as_str)

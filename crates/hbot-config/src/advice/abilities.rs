@@ -372,7 +372,8 @@ mod tests {
         format!("[[effect]]\nid = '{id}'\nkind = '{kind}'\n{keys}\n")
     }
 
-    /// A loop with a slew limit that is out of the way keeps 2.98 N m s/rad stable on the prototype.
+    /// A loop with a slew limit that is out of the way keeps 2.98 N m s/rad stable on the
+    /// prototype.
     #[test]
     fn dampings_that_are_too_large_only_together_are_named_once() {
         let damping = |id: &str, damping: f64| effect(id, "damper", &format!("damping = {damping}"));

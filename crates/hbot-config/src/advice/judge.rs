@@ -11,9 +11,9 @@ use super::sampled::{HOLDS, Hold, Sampled, Scene};
 
 /// Speeds of the swings by which laws are linearised, rad/s. A slower swing is not felt as shaking.
 /// A law that gets weaker in larger swings can still be unstable in the smaller one, and one whose
-/// damping gets weaker, such as dry friction, in the larger one. Where a sphere leans against a wall,
-/// the last speed is judged as well: it can circle along a round wall, whose damping then takes no
-/// part.
+/// damping gets weaker, such as dry friction, in the larger one. Where a sphere leans against a
+/// wall, the last speed is judged as well: it can circle along a round wall, whose damping then
+/// takes no part.
 const SPEEDS: [f64; 3] = [0.3, 1.0, 0.03];
 /// A swing of a free sphere that decays more slowly than this rings for long, 1/s: it falls to less
 /// than half in 3 s.
@@ -26,8 +26,8 @@ const SLOWEST: f64 = 6.0;
 const FASTEST: f64 = 1.5;
 /// Number of places that are judged. A scene with more has many effects of one kind.
 const MOST_PLACES: usize = 64;
-/// A scene has to be stable with its stiffness times this: for what the linear loop leaves out, such
-/// as the posture's other inertias and the encoders' counts.
+/// A scene has to be stable with its stiffness times this: for what the linear loop leaves out,
+/// such as the posture's other inertias and the encoders' counts.
 const MARGIN: f64 = 1.1;
 /// Part of a scene that is left where the torque limit cuts it off.
 const CUT_OFF: f64 = 0.3;
@@ -191,8 +191,8 @@ impl Judge {
         (parts, Scene { stiffness: sum.stiffness, damping: sum.damping, masses })
     }
 
-    /// Returns the first hold in which the loop does not keep `scene` stable in a swing of the speed
-    /// `speed`, rad/s.
+    /// Returns the first hold in which the loop does not keep `scene` stable in a swing of the
+    /// speed `speed`, rad/s.
     fn shakes(&self, scene: &Scene, speed: f64) -> Option<Hold> {
         let sampled = self.slewed(scene, speed);
         let stiffer = Scene { stiffness: scene.stiffness * MARGIN, ..scene.clone() };
@@ -304,8 +304,8 @@ impl Judge {
         Some(Finding { effect, place: *place, axis, hold, why })
     }
 
-    /// Returns the places of the scene, each orientation once: walls also a little inside, and where
-    /// the sphere rests if the effects pull it away from a place.
+    /// Returns the places of the scene, each orientation once: walls also a little inside, and
+    /// where the sphere rests if the effects pull it away from a place.
     fn places(&self, scene: &CompiledScene) -> Vec<(Place, bool)> {
         /// Depth at which a hand leans against a wall or a spring, rad, and the part of the largest
         /// torque with which it does so at most.
@@ -384,8 +384,8 @@ impl Judge {
     ///
     /// A torque that depends on the angle is rendered late by t. At the speed w it then gives out
     /// the mean power 2 t <T²>/J, with the mean square <T²> of the torque less its mean and the
-    /// inertia J: the sphere is faster where the torque has pushed it, and there the torque is late.
-    /// Damping takes B w² (docs/stability.md).
+    /// inertia J: the sphere is faster where the torque has pushed it, and there the torque is
+    /// late. Damping takes B w² (docs/stability.md).
     fn turning(&self, scene: &CompiledScene, places: &[(Place, bool)]) -> Option<Finding> {
         let inertia = self.sampled.inertia.element_sum() / 3.0;
         let late = (self.sampled.lateness() - self.sampled.lead).max(0.0);
@@ -417,8 +417,8 @@ fn pull(scene: &CompiledScene, place: &Place) -> Vec3 {
     (0..scene.effects().len()).map(|i| scene.pull(i, place, Quat::IDENTITY, place.q)).sum()
 }
 
-/// Adds a finding, unless the same effect has one at its own place, or one with less that is stable.
-/// So a place that another effect adds does not change what is said of this one.
+/// Adds a finding, unless the same effect has one at its own place, or one with less that is
+/// stable. So a place that another effect adds does not change what is said of this one.
 fn keep(found: &mut Vec<Finding>, finding: Finding) {
     let left = |why: &Why| match why {
         Why::Stiff { stable, .. } | Why::Damped { stable, .. } => *stable,
@@ -442,8 +442,8 @@ fn largest_axis(matrix: &Mat3) -> (Option<Vec3>, Vec3) {
     ((sizes.min_element() < 0.95 * sizes.max_element()).then_some(axis), axis)
 }
 
-/// Returns the stiffness of an effect, scaled so that it is 1 about the axis `about`. A damping that
-/// is added to the effect has this shape.
+/// Returns the stiffness of an effect, scaled so that it is 1 about the axis `about`. A damping
+/// that is added to the effect has this shape.
 fn shape(part: &Linear, about: Vec3) -> Option<Mat3> {
     let size = about.dot(part.stiffness * about);
     (size > 0.0).then(|| part.stiffness * (1.0 / size))

@@ -18,14 +18,14 @@ use super::inertia::principal;
 /// Growth of a swing that still counts as stable, 1/s: by a factor e in 20 s. Any friction takes
 /// that. It also makes a sphere that nothing holds, whose zeros are at 1, count as stable.
 const GROWTH: f64 = 0.05;
-/// Angle of the first point on the circle, rad. It is so small that the determinant is real there but
-/// for rounding.
+/// Angle of the first point on the circle, rad. It is so small that the determinant is real there
+/// but for rounding.
 const FIRST: f64 = 1.0e-8;
 /// Ratio between the angles of two points on the circle, before points are added where the
 /// determinant turns quickly.
 const RATIO: f64 = 1.5;
-/// Largest change of the determinant between two points: of its angle (rad), and of the logarithm of
-/// its size.
+/// Largest change of the determinant between two points: of its angle (rad), and of the logarithm
+/// of its size.
 const STEP: f64 = 0.8;
 
 /// A person's hand on the sphere: a spring and a damper to a place that the hand holds, and an
@@ -87,8 +87,8 @@ pub struct Scene {
     pub masses: Vec<(Mat3, f64)>,
 }
 
-/// Largest number of states of an axis: angle, rate, torque, and the errors of the encoders' filter in
-/// angle and rate.
+/// Largest number of states of an axis: angle, rate, torque, and the errors of the encoders' filter
+/// in angle and rate.
 const STATES: usize = 5;
 
 /// A matrix of an axis. An axis with fewer states uses its first rows and columns.
@@ -129,9 +129,9 @@ impl Sampled {
         outside < rolling as f64 + 0.5
     }
 
-    /// Returns the stiffness K (N m/rad) and the damping B (N m s/rad) with which a free sphere with
-    /// the inertia `inertia` (kg m²) swings about one axis by `phi` rad per tick, and its swing
-    /// neither grows nor decays.
+    /// Returns the stiffness K (N m/rad) and the damping B (N m s/rad) with which a free sphere
+    /// with the inertia `inertia` (kg m²) swings about one axis by `phi` rad per tick, and its
+    /// swing neither grows nor decays.
     ///
     /// Then 1 + K (X + t W) + B W = 0 at z = exp(i phi), with the transfer functions X to the angle
     /// and W to the rate, and the lead t. Its real and imaginary parts are two linear equations.
@@ -371,9 +371,9 @@ mod tests {
         low
     }
 
-    /// The table of first unstable springs that was computed independently: lag 0.5 ms, damping 0.01
-    /// N m s/rad, with no lead and with leads of a part of the loop's time constant. Its numbers have
-    /// three digits at most, and its growth is 0.
+    /// The table of first unstable springs that was computed independently: lag 0.5 ms, damping
+    /// 0.01 N m s/rad, with no lead and with leads of a part of the loop's time constant. Its
+    /// numbers have three digits at most, and its growth is 0.
     #[test]
     fn a_lead_moves_the_border_as_computed_independently() {
         let lateness = rig(5.0e-4, 0.0).lateness();
@@ -479,8 +479,8 @@ mod tests {
         assert!(!rig(5.0e-4, 0.0).is_stable(&saddle, &HOLDS[0]), "about n2 it shakes");
     }
 
-    /// The borders of the whole loop with filters of 200, 400 and 1000 Hz (2/w with w = 2 pi f/2.48)
-    /// at a lag of 0.8 ms, of a one-axis model that was written independently.
+    /// The borders of the whole loop with filters of 200, 400 and 1000 Hz (2/w with w = 2 pi
+    /// f/2.48) at a lag of 0.8 ms, of a one-axis model that was written independently.
     #[test]
     fn filters_of_the_encoders_lower_the_border() {
         for (filter_hz, wants) in [(200.0, [8.02, 46.46]), (400.0, [8.45, 66.19]), (1000.0, [8.60, 77.71])] {

@@ -31,9 +31,9 @@ pub(crate) struct Loop {
     pub(crate) passivity: Passivity,
     /// Whether the torque is lowered if the sphere shakes by itself.
     pub(crate) shaking_guard: bool,
-    /// Whether a scene is rendered at the pose that the sphere will have when the torque acts: true,
-    /// false, or a table of parameters. Such a lead takes the age of the reading, half a period and
-    /// `torque_lag` out of the loop, so that it is stable with stiffer scenes.
+    /// Whether a scene is rendered at the pose that the sphere will have when the torque acts:
+    /// true, false, or a table of parameters. Such a lead takes the age of the reading, half a
+    /// period and `torque_lag` out of the loop, so that it is stable with stiffer scenes.
     pub(crate) lead: Lead,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick. Never
     /// more than a quarter of the period. The loop measures which lead this machine needs. Between
@@ -177,10 +177,10 @@ impl Protocol {
     /// their vendor chooses, s. The rate comes from a filter of second order, critically damped,
     /// with the natural frequency w, so it is 2/w late.
     ///
-    /// moteus: w = 2 pi f / 2.48 with f = 200 Hz, the default of `moteus_tool --calibrate` (vendor's
-    /// `fw/motor_position.h`). ODrive: w = 1000 rad/s, the default of the encoder's `bandwidth`
-    /// (`Encoder::update_pll_gains` of firmware 0.5.6). Controllers with hbot's own protocol are
-    /// taken to report rates without delay.
+    /// moteus: w = 2 pi f / 2.48 with f = 200 Hz, the default of `moteus_tool --calibrate`
+    /// (vendor's `fw/motor_position.h`). ODrive: w = 1000 rad/s, the default of the encoder's
+    /// `bandwidth` (`Encoder::update_pll_gains` of firmware 0.5.6). Controllers with hbot's own
+    /// protocol are taken to report rates without delay.
     #[must_use]
     pub const fn rate_lag(self) -> f64 {
         match self {

@@ -299,8 +299,8 @@ fn the_lag_of_a_rig_is_that_of_its_latest_motor() {
     assert!(said("steer = { ", "steer = { torque_lag = 0.2, ").contains("wheel[0].steer.torque_lag"));
 }
 
-/// The rates of a rig are as late as those of its latest joint, with or without a motor. A joint that
-/// does not name its delay has the one of its protocol.
+/// The rates of a rig are as late as those of its latest joint, with or without a motor. A joint
+/// that does not name its delay has the one of its protocol.
 #[test]
 fn the_lag_of_the_rates_is_that_of_the_latest_joint() {
     let lag = |text: &str| RigConfig::from_toml(text, "x.toml").unwrap_or_else(|e| panic!("{e}")).rate_lag;

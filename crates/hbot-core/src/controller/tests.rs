@@ -168,8 +168,8 @@ fn coming(law: Fades) -> Real {
     controller.made.torque.y
 }
 
-/// Checks that recordings that are older than the limit of fades still have their law: the torque is
-/// at its limit after a ninth of the fade.
+/// Checks that recordings that are older than the limit of fades still have their law: the torque
+/// is at its limit after a ninth of the fade.
 #[test]
 fn older_recordings_have_fades_before_the_limit() {
     assert!((coming(Fades::Unlimited) - 1.0).abs() < 1e-5);

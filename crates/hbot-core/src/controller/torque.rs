@@ -189,11 +189,12 @@ impl Controller {
         self.shaking.look(&now, reason, on_purpose, dt);
     }
 
-    /// Renders the scene while an effect may be fading. Returns the torque of scene and stream after
-    /// the limit (N m), the fraction that remains, and the torque that the blend adds (N m).
+    /// Renders the scene while an effect may be fading. Returns the torque of scene and stream
+    /// after the limit (N m), the fraction that remains, and the torque that the blend adds (N m).
     ///
-    /// The progress of fades and blend changes the torque by at most the limit in [`BLEND_S`]. If it
-    /// would change faster, for example from one direction to the opposite, they all take longer.
+    /// The progress of fades and blend changes the torque by at most the limit in [`BLEND_S`]. If
+    /// it would change faster, for example from one direction to the opposite, they all take
+    /// longer.
     #[inline(never)]
     fn rendered_fading(
         &mut self,
@@ -250,8 +251,8 @@ impl Controller {
         self.renderer.is_far(scene, self.orientation.q, limits.enable_max_angle, steps)
     }
 
-    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick acts.
-    /// It is a separate function, so that it costs nothing if the rig has no lead.
+    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick
+    /// acts. It is a separate function, so that it costs nothing if the rig has no lead.
     #[inline(never)]
     fn led(&mut self, measured: Motion, tick: u64) -> Motion {
         let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };

@@ -78,10 +78,10 @@ impl Now<'_> {
     /// Takes back so much of the lead that the pose is at most `most` rad ahead of its reading.
     ///
     /// A law that bends within `most` calls it before it uses the pose. Let the torque be a wave of
-    /// the wave number k that is crossed at the rate v, tau the delay and c tau the lead. With q = k v tau the loop
-    /// gives out energy in proportion to sin(q)/q - c cos(q). So a lead takes energy out as long as
-    /// it is below a quarter of a wave, q = pi/2, and gives energy out beyond. A lead of a constant
-    /// angle does neither.
+    /// the wave number k that is crossed at the rate v, tau the delay and c tau the lead. With q =
+    /// k v tau the loop gives out energy in proportion to sin(q)/q - c cos(q). So a lead takes
+    /// energy out as long as it is below a quarter of a wave, q = pi/2, and gives energy out
+    /// beyond. A lead of a constant angle does neither.
     #[inline]
     pub(crate) fn lead_at_most(&mut self, most: Real) {
         let turn = self.motion.omega * self.lead;

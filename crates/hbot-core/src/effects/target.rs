@@ -85,8 +85,8 @@ pub(crate) fn beyond_gradient(v: Vec3, deadband: Real, f: Vec3) -> Vec3 {
     f * (1.0 - deadband / length) + unit * (deadband / length * unit.dot(f))
 }
 
-/// Calls `visit` for the reference, and for the ends of a dead band about each of `axes` if there is
-/// a dead band. This is [`Law::places`](super::Law::places) of a spring with a dead band, rad.
+/// Calls `visit` for the reference, and for the ends of a dead band about each of `axes` if there
+/// is a dead band. This is [`Law::places`](super::Law::places) of a spring with a dead band, rad.
 pub(crate) fn places_of_spring<M: Default>(
     axes: &[Vec3],
     deadband: Real,

@@ -1,7 +1,8 @@
 //! The ranges of all numbers of a rig.
 //!
-//! They are wide. They exclude values that no rig can have or that arithmetic cannot handle, such as
-//! slips of the pen (a torque rate of 1e-300 N m/s), but not unwise values. Rig files have the same ranges, except for a narrower one for the period.
+//! They are wide. They exclude values that no rig can have or that arithmetic cannot handle, such
+//! as slips of the pen (a torque rate of 1e-300 N m/s), but not unwise values. Rig files have the
+//! same ranges, except for a narrower one for the period.
 
 use core::fmt;
 

@@ -11,8 +11,8 @@ const RESOLUTION: f64 = 0.03;
 /// damping so soft a spring is stable only because the judge lets a swing grow by 5 % per second.
 const NOTHING: f64 = 0.2;
 
-/// Judges scenes by what a server has told of its rig, and keeps the results: a window is drawn many
-/// times for each change.
+/// Judges scenes by what a server has told of its rig, and keeps the results: a window is drawn
+/// many times for each change.
 #[derive(Debug, Default)]
 pub(crate) struct Judged {
     told: Option<(Told, Abilities)>,

@@ -98,7 +98,8 @@ pub(crate) struct Model {
     pub(crate) scene: Scene,
     /// The server's message about the fault or emergency stop that the rig is in. `None` otherwise.
     pub(crate) fault: Option<FaultEvent>,
-    /// What the server said when it found the sphere shaking by itself, while the torque is lowered.
+    /// What the server said when it found the sphere shaking by itself, while the torque is
+    /// lowered.
     pub(crate) shaking: Option<ShakingEvent>,
     pub(crate) messages: Messages,
     /// Number of states lost on the way to the panel since the connection was made.

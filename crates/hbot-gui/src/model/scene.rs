@@ -166,7 +166,8 @@ impl Scene {
         Value::Object(scene)
     }
 
-    /// Returns the scene as the window shows it: with the parameter values that were last requested.
+    /// Returns the scene as the window shows it: with the parameter values that were last
+    /// requested.
     pub(crate) fn shown(&self) -> Value {
         let mut scene = self.to_json();
         for (k, effect) in self.effects.iter().enumerate() {

@@ -213,8 +213,8 @@ impl Expected {
         }
     }
 
-    /// Returns the delays that the settings of the controller at place `at` of the bus cause, as far
-    /// as they are known. Locks a mutex, so the loop must not call it.
+    /// Returns the delays that the settings of the controller at place `at` of the bus cause, as
+    /// far as they are known. Locks a mutex, so the loop must not call it.
     #[must_use]
     pub fn filtering(&self, at: usize) -> Filtering {
         let filtering = self.filtering.lock().unwrap_or_else(PoisonError::into_inner);

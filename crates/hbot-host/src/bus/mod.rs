@@ -162,8 +162,8 @@ pub struct Reports {
     /// Longest time from a change to the controllers' report of it, in ms. Changes are motors that
     /// go on or off, and faults.
     pub status_ms: u32,
-    /// Longest time from a change of the delay on the line until the ages of readings include it, in
-    /// ms. It is 0 if each reading names the command that it answers.
+    /// Longest time from a change of the delay on the line until the ages of readings include it,
+    /// in ms. It is 0 if each reading names the command that it answers.
     pub delay_ms: u32,
 }
 

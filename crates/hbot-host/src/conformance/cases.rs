@@ -116,7 +116,8 @@ fn late(subject: &Subject) -> Result<(), String> {
     const LATE: u32 = 5;
     let mut bench = Bench::pushing(subject)?;
     bench.tap.line().fate = Some(Box::new(|answer| vec![(LATE, answer)]));
-    // What comes unasked does not say how long it was on its way. The bus has some time to find out.
+    // What comes unasked does not say how long it was on its way. The bus has some time to find
+    // out.
     let known = LATE + bench.reports.delay_ms;
     for tick in 0..known + 50 {
         let now = bench.tick;

@@ -15,8 +15,9 @@ use hbot_host::motors::Motors;
 
 use super::{Lossy, RIG, line, link};
 
-/// Whatever the axes send comes 5 ms later every quarter of a second, and commands arrive at once. No
-/// message says so, but the answers to questions come late too. The whole loop runs in virtual time.
+/// Whatever the axes send comes 5 ms later every quarter of a second, and commands arrive at once.
+/// No message says so, but the answers to questions come late too. The whole loop runs in virtual
+/// time.
 #[test]
 fn answers_that_come_later_and_later_have_their_age_and_end_in_link_lost() {
     let rig = RigConfig::from_toml(RIG, "rigs/prototype-odrive.toml").expect("it is legal");
@@ -84,7 +85,7 @@ fn there_is_no_reading_before_the_age_of_positions_is_known() {
         let command = BusCommand { tick, enable: false, watchdog_ms: 20, torque: [0.0; MAX_JOINTS] };
         assert!(bus.command(u64::from(tick) * 1_000_000, &command));
     }
-    // The questions of ticks 0 and 5 are lost. That of tick 10 asks for the temperature again, so its
-    // answer can be that to tick 0.
+    // The questions of ticks 0 and 5 are lost. That of tick 10 asks for the temperature again, so
+    // its answer can be that to tick 0.
     assert_eq!(first, Some((11, 11)));
 }

@@ -91,8 +91,8 @@ fn states(rig: &mut SimulatedRig) -> String {
     (0..4).map(state).collect()
 }
 
-/// In no proof does a torque other than zero reach the line, and torque mode comes before each motor
-/// goes on.
+/// In no proof does a torque other than zero reach the line, and torque mode comes before each
+/// motor goes on.
 #[test]
 fn a_watchdog_is_proved_without_torque() {
     for lost in [None, Some("t04B8"), Some("t04E8")] {
@@ -138,8 +138,8 @@ fn heartbeats_from_before_the_clearing_of_errors_do_not_show_that_a_watchdog_wor
     assert!(said.contains(words), "{said}");
 }
 
-/// The watchdog of an axis that restarts is proved as it was at bring-up: with the motor on, at zero
-/// torque, while the motors are commanded off.
+/// The watchdog of an axis that restarts is proved as it was at bring-up: with the motor on, at
+/// zero torque, while the motors are commanded off.
 #[test]
 fn an_axis_that_restarts_proves_its_watchdog_with_its_motor_on_if_it_did_so_before() {
     let only_armed = |rig: &mut SimulatedRig| (0..4).for_each(|joint| set(rig, joint, ONLY_ARMED, 1.0));
@@ -180,6 +180,7 @@ fn an_axis_that_restarts_proves_its_watchdog_with_its_motor_on_if_it_did_so_befo
         assert!(heard.zeros_lost, "{heard:?}");
         disobeyed += u32::from(heard.complaints.disobeyed);
     }
-    // Its motor is commanded off when the time is over. The heartbeat that says so comes within 10 ms.
+    // Its motor is commanded off when the time is over. The heartbeat that says so comes within 10
+    // ms.
     assert!((1..=12).contains(&disobeyed), "{disobeyed} ms");
 }

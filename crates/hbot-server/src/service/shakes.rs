@@ -14,8 +14,8 @@ pub(super) struct Shakes {
 }
 
 impl Shakes {
-    /// Returns the event for all clients, if the sample has a new finding or the torque has its full
-    /// value again. The event is also logged.
+    /// Returns the event for all clients, if the sample has a new finding or the torque has its
+    /// full value again. The event is also logged.
     #[inline]
     pub(super) fn look(&mut self, sample: &Sample, scenes: &Scenes) -> Option<ShakingEvent> {
         let found = sample.state.shaking;

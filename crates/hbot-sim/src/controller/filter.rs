@@ -41,8 +41,8 @@ pub struct EncoderFilter {
 }
 
 impl EncoderFilter {
-    /// Returns a filter at rest with the natural frequency `natural`, rad/s. It must be positive and
-    /// finite.
+    /// Returns a filter at rest with the natural frequency `natural`, rad/s. It must be positive
+    /// and finite.
     #[must_use]
     pub fn new(natural: f64) -> Self {
         Self { natural, angle: 0.0, rate: 0.0 }
@@ -108,8 +108,8 @@ impl EncoderFilter {
 mod tests {
     use super::*;
 
-    /// Follows x = sin(p t) in steps of `h` and returns the amplitudes of angle and rate behind, and
-    /// their phases, from a correlation over whole swings after the start has decayed.
+    /// Follows x = sin(p t) in steps of `h` and returns the amplitudes of angle and rate behind,
+    /// and their phases, from a correlation over whole swings after the start has decayed.
     fn swing(filter: &mut EncoderFilter, p: f64, steps: u32) -> [[f64; 2]; 2] {
         let h = TAU / p / f64::from(steps);
         let mut sums = [[0.0; 2]; 2];
@@ -134,8 +134,8 @@ mod tests {
             let w = EncoderFilter::of_moteus(200.0);
             let p = ratio * w;
             let [angle, rate] = swing(&mut EncoderFilter::new(w), p, 2000);
-            // 1 - (2 w s + w²)/(s + w)² = s²/(s + w)² at s = i p, and s times the same for the rate:
-            // 1 - w²/(s + w)² = (s² + 2 w s)/(s + w)², times the rate p cos.
+            // 1 - (2 w s + w²)/(s + w)² = s²/(s + w)² at s = i p, and s times the same for the
+            // rate: 1 - w²/(s + w)² = (s² + 2 w s)/(s + w)², times the rate p cos.
             let square = |[re, im]: [f64; 2]| [re * re - im * im, 2.0 * re * im];
             let over = |[a, b]: [f64; 2], [c, d]: [f64; 2]| {
                 let n = c * c + d * d;
@@ -146,7 +146,8 @@ mod tests {
             // sin(p t) filtered by re + i im is re sin + im cos.
             assert!((angle[0] - re).abs() < 1e-5 && (angle[1] - im).abs() < 1e-5, "{ratio}: {angle:?}");
             let [re, im] = over([-p * p, 2.0 * w * p], below);
-            // p cos(p t) filtered by it is p (re cos - im sin). The steps make an error of order h².
+            // p cos(p t) filtered by it is p (re cos - im sin). The steps make an error of order
+            // h².
             let [sin, cos] = [rate[0] / p, rate[1] / p];
             assert!((cos - re).abs() < 1e-5 && (sin + im).abs() < 1e-5, "{ratio}: {rate:?}");
         }

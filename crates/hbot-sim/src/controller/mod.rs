@@ -3,7 +3,7 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | `joints` (`joint`, `disc`, `filter`, `motors`) | encoders and motors, which all protocols share |
+//! | `joints` (`joint`, `disc`, `filter`, `motors`) | encoders and motors of all protocols |
 //! | [`hbot`] | the firmware of docs/link.md |
 //! | `moteus` | moteus servos behind an fdcanusb or a UART |
 //! | `odrive` | ODrives behind an adapter that speaks slcan |

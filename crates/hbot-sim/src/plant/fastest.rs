@@ -4,11 +4,12 @@
 //! the step and lambda an eigenvalue of the linearised equations. With the apparent inertia M =
 //! I + Gᵀ J G >= I (I: inertia of sphere and hand), |lambda| is at most
 //!
-//! - D / I + sqrt(K / I) for a damping D and a stiffness K on the sphere, because lambda² I + lambda
-//!   D + K = 0. Joint friction b gives D = b |G|², the weight of an eccentric sphere K = m g |d|.
-//!   The weight of a wheel module with the potential V gives K = 2 V |g_th|²: once because its
-//!   torque changes with the steer angle th, once because the row g_th of G does.
-//! - |w| turn (1 + 2 x + sqrt(x)), x² = |J| |G|² / I, for the geometry, which turns with the wheels.
+//! - D / I + sqrt(K / I) for a damping D and a stiffness K on the sphere, because
+//!   lambda² I + lambda D + K = 0. Joint friction b gives D = b |G|², the weight of an eccentric
+//!   sphere K = m g |d|. The weight of a wheel module with the potential V gives K = 2 V |g_th|²:
+//!   once because its torque changes with the steer angle th, once because the row g_th of G does.
+//! - |w| turn (1 + 2 x + sqrt(x)), x² = |J| |G|² / I, for the geometry, which turns with the
+//!   wheels.
 //!   `turn` bounds the rate of all rows of G, relative to their size, at |w| = 1 rad/s. The terms
 //!   are the steering of the wheels itself, and the inertial torque Gᵀ J (dG/dt) w, which is
 //!   quadratic in w and depends on th.
@@ -66,7 +67,8 @@ impl FastestRate {
         };
         for (i, wheel) in device.wheels().iter().enumerate() {
             let (spec, l1, l2) = (wheel.spec(), wheel.axis_along_axle(), wheel.axis_along_roll());
-            // The squares of the rows' lengths: |g_th| = 1 / |l2|, |g_ph|² = (1 + (l1 / l2)²) R² / r².
+            // The squares of the rows' lengths: |g_th| = 1 / |l2|, |g_ph|² = (1 + (l1 / l2)²) R² /
+            // r².
             let steer2 = 1.0 / (l2 * l2);
             let drive2 = (1.0 + l1 * l1 * steer2) * (farthest / spec.radius) * (farthest / spec.radius);
             let coupling = (spec.axial_inertia * l1).abs();

@@ -70,11 +70,11 @@ enum Trust {
     /// The watchdog of the axis must expire once, to show that it works. After its motor is off,
     /// the axis gets no message until then.
     Proving,
-    /// The watchdog did not expire while the motor was off, and neither did it at bring-up. The axis
-    /// is switching its motor on, at zero torque, since this tick.
+    /// The watchdog did not expire while the motor was off, and neither did it at bring-up. The
+    /// axis is switching its motor on, at zero torque, since this tick.
     Arming(u32),
-    /// The motor is on at zero torque. The axis gets no message since this tick, so that its watchdog
-    /// must switch the motor off.
+    /// The motor is on at zero torque. The axis gets no message since this tick, so that its
+    /// watchdog must switch the motor off.
     Armed(u32),
     /// The watchdog did not expire while the motor was on. The motor is kept off, and the axis is
     /// never trusted again.

@@ -16,8 +16,8 @@ pub(super) const EXPIRED_MS: u64 = WATCHDOG_MS + HEARTBEAT_MS;
 const BEFORE_ARMED: u64 = 5;
 /// Time between two messages that keep a watchdog from expiring, in ms.
 const FEED_MS: u64 = 2;
-/// Index into the notes of an [`Expected`](crate::bus::Expected): of each axis, 1 if its watchdog was seen to expire only
-/// while its motor was on.
+/// Index into the notes of an [`Expected`](crate::bus::Expected): of each axis, 1 if its watchdog
+/// was seen to expire only while its motor was on.
 pub(super) const PROVED_ARMED: usize = 1;
 /// The commands of the vendor's console that enable a watchdog of 20 ms.
 const ENABLE: &str = "odrv0.axis0.config.watchdog_timeout = 0.02; odrv0.axis0.config.enable_watchdog = True";

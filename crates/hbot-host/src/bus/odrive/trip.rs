@@ -1,10 +1,11 @@
-//! The round trip of questions to one axis, from which the driver knows how old the positions of the
-//! axis are.
+//! The round trip of questions to one axis, from which the driver knows how old the positions of
+//! the axis are.
 //!
-//! An axis sends its position unasked, and no message says when the position was measured. A question
-//! and its answer take the same way as a command and a position, so a position that arrives is at
-//! most as old as the round trip. It is half as old if both ways take the same time, and as old if
-//! only the way to the host is slow. Nobody can tell these apart, so the driver takes the longer time.
+//! An axis sends its position unasked, and no message says when the position was measured. A
+//! question and its answer take the same way as a command and a position, so a position that
+//! arrives is at most as old as the round trip. It is half as old if both ways take the same time,
+//! and as old if only the way to the host is slow. Nobody can tell these apart, so the driver takes
+//! the longer time.
 
 use super::message::{Message, Question};
 

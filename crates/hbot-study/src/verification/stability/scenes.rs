@@ -396,8 +396,8 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
 mod tests {
     use super::*;
 
-    /// A judge that sees nothing would miss scenes that shake, and one that sees too much would warn
-    /// of scenes that rest.
+    /// A judge that sees nothing would miss scenes that shake, and one that sees too much would
+    /// warn of scenes that rest.
     #[test]
     fn what_is_warned_of_shakes_and_what_is_not_rests() {
         let mut count = Count::default();

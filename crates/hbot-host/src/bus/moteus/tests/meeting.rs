@@ -97,8 +97,8 @@ fn each_servo_is_listed_with_its_own_model_and_firmware() {
     assert_eq!(models, [r4, r4, "moteus n1 (model 0x0102)", other]);
 }
 
-/// Up to firmware 0x010b the setting of the filter is its natural frequency and not its bandwidth, so
-/// the rate is 2.48 times less late.
+/// Up to firmware 0x010b the setting of the filter is its natural frequency and not its bandwidth,
+/// so the rate is 2.48 times less late.
 #[test]
 fn the_filter_of_old_firmware_is_set_by_its_natural_frequency() {
     let identity = "2B8002040000000F010000";

@@ -145,8 +145,8 @@ fn restarted(armed: bool) -> Bench {
     bench
 }
 
-/// 140 ms without a message are enough for any legal watchdog. An axis whose watchdog expired with its
-/// motor off at bring-up is left alone for ever.
+/// 140 ms without a message are enough for any legal watchdog. An axis whose watchdog expired with
+/// its motor off at bring-up is left alone for ever.
 #[test]
 fn a_motor_goes_on_for_the_proof_of_its_watchdog_only_if_it_did_at_bring_up() {
     assert_eq!(commands(&mut restarted(false), 2000, false), []);
@@ -176,8 +176,8 @@ fn a_motor_goes_on_for_the_proof_of_its_watchdog_only_if_it_did_at_bring_up() {
     assert_eq!(bench.command(false), [NO_TORQUE, CLEAR_ERRORS]);
 }
 
-/// A motor that is still on after 140 ms, or that goes off for another reason, is kept off. The axis
-/// is not trusted again.
+/// A motor that is still on after 140 ms, or that goes off for another reason, is kept off. The
+/// axis is not trusted again.
 #[test]
 fn a_motor_that_its_watchdog_does_not_switch_off_is_kept_off() {
     for other_error in [false, true] {
