@@ -3,9 +3,9 @@
 //!
 //! The sphere shakes by itself if its rate about an axis of frame N reverses again and again and
 //! the motors give out energy while it does. One cycle is the time between two crossings of the
-//! rate above [`LEAST_RATE`], with a crossing below minus this rate in between. The guard acts
-//! after [`CYCLES`] cycles in a row that are each shorter than [`LONGEST_CYCLE_S`], if the
-//! passivity observer says that the rig has given out energy in them: at least [`LEAST_ENERGY`]
+//! rate above `LEAST_RATE`, with a crossing below minus this rate in between. The guard acts
+//! after `CYCLES` cycles in a row that are each shorter than `LONGEST_CYCLE_S`, if the
+//! passivity observer says that the rig has given out energy in them: at least `LEAST_ENERGY`
 //! times the kinetic energy of the sphere at its largest rate.
 //!
 //! A client's stream, a reference that moves, and effects that give out energy on purpose are

@@ -149,7 +149,7 @@ impl Controller {
     }
 
     /// Switches the guard against a sphere that shakes by itself on or off (see
-    /// [`shaking`](crate::shaking)). It is off at first.
+    /// [`shaking`]). It is off at first.
     #[must_use]
     pub fn with_shaking_guard(mut self, on: bool) -> Self {
         self.shaking.switch(on);

@@ -27,7 +27,7 @@
 //! let gentle = rig.with(|parts| parts.limits.torque = 0.2)?;
 //! assert_eq!(gentle.limits.torque, 0.2);
 //! let error = rig.with(|parts| parts.limits.torque = -0.2).unwrap_err();
-//! assert_eq!(error.to_string(), "limits.torque is -0.2: must be > 0 and <= 1000 N m");
+//! assert_eq!(error.to_string(), "limits.torque is -0.2: must be > 0.0001 and <= 1000 N m");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -363,7 +363,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
          spheres of a quarter to four times the prototype's mass; the stage for passivity is off. A scene without a warning is tapped with {TAP} rad/s, free and in two hands. It shakes if {REST_S} s later it \
          still swings by more than {SHAKES} rad/s. A scene that is warned of at twice its border or more must shake in the place that the warning names."
     ));
-    report.family("scenes_at_random_{what} | | scenes at random: `legal` ones, `warned` of, `beyond` twice their border, `misses` (no warning, but they shake), `false_alarms` (beyond twice their border, but they rest)");
+    report.family("scenes_at_random_{what} | scenes | scenes at random: `legal` ones, `warned` of, `beyond` twice their border, `misses` (no warning, but they shake), `false_alarms` (beyond twice their border, but they rest)");
     let numbers = [
         ("legal", sum.legal),
         ("warned", sum.warned),
