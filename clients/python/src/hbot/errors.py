@@ -7,7 +7,7 @@ classes describe problems of the connection.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 
 class HbotError(Exception):
