@@ -5,22 +5,26 @@
 //! later, is held for a period, and reaches the sphere by the motors' lag. The rates are late by
 //! the lag of their filter. All of it is linear, so the loop is stable if no zero of
 //! det(I + L(z)) is outside the unit circle. L is the loop's transfer matrix. The number of these
-//! zeros is the number of turns that the determinant makes about 0 along the circle (Cauchy's
-//! argument principle), because no pole of L is outside.
+//! zeros is the number of turns that the determinant makes about 0 around the region outside
+//! (Cauchy's argument principle), because no pole of L is in it.
 
+use std::cell::Cell;
 use std::f64::consts::PI;
 
 use hbot_core::{Mat3, Vec3};
 
 use super::complex::{Complex, determinant};
-use super::inertia::principal;
 
 /// Growth of a swing that still counts as stable, 1/s: by a factor e in 20 s. Any friction takes
-/// that. It also makes a sphere that nothing holds, whose zeros are at 1, count as stable.
+/// that.
 const GROWTH: f64 = 0.05;
-/// Angle of the first point on the circle, rad. It is so small that the determinant is real there
-/// but for rounding.
-const FIRST: f64 = 1.0e-8;
+/// Slowest swing that counts, rad/s: half a turn of phase in a second. Slower motion is no shaking.
+/// Nearer to the real axis, rounding would hide a determinant of directions that nothing holds.
+const SLOWEST: f64 = PI;
+/// Distance from the circle at which the determinant is 1, except for rounding.
+const FAR: f64 = 1.0e3;
+/// Largest number of points at which the determinant is computed. A usual scene needs a few hundred.
+const MOST_POINTS: u32 = 20_000;
 /// Ratio between the angles of two points on the circle, before points are added where the
 /// determinant turns quickly.
 const RATIO: f64 = 1.5;
@@ -110,23 +114,33 @@ impl Sampled {
     /// instability of the loop. It counts as stable if nothing swings there.
     #[must_use]
     pub fn is_stable(&self, scene: &Scene, hold: &Hold) -> bool {
-        let loop_ = Closed::new(self, scene, hold);
+        let (turns, left) = self.turns(scene, hold);
+        // A determinant that could not be followed speaks for no scene.
+        left > 0 && turns > -0.5 * PI
+    }
+
+    /// Returns the angle by which the determinant turns around the half of the region outside the
+    /// unit circle in which swings are, rad, and how many points were left to compute.
+    fn turns(&self, scene: &Scene, hold: &Hold) -> (f64, u32) {
+        let closed = Closed::new(self, scene, hold);
         let radius = 1.0 + GROWTH * self.period;
-        let at = |angle: f64| loop_.at(Complex::polar(radius, angle));
-        let mut turns = 0.0;
-        let mut from = (FIRST, at(FIRST));
-        while from.0 < PI {
-            let angle = (from.0 * RATIO).min(from.0 + 0.4).min(PI);
-            let to = (angle, at(angle));
-            turns += turned(&at, from, to, 0);
-            from = to;
-        }
-        // Over half of the circle each zero outside turns the determinant by half a turn back. A
-        // direction with a stiffness below zero has one: the sphere rolls away.
-        let outside = (-turns / PI).round();
-        let (stiffness, _) = principal(&scene.stiffness);
-        let rolling = stiffness.to_array().iter().filter(|own| **own + hold.stiffness < 0.0).count();
-        outside < rolling as f64 + 0.5
+        let slowest = (SLOWEST * self.period).min(0.05);
+        let left = Cell::new(MOST_POINTS);
+        let count = |z| {
+            left.set(left.get().saturating_sub(1));
+            closed.at(z)
+        };
+        // From far out along the ray of the slowest swing to the circle, and along the circle to
+        // the negative real axis. Each pair of zeros outside turns the determinant by one turn back.
+        let ray = |beyond: f64| count(Complex::polar(radius + beyond, slowest));
+        let distances = std::iter::successors(Some(FAR), |beyond| Some(beyond / RATIO));
+        let distances = distances.take_while(|beyond| *beyond > 0.1 * slowest).chain([0.0]);
+        let circle = |angle: f64| count(Complex::polar(radius, angle));
+        let angles = std::iter::successors(Some(slowest), |angle| {
+            (*angle < PI).then(|| (angle * RATIO).min(angle + 0.4).min(PI))
+        });
+        let turns = turned_along(&ray, distances, &left) + turned_along(&circle, angles, &left);
+        (turns, left.get())
     }
 
     /// Returns the stiffness K (N m/rad) and the damping B (N m s/rad) with which a free sphere
@@ -153,7 +167,8 @@ impl Sampled {
         let back = z.inverse();
         let delay = (0..self.delay).fold(Complex::real(1.0), |product, _| product * back);
         // The slew limit's delay is no whole number of ticks.
-        let slew = Complex::polar(1.0, -z.angle() * self.slew / self.period);
+        let ticks = self.slew / self.period;
+        let slew = Complex::polar(z.size().powf(-ticks), -z.angle() * ticks);
         let over = polynomial(&axis.denominator, z).inverse() * delay * slew;
         let angle = polynomial(&axis.angle, z) * over;
         let rate = if self.taps.is_empty() {
@@ -172,27 +187,38 @@ impl Sampled {
     }
 }
 
-/// Returns the angle by which the determinant turns from one point of the circle to another, rad.
-/// Adds points between them where it changes quickly.
+/// Returns the angle by which the determinant `at` turns along `places`, rad. Stops to add places
+/// when no points are `left`.
+fn turned_along(at: &impl Fn(f64) -> Complex, places: impl Iterator<Item = f64>, left: &Cell<u32>) -> f64 {
+    let mut sum = 0.0;
+    let mut last = None;
+    for place in places {
+        let next = (place, at(place));
+        sum += last.map_or(0.0, |last| turned(at, last, next, left));
+        last = Some(next);
+    }
+    sum
+}
+
+/// Returns the angle by which the determinant turns from one place to another, rad. Adds places
+/// between them where it changes quickly.
 ///
-/// Between a point and the middle it may change by [`STEP`] in angle and in the logarithm of its
+/// Between a place and the middle it may change by [`STEP`] in angle and in the logarithm of its
 /// size. The size matters where several axes have equal zeros: their turns add up to whole ones,
 /// which the angle alone does not show.
-fn turned(at: &impl Fn(f64) -> Complex, from: (f64, Complex), to: (f64, Complex), depth: u32) -> f64 {
-    /// Number of halvings after which a zero is on the circle but for rounding.
-    const DEEPEST: u32 = 40;
-    let angle = 0.5 * (from.0 + to.0);
-    let middle = (angle, at(angle));
+fn turned(at: &impl Fn(f64) -> Complex, from: (f64, Complex), to: (f64, Complex), left: &Cell<u32>) -> f64 {
+    let place = 0.5 * (from.0 + to.0);
+    let middle = (place, at(place));
     let change = |a: Complex, b: Complex| {
         let ratio = b * a.inverse();
         (ratio.angle(), ratio.size().ln())
     };
     let (first, second) = (change(from.1, middle.1), change(middle.1, to.1));
     let most = [first.0, first.1, second.0, second.1].into_iter().map(f64::abs).fold(0.0, f64::max);
-    if most < STEP || depth > DEEPEST {
+    if most < STEP || left.get() == 0 {
         return first.0 + second.0;
     }
-    turned(at, from, middle, depth + 1) + turned(at, middle, to, depth + 1)
+    turned(at, from, middle, left) + turned(at, middle, to, left)
 }
 
 /// The closed loop: everything that det(I + L(z)) needs.
@@ -335,6 +361,26 @@ fn exponential(m: &Square, n: usize) -> Square {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Directions that nothing holds, in any frame, beside a stiff one: their determinant is lost
+    /// in rounding near the real axis. A search there would not end.
+    #[test]
+    fn directions_that_nothing_holds_cost_no_time() {
+        let turn = Mat3::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 0.7);
+        for period in [2.0e-3, 2.5e-4, 5.0e-5] {
+            let sampled = Sampled { period, ..rig(5.0e-4, 0.0) };
+            for stiffness in [1.0e-3, 1.0, 1.0e3, 1.0e6] {
+                let held = turn * Mat3::from_diagonal(Vec3::X * stiffness) * turn.transpose();
+                let scene = Scene { stiffness: held, damping: held * 0.01, masses: Vec::new() };
+                let points = MOST_POINTS - sampled.turns(&scene, &HOLDS[0]).1;
+                assert!(points < 1000, "{period} {stiffness}: {points} points");
+                // 0.01 s of damping per stiffness is more than the delay takes away.
+                if stiffness < 2.0 {
+                    assert!(sampled.is_stable(&scene, &HOLDS[0]), "{period} {stiffness}");
+                }
+            }
+        }
+    }
 
     const J: f64 = 3.4e-3;
 
