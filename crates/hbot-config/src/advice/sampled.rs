@@ -23,7 +23,8 @@ const GROWTH: f64 = 0.05;
 const SLOWEST: f64 = PI;
 /// Distance from the circle at which the determinant is 1, except for rounding.
 const FAR: f64 = 1.0e3;
-/// Largest number of points at which the determinant is computed. A usual scene needs a few hundred.
+/// Largest number of points at which the determinant is computed. A usual scene needs a few
+/// hundred.
 const MOST_POINTS: u32 = 20_000;
 /// Ratio between the angles of two points on the circle, before points are added where the
 /// determinant turns quickly.
@@ -131,7 +132,7 @@ impl Sampled {
             closed.at(z)
         };
         // From far out along the ray of the slowest swing to the circle, and along the circle to
-        // the negative real axis. Each pair of zeros outside turns the determinant by one turn back.
+        // the negative real axis. Each pair of zeros outside turns the determinant back by a turn.
         let ray = |beyond: f64| count(Complex::polar(radius + beyond, slowest));
         let distances = std::iter::successors(Some(FAR), |beyond| Some(beyond / RATIO));
         let distances = distances.take_while(|beyond| *beyond > 0.1 * slowest).chain([0.0]);
