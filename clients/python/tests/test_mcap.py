@@ -197,8 +197,13 @@ def test_a_gap_is_named(tmp_path: Path) -> None:
 def test_a_damaged_chunk_is_a_gap_and_is_named(tmp_path: Path) -> None:
     small = tmp_path / "small.mcap"
     rewrite(KEPT, small, lost=range(0))
+    with small.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    # The middle of a chunk, because indexes of chunks between them cost no tick.
+    chunk = summary.chunk_indexes[len(summary.chunk_indexes) // 3]
     data = bytearray(small.read_bytes())
-    data[len(data) // 3] ^= 0x40
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0x40
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data)
     recording = hbot.mcap.read(damaged)
