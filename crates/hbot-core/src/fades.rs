@@ -129,7 +129,7 @@ impl Parts {
                 from = *to;
             }
         }
-        // The weights add up to 1, but for their rounding.
+        // The weights add up to 1, except for rounding.
         (torque, share.min(1.0))
     }
 

@@ -75,7 +75,7 @@ impl Now<'_> {
         if self.shares { self.shared.dials.get((self.reference.q, axis), make) } else { make() }
     }
 
-    /// Takes back so much of the lead that the pose is at most `most` rad ahead of its reading.
+    /// Shortens the lead until the pose is at most `most` rad ahead of its reading.
     ///
     /// A law that bends within `most` calls it before it uses the pose. Let the torque be a wave of
     /// the wave number k that is crossed at the rate v, tau the delay and c tau the lead. With q =
