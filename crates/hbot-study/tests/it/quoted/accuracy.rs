@@ -3,7 +3,7 @@
 use super::{filled, left_over, numbers};
 
 const PAGE: &str = include_str!("../../../../../docs/accuracy.md");
-const PHYSICS: &str = include_str!("../../../../../docs/physics.md");
+const PHYSICS: &str = include_str!("../../../../../docs/internals/physics.md");
 /// The report that a full run of `hbot-study accuracy` has written, without `--quick`.
 pub(crate) const REPORT: &str = include_str!("../../../../../docs/accuracy/report.md");
 
@@ -151,7 +151,7 @@ fn the_drift_of_each_method_in_the_physics_notes_is_the_reports() {
     {
         let drift = cell("Odometry: the method's error", &[method, "f64"], "1000 Hz");
         let last = row(label).trim_end_matches(" |").rsplit("| ").next().expect("a cell").to_owned();
-        assert_eq!(last.trim_end_matches(" rad"), drift, "docs/physics.md, section 4: {label}");
+        assert_eq!(last.trim_end_matches(" rad"), drift, "docs/internals/physics.md, section 4: {label}");
     }
 }
 

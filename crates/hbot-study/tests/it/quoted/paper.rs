@@ -1,9 +1,10 @@
-//! docs/paper.md, and the back-drive torques of docs/simulator.md, against docs/paper/report.md.
+//! docs/paper.md, and the back-drive torques of docs/internals/plant.md, against
+//! docs/paper/report.md.
 
 use super::{cell, check, filled, left_over, numbers, rounded};
 
 const PAGE: &str = include_str!("../../../../../docs/paper.md");
-const SIMULATOR: &str = include_str!("../../../../../docs/simulator.md");
+const PLANT: &str = include_str!("../../../../../docs/internals/plant.md");
 const REPORT: &str = include_str!("../../../../../docs/paper/report.md");
 
 const THREE: &str = "no drive 2 (the paper's three)";
@@ -146,5 +147,5 @@ fn the_simulator_s_back_drive_torques_are_the_reports() {
         of("measured, mN m"),
         of("predicted")
     );
-    assert!(SIMULATOR.contains(&said), "docs/simulator.md should say: {said}");
+    assert!(PLANT.contains(&said), "docs/internals/plant.md should say: {said}");
 }
