@@ -120,9 +120,21 @@ impl Guard {
     /// much energy. `omega` is the sphere's angular velocity in the last reading, rad/s. Returns
     /// `wanted` plus the damping torque, N m.
     #[inline]
-    pub(crate) fn damp(&mut self, observer: &Observer, now: Moment, wanted: Vec3, omega: Vec3) -> Vec3 {
+    pub(crate) fn damp(
+        &mut self,
+        observer: &Observer,
+        ledger: Option<&Ledger>,
+        now: Moment,
+        wanted: Vec3,
+        omega: Vec3,
+    ) -> Vec3 {
         let held = observer.on_their_way(now.answered, now.tick) + wanted;
-        let excess = self.energy + held.dot(omega) * now.period - self.limit.allowance;
+        let given = held.dot(omega) * now.period;
+        let counted = match ledger {
+            Some(ledger) => given + ledger.on_their_way(now.answered, now.tick, omega * now.period),
+            None => given,
+        };
+        let excess = self.energy + counted - self.limit.allowance;
         let square = omega.length_squared() * now.period;
         // At rest no energy is given out and none can be absorbed.
         self.damping = if excess > 0.0 && square > 0.0 {
@@ -141,6 +153,139 @@ impl Guard {
     /// Returns the damping that was added in the last tick, N m s/rad.
     pub(crate) fn damping(&self) -> Real {
         self.damping
+    }
+}
+
+/// Finds the part of the energy given to the hand that delay and sampling have created.
+///
+/// A law without delay gives back what it took: around any closed path its elastic torque P does no
+/// work. With delay, the torque of a command acts later than the turn to which it answers. So the
+/// energy that delay creates is the work of the held torque on a turn, minus the work of P on the
+/// same turn. P at both ends of the turn is known as soon as the scene is rendered there. Torque
+/// that resists the rate counts as it is: what it absorbs pays for what the delay creates. Torque
+/// that moves the sphere on purpose does not count.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Ledger {
+    /// Parts of the last commands' torques, at the index of the command's number modulo the length.
+    #[cfg_attr(feature = "exact", serde(with = "serde_big_array::BigArray"))]
+    sent: [Parts; SENT],
+    /// Number of the last command that was recorded.
+    newest: u32,
+    /// Parts of the torque that is being computed. They are recorded when it is sent.
+    pending: Parts,
+    /// Elastic torque at the last two rendered orientations, N m, the newer one first.
+    elastic: [Vec3; 2],
+    /// Turn of the sphere since the last rendered orientation, rad.
+    turn: Vec3,
+    /// Energy that was given during this turn, J, and the share of it by the elastic torque.
+    given: [Real; 2],
+}
+
+/// Number of commands whose parts are known. Energy given by older commands counts in full.
+const SENT: usize = 64;
+
+/// Part by which the energy that delay creates counts more than it is. So a swing on a spring that
+/// is too stiff dies out even if neither hand nor device damp it.
+const MARGIN: Real = 0.25;
+
+/// Parts of the torque of one command, or the sums over several commands, in frame N, N m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+struct Parts {
+    /// Torque that depends on the orientation of the sphere alone.
+    elastic: Vec3,
+    /// Torque that moves the sphere on purpose.
+    driving: Vec3,
+}
+
+impl Parts {
+    const NOTHING: Self = Self { elastic: Vec3::ZERO, driving: Vec3::ZERO };
+}
+
+impl Ledger {
+    pub(crate) const START: Self = Self {
+        sent: [Parts::NOTHING; SENT],
+        newest: 0,
+        pending: Parts::NOTHING,
+        elastic: [Vec3::ZERO; 2],
+        turn: Vec3::ZERO,
+        given: [0.0; 2],
+    };
+
+    /// Adds the energy `given` (J) that the commands from number `from` to the one before `to` gave
+    /// while the sphere made `turn`, rad.
+    #[inline]
+    pub(crate) fn turned(&mut self, from: u32, to: u32, turn: Vec3, given: Real) {
+        let steps = to.wrapping_sub(from).clamp(1, SENT as u32);
+        let sum = self.sum(from, steps);
+        let each = turn / steps as Real;
+        self.turn += turn;
+        self.given[0] += given - sum.driving.dot(each);
+        self.given[1] += sum.elastic.dot(each);
+    }
+
+    /// Takes the parts of the torque that is being computed, N m. Returns the energy that delay has
+    /// created since the last torque was computed, less the energy that the scene has absorbed, J.
+    #[inline]
+    pub(crate) fn part(&mut self, elastic: Vec3, driving: Vec3) -> Real {
+        self.pending = Parts { elastic, driving };
+        self.elastic = [elastic, self.elastic[0]];
+        let lawful = 0.5 * (elastic + self.elastic[1]).dot(core::mem::take(&mut self.turn));
+        let [given, elastic] = core::mem::take(&mut self.given);
+        given - lawful + MARGIN * (elastic - lawful)
+    }
+
+    /// Forgets the turns that were not rendered. Called if the motors make no torque.
+    pub(crate) fn rest(&mut self) {
+        *self = Self { sent: self.sent, newest: self.newest, ..Self::START };
+    }
+
+    /// Records the torque that was computed as that of the command `sequence`. `kept` is the
+    /// fraction of it that motors and contacts could make.
+    #[inline]
+    pub(crate) fn record(&mut self, sequence: u32, kept: Real) {
+        let ahead = sequence.wrapping_sub(self.newest) as i32;
+        if ahead > 1 {
+            let held = self.sent[self.newest as usize % SENT];
+            for k in 1..(ahead as u32).min(SENT as u32) {
+                self.sent[self.newest.wrapping_add(k) as usize % SENT] = held;
+            }
+        }
+        self.newest = sequence;
+        let Parts { elastic, driving } = self.pending;
+        self.sent[sequence as usize % SENT] = Parts { elastic: elastic * kept, driving: driving * kept };
+    }
+
+    /// Returns what must be added to the energy that the torques under way will give, J, so that
+    /// only the energy is left that delay will have created at the end of tick `tick`. `step` is the
+    /// turn of the sphere in a tick, rad. The elastic torque is assumed to change as it has changed
+    /// in the last tick.
+    #[inline]
+    fn on_their_way(&self, answered: u32, tick: u32, step: Vec3) -> Real {
+        let ticks = (tick.wrapping_sub(answered) as i32).max(0) as u32;
+        let sum = self.sum(answered, ticks);
+        let (elastic, driving) = (sum.elastic + self.pending.elastic, sum.driving + self.pending.driving);
+        let [now, before] = self.elastic;
+        let count = (ticks + 1) as Real;
+        let lawful = (now + (now - before) * (0.5 * count)).dot(step) * count;
+        MARGIN * (elastic.dot(step) - lawful) - lawful - driving.dot(step)
+    }
+
+    #[inline]
+    fn sum(&self, from: u32, steps: u32) -> Parts {
+        let mut sum = Parts::NOTHING;
+        for k in 0..steps.min(SENT as u32) {
+            let command = from.wrapping_add(k);
+            // In a skipped tick the last torque was held.
+            let sent = if self.newest.wrapping_sub(command) as i32 >= 0 { command } else { self.newest };
+            if self.newest.wrapping_sub(sent) < SENT as u32 {
+                let part = &self.sent[sent as usize % SENT];
+                sum.elastic += part.elastic;
+                sum.driving += part.driving;
+            }
+        }
+        sum
     }
 }
 
@@ -163,7 +308,7 @@ mod tests {
     use super::*;
 
     const MOMENT: Moment = Moment { tick: 11, answered: 10, period: 0.25, gain: 1.0 };
-    const LIMIT: PassivityLimit = PassivityLimit { allowance: 1.0, store: 4.0, damping: 2.0 };
+    const LIMIT: PassivityLimit = PassivityLimit { allowance: 1.0, store: 4.0, damping: 2.0, strict: true };
 
     fn pushing() -> (Observer, Guard) {
         let mut observer = Observer::START;
@@ -177,10 +322,10 @@ mod tests {
         guard.add(0.5);
         // 0.5 J given out, 2 N m held but not answered, and 1 N m wanted, at 1 rad/s for 1/4 s
         // each: 1.25 J. The allowance is 1 J, so the damping takes 0.25 J.
-        let torque = guard.damp(&observer, MOMENT, Vec3::X, Vec3::X);
+        let torque = guard.damp(&observer, None, MOMENT, Vec3::X, Vec3::X);
         assert_eq!((torque, guard.damping()), (Vec3::ZERO, 1.0));
         // A turn in the opposite direction absorbs energy by itself.
-        assert_eq!(guard.damp(&observer, MOMENT, Vec3::X, -Vec3::X), Vec3::X);
+        assert_eq!(guard.damp(&observer, None, MOMENT, Vec3::X, -Vec3::X), Vec3::X);
         assert_eq!(guard.damping(), 0.0);
     }
 
@@ -190,10 +335,10 @@ mod tests {
         guard.add(50.0);
         for (gain, damping) in [(1.0, 2.0), (0.5, 1.0), (0.0, 0.0)] {
             let omega = Vec3::new(0.0, 1e-3, 0.0);
-            let torque = guard.damp(&observer, Moment { gain, ..MOMENT }, Vec3::Z, omega);
+            let torque = guard.damp(&observer, None, Moment { gain, ..MOMENT }, Vec3::Z, omega);
             assert_eq!((torque, guard.damping()), (Vec3::Z - omega * damping, damping));
         }
-        assert_eq!(guard.damp(&observer, MOMENT, Vec3::Z, Vec3::ZERO), Vec3::Z);
+        assert_eq!(guard.damp(&observer, None, MOMENT, Vec3::Z, Vec3::ZERO), Vec3::Z);
         assert_eq!(guard.damping(), 0.0);
     }
 

@@ -25,6 +25,33 @@ pub struct Renderer {
     /// virtual masses.
     inertia: Real,
     period: Real,
+    #[cfg_attr(feature = "exact", serde(skip))]
+    parts: Parts,
+}
+
+/// Parts of a scene's torque that the passivity controller treats differently, in frame N, N m. The
+/// rest moves the sphere on purpose: constant torques, vibrations, moving references.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Parts {
+    /// Torque that depends on the sphere's orientation and gives back the energy that it took.
+    pub(crate) elastic: Vec3,
+    /// Torque that resists the sphere's rate.
+    pub(crate) resisting: Vec3,
+}
+
+impl Parts {
+    const NOTHING: Self = Self { elastic: Vec3::ZERO, resisting: Vec3::ZERO };
+
+    /// Adds the parts of the torque `own` (N m) of the effect that has just been rendered with
+    /// `gain`. An effect whose reference moves is driven: `moving` is then true.
+    #[inline]
+    fn add(&mut self, own: Vec3, gain: Real, shared: &mut Shared, moving: bool) {
+        let resisting = core::mem::take(&mut shared.resisting) * gain;
+        if !core::mem::take(&mut shared.driving) && !moving {
+            self.resisting += resisting;
+            self.elastic += own - resisting;
+        }
+    }
 }
 
 impl Renderer {
@@ -40,6 +67,7 @@ impl Renderer {
             placed: 0,
             inertia: rig.device.sphere_inertia(),
             period: rig.timing.period_s(),
+            parts: Parts::NOTHING,
         }
     }
 
@@ -191,6 +219,7 @@ impl Renderer {
         reach: Real,
     ) -> Vec3 {
         let mut torque = Vec3::ZERO;
+        self.parts = Parts::NOTHING;
         self.shared.begin();
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
@@ -218,10 +247,27 @@ impl Renderer {
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
             };
-            torque += effect.kind.render(gain, now, &mut state.memory);
+            let own = effect.kind.render(gain, now, &mut state.memory);
+            torque += own;
+            if self.shared.parted {
+                self.parts.add(own, gain, &mut self.shared, state.reference.moving);
+            }
         }
         self.shared.end(&motion, dt);
         torque
+    }
+
+    /// Says whether [`render_in_tick`](Self::render_in_tick) also computes the parts of the torque,
+    /// which [`parts`](Self::parts) returns.
+    #[inline]
+    pub(crate) fn part(&mut self, parted: bool) {
+        self.shared.parted = parted;
+    }
+
+    /// Returns the parts of the last rendered torque.
+    #[inline]
+    pub(crate) fn parts(&self) -> Parts {
+        self.parts
     }
 
     /// Returns the energy that the effects store at the orientation `q`, J, multiplied by their

@@ -21,7 +21,7 @@ use crate::joints::Joints;
 use crate::mode::{Cause, ModeMachine};
 use crate::orientation::Orientation;
 use crate::outputs::{Drive, Outputs, State, TakenStream};
-use crate::passivity::{Guard, Observer};
+use crate::passivity::{Guard, Ledger, Observer};
 use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
 use crate::rig::Rig;
@@ -89,6 +89,9 @@ pub struct Controller {
     /// orientation. The torque then blends as after a change of scene.
     anchored: bool,
     client: Option<(Stamp, u64)>,
+    /// What counts of the energy for the passivity controller. `None` if all of it counts, or if the
+    /// rig has no passivity controller.
+    ledger: Option<Ledger>,
 }
 
 impl Controller {
@@ -132,6 +135,7 @@ impl Controller {
             client_lost: false,
             anchored: false,
             client: None,
+            ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
         }
     }
 
@@ -219,7 +223,10 @@ impl Controller {
         self.orientation.advance(step.turn);
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
         if let Some(guard) = &mut self.guard {
-            guard.add(given);
+            match &mut self.ledger {
+                Some(ledger) => ledger.turned(step.answered[0], step.answered[1], step.turn, given),
+                None => guard.add(given),
+            }
         }
         if let Some(burst) = &mut self.burst {
             burst.add(given);
@@ -239,6 +246,11 @@ impl Controller {
             self.made = Made { torque: wanted.torque, ..Made::NOTHING };
         }
         self.send(count, tick);
+        if let Some(ledger) = &mut self.ledger {
+            // What motors and contacts make of the torque that the limit of torque leaves.
+            let kept = if self.made.torque == Vec3::ZERO { 0.0 } else { self.made.scale / wanted.share };
+            ledger.record(tick as u32, kept);
+        }
     }
 
     /// Sends `made` to the motors in this tick. If one of its numbers is not finite, the rig goes

@@ -12,7 +12,7 @@ use crate::passivity::Moment;
 use crate::real::{Real, Vec3, sqrt};
 use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
-use crate::shaping::{BLEND_S, Blend, limited, slewed};
+use crate::shaping::{BLEND_S, Blend, limited, shortened, slewed};
 
 /// Step in torque above which a change of scene restarts the soft start, as a fraction of the rig's
 /// largest torque. It applies if an effect rests so far away that `enable` would refuse the scene.
@@ -105,6 +105,9 @@ impl Controller {
             if let Some(guard) = &mut self.guard {
                 guard.rest();
             }
+            if let Some(ledger) = &mut self.ledger {
+                ledger.rest();
+            }
             // A disable ends within the slew limit. A fault or a stop ends at once.
             let idle = self.machine.mode == Mode::Idle;
             let torque = if idle { slewed(self.made.torque, Vec3::ZERO, reach) } else { Vec3::ZERO };
@@ -118,6 +121,7 @@ impl Controller {
             self.carried_s = 0.0;
         }
         let gain = self.machine.gain;
+        self.renderer.part(self.ledger.is_some());
         let rendered = self.renderer.render_in_tick(scene, motion, tick, dt, limits.reference_rate * dt);
         let (asked, share) = self.stream.added_to(rendered, limits.torque);
         self.last_asked = asked;
@@ -131,10 +135,10 @@ impl Controller {
             self.carried_s += dt;
             (limits.torque * gain + left).min(limits.torque)
         };
-        let mut wanted = limited(asked * gain + offset, bound);
+        let (mut wanted, kept) = shortened(asked * gain + offset, bound);
         if self.guard.is_some() {
             // Limited before the damping, because a torque that is not sent gives out no energy.
-            wanted = limited(self.damp(tick, wanted), bound);
+            wanted = limited(self.damp(tick, wanted, share * gain * kept), bound);
         }
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
     }
@@ -166,14 +170,20 @@ impl Controller {
     }
 
     /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for
-    /// this tick. It is a separate function, so that it costs nothing if the rig has no passivity
+    /// this tick. `kept` is the fraction of the scene's torque that is left in `wanted` after ramps
+    /// and limits. It is a separate function, so that it costs nothing if the rig has no passivity
     /// controller.
     #[inline(never)]
-    fn damp(&mut self, tick: u64, wanted: Vec3) -> Vec3 {
+    fn damp(&mut self, tick: u64, wanted: Vec3, kept: Real) -> Vec3 {
         let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
+        if let Some(ledger) = &mut self.ledger {
+            let parts = self.renderer.parts();
+            let elastic = parts.elastic * kept;
+            guard.add(ledger.part(elastic, wanted - elastic - parts.resisting * kept));
+        }
         let (period, gain) = (self.rig.timing.period_s(), self.machine.gain);
         let now = Moment { tick: tick as u32, answered, period, gain };
-        guard.damp(&self.observer, now, wanted, self.joints.omega)
+        guard.damp(&self.observer, self.ledger.as_ref(), now, wanted, self.joints.omega)
     }
 
     /// Sets `made` to the joint torques that make the torque `wanted` on the sphere, as far as the

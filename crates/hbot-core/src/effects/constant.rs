@@ -29,6 +29,7 @@ impl Law for Constant {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        now.driving();
         match self.frame {
             Frame::World => self.torque,
             Frame::Sphere => now.motion.q * self.torque,

@@ -93,7 +93,7 @@ impl Law for Detents {
         let (energy, slope) = self.profile(turns.follow(dial.psi), now.numbers);
         let mut torque = dial.torque(energy, slope);
         if self.damping > 0.0 {
-            torque += dial.resist(now.rate(), self.damping);
+            torque += now.resisting_there(dial.resist(now.rate(), self.damping));
         }
         now.in_n(torque)
     }

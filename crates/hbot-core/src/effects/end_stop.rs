@@ -85,6 +85,7 @@ impl Law for EndStop {
                 let inwards = swing.gradient.dot(now.rate()).max(0.0);
                 let damping = self.damping_at(depth) * swing.fade();
                 torque -= swing.gradient * (self.cone_slope(&swing, depth) + damping * inwards);
+                now.resisting_there(swing.gradient * -(damping * inwards));
             }
         }
         if let Some(range) = self.twist {
@@ -94,7 +95,7 @@ impl Law for EndStop {
                 torque += dial.torque(0.5 * self.stiffness * depth * depth, self.stiffness * depth);
                 let rate = now.rate();
                 if dial.gradient.dot(rate) * depth > 0.0 {
-                    torque += dial.resist(rate, self.damping_at(depth.abs()));
+                    torque += now.resisting_there(dial.resist(rate, self.damping_at(depth.abs())));
                 }
             }
         }

@@ -40,6 +40,8 @@ impl Law for Friction {
             *anchor = Some(rotation::renormalized(rotation::exp(-shorter) * q));
             z = shorter;
         }
-        z * -self.stiffness - now.motion.omega * self.damping
+        let resisting = now.motion.omega * self.damping;
+        now.resisting(-resisting);
+        z * -self.stiffness - resisting
     }
 }

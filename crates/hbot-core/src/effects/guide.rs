@@ -89,7 +89,9 @@ impl Law for Guide {
             let (s, gradient) = self.rise(x, u);
             let mut push = self.stiffness * s;
             if self.damping > 0.0 {
-                push += self.damping * gradient.dot(now.rate());
+                let resisting = self.damping * gradient.dot(now.rate());
+                now.resisting_there(gradient * -resisting);
+                push += resisting;
             }
             return now.in_n(gradient * -push);
         }
@@ -102,7 +104,7 @@ impl Law for Guide {
         }
         let mut torque = quaternion_pull(x.w, e, f);
         if self.damping > 0.0 {
-            torque -= self.held(now.rate()) * self.damping;
+            torque += now.resisting_there(-(self.held(now.rate()) * self.damping));
         }
         now.in_n(torque)
     }

@@ -49,6 +49,8 @@ impl Law for Inertia {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, smooth: &mut Vec3) -> Vec3 {
+        // The bound of all masses keeps them stable, however late they are.
+        now.driving();
         let raw = now.acceleration();
         let sum = self.smoothing + now.dt;
         if sum > 0.0 {

@@ -86,6 +86,32 @@ impl Now<'_> {
         })
     }
 
+    /// Notes that the part `torque` of the effect's torque (frame N, N m) resists the sphere's rate.
+    /// Returns it. The passivity controller does not count on this part to give energy back.
+    #[inline(always)]
+    pub(crate) fn resisting(&mut self, torque: Vec3) -> Vec3 {
+        if self.shared.parted {
+            self.shared.resisting += torque;
+        }
+        torque
+    }
+
+    /// Does the same as [`resisting`](Self::resisting) with a torque in the frame of the effect's
+    /// reference.
+    #[inline(always)]
+    pub(crate) fn resisting_there(&mut self, torque: Vec3) -> Vec3 {
+        if self.shared.parted {
+            self.shared.resisting += self.in_n(torque);
+        }
+        torque
+    }
+
+    /// Notes that the whole torque of the effect moves the sphere on purpose in this tick.
+    #[inline(always)]
+    pub(crate) fn driving(&mut self) {
+        self.shared.driving = self.shared.parted;
+    }
+
     /// Converts a torque from the frame of the effect's reference to frame N.
     #[inline]
     pub(crate) fn in_n(&self, torque: Vec3) -> Vec3 {
@@ -116,6 +142,16 @@ pub(crate) struct Shared {
     /// True if the scene has several effects with a reference. If it has only one, no other can
     /// need its orientation relative to the reference, so it is not stored.
     pub(crate) several: bool,
+    /// True if the passivity controller needs the parts of the torque.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub(crate) parted: bool,
+    /// Part of the torque of the effect that is being rendered that resists the sphere's rate,
+    /// before the effect's gain, in frame N, N m.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub(crate) resisting: Vec3,
+    /// True if the effect that is being rendered moves the sphere on purpose.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub(crate) driving: bool,
 }
 
 impl Shared {
@@ -127,6 +163,9 @@ impl Shared {
         last_omega: None,
         mass_scale: 1.0,
         several: false,
+        parted: false,
+        resisting: Vec3::ZERO,
+        driving: false,
     };
 
     #[cfg(feature = "exact")]

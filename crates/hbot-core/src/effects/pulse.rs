@@ -78,6 +78,7 @@ impl Law for Pulse {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, state: &mut Clicks) -> Vec3 {
+        now.driving();
         if state.fired != self.fire {
             state.fired = self.fire;
             state.start(false);

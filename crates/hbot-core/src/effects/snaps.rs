@@ -249,7 +249,7 @@ impl Law for Snaps {
         let slope = 2.0 * self.strength / (self.width * sqrt(1.0 + 4.0 * u / (self.width * self.width)));
         let mut torque = gradient * -slope;
         if self.damping > 0.0 {
-            torque -= now.rate() * self.damping;
+            torque += now.resisting_there(-(now.rate() * self.damping));
         }
         now.in_n(torque)
     }

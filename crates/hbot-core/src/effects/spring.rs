@@ -106,7 +106,7 @@ impl Law for Spring {
         };
         let mut torque = desired * elastic;
         if let Some(damping) = &self.damping {
-            torque += damper(desired, damping, now.motion.omega, now.reference.omega);
+            torque += now.resisting(damper(desired, damping, now.motion.omega, now.reference.omega));
         }
         torque
     }

@@ -187,9 +187,12 @@ impl Law for Track {
         place.branch = p;
         let mut torque = super::target::beyond(p, self.deadband) * -self.stiffness;
         if self.damping > 0.0 {
-            torque -= (now.motion.omega - now.reference.omega - rate) * self.damping;
+            torque += now.resisting(-((now.motion.omega - now.reference.omega - rate) * self.damping));
         }
         self.path.advance(place, now.numbers, now.dt);
+        if rate != Vec3::ZERO {
+            now.driving();
+        }
         torque
     }
 

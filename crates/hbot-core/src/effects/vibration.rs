@@ -103,6 +103,7 @@ impl Law for Vibration {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, state: &mut Phase) -> Vec3 {
+        now.driving();
         let level = self.amplitude * self.envelope(state.age);
         let torque = if level == 0.0 { Vec3::ZERO } else { self.axis * (level * self.wave.at(state.phase)) };
         self.advance(state, now.dt);
