@@ -174,6 +174,8 @@ pub(crate) struct Ledger {
     newest: u32,
     /// Parts of the torque that is being computed. They are recorded when it is sent.
     pending: Parts,
+    /// The whole torque that is wanted in this tick, N m.
+    wanted: Vec3,
     /// Elastic torque at the last two rendered orientations, N m, the newer one first.
     elastic: [Vec3; 2],
     /// Turn of the sphere since the last rendered orientation, rad.
@@ -208,6 +210,7 @@ impl Ledger {
         sent: [Parts::NOTHING; SENT],
         newest: 0,
         pending: Parts::NOTHING,
+        wanted: Vec3::ZERO,
         elastic: [Vec3::ZERO; 2],
         turn: Vec3::ZERO,
         given: [0.0; 2],
@@ -241,10 +244,19 @@ impl Ledger {
         *self = Self { sent: self.sent, newest: self.newest, ..Self::START };
     }
 
-    /// Records the torque that was computed as that of the command `sequence`. `kept` is the
-    /// fraction of it that motors and contacts could make.
+    /// Takes the whole torque that is wanted in this tick, N m.
     #[inline]
-    pub(crate) fn record(&mut self, sequence: u32, kept: Real) {
+    pub(crate) fn want(&mut self, wanted: Vec3) {
+        self.wanted = wanted;
+    }
+
+    /// Records the torque `made` (N m) as that of the command `sequence`. `kept` is the fraction of
+    /// the wanted torque that motors and contacts could make.
+    ///
+    /// The rest of the difference between `made` and the wanted torque comes from the slew limit. It
+    /// delays all parts. The driving part has its share of it, which does not count.
+    #[inline]
+    pub(crate) fn record(&mut self, sequence: u32, made: Vec3, kept: Real) {
         let ahead = sequence.wrapping_sub(self.newest) as i32;
         if ahead > 1 {
             let held = self.sent[self.newest as usize % SENT];
@@ -254,7 +266,12 @@ impl Ledger {
         }
         self.newest = sequence;
         let Parts { elastic, driving } = self.pending;
-        self.sent[sequence as usize % SENT] = Parts { elastic: elastic * kept, driving: driving * kept };
+        let own = driving.length_squared();
+        let rest = (self.wanted - driving).length_squared();
+        let share = if own > 0.0 { own / (own + rest) } else { 0.0 };
+        let slewed = (made - self.wanted * kept) * share;
+        self.sent[sequence as usize % SENT] =
+            Parts { elastic: elastic * kept, driving: driving * kept + slewed };
     }
 
     /// Returns what must be added to the energy that the torques under way will give, J, so that

@@ -139,6 +139,9 @@ impl Controller {
         if self.guard.is_some() {
             // Limited before the damping, because a torque that is not sent gives out no energy.
             wanted = limited(self.damp(tick, wanted, share * gain * kept), bound);
+            if let Some(ledger) = &mut self.ledger {
+                ledger.want(wanted);
+            }
         }
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
     }

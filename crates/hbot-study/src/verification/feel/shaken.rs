@@ -85,6 +85,11 @@ fn cases() -> Vec<(&'static str, Value)> {
 pub(super) fn study(context: &Context, _report: &mut Report) -> Result<(), Interrupted> {
     for (name, effects) in cases() {
         context.go_on()?;
+        if let Ok(only) = std::env::var("ONLY") {
+            if !name.contains(&only) {
+                continue;
+            }
+        }
         print!("{name:44}");
         for hand in [None, Some(Hand { amplitude: 0.0, ..Hand::default() })] {
             for guard in [false, true] {
