@@ -2,8 +2,9 @@
 //! oscillates without it and comes to rest with it (physics notes, section 9).
 
 use crate::bench::{altered, effect, rig, spring};
+use crate::effects::vibration;
 use hbot_core::device::MAX_JOINTS;
-use hbot_core::effects::{Anchor, Damper, Kind};
+use hbot_core::effects::{Anchor, Constant, Damper, Detents, Frame, Kind, Target, Texture, Wave};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::State;
@@ -32,6 +33,8 @@ pub struct Loop {
     pub motion: PlantState,
     grip: Option<Grip>,
     held: [f64; MAX_JOINTS],
+    /// Viscous damping of the rig itself, N m s/rad.
+    own: f64,
     tick: u64,
     pub rig: Rig,
     /// Energy that the motors have delivered, J: the sum over joints of the held torque times the
@@ -50,6 +53,7 @@ impl Loop {
             motion: PlantState::default(),
             grip: None,
             held: [0.0; MAX_JOINTS],
+            own: OWN,
             tick: 1,
             rig,
             given: 0.0,
@@ -85,7 +89,7 @@ impl Loop {
         for j in 0..4 {
             reading.counts[j] = (angles[j] / self.rig.joints[j].radians_per_count()).floor() as i32;
         }
-        let own = SpringDamper { stiffness: 0.0, damping: OWN, reference: Quat::IDENTITY };
+        let own = SpringDamper { stiffness: 0.0, damping: self.own, reference: Quat::IDENTITY };
         let time = self.tick as f64 * DT;
         match self.grip {
             None => self.plant.step(Method::Rk4, &mut self.motion, time, DT, &self.held, &own),
@@ -214,5 +218,70 @@ fn what_was_dissipated_before_buys_no_more_than_the_store() {
         // 1.2 times that energy, is added.
         assert!(run.most < 2.2 * store, "{} J of a store of {store} J", run.most);
         assert!(torque < 0.1 && rate < 0.1, "{store}: {torque} N m, {rate} rad/s");
+    }
+}
+
+/// Returns a spring at half the border of its own damping, a constant torque and a vibration. The
+/// spring rests 0.4 rad away, so it gives out energy that nobody put in.
+fn on_purpose() -> CompiledScene {
+    let turned = hbot_core::rotation::exp(Vec3::new(0.1, 0.3, -0.2));
+    let effects = [
+        effect(0, 1, spring(3.0, 0.01, turned, Anchor::Absolute)),
+        effect(1, 2, Kind::Constant(Constant { torque: Vec3::X * 0.1, frame: Frame::World })),
+        effect(2, 3, Kind::Vibration(vibration(Wave::Sine))),
+    ];
+    CompiledScene::new(1, &effects).unwrap()
+}
+
+#[test]
+fn energy_that_a_scene_gives_out_on_purpose_is_not_damped() {
+    let [mut with, mut without] =
+        [guarded(RateEstimate::Controller), altered(&rig(), |rig| rig.limits.slip = 10.0)]
+            .map(|rig| Loop::new(rig, on_purpose()));
+    for _ in 0..3000 {
+        assert_eq!(with.step(None), without.step(None));
+    }
+    assert!(with.most > 0.1, "{} J", with.most);
+    // If all energy counts, it is damped.
+    let strict = altered(&guarded(RateEstimate::Controller), |rig| {
+        rig.methods.passivity = Some(PassivityLimit::strict(&rig.device, DT));
+    });
+    let mut strict = Loop::new(strict, on_purpose());
+    assert!((0..3000).any(|_| strict.step(None).damping > 0.0));
+}
+
+#[test]
+fn a_free_sphere_gains_no_energy_from_notches_and_bumps() {
+    let target = Target::N;
+    let kinds = [
+        Kind::Detents(Detents {
+            target,
+            axis: Vec3::Z,
+            strength: 0.9,
+            width: 1.0,
+            count: 30,
+            end_stiffness: 0.0,
+            damping: 0.0,
+        }),
+        Kind::Texture(Texture { at: Vec3::X, wave_number: 40.0, depth: 0.2 }),
+    ];
+    for kind in kinds {
+        let scene = CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap();
+        let gained = |rig: Rig| {
+            let mut run = Loop::new(rig, scene.clone());
+            run.own = 0.0;
+            run.motion.omega = TAP;
+            (run.given, run.most) = (0.0, 0.0);
+            run.run(10_000);
+            run.most
+        };
+        let (with, without) = (
+            gained(guarded(RateEstimate::Controller)),
+            gained(altered(&rig(), |rig| rig.limits.slip = 10.0)),
+        );
+        println!("{kind:?}: {with:e} J, {without:e} J without");
+        // The allowance, and what the prediction of a tick misses.
+        assert!(with < 1.0e-3 + 0.2e-3, "{with} J");
+        assert!(without > 10.0 * with, "{without} J");
     }
 }
