@@ -12,7 +12,7 @@ use hbot_config::{Override, RigConfig};
 use hbot_host::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
 use hbot_host::bringup::scan::scan;
 use hbot_host::bringup::{Bench, Interrupted, open};
-use hbot_host::bus::field;
+use hbot_host::bus::{Lag, field};
 use hbot_host::last_word::Program;
 use hbot_host::signals;
 use serde_json::json;
@@ -115,6 +115,19 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
             let supply = it.supply_v.map_or(String::new(), |volts| format!(", {volts:.1} V"));
             let zero = it.zero.map_or(String::new(), |zero| format!(", zero {zero}"));
             say!("  {}: {}, firmware {}{supply}{zero}", it.id, it.model, it.firmware)?;
+            let lag = |lag: &Lag, what| {
+                format!("{what} {:.1} ms late ({} {:.0} Hz)", 1e3 * lag.seconds, lag.setting, lag.hz)
+            };
+            let lags = [
+                it.filtering.torque.as_ref().map(|it| lag(it, "torque")),
+                it.filtering.rate.as_ref().map(|it| lag(it, "rate")),
+            ];
+            if lags.iter().any(Option::is_some) {
+                say!("     {}", lags.into_iter().flatten().collect::<Vec<_>>().join(", "))?;
+            }
+            for warning in it.filtering.warnings(&it.id.to_string(), &rig) {
+                say!("     {}{warning}{}", style::WARN, style::OFF)?;
+            }
             for remedy in &it.remedies {
                 say!("     {}{}{}\n       {}", style::BAD, remedy.what, style::OFF, remedy.command)?;
             }

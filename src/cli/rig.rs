@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use clap::Subcommand;
 use hbot_config::RigConfig;
+use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
 use hbot_config::rig::Port;
 use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::kinematics::Posture;
@@ -15,9 +16,8 @@ use hbot_core::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
 use hbot_core::{Device, Vec3};
-use hbot_host::bus::{BusTraffic, driver};
+use hbot_host::bus::{BusTraffic, driver, late_rates};
 use hbot_host::doctor::{MOST_LOAD, highest_rate, punctuality};
-use hbot_host::stiffness::{DELAY_TICKS, StiffnessBound, USUAL_DAMPING};
 
 use super::out::say;
 use super::{bringup, rig_new, style};
@@ -60,6 +60,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let config = RigConfig::load(file.as_deref(), &[])?;
     let warnings = Warnings::of(&config);
     say!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
+    if let Some(advice) = late_rates(&config) {
+        say!("  {}advice:{} {advice}", style::NAME, style::OFF)?;
+    }
     for wheel in &warnings.uncalibrated {
         say!(
             "  {}warning:{} {} leaves its steering zero to a calibration: the rig stays unreferenced until \
@@ -201,16 +204,17 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     let Some(expected) = StiffnessBound::of(config) else { return Ok(()) };
     let [most, with] = expected.most();
     say!(
-        "\nstiffness to expect at {} Hz, from a reading to its torque D = {DELAY_TICKS} tick, lag of the motors {} ms (torque_lag), \
+        "\nstiffness to expect at {} Hz, from a reading to its torque D = {} tick, lag of the motors {} ms (torque_lag), \
          least apparent inertia J = {:.2e} kg m²",
         config.rate_hz,
-        1.0e3 * expected.lag,
-        expected.inertia
+        expected.sampled().delay,
+        1.0e3 * expected.sampled().lag,
+        expected.inertia()
     )?;
     let examples = [USUAL_DAMPING / 2.0, USUAL_DAMPING, 2.5 * USUAL_DAMPING];
     let examples = examples.map(|damping| format!("{:.3} at {damping}", expected.stable(damping)));
     say!(
-        "  stable     up to (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {} N m s/rad",
+        "  stable     up to about (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {} N m s/rad",
         examples.join(", ").replacen(" at", " N m/rad at", 1)
     )?;
     say!(
@@ -218,7 +222,7 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     )?;
     say!(
         "  counts     one turns the sphere by up to {:.1e} rad: passive up to 2 c/d = {:.3} N m/rad for each mN m of Coulomb friction c",
-        expected.count,
+        expected.count(),
         expected.quiet(1.0e-3)
     )?;
     let stage = if config.rig.methods.passivity.is_some() { "on" } else { "off" };
@@ -317,7 +321,7 @@ fn bus_line(config: &RigConfig, bus: &BusTraffic) -> anyhow::Result<bool> {
         (load / MOST_LOAD).ceil()
     )?;
     if let Some(expected) = StiffnessBound::of(config) {
-        let slower = StiffnessBound { period: 1.0 / rate, ..expected };
+        let slower = expected.at_rate(rate);
         say!(
             "    at {rate} Hz a spring is stable up to {:.3} N m/rad with a damping of {USUAL_DAMPING} N m s/rad, at {} Hz up to {:.3}",
             slower.stable(USUAL_DAMPING),

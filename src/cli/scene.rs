@@ -12,9 +12,9 @@ use std::process::ExitCode;
 
 use anyhow::anyhow;
 use clap::{Args, Subcommand};
+use hbot_config::advice::{Abilities, in_vain};
 use hbot_config::scene::ShelfScene;
 use hbot_config::{LoadError, RigConfig, SceneFile};
-use hbot_host::abilities::{Abilities, in_vain};
 
 use super::out::{foreign, say};
 use super::{Commanding, ServerAddress, orders, style};

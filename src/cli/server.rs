@@ -11,14 +11,14 @@ use std::time::Duration;
 use anyhow::bail;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::{Args, ValueEnum};
+use hbot_config::advice::Abilities;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig, SceneFile};
-use hbot_host::abilities::Abilities;
 use hbot_host::expectation::{self, Expectation};
 use hbot_host::last_word::Program;
 use hbot_host::signals;
 use hbot_host::stop_signal::StopSignal;
-use hbot_server::recording::{Limit, RecordOptions, is_file};
+use hbot_server::recording::{Limit, RecordOptions, is_file, unsuitable};
 use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use serde_json::json;
@@ -266,6 +266,9 @@ async fn serve(
 /// Returns what to record. The metadata of a recording name the rig file and the command line's
 /// changes to it, and this machine.
 fn recording(args: &ServerArgs) -> anyhow::Result<RecordOptions> {
+    if let Some((path, why)) = args.record.as_deref().and_then(|path| Some((path, unsuitable(path)?))) {
+        bail!("--record {}: {why}. Name a new file that ends in .mcap, or a folder", path.display());
+    }
     match &args.record {
         Some(path) if is_file(path) => {
             anyhow::ensure!(

@@ -5,9 +5,9 @@ use std::process::ExitCode;
 use anyhow::anyhow;
 use clap::Args;
 use hbot_api::InfoOk;
+use hbot_config::advice::{Abilities, Told, ToldLoop};
 use hbot_config::scene::SetError;
 use hbot_config::{RunningScene, SceneFile};
-use hbot_host::abilities::{Abilities, Springs};
 use hbot_server::service::set_refusal;
 use serde_json::{Map, Value};
 
@@ -88,26 +88,38 @@ fn effect(info: &InfoOk, id: &str) -> Value {
 /// not know has none.
 fn warnings(info: &InfoOk) -> Vec<String> {
     let Ok(scene) = SceneFile::from_json(info.scene.clone()) else { return Vec::new() };
-    // `set` cannot change the simulated motors, so their lag is not judged.
-    let abilities = Abilities {
-        torque: info.limits.torque,
+    abilities(info).warnings(&scene)
+}
+
+/// Returns the abilities of the rig that the server describes. An older server does not tell its
+/// loop. Then stability is not judged.
+fn abilities(info: &InfoOk) -> Abilities {
+    let sampled = info.render.as_ref().and_then(|render| render.sampled.clone());
+    Abilities::told(Told {
         rate_hz: info.rig.rate_hz,
-        springs: info.render.map(|render| Springs {
-            lateness: render.damping / render.stiffness_stable,
-            most: render.stiffness_most,
-            // An older server does not tell it.
-            most_damping: if render.damping_most > 0.0 { render.damping_most } else { f64::INFINITY },
+        simulated: info.rig.simulated,
+        torque: info.limits.torque,
+        torque_rate: info.limits.torque_rate,
+        speed: info.limits.speed,
+        passive: info.limits.passivity.is_some(),
+        sampled: sampled.map(|told| ToldLoop {
+            delay: told.delay_ticks,
+            lag: told.lag_s,
+            lead: told.lead_s,
+            slew: told.slew_s,
+            rate_lag: told.rate_lag_s,
+            taps: told.rate_weights,
+            inertia: told.inertia,
+            axes: told.axes,
         }),
-        simulated_lag: None,
-    };
-    abilities.warnings(&scene)
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use hbot_api::{LimitsInfo, RenderInfo, RigInfo};
+    use hbot_api::{LimitsInfo, LoopInfo, PassivityInfo, RenderInfo, RigInfo};
     use hbot_config::RigConfig;
-    use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
+    use hbot_config::advice::StiffnessBound;
     use serde_json::json;
 
     use super::*;
@@ -115,17 +127,28 @@ mod tests {
     /// Returns what a server of the prototype answers to `info` while it renders `scene`.
     fn info(scene: &SceneFile) -> InfoOk {
         let rig = RigConfig::prototype();
-        let bound = StiffnessBound::of(&rig).unwrap();
+        let told = ToldLoop::of(StiffnessBound::of(&rig).unwrap().sampled());
+        let sampled = LoopInfo {
+            delay_ticks: told.delay,
+            lag_s: told.lag,
+            lead_s: told.lead,
+            slew_s: told.slew,
+            rate_lag_s: told.rate_lag,
+            rate_weights: told.taps,
+            inertia: told.inertia,
+            axes: told.axes,
+        };
+        let limits = &rig.rig.limits;
         InfoOk {
-            rig: RigInfo { rate_hz: rig.rate_hz, ..RigInfo::default() },
-            limits: LimitsInfo { torque: rig.rig.limits.torque, ..LimitsInfo::default() },
-            render: Some(RenderInfo {
-                inertia: bound.inertia,
-                damping: USUAL_DAMPING,
-                stiffness_stable: bound.stable(USUAL_DAMPING),
-                stiffness_most: bound.most()[0],
-                damping_most: bound.most_damping(),
-            }),
+            rig: RigInfo { rate_hz: rig.rate_hz, simulated: true, ..RigInfo::default() },
+            limits: LimitsInfo {
+                torque: limits.torque,
+                torque_rate: limits.torque_rate,
+                speed: limits.speed,
+                passivity: rig.rig.methods.passivity.map(|_| PassivityInfo::default()),
+                ..LimitsInfo::default()
+            },
+            render: Some(RenderInfo { sampled: Some(sampled), ..RenderInfo::default() }),
             scene: scene.to_json(),
             ..InfoOk::default()
         }
@@ -135,7 +158,7 @@ mod tests {
     fn a_changed_scene_has_the_warnings_of_one_that_is_loaded() {
         let spring = "[[effect]]\nid = 's'\nkind = 'spring'\nstiffness = ";
         let matrix = "[[30, 0, 0], [0, 2, 0], [0, 0, 1]]\n";
-        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.065\n";
+        let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.08\n";
         let honey = "[[effect]]\nid = 'honey'\nkind = 'damper'\ndamping = 2\n";
         let push = "[[effect]]\nid = 'p'\nkind = 'constant'\ntorque = [2, 1, 0]\n";
         let rubber = "[[effect]]\nid = 'f'\nkind = 'friction'\n";
@@ -149,7 +172,7 @@ mod tests {
             (format!("{spring}100\ngain = 9\n{air}{push}"), 2),
             (format!("{rubber}{push}"), 1),
             (
-                "[[effect]]\nid = 'd'\nkind = 'detents'\npositions = [0, 1]\nend_stiffness = 600\n"
+                "[[effect]]\nid = 'd'\nkind = 'detents'\npositions = [0, 1]\nend_stiffness = 600\ndamping = 0.02\n"
                     .to_owned(),
                 1,
             ),

@@ -57,8 +57,8 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     if let Some([a, b, c]) = info.capability {
         say!("  torque     at these steering angles up to {a:.2} {b:.2} {c:.2} N m about n1 n2 n3")?;
     }
-    if let Some(render) = info.render {
-        say!("{}", stable(&render))?;
+    if let Some(render) = &info.render {
+        say!("{}", stable(render))?;
     }
     let holder = info.lease.as_ref().and_then(|lease| lease.holder.as_deref());
     say!(
@@ -230,7 +230,7 @@ mod tests {
         let stiffness = "  stiffness  stable up to 10.0 N m/rad with a damping of 0.02 N m s/rad, for example, and up to \
                          495 with the best damping";
         assert_eq!(stable(&render), format!("{stiffness}\n  damping    alone stable up to 1.250 N m s/rad"));
-        assert_eq!(stable(&RenderInfo { damping_most: 0.0, ..render }), stiffness, "an older server");
+        assert_eq!(stable(&RenderInfo { damping_most: 0.0, ..render.clone() }), stiffness, "an older server");
     }
 
     #[test]

@@ -241,10 +241,10 @@ fn an_outside_orientation_is_held_against_the_moment_that_it_shows() {
     for k in 0..400 {
         let omega = Vec3::new(1.0, 2.0 * (0.02 * f64::from(k)).sin(), -0.5);
         let q = bench.turn(omega).state.q;
-        truth.push((bench.tick - 1, offset * q));
+        truth.push((bench.tick - 1, q * offset));
     }
     let q = bench.step().state.q;
-    truth.push((bench.tick - 1, offset * q));
+    truth.push((bench.tick - 1, q * offset));
     // 300 ms later: the measurement is of the past, and the present orientation is corrected.
     let (tick, q) = truth[100];
     bench.command(align(q, 1.0, tick));
@@ -255,6 +255,28 @@ fn an_outside_orientation_is_held_against_the_moment_that_it_shows() {
     let (tick, q) = truth[200];
     let reply = bench.command(align(q, 1.0, tick)).reply();
     assert!(matches!(reply, Reply::Aligned { angle } if angle < 1e-12), "{reply:?}");
+}
+
+/// The wheels are fixed in frame N, so a turn that they measure is about the same axis of N
+/// whatever the orientation was before. A correction that turned these axes would let a spring push
+/// sideways.
+#[test]
+fn turns_after_a_correction_keep_their_axes() {
+    let mut bench = Bench::new(rig());
+    bench.run(5);
+    let quarter = rotation::exp(Vec3::new(0.0, 1.5, 0.5));
+    bench.command(align(quarter, 1.0, bench.tick - 1));
+    let before = bench.step().state.q;
+    assert!(rotation::angle_between(before, quarter) < 1e-12);
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        let before = bench.step().state.q;
+        for _ in 0..100 {
+            bench.turn(axis);
+        }
+        let turned = rotation::difference(bench.step().state.q, before);
+        // The counts of the bench's encoders round to about 1e-4 rad.
+        assert!(turned.normalize().dot(axis) > 0.99999, "about {axis}: {turned}");
+    }
 }
 
 #[test]

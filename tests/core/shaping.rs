@@ -276,10 +276,8 @@ fn a_change_takes_effect_though_the_scene_is_set_every_tick() {
     assert!(bench.step().state.torque.length() < 1e-6, "{}", bench.step().state.torque);
 }
 
-/// Largest change of a critically damped fade at 200/s in one tick of 1 ms, relative to the step.
-/// It is 200 / e = 73.6 per second. Less than 1 % is added because the tick is finite and the rest
-/// is removed at 50 ms.
-pub const STEEPEST: f64 = 0.0736 * 1.01;
+/// Largest change of a blend in one tick of 1 ms, relative to the step: it is linear in 50 ms.
+pub const STEEPEST: f64 = 1.0 / 50.0;
 
 #[test]
 fn one_scene_becomes_another_within_50_ms_without_a_step() {

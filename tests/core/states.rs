@@ -313,8 +313,10 @@ fn an_estop_has_the_last_word_in_its_tick() {
 #[test]
 fn a_motor_that_is_too_hot_by_its_torques_is_a_fault_wherever_it_has_torque() {
     for from in [Mode::Enabling, Mode::Active] {
+        // The heat rises by more in a tick than a cold motor loses in the two ticks of the
+        // refusals.
         let rig = altered(&rig(), |rig| {
-            rig.joints.iter_mut().for_each(|joint| joint.continuous = 1e-3);
+            rig.joints.iter_mut().for_each(|joint| joint.continuous = 5e-4);
             rig.limits.thermal_time = Some(0.2);
         });
         let mut bench = Bench::new(rig);

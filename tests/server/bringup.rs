@@ -67,7 +67,18 @@ fn four_odrives_on_one_bus_are_too_many_and_two_fit() {
 fn a_scan_lists_the_controllers_of_a_line_whatever_they_speak() {
     run(&["rig", "scan"]).success().stdout(contains("sim: 4 answer").and(contains("hbot-sim")));
     let servos = run(&["rig", "scan", "--rig", MOTEUS]).success();
-    servos.stdout(contains("sim: 4 answer").and(contains("  4: moteus r4")).and(contains("24.0 V")));
+    let late = "torque 0.8 ms late (servo.pid_dq_hz 199 Hz), rate 3.9 ms late (motor_position.sources.0.pll_filter_hz 202 Hz)";
+    let listed = contains("sim: 4 answer").and(contains("  4: moteus r4")).and(contains("24.0 V"));
+    servos.stdout(listed.and(contains(late)));
+}
+
+#[test]
+fn a_check_recommends_the_rates_of_a_kalman_filter_where_those_of_the_controllers_are_late() {
+    let advice = "advice: the rates of the controllers are 3.9 ms late";
+    run(&["rig", "check", MOTEUS])
+        .success()
+        .stdout(contains(advice).and(contains("rate_estimate = \"kalman\"")));
+    run(&["rig", "check"]).success().stdout(contains("advice").not());
 }
 
 #[test]

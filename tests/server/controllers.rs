@@ -50,7 +50,7 @@ const CASES: [Case; 3] = [
     Case {
         protocol: Protocol::Odrive,
         rig: include_str!("../../rigs/prototype-odrive.toml"),
-        firmware: "ODrive 0.6.10",
+        firmware: "ODrive 0.6.10, watchdog seen to expire idle",
         ids: [Some(0), Some(1), Some(2), Some(3)],
         torque_per_ampere: Some(0.05),
         hot: 155.0,

@@ -279,6 +279,45 @@ fn a_recording_with_the_ending_of_another_format_is_refused_before_anything_is_w
     }
 }
 
+/// Before, the server ran and recorded nothing, which only its exit code told.
+#[test]
+fn a_recording_to_a_device_or_a_link_to_nothing_is_refused_at_the_start() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let place = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
+    std::os::unix::fs::symlink(place("nothing"), place("link")).expect("a link");
+    std::os::unix::fs::symlink(place("nothing.mcap"), place("link.mcap")).expect("a link");
+    for (path, why) in [
+        ("/dev/null", "a device"),
+        ("/dev/full", "a device"),
+        (&place("link"), "a symbolic link to something that does not exist"),
+        (&place("link.mcap"), "a symbolic link to something that does not exist"),
+    ] {
+        let server = &[
+            "server",
+            "--listen",
+            "127.0.0.1:0",
+            "--time",
+            "virtual",
+            "--duration",
+            "0.1",
+            "--record",
+            path,
+        ];
+        run(server).code(1).stderr(contains(why).and(contains("Name a new file that ends in .mcap")));
+    }
+}
+
+/// A limit of file sizes is an error of the file, as a full disk is, and does not end the server.
+#[test]
+fn a_limit_of_file_sizes_ends_the_recording_and_not_the_server() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut command = std::process::Command::new("sh");
+    command.args(["-c", "ulimit -f 100; exec \"$0\" \"$@\""]).arg(hbot().get_program());
+    command.args(["server", "--listen", "127.0.0.1:0", "--time", "virtual", "--duration", "3", "--record"]);
+    command.arg(folder.path().join("cut.mcap")).env("XDG_STATE_HOME", folder.path());
+    assert_cmd::Command::from_std(command).assert().code(3).stdout(contains("1 file failed"));
+}
+
 #[test]
 fn a_folder_in_place_of_a_file_is_told_with_what_is_wanted() {
     let folder = tempfile::Builder::new().suffix(".svg").tempdir().expect("a folder");
@@ -297,7 +336,7 @@ fn a_folder_in_place_of_a_file_is_told_with_what_is_wanted() {
 fn what_is_legal_checks_out() {
     run(&["rig", "check"])
         .success()
-        .stdout(contains("a legal design").and(contains("5.000 N m/rad at 0.01")));
+        .stdout(contains("a legal design").and(contains("4.990 N m/rad at 0.01")));
     for scene in std::fs::read_dir("scenes").expect("the scenes") {
         let scene = scene.expect("a scene").path();
         run(&["scene", "check", scene.to_str().expect("UTF-8")]).success();

@@ -150,6 +150,9 @@ typedef enum hbot_event_kind {
   HBOT_EVENT_KIND_REFUSED = 5,
   // The server ends: in `text` the reason.
   HBOT_EVENT_KIND_STOPPING = 6,
+  // The sphere shakes by itself, or has its full torque again: `tick`, `t`, and in `text` what
+  // was found.
+  HBOT_EVENT_KIND_SHAKING = 7,
 } hbot_event_kind;
 
 // Why the lease has another holder.

@@ -37,6 +37,9 @@ pub enum HbotEventKind {
     Refused = 5,
     /// The server ends: in `text` the reason.
     Stopping = 6,
+    /// The sphere shakes by itself, or has its full torque again: `tick`, `t`, and in `text` what
+    /// was found.
+    Shaking = 7,
 }
 
 /// Why the lease has another holder.
@@ -150,6 +153,11 @@ impl HbotEvent {
                 total: refused.total,
                 status: refusal(refused.code),
                 ..Self::new(HbotEventKind::Refused, &refused.message)
+            },
+            Event::Shaking(shaking) => Self {
+                tick: shaking.tick,
+                t: shaking.t,
+                ..Self::new(HbotEventKind::Shaking, &shaking.message)
             },
             Event::Stopping(stopping) => Self::new(HbotEventKind::Stopping, &stopping.message),
             Event::State(_) | Event::Unknown => Self::new(HbotEventKind::Unknown, ""),

@@ -70,7 +70,7 @@ pub unsafe extern "C" fn hbot_info_get(client: *mut HbotClient, info: *mut HbotI
 
 impl HbotInfo {
     fn of(info: &InfoOk, server: &str, session: u64) -> Self {
-        let render = info.render.unwrap_or_default();
+        let render = info.render.clone().unwrap_or_default();
         let clock = info.clock.unwrap_or_default();
         Self {
             server: copied(server),

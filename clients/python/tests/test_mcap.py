@@ -24,7 +24,7 @@ import hbot
 import hbot.mcap
 from hbot.mcap.topics import STATE, TOPICS
 
-KEPT = REPOSITORY / "crates" / "hbot-record" / "tests" / "it" / "kept" / "format-2.mcap"
+KEPT = REPOSITORY / "crates" / "hbot-record" / "tests" / "it" / "kept" / "format-3.mcap"
 DATA_END = 15  # The kind of the record that ends the chunks.
 EVERY_TICK = ("/hbot/state", "/hbot/joints", "/tf", "/hbot/torque")
 
@@ -197,8 +197,13 @@ def test_a_gap_is_named(tmp_path: Path) -> None:
 def test_a_damaged_chunk_is_a_gap_and_is_named(tmp_path: Path) -> None:
     small = tmp_path / "small.mcap"
     rewrite(KEPT, small, lost=range(0))
+    with small.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    # The middle of a chunk, because indexes of chunks between them cost no tick.
+    chunk = summary.chunk_indexes[len(summary.chunk_indexes) // 3]
     data = bytearray(small.read_bytes())
-    data[len(data) // 3] ^= 0x40
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0x40
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data)
     recording = hbot.mcap.read(damaged)

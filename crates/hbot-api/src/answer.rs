@@ -138,6 +138,15 @@ pub struct LoadSceneOk {
     pub warnings: Vec<String>,
 }
 
+/// The answer to the op `set`, with which a client changes parameters of an effect.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SetOk {
+    /// What the rig cannot make of the changed scene or may not keep stable, and what has no effect
+    /// in it: one sentence each, for people. Empty if a server does not send it.
+    #[serde(default)]
+    pub warnings: Vec<String>,
+}
+
 /// An effect of a scene, with the computing time that it needs in each tick.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct EffectCost {

@@ -22,6 +22,8 @@ pub enum Event {
     Dropped(DroppedEvent),
     /// Some of this client's stream messages were refused. Sent at most once per second.
     Refused(RefusedEvent),
+    /// The sphere shakes by itself, or has its full torque again after it did. Sent to all clients.
+    Shaking(ShakingEvent),
     /// The server is stopping. This is the last message on a connection.
     Stopping(StoppingEvent),
     /// An event that a later version of the server sends and this version cannot read. Ignore it.
@@ -44,6 +46,8 @@ names! {
         Dropped = "dropped",
         /// The event [`Event::Refused`]: stream messages were refused.
         Refused = "refused",
+        /// The event [`Event::Shaking`]: the sphere shakes by itself, or has its full torque again.
+        Shaking = "shaking",
         /// The event [`Event::Stopping`]: the server is stopping.
         Stopping = "stopping",
     }
@@ -60,6 +64,7 @@ impl Event {
             Self::Scene(_) => EventName::Scene,
             Self::Dropped(_) => EventName::Dropped,
             Self::Refused(_) => EventName::Refused,
+            Self::Shaking(_) => EventName::Shaking,
             Self::Stopping(_) => EventName::Stopping,
             Self::Unknown => return None,
         })
@@ -161,6 +166,35 @@ pub struct RefusedEvent {
     /// Why the last message was refused, as a code for programs.
     pub code: ErrorCode,
     /// Why the last message was refused, described for people.
+    pub message: String,
+}
+
+/// The fields of [`Event::Shaking`], sent when the sphere shakes by itself, or has its full torque
+/// again after it did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShakingEvent {
+    /// Number of the tick in which this was found.
+    pub tick: u64,
+    /// Time of that tick, in seconds since the control loop began.
+    #[serde(serialize_with = "crate::finite::scalar")]
+    pub t: f64,
+    /// True if the sphere shakes and the torque is lowered. False if the torque has its full value
+    /// again.
+    pub shaking: bool,
+    /// Frequency at which the sphere shakes, Hz. 0 if `shaking` is false.
+    #[serde(serialize_with = "crate::finite::scalar")]
+    pub frequency: f64,
+    /// Largest rate of the sphere about an axis of frame N, rad/s. 0 if `shaking` is false.
+    #[serde(serialize_with = "crate::finite::scalar")]
+    pub amplitude: f64,
+    /// Id of the effect that gives the most energy. `None` if it is not known, or if `shaking` is
+    /// false.
+    pub effect: Option<String>,
+    /// Fraction of the torque that was left when this was found, 0 to 1. If the sphere shakes, it
+    /// is lowered further until the sphere is calm.
+    #[serde(serialize_with = "crate::finite::scalar")]
+    pub gain: f64,
+    /// Description for people: what was found, and what to do.
     pub message: String,
 }
 

@@ -200,7 +200,7 @@ pub struct TractionInfo {
 
 /// Estimates of the stiffest springs that a rig can render, if neither friction nor a hand damps
 /// the sphere.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RenderInfo {
     /// Smallest apparent inertia of the sphere about any axis, kg m².
@@ -219,6 +219,39 @@ pub struct RenderInfo {
     /// send it.
     #[serde(serialize_with = "finite::scalar")]
     pub damping_most: f64,
+    /// The loop from which these numbers follow, and by which the server warns of scenes. `None`
+    /// if an older server does not send it.
+    #[serde(rename = "loop")]
+    pub sampled: Option<LoopInfo>,
+}
+
+/// The loop from a reading of the sphere's motion to the torque that acts on it. With the tick rate
+/// and the limits it decides what the rig keeps stable.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LoopInfo {
+    /// Whole ticks from a reading to the torque that is computed from it.
+    pub delay_ticks: u32,
+    /// Time constant with which the motors' torque follows its command, s.
+    #[serde(serialize_with = "finite::scalar")]
+    pub lag_s: f64,
+    /// Time by which the scene is rendered ahead of its reading, s.
+    #[serde(serialize_with = "finite::scalar")]
+    pub lead_s: f64,
+    /// Time by which the limit on the torque's rate of change delays the torque, s.
+    #[serde(serialize_with = "finite::scalar")]
+    pub slew_s: f64,
+    /// Time constant of the filter of the motor controllers' encoders, s. 0 for none.
+    #[serde(serialize_with = "finite::scalar")]
+    pub rate_lag_s: f64,
+    /// Weights of the last angles in a rate that is estimated from them, 1/s, the newest angle
+    /// first. Empty if the rates are those of the motor controllers.
+    pub rate_weights: Vec<f64>,
+    /// Inertia of the sphere about each of `axes`, kg m².
+    #[serde(serialize_with = "finite::array")]
+    pub inertia: [f64; 3],
+    /// The principal axes of the inertia, unit vectors in frame N.
+    pub axes: [[f64; 3]; 3],
 }
 
 /// Description of a kind of effect, or of a phenomenon of the simulated rig.

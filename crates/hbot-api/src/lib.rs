@@ -72,7 +72,7 @@ mod text;
 mod untyped;
 
 pub use answer::{
-    AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SubscribeOk,
+    AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SetOk, SubscribeOk,
 };
 pub use axes::Axes;
 pub use client::{
@@ -85,12 +85,12 @@ pub use encoding::{Encoding, MessageEncodeError};
 pub use error::{ErrorBody, ErrorCode, RequestRefusal};
 pub use event::{
     DroppedEvent, Event, EventName, FaultEvent, LeaseCause, LeaseEvent, RefusedEvent, Requester, SceneEvent,
-    StoppingEvent,
+    ShakingEvent, StoppingEvent,
 };
 pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
 pub use info::{
-    ClientLostPolicy, ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
+    ClientLostPolicy, ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, LoopInfo,
     PassivityInfo, RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 pub use names::Name;

@@ -24,6 +24,7 @@
 //! assert!(mistakes.contains("wheel[0].drive.gear: 0 is out of range; legal: 0.001 to 10000"));
 //! ```
 
+pub mod advice;
 mod angle;
 mod decode;
 mod diagnostic;

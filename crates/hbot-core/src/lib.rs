@@ -99,11 +99,12 @@
 //!
 //! | reals | a [`Controller`] | its history of orientations | a [`CompiledScene`] |
 //! |---|---|---|---|
-//! | f64 | 92520 | 41088 | 40464 |
-//! | f32 | 53448 | 24640 | 20496 |
+//! | f64 | 95240 | 41088 | 40464 |
+//! | f32 | 54944 | 24640 | 20496 |
 #![no_std]
 
 pub mod allocation;
+pub mod around;
 mod burst;
 pub mod controller;
 mod count;
@@ -112,11 +113,13 @@ pub mod effects;
 mod encoder;
 #[cfg(feature = "exact")]
 mod exact;
+mod fades;
 mod heat;
 pub mod impedance;
 pub mod inputs;
 mod joints;
 pub mod kinematics;
+mod lead;
 mod linear;
 pub mod mode;
 pub mod odometry;
@@ -124,12 +127,13 @@ mod orientation;
 pub mod outputs;
 mod passivity;
 pub mod path;
-mod rates;
+pub mod rates;
 mod real;
 pub mod render;
 pub mod rig;
 pub mod rotation;
 pub mod scene;
+pub mod shaking;
 mod shaping;
 pub mod singularity;
 mod watch;

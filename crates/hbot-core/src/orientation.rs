@@ -3,7 +3,7 @@
 
 use crate::odometry;
 use crate::real::{Quat, Real, Vec3};
-use crate::rotation::renormalized;
+use crate::rotation::{exp, renormalized};
 use crate::shaping::limited;
 
 /// Number of past orientations that a controller stores, one per tick. It limits how old an
@@ -17,9 +17,11 @@ pub const ALIGN_HISTORY: usize = 1024;
 
 /// The orientation of the sphere and its history.
 ///
-/// The orientation is q = correction * integral. The integral comes from the turns measured at the
-/// wheels, the correction from independent measurements. The history contains only the integral, so
-/// later corrections also apply to past orientations.
+/// The orientation is q = integral * correction. The integral comes from the turns measured at the
+/// wheels, the correction from independent measurements. The wheels measure turns in frame N, which
+/// multiply from the left. So the correction stands on the right: on the left it would turn the
+/// axes of all later turns. The history contains only the integral, so later corrections also apply
+/// to past orientations.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Orientation {
@@ -27,7 +29,8 @@ pub(crate) struct Orientation {
     pub(crate) q: Quat,
     integral: Quat,
     correction: Quat,
-    /// The part of the correction that is not applied yet, as a rotation vector in frame N, in rad.
+    /// The part of the correction that is not applied yet, as a rotation vector in the sphere's
+    /// axes, in rad.
     pending: Vec3,
     /// True if a measurement from outside has ever corrected the orientation. Until then, the
     /// integral is the orientation.
@@ -67,13 +70,13 @@ impl Orientation {
         if self.pending != Vec3::ZERO {
             let turn = limited(self.pending, step);
             self.pending -= turn;
-            self.correction = odometry::advance(self.correction, turn);
+            self.correction = renormalized(self.correction * exp(turn));
         }
         // A correction of zero leaves the bits of the integral.
         self.q = if self.correction == Quat::IDENTITY {
             self.integral
         } else {
-            renormalized(self.correction * self.integral)
+            renormalized(self.integral * self.correction)
         };
     }
 
@@ -81,13 +84,14 @@ impl Orientation {
     /// Returns `None` if the tick is not in the history.
     pub(crate) fn at(&self, tick: u64) -> Option<Quat> {
         let (when, integral) = self.history[tick as usize % ALIGN_HISTORY];
-        (when == tick).then(|| self.correction * integral)
+        (when == tick).then(|| integral * self.correction)
     }
 
     /// Starts a correction of the orientation by the fraction `weight` of the turn `delta`
-    /// (rotation vector in frame N, rad). It replaces a correction that is still pending.
-    pub(crate) fn correct(&mut self, delta: Vec3, weight: Real) {
-        self.pending = delta * weight;
+    /// (rotation vector in frame N, rad), which was measured when the orientation was `then`. It
+    /// replaces a correction that is still pending.
+    pub(crate) fn correct(&mut self, then: Quat, delta: Vec3, weight: Real) {
+        self.pending = then.conjugate() * (delta * weight);
         self.corrected = true;
     }
 }

@@ -4,6 +4,7 @@ use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::inputs::MAX_COMMANDS;
 use crate::mode::{Cause, Mode, Obstacle};
 use crate::real::{Quat, Real, Vec3};
+use crate::shaking::Shaking;
 
 /// All outputs of one tick: the command to the motors, the replies to clients' commands, and the
 /// state to publish.
@@ -129,6 +130,11 @@ pub struct State {
     pub client: Option<TakenStream>,
     /// True if this tick took a new reading.
     pub fresh: bool,
+    /// What the guard against a sphere that shakes by itself has found, while it lowers the torque.
+    pub shaking: Option<Shaking>,
+    /// How far ahead of the reading the scene was rendered, us. 0 if it was rendered at the
+    /// measured pose `q`, or not at all.
+    pub lead_us: Real,
 }
 
 /// Labels of the last message of a torque or reference stream that was accepted from a client.

@@ -131,7 +131,7 @@ impl Guard {
         let held = observer.on_their_way(now.answered, now.tick) + wanted;
         let given = held.dot(omega) * now.period;
         let counted = match ledger {
-            Some(ledger) => given + ledger.on_their_way(now.answered, now.tick, omega * now.period),
+            Some(ledger) => ledger.predicted(now.answered, now.tick, omega * now.period, given),
             None => given,
         };
         let excess = self.energy + counted - self.limit.allowance;
@@ -158,12 +158,15 @@ impl Guard {
 
 /// Finds the part of the energy given to the hand that delay and sampling have created.
 ///
-/// A law without delay gives back what it took: around any closed path its elastic torque P does no
-/// work. With delay, the torque of a command acts later than the turn to which it answers. So the
-/// energy that delay creates is the work of the held torque on a turn, minus the work of P on the
-/// same turn. P at both ends of the turn is known as soon as the scene is rendered there. Torque
-/// that resists the rate counts as it is: what it absorbs pays for what the delay creates. Torque
-/// that moves the sphere on purpose does not count.
+/// A law without delay would make the torque P at the measured orientation, and its damping. The
+/// held torque differs, because it answers an older reading. So the energy that delay creates is the
+/// work of the held torque on a turn, minus the work of P on the same turn. P at both ends of the
+/// turn is known as soon as both are measured. The damping has no part in P: what it absorbs pays
+/// for what the delay creates. Torque of effects that are not elastic, of streams and of blends
+/// moves the sphere on purpose. It does not count.
+///
+/// For a spring of the stiffness K and the damping b this is (K tau - b) w² per second, with the
+/// delay tau and the rate w. A lead takes tau away; P stays that of the measured orientation.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Ledger {
@@ -172,38 +175,40 @@ pub(crate) struct Ledger {
     sent: [Parts; SENT],
     /// Number of the last command that was recorded.
     newest: u32,
-    /// Parts of the torque that is being computed. They are recorded when it is sent.
+    /// Parts of the torque of this tick. They are recorded when it is sent.
     pending: Parts,
     /// The whole torque that is wanted in this tick, N m.
     wanted: Vec3,
-    /// Elastic torque at the last two rendered orientations, N m, the newer one first.
-    elastic: [Vec3; 2],
+    /// Torque P at the last two rendered orientations, N m, the newer one first.
+    law: [Vec3; 2],
     /// Turn of the sphere since the last rendered orientation, rad.
     turn: Vec3,
-    /// Energy that was given during this turn, J, and the share of it by the elastic torque.
-    given: [Real; 2],
+    /// Energy that was given during this turn by torque that counts, J.
+    given: Real,
+    /// Energy that the passivity controller's damping has absorbed during this turn, J.
+    absorbed: Real,
 }
-
-/// Number of commands whose parts are known. Energy given by older commands counts in full.
-const SENT: usize = 64;
-
-/// Part by which the energy that delay creates counts more than it is. So a swing on a spring that
-/// is too stiff dies out even if neither hand nor device damp it.
-const MARGIN: Real = 0.25;
 
 /// Parts of the torque of one command, or the sums over several commands, in frame N, N m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 struct Parts {
-    /// Torque that depends on the orientation of the sphere alone.
-    elastic: Vec3,
     /// Torque that moves the sphere on purpose.
     driving: Vec3,
+    /// Torque that the passivity controller has added.
+    damping: Vec3,
 }
 
 impl Parts {
-    const NOTHING: Self = Self { elastic: Vec3::ZERO, driving: Vec3::ZERO };
+    const NOTHING: Self = Self { driving: Vec3::ZERO, damping: Vec3::ZERO };
 }
+
+/// Number of commands whose torque is known. Energy given by older commands counts in full.
+const SENT: usize = 64;
+
+/// Part by which the energy that delay creates counts more than it is. So a swing on a spring that
+/// is too stiff dies out even if neither hand nor device damp it.
+const MARGIN: Real = 0.25;
 
 impl Ledger {
     pub(crate) const START: Self = Self {
@@ -211,9 +216,10 @@ impl Ledger {
         newest: 0,
         pending: Parts::NOTHING,
         wanted: Vec3::ZERO,
-        elastic: [Vec3::ZERO; 2],
+        law: [Vec3::ZERO; 2],
         turn: Vec3::ZERO,
-        given: [0.0; 2],
+        given: 0.0,
+        absorbed: 0.0,
     };
 
     /// Adds the energy `given` (J) that the commands from number `from` to the one before `to` gave
@@ -223,20 +229,21 @@ impl Ledger {
         let steps = to.wrapping_sub(from).clamp(1, SENT as u32);
         let sum = self.sum(from, steps);
         let each = turn / steps as Real;
+        let absorbed = -sum.damping.dot(each);
         self.turn += turn;
-        self.given[0] += given - sum.driving.dot(each);
-        self.given[1] += sum.elastic.dot(each);
+        self.given += given - sum.driving.dot(each) + absorbed;
+        self.absorbed += absorbed;
     }
 
-    /// Takes the parts of the torque that is being computed, N m. Returns the energy that delay has
-    /// created since the last torque was computed, less the energy that the scene has absorbed, J.
+    /// Takes the torque P at the present orientation, and the torque that does not count of the
+    /// command that is being computed, N m. Returns the energy that delay has created since the
+    /// last torque was computed, less the energy that the scene has absorbed, J.
     #[inline]
-    pub(crate) fn part(&mut self, elastic: Vec3, driving: Vec3) -> Real {
-        self.pending = Parts { elastic, driving };
-        self.elastic = [elastic, self.elastic[0]];
-        let lawful = 0.5 * (elastic + self.elastic[1]).dot(core::mem::take(&mut self.turn));
-        let [given, elastic] = core::mem::take(&mut self.given);
-        given - lawful + MARGIN * (elastic - lawful)
+    pub(crate) fn render(&mut self, law: Vec3, driving: Vec3) -> Real {
+        self.pending = Parts { driving, damping: Vec3::ZERO };
+        self.law = [law, self.law[0]];
+        let lawful = 0.5 * (law + self.law[1]).dot(core::mem::take(&mut self.turn));
+        counted(core::mem::take(&mut self.given) - lawful) - core::mem::take(&mut self.absorbed)
     }
 
     /// Forgets the turns that were not rendered. Called if the motors make no torque.
@@ -244,17 +251,19 @@ impl Ledger {
         *self = Self { sent: self.sent, newest: self.newest, ..Self::START };
     }
 
-    /// Takes the whole torque that is wanted in this tick, N m.
+    /// Takes the whole torque that is wanted in this tick, and the part of it that the passivity
+    /// controller has added, both in N m.
     #[inline]
-    pub(crate) fn want(&mut self, wanted: Vec3) {
+    pub(crate) fn want(&mut self, wanted: Vec3, damping: Vec3) {
         self.wanted = wanted;
+        self.pending.damping = damping;
     }
 
     /// Records the torque `made` (N m) as that of the command `sequence`. `kept` is the fraction of
     /// the wanted torque that motors and contacts could make.
     ///
-    /// The rest of the difference between `made` and the wanted torque comes from the slew limit. It
-    /// delays all parts. The driving part has its share of it, which does not count.
+    /// The rest of the difference between `made` and the wanted torque comes from the slew limit,
+    /// which delays all torque. The driving part has its share of it, which does not count.
     #[inline]
     pub(crate) fn record(&mut self, sequence: u32, made: Vec3, kept: Real) {
         let ahead = sequence.wrapping_sub(self.newest) as i32;
@@ -265,30 +274,30 @@ impl Ledger {
             }
         }
         self.newest = sequence;
-        let Parts { elastic, driving } = self.pending;
+        let Parts { driving, damping } = self.pending;
         let own = driving.length_squared();
         let rest = (self.wanted - driving).length_squared();
         let share = if own > 0.0 { own / (own + rest) } else { 0.0 };
-        let slewed = (made - self.wanted * kept) * share;
-        self.sent[sequence as usize % SENT] =
-            Parts { elastic: elastic * kept, driving: driving * kept + slewed };
+        let driving = driving * kept + (made - self.wanted * kept) * share;
+        self.sent[sequence as usize % SENT] = Parts { driving, damping: damping * kept };
     }
 
-    /// Returns what must be added to the energy that the torques under way will give, J, so that
-    /// only the energy is left that delay will have created at the end of tick `tick`. `step` is the
-    /// turn of the sphere in a tick, rad. The elastic torque is assumed to change as it has changed
-    /// in the last tick.
+    /// Returns the energy that will count at the end of tick `tick`, J. `given` is the energy that
+    /// the torques under way will give until then. `step` is the turn of the sphere in a tick, rad.
+    /// P is assumed to change as it has changed in the last tick.
     #[inline]
-    fn on_their_way(&self, answered: u32, tick: u32, step: Vec3) -> Real {
+    fn predicted(&self, answered: u32, tick: u32, step: Vec3, given: Real) -> Real {
         let ticks = (tick.wrapping_sub(answered) as i32).max(0) as u32;
         let sum = self.sum(answered, ticks);
-        let (elastic, driving) = (sum.elastic + self.pending.elastic, sum.driving + self.pending.driving);
-        let [now, before] = self.elastic;
+        let driving = sum.driving + self.pending.driving;
+        let absorbed = -sum.damping.dot(step);
+        let [now, before] = self.law;
         let count = (ticks + 1) as Real;
         let lawful = (now + (now - before) * (0.5 * count)).dot(step) * count;
-        MARGIN * (elastic.dot(step) - lawful) - lawful - driving.dot(step)
+        counted(given + absorbed - driving.dot(step) - lawful) - absorbed
     }
 
+    /// Returns the sums over the `steps` commands from number `from` on.
     #[inline]
     fn sum(&self, from: u32, steps: u32) -> Parts {
         let mut sum = Parts::NOTHING;
@@ -298,12 +307,19 @@ impl Ledger {
             let sent = if self.newest.wrapping_sub(command) as i32 >= 0 { command } else { self.newest };
             if self.newest.wrapping_sub(sent) < SENT as u32 {
                 let part = &self.sent[sent as usize % SENT];
-                sum.elastic += part.elastic;
                 sum.driving += part.driving;
+                sum.damping += part.damping;
             }
         }
         sum
     }
+}
+
+/// Returns how much `energy`, J, counts. It is positive if the delay creates more than the scene
+/// absorbs.
+#[inline]
+fn counted(energy: Real) -> Real {
+    energy + MARGIN * energy.max(0.0)
 }
 
 /// Data about the present tick that the passivity controller needs.

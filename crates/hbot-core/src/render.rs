@@ -1,11 +1,37 @@
 //! Runs the effects of a compiled scene and keeps their memories.
 
-use crate::effects::{Anchor, Effect, EffectState, Memory, Motion, Now, Reference, Shared, mass_scale};
+use crate::effects::{
+    Anchor, Effect, EffectState, Memory, Motion, Now, Reference, Shared, largest, mass_scale,
+};
+use crate::fades::{self, Parts};
 use crate::real::{Quat, Real, Vec3};
 use crate::rig::Rig;
 use crate::rotation;
 use crate::scene::{CompiledScene, MAX_EFFECTS};
 use crate::shaping::limited;
+
+/// The tick in which a scene is rendered, and the time by which its effects advance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moment {
+    /// Number of the tick.
+    pub(crate) tick: u64,
+    /// Time since the last tick, s. It is 0 if the effects must not advance.
+    pub(crate) dt: Real,
+    /// Largest turn of a reference towards its goal in the time `dt`, rad.
+    pub(crate) reach: Real,
+    /// Time by which the pose at which the scene is rendered is ahead of its reading, s.
+    pub(crate) lead: Real,
+    /// Part of `lead` that is still to come: time from this tick to the moment of the pose, s.
+    pub(crate) ahead: Real,
+    /// Largest turn of a reference towards its goal in the time `ahead`, rad.
+    pub(crate) reach_ahead: Real,
+}
+
+impl Moment {
+    pub(crate) fn without_lead(tick: u64, dt: Real, reach: Real) -> Self {
+        Self { tick, dt, reach, lead: 0.0, ahead: 0.0, reach_ahead: 0.0 }
+    }
+}
 
 /// Computes the torque of a scene, and keeps the memory that its effects need from tick to tick.
 /// The controller uses it. Plots, studies and tests also use it without a controller.
@@ -25,33 +51,6 @@ pub struct Renderer {
     /// virtual masses.
     inertia: Real,
     period: Real,
-    #[cfg_attr(feature = "exact", serde(skip))]
-    parts: Parts,
-}
-
-/// Parts of a scene's torque that the passivity controller treats differently, in frame N, N m. The
-/// rest moves the sphere on purpose: constant torques, vibrations, moving references.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Parts {
-    /// Torque that depends on the sphere's orientation and gives back the energy that it took.
-    pub(crate) elastic: Vec3,
-    /// Torque that resists the sphere's rate.
-    pub(crate) resisting: Vec3,
-}
-
-impl Parts {
-    const NOTHING: Self = Self { elastic: Vec3::ZERO, resisting: Vec3::ZERO };
-
-    /// Adds the parts of the torque `own` (N m) of the effect that has just been rendered with
-    /// `gain`. An effect whose reference moves is driven: `moving` is then true.
-    #[inline]
-    fn add(&mut self, own: Vec3, gain: Real, shared: &mut Shared, moving: bool) {
-        let resisting = core::mem::take(&mut shared.resisting) * gain;
-        if !core::mem::take(&mut shared.driving) && !moving {
-            self.resisting += resisting;
-            self.elastic += own - resisting;
-        }
-    }
 }
 
 impl Renderer {
@@ -67,7 +66,6 @@ impl Renderer {
             placed: 0,
             inertia: rig.device.sphere_inertia(),
             period: rig.timing.period_s(),
-            parts: Parts::NOTHING,
         }
     }
 
@@ -99,7 +97,7 @@ impl Renderer {
         }
         let masses = scene.effects().iter().filter_map(|effect| {
             let (mass, smoothing) = effect.kind.mass()?;
-            Some((mass * effect.gain, smoothing))
+            Some((largest(&mass) * effect.gain, smoothing))
         });
         self.shared.mass_scale = mass_scale(masses, self.inertia, self.period);
         let has = |effect: &&Effect| !effect.leaving && effect.kind.reference().is_some();
@@ -137,6 +135,11 @@ impl Renderer {
     fn distance(&self, scene: &CompiledScene, effect: &Effect, q: Quat) -> Option<Real> {
         let goal = self.states[usize::from(effect.slot)].reference.goal;
         effect.kind.excess(goal, q, scene.numbers(effect.numbers))
+    }
+
+    /// Returns true if the reference of an effect of `scene` moves.
+    pub(crate) fn is_led(&self, scene: &CompiledScene) -> bool {
+        scene.effects().iter().any(|effect| self.states[usize::from(effect.slot)].reference.moving)
     }
 
     /// Restarts all effects of `scene` when the rig is enabled. References with the anchor
@@ -204,22 +207,23 @@ impl Renderer {
         dt: Real,
         reach: Real,
     ) -> Vec3 {
-        self.render_in_tick(scene, *motion, tick, dt, reach)
+        self.render_in_tick(scene, *motion, Moment::without_lead(tick, dt, reach), |_, _| {})
     }
 
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
-    /// returned through memory costs some nanoseconds.
+    /// returned through memory costs some nanoseconds. `each` is called with each effect and its
+    /// torque.
     #[inline(always)]
     pub(crate) fn render_in_tick(
         &mut self,
         scene: &CompiledScene,
         motion: Motion,
-        tick: u64,
-        dt: Real,
-        reach: Real,
+        moment: Moment,
+        mut each: impl FnMut(&Effect, Vec3),
     ) -> Vec3 {
+        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
+        let shares = self.shared.several;
         let mut torque = Vec3::ZERO;
-        self.parts = Parts::NOTHING;
         self.shared.begin();
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
@@ -240,34 +244,100 @@ impl Renderer {
                 // An effect that leaves before its fade-in has ended does not get stronger.
                 state.age_s += if effect.leaving { 0.0 } else { dt };
             }
+            let mut led = None;
+            if state.reference.moving && ahead > 0.0 {
+                led = Some(led_by(&state.reference, ahead, reach_ahead));
+            }
             let now = Now {
                 motion,
                 dt,
-                reference: &state.reference,
+                lead,
+                ahead,
+                reference: led.as_ref().unwrap_or(&state.reference),
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut self.shared,
+                shares,
             };
-            let own = effect.kind.render(gain, now, &mut state.memory);
-            torque += own;
-            if self.shared.parted {
-                self.parts.add(own, gain, &mut self.shared, state.reference.moving);
-            }
+            let part = effect.kind.render(gain, now, &mut state.memory);
+            each(effect, part);
+            torque += part;
         }
         self.shared.end(&motion, dt);
         torque
     }
 
-    /// Says whether [`render_in_tick`](Self::render_in_tick) also computes the parts of the torque,
-    /// which [`parts`](Self::parts) returns.
-    #[inline]
-    pub(crate) fn part(&mut self, parted: bool) {
-        self.shared.parted = parted;
+    /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add
+    /// those that fade. The fades do not advance. `next` is the time until the next tick, s.
+    pub(crate) fn parts(
+        &mut self,
+        scene: &CompiledScene,
+        motion: &Motion,
+        moment: Moment,
+        next: Real,
+    ) -> Parts {
+        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
+        let shares = self.shared.several;
+        let mut parts = Parts::NONE;
+        self.shared.begin();
+        for effect in scene.effects() {
+            let state = &mut self.states[usize::from(effect.slot)];
+            if state.reference.moving {
+                advance(&mut state.reference, tick, reach);
+            }
+            if effect.leaving && !(effect.fade_out_s - state.leaving_s > 0.0) {
+                continue;
+            }
+            let led =
+                (state.reference.moving && ahead > 0.0).then(|| led_by(&state.reference, ahead, reach_ahead));
+            let now = Now {
+                motion: *motion,
+                dt,
+                lead,
+                ahead,
+                reference: led.as_ref().unwrap_or(&state.reference),
+                numbers: scene.numbers(effect.numbers),
+                shared: &mut self.shared,
+                shares,
+            };
+            let torque = effect.kind.render(effect.gain, now, &mut state.memory);
+            parts.add(effect, state, torque, next);
+        }
+        self.shared.end(motion, dt);
+        parts
     }
 
-    /// Returns the parts of the last rendered torque.
-    #[inline]
-    pub(crate) fn parts(&self) -> Parts {
-        self.parts
+    /// Advances all fades by the fraction `part` of a tick of `dt` seconds.
+    pub(crate) fn fade(&mut self, scene: &CompiledScene, dt: Real, part: Real) {
+        for effect in scene.effects() {
+            fades::advance(effect, &mut self.states[usize::from(effect.slot)], dt, part);
+        }
+    }
+
+    /// Returns the torque that the elastic effects of the last tick would make without delay if the
+    /// sphere were at rest in the orientation `q`, N m. This is their torque without damping. No
+    /// effect advances.
+    #[inline(never)]
+    pub(crate) fn elastic_at(&mut self, scene: &CompiledScene, q: Quat) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        for effect in scene.effects().iter().filter(|effect| effect.kind.is_elastic()) {
+            let state = &self.states[usize::from(effect.slot)];
+            let factor = fades::factor(effect, state);
+            if factor > 0.0 {
+                let mut memory = state.memory;
+                let now = Now {
+                    motion: Motion { q, omega: Vec3::ZERO },
+                    dt: 0.0,
+                    lead: 0.0,
+                    ahead: 0.0,
+                    reference: &state.reference,
+                    numbers: scene.numbers(effect.numbers),
+                    shared: &mut self.shared,
+                    shares: false,
+                };
+                sum += effect.kind.render(effect.gain * factor, now, &mut memory);
+            }
+        }
+        sum
     }
 
     /// Returns the energy that the effects store at the orientation `q`, J, multiplied by their
@@ -283,9 +353,12 @@ impl Renderer {
             let mut now = Now {
                 motion,
                 dt: 0.0,
+                lead: 0.0,
+                ahead: 0.0,
                 reference: &state.reference,
                 numbers: scene.numbers(effect.numbers),
                 shared: &mut shared,
+                shares: false,
             };
             if let Some(energy) = effect.kind.energy(&mut now, &state.memory) {
                 sum = Some(sum.unwrap_or(0.0) + energy * effect.gain);
@@ -324,6 +397,19 @@ fn advance(reference: &mut Reference, tick: u64, reach: Real) {
         reference.omega = Vec3::ZERO;
     }
     reference.moving = reference.q != reference.goal || reference.omega != Vec3::ZERO;
+}
+
+/// Returns where a moving reference will be `ahead` seconds later. It turns towards its goal by at
+/// most `reach` rad, or by its own rate if it is there.
+#[inline(never)]
+fn led_by(reference: &Reference, ahead: Real, reach: Real) -> Reference {
+    let mut led = *reference;
+    if led.q != led.goal {
+        approach(&mut led.q, led.goal, reach);
+    } else {
+        led.q = rotation::renormalized(rotation::exp(led.omega * ahead) * led.q);
+    }
+    led
 }
 
 /// Turns the orientation `q` towards `goal` by at most `reach` rad.

@@ -6,6 +6,7 @@ use std::sync::{Arc, mpsc};
 
 use hbot_config::RigConfig;
 use hbot_config::rig::Port;
+use hbot_sim::controller::Lags;
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::pty::{PtyOptions, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig, SimulatedRigError};
@@ -13,7 +14,7 @@ use hbot_sim::served::{ServeError, ServedRig};
 use hbot_sim::socket::{SharedTime, spawn_socket};
 use thiserror::Error;
 
-use crate::bus::{Expected, MeetError, MotorBus, driver};
+use crate::bus::{Expected, MeetError, MotorBus, driver, filtering_warnings};
 use crate::last_word::{Program, without_core_file};
 use crate::layout::Layout;
 use crate::line::serial::{LatencyTimer, OpenError, Peer, Serial, unguarded};
@@ -59,8 +60,18 @@ impl Simulator {
     pub fn post(&self, call: SimulatorCall) {
         match &self.0 {
             Place::Loop(calls) => _ = calls.send(call),
-            // If the rig's thread has ended, the loop reports a lost link.
+            // If the rig's thread has ended, the server ends too.
             Place::Thread(served) => _ = served.post(call),
+        }
+    }
+
+    /// Returns why the thread of the simulated rig has failed. Returns `None` if it has not, or if
+    /// the rig runs in the loop's thread.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        match &self.0 {
+            Place::Loop(_) => None,
+            Place::Thread(served) => served.failure(),
         }
     }
 
@@ -133,7 +144,8 @@ pub(crate) fn simulated_rig(
     phenomena: Phenomena,
 ) -> Result<SimulatedRig, SimulatedRigError> {
     let line = rig.link.protocol.into();
-    SimulatedRig::new(&SimulatedConfig { line, phenomena, ..SimulatedConfig::new(&rig.rig) })
+    let lags = Lags { torque: Some(rig.torque_lag), rate: Some(rig.rate_lag) };
+    SimulatedRig::new(&SimulatedConfig { line, lags, phenomena, ..SimulatedConfig::new(&rig.rig) })
 }
 
 /// A motor bus, and the controllers on its line, which have been checked.
@@ -174,6 +186,7 @@ pub(crate) fn serial(
         let mut line = Serial::open(device, rig.link.baud)?;
         let expected = Expected::new(device, &rig.rig, layout, bus);
         protocol.meet(&mut line, &expected)?;
+        notices.extend(filtering_warnings(rig, &expected));
         let off = protocol.off_bytes(&expected);
         if let Some(Err(error)) = helper.map(|helper| line.guard(helper, &off)) {
             notices.push(unguarded(device, &error));
@@ -208,6 +221,24 @@ fn delay(device: &str, timer: &LatencyTimer) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A server over a serial port compares the filters of its servos with the rig file.
+    #[test]
+    fn a_servo_that_is_later_than_the_rig_file_says_is_a_notice() {
+        let text = include_str!("../../../rigs/prototype-moteus.toml");
+        let rig = RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("legal");
+        let mut simulated = simulated_rig(&rig, Phenomena::default()).expect("it can be simulated");
+        assert!(simulated.controllers_mut().set(1, "motor_position.sources.0.pll_filter_hz", 100.0));
+        let pty = spawn_pty(simulated, PtyOptions::default());
+        let pty = pty.expect("this test needs pseudo-terminals (/dev/ptmx)");
+        let device = pty.path().display().to_string();
+        let mut notices = Vec::new();
+        let met = serial(&rig, &[device], &Layout::of(&rig), None, false, &mut notices);
+        assert_eq!(met.map(|lines| lines.len()).map_err(|error| error.to_string()), Ok(1));
+        let right = "wheel[0].drive: its controller has motor_position.sources.0.pll_filter_hz = 100 Hz, so the rate that \
+                     it reports is 7.9 ms late and not 3.9 ms";
+        assert!(notices.len() == 1 && notices[0].starts_with(right), "{notices:?}");
+    }
 
     #[test]
     fn a_chip_that_delays_readings_by_more_than_a_millisecond_is_a_notice() {

@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use crate::attach::{AttachError, Simulator, serial, simulated};
 use crate::bridge::{ServiceEnd, bridge};
-use crate::bus::MotorBus;
+use crate::bus::{MotorBus, late_rates};
 use crate::clock::{Origin, now_ns};
 use crate::controllers::Controllers;
 use crate::engine::{Engine, Recorder};
@@ -95,6 +95,7 @@ impl Host {
         let HostOptions { rig, scene, phenomena, time, ticks, buses, last_word, recorder } = options;
         let processor = rig.cpu.map(Processor::new).transpose()?;
         let mut notices = uncalibrated(&rig);
+        notices.extend(late_rates(&rig));
         let wake_latency = limit_wake_latency(&rig, time, &mut notices);
         if time == Time::Wall {
             lock(&mut notices);
@@ -128,9 +129,15 @@ impl Host {
         };
         let (loop_end, end) = bridge()?;
         let motors = Motors::new(buses, &layout, rig.link.watchdog_ms);
-        let engine = Engine::new(motors, Controller::new(rig.rig), scene, loop_end, recorder)
-            .enabling(simulator.is_some())
-            .waiting(shared.is_some());
+        let engine = Engine::new(
+            motors,
+            Controller::new(rig.rig).with_shaking_guard(rig.shaking_guard),
+            scene,
+            loop_end,
+            recorder,
+        )
+        .enabling(simulator.is_some())
+        .waiting(shared.is_some());
         let time_waits = shared.is_some();
         let stop = StopFlag::default();
         let (thread, origin) = match time {

@@ -20,10 +20,8 @@
 //! 7. [`bringup`] moves one joint at a time and calibrates the rig. [`signals`] lists the signals
 //!    that end a program. [`stop_signal`] is an emergency stop by signal. [`doctor`] checks whether
 //!    a machine can keep the loop's deadlines. [`expectation`] measures what a rig's methods cost
-//!    on this machine and how large their error is. [`stiffness`] computes the stiffness that a rig
-//!    can render. [`abilities`] says what of a scene a rig cannot make.
+//!    on this machine and how large their error is.
 
-pub mod abilities;
 pub mod attach;
 pub mod bridge;
 #[cfg(test)]
@@ -56,7 +54,6 @@ mod report_tests;
 pub mod run_loop;
 pub mod sample;
 pub mod signals;
-pub mod stiffness;
 pub mod stop_signal;
 #[cfg(test)]
 mod tick_bench;

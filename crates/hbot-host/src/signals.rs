@@ -4,7 +4,7 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGXFSZ};
 use signal_hook::{flag, low_level};
 
 use crate::run_loop::StopFlag;
@@ -33,6 +33,16 @@ pub fn stop_flag() -> io::Result<StopFlag> {
 pub(crate) fn ignore() -> io::Result<()> {
     let nobody_reads = Arc::new(AtomicBool::new(false));
     STOPPING.iter().try_for_each(|signal| flag::register(*signal, Arc::clone(&nobody_reads)).map(drop))
+}
+
+/// Lets this process go on when a file reaches a limit of its size (`ulimit -f`, `LimitFSIZE=`).
+/// Without this call the signal SIGXFSZ ends the process. With it, the write fails with the error
+/// EFBIG, as on a full disk.
+///
+/// # Errors
+/// Fails if the system refuses to install a signal handler.
+pub fn outlive_file_limits() -> io::Result<()> {
+    flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map(drop)
 }
 
 /// Gives the [`STOPPING`] signals their default effect again: they end this process, or suspend it.

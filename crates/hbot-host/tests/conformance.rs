@@ -37,13 +37,17 @@ impl Simulated {
         Self::boxed(with_counts(Name::Moteus), Line { protocol: Name::Moteus, checksums: false })
     }
 
-    /// Simulated ODrives with the watchdog time of the suite, 20 ms.
-    fn odrive() -> Box<dyn Controllers> {
+    /// Simulated ODrives with the watchdog time of the suite, 20 ms. Their firmware has the
+    /// `differences` from firmware 0.5.6.
+    fn odrive(differences: &[&str]) -> Box<dyn Controllers> {
         let config =
             SimulatedConfig { line: Name::Odrive.into(), ..SimulatedConfig::new(&with_counts(Name::Odrive)) };
         let mut rig = SimulatedRig::new(&config).expect("the prototype can be simulated");
         for joint in 0..4 {
             assert!(rig.controllers_mut().set(joint, "config.watchdog_timeout", 0.02));
+            for difference in differences {
+                assert!(rig.controllers_mut().set(joint, difference, 1.0), "{difference}");
+            }
         }
         Box::new(Self(rig))
     }
@@ -115,9 +119,28 @@ fn moteus_conforms_on_an_adapter() {
     assert_conforms(&with_ids(&Moteus, Name::Moteus, Simulated::moteus_on_fdcanusb));
 }
 
+/// What the watchdog of firmware 0.6 could do otherwise than that of 0.5.6.
+const ONLY_ARMED: &str = "watchdog counts only while armed";
+const ONLY_INPUTS: &str = "only Set_Input_* feeds the watchdog";
+
 #[test]
 fn odrive_conforms() {
-    assert_conforms(&with_ids(&Odrive, Name::Odrive, Simulated::odrive));
+    assert_conforms(&with_ids(&Odrive, Name::Odrive, || Simulated::odrive(&[])));
+}
+
+#[test]
+fn odrive_conforms_with_watchdogs_that_count_only_while_motors_are_on() {
+    assert_conforms(&with_ids(&Odrive, Name::Odrive, || Simulated::odrive(&[ONLY_ARMED])));
+}
+
+#[test]
+fn odrive_conforms_with_watchdogs_that_only_torques_feed() {
+    assert_conforms(&with_ids(&Odrive, Name::Odrive, || Simulated::odrive(&[ONLY_INPUTS])));
+}
+
+#[test]
+fn odrive_conforms_with_watchdogs_that_do_both() {
+    assert_conforms(&with_ids(&Odrive, Name::Odrive, || Simulated::odrive(&[ONLY_ARMED, ONLY_INPUTS])));
 }
 
 #[test]

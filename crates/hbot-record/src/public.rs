@@ -216,7 +216,7 @@ fn scene(tick: u64, name: &str, json: &str, unix_ns: u64) -> hbot::Scene {
 fn event(event: &Event, unix_ns: u64) -> Log {
     let level = match event {
         Event::Fault(fault) if matches!(fault.mode, Mode::Fault | Mode::Estop) => foxglove::log::Level::Error,
-        Event::Dropped(_) | Event::Refused(_) => foxglove::log::Level::Warning,
+        Event::Dropped(_) | Event::Refused(_) | Event::Shaking(_) => foxglove::log::Level::Warning,
         _ => foxglove::log::Level::Info,
     };
     Log {

@@ -16,6 +16,13 @@ use crate::writer::METADATA;
 /// writes, and keeps a damaged length from filling the memory.
 pub(crate) const MAX_RECORD: u64 = 256 << 20;
 
+/// Largest size of a chunk before compression that is read, bytes.
+///
+/// It is 16 times the size at which [`Writer`](crate::Writer) ends a chunk, and more than the
+/// largest scene file. A few bytes of a compressed chunk can stand for gigabytes of zeros, which
+/// would take minutes to read.
+const MAX_CHUNK: u64 = 16 << 20;
+
 /// Bytes of a chunk record before its messages, without the name of the compression: two times, a
 /// length, a check code, the lengths of the name and of the compressed messages.
 const CHUNK_HEADER: usize = 8 + 8 + 8 + 4 + 4 + 8;
@@ -184,12 +191,17 @@ impl<R: Read + Seek> Reader<R> {
     /// Takes the messages of the chunk record `body`. If the chunk is damaged, none of them is
     /// taken.
     fn chunk(&mut self, body: &[u8]) -> Result<(), McapError> {
-        if let Record::Chunk { header, data } = parse_record(op::CHUNK, body)?
-            && body.len() != CHUNK_HEADER + header.compression.len() + data.len()
-        {
-            // Its length is wrong, so it may have other chunks in it.
-            self.damaged("a chunk that is longer than its messages");
-            return Ok(());
+        if let Record::Chunk { header, data } = parse_record(op::CHUNK, body)? {
+            if body.len() != CHUNK_HEADER + header.compression.len() + data.len() {
+                // Its length is wrong, so it may have other chunks in it.
+                self.damaged("a chunk that is longer than its messages");
+                return Ok(());
+            }
+            let size = header.uncompressed_size;
+            if size > MAX_CHUNK {
+                self.damaged(&format!("a chunk of {size} bytes, at most {MAX_CHUNK} are read"));
+                return Ok(());
+            }
         }
         let begin = self.waiting.len();
         let taken = self.records_of(body);

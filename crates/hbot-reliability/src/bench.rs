@@ -118,8 +118,7 @@ impl WatchedServer {
     pub(crate) fn logging(logs: &Path, said: &Path, blocks: Option<u32>) -> Outcome<Self> {
         let hbot = hbot()?;
         let mut command = Command::new("sh");
-        // With the signal ignored, writing beyond the limit is an error, as on a full disk.
-        let limit = blocks.map_or_else(String::new, |n| format!("trap '' XFSZ; ulimit -f {n};"));
+        let limit = blocks.map_or_else(String::new, |n| format!("ulimit -f {n};"));
         command.arg("-c").arg(format!("{limit} exec \"$0\" \"$@\"")).arg(hbot.get_program());
         command.env("XDG_STATE_HOME", logs).env("HBOT_LOG", "warn").stderr(std::fs::File::create(said)?);
         command.args(["server", "--port", "sim"]);

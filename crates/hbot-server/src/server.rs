@@ -29,6 +29,9 @@ use crate::recording::{self, FilesWritten, RecordOptions, Recorded, Recording, S
 use crate::service::{self, Control, ServiceSetup, SetPhenomena, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
 
+/// Time between two looks whether the thread of the simulated rig still runs.
+const LOOK_AT_SIMULATOR: Duration = Duration::from_millis(100);
+
 /// The settings with which a [`Server`] is started.
 pub struct ServerOptions {
     /// The configuration of the rig, including its ports and the settings of the service.
@@ -98,13 +101,16 @@ pub struct Finished {
     pub files: FilesWritten,
 }
 
-/// One of the two parts of a server.
+/// A part of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     /// The thread of the control loop.
     Loop,
     /// The TCP service for clients.
     Service,
+    /// The thread of the simulated rig, in wall-clock time. In virtual time the simulated rig is
+    /// part of the loop.
+    Simulator,
 }
 
 impl fmt::Display for Part {
@@ -112,6 +118,7 @@ impl fmt::Display for Part {
         f.write_str(match self {
             Self::Loop => "the loop",
             Self::Service => "the service",
+            Self::Simulator => "the simulated rig",
         })
     }
 }
@@ -208,12 +215,17 @@ impl Server {
         self.end.emergency_stop()
     }
 
-    /// Serves clients on `listener` until `shutdown` completes, the loop ends, or the loop or the
-    /// service panics. Before this returns, the loop has sent zero torque to the motors.
+    /// Returns a handle to the simulated rig, if there is one.
+    #[cfg(test)]
+    pub(crate) fn simulator(&self) -> Option<Simulator> {
+        self.host.simulator().cloned()
+    }
+
+    /// Serves clients on `listener` until `shutdown` completes, the loop ends, or a part of the
+    /// server panics. Before this returns, the loop has sent zero torque to the motors.
     ///
     /// # Errors
-    /// Currently never returns an error. A panic of the loop or the service is reported in
-    /// [`Finished::failed`].
+    /// Currently never returns an error. A panic of a part is reported in [`Finished::failed`].
     pub async fn serve(
         self,
         listener: TcpListener,
@@ -224,9 +236,12 @@ impl Server {
         let Self { setup, end, mut host, notices: _, period_ns, time, started_ns, recording } = self;
         // The loop stops, with zero torque, before the clients are notified.
         let stopping = {
-            let stop = host.stop_flag();
+            let (stop, simulator) = (host.stop_flag(), host.simulator().cloned());
             async move {
-                shutdown.await;
+                tokio::select! {
+                    () = shutdown => {}
+                    () = failed(simulator) => {}
+                }
                 stop.stop();
             }
         };
@@ -237,11 +252,13 @@ impl Server {
                 .map_or(Poll::Ready(None), |polled| polled.map(Some))
         })
         .await;
+        let simulator_failed = host.simulator().is_some_and(|simulator| simulator.failure().is_some());
         let ended = host.end();
         let counts = recording.as_ref().map(|recording| recording.notes.counts());
         let recorded = recording.and_then(Recording::end);
         let files = counts.map(|counts| counts.files()).unwrap_or_default();
         let failed = match (ended, &summary) {
+            _ if simulator_failed => Some(Part::Simulator),
             (Ended::Panicked, _) => Some(Part::Loop),
             (Ended::Stopped, None) => Some(Part::Service),
             (Ended::Stopped, Some(_)) => None,
@@ -250,6 +267,20 @@ impl Server {
         let simulated_ns = summary.ticks.saturating_mul(period_ns) as f64;
         let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
         Ok(Finished { summary, failed, speed, recorded, files })
+    }
+}
+
+/// Completes when the thread of the simulated rig has failed, and logs why. Never completes if
+/// there is no such thread.
+async fn failed(simulator: Option<Simulator>) {
+    let Some(simulator) = simulator else { return std::future::pending().await };
+    let mut looks = tokio::time::interval(LOOK_AT_SIMULATOR);
+    loop {
+        looks.tick().await;
+        if let Some(reason) = simulator.failure() {
+            tracing::error!(reason, "the simulated rig has ended, so the server ends");
+            return;
+        }
     }
 }
 

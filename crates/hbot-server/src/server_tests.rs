@@ -39,6 +39,23 @@ enum Shutdown {
 /// the hub is in use.
 const PANICS: &str = "one that makes the log panic";
 
+/// Returns the options of a server on the simulated rig, in wall-clock time.
+fn options() -> ServerOptions {
+    ServerOptions {
+        rig: patient(),
+        scene: SceneFile::default_scene(),
+        time: Time::Wall,
+        duration: None,
+        token: None,
+        buses: None,
+        last_word: None,
+        flight_dir: None,
+        recorder: None,
+        recording: RecordOptions::default(),
+        live: None,
+    }
+}
+
 async fn shutdown_by(stopped: oneshot::Receiver<Shutdown>) {
     if let Ok(Shutdown::Panic) = stopped.await {
         panic!("as a test asks");
@@ -64,20 +81,7 @@ fn ended(
         let _log = log.map(|log| tracing::dispatcher::set_default(&log));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async move {
-            let options = ServerOptions {
-                rig,
-                scene: SceneFile::default_scene(),
-                time: Time::Wall,
-                duration: None,
-                token: None,
-                buses: None,
-                last_word: None,
-                flight_dir: None,
-                recorder,
-                recording: RecordOptions::default(),
-                live: None,
-            };
-            let server = Server::start(options).unwrap();
+            let server = Server::start(ServerOptions { rig, recorder, ..options() }).unwrap();
             let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
             ready.send((listener.local_addr().unwrap(), server.emergency_stop())).unwrap();
             let (status, _status) = watch::channel(Status::default());
@@ -180,4 +184,28 @@ fn a_server_that_nobody_waits_for_leaves_zero_torque_on_the_line() {
     let abandon = |ends: &mut Ends| ends.abandon.take().unwrap().send(()).unwrap();
     let finished = ended(None, None, abandon);
     assert!(finished.is_none());
+}
+
+/// If the thread of the simulated rig panics, the server does not go on in a fault. It ends, and
+/// names the part and the reason.
+#[test]
+fn a_simulated_rig_that_panics_ends_the_server() {
+    let said = Arc::new(Mutex::new(Vec::new()));
+    let heard = Arc::clone(&said);
+    let _second = tracing::Dispatch::new(tracing::subscriber::NoSubscriber::default());
+    let log = tracing::Dispatch::new(Listener(move |text| heard.lock().unwrap().push(text)));
+    let _log = tracing::dispatcher::set_default(&log);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let finished = runtime.block_on(async {
+        let server = Server::start(ServerOptions { rig: patient(), ..options() }).unwrap();
+        server.simulator().unwrap().post(Box::new(|_| panic!("as a test asks: in the simulated rig")));
+        let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+        let (_control, controlled) = async_mpsc::channel(4);
+        let (status, _status) = watch::channel(Status::default());
+        let serving = server.serve(listener, controlled, status, std::future::pending());
+        tokio::time::timeout(PATIENCE, serving).await.expect("the server ends").unwrap()
+    });
+    assert_eq!(finished.failed, Some(Part::Simulator));
+    let said = said.lock().unwrap();
+    assert!(said.iter().any(|line| line.contains("as a test asks: in the simulated rig")), "{said:#?}");
 }

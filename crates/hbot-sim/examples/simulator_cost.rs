@@ -7,7 +7,7 @@ use hbot_core::device::Device;
 use hbot_core::rig::{Joint, Zero};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_link::{Command, MAX_COMMAND_FRAME, ToController, encode};
-use hbot_sim::controller::SimulatedJoint;
+use hbot_sim::controller::{Lags, SimulatedJoint};
 use hbot_sim::phenomena::{Encoder, Hand, Link, Motor, Phenomena};
 use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
@@ -75,6 +75,7 @@ fn tick(device: &Device, phenomena: Phenomena) -> f64 {
     let joint = Joint { gear: 17.0, continuous: 0.02, zero: Zero::Assume, ..Joint::new(16384, 0.2) };
     let config = SimulatedConfig {
         line: hbot_config::rig::Protocol::Hbot.into(),
+        lags: Lags::default(),
         device: *device,
         joints: vec![SimulatedJoint::from(&joint); device.joints()],
         start: PlantState::default(),

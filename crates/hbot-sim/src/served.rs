@@ -5,10 +5,12 @@
 //! sockets ([`crate::socket`]). To do anything else with the rig (set the hand, inject a fault,
 //! read the true state), pass a closure, which the thread runs between two steps.
 
+use std::any::Any;
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::sync::Arc;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -32,7 +34,9 @@ pub enum ServeError {
     Thread(io::Error),
     /// The line failed while the thread served it.
     Line(io::Error),
-    /// The thread has ended, or a closure that it ran has panicked.
+    /// The thread has panicked, with this message.
+    Panicked(String),
+    /// The thread has ended.
     Stopped,
 }
 
@@ -47,6 +51,7 @@ impl std::fmt::Display for ServeError {
             Self::NoSocket(error) => write!(f, "no pair of sockets for the simulated rig: {error}"),
             Self::Thread(error) => write!(f, "the simulated rig's thread does not start: {error}"),
             Self::Line(error) => write!(f, "the simulated rig's line broke: {error}"),
+            Self::Panicked(message) => write!(f, "the simulated rig's thread has panicked: {message}"),
             Self::Stopped => write!(f, "the simulated rig's thread has stopped"),
         }
     }
@@ -58,7 +63,7 @@ impl std::error::Error for ServeError {
             Self::NoPty(error) | Self::NoSocket(error) | Self::Thread(error) | Self::Line(error) => {
                 Some(error)
             }
-            Self::Stopped => None,
+            Self::Panicked(_) | Self::Stopped => None,
         }
     }
 }
@@ -98,6 +103,8 @@ enum Message {
 pub struct ServedRig {
     messages: Sender<Message>,
     wake: Arc<OwnedFd>,
+    /// Why the thread failed.
+    failure: Arc<OnceLock<String>>,
     thread: Option<JoinHandle<Result<SimulatedRig, ServeError>>>,
 }
 
@@ -114,14 +121,32 @@ pub(crate) fn serve(
     let wake = Arc::new(wake);
     let (messages, inbox) = channel();
     let server = Server { rig, end, wake: Arc::clone(&wake), inbox, idle };
+    let failure = Arc::new(OnceLock::new());
+    let failed = Arc::clone(&failure);
     let thread = std::thread::Builder::new()
         .name("hbot-sim".into())
         .spawn(move || {
-            on_start();
-            server.run()
+            // The rig is not used after a panic.
+            let served = catch_unwind(AssertUnwindSafe(|| {
+                on_start();
+                server.run()
+            }));
+            let served = served.unwrap_or_else(|panic| Err(ServeError::Panicked(message(&*panic))));
+            // A line that ends is no failure: a loop that stops closes it.
+            if let Err(error @ ServeError::Panicked(_)) = &served {
+                // Nobody else sets it.
+                let _ = failed.set(error.to_string());
+            }
+            served
         })
         .map_err(ServeError::Thread)?;
-    Ok(ServedRig { messages, wake, thread: Some(thread) })
+    Ok(ServedRig { messages, wake, failure, thread: Some(thread) })
+}
+
+/// Returns the message of a panic.
+fn message(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied().map(str::to_owned);
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".to_owned())
 }
 
 impl ServedRig {
@@ -154,6 +179,13 @@ impl ServedRig {
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// Returns why the thread has failed: something in it panicked. Returns `None` while it runs,
+    /// and after it was stopped or its line has ended.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.get().map(String::as_str)
     }
 
     /// Stops the thread and returns the rig in its last state.

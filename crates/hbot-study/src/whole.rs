@@ -65,6 +65,11 @@ impl Whole {
         }
     }
 
+    /// Replaces the scene from the next tick on.
+    pub(crate) fn load(&mut self, scene: CompiledScene) {
+        self.scene = scene;
+    }
+
     /// Returns the number of ticks that the loop makes in `seconds`.
     pub(crate) fn ticks(&self, seconds: f64) -> u32 {
         (seconds * 1.0e9 / self.period_ns as f64) as u32
@@ -73,6 +78,11 @@ impl Whole {
     /// Returns the period of the loop, s.
     pub(crate) fn period(&self) -> f64 {
         self.period_ns as f64 / 1.0e9
+    }
+
+    /// Returns whether the motors can make torque: the last command asked for it.
+    pub(crate) fn is_active(&self) -> bool {
+        self.drive.enable
     }
 
     pub(crate) fn controller(&self) -> &Controller {

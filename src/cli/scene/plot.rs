@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow};
 use clap::Args;
 use hbot_config::SceneFile;
+use hbot_config::advice::Abilities;
 use hbot_core::Vec3;
-use hbot_host::abilities::Abilities;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
 use super::super::out::refuse_folder;

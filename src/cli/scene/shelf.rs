@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
+use hbot_config::advice::Abilities;
 use hbot_config::scene::{SHELF, ShelfScene};
 use hbot_config::{RigConfig, SceneFile};
-use hbot_host::abilities::Abilities;
 use serde_json::json;
 
 use super::{plot, say, style};

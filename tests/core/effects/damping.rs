@@ -3,7 +3,7 @@
 
 use super::{Felt, anywhere, askew, axis, detents, guide, pointer};
 use crate::rng::Rng;
-use hbot_core::effects::{Detents, Freedom, Kind};
+use hbot_core::effects::{Detents, Freedom, Kind, Magnet, Texture};
 use hbot_core::{Quat, Vec3, rotation};
 
 /// Returns the rate of the angle `of` while the sphere turns at `omega` (rad/s in N), by central
@@ -71,6 +71,34 @@ fn the_damping_of_a_dial_fades_with_its_notches() {
             // The tolerance is the error of the differences at a swing of 3 rad, where a small turn
             // twists the dial by up to 14 times as much.
             assert!((power - want).abs() < 1e-6, "swing {swing}: {power} W, not {want} W");
+        }
+    }
+}
+
+/// The damping of a magnet and of a texture is the only number of the effect. Without it the torque
+/// does not depend on the rate.
+#[test]
+fn a_magnet_damps_near_its_target_and_a_texture_across_its_point() {
+    const DAMPING: f64 = 0.05;
+    let magnet = Magnet { target: askew(), strength: 0.2, width: 0.3 };
+    let texture = Texture { at: axis(), wave_number: 30.0, depth: 0.05 };
+    let base = askew().reference().0;
+    let mut rng = Rng(71);
+    for _ in 0..300 {
+        let (q, omega) = (anywhere(&mut rng), rng.vector(3.0));
+        let chord = 2.0 * (0.5 * rotation::angle_between(q, base)).sin();
+        let near = (-0.5 * (chord / magnet.width).powi(2)).exp();
+        let across = omega - axis() * axis().dot(omega);
+        for (kind, expected) in
+            [(Kind::Magnet(magnet), omega * (-DAMPING * near)), (Kind::Texture(texture), across * -DAMPING)]
+        {
+            let mut damped = Felt::with_numbers(kind, &[DAMPING]);
+            let drag = damped.moving(q, omega) - damped.at(q);
+            // Rounding of torques of 0.2 N m.
+            assert!((drag - expected).length() < 1e-14, "{kind:?}: {drag} instead of {expected}");
+            let mut free = Felt::new(kind);
+            let still = free.at(q);
+            assert_eq!(free.moving(q, omega), still, "{kind:?}");
         }
     }
 }

@@ -16,7 +16,7 @@ asyncio.
 """
 
 from . import aio
-from .answers import Controller, Distribution, Loaded, Pong, Stats
+from .answers import Changed, Controller, Distribution, Loaded, Pong, Stats
 from .errors import (
     BadRequest,
     Busy,
@@ -49,6 +49,7 @@ from .events import (
     RefusedEvent,
     Requester,
     SceneEvent,
+    ShakingEvent,
     State,
     StoppingEvent,
     Stream,
@@ -63,6 +64,7 @@ from .rig import Rig
 __all__ = [
     "BadRequest",
     "Busy",
+    "Changed",
     "Clock",
     "ConnectionLost",
     "Controller",
@@ -93,6 +95,7 @@ __all__ = [
     "Requester",
     "Rig",
     "SceneEvent",
+    "ShakingEvent",
     "State",
     "Stats",
     "StoppingEvent",

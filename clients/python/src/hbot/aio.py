@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from . import ops
-from .answers import Controller, Loaded, Pong, Stats
+from .answers import Changed, Controller, Loaded, Pong, Stats
 from .callbacks import call_back
 from .connection import (
     MAX_EVENTS,
@@ -212,9 +212,9 @@ class Rig:
         """Replace the scene by a scene file (TOML) or a map of the same structure."""
         return await self._call(ops.load_scene(scene))
 
-    async def set(self, effect: str, /, **parameters: Any) -> None:
-        """Change parameters of an effect while the loop runs."""
-        await self._call(ops.change(effect, parameters))
+    async def set(self, effect: str, /, **parameters: Any) -> Changed:
+        """Change parameters of an effect while the loop runs. Returns warnings about the scene."""
+        return await self._call(ops.change(effect, parameters))
 
     async def torque(
         self,

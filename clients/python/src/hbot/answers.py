@@ -22,6 +22,15 @@ class Loaded:
 
 
 @dataclass(frozen=True, slots=True)
+class Changed:
+    """The answer to `set`."""
+
+    warnings: tuple[str, ...] = ()
+    """In words: what the rig cannot make of the changed scene or keep stable, and what has no
+    effect in it."""
+
+
+@dataclass(frozen=True, slots=True)
 class Pong:
     """The answer to `ping`."""
 

@@ -296,7 +296,11 @@ class Connection:
         if pending is None:
             return  # The late answer to a call that has timed out.
         if "error" in message:
-            refused = Refused.of(message["error"], pending.op)
+            try:
+                refused = Refused.of(message["error"], pending.op)
+            except ProtocolError as error:
+                pending.answer(None, error)
+                raise
             if isinstance(refused, NotHolder):
                 refused = self.not_holder(pending.op, refused.holder)
             pending.answer(None, refused)
@@ -365,9 +369,20 @@ def _say_hello(transport: Transport, options: Options) -> tuple[Hello, bytes]:
         fields["token"] = (
             text.read_text(encoding="utf-8").strip() if isinstance(text, Path) else text
         )
-    transport.send(wire.encode_json({"id": 0, "op": "hello", **fields}))
+    hello = wire.encode_json({"id": 0, "op": "hello", **fields})
+    try:
+        return _exchange_hello(transport, hello, options.timeout)
+    except (OSError, ValueError) as error:
+        if isinstance(error, HbotError):
+            raise
+        raise ConnectionLost(f"the connection broke before the answer to hello: {error}") from error
+
+
+def _exchange_hello(transport: Transport, hello: bytes, timeout: float) -> tuple[Hello, bytes]:
+    """Send the hello. Returns the answer, and the bytes that arrived after it."""
+    transport.send(hello)
     received = b""
-    until = time.monotonic() + options.timeout
+    until = time.monotonic() + timeout
     while (left := until - time.monotonic()) > 0:
         data = transport.receive(left)
         if data is None:
@@ -377,6 +392,7 @@ def _say_hello(transport: Transport, options: Options) -> tuple[Hello, bytes]:
         if not data:
             raise ConnectionLost("the server has closed the connection before its answer to hello")
         received += data
+        received = received.lstrip(b"\r\n")
         # The answer is JSON. What follows it is in the encoding that was asked for.
         line, newline, rest = received.partition(b"\n")
         for message in wire.Splitter("json").push(line + newline):
@@ -385,4 +401,4 @@ def _say_hello(transport: Transport, options: Options) -> tuple[Hello, bytes]:
             if "ok" in message:
                 return decode(Hello, message["ok"]), rest
             raise ProtocolError("the server sent an event before its answer to hello")
-    raise TimedOut(f"hello: no answer for {options.timeout} s")
+    raise TimedOut(f"hello: no answer for {timeout} s")

@@ -7,7 +7,7 @@ classes describe problems of the connection.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 
 class HbotError(Exception):
@@ -105,11 +105,18 @@ class Refused(HbotError):
         Refused.by_code[cls.code] = cls
 
     @staticmethod
-    def of(error: Mapping[str, Any], op: str | None) -> Refused:
+    def of(error: object, op: str | None) -> Refused:
         """Return the exception for the field `error` of an answer.
 
         An unknown code gives a plain `Refused`.
+
+        Raises:
+            ProtocolError: the field is no map.
         """
+        if not isinstance(error, Mapping):
+            raise ProtocolError(
+                f"the server sent {type(error).__name__} in place of the description of an error"
+            )
         code = str(error.get("code", ""))
         return Refused.by_code.get(code, Refused)(
             str(error.get("message", "")),

@@ -201,6 +201,28 @@ class RefusedEvent:
 
 
 @dataclass(frozen=True, slots=True)
+class ShakingEvent:
+    """The sphere shakes by itself, or has its full torque again after it did."""
+
+    tick: int
+    """Tick in which this was found."""
+    t: float
+    """Time of that tick since the control loop began, s."""
+    shaking: bool
+    """Whether the sphere shakes and the torque is lowered."""
+    frequency: float
+    """Frequency of the shaking, Hz."""
+    amplitude: float
+    """Largest rate of the sphere about an axis of frame N, rad/s."""
+    effect: str | None
+    """Id of the effect that gives the most energy. None if it is not known."""
+    gain: float
+    """Fraction of the torque that was left when this was found, 0 to 1."""
+    message: str
+    """Description for people."""
+
+
+@dataclass(frozen=True, slots=True)
 class StoppingEvent:
     """The server ends. This is the last event of a connection."""
 
@@ -224,7 +246,14 @@ class LostEvent:
 
 
 Event: TypeAlias = (
-    FaultEvent | LeaseEvent | SceneEvent | DroppedEvent | RefusedEvent | StoppingEvent | LostEvent
+    FaultEvent
+    | LeaseEvent
+    | SceneEvent
+    | DroppedEvent
+    | RefusedEvent
+    | ShakingEvent
+    | StoppingEvent
+    | LostEvent
 )
 
 EVENTS: Mapping[str, type[Any]] = {
@@ -234,6 +263,7 @@ EVENTS: Mapping[str, type[Any]] = {
     "scene": SceneEvent,
     "dropped": DroppedEvent,
     "refused": RefusedEvent,
+    "shaking": ShakingEvent,
     "stopping": StoppingEvent,
 }
 """The dataclass of each event that a server sends, by the event's name."""

@@ -141,6 +141,29 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
+class Loop:
+    """The loop from a reading of the motion to the torque. It decides what the rig keeps stable."""
+
+    delay_ticks: int
+    """Whole ticks from a reading to the torque that is computed from it."""
+    lag_s: float
+    """Time constant with which the torque follows its command, s."""
+    lead_s: float
+    """Time by which the scene is rendered ahead of its reading, s."""
+    slew_s: float
+    """Time by which the limit on the torque's rate of change delays the torque, s."""
+    rate_lag_s: float
+    """Time constant of the filter of the motor controllers' encoders, s. 0 for none."""
+    rate_weights: tuple[float, ...]
+    """Weights of the last angles in an estimated rate, 1/s, the newest angle first. Empty if the
+    rates are those of the motor controllers."""
+    inertia: Vector
+    """Inertia of the sphere about each of `axes`, kg m²."""
+    axes: tuple[Vector, Vector, Vector]
+    """Principal axes of the inertia, unit vectors in frame N."""
+
+
+@dataclass(frozen=True, slots=True)
 class Render:
     """What the rig can be expected to render."""
 
@@ -154,6 +177,8 @@ class Render:
     """Smallest apparent inertia of the sphere, kg m²."""
     damping_most: float | None = None
     """Damping above which the damping alone is unstable, N m s/rad. None with an older server."""
+    loop: Loop | None = None
+    """The loop from which these numbers follow. None with an older server."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from .answers import Controller, Controllers, Loaded, Pong, Stats
+from .answers import Changed, Controller, Controllers, Loaded, Pong, Stats
 from .decode import decode
 from .events import Mode
 from .info import Info
@@ -103,9 +103,10 @@ def load_scene(scene: Scene) -> Request[Loaded]:
     return Request("load_scene", {"scene": fields}, lambda body: decode(Loaded, body), explain)
 
 
-def change(effect: str, parameters: dict[str, Any]) -> Request[None]:
+def change(effect: str, parameters: dict[str, Any]) -> Request[Changed]:
     """Change parameters of an effect."""
-    return Request("set", {"effect": effect, **parameters}, _none)
+    fields = {"effect": effect, **parameters}
+    return Request("set", fields, lambda body: decode(Changed, body))
 
 
 def torque(

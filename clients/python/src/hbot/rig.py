@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from . import ops
-from .answers import Controller, Loaded, Pong, Stats
+from .answers import Changed, Controller, Loaded, Pong, Stats
 from .callbacks import call_back
 from .connection import MAX_EVENTS, MAX_STATES, Connection, Send, ignore, no_state
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
@@ -143,15 +143,15 @@ class Rig:
         """
         return self._call(ops.load_scene(scene))
 
-    def set(self, effect: str, /, **parameters: Any) -> None:
-        """Change parameters of an effect while the loop runs.
+    def set(self, effect: str, /, **parameters: Any) -> Changed:
+        """Change parameters of an effect while the loop runs. Returns warnings about the scene.
 
         docs/effects.md lists them with their units.
 
         Raises:
             UnknownEffect, BadRequest, OutOfRange, NotHolder: the server refused the change.
         """
-        self._call(ops.change(effect, parameters))
+        return self._call(ops.change(effect, parameters))
 
     def torque(
         self,

@@ -4,7 +4,7 @@ use super::connect::typed;
 use super::{Client, ClientError};
 use crate::{
     Align, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk, Op, PingOk,
-    ReferenceCommand, StatsOk, SubscribeOk, TorqueCommand,
+    ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
 };
 use serde_json::{Map, Value};
 
@@ -59,8 +59,8 @@ impl Client {
     }
 
     /// Changes parameters of an effect in the running scene. The torque changes gradually.
-    pub fn set(&mut self, effect: &str, parameters: Map<String, Value>) -> Result<(), ClientError> {
-        self.call(Op::Set { effect: effect.into(), parameters }).map(drop)
+    pub fn set(&mut self, effect: &str, parameters: Map<String, Value>) -> Result<SetOk, ClientError> {
+        self.call(Op::Set { effect: effect.into(), parameters }).and_then(typed)
     }
 
     /// Sends a torque that the client computes itself, without waiting for an answer. Call it again

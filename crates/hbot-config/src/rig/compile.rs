@@ -25,6 +25,8 @@ fn place(mistake: &core::RigError) -> String {
         "timing.period_ns" => "loop.rate_hz",
         "timing.timeout_ticks" => "link.timeout_ticks",
         "counts" => "gear",
+        "lead.factor" => "loop.lead.factor",
+        "lead.longest" => "loop.lead.longest_ms",
         field => field,
     };
     match mistake.joint {
@@ -52,12 +54,16 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
     let driven = each_joint(&file).filter(|(_, settings)| settings.motor);
     let torque_lag = driven.map(|(_, settings)| settings.torque_lag).fold(0.0, f64::max);
+    let usual = file.link.protocol.rate_lag();
+    let rate_lag = each_joint(&file).map(|(_, joint)| joint.rate_lag.unwrap_or(usual)).fold(0.0, f64::max);
     let methods = core::Methods {
         rate: file.r#loop.rate_estimate.compile(),
         passivity: file.r#loop.passivity.compile(&device, timing.period_s()),
         ..file.r#loop.accuracy.methods()
     };
-    let parts = core::RigParts { device, joints, limits: limits(&file.limits), timing, methods };
+    let lead = file.r#loop.lead.compile();
+    let limits = limits(&file.limits);
+    let parts = core::RigParts { device, joints, limits, timing, methods, torque_lag, lead };
     for mistake in parts.mistakes() {
         report.push(
             &place(&mistake),
@@ -74,10 +80,12 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         controllers,
         zero_offsets,
         torque_lag,
+        rate_lag,
         rate_hz: file.r#loop.rate_hz,
         early_ns: 1000 * u64::from(file.r#loop.early_us),
         wake_us: (file.r#loop.wake_us < settings::ANY_WAKE_US).then_some(file.r#loop.wake_us),
         cpu: file.r#loop.cpu,
+        shaking_guard: file.r#loop.shaking_guard,
         accuracy: file.r#loop.accuracy.name(),
         link,
         api: api?,

@@ -151,6 +151,14 @@ pub(crate) struct Joint {
     #[serde(default = "usual_lag")]
     #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub(crate) torque_lag: f64,
+    /// Delay of the rate that the motor controller reports behind the true rate of the joint, which
+    /// a filter in the controller causes. moteus: 4.96 / (2 pi f) with the setting
+    /// `motor_position.sources.N.pll_filter_hz` of f Hz. ODrive: 2/b with an encoder bandwidth of b
+    /// rad/s. If absent: 0 with protocol `hbot`, 0.0039 (200 Hz) with `moteus`, 0.002 (1000 rad/s)
+    /// with `odrive`. The damping that the rig can render depends on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(min = 0.0, max = 0.1), extend("unit" = "s"))]
+    pub(crate) rate_lag: Option<f64>,
     /// Whether the joint has a motor. A joint without a motor has only an encoder.
     #[serde(default = "yes")]
     pub(crate) motor: bool,

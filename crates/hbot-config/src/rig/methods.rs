@@ -229,3 +229,41 @@ impl Passivity {
         })
     }
 }
+
+/// The value of the key `lead`: true or false, or a table with the parameters of the lead.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Lead {
+    Switch(bool),
+    Table(LeadTable),
+}
+
+/// Parameters of the lead, which is the time from a reading to the pose at which the scene is
+/// rendered.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct LeadTable {
+    /// Ratio of the lead to the delay, which is the age of the reading plus half a period plus the
+    /// largest `torque_lag`. If absent: 1.1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(max = legal::LEAD_FACTOR.most), extend("exclusiveMinimum" = legal::LEAD_FACTOR.least))]
+    pub(crate) factor: Option<f64>,
+    /// Longest lead, which bounds the lead of late readings. If absent: 10.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(max = 1.0e3 * legal::LEAD_LONGEST.most), extend("exclusiveMinimum" = legal::LEAD_LONGEST.least, "unit" = "ms"))]
+    pub(crate) longest_ms: Option<f64>,
+}
+
+impl Lead {
+    /// Converts the key to the core's lead. Absent parameters have their defaults.
+    pub(crate) fn compile(self) -> Option<core::LeadTime> {
+        let usual = core::LeadTime::default();
+        match self {
+            Self::Switch(on) => on.then_some(usual),
+            Self::Table(table) => Some(core::LeadTime {
+                factor: table.factor.unwrap_or(usual.factor),
+                longest: table.longest_ms.map_or(usual.longest, |ms| 1.0e-3 * ms),
+            }),
+        }
+    }
+}

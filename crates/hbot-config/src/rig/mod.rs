@@ -57,6 +57,11 @@ pub struct RigConfig {
     /// Largest time constant with which the torque of a joint follows a command, s, of all joints
     /// with a motor.
     pub torque_lag: f64,
+    /// Largest delay of a reported joint rate behind the true rate, s, of all joints. It is 2/w of
+    /// a motor controller whose encoder filter has the natural frequency w, rad/s: the position
+    /// that such a controller reports is (2 w s + w²)/(s + w)² of the true one, and the rate
+    /// w²/(s + w)² of the true rate. A rate that is not filtered has the delay 0.
+    pub rate_lag: f64,
     /// Rate of the control loop in ticks per second, 50 to 20000.
     pub rate_hz: u32,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick, ns. If 0,
@@ -68,6 +73,9 @@ pub struct RigConfig {
     /// Index of the processor on which the loop's thread runs. `None` if the operating system
     /// chooses one.
     pub cpu: Option<u32>,
+    /// Whether the torque is lowered if the sphere shakes by itself (see
+    /// [`hbot_core::shaking`]).
+    pub shaking_guard: bool,
     /// Name of the preset of numerical methods: `fast`, `balanced` or `exact`. It is `custom` if
     /// the rig file names each method.
     pub accuracy: &'static str,

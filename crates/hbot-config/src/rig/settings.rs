@@ -9,7 +9,7 @@ use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::methods::{Accuracy, Passivity, Preset, RateEstimate, RateMethod};
+use super::methods::{Accuracy, Lead, Passivity, Preset, RateEstimate, RateMethod};
 
 /// The value of `wake_us` that sets no limit on the wake-up time of processors.
 pub(crate) const ANY_WAKE_US: u32 = 1_000_000;
@@ -29,6 +29,12 @@ pub(crate) struct Loop {
     /// Whether the energy that delay and sampling create is taken out by damping: true, false, or a
     /// table of parameters.
     pub(crate) passivity: Passivity,
+    /// Whether the torque is lowered if the sphere shakes by itself.
+    pub(crate) shaking_guard: bool,
+    /// Whether a scene is rendered at the pose that the sphere will have when the torque acts:
+    /// true, false, or a table of parameters. Such a lead takes the age of the reading, half a
+    /// period and `torque_lag` out of the loop, so that it is stable with stiffer scenes.
+    pub(crate) lead: Lead,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick. Never
     /// more than a quarter of the period. The loop measures which lead this machine needs. Between
     /// wake-up and deadline it rehearses the tick, which keeps a processor busy. 0: the loop sleeps
@@ -54,6 +60,8 @@ impl Default for Loop {
             accuracy: Accuracy::Preset(Preset::Balanced),
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
             passivity: Passivity::Switch(true),
+            shaking_guard: true,
+            lead: Lead::Switch(false),
             early_us: 200,
             wake_us: 0,
             cpu: None,
@@ -162,6 +170,23 @@ impl Protocol {
             Self::Hbot => None,
             Self::Moteus => Some(1 << 17),
             Self::Odrive => Some(1 << 21),
+        }
+    }
+
+    /// Returns the delay of the joint rates that the controllers report with the settings that
+    /// their vendor chooses, s. The rate comes from a filter of second order, critically damped,
+    /// with the natural frequency w, so it is 2/w late.
+    ///
+    /// moteus: w = 2 pi f / 2.48 with f = 200 Hz, the default of `moteus_tool --calibrate`
+    /// (vendor's `fw/motor_position.h`). ODrive: w = 1000 rad/s, the default of the encoder's
+    /// `bandwidth` (`Encoder::update_pll_gains` of firmware 0.5.6). Controllers with hbot's own
+    /// protocol are taken to report rates without delay.
+    #[must_use]
+    pub const fn rate_lag(self) -> f64 {
+        match self {
+            Self::Hbot => 0.0,
+            Self::Moteus => 2.0 * 2.48 / (std::f64::consts::TAU * 200.0),
+            Self::Odrive => 2.0 / 1000.0,
         }
     }
 }

@@ -95,11 +95,13 @@ fn all_are_refused(
 fn of_the_rig_file() {
     let mut all = Vec::new();
     numbers(&RigConfig::schema(), "", &mut all);
-    assert_eq!(all.len(), 51, "{all:?}");
+    assert_eq!(all.len(), 55, "{all:?}");
     let mut file = toml::Value::Table(include_str!("../../../../rigs/prototype.toml").parse().unwrap());
     // Keys that accept a table have one here, so that its numbers are tested.
     file["loop"]["rate_estimate"] = toml::Value::Table("method = 'kalman'".parse().unwrap());
-    file["loop"].as_table_mut().unwrap().insert("passivity".to_owned(), toml::Table::new().into());
+    for key in ["passivity", "lead"] {
+        file["loop"].as_table_mut().unwrap().insert(key.to_owned(), toml::Table::new().into());
+    }
     let energy = "burst = 0.5\npower = 1".parse::<toml::Table>().unwrap();
     file["limits"].as_table_mut().unwrap().insert("energy".to_owned(), energy.into());
     all_are_refused(&all, &file, |text| {

@@ -285,6 +285,8 @@ fn what_a_file_does_not_state_is_the_default_of_the_core() {
     parts.joints[3] = hbot_core::rig::Joint::new(4096, 0.0);
     // The core has no passivity controller unless it is asked for. A rig file has one.
     parts.methods.passivity = Some(PassivityLimit::of(&parts.device, 1e-3));
+    // A program without a file knows no motors.
+    parts.torque_lag = hbot_config::rig::USUAL_LAG_S;
     assert_eq!(*rig, parts);
 }
 
@@ -302,4 +304,27 @@ fn the_lag_of_a_rig_is_that_of_its_latest_motor() {
     assert_eq!(lag(&with(["0.002", "0.05"])), 2e-3);
     assert_eq!(lag(&with(["0", "0.05"])), 5e-4, "three motors have the usual lag");
     assert!(said("steer = { ", "steer = { torque_lag = 0.2, ").contains("wheel[0].steer.torque_lag"));
+}
+
+/// The rates of a rig are as late as those of its latest joint, with or without a motor. A joint
+/// that does not name its delay has the one of its protocol.
+#[test]
+fn the_lag_of_the_rates_is_that_of_the_latest_joint() {
+    let lag = |text: &str| RigConfig::from_toml(text, "x.toml").unwrap_or_else(|e| panic!("{e}")).rate_lag;
+    assert_eq!(lag(LEAST), 0.0, "hbot's own protocol");
+    assert_eq!(lag(&LEAST.replacen("motor = false", "rate_lag = 0.003, motor = false", 1)), 3e-3);
+    assert_eq!(lag(&LEAST.replacen("steer = { ", "steer = { rate_lag = 0.001, ", 1)), 1e-3);
+    assert!(said("steer = { ", "steer = { rate_lag = 0.2, ").contains("wheel[0].steer.rate_lag"));
+    for (file, text, protocol) in [
+        ("moteus", include_str!("../../../../rigs/prototype-moteus.toml"), Protocol::Moteus),
+        ("odrive", include_str!("../../../../rigs/prototype-odrive.toml"), Protocol::Odrive),
+    ] {
+        // The file names the delay in full digits of milliseconds; without it, the protocol does.
+        let without: String =
+            text.lines().filter(|l| !l.starts_with("rate_lag")).fold(String::new(), |a, l| a + l + "\n");
+        assert_eq!(lag(&without), protocol.rate_lag(), "{file}");
+        assert!((lag(text) - protocol.rate_lag()).abs() < 5e-5 && without != text, "{file}: {}", lag(text));
+        let all = text.replace("rate_lag = ", "rate_lag = 0 # ");
+        assert_eq!(lag(&all), 0.0, "{file}");
+    }
 }

@@ -94,6 +94,7 @@ impl Controller {
             self.renderer.enable(scene, q);
             // If the torque is still ramping down after a disable, it blends into the new one.
             self.anchored = true;
+            self.shaking.restart();
             if let Some(guard) = &mut self.guard {
                 guard.restart();
             }
@@ -129,7 +130,7 @@ impl Controller {
         };
         let delta = rotation::difference(q, then);
         if weight > 0.0 {
-            self.orientation.correct(delta, weight);
+            self.orientation.correct(then, delta, weight);
         }
         Reply::Aligned { angle: delta.length() }
     }

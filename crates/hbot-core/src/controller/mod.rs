@@ -15,9 +15,11 @@ use crate::burst::Burst;
 use crate::count::{Any, Count, Two};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
+use crate::fades::Fades;
 use crate::heat::Heat;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::joints::Joints;
+use crate::lead::Lead;
 use crate::mode::{Cause, ModeMachine};
 use crate::orientation::Orientation;
 use crate::outputs::{Drive, Outputs, State, TakenStream};
@@ -26,6 +28,7 @@ use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
 use crate::rig::Rig;
 use crate::scene::CompiledScene;
+use crate::shaking;
 use crate::shaping::{Blend, Stream};
 
 use self::faults::Silence;
@@ -89,6 +92,13 @@ pub struct Controller {
     /// orientation. The torque then blends as after a change of scene.
     anchored: bool,
     client: Option<(Stamp, u64)>,
+    /// The law of changes of scene. All bits zero is that of older recordings.
+    fades: Fades,
+    /// The guard against a sphere that shakes by itself. All bits zero: switched off.
+    shaking: shaking::Guard,
+    /// How far ahead of its reading the scene is rendered. `None` if it is rendered at the measured
+    /// pose.
+    lead: Option<Lead>,
     /// What counts of the energy for the passivity controller. `None` if all of it counts, or if the
     /// rig has no passivity controller.
     ledger: Option<Ledger>,
@@ -112,6 +122,7 @@ impl Controller {
             joints: Joints::new(&rig),
             guard: rig.methods.passivity.map(Guard::new),
             burst: rig.limits.energy.map(Burst::new),
+            lead: Lead::new(&rig),
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             rig,
             orientation: Orientation::new(),
@@ -135,8 +146,18 @@ impl Controller {
             client_lost: false,
             anchored: false,
             client: None,
+            fades: Fades::Running,
+            shaking: shaking::Guard::OFF,
             ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
         }
+    }
+
+    /// Switches the guard against a sphere that shakes by itself on or off (see
+    /// [`shaking`]). It is off at first.
+    #[must_use]
+    pub fn with_shaking_guard(mut self, on: bool) -> Self {
+        self.shaking.switch(on);
+        self
     }
 
     /// Returns the rig that this control law is for.
@@ -184,8 +205,14 @@ impl Controller {
         }
         self.machine.take_condition(present);
         let changed = self.renderer.adopt(scene, self.orientation.q);
+        if changed {
+            self.shaking.allow();
+        }
         let replies = (!inputs.commands.is_empty()).then(|| self.obey_all(scene, inputs));
         self.machine.ramp(dt);
+        if self.shaking.is_needed(self.joints.omega) {
+            self.look_for_shaking(scene, inputs.tick, dt);
+        }
 
         let wanted = self.render(scene, inputs.tick, dt, changed);
         self.hold(count, inputs.tick, &wanted);
@@ -222,6 +249,9 @@ impl Controller {
         let step = self.joints.advance(count, &self.rig, feedback, late, judged)?;
         self.orientation.advance(step.turn);
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
+        if self.shaking.suspects() {
+            self.shaking.attribute(step.answered[0], step.answered[1], step.turn);
+        }
         if let Some(guard) = &mut self.guard {
             match &mut self.ledger {
                 Some(ledger) => ledger.turned(step.answered[0], step.answered[1], step.turn, given),
@@ -307,6 +337,8 @@ impl Controller {
             damping: self.guard.as_ref().map_or(0.0, Guard::damping),
             client,
             fresh,
+            shaking: self.shaking.found(),
+            lead_us: self.lead.as_ref().map_or(0.0, |lead| 1.0e6 * lead.time()),
         }
     }
 }

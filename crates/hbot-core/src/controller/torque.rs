@@ -6,10 +6,12 @@ use crate::allocation::{self, Bounds};
 use crate::count::{Any, Count};
 use crate::device::MAX_JOINTS;
 use crate::effects::Motion;
+use crate::fades::Fades;
 use crate::kinematics::torque_of;
 use crate::mode::Mode;
 use crate::passivity::Moment;
 use crate::real::{Real, Vec3, sqrt};
+use crate::render;
 use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
 use crate::shaping::{BLEND_S, Blend, limited, shortened, slewed};
@@ -89,10 +91,14 @@ impl Controller {
     #[inline(always)]
     pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
+        if changed && self.fades == Fades::Over {
+            self.fades = Fades::Running;
+        }
         let ramped = self.machine.gain != 0.0;
         // Needs the motion and the stream of the last tick, which are replaced next.
         let before = (changed && ramped).then(|| self.rendered_anew(scene, tick));
         let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        let motion = if self.lead.is_some() { self.led(motion, tick) } else { motion };
         self.rendered_motion = motion;
         self.rendered_stream = self.stream;
         self.stream.advance(tick, dt);
@@ -100,6 +106,9 @@ impl Controller {
         let reach = limits.torque_rate * dt;
         if !ramped {
             self.blend = Blend::DONE;
+            if let Some(lead) = &mut self.lead {
+                lead.rest();
+            }
             self.last_asked = Vec3::ZERO;
             self.carried = 0.0;
             if let Some(guard) = &mut self.guard {
@@ -120,30 +129,113 @@ impl Controller {
             self.carried = sqrt(self.made.torque.length_squared());
             self.carried_s = 0.0;
         }
-        let gain = self.machine.gain;
-        self.renderer.part(self.ledger.is_some());
-        let rendered = self.renderer.render_in_tick(scene, motion, tick, dt, limits.reference_rate * dt);
-        let (asked, share) = self.stream.added_to(rendered, limits.torque);
+        let gain = self.machine.gain * self.shaking.gain();
+        let before = before.map(|before| before * gain);
+        let (asked, share, offset, elastic) = if self.fades == Fades::Running {
+            self.rendered_fading(scene, tick, dt, before)
+        } else {
+            let moment = self.moment(tick, dt);
+            let (rendered, elastic) = if self.shaking.suspects() || self.ledger.is_some() {
+                self.rendered_each(scene, moment)
+            } else {
+                (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
+            };
+            let (asked, share) = self.stream.added_to(rendered, limits.torque);
+            let offset = if self.fades == Fades::Over {
+                let offset = self.blend.added(asked * gain, before, limits.torque);
+                self.blend.fade(dt, 1.0);
+                offset
+            } else {
+                self.blend.added_unlimited(asked * gain, before, dt)
+            };
+            (asked, share, offset, elastic)
+        };
         self.last_asked = asked;
-        let offset = self.blend.advance(asked * gain, before.map(|before| before * gain), dt);
         // The bound follows the soft start and the disable ramp. If a soft start began with motors
         // on, the torque before it fades out within the time of a blend.
-        let bound = if gain == 1.0 {
+        let bound = if self.machine.gain == 1.0 {
             limits.torque
         } else {
             let left = self.carried * (1.0 - self.carried_s / BLEND_S).max(0.0);
             self.carried_s += dt;
-            (limits.torque * gain + left).min(limits.torque)
+            (limits.torque * self.machine.gain + left).min(limits.torque)
         };
         let (mut wanted, kept) = shortened(asked * gain + offset, bound);
         if self.guard.is_some() {
             // Limited before the damping, because a torque that is not sent gives out no energy.
-            wanted = limited(self.damp(tick, wanted, share * gain * kept), bound);
+            let damped = limited(self.damp(scene, tick, wanted, elastic, share * gain * kept), bound);
             if let Some(ledger) = &mut self.ledger {
-                ledger.want(wanted);
+                ledger.want(damped, damped - wanted);
             }
+            wanted = damped;
         }
         Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
+    }
+
+    /// Renders the scene as in any other tick. Returns its torque and the part of the elastic
+    /// effects, N m. Records the torque of each effect if the sphere may be shaking.
+    #[inline(never)]
+    fn rendered_each(&mut self, scene: &CompiledScene, moment: render::Moment) -> (Vec3, Vec3) {
+        let (motion, shaking) = (self.rendered_motion, &mut self.shaking);
+        let suspects = shaking.suspects();
+        let mut elastic = Vec3::ZERO;
+        let torque = self.renderer.render_in_tick(scene, motion, moment, |effect, torque| {
+            if suspects {
+                shaking.record(moment.tick, effect.slot, torque);
+            }
+            if effect.kind.is_elastic() {
+                elastic += torque;
+            }
+        });
+        (torque, elastic)
+    }
+
+    /// Gives the guard against shaking the present tick.
+    #[inline(never)]
+    pub(super) fn look_for_shaking(&mut self, scene: &CompiledScene, tick: u64, dt: Real) {
+        let now = crate::shaking::Moment {
+            tick,
+            omega: self.joints.omega,
+            energy: self.observer.energy(),
+            period: self.rig.timing.period_s(),
+            inertia: self.rig.device.sphere_inertia(),
+        };
+        let reason = !self.stream.is_over() || self.renderer.is_led(scene) || self.machine.mode == Mode::Idle;
+        let gives = scene.effects().iter().filter(|effect| effect.kind.gives());
+        let on_purpose = gives.fold(0, |bits, effect| bits | 1 << effect.slot);
+        self.shaking.look(&now, reason, on_purpose, dt);
+    }
+
+    /// Renders the scene while an effect may be fading. Returns the torque of scene and stream
+    /// after the limit (N m), the fraction that remains, the torque that the blend adds, and the
+    /// part of the elastic effects before the limit (both N m).
+    ///
+    /// The progress of fades and blend changes the torque by at most the limit in [`BLEND_S`]. If
+    /// it would change faster, for example from one direction to the opposite, they all take
+    /// longer.
+    #[inline(never)]
+    fn rendered_fading(
+        &mut self,
+        scene: &CompiledScene,
+        tick: u64,
+        dt: Real,
+        before: Option<Vec3>,
+    ) -> (Vec3, Real, Vec3, Vec3) {
+        let (limits, stream) = (self.rig.limits, self.stream);
+        let gain = self.machine.gain * self.shaking.gain();
+        let limit = |sum| stream.added_to(sum, limits.torque);
+        let moment = self.moment(tick, dt);
+        let parts = self.renderer.parts(scene, &self.rendered_motion, moment, dt);
+        let (asked, share) = parts.torque(0.0, limit);
+        let offset = self.blend.added(asked * gain, before, limits.torque);
+        let most = limits.torque * (dt / BLEND_S);
+        let part = parts.advance_within(most, self.blend.change(dt), gain, limit);
+        self.renderer.fade(scene, dt, part);
+        self.blend.fade(dt, part);
+        if parts.is_over() {
+            self.fades = Fades::Over;
+        }
+        (asked, share, offset, parts.elastic)
     }
 
     /// Returns the torque that `scene` would have made in the last tick, N m: at the motion of the
@@ -151,8 +243,13 @@ impl Controller {
     /// change of scene needs stack for a copy of the effects' memories.
     #[inline(never)]
     fn rendered_anew(&self, scene: &CompiledScene, tick: u64) -> Vec3 {
-        let rendered = self.renderer.clone().render(scene, &self.rendered_motion, tick, 0.0, 0.0);
-        self.rendered_stream.added_to(rendered, self.rig.limits.torque).0
+        let (mut renderer, motion) = (self.renderer.clone(), &self.rendered_motion);
+        let limit = |sum| self.rendered_stream.added_to(sum, self.rig.limits.torque);
+        let moment = self.moment(tick, 0.0);
+        if self.fades == Fades::Unlimited {
+            return limit(renderer.render_in_tick(scene, *motion, moment, |_, _| {})).0;
+        }
+        renderer.parts(scene, motion, moment, 0.0).torque(0.0, limit).0
     }
 
     /// Returns true if the new scene is so far from rest that `enable` would refuse it. This has
@@ -172,17 +269,33 @@ impl Controller {
         self.renderer.is_far(scene, self.orientation.q, limits.enable_max_angle, steps)
     }
 
-    /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for
-    /// this tick. `kept` is the fraction of the scene's torque that is left in `wanted` after ramps
-    /// and limits. It is a separate function, so that it costs nothing if the rig has no passivity
-    /// controller.
+    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick
+    /// acts. It is a separate function, so that it costs nothing if the rig has no lead.
     #[inline(never)]
-    fn damp(&mut self, tick: u64, wanted: Vec3, kept: Real) -> Vec3 {
+    fn led(&mut self, measured: Motion, tick: u64) -> Motion {
+        let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };
+        lead.of(measured, (tick as u32).wrapping_sub(answered))
+    }
+
+    /// Returns what the effects need to know of the time, if they advance by `dt` seconds.
+    #[inline(always)]
+    fn moment(&self, tick: u64, dt: Real) -> render::Moment {
+        let rate = self.rig.limits.reference_rate;
+        let still = render::Moment::without_lead(tick, dt, rate * dt);
+        let Some(lead) = &self.lead else { return still };
+        render::Moment { lead: lead.time(), ahead: lead.ahead(), reach_ahead: rate * lead.ahead(), ..still }
+    }
+
+    /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for
+    /// this tick. `elastic` is the torque of the scene's elastic effects, and `kept` the fraction of
+    /// it that is left in `wanted` after ramps and limits. It is a separate function, so that it
+    /// costs nothing if the rig has no passivity controller.
+    #[inline(never)]
+    fn damp(&mut self, scene: &CompiledScene, tick: u64, wanted: Vec3, elastic: Vec3, kept: Real) -> Vec3 {
         let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
         if let Some(ledger) = &mut self.ledger {
-            let parts = self.renderer.parts();
-            let elastic = parts.elastic * kept;
-            guard.add(ledger.part(elastic, wanted - elastic - parts.resisting * kept));
+            let law = self.renderer.elastic_at(scene, self.orientation.q) * kept;
+            guard.add(ledger.render(law, wanted - elastic * kept));
         }
         let (period, gain) = (self.rig.timing.period_s(), self.machine.gain);
         let now = Moment { tick: tick as u32, answered, period, gain };

@@ -27,9 +27,11 @@ pub struct Constant {
 impl Law for Constant {
     type Memory = ();
 
+    const GIVES: bool = true;
+    const ELASTIC: bool = false;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
-        now.driving();
         match self.frame {
             Frame::World => self.torque,
             Frame::Sphere => now.motion.q * self.torque,

@@ -39,8 +39,8 @@ impl Law for Damper {
         let omega = now.motion.omega;
         if self.deadband > 0.0 {
             // w.D w' >= 0 for w' along w, so it still only absorbs energy.
-            return now.resisting(-(self.damping * beyond(omega, self.deadband)));
+            return -(self.damping * beyond(omega, self.deadband));
         }
-        now.resisting(-(self.damping * omega))
+        -(self.damping * omega)
     }
 }

@@ -10,8 +10,9 @@
 use super::geometry::{Dial, Turns};
 use super::target::Target;
 use super::{Anchor, Law, Now};
+use crate::around::Spot;
 use crate::real::{PI, Quat, Real, TURN, Vec3, fabs, round, sincos};
-use crate::rotation::shortest;
+use crate::rotation::{exp, shortest};
 
 /// An effect that gives the sphere the notches of a dial: it snaps into notches as it turns about
 /// an axis.
@@ -59,6 +60,13 @@ impl Detents {
         }
     }
 
+    /// Returns half of the width of a notch, rad. Notches that are given one by one can be narrower
+    /// if they are near to each other.
+    #[inline]
+    fn narrowest(&self) -> Real {
+        if self.count > 0 { self.width.min(0.5 * TURN / Real::from(self.count)) } else { self.width }
+    }
+
     /// Returns the dial's energy (J) and its slope (N m) at the distance `d` (rad) from a notch.
     /// `room` is half of the distance to the next notch, rad.
     #[inline]
@@ -89,11 +97,12 @@ impl Law for Detents {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
+        now.lead_at_most(0.5 * self.narrowest());
         let dial = now.dial(self.axis);
         let (energy, slope) = self.profile(turns.follow(dial.psi), now.numbers);
         let mut torque = dial.torque(energy, slope);
         if self.damping > 0.0 {
-            torque += now.resisting_there(dial.resist(now.rate(), self.damping));
+            torque += dial.resist(now.rate(), self.damping);
         }
         now.in_n(torque)
     }
@@ -112,5 +121,28 @@ impl Law for Detents {
         let (first, last) = (numbers.first()?, numbers.last()?);
         let psi = Dial::new(shortest(desired.conjugate() * q), self.axis).psi;
         (self.end_stiffness > 0.0).then(|| (first - psi).max(psi - last).max(0.0))
+    }
+
+    fn places(&self, numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, Turns)) {
+        let mut at = |spot, angle, deeper| {
+            visit(spot, exp(self.axis * angle), deeper, Turns::at(angle));
+        };
+        let gap = |k: usize| numbers[k + 1] - numbers[k];
+        match numbers {
+            [] => at(Spot::Notch, 0.0, Vec3::ZERO),
+            [.., last] => {
+                // The notch with the nearest neighbour is the steepest.
+                let near = |k: usize| {
+                    let left = k.checked_sub(1).map_or(Real::INFINITY, gap);
+                    if k + 1 < numbers.len() { left.min(gap(k)) } else { left }
+                };
+                let narrowest = (0..numbers.len()).min_by(|a, b| near(*a).total_cmp(&near(*b))).unwrap_or(0);
+                at(Spot::Notch, numbers[narrowest], Vec3::ZERO);
+                if self.end_stiffness > 0.0 {
+                    at(Spot::Wall, numbers[0], -self.axis);
+                    at(Spot::Wall, *last, self.axis);
+                }
+            }
+        }
     }
 }

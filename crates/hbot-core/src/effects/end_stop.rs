@@ -10,8 +10,9 @@
 use super::geometry::{Dial, SWING_FADE, Swing, Turns};
 use super::target::Target;
 use super::{Anchor, Law, Now};
+use crate::around::Spot;
 use crate::real::{PI, Quat, Real, Vec3};
-use crate::rotation::shortest;
+use crate::rotation::{exp, shortest};
 
 /// Depth in a wall at which the wall's damping reaches its full value, rad. The damping rises
 /// gradually, so that the torque does not jump at the wall's edge.
@@ -85,7 +86,6 @@ impl Law for EndStop {
                 let inwards = swing.gradient.dot(now.rate()).max(0.0);
                 let damping = self.damping_at(depth) * swing.fade();
                 torque -= swing.gradient * (self.cone_slope(&swing, depth) + damping * inwards);
-                now.resisting_there(swing.gradient * -(damping * inwards));
             }
         }
         if let Some(range) = self.twist {
@@ -95,7 +95,7 @@ impl Law for EndStop {
                 torque += dial.torque(0.5 * self.stiffness * depth * depth, self.stiffness * depth);
                 let rate = now.rate();
                 if dial.gradient.dot(rate) * depth > 0.0 {
-                    torque += now.resisting_there(dial.resist(rate, self.damping_at(depth.abs())));
+                    torque += dial.resist(rate, self.damping_at(depth.abs()));
                 }
             }
         }
@@ -125,5 +125,17 @@ impl Law for EndStop {
         let twist =
             self.twist.map_or(0.0, |range| Self::twist_depth(Dial::new(x, self.axis).psi, range).abs());
         Some(cone.max(twist).max(0.0))
+    }
+
+    fn places(&self, _: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, Turns)) {
+        if let Some(cone) = self.cone {
+            let (first, second) = self.axis.any_orthonormal_pair();
+            for away in [first, second] {
+                visit(Spot::Wall, exp(away * cone), away, Turns::default());
+            }
+        }
+        for (side, end) in [-1.0, 1.0].into_iter().zip(self.twist.into_iter().flatten()) {
+            visit(Spot::Wall, exp(self.axis * end), self.axis * side, Turns::at(end));
+        }
     }
 }

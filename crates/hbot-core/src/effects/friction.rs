@@ -27,6 +27,7 @@ pub struct Friction {
 impl Law for Friction {
     /// Orientation in which the friction holds the sphere. `None` before the first tick.
     type Memory = Option<Quat>;
+    const REMEMBERS: bool = true;
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, anchor: &mut Option<Quat>) -> Vec3 {
@@ -40,8 +41,6 @@ impl Law for Friction {
             *anchor = Some(rotation::renormalized(rotation::exp(-shorter) * q));
             z = shorter;
         }
-        let resisting = now.motion.omega * self.damping;
-        now.resisting(-resisting);
-        z * -self.stiffness - resisting
+        z * -self.stiffness - now.motion.omega * self.damping
     }
 }

@@ -88,6 +88,11 @@ pub(crate) struct Turns {
 }
 
 impl Turns {
+    /// Creates a memory that has followed the dial to the angle `psi`, rad.
+    pub(crate) fn at(psi: Real) -> Self {
+        Self { last: Some(psi) }
+    }
+
     /// Returns the angle `psi` (rad), shifted by whole turns so that it is nearest to the last
     /// angle.
     #[inline]

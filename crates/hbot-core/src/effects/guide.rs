@@ -10,8 +10,9 @@
 //!
 //! A dead band shortens the quantity that is squared, so each law remains a gradient.
 
-use super::target::{Target, beyond, beyond_gradient};
+use super::target::{Target, beyond, beyond_gradient, places_of_spring};
 use super::{Anchor, Law, Now};
+use crate::around::Spot;
 use crate::impedance::quaternion_pull;
 use crate::real::{Quat, Real, Vec3, asin, fabs, sincos};
 use crate::rotation::vector_part;
@@ -89,9 +90,7 @@ impl Law for Guide {
             let (s, gradient) = self.rise(x, u);
             let mut push = self.stiffness * s;
             if self.damping > 0.0 {
-                let resisting = self.damping * gradient.dot(now.rate());
-                now.resisting_there(gradient * -resisting);
-                push += resisting;
+                push += self.damping * gradient.dot(now.rate());
             }
             return now.in_n(gradient * -push);
         }
@@ -104,7 +103,7 @@ impl Law for Guide {
         }
         let mut torque = quaternion_pull(x.w, e, f);
         if self.damping > 0.0 {
-            torque += now.resisting_there(-(self.held(now.rate()) * self.damping));
+            torque -= self.held(now.rate()) * self.damping;
         }
         now.in_n(torque)
     }
@@ -131,5 +130,21 @@ impl Law for Guide {
             // The angle of the turn about the held directions that has this part of e.
             _ => 2.0 * asin(self.held(vector_part(x)).length().min(1.0)),
         })
+    }
+
+    fn places(&self, _: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, ())) {
+        let (first, second) = self.axis.any_orthonormal_pair();
+        match self.free {
+            Freedom::Axis => places_of_spring(&[first, second], self.deadband, visit),
+            Freedom::Swing => places_of_spring(&[self.axis], self.deadband, visit),
+            Freedom::Plane(u) => {
+                // The shortest turn of `u` into the plane, and the axis of a turn out of it.
+                let inside = (u - self.axis * u.dot(self.axis)).try_normalize().unwrap_or(first);
+                let x = Quat::from_rotation_arc(u, inside);
+                places_of_spring(&[inside.cross(self.axis)], self.deadband, &mut |spot, turn, deeper, ()| {
+                    visit(spot, turn * x, deeper, ());
+                });
+            }
+        }
     }
 }

@@ -43,14 +43,23 @@ pub(crate) fn mass_scale(masses: impl Iterator<Item = (Real, Real)>, inertia: Re
     if load > most { most / load } else { 1.0 }
 }
 
+/// Returns the largest row sum of `m`: an upper bound of its largest eigenvalue. For a diagonal
+/// matrix both are equal.
+pub(crate) fn largest(m: &Mat3) -> Real {
+    let row = |x: Real, y: Real, z: Real| fabs(x) + fabs(y) + fabs(z);
+    row(m.x_axis.x, m.y_axis.x, m.z_axis.x)
+        .max(row(m.x_axis.y, m.y_axis.y, m.z_axis.y))
+        .max(row(m.x_axis.z, m.y_axis.z, m.z_axis.z))
+}
+
 impl Law for Inertia {
     /// The smoothed angular acceleration of the sphere, rad/s².
     type Memory = Vec3;
+    /// The bound of all masses keeps them stable, however late they are.
+    const ELASTIC: bool = false;
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, smooth: &mut Vec3) -> Vec3 {
-        // The bound of all masses keeps them stable, however late they are.
-        now.driving();
         let raw = now.acceleration();
         let sum = self.smoothing + now.dt;
         if sum > 0.0 {
@@ -59,14 +68,7 @@ impl Law for Inertia {
         -(self.mass * *smooth) * now.shared.mass_scale
     }
 
-    fn mass(&self) -> Option<(Real, Real)> {
-        let row = |x: Real, y: Real, z: Real| fabs(x) + fabs(y) + fabs(z);
-        let m = &self.mass;
-        // The largest row sum is an upper bound of the largest eigenvalue. For a diagonal matrix
-        // both are equal.
-        let largest = row(m.x_axis.x, m.y_axis.x, m.z_axis.x)
-            .max(row(m.x_axis.y, m.y_axis.y, m.z_axis.y))
-            .max(row(m.x_axis.z, m.y_axis.z, m.z_axis.z));
-        Some((largest, self.smoothing))
+    fn mass(&self) -> Option<(Mat3, Real)> {
+        Some((self.mass, self.smoothing))
     }
 }

@@ -9,7 +9,14 @@ use super::{Anchor, Law, Now};
 use crate::real::{Quat, Real, Vec3, exp};
 use crate::rotation::vector_part;
 
+/// exp(-1/2), the inverse of [`Magnet::nearness`] at the target.
+#[allow(clippy::excessive_precision, reason = "f64 has the digits that f32 has not")]
+const AT_TARGET: Real = 0.606_530_659_712_633_4;
+
 /// An effect that attracts the sphere to an orientation, but only if the sphere is near it.
+///
+/// If the effect has a number in the scene's table, it is the viscous damping of the sphere at the
+/// target, N m s/rad. With the distance it falls to zero, as exp(-s²/(2 w²)).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Magnet {
@@ -36,9 +43,17 @@ impl Law for Magnet {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        now.lead_at_most(self.width);
         let x = now.relative();
         let e = vector_part(x);
-        now.in_n(e * (-2.0 * self.strength / self.width * self.nearness(e) * x.w))
+        let near = self.nearness(e);
+        let mut torque = e * (-2.0 * self.strength / self.width * near * x.w);
+        // The damping is the only number of the effect, so that a magnet without it stays as it is
+        // in recordings. Its factor is 1 at the target.
+        if let [damping, ..] = now.numbers {
+            torque -= now.rate() * (damping * near * AT_TARGET);
+        }
+        now.in_n(torque)
     }
 
     fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {

@@ -45,11 +45,12 @@ pub use texture::Texture;
 pub use track::{Track, TrackPath};
 pub use vibration::{Vibration, Wave};
 
-pub(crate) use inertia::mass_scale;
+pub(crate) use inertia::{largest, mass_scale};
 pub(crate) use now::{Now, Shared};
 pub(crate) use target::Reference;
 
-use crate::real::{Quat, Real, Vec3};
+use crate::around::Spot;
+use crate::real::{Mat3, Quat, Real, Vec3};
 
 /// The law of a kind of effect: how the effect computes torque and energy from the motion of the
 /// sphere.
@@ -60,6 +61,12 @@ pub(crate) trait Law {
 
     /// True for a law that most scenes have. It is inlined into the loop over the effects.
     const COMMON: bool = false;
+
+    /// True for a law that gives out energy on purpose, whatever the sphere does.
+    const GIVES: bool = false;
+
+    /// True for a law whose torque follows the orientation, so that delay makes it create energy.
+    const ELASTIC: bool = true;
 
     /// Returns the torque on the sphere in frame N, in N m, before the effect's gain and fading.
     /// Advances `memory` by one tick.
@@ -85,11 +92,22 @@ pub(crate) trait Law {
         None
     }
 
-    /// Returns the inertia of a virtual mass (kg m²) and the time constant of its smoothing (s), or
-    /// `None` for other effects. The inertia is the largest eigenvalue of the mass or an upper
-    /// bound of it.
-    fn mass(&self) -> Option<(Real, Real)> {
+    /// Returns a virtual mass in frame N (kg m²) and the time constant of its smoothing (s), or
+    /// `None` for other effects.
+    fn mass(&self) -> Option<(Mat3, Real)> {
         None
+    }
+
+    /// True if the torque depends on how the sphere came to its orientation, as that of dry
+    /// friction does.
+    const REMEMBERS: bool = false;
+
+    /// Calls `visit` for each place at which the law is steepest or changes. A place is a turn from
+    /// the effect's reference, the axis about which a turn leads deeper into a wall or out of a
+    /// dead band (in the reference's frame; zero elsewhere), and the memory that the effect has
+    /// there. A law that is the same everywhere, or steepest at its reference, has the default.
+    fn places(&self, _numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, Self::Memory)) {
+        visit(Spot::Rest, Quat::IDENTITY, Vec3::ZERO, Self::Memory::default());
     }
 }
 
@@ -272,9 +290,36 @@ macro_rules! kinds {
                 }
             }
 
-            pub(crate) fn mass(&self) -> Option<(Real, Real)> {
+            /// Returns true for kinds that give out energy on purpose, whatever the sphere does.
+            pub(crate) const fn gives(&self) -> bool {
+                match self {
+                    $(Self::$name(_) => <$name as Law>::GIVES),*
+                }
+            }
+
+            pub(crate) const fn is_elastic(&self) -> bool {
+                match self {
+                    $(Self::$name(_) => <$name as Law>::ELASTIC),*
+                }
+            }
+
+            pub(crate) fn mass(&self) -> Option<(Mat3, Real)> {
                 match self {
                     $(Self::$name(law) => law.mass()),*
+                }
+            }
+
+            pub(crate) fn remembers(&self) -> bool {
+                match self {
+                    $(Self::$name(_) => <$name as Law>::REMEMBERS),*
+                }
+            }
+
+            pub(crate) fn places(&self, numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, Memory)) {
+                match self {
+                    $(Self::$name(law) => law.places(numbers, &mut |spot, x, deeper, memory| {
+                        visit(spot, x, deeper, Memory::$name(memory));
+                    })),*
                 }
             }
         }
@@ -328,7 +373,16 @@ mod tests {
     }
 
     fn now(motion: Motion, shared: &mut Shared) -> Now<'_> {
-        Now { motion, dt: 0.001, reference: &Reference::STILL, numbers: &[], shared }
+        Now {
+            motion,
+            dt: 0.001,
+            lead: 0.0,
+            ahead: 0.0,
+            reference: &Reference::STILL,
+            numbers: &[],
+            shared,
+            shares: true,
+        }
     }
 
     /// Checks that every kind of effect gives finite torques and energies, in builds with `f32` and

@@ -3,8 +3,8 @@
 
 use super::geometry::Dial;
 use super::target::Reference;
-use crate::real::{Quat, Real, Vec3};
-use crate::rotation::{angle_over_sine, shortest, vector_part};
+use crate::real::{Quat, Real, Vec3, sqrt};
+use crate::rotation::{angle_over_sine, exp, renormalized, shortest, vector_part};
 use crate::scene::MAX_EFFECTS;
 
 /// The motion of the sphere at one moment.
@@ -24,11 +24,17 @@ pub(crate) struct Now<'a> {
     /// Time since the last tick, s. It is 0 if the torque is only evaluated and the effect must not
     /// advance.
     pub(crate) dt: Real,
+    /// Time by which the pose `motion.q` is ahead of its reading, s, and the part of this time that
+    /// is still to come, s. Both are 0 without a lead.
+    pub(crate) lead: Real,
+    pub(crate) ahead: Real,
     /// The orientation from which the effect is measured, and its rate.
     pub(crate) reference: &'a Reference,
     /// The effect's part of the scene's table of numbers.
     pub(crate) numbers: &'a [Real],
     pub(crate) shared: &'a mut Shared,
+    /// True if quantities are looked up in `shared`, because other effects may need them too.
+    pub(crate) shares: bool,
 }
 
 impl Now<'_> {
@@ -38,7 +44,7 @@ impl Now<'_> {
     pub(crate) fn relative(&mut self) -> Quat {
         let (desired, q) = (self.reference.q, self.motion.q);
         let make = || shortest(desired.conjugate() * q);
-        if self.shared.several { self.shared.relatives.get(desired, make) } else { make() }
+        if self.shares { self.shared.relatives.get(desired, make) } else { make() }
     }
 
     /// Returns t / sin(t/2) and the rotation vector p of the sphere's orientation relative to the
@@ -57,7 +63,7 @@ impl Now<'_> {
             let factor = angle_over_sine(x.w, vector_part(x));
             (factor, vector_part(x) * factor)
         };
-        if self.shared.several { self.shared.logs.get(self.reference.q, make) } else { make() }
+        if self.shares { self.shared.logs.get(self.reference.q, make) } else { make() }
     }
 
     /// Returns the twist of the sphere about the unit vector `axis`, relative to the effect's
@@ -65,7 +71,26 @@ impl Now<'_> {
     #[inline]
     pub(crate) fn dial(&mut self, axis: Vec3) -> Dial {
         let x = self.relative();
-        self.shared.dials.get((self.reference.q, axis), || Dial::new(x, axis))
+        let make = || Dial::new(x, axis);
+        if self.shares { self.shared.dials.get((self.reference.q, axis), make) } else { make() }
+    }
+
+    /// Shortens the lead until the pose is at most `most` rad ahead of its reading.
+    ///
+    /// A law that bends within `most` calls it before it uses the pose. Let the torque be a wave of
+    /// the wave number k that is crossed at the rate v, tau the delay and c tau the lead. With q =
+    /// k v tau the loop gives out energy in proportion to sin(q)/q - c cos(q). So a lead takes
+    /// energy out as long as it is below a quarter of a wave, q = pi/2, and gives energy out
+    /// beyond. A lead of a constant angle does neither.
+    #[inline]
+    pub(crate) fn lead_at_most(&mut self, most: Real) {
+        let turn = self.motion.omega * self.lead;
+        let length2 = turn.length_squared();
+        if length2 > most * most {
+            let back = turn * (most / sqrt(length2) - 1.0);
+            self.motion.q = renormalized(exp(back) * self.motion.q);
+            self.shares = false;
+        }
     }
 
     /// Returns the sphere's angular velocity minus that of the effect's reference, in the
@@ -84,32 +109,6 @@ impl Now<'_> {
             Some(last) if dt > 0.0 => (omega - last) / dt,
             _ => Vec3::ZERO,
         })
-    }
-
-    /// Notes that the part `torque` of the effect's torque (frame N, N m) resists the sphere's rate.
-    /// Returns it. The passivity controller does not count on this part to give energy back.
-    #[inline(always)]
-    pub(crate) fn resisting(&mut self, torque: Vec3) -> Vec3 {
-        if self.shared.parted {
-            self.shared.resisting += torque;
-        }
-        torque
-    }
-
-    /// Does the same as [`resisting`](Self::resisting) with a torque in the frame of the effect's
-    /// reference.
-    #[inline(always)]
-    pub(crate) fn resisting_there(&mut self, torque: Vec3) -> Vec3 {
-        if self.shared.parted {
-            self.shared.resisting += self.in_n(torque);
-        }
-        torque
-    }
-
-    /// Notes that the whole torque of the effect moves the sphere on purpose in this tick.
-    #[inline(always)]
-    pub(crate) fn driving(&mut self) {
-        self.shared.driving = self.shared.parted;
     }
 
     /// Converts a torque from the frame of the effect's reference to frame N.
@@ -142,16 +141,6 @@ pub(crate) struct Shared {
     /// True if the scene has several effects with a reference. If it has only one, no other can
     /// need its orientation relative to the reference, so it is not stored.
     pub(crate) several: bool,
-    /// True if the passivity controller needs the parts of the torque.
-    #[cfg_attr(feature = "exact", serde(skip))]
-    pub(crate) parted: bool,
-    /// Part of the torque of the effect that is being rendered that resists the sphere's rate,
-    /// before the effect's gain, in frame N, N m.
-    #[cfg_attr(feature = "exact", serde(skip))]
-    pub(crate) resisting: Vec3,
-    /// True if the effect that is being rendered moves the sphere on purpose.
-    #[cfg_attr(feature = "exact", serde(skip))]
-    pub(crate) driving: bool,
 }
 
 impl Shared {
@@ -163,9 +152,6 @@ impl Shared {
         last_omega: None,
         mass_scale: 1.0,
         several: false,
-        parted: false,
-        resisting: Vec3::ZERO,
-        driving: false,
     };
 
     #[cfg(feature = "exact")]

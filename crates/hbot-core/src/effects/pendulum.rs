@@ -1,7 +1,8 @@
 //! An off-centre mass under gravity: T = R c x m g, V = -m g . R c.
 
 use super::{Law, Now};
-use crate::real::{Real, Vec3};
+use crate::around::Spot;
+use crate::real::{Quat, Real, Vec3};
 
 /// An effect that makes the sphere feel as if it had an off-centre mass under gravity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,5 +24,14 @@ impl Law for Pendulum {
 
     fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {
         Some(-self.weight.dot(now.motion.q * self.centre))
+    }
+
+    fn places(&self, _: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, ())) {
+        // It hangs straight down.
+        let hangs = match (self.centre.try_normalize(), self.weight.try_normalize()) {
+            (Some(centre), Some(down)) => Quat::from_rotation_arc(centre, down),
+            _ => Quat::IDENTITY,
+        };
+        visit(Spot::Rest, hangs, Vec3::ZERO, ());
     }
 }

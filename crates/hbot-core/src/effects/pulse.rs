@@ -59,6 +59,9 @@ impl Pulse {
     /// Stores the nearest notch and compares it with the one before. If it has changed, returns
     /// `Some(true)` if the dial's angle has fallen and `Some(false)` if it has risen.
     fn take_notch(&self, now: &mut Now<'_>, state: &mut Clicks) -> Option<bool> {
+        // A click accelerates the sphere. If the pose were led, this alone could take it across a
+        // notch, and clicks would start each other.
+        now.lead_at_most(0.0);
         let dial = now.dial(self.axis);
         // If the dial fades, it has no notches.
         if dial.fade().0 < 1.0 {
@@ -76,9 +79,11 @@ impl Pulse {
 impl Law for Pulse {
     type Memory = Clicks;
 
+    const GIVES: bool = true;
+    const ELASTIC: bool = false;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, state: &mut Clicks) -> Vec3 {
-        now.driving();
         if state.fired != self.fire {
             state.fired = self.fire;
             state.start(false);

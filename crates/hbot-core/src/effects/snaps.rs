@@ -13,8 +13,9 @@
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
+use crate::around::Spot;
 use crate::real::{Quat, Real, Vec3, fabs, sqrt};
-use crate::rotation::vector_part;
+use crate::rotation::{from_parts, vector_part};
 
 /// Largest number of orientations that a scene can give to a snaps effect one by one.
 pub const MAX_OWN: usize = 16;
@@ -249,7 +250,7 @@ impl Law for Snaps {
         let slope = 2.0 * self.strength / (self.width * sqrt(1.0 + 4.0 * u / (self.width * self.width)));
         let mut torque = gradient * -slope;
         if self.damping > 0.0 {
-            torque += now.resisting_there(-(now.rate() * self.damping));
+            torque -= now.rate() * self.damping;
         }
         now.in_n(torque)
     }
@@ -262,6 +263,13 @@ impl Law for Snaps {
 
     fn reference(&self) -> Option<(Quat, Anchor)> {
         Some(self.target.reference())
+    }
+
+    fn places(&self, numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, ())) {
+        // All wells are alike.
+        if let Some([w, x, y, z]) = self.orientations(numbers).first() {
+            visit(Spot::Notch, from_parts(*w, Vec3::new(*x, *y, *z)), Vec3::ZERO, ());
+        }
     }
 }
 

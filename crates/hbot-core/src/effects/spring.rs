@@ -1,7 +1,8 @@
 //! A spring towards a reference orientation, with a damper on the rate relative to the reference.
 
-use super::target::{beyond, beyond_gradient};
+use super::target::{beyond, beyond_gradient, places_of_spring};
 use super::{Anchor, Law, Now};
+use crate::around::Spot;
 use crate::impedance::{self, damper, geodesic_pull, quaternion_pull};
 use crate::real::{Mat3, Quat, Real, Vec3, sincos};
 use crate::rotation::{angle_between, vector_part};
@@ -106,7 +107,7 @@ impl Law for Spring {
         };
         let mut torque = desired * elastic;
         if let Some(damping) = &self.damping {
-            torque += now.resisting(damper(desired, damping, now.motion.omega, now.reference.omega));
+            torque += damper(desired, damping, now.motion.omega, now.reference.omega);
         }
         torque
     }
@@ -130,5 +131,9 @@ impl Law for Spring {
 
     fn excess(&self, desired: Quat, q: Quat, _: &[Real]) -> Option<Real> {
         Some(angle_between(desired, q))
+    }
+
+    fn places(&self, _: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, Branch)) {
+        places_of_spring(&[Vec3::X, Vec3::Y, Vec3::Z], self.deadband, visit);
     }
 }

@@ -1,6 +1,8 @@
 //! References: the orientations from which effects are measured, fixed or moving.
 
+use crate::around::Spot;
 use crate::real::{Quat, Real, Vec3};
+use crate::rotation;
 
 /// The orientation relative to which the reference of an effect is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,4 +83,17 @@ pub(crate) fn beyond_gradient(v: Vec3, deadband: Real, f: Vec3) -> Vec3 {
     }
     let unit = v * (1.0 / length);
     f * (1.0 - deadband / length) + unit * (deadband / length * unit.dot(f))
+}
+
+/// Calls `visit` for the reference, and for the ends of a dead band about each of `axes` if there
+/// is a dead band. This is [`Law::places`](super::Law::places) of a spring with a dead band, rad.
+pub(crate) fn places_of_spring<M: Default>(
+    axes: &[Vec3],
+    deadband: Real,
+    visit: &mut dyn FnMut(Spot, Quat, Vec3, M),
+) {
+    visit(Spot::Rest, Quat::IDENTITY, Vec3::ZERO, M::default());
+    for axis in axes.iter().filter(|_| deadband > 0.0) {
+        visit(Spot::Edge, rotation::exp(*axis * deadband), *axis, M::default());
+    }
 }

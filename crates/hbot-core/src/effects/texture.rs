@@ -6,10 +6,14 @@
 //! exact gradient. A turn about n is not felt.
 
 use super::{Law, Now};
-use crate::real::{Real, Vec3, cos, sincos};
+use crate::around::Spot;
+use crate::real::{PI, Quat, Real, TURN, Vec3, cos, sincos, sqrt};
 
 /// An effect that simulates bumps on the sphere's surface, which the hand feels when the sphere
 /// turns.
+///
+/// If the effect has a number in the scene's table, it is the viscous damping of the sphere across
+/// `at`, N m s/rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct Texture {
@@ -33,15 +37,37 @@ impl Law for Texture {
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {
+        now.lead_at_most(0.25 * TURN / self.wave_number);
         let s = self.under(now);
         let sine = |x: Real| sincos(self.wave_number * x).0;
         let f = Vec3::new(sine(s.x), sine(s.y), sine(s.z));
-        now.motion.q * (f.cross(s) * self.depth)
+        let mut torque = now.motion.q * (f.cross(s) * self.depth);
+        // The damping is the only number of the effect, so that a texture without it stays as it is
+        // in recordings. A turn about `at` is not damped, because it is not felt.
+        if let [damping, ..] = now.numbers {
+            let omega = now.motion.omega;
+            torque -= (omega - self.at * self.at.dot(omega)) * *damping;
+        }
+        torque
     }
 
     fn energy(&self, now: &mut Now<'_>, (): &()) -> Option<Real> {
         let s = self.under(now);
         let k = self.wave_number;
         Some(self.depth / k * (cos(k * s.x) + cos(k * s.y) + cos(k * s.z)))
+    }
+
+    fn places(&self, _: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, ())) {
+        // The energy is lowest in the direction s where cos(k s) is -1. Two components can be
+        // there; the third is what is left of the unit length. Longer waves have no such place, and
+        // are steepest near the directions of the second list.
+        let a = PI / self.wave_number;
+        let left = 1.0 - 2.0 * a * a;
+        let (h, t) = (sqrt(0.5), sqrt(1.0 / 3.0));
+        let deep = [Vec3::new(a, a, sqrt(left.max(0.0)))];
+        let wide = [Vec3::X, Vec3::new(h, h, 0.0), Vec3::new(t, t, t)];
+        for s in if left > 0.0 { &deep[..] } else { &wide[..] } {
+            visit(Spot::Bump, Quat::from_rotation_arc(*s, self.at), Vec3::ZERO, ());
+        }
     }
 }

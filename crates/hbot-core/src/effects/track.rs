@@ -11,8 +11,9 @@
 //! at each point. Between the points of a record the rate is constant. The effect gives out energy:
 //! the work that moves the reference against the spring.
 
-use super::target::Target;
+use super::target::{Target, places_of_spring};
 use super::{Anchor, Law, Now};
+use crate::around::Spot;
 use crate::real::{Quat, Real, TURN, Vec3, floor, sincos};
 use crate::rotation::{self, from_parts, vector_part};
 
@@ -175,9 +176,12 @@ fn along(numbers: &[Real], time: Real, rest: bool) -> (Quat, Vec3) {
 impl Law for Track {
     type Memory = TrackPlace;
 
+    const GIVES: bool = true;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, place: &mut TrackPlace) -> Vec3 {
         let (turn, rate) = self.path.at(place, now.numbers);
+        let turn = if now.ahead > 0.0 { rotation::exp(rate * now.ahead) * turn } else { turn };
         let desired = turn * now.reference.q;
         let mut x = rotation::shortest(now.motion.q * desired.conjugate());
         if x.w == 0.0 && vector_part(x).dot(place.branch) < 0.0 {
@@ -187,12 +191,9 @@ impl Law for Track {
         place.branch = p;
         let mut torque = super::target::beyond(p, self.deadband) * -self.stiffness;
         if self.damping > 0.0 {
-            torque += now.resisting(-((now.motion.omega - now.reference.omega - rate) * self.damping));
+            torque -= (now.motion.omega - now.reference.omega - rate) * self.damping;
         }
         self.path.advance(place, now.numbers, now.dt);
-        if rate != Vec3::ZERO {
-            now.driving();
-        }
         torque
     }
 
@@ -203,5 +204,14 @@ impl Law for Track {
     fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
         let (start, _) = self.path.at(&TrackPlace::default(), numbers);
         Some(rotation::angle_between(start * desired, q))
+    }
+
+    fn places(&self, numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, TrackPlace)) {
+        // The path turns the reference in frame N.
+        let (reference, _) = self.target.reference();
+        let start = reference.conjugate() * self.path.at(&TrackPlace::default(), numbers).0 * reference;
+        places_of_spring(&[Vec3::X, Vec3::Y, Vec3::Z], self.deadband, &mut |spot, x, deeper, memory| {
+            visit(spot, start * x, deeper, memory);
+        });
     }
 }

@@ -101,9 +101,11 @@ impl Vibration {
 impl Law for Vibration {
     type Memory = Phase;
 
+    const GIVES: bool = true;
+    const ELASTIC: bool = false;
+
     #[inline]
     fn render(&self, now: &mut Now<'_>, state: &mut Phase) -> Vec3 {
-        now.driving();
         let level = self.amplitude * self.envelope(state.age);
         let torque = if level == 0.0 { Vec3::ZERO } else { self.axis * (level * self.wave.at(state.phase)) };
         self.advance(state, now.dt);

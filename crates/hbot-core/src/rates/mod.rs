@@ -116,6 +116,38 @@ impl Rates {
     }
 }
 
+/// Fills `out` with the rates (rad/s) that the rig's method estimates for `joint` at the readings
+/// after a step of its angle, divided by the step (rad). The first is that of the reading with the
+/// step itself. Returns false if the rates are those of the motor controllers.
+///
+/// The differences of these numbers are the weights that the method gives to the newest and to
+/// earlier angles. An adaptive window has no such weights of its own; it has those of the chord
+/// over the two readings about the step.
+#[must_use]
+pub fn step_response(rig: &Rig, joint: usize, out: &mut [Real]) -> bool {
+    /// Counts of the step: far above their rounding, and legal for any counter.
+    const STEP: i32 = 1_000_000;
+    /// Readings at rest before the step, after which a Kalman filter has its final gains.
+    const SETTLED: u32 = 512;
+    let encoders = rig.joints.map(|joint| Encoder::new(&joint));
+    let mut rates = Rates::new(rig, &encoders);
+    if matches!(rates, Rates::Reported) {
+        return false;
+    }
+    let per_count = encoders[joint].radians_per_count();
+    let mut advance = |step: i32| {
+        let (mut delta, mut counts, mut found) = ([0.0; MAX_JOINTS], [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+        (delta[joint], counts[joint]) = (per_count * step as Real, step);
+        rates.advance(rig, &encoders, &Moved { delta: &delta, counts: &counts, ticks: 1 }, &mut found);
+        found[joint] / (per_count * STEP as Real)
+    };
+    (0..SETTLED).for_each(|_| _ = advance(0));
+    for (k, rate) in out.iter_mut().enumerate() {
+        *rate = advance(if k == 0 { STEP } else { 0 });
+    }
+    true
+}
+
 /// Converts a `Real` to `f64`. In the build in which `Real` is `f64`, it does nothing.
 #[cfg(test)]
 #[allow(clippy::useless_conversion, reason = "the same line converts f32 in hbot-core-f32")]

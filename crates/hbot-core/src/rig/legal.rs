@@ -1,7 +1,8 @@
 //! The ranges of all numbers of a rig.
 //!
-//! They are wide. They exclude values that no rig can have or that arithmetic cannot handle, but
-//! not unwise values. Rig files have the same ranges, except for a narrower one for the period.
+//! They are wide. They exclude values that no rig can have or that arithmetic cannot handle, such
+//! as slips of the pen (a torque rate of 1e-300 N m/s), but not unwise values. Rig files have the
+//! same ranges, except for a narrower one for the period.
 
 use core::fmt;
 
@@ -19,31 +20,31 @@ pub const COUNTS: Range = Range::from(4.0, 2_147_483_648.0, "counts");
 pub const PEAK: Range = Range::from(0.0, 1000.0, "N m");
 
 /// Permitted range of the limit on the torque on the sphere, N m.
-pub const TORQUE: Range = Range::above(0.0, 1000.0, "N m");
+pub const TORQUE: Range = Range::above(1.0e-4, 1000.0, "N m");
 /// Permitted range of the limit on the change of the torque on the sphere, N m/s.
-pub const TORQUE_RATE: Range = Range::above(0.0, 1_000_000.0, "N m/s");
+pub const TORQUE_RATE: Range = Range::above(1.0e-3, 1_000_000.0, "N m/s");
 /// Permitted range of the limit on the angular speed of the sphere, rad/s.
-pub const SPEED: Range = Range::above(0.0, 1000.0, "rad/s");
+pub const SPEED: Range = Range::above(1.0e-3, 1000.0, "rad/s");
 /// Permitted range of the limit on the slip of a wheel, m/s.
-pub const SLIP: Range = Range::above(0.0, 100.0, "m/s");
+pub const SLIP: Range = Range::above(1.0e-6, 100.0, "m/s");
 /// Permitted range of the thermal time constant of the motors, s.
-pub const THERMAL_TIME: Range = Range::above(0.0, 100_000.0, "s");
+pub const THERMAL_TIME: Range = Range::above(1.0e-3, 100_000.0, "s");
 /// Permitted range of the energy that the rig may give to the hand in a burst, J.
-pub const BURST: Range = Range::above(0.0, 1000.0, "J");
+pub const BURST: Range = Range::above(1.0e-6, 1000.0, "J");
 /// Permitted range of the power that the rig may give to the hand continuously, W.
-pub const POWER: Range = Range::above(0.0, 1000.0, "W");
+pub const POWER: Range = Range::above(1.0e-6, 1000.0, "W");
 /// Permitted range of the friction coefficient of a contact between wheel and sphere.
-pub const FRICTION: Range = Range::above(0.0, 10.0, "");
+pub const FRICTION: Range = Range::above(1.0e-3, 10.0, "");
 /// Permitted range of the normal force of a contact between wheel and sphere, N.
-pub const NORMAL_FORCE: Range = Range::above(0.0, 10_000.0, "N");
+pub const NORMAL_FORCE: Range = Range::above(1.0e-3, 10_000.0, "N");
 /// Permitted range of the largest angle between a reference and the sphere's orientation at which
 /// the rig can be enabled, rad. The upper bound is pi, because no two orientations are further
 /// apart.
-pub const ENABLE_MAX_ANGLE: Range = Range::above(0.0, PI, "rad");
+pub const ENABLE_MAX_ANGLE: Range = Range::above(1.0e-6, PI, "rad");
 /// Permitted range of the rate at which an independent measurement corrects the orientation, rad/s.
-pub const ALIGN_RATE: Range = Range::above(0.0, 100.0, "rad/s");
+pub const ALIGN_RATE: Range = Range::above(1.0e-6, 100.0, "rad/s");
 /// Permitted range of the limit on the rate at which references move, rad/s.
-pub const REFERENCE_RATE: Range = Range::above(0.0, 1000.0, "rad/s");
+pub const REFERENCE_RATE: Range = Range::above(1.0e-6, 1000.0, "rad/s");
 /// Permitted range of the limit on the age of a streamed message, ticks.
 pub const MAX_AGE_TICKS: Range = Range::from(1.0, 1_000_000.0, "");
 
@@ -68,7 +69,14 @@ pub const ALLOWANCE: Range = Range::from(0.0, 1000.0, "J");
 /// Permitted range of the absorbed energy that the passivity controller can store as credit, J.
 pub const STORE: Range = Range::from(0.0, 1000.0, "J");
 /// Permitted range of the largest damping that the passivity controller adds, N m s/rad.
-pub const DAMPING: Range = Range::above(0.0, 100.0, "N m s/rad");
+pub const DAMPING: Range = Range::above(1.0e-6, 100.0, "N m s/rad");
+
+/// Permitted range of the time constant with which the torque of a joint follows a command, s.
+pub const TORQUE_LAG: Range = Range::from(0.0, 0.1, "s");
+/// Permitted range of the ratio of the lead to the delay from a reading to its torque.
+pub const LEAD_FACTOR: Range = Range::above(0.0, 2.0, "");
+/// Permitted range of the longest lead, s.
+pub const LEAD_LONGEST: Range = Range::above(0.0, 0.1, "s");
 
 /// The permitted range of a number, with its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]

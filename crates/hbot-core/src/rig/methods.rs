@@ -230,3 +230,31 @@ impl PassivityLimit {
         Self { store: 0.5, strict: true, ..Self::of(device, period_s) }
     }
 }
+
+/// How far ahead of its reading a scene is rendered, so that the delay from a reading to its torque
+/// takes no damping away. The lead is `factor` times this delay: the age of the reading, half a
+/// period of the loop, and the lag of the torque.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+pub struct LeadTime {
+    /// Ratio of the lead to the delay.
+    pub factor: Real,
+    /// Longest lead, s.
+    pub longest: Real,
+}
+
+impl Default for LeadTime {
+    /// Returns 1.1 times the delay, and at most 10 ms.
+    fn default() -> Self {
+        Self { factor: 1.1, longest: 0.01 }
+    }
+}
+
+impl LeadTime {
+    pub(super) fn checks(&self) -> [Option<RigError>; 2] {
+        [
+            legal::LEAD_FACTOR.check("lead.factor", self.factor),
+            legal::LEAD_LONGEST.check("lead.longest", self.longest),
+        ]
+    }
+}

@@ -27,7 +27,7 @@
 //! let gentle = rig.with(|parts| parts.limits.torque = 0.2)?;
 //! assert_eq!(gentle.limits.torque, 0.2);
 //! let error = rig.with(|parts| parts.limits.torque = -0.2).unwrap_err();
-//! assert_eq!(error.to_string(), "limits.torque is -0.2: must be > 0 and <= 1000 N m");
+//! assert_eq!(error.to_string(), "limits.torque is -0.2: must be > 0.0001 and <= 1000 N m");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -38,7 +38,8 @@ mod methods;
 pub use self::legal::{Range, RigError};
 pub use self::limits::{EnergyLimit, Limits, Traction};
 pub use self::methods::{
-    AllocationMethod, LONGEST_WINDOW, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate,
+    AllocationMethod, LONGEST_WINDOW, LeadTime, Methods, OdometryMethod, PassivityLimit, PathFit,
+    RateEstimate,
 };
 
 use core::ops::Deref;
@@ -100,6 +101,13 @@ pub struct RigParts {
     pub timing: Timing,
     /// Choice of numerical methods, which trades accuracy for computing time.
     pub methods: Methods,
+    /// Largest time constant with which the torque of a joint follows a command, s.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub torque_lag: Real,
+    /// How far ahead of its reading a scene is rendered. If `None`, it is rendered at the measured
+    /// pose.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub lead: Option<LeadTime>,
 }
 
 impl RigParts {
@@ -113,6 +121,8 @@ impl RigParts {
             limits: Limits::default(),
             timing: Timing::default(),
             methods: Methods::default(),
+            torque_lag: 0.0,
+            lead: None,
         }
     }
 
@@ -134,6 +144,8 @@ impl RigParts {
             .chain(self.limits.checks().into_iter().flatten())
             .chain(self.timing.checks().into_iter().flatten())
             .chain(self.methods.checks().into_iter().flatten())
+            .chain(legal::TORQUE_LAG.check("torque_lag", self.torque_lag))
+            .chain(self.lead.iter().flat_map(LeadTime::checks).flatten())
     }
 }
 

@@ -5,6 +5,7 @@ mod fit;
 mod headline;
 mod histogram;
 mod history;
+mod judged;
 mod marks;
 mod messages;
 mod own;
@@ -20,13 +21,15 @@ use std::time::{Duration, Instant};
 
 use glam::DQuat;
 use hbot_api::{
-    ControllerInfo, FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, StateEvent, StatsOk,
+    ControllerInfo, FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, ShakingEvent, StateEvent,
+    StatsOk,
 };
 
 pub(crate) use fit::{Fit, fit};
 pub(crate) use headline::{Headline, person};
 pub(crate) use histogram::{BINS, Histogram};
 pub(crate) use history::{History, SPAN_S, thinned};
+pub(crate) use judged::{Judged, Key};
 pub(crate) use marks::{Mark, Marks, What};
 pub(crate) use messages::{Messages, Weight};
 pub(crate) use reach::reach;
@@ -95,6 +98,9 @@ pub(crate) struct Model {
     pub(crate) scene: Scene,
     /// The server's message about the fault or emergency stop that the rig is in. `None` otherwise.
     pub(crate) fault: Option<FaultEvent>,
+    /// What the server said when it found the sphere shaking by itself, while the torque is
+    /// lowered.
+    pub(crate) shaking: Option<ShakingEvent>,
     pub(crate) messages: Messages,
     /// Number of states lost on the way to the panel since the connection was made.
     pub(crate) dropped: u64,
@@ -128,6 +134,7 @@ impl Model {
             lacks_controllers: false,
             scene: Scene::default(),
             fault: None,
+            shaking: None,
             messages: Messages::default(),
             dropped: 0,
             samples_per_s,
@@ -296,6 +303,7 @@ impl Model {
             News::NoControllers => self.lacks_controllers = true,
             News::Lease { lease, cause } => self.lease(lease, cause),
             News::Fault(fault) => self.fault(fault),
+            News::Shaking(shaking) => self.shaking(shaking),
             News::Scene(scene) => self.scene_loaded(scene),
             News::Dropped(dropped) => self.dropped = dropped.total,
             News::Stop { server, result } => self.stop_answered(&server, result),
@@ -322,6 +330,7 @@ impl Model {
         self.info.scene = serde_json::Value::Null;
         self.heard = Some(Instant::now());
         self.fault = None;
+        self.shaking = None;
         self.dropped = 0;
         // The server can have started again with another rig. The answer to `info` says which.
         self.simulated = None;
@@ -340,6 +349,16 @@ impl Model {
             self.unmarked.push((What::Fault, name, Some(fault.tick)));
         }
         self.fault = stopped.then_some(fault);
+    }
+
+    fn shaking(&mut self, event: ShakingEvent) {
+        let weight = if event.shaking { Weight::Bad } else { Weight::Good };
+        self.messages.add_told(weight, event.message.clone());
+        if event.shaking {
+            let who = event.effect.as_deref().unwrap_or("scene");
+            self.unmarked.push((What::Fault, format!("{who} shakes"), Some(event.tick)));
+        }
+        self.shaking = event.shaking.then_some(event);
     }
 
     fn scene_loaded(&mut self, scene: SceneEvent) {

@@ -166,6 +166,17 @@ impl Scene {
         Value::Object(scene)
     }
 
+    /// Returns the scene as the window shows it: with the parameter values that were last
+    /// requested.
+    pub(crate) fn shown(&self) -> Value {
+        let mut scene = self.to_json();
+        for (k, effect) in self.effects.iter().enumerate() {
+            let asked = self.pending.iter().filter(|((id, _), _)| *id == effect.id);
+            asked.for_each(|((_, key), value)| scene["effect"][k][key] = value.clone());
+        }
+        scene
+    }
+
     /// Returns the effects that have a parameter `stiffness`, such as springs.
     pub(crate) fn springs<'a>(&'a self, info: &'a InfoOk) -> impl Iterator<Item = &'a Effect> {
         self.effects.iter().filter(|effect| {

@@ -20,8 +20,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use hbot_api::{
-    ControllerInfo, DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, StatsOk, Token, Trust,
-    client_name,
+    ControllerInfo, DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, ShakingEvent, StatsOk,
+    Token, Trust, client_name,
 };
 use serde_json::Value;
 
@@ -158,6 +158,8 @@ pub(crate) enum News {
         cause: Option<LeaseCause>,
     },
     Fault(FaultEvent),
+    /// The sphere shakes by itself, or has its full torque again.
+    Shaking(ShakingEvent),
     Scene(SceneEvent),
     Dropped(DroppedEvent),
     /// The result of a stop of the rig at the address `server`.

@@ -232,7 +232,7 @@ impl<'a> Session<'a> {
                 Ok(())
             }
             Intent::Set { effect, key, value } => {
-                self.client.set(effect, Map::from_iter([(key.clone(), value.clone())]))
+                self.client.set(effect, Map::from_iter([(key.clone(), value.clone())])).map(drop)
             }
             Intent::Load { scene } => self.client.load_scene(scene.clone()).map(drop),
             Intent::Samples(n) => {
@@ -332,6 +332,7 @@ impl<'a> Session<'a> {
                 self.mailbox.post(News::Lease { lease: self.lease.clone(), cause: Some(cause) });
             }
             Event::Dropped(dropped) => self.mailbox.post(News::Dropped(dropped)),
+            Event::Shaking(shaking) => self.mailbox.post(News::Shaking(shaking)),
             // The panel sends no streams. Events that only a later server knows are ignored.
             Event::Refused(_) | Event::Stopping(_) | Event::Unknown => {}
         }

@@ -31,7 +31,7 @@ use eframe::egui::{
 };
 use hbot_api::time_of_day;
 
-use crate::model::{Link, Model, PlotSample, Weight};
+use crate::model::{Judged, Link, Model, PlotSample, Weight};
 use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
@@ -79,6 +79,8 @@ pub(crate) struct Desk {
     address: String,
     /// Id of the spring whose stiffness the sliders change.
     spring: String,
+    /// What the rig keeps stable of the scene.
+    judged: Judged,
     /// For each effect that the user has switched off, the gain it had before, by the effect's id.
     gains: BTreeMap<String, f64>,
     /// The lease holder, while the panel asks whether to take the lease from this client.
@@ -94,6 +96,7 @@ impl Desk {
             shelf: scene::Shelf::new(scenes),
             address: address.to_owned(),
             spring: String::new(),
+            judged: Judged::default(),
             gains: BTreeMap::new(),
             taking_over: None,
         }

@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Button, RichText, Role, ScrollArea, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use hbot_api::{Fault, Mode, StateEvent};
+use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
 use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
@@ -97,12 +97,26 @@ fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
         },
         (Headline::Mode(mode), _) => match recover::refusal(model).filter(|_| mode == Mode::Idle) {
             Some(text) => drop(coloured(ui, palette.warn, format!("No torque. {text}"))),
-            None => drop(weak(ui, words::mode(mode))),
+            None => {
+                if let Some(shaking) = &model.shaking {
+                    coloured(ui, palette.warn, shaken(shaking));
+                }
+                weak(ui, words::mode(mode));
+            }
         },
         (Headline::NoState, _) => {
             weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
         }
     }
+}
+
+/// Says which effect shook the sphere, and what to do.
+fn shaken(shaking: &ShakingEvent) -> String {
+    let who = shaking.effect.as_deref().unwrap_or("the scene");
+    format!(
+        "Torque lowered: {who} shook the sphere at {:.0} Hz. Lower its stiffness or raise its damping.",
+        shaking.frequency
+    )
 }
 
 /// Draws who has stopped the rig, and which button goes on.

@@ -8,7 +8,7 @@ use super::bar::OBSERVER;
 use super::parameter;
 use super::round_up;
 use super::theme::{Palette, coloured, heading, named, weak};
-use crate::model::{Effect, Model, reach};
+use crate::model::{Effect, Key, Model, reach};
 use crate::net::Intent;
 
 /// The slider extends at least to the stiffness that reaches the rig's torque limit at this
@@ -17,6 +17,8 @@ const STIFFEST_AT: f64 = 0.1;
 /// Ratio of the largest damping to the largest stiffness on their sliders, s. Slightly less damping
 /// is critical for the prototype's sphere with the stiffest spring.
 const DAMPING_SHARE: f64 = 0.02;
+/// Largest stiffness of an effect that is judged, N m/rad. Scene files allow no more.
+const SEARCHED: f64 = 1000.0;
 /// Hover texts of stiffness and damping, which also explain the units.
 const STIFFNESS: &str =
     "torque for each radian of turn. N m/rad: newton metres per radian, 1 rad is 57.3\u{b0}";
@@ -24,6 +26,8 @@ const DAMPING: &str = "torque against each radian per second. N m s/rad: newton 
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     heading(ui, "Stiffness and damping");
+    desk.judged.take(&model.info);
+    let scene = model.scene.shown();
     let ids: Vec<&str> = model.scene.springs(&model.info).map(|effect| effect.id.as_str()).collect();
     let Some(effect) = model
         .scene
@@ -32,6 +36,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         .or_else(|| model.scene.springs(&model.info).next())
     else {
         weak(ui, "No effect of this scene has a stiffness.");
+        warnings(ui, desk.judged.warnings(&scene));
         return;
     };
     ui.horizontal_wrapped(|ui| {
@@ -48,19 +53,52 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         axes_apart(ui, model, effect, intents);
     });
     let stiffest = stiffest(model);
-    let stable = stable(model);
+    let borders = borders(model, effect, &scene, desk);
     let names = ["Stiffness", "Stiffness n1", "Stiffness n2", "Stiffness n3"];
-    impedance(ui, model, effect, "stiffness", names, stiffest, stable, intents);
+    impedance(ui, model, effect, "stiffness", names, stiffest, borders, intents);
     let names = ["Damping", "Damping n1", "Damping n2", "Damping n3"];
-    impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, None, intents);
+    impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, [None; 3], intents);
     // The length of this text depends on the value of the sliders, so it comes below them.
-    limits(ui, model, effect, stable);
+    limits(ui, model, effect, borders[0]);
+    warnings(ui, desk.judged.warnings(&scene));
 }
 
-/// Returns the largest stiffness with which the rig is expected to be stable, N m/rad. Returns
-/// `None` if the server does not report it.
+/// Returns the largest stiffness of `effect` about each axis with which the loop keeps `scene`
+/// stable, N m/rad. If the stiffness is one number, the first is that of all axes. An older server
+/// does not tell its loop: then it is the stiffness that is stable with a usual damping.
+fn borders(model: &Model, effect: &Effect, scene: &Value, desk: &mut Desk) -> [Option<f64>; 3] {
+    let Some(most) = model.info.render.as_ref().map(|render| render.stiffness_most) else { return [None; 3] };
+    let index = model.scene.effects().iter().position(|other| other.id == effect.id);
+    let is_matrix = model.scene.value(effect, "stiffness").is_some_and(Value::is_array);
+    let gain = model.scene.value(effect, "gain").and_then(Value::as_f64).unwrap_or(1.0);
+    if !tells_loop(model) {
+        return [stable(model).filter(|_| gain > 0.0).map(|stable| stable / gain); 3];
+    }
+    let mut of = |axis| {
+        let key = Key { effect: index?, name: "stiffness", axis };
+        // No stiffer spring is stable, with any damping.
+        if gain > 0.0 { desk.judged.border(scene, key, (most / gain).min(SEARCHED)) } else { None }
+    };
+    if is_matrix { [Some(0), Some(1), Some(2)].map(of) } else { [of(None), None, None] }
+}
+
+/// Returns whether the server tells the loop from which stable stiffnesses follow.
+fn tells_loop(model: &Model) -> bool {
+    model.info.render.as_ref().is_some_and(|render| render.sampled.is_some())
+}
+
+/// Draws what the server warns of when it loads such a scene.
+fn warnings(ui: &mut Ui, warnings: &[String]) {
+    let warn = Palette::of(ui).warn;
+    for warning in warnings {
+        coloured(ui, warn, warning);
+    }
+}
+
+/// Returns the largest stiffness with which the rig is expected to be stable with a usual damping,
+/// N m/rad. Returns `None` if the server does not report it.
 fn stable(model: &Model) -> Option<f64> {
-    model.info.render.map(|render| render.stiffness_stable).filter(|stable| *stable > 0.0)
+    model.info.render.as_ref().map(|render| render.stiffness_stable).filter(|stable| *stable > 0.0)
 }
 
 /// Returns the largest stiffness on the slider, a round number in N m/rad.
@@ -107,7 +145,7 @@ fn impedance(
     key: &str,
     names: [&str; 4],
     end: f64,
-    stable: Option<f64>,
+    borders: [Option<f64>; 3],
     intents: &mut Vec<Intent>,
 ) {
     let Some(value) = model.scene.value(effect, key) else { return };
@@ -128,14 +166,14 @@ fn impedance(
         }
     });
     if let Some(x) = value.as_f64() {
-        if let Some(x) = row(ui, "", names[0], x, [end, most], stable) {
+        if let Some(x) = row(ui, "", names[0], x, [end, most], borders[0]) {
             set(json!(x));
         }
         return;
     }
     let before = diagonal(value);
     for k in 0..3 {
-        if let Some(x) = row(ui, ["n1", "n2", "n3"][k], names[k + 1], before[k], [end, most], stable) {
+        if let Some(x) = row(ui, ["n1", "n2", "n3"][k], names[k + 1], before[k], [end, most], borders[k]) {
             let mut after = before;
             after[k] = x;
             set(matrix(value, after));
@@ -196,9 +234,8 @@ fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
 }
 
 /// Draws an explanation of the largest stiffness: where the effect reaches the rig's torque limit,
-/// and whether the rig is expected to be stable with it.
+/// and up to which stiffness the rig is expected to be stable with the present damping.
 fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
-    let palette = Palette::of(ui);
     let Some(value) = model.scene.value(effect, "stiffness") else { return };
     let gain = model.scene.value(effect, "gain").and_then(Value::as_f64).unwrap_or(1.0);
     let stiffest = diagonal(value).into_iter().fold(0.0, f64::max) * gain;
@@ -210,13 +247,16 @@ fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
     {
         weak(ui, reach.in_words(&effect.kind, limit));
     }
-    if let Some(stable) = stable {
-        if stiffest > stable {
-            let text =
-                format!("beyond {stable:.2} N m/rad, up to where this rig can be expected to stay stable");
-            coloured(ui, palette.warn, text);
+    if let Some(stable) = stable
+        && value.is_number()
+    {
+        // An older server tells one stiffness, whatever the damping.
+        let with = if tells_loop(model) { "with this damping " } else { "" };
+        let text = format!("{with}expected to be stable up to {stable:.2} N m/rad (mark)");
+        if stiffest > gain * stable {
+            coloured(ui, Palette::of(ui).warn, text);
         } else {
-            weak(ui, format!("expected to be stable up to {stable:.2} N m/rad (mark)"));
+            weak(ui, text);
         }
     }
 }
@@ -242,49 +282,111 @@ fn has_off_diagonal(value: &Value) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::painted::hint;
+    use crate::view::painted::{hint, vertical_lines};
     use egui_kittest::Harness;
+    use hbot_config::advice::{Abilities, StiffnessBound, ToldLoop, USUAL_DAMPING};
+    use hbot_config::{RigConfig, SceneFile};
 
-    /// Draws the controls for the stiffness of a spring, and returns their text.
-    fn said(stiffness: f64, render: &Value) -> String {
-        format!("{:?}", drawn(stiffness, render).root())
-    }
-
-    /// Draws the controls for the stiffness of a spring. The rig has a torque limit of 0.9 N m.
-    fn drawn(stiffness: f64, render: &Value) -> Harness<'static> {
-        let kinds = hbot_config::scene::kinds();
-        let scene = json!({"name": "S", "effect": [
-            {"id": "s", "kind": "spring", "gain": 1.0, "stiffness": stiffness, "damping": 0.0}]});
-        let info = json!({"limits": {"torque": 0.9}, "effects": kinds, "scene": scene, "render": render});
+    /// A panel of the prototype, whose torque limit is 0.9 N m, with a spring.
+    fn panel(stiffness: f64, damping: f64, tells_loop: bool) -> Model {
+        let rig = RigConfig::prototype();
+        let bound = StiffnessBound::of(&rig).expect("legal inertias");
+        let told = ToldLoop::of(bound.sampled());
+        let told = json!({"delay_ticks": told.delay, "lag_s": told.lag, "lead_s": told.lead,
+            "slew_s": told.slew, "rate_lag_s": told.rate_lag, "rate_weights": told.taps,
+            "inertia": told.inertia, "axes": told.axes});
+        let render = json!({"stiffness_stable": bound.stable(USUAL_DAMPING),
+            "stiffness_most": bound.most()[0], "loop": if tells_loop { told } else { Value::Null }});
+        let limits = &rig.rig.limits;
+        let scene = json!({"name": "S", "effect": [{"id": "s", "kind": "spring", "gain": 1.0,
+            "anchor": "here", "stiffness": stiffness, "damping": damping}]});
+        let info = json!({"rig": {"rate_hz": rig.rate_hz, "simulated": true},
+            "limits": {"torque": 0.9, "torque_rate": limits.torque_rate, "speed": limits.speed},
+            "effects": hbot_config::scene::kinds(), "scene": scene, "render": render});
         let mut model = Model::new("", "panel me@here", 1);
         model.info = serde_json::from_value(info).expect("an answer to info");
         model.scene.take(&scene);
+        model
+    }
+
+    /// Draws the controls.
+    fn drawn(model: Model) -> Harness<'static> {
         let mut desk = Desk::new(".".into(), "");
         let mut harness = Harness::new_ui(move |ui| show(ui, &model, &mut desk, &mut Vec::new()));
         harness.run();
         harness
     }
 
+    /// Draws the controls, and returns their text.
+    fn said(model: Model) -> String {
+        format!("{:?}", drawn(model).root())
+    }
+
+    /// Returns the stiffness that the sentence below the sliders names as stable, N m/rad.
+    fn border(said: &str) -> f64 {
+        let (_, after) = said.split_once("expected to be stable up to ").expect("a border");
+        let (number, _) = after.split_once(" N m/rad (mark)").expect("a unit");
+        number.parse().expect("a number")
+    }
+
     #[test]
     fn stiffness_and_damping_say_what_their_units_are() {
-        let mut seen = drawn(2.0, &Value::Null);
+        let mut seen = drawn(panel(2.0, 0.02, false));
         for (label, said) in [("stiffness, N m/rad", STIFFNESS), ("damping, N m s/rad", DAMPING)] {
             assert_eq!(hint(&mut seen, label), said);
         }
     }
 
     #[test]
-    fn what_the_rig_can_be_expected_to_render_is_marked_where_the_server_says_it() {
-        let told = json!({"stiffness_stable": 5.2});
-        assert!(said(2.0, &told).contains("expected to be stable up to 5.20 N m/rad"));
-        assert!(said(7.0, &told).contains("beyond 5.20 N m/rad"));
-        for nothing in [json!({}), Value::Null] {
-            let said = said(7.0, &nothing);
-            assert!(
-                said.contains("reaches the rig's 0.9 N m at 0.13 rad") && !said.contains("stable"),
-                "{said}"
-            );
+    fn the_border_follows_the_damping_as_it_moves() {
+        let bound = StiffnessBound::of(&RigConfig::prototype()).expect("legal inertias");
+        for damping in [0.01, 0.02, 0.2] {
+            // The slider moves; the server has not answered yet.
+            let mut model = panel(5.0, 0.02, true);
+            model.scene.ask("s", "damping", &json!(damping));
+            // The judge keeps a margin of 10 %, and lets a swing grow by 0.05 1/s, as a damping of
+            // -2 J 0.05 1/s makes it. The search ends within 4.5 % below the border.
+            let want = bound.stable(damping + 0.1 * bound.inertia()) / 1.1;
+            let told = border(&said(model));
+            assert!(told <= 1.01 * want && told >= 0.95 * want, "{damping}: {told}, not {want}");
         }
+        assert_eq!(border(&said(panel(5.0, 0.0, true))), 0.0, "nothing is stable without damping");
+    }
+
+    #[test]
+    fn the_mark_moves_with_the_damping() {
+        let mark = |damping| {
+            let mut model = panel(5.0, 0.02, true);
+            model.scene.ask("s", "damping", &json!(damping));
+            vertical_lines(&drawn(model))
+        };
+        let (none, little, more) = (mark(0.0), mark(0.01), mark(0.02));
+        assert_eq!([none.len(), little.len(), more.len()], [1; 3]);
+        assert!(none[0] < little[0] - 5.0 && little[0] < more[0] - 5.0, "{none:?} {little:?} {more:?}");
+    }
+
+    #[test]
+    fn the_sentence_is_the_warning_of_the_server() {
+        let model = panel(40.0, 0.01, true);
+        let scene = SceneFile::from_json(model.scene.to_json()).expect("legal");
+        let warnings = Abilities::of(&RigConfig::prototype()).warnings(&scene);
+        assert_eq!(warnings.len(), 1);
+        assert!(said(model).contains(&warnings[0]), "{warnings:?}");
+        assert!(!said(panel(5.0, 0.02, true)).contains("shake"));
+    }
+
+    #[test]
+    fn the_mark_of_an_older_server_is_what_it_tells_with_any_damping() {
+        let stable = StiffnessBound::of(&RigConfig::prototype()).expect("legal").stable(USUAL_DAMPING);
+        for damping in [0.0, 0.2] {
+            let said = said(panel(40.0, damping, false));
+            assert!((border(&said) - stable).abs() < 0.006, "{said}");
+            assert!(!said.contains("with this damping") && !said.contains("shake"), "{said}");
+        }
+        let mut silent = panel(7.0, 0.0, false);
+        silent.info.render = None;
+        let said = said(silent);
+        assert!(said.contains("reaches the rig's 0.9 N m at 0.13 rad") && !said.contains("stable"), "{said}");
     }
 
     #[test]

@@ -147,6 +147,46 @@ mod tests {
         }
     }
 
+    /// The filters are not wrong settings: servos with any of them are accepted. They are read with
+    /// the names and numbers that they have, and those that are later than the rig file says are
+    /// warned of.
+    #[test]
+    fn the_filters_of_each_servo_are_read_and_compared_with_the_rig_file() {
+        let scanned = looked(|rig| {
+            let servos = rig.controllers_mut();
+            assert!(servos.set(1, "motor_position.sources.0.pll_filter_hz", 100.0));
+            assert!(servos.set(2, "servo.pid_dq_hz", 50.0));
+            assert!(servos.set(3, "motor_position.sources.0.pll_filter_hz", 1000.0));
+        });
+        let scanned = scanned.expect("they answer");
+        assert!(scanned.is_good(), "{scanned:?}");
+        let text = include_str!("../../../../rigs/prototype-moteus.toml");
+        let rig = RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("legal");
+        let told = |at: usize| {
+            let it = &scanned.found[at].filtering;
+            let [torque, rate] = [&it.torque, &it.rate].map(|lag| lag.as_ref().expect("reported"));
+            assert_eq!(torque.setting, "servo.pid_dq_hz");
+            assert_eq!(rate.setting, "motor_position.sources.0.pll_filter_hz");
+            [torque.hz, rate.hz, 1e3 * torque.seconds, 1e3 * rate.seconds]
+        };
+        // The simulated servos begin with the bandwidths of the rig file: 0.8 ms and 3.9 ms.
+        for (at, expected) in [
+            (0, [198.94, 202.41, 0.8, 3.9]),
+            (1, [198.94, 100.0, 0.8, 7.894]),
+            (2, [50.0, 202.41, 3.183, 3.9]),
+            (3, [198.94, 1000.0, 0.8, 0.789]),
+        ] {
+            for (told, expected) in told(at).into_iter().zip(expected) {
+                assert!((told / expected - 1.0).abs() < 1e-3, "{at}: {told} for {expected}");
+            }
+        }
+        let warnings: Vec<Vec<String>> =
+            scanned.found.iter().map(|it| it.filtering.warnings(&it.id.to_string(), &rig)).collect();
+        assert!(warnings[0].is_empty() && warnings[3].is_empty(), "{warnings:?}");
+        assert!(warnings[1][0].contains("write rate_lag = 0.0079"), "{warnings:?}");
+        assert!(warnings[2][0].contains("write torque_lag = 0.0032"), "{warnings:?}");
+    }
+
     #[test]
     fn a_servo_that_is_missing_and_two_of_one_id_are_said_to_be() {
         let missing =

@@ -8,8 +8,8 @@ use hbot_link::{
 };
 
 use super::{
-    BusCommand, Expected, Found, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading,
-    Telemetry, TelemetryLog, Traffic, converse,
+    BusCommand, Expected, Filtering, Found, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol,
+    Reading, Telemetry, TelemetryLog, Traffic, converse,
 };
 use crate::line::Line;
 
@@ -81,6 +81,7 @@ impl Protocol for HbotLink {
             firmware: format!("{}, protocol {}", there.firmware, there.protocol),
             supply_v: None,
             zero: None,
+            filtering: Filtering::default(),
             remedies: Vec::new(),
         };
         Ok(there.joints.iter().enumerate().map(found).collect())

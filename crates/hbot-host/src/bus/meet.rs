@@ -9,6 +9,7 @@ use std::time::Duration;
 use hbot_core::{MAX_JOINTS, Rig};
 use thiserror::Error;
 
+use super::Filtering;
 use crate::layout::{JointPlace, Layout};
 use crate::line::Line;
 
@@ -100,6 +101,9 @@ pub struct Expected {
     /// Name and version of the firmware of each joint's controller, in the order of the bus. All
     /// clones of this value share them.
     firmware: Arc<Mutex<Vec<Option<String>>>>,
+    /// The delays that the settings of each joint's controller cause, in the order of the bus. All
+    /// clones of this value share them.
+    filtering: Arc<Mutex<Vec<Filtering>>>,
 }
 
 /// One joint on a line, as the rig file describes it.
@@ -139,7 +143,8 @@ impl Expected {
         let notes = Arc::new(std::array::from_fn(|_| AtomicI64::new(0)));
         let joints: Vec<_> = joints.into_iter().map(expected).collect();
         let firmware = Arc::new(Mutex::new(vec![None; joints.len()]));
-        Self { port: port.to_owned(), joints, period_ns: rig.timing.period_ns, notes, firmware }
+        let filtering = Arc::new(Mutex::new(vec![Filtering::default(); joints.len()]));
+        Self { port: port.to_owned(), joints, period_ns: rig.timing.period_ns, notes, firmware, filtering }
     }
 
     /// Returns the number of ticks that last `ms` milliseconds, rounded up. It is at least 1.
@@ -198,6 +203,24 @@ impl Expected {
         self.firmware.lock().unwrap_or_else(PoisonError::into_inner).get(at)?.clone()
     }
 
+    /// Stores the delays that the settings of the controller at place `at` of the bus cause.
+    /// [`meet`](super::Protocol::meet) calls it if the protocol lets one read these settings. Locks
+    /// a mutex, so the loop must not call it.
+    pub fn set_filtering(&self, at: usize, it: Filtering) {
+        let mut filtering = self.filtering.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(place) = filtering.get_mut(at) {
+            *place = it;
+        }
+    }
+
+    /// Returns the delays that the settings of the controller at place `at` of the bus cause, as
+    /// far as they are known. Locks a mutex, so the loop must not call it.
+    #[must_use]
+    pub fn filtering(&self, at: usize) -> Filtering {
+        let filtering = self.filtering.lock().unwrap_or_else(PoisonError::into_inner);
+        filtering.get(at).cloned().unwrap_or_default()
+    }
+
     /// Returns a copy without the last joint, for tests of drivers.
     #[must_use]
     pub fn without_last(&self) -> Self {
@@ -254,6 +277,8 @@ pub struct Found {
     pub supply_v: Option<f64>,
     /// How the controller knows its zero, if it reports this.
     pub zero: Option<&'static str>,
+    /// The delays that its settings cause, as far as it reports them.
+    pub filtering: Filtering,
     /// The settings of the controller that are wrong. Empty if all are right.
     pub remedies: Vec<Remedy>,
 }

@@ -11,6 +11,7 @@
 //! is.
 
 mod can;
+mod filtering;
 pub mod hbot;
 mod meet;
 pub mod moteus;
@@ -24,6 +25,7 @@ use hbot_config::rig as config;
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
 
+pub use self::filtering::{Filtering, Lag, filtering_warnings, late_rates};
 pub use self::meet::{Expected, ExpectedJoint, Found, MeetError, Remedy, converse, field};
 pub use self::obedience::Obedience;
 pub use self::telemetry::{Telemetry, TelemetryLog};
@@ -154,17 +156,20 @@ pub trait Protocol: fmt::Debug + Send + Sync {
 /// When the controllers of a protocol report their readings and their status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reports {
-    /// True if readings arrive without being asked for. The age of such a reading counts from its
-    /// arrival, because the time on its way is unknown.
+    /// True if readings arrive without being asked for. The time on their way is then known only
+    /// from other messages, which are asked for.
     pub unasked: bool,
     /// Longest time from a change to the controllers' report of it, in ms. Changes are motors that
     /// go on or off, and faults.
     pub status_ms: u32,
+    /// Longest time from a change of the delay on the line until the ages of readings include it,
+    /// in ms. It is 0 if each reading names the command that it answers.
+    pub delay_ms: u32,
 }
 
 impl Default for Reports {
     fn default() -> Self {
-        Self { unasked: false, status_ms: 1 }
+        Self { unasked: false, status_ms: 1, delay_ms: 0 }
     }
 }
 

@@ -17,8 +17,8 @@ use std::io::Write as _;
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
 use hbot_host::bus::{
-    BusCommand, Expected, Found, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol, Reading,
-    Traffic, converse,
+    BusCommand, Expected, Filtering, Found, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol,
+    Reading, Traffic, converse,
 };
 use hbot_host::line::Line;
 
@@ -83,6 +83,7 @@ impl Protocol for Toy {
             firmware: "1".to_owned(),
             supply_v: None,
             zero: None,
+            filtering: Filtering::default(),
             remedies: Vec::new(),
         };
         Ok(counts.iter().enumerate().map(found).collect())

@@ -197,6 +197,17 @@ fn a_chunk_whose_length_swallows_others_is_damaged() {
     assert!(report.difference.is_none(), "{report:?}");
 }
 
+/// A chunk that says it has gigabytes is refused by this size, before any of it is decompressed.
+#[test]
+fn a_chunk_that_says_it_is_huge_is_damaged() {
+    let (recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    let mut huge = recording.clone();
+    let size = places(&recording, CHUNK)[0] + 9 + 8 + 8;
+    huge[size..size + 8].copy_from_slice(&(2800_u64 << 20).to_le_bytes());
+    let told = format!("{:?}", replay(&huge));
+    assert!(told.contains("a chunk of 2936012800 bytes, at most 16777216 are read"), "{told}");
+}
+
 /// A file can have intact chunks with wrong numbers in them.
 #[test]
 fn a_record_with_more_joints_than_there_can_be_is_damaged() {

@@ -35,6 +35,8 @@ const QUEUE: usize = 16 * 1024;
 const VIEWERS: usize = 8;
 /// Pause before the next attempt after the operating system has failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(200);
+/// A viewer from which nothing comes for this time, not even answers to pings, is disconnected.
+const SILENCE: Duration = Duration::from_secs(30);
 /// Longest time for which the end of a run waits until all viewers have been notified.
 const FAREWELL: Duration = Duration::from_millis(500);
 
@@ -57,6 +59,8 @@ struct Hall {
     /// The scene that is rendered now, which a viewer receives as soon as it subscribes.
     scene: watch::Receiver<Option<Message>>,
     counts: Arc<Counts>,
+    /// Time after which a silent viewer is disconnected. It is sent three pings in this time.
+    silence: Duration,
 }
 
 /// The recorder's half: it passes messages to the viewers and never waits for them. Viewers are
@@ -78,10 +82,21 @@ pub(crate) fn start(
     joints: Vec<String>,
     counts: Arc<Counts>,
 ) -> std::io::Result<(Feed, JoinHandle<()>)> {
+    start_with(listener, rig, joints, counts, SILENCE)
+}
+
+/// Starts the thread as [`start`] does. A viewer that is silent for `silence` is disconnected.
+fn start_with(
+    listener: TcpListener,
+    rig: &str,
+    joints: Vec<String>,
+    counts: Arc<Counts>,
+    silence: Duration,
+) -> std::io::Result<(Feed, JoinHandle<()>)> {
     let (messages, _) = broadcast::channel(QUEUE);
     let (scene, present) = watch::channel(None);
     let greeting = [protocol::server_info(rig), protocol::advertise()];
-    let hall = Hall { greeting, messages: messages.downgrade(), scene: present, counts };
+    let hall = Hall { greeting, messages: messages.downgrade(), scene: present, counts, silence };
     listener.set_nonblocking(true)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let thread = std::thread::Builder::new().name("hbot-live".to_owned()).spawn(move || {

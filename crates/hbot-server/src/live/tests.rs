@@ -24,11 +24,15 @@ struct Served {
 }
 
 fn served() -> Served {
+    served_with(SILENCE)
+}
+
+fn served_with(silence: Duration) -> Served {
     let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
     let address = listener.local_addr().unwrap();
     let counts = Arc::new(Counts::default());
     let names = ["steer", "drive"].map(str::to_owned).to_vec();
-    let (feed, thread) = start(listener, "a rig", names, Arc::clone(&counts)).unwrap();
+    let (feed, thread) = start_with(listener, "a rig", names, Arc::clone(&counts), silence).unwrap();
     Served { feed: Some(feed), thread: Some(thread), counts, address }
 }
 
@@ -257,4 +261,31 @@ async fn the_end_of_a_run_ends_the_connections_and_the_thread() {
     assert_eq!(client.closed().await, Some(CloseCode::Away));
     served.thread.take().unwrap().join().unwrap();
     assert!(TcpStream::connect(served.address).await.is_err(), "nobody listens");
+}
+
+/// Viewers that are silent and do not answer pings give their places to others. A viewer that
+/// answers stays.
+#[tokio::test]
+async fn silent_viewers_give_their_places_to_others() {
+    let silence = Duration::from_millis(600);
+    let mut served = served_with(silence);
+    let mut silent = Vec::new();
+    for _ in 0..VIEWERS {
+        // It does not read, so it does not answer pings.
+        silent.push(Client::asking_for(served.address, "foxglove.sdk.v1").await.unwrap());
+    }
+    served.watched_by(VIEWERS).await;
+    let mut client = timeout(PATIENCE, Client::subscribed(served.address)).await.expect("a free place");
+    // An answer to a ping that comes after the end can hide the reason of the end.
+    while let Some(frame) = silent[0].next().await {
+        assert!(frame.is_text() || frame.is_ping() || frame.is_close(), "{frame:?}");
+    }
+    // Reading answers pings.
+    let begun = Instant::now();
+    while begun.elapsed() < 3 * silence {
+        match timeout(silence, client.0.next()).await {
+            Ok(Some(Ok(frame))) => assert!(frame.is_ping() || frame.is_text(), "{frame:?}"),
+            other => panic!("{other:?}"),
+        }
+    }
 }

@@ -8,7 +8,7 @@ use hbot_record::Topic;
 use tokio::net::TcpStream;
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
-use tokio::time::timeout;
+use tokio::time::{Instant, interval_at, timeout};
 use tokio_tungstenite::tungstenite::handshake::server::{ErrorResponse, Request, Response};
 use tokio_tungstenite::tungstenite::http::{HeaderValue, StatusCode, header};
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
@@ -38,6 +38,8 @@ enum End {
     Gone,
     /// The viewer does not read.
     Stalled,
+    /// Nothing has come from the viewer for too long, not even an answer to a ping.
+    Silent,
     /// The viewer has sent what only a client that commands would send.
     Unwanted,
     /// The run is over.
@@ -74,6 +76,7 @@ pub(super) async fn serve(stream: TcpStream, hall: Arc<Hall>) {
     let (code, reason) = match viewer.run(&mut messages).await {
         Ok(()) | Err(End::Gone) => return,
         Err(End::Stalled) => return viewer.hall.counts.drop_for_viewer(messages.len() as u64),
+        Err(End::Silent) => (CloseCode::Policy, "no answer to pings"),
         Err(End::Unwanted) => (CloseCode::Unsupported, "this server shows, and takes no commands"),
         Err(End::Over) => (CloseCode::Away, "the run is over"),
     };
@@ -111,11 +114,23 @@ impl Viewer {
         for text in self.hall.greeting.clone() {
             self.send(text.into()).await?;
         }
+        let mut heard_at = Instant::now();
+        let pause = self.hall.silence / 3;
+        let mut pings = interval_at(heard_at + pause, pause);
         loop {
             tokio::select! {
+                _ = pings.tick() => {
+                    if heard_at.elapsed() >= self.hall.silence {
+                        return Err(End::Silent);
+                    }
+                    self.send(Frame::Ping(Default::default())).await?;
+                }
                 next = messages.recv() => self.pass(next, messages).await?,
                 heard = self.socket.next() => match heard {
-                    Some(frame) => self.hear(frame?).await?,
+                    Some(frame) => {
+                        heard_at = Instant::now();
+                        self.hear(frame?).await?;
+                    }
                     None => return Ok(()),
                 },
             }

@@ -99,6 +99,25 @@ pub fn is_folder(path: &Path) -> bool {
     path.as_os_str().as_encoded_bytes().ends_with(b"/") || path.is_dir()
 }
 
+/// Returns why nothing can be recorded to `path`, which is the name of a file or of a folder.
+/// Returns `None` if nothing is known against it.
+///
+/// A device, a pipe or a socket is neither, and neither is a symbolic link to nothing.
+#[must_use]
+pub fn unsuitable(path: &Path) -> Option<&'static str> {
+    let link = fs::symlink_metadata(path).ok()?;
+    match fs::metadata(path) {
+        Err(_) if link.is_symlink() => Some("it is a symbolic link to something that does not exist"),
+        Ok(target) if !target.is_dir() && !target.is_file() => {
+            Some("it is a device, a pipe or a socket, neither a file nor a folder")
+        }
+        Ok(target) if target.is_file() && !is_file(path) => {
+            Some("a file of this name exists, and the name is that of a folder")
+        }
+        _ => None,
+    }
+}
+
 /// Creates the file `path`, which must not exist yet.
 pub(super) fn open(path: &Path) -> io::Result<Opened> {
     if let Some(dir) = path.parent() {

@@ -36,6 +36,7 @@ use super::orders::{Asker, Orders};
 use super::peer::Peer;
 use super::publisher::Publisher;
 use super::scenes::Scenes;
+use super::shakes::Shakes;
 use super::stats::Stats;
 use super::strangers::WrongTokens;
 use super::{Bounds, ServiceSetup, Status};
@@ -85,6 +86,7 @@ pub(super) struct Hub {
     orders: Orders,
     scenes: Scenes,
     incidents: Incidents,
+    shakes: Shakes,
     flights: Flights,
     latest: Option<Sample>,
     /// What the controller of each joint last reported about itself.
@@ -139,6 +141,7 @@ impl Hub {
             orders: Orders::default(),
             scenes: Scenes::new(scene, phenomena, &rig, notes.clone(), Arc::clone(&changed)),
             incidents,
+            shakes: Shakes::default(),
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
             latest: None,
             telemetry: [Telemetry::default(); MAX_JOINTS],

@@ -1,8 +1,8 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, PassivityInfo, RenderInfo,
-    RigInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, LoopInfo, PassivityInfo,
+    RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::Listed;
@@ -12,9 +12,9 @@ use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::Value;
 
 use super::convert;
+use hbot_config::advice::{StiffnessBound, ToldLoop, USUAL_DAMPING};
 use hbot_host::clock::Origin;
 use hbot_host::sample::Sample;
-use hbot_host::stiffness::{StiffnessBound, USUAL_DAMPING};
 
 /// The parts of the answer to `info` that do not change while the server runs.
 pub(super) struct Info {
@@ -138,12 +138,26 @@ fn render(config: &RigConfig) -> Option<RenderInfo> {
     let expected = StiffnessBound::of(config)?;
     let [stiffness_most, _] = expected.most();
     Some(RenderInfo {
-        inertia: expected.inertia,
+        inertia: expected.inertia(),
         damping: USUAL_DAMPING,
         stiffness_stable: expected.stable(USUAL_DAMPING),
         stiffness_most,
         damping_most: expected.most_damping(),
+        sampled: Some(sampled(ToldLoop::of(expected.sampled()))),
     })
+}
+
+fn sampled(told: ToldLoop) -> LoopInfo {
+    LoopInfo {
+        delay_ticks: told.delay,
+        lag_s: told.lag,
+        lead_s: told.lead,
+        slew_s: told.slew,
+        rate_lag_s: told.rate_lag,
+        rate_weights: told.taps,
+        inertia: told.inertia,
+        axes: told.axes,
+    }
 }
 
 fn listed(kinds: Vec<Listed>) -> Vec<KindInfo> {

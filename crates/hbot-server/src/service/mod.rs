@@ -50,6 +50,7 @@ mod reader;
 mod refusals;
 mod run;
 mod scenes;
+mod shakes;
 mod stats;
 mod strangers;
 mod writer;

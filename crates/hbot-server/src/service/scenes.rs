@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
-use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, Requester, SceneEvent};
+use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, Requester, SceneEvent, SetOk};
 use hbot_config::scene::{EffectPlace, SetError, Simulate};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Rig;
@@ -14,7 +14,7 @@ use tokio::task::{JoinError, JoinSet};
 
 use super::{SetPhenomena, cost};
 use crate::recording::Notes;
-use hbot_host::abilities::Abilities;
+use hbot_config::advice::Abilities;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::sample::Sample;
 
@@ -208,7 +208,8 @@ impl Scenes {
         Ok(())
     }
 
-    /// Changes parameters of an effect in the running scene.
+    /// Changes parameters of an effect in the running scene. Returns warnings about the changed
+    /// scene, as in the answer to `load_scene`.
     ///
     /// # Errors
     /// Fails if the effect or a parameter does not exist, if a value is not legal, or if the loop
@@ -219,7 +220,7 @@ impl Scenes {
         end: &mut ServiceEnd,
         effect: &str,
         parameters: &Map<String, Value>,
-    ) -> Result<(), ErrorBody> {
+    ) -> Result<SetOk, ErrorBody> {
         if !end.can_install() {
             return Err(busy(OpName::Set));
         }
@@ -232,7 +233,8 @@ impl Scenes {
             ErrorBody::new(code, shortened(set_refusal(effect, &error)))
         })?;
         self.notes.scene(&compiled, self.running.file());
-        end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))
+        end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))?;
+        Ok(SetOk { warnings: self.abilities.warnings(self.running.file()) })
     }
 
     /// Returns whether a scene is being loaded.

@@ -6,6 +6,7 @@ use hbot_core::rig::{Joint, Zero};
 use hbot_link::JointFlags;
 
 use super::disc::Disc;
+use super::filter::EncoderFilter;
 
 /// The kind of an encoder. It determines at which joint angle the encoder reads zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -74,6 +75,8 @@ pub(super) struct Axis {
     /// `None` after the mark has been passed, or if the encoder has no index.
     turn: Option<f64>,
     pub(super) slipped: f64,
+    /// The filter of the motor controller, if it has one. Its angles are those of the joint.
+    pub(super) filter: Option<EncoderFilter>,
     pub(super) flags: JointFlags,
 }
 
@@ -89,6 +92,7 @@ impl Axis {
             origin: 0.0,
             turn: None,
             slipped: 0.0,
+            filter: None,
             flags: JointFlags::empty(),
         };
         axis.power_up(0.0, disc);
@@ -100,6 +104,9 @@ impl Axis {
     /// rad.
     pub(super) fn reboot(&mut self, angle: f64, disc: Option<&Disc>) {
         self.flags.set(JointFlags::INDEX_SEEN, false);
+        if let Some(filter) = &mut self.filter {
+            filter.settle();
+        }
         self.power_up(angle, disc);
         self.turn = (self.joint.encoder == EncoderKind::Indexed).then(|| turn_of(angle));
     }
@@ -149,7 +156,8 @@ impl Axis {
     pub(super) fn whole_count(&self, angle: f64, disc: Option<&Disc>) -> i64 {
         let turned = angle + self.slipped;
         let read = disc.map_or(turned, |disc| disc.reading(turned, self.joint.gear));
-        let exact = (read - self.origin) * self.counts_per_rad;
+        let behind = self.filter.map_or(0.0, |filter| filter.angle_behind());
+        let exact = (read - behind - self.origin) * self.counts_per_rad;
         // The cast to 64 bits rounds towards zero. The cast to 32 bits keeps the low bits, which
         // wraps.
         let whole = exact as i64;
@@ -157,11 +165,16 @@ impl Axis {
         disc.map_or(whole, |disc| disc.coarse(whole))
     }
 
+    /// Returns the rate of the angle that the encoder reads, rad/s of the joint.
+    pub(super) fn read_rate(&self, angle: f64, rate: f64, disc: Option<&Disc>) -> f64 {
+        disc.map_or(rate, |disc| rate * disc.slope(angle + self.slipped, self.joint.gear))
+    }
+
     /// Returns the rate that the motor controller reports for a joint, in rad/s of the joint. It is
     /// positive in the direction in which the controller counts up. `angle` (rad) and `rate`
     /// (rad/s) are the joint's true values.
     pub(super) fn rate(&self, angle: f64, rate: f64, disc: Option<&Disc>) -> f32 {
-        let rate = disc.map_or(rate, |disc| rate * disc.slope(angle + self.slipped, self.joint.gear));
+        let rate = self.read_rate(angle, rate, disc) - self.filter.map_or(0.0, |filter| filter.rate_behind());
         (if self.joint.reversed { -rate } else { rate }) as f32
     }
 }

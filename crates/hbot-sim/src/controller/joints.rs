@@ -6,6 +6,7 @@ use hbot_core::device::MAX_JOINTS;
 use hbot_link::JointFlags;
 
 use super::disc::Disc;
+use super::filter::EncoderFilter;
 use super::joint::{Axis, EncoderKind, SimulatedJoint};
 use super::motors::Motors;
 use crate::phenomena;
@@ -88,6 +89,37 @@ impl Joints {
         match &mut self.motors {
             None => self.asked,
             Some(motors) => motors.drive(h, &self.axes[..self.count], &self.asked, &rates()),
+        }
+    }
+
+    /// Sets the natural frequency of the filter through which the controller of joint `j` reads its
+    /// encoder, rad/s. If it is not positive and finite, the controller has no filter.
+    pub(super) fn set_filter(&mut self, j: usize, natural: f64) {
+        let filter = &mut self.axes[j].filter;
+        if !(natural > 0.0 && natural.is_finite()) {
+            *filter = None;
+        } else if let Some(filter) = filter {
+            filter.tune(natural);
+        } else {
+            *filter = Some(EncoderFilter::new(natural));
+        }
+    }
+
+    /// Returns whether any controller filters what its encoder reads.
+    pub(super) fn filters(&self) -> bool {
+        self.axes.iter().any(|axis| axis.filter.is_some())
+    }
+
+    /// Advances the filters by a step of `h` seconds, from the motion `before` it to the motion
+    /// `after` it.
+    pub(super) fn follow(&mut self, h: f64, before: &Truth<'_>, after: &Truth<'_>) {
+        for (j, axis) in self.axes[..self.count].iter_mut().enumerate() {
+            let disc = disc(&self.discs, j);
+            let rate = |truth: &Truth<'_>| axis.read_rate(truth.angles[j], truth.rates[j], disc);
+            let (from, to) = (rate(before), rate(after));
+            if let Some(filter) = &mut axis.filter {
+                filter.follow(h, from, to);
+            }
         }
     }
 

@@ -3,17 +3,19 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | `joints` (`joint`, `disc`, `motors`) | encoders and motors, which all protocols share |
+//! | `joints` (`joint`, `disc`, `filter`, `motors`) | encoders and motors of all protocols |
 //! | [`hbot`] | the firmware of docs/link.md |
 //! | `moteus` | moteus servos behind an fdcanusb or a UART |
 //! | `odrive` | ODrives behind an adapter that speaks slcan |
 //!
 //! Their inputs are the time in nanoseconds, the true joint angles and rates, and the bytes of
 //! their line. The sphere is not among their inputs. Encoders are exact except that counts are
-//! rounded down, and motors give the commanded torque, unless [`phenomena`] change this. To add a
-//! firmware, write a type that implements `Speaks`, and add its variant to `Firmware`.
+//! rounded down, and motors give the commanded torque, unless [`phenomena`] change this. moteus
+//! servos and ODrives filter what their encoders read ([`EncoderFilter`]). To add a firmware, write
+//! a type that implements `Speaks`, and add its variant to `Firmware`.
 
 mod disc;
+mod filter;
 pub mod hbot;
 mod joint;
 mod joints;
@@ -24,6 +26,7 @@ mod odrive;
 use hbot_config::rig::Protocol;
 use hbot_core::device::MAX_JOINTS;
 
+pub use self::filter::EncoderFilter;
 pub use self::hbot::FIRMWARE;
 pub use self::joint::{EncoderKind, SimulatedJoint};
 use self::joints::Joints;
@@ -128,15 +131,15 @@ enum Firmware {
 }
 
 impl Firmware {
-    fn new(line: Line, joints: &mut Joints, angles: &[f64; MAX_JOINTS]) -> Option<Self> {
+    fn new(line: Line, lags: Lags, joints: &mut Joints, angles: &[f64; MAX_JOINTS]) -> Option<Self> {
         let first_id = line.protocol.ids().map_or(0, |ids| *ids.start() as u8);
         match line.protocol {
             Protocol::Hbot => Some(Self::Hbot(Box::new(hbot::Hbot::new(joints)?))),
             Protocol::Moteus => {
-                let servos = moteus::Moteus::new(first_id, line.checksums, joints, angles);
+                let servos = moteus::Moteus::new((first_id, line.checksums), lags, joints, angles);
                 Some(Self::Moteus(Box::new(servos)))
             }
-            Protocol::Odrive => Some(Self::Odrive(Box::new(odrive::Odrive::new(joints)))),
+            Protocol::Odrive => Some(Self::Odrive(Box::new(odrive::Odrive::new(lags, joints)))),
         }
     }
 
@@ -174,6 +177,17 @@ impl From<Protocol> for Line {
     }
 }
 
+/// The delays that the settings of a simulated controller cause. `None`: those of its vendor's
+/// usual settings. They have no effect on controllers with hbot's own protocol.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Lags {
+    /// Time constant of the torque, s, that the setting of the current loop would cause. The
+    /// controller only reports it: the simulated motor has the lag of its phenomenon.
+    pub torque: Option<f64>,
+    /// Delay of the reported rates, s, which [`EncoderFilter`] causes. 0 for no filter.
+    pub rate: Option<f64>,
+}
+
 /// Returns the byte that ends a frame of `protocol` on a serial line.
 #[must_use]
 pub const fn frame_end(protocol: Protocol) -> u8 {
@@ -203,12 +217,13 @@ impl SimulatedControllers {
     #[must_use]
     pub fn new(
         line: Line,
+        lags: Lags,
         specs: &[SimulatedJoint],
         angles: &[f64; MAX_JOINTS],
         encoder: Option<&phenomena::Encoder>,
     ) -> Option<Self> {
         let mut joints = Joints::new(specs, angles, encoder);
-        let firmware = Firmware::new(line, &mut joints, angles)?;
+        let firmware = Firmware::new(line, lags, &mut joints, angles)?;
         Some(Self { joints, firmware, mute: false, deaf: false })
     }
 
@@ -242,6 +257,19 @@ impl SimulatedControllers {
     /// the joint rates at its start, rad/s. It is not called if the motors are ideal.
     pub fn drive(&mut self, h: f64, rates: impl FnOnce() -> [f64; MAX_JOINTS]) -> JointTorques {
         self.joints.drive(h, rates)
+    }
+
+    /// Returns whether any controller filters what its encoder reads. Then [`follow`](Self::follow)
+    /// must be called after each step of the plant.
+    #[must_use]
+    pub fn filters(&self) -> bool {
+        self.joints.filters()
+    }
+
+    /// Advances the controllers' filters by a step of `h` seconds, from the motion `before` it to
+    /// the motion `after` it.
+    pub fn follow(&mut self, h: f64, before: &Truth<'_>, after: &Truth<'_>) {
+        self.joints.follow(h, before, after);
     }
 
     /// Returns the next time at which a controller acts by itself, ns: a watchdog expires, or the
@@ -312,8 +340,8 @@ impl SimulatedControllers {
     pub fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
         match &mut self.firmware {
             Firmware::Hbot(_) => false,
-            Firmware::Odrive(axes) => axes.set(joint, name, value),
-            Firmware::Moteus(servos) => servos.set(joint, name, value),
+            Firmware::Odrive(axes) => axes.set(joint, name, value, &mut self.joints),
+            Firmware::Moteus(servos) => servos.set(joint, name, value, &mut self.joints),
         }
     }
 

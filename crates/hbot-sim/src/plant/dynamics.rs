@@ -1,19 +1,27 @@
-//! Chooses the plant that the requested phenomena need: smooth or nonsmooth.
+//! Chooses the plant that the requested phenomena need: smooth or nonsmooth. Steps for which the
+//! smooth plant is too stiff are made by the nonsmooth one, which is stable at any step.
 
 use hbot_core::Vec3;
 use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 
+use super::fastest::FastestRate;
 use super::nonsmooth::{Effort, Nonsmooth};
 use super::{ImpossibleInertia, JointTorques, Method, Plant, PlantState, Sum};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
+
+/// Longest step of the implicit scheme if it steps a smooth plant that is too stiff, s. It is the
+/// longest step of a nonsmooth plant in a simulated rig too.
+const IMPLICIT_STEP_S: f64 = 250.0e-6;
 
 /// The mechanics of a rig with the requested phenomena.
 ///
 /// If nothing sticks, slips or has play, the plant is smooth: all its speeds follow from the
 /// sphere's angular velocity, and it is integrated by a [`Method`]. Otherwise friction, contacts
 /// and play follow set-valued laws, and a time-stepping scheme of order 1 is used
-/// (`docs/simulator.md`).
+/// (`docs/simulator.md`). The scheme is implicit. So it also makes those steps of a smooth plant
+/// that would be too long for an explicit method, for example if a strong damping acts on a light
+/// sphere.
 #[derive(Debug, Clone)]
 pub struct Dynamics {
     device: Device,
@@ -25,8 +33,18 @@ pub struct Dynamics {
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone)]
 enum Kind {
-    Smooth(Box<Plant>),
+    Smooth(Box<Smooth>),
     Nonsmooth(Box<Nonsmooth>),
+}
+
+/// A smooth plant, with the same plant for the steps in which it is too stiff for an explicit
+/// method.
+#[derive(Debug, Clone)]
+struct Smooth {
+    plant: Plant,
+    method: Method,
+    fastest: FastestRate,
+    implicit: Nonsmooth,
 }
 
 impl Dynamics {
@@ -44,7 +62,7 @@ impl Dynamics {
         method: Method,
         state: &PlantState,
     ) -> Result<Self, ImpossibleInertia> {
-        let kind = Kind::new(Plant::with(device, phenomena)?, device, phenomena, state);
+        let kind = Kind::new(Plant::with(device, phenomena)?, method, device, phenomena, state);
         Ok(Self { device: *device, method, kind })
     }
 
@@ -54,7 +72,7 @@ impl Dynamics {
         let inertia = self.sphere_inertia();
         // This cannot fail: the device's inertias were checked when the plant was created.
         if let Ok(plant) = Plant::with(&self.device, phenomena) {
-            self.kind = Kind::new(plant, &self.device, phenomena, state);
+            self.kind = Kind::new(plant, self.method, &self.device, phenomena, state);
             self.set_sphere_inertia(inertia);
         }
     }
@@ -71,7 +89,7 @@ impl Dynamics {
     #[must_use]
     pub fn sphere_inertia(&self) -> f64 {
         match &self.kind {
-            Kind::Smooth(plant) => plant.sphere_inertia(),
+            Kind::Smooth(smooth) => smooth.plant.sphere_inertia(),
             Kind::Nonsmooth(plant) => plant.sphere_inertia(),
         }
     }
@@ -80,7 +98,11 @@ impl Dynamics {
     /// must be positive.
     pub fn set_sphere_inertia(&mut self, inertia: f64) {
         match &mut self.kind {
-            Kind::Smooth(plant) => plant.set_sphere_inertia(inertia),
+            Kind::Smooth(smooth) => {
+                smooth.plant.set_sphere_inertia(inertia);
+                smooth.implicit.set_sphere_inertia(inertia);
+                smooth.fastest.set_inertia(inertia);
+            }
             Kind::Nonsmooth(plant) => plant.set_sphere_inertia(inertia),
         }
     }
@@ -125,12 +147,9 @@ impl Dynamics {
         external: Vec3,
         grip: Option<&Grip>,
     ) {
-        match (&mut self.kind, grip) {
-            (Kind::Smooth(plant), None) => plant.step(self.method, state, t, h, tau, &external),
-            (Kind::Smooth(plant), Some(grip)) => {
-                plant.step(self.method, state, t, h, tau, &Sum(*grip, external));
-            }
-            (Kind::Nonsmooth(plant), grip) => plant.step(state, t + h, h, tau, external, grip),
+        match &mut self.kind {
+            Kind::Smooth(smooth) => smooth.step(state, t, h, tau, external, grip),
+            Kind::Nonsmooth(plant) => plant.step(state, t + h, h, tau, external, grip),
         }
     }
 
@@ -148,7 +167,7 @@ impl Dynamics {
     #[must_use]
     pub fn encoder_rates(&self, state: &PlantState) -> [f64; MAX_JOINTS] {
         match &self.kind {
-            Kind::Smooth(plant) => plant.joint_rates(state),
+            Kind::Smooth(smooth) => smooth.plant.joint_rates(state),
             Kind::Nonsmooth(plant) => plant.encoder_rates(),
         }
     }
@@ -168,7 +187,7 @@ impl Dynamics {
     #[must_use]
     pub fn energy(&self, state: &PlantState) -> f64 {
         match &self.kind {
-            Kind::Smooth(plant) => plant.energy(state),
+            Kind::Smooth(smooth) => smooth.plant.energy(state),
             Kind::Nonsmooth(plant) => plant.energy(state),
         }
     }
@@ -185,11 +204,56 @@ impl Dynamics {
 }
 
 impl Kind {
-    fn new(plant: Plant, device: &Device, phenomena: &Phenomena, state: &PlantState) -> Self {
+    fn new(plant: Plant, method: Method, device: &Device, phenomena: &Phenomena, state: &PlantState) -> Self {
+        let nonsmooth = Nonsmooth::new(device, *phenomena, state);
         if is_nonsmooth(phenomena) {
-            Self::Nonsmooth(Box::new(Nonsmooth::new(device, *phenomena, state)))
+            Self::Nonsmooth(Box::new(nonsmooth))
         } else {
-            Self::Smooth(Box::new(plant))
+            let fastest = FastestRate::new(device, phenomena, plant.sphere_inertia());
+            Self::Smooth(Box::new(Smooth { plant, method, fastest, implicit: nonsmooth }))
+        }
+    }
+}
+
+impl Smooth {
+    /// Advances `state` by `h` seconds from time `t` (s), as [`Dynamics::step`] does.
+    #[inline]
+    fn step(
+        &mut self,
+        state: &mut PlantState,
+        t: f64,
+        h: f64,
+        tau: &JointTorques,
+        external: Vec3,
+        grip: Option<&Grip>,
+    ) {
+        let (speed2, inertia) = (state.omega.length_squared(), self.plant.sphere_inertia());
+        if !self.fastest.allows(h, speed2, grip, inertia) {
+            self.step_implicitly(state, t, h, tau, external, grip);
+        } else if let Some(grip) = grip {
+            self.plant.step(self.method, state, t, h, tau, &Sum(*grip, external));
+        } else {
+            self.plant.step(self.method, state, t, h, tau, &external);
+        }
+    }
+
+    /// Advances `state` as [`step`](Self::step) does, by the implicit scheme.
+    #[cold]
+    #[inline(never)]
+    fn step_implicitly(
+        &mut self,
+        state: &mut PlantState,
+        t: f64,
+        h: f64,
+        tau: &JointTorques,
+        external: Vec3,
+        grip: Option<&Grip>,
+    ) {
+        self.implicit.adopt(state);
+        let steps = libm::ceil(h / IMPLICIT_STEP_S).max(1.0);
+        let part = h / steps;
+        for i in 1..=steps as u32 {
+            self.implicit.step(state, t + f64::from(i) * part, part, tau, external, grip);
         }
     }
 }

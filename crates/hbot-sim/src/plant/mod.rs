@@ -5,12 +5,14 @@
 //! angular velocity. A [`Load`] gives the torques on the sphere other than the wheels'.
 //! [`Plant::step`] advances a state by one fixed step of a [`Method`]. [`Plant::advance_exactly`]
 //! is the adaptive reference against which the methods are compared. [`Dynamics`] chooses between
-//! this plant and one with stick, slip and play.
+//! this plant and one with stick, slip and play, which also makes the steps for which this plant is
+//! too stiff.
 //!
 //! Steps allocate nothing, call no function of the platform, and fuse no operations. They therefore
 //! give the same bits on every machine.
 
 mod dynamics;
+mod fastest;
 mod field;
 mod load;
 mod method;

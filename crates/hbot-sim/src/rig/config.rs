@@ -6,7 +6,7 @@ use hbot_config::rig::Protocol;
 use hbot_core::device::Device;
 use hbot_core::rig::Rig;
 
-use crate::controller::{Line, SimulatedJoint};
+use crate::controller::{Lags, Line, SimulatedJoint};
 use crate::phenomena::Phenomena;
 use crate::plant::{ImpossibleInertia, Method, PlantState};
 
@@ -16,6 +16,8 @@ use crate::plant::{ImpossibleInertia, Method, PlantState};
 pub struct SimulatedConfig {
     /// Protocol of the motor controllers, and whether their line has checksums.
     pub line: Line,
+    /// Delays that the settings of the motor controllers cause.
+    pub lags: Lags,
     /// Geometry and masses.
     pub device: Device,
     /// Motor and encoder of each joint, in the order steer, drive of each wheel.
@@ -45,6 +47,7 @@ impl SimulatedConfig {
     pub fn new(rig: &Rig) -> Self {
         Self {
             line: Protocol::Hbot.into(),
+            lags: Lags::default(),
             device: rig.device,
             joints: rig.joints[..rig.device.joints()].iter().map(SimulatedJoint::from).collect(),
             start: PlantState::default(),

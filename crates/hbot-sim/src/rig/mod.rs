@@ -69,8 +69,9 @@ impl SimulatedRig {
             .map_err(SimulatedRigError::Inertia)?;
         let angles = config.start.joints();
         let encoder = config.phenomena.encoder.as_ref();
-        let controllers = SimulatedControllers::new(config.line, &config.joints, &angles, encoder)
-            .ok_or(SimulatedRigError::Protocol(config.line.protocol))?;
+        let controllers =
+            SimulatedControllers::new(config.line, config.lags, &config.joints, &angles, encoder)
+                .ok_or(SimulatedRigError::Protocol(config.line.protocol))?;
         let mut rig = Self {
             sphere_inertia: dynamics.sphere_inertia(),
             dynamics,
@@ -221,7 +222,14 @@ impl SimulatedRig {
         for i in 0..steps {
             let Self { dynamics, state, controllers, grip, .. } = self;
             let tau = controllers.drive(h, || dynamics.encoder_rates(state));
+            let motion = |state| (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
+            let before = controllers.filters().then(|| motion(state));
             dynamics.step(state, start + i as f64 * h, h, &tau, self.external, grip.as_ref());
+            if let Some((angles, rates)) = &before {
+                let after = (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
+                let after = Truth { angles: &after.0, rates: &after.1 };
+                controllers.follow(h, &Truth { angles, rates }, &after);
+            }
         }
         self.simulated_ns += ns;
         self.controllers.sense(&self.dynamics.encoder_angles(&self.state));

@@ -9,3 +9,4 @@ mod orders;
 mod phenomena;
 mod pty;
 mod rig;
+mod stiff;

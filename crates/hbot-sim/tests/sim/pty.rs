@@ -141,11 +141,14 @@ fn it_stops_at_once_and_its_start_can_be_seen() {
 }
 
 #[test]
-fn a_panic_in_a_call_is_told_as_stopped() {
+fn a_panic_in_a_call_ends_the_thread_and_is_named() {
     let rig = spawn();
     let error = rig.call(|_| panic!("on purpose")).unwrap_err();
     assert!(matches!(error, ServeError::Stopped), "{error}");
-    assert!(matches!(rig.stop(), Err(ServeError::Stopped)));
+    eventually("the thread has failed", || rig.failure().is_some());
+    let told = rig.failure().unwrap().to_owned();
+    assert!(told.ends_with("has panicked: on purpose"), "{told}");
+    assert!(matches!(rig.stop(), Err(ServeError::Panicked(reason)) if reason == "on purpose"));
 }
 
 /// On a line with latency, an answer arrives when it is due and not before. The host writes nothing

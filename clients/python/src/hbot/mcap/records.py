@@ -19,6 +19,8 @@ from zstandard import ZstdError
 
 _LARGEST = 256 << 20
 """Largest record that is read, bytes. A damaged length must not fill the memory."""
+_LARGEST_CHUNK = 16 << 20
+"""Largest chunk before compression that is read, bytes. Few bytes can stand for many zeros."""
 _HEAD = struct.Struct("<BQ")
 """The head of a record: its kind, and its length in bytes without the head."""
 _FOOTER = struct.Struct("<9xQQI")
@@ -76,6 +78,10 @@ class Records:
             chunk = Chunk.read(stream)
             if stream.count != len(body):
                 raise ValueError(f"{len(body)} bytes instead of {stream.count}")
+            if chunk.uncompressed_size > _LARGEST_CHUNK:
+                raise ValueError(
+                    f"{chunk.uncompressed_size} bytes, at most {_LARGEST_CHUNK} are read"
+                )
         except _DAMAGE as wrong:
             self.damaged.append(f"a chunk: {_said(wrong)}")
             return []

@@ -20,6 +20,9 @@ pub(super) struct Magnet {
     /// torque is left.
     #[schemars(range(min = 0.01, max = 2.0), extend("unit" = "rad"))]
     width: f64,
+    /// Damping of the sphere's rotation at the reference. Far from it, there is no damping.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
+    damping: f64,
     /// Orientation that the magnet pulls towards, as a quaternion [w, x, y, z]. Any length except
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -31,7 +34,7 @@ pub(super) struct Magnet {
 
 impl Default for Magnet {
     fn default() -> Self {
-        Self { strength: 0.15, width: 0.2, reference: IDENTITY, anchor: Anchor::Absolute }
+        Self { strength: 0.15, width: 0.2, damping: 0.01, reference: IDENTITY, anchor: Anchor::Absolute }
     }
 }
 
@@ -41,5 +44,9 @@ impl EffectKind for Magnet {
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
         let target = target(self.reference, self.anchor, path, report)?;
         Some(Kind::Magnet(effects::Magnet { target, strength: self.strength, width: self.width }))
+    }
+
+    fn numbers(&self) -> Vec<f64> {
+        Vec::from_iter((self.damping > 0.0).then_some(self.damping))
     }
 }

@@ -23,11 +23,14 @@ pub(super) struct Texture {
     /// Torque amplitude of the bumps along each of the sphere's three axes.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m"))]
     depth: f64,
+    /// Damping of the sphere's rotation about axes across `at`. A turn about `at` is not damped.
+    #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
+    damping: f64,
 }
 
 impl Default for Texture {
     fn default() -> Self {
-        Self { at: UP, waves: 40.0, depth: 0.02 }
+        Self { at: UP, waves: 40.0, depth: 0.02, damping: 0.01 }
     }
 }
 
@@ -37,5 +40,9 @@ impl EffectKind for Texture {
     fn compile(&self, path: &str, report: &mut Report) -> Option<Kind> {
         let at = unit_vector(self.at, &join(path, "at"), report)?;
         Some(Kind::Texture(effects::Texture { at, wave_number: self.waves, depth: self.depth }))
+    }
+
+    fn numbers(&self) -> Vec<f64> {
+        Vec::from_iter((self.damping > 0.0).then_some(self.damping))
     }
 }

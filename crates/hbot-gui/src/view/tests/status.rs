@@ -2,7 +2,7 @@
 //! wrong.
 
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use hbot_api::{Fault, Mode, StateEvent};
+use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
 use super::{Change, SIZES, Seen, settle, shows, window};
 use crate::model::Model;
@@ -52,6 +52,27 @@ fn who_stopped_the_rig_is_shown() {
     see(model, 200, Mode::Estop);
     settle(&mut seen);
     assert!(shows(&seen, "Stopped by somebody.") && shows(&seen, "To go on, press Recover."));
+}
+
+#[test]
+fn an_effect_that_shakes_the_sphere_is_named_until_it_is_calm() {
+    let mut seen = window(SIZES[1], commanding(true));
+    let event = ShakingEvent {
+        tick: 200,
+        t: 0.2,
+        shaking: true,
+        frequency: 16.0,
+        amplitude: 1.5,
+        effect: Some("stiff".to_owned()),
+        gain: 0.5,
+        message: "it shakes".to_owned(),
+    };
+    for shaking in [true, false] {
+        hear(&mut seen.state_mut().model, News::Shaking(ShakingEvent { shaking, ..event.clone() }));
+        see(&mut seen.state_mut().model, 201, Mode::Active);
+        settle(&mut seen);
+        assert_eq!(shows(&seen, "stiff shook the sphere at 16 Hz"), shaking);
+    }
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! Checks that the servos on a line are those of the rig file, and that their settings allow torque
 //! commands.
 
+use std::f64::consts::TAU;
+
 use super::REGISTER_MAP;
 use super::codec::{self, Turn};
 use super::talk::Talk;
-use crate::bus::{Expected, Found, MeetError, Remedy};
+use crate::bus::{Expected, Filtering, Found, Lag, MeetError, Remedy};
 use crate::line::Line;
 use hbot_config::rig::Protocol as Name;
 
@@ -72,6 +74,7 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
         // All ids have been found: `crowd` has checked it.
         if let Some(it) = found.iter().find(|it| it.id == *id) {
             expected.set_firmware(at, format!("moteus {}", it.firmware));
+            expected.set_filtering(at, it.filtering.clone());
         }
     }
     Ok(())
@@ -90,6 +93,7 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
         let twice = all.iter().filter(|(other, _)| other == id).count() > 1;
         let map = state.register_map.unwrap_or_default();
         let mut remedies = Vec::new();
+        let mut filtering = Filtering::default();
         let unknown = if map != REGISTER_MAP {
             Some(format!("its register map is version {map}, this program knows {REGISTER_MAP}"))
         } else if state.uptime_ms.is_none() {
@@ -110,6 +114,7 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
                     remedies.push(mend(&port, *id, must, &said));
                 }
             }
+            filtering = self::filtering(talk, *id, state.firmware.unwrap_or_default())?;
         }
         let home = ["relative: no zero", "rotor: within a turn", "output"];
         found.push(Found {
@@ -118,10 +123,34 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
             firmware: format!("{:#06x}, register map {map}", state.firmware.unwrap_or_default()),
             supply_v: state.voltage.map(|half| f64::from(half) * 0.5),
             zero: state.home.and_then(|home_state| home.get(usize::try_from(home_state).ok()?)).copied(),
+            filtering,
             remedies,
         });
     }
     Ok(found)
+}
+
+/// The first firmware whose setting `pll_filter_hz` is the 3 dB bandwidth of the filter. In older
+/// firmware it is the natural frequency (`set_encoder_filter` of the vendor's `moteus_tool` 1.1.1).
+const BANDWIDTH_SINCE: i32 = 0x010c;
+
+/// Reads the settings of servo `id` that make its torque and its rate late. Both bandwidths are
+/// chosen by `moteus_tool --calibrate --cal-bw-hz`. A setting that the firmware does not have gives
+/// `None`. `firmware` is the version of the firmware.
+fn filtering(talk: &mut Talk<'_>, id: u8, firmware: i32) -> Result<Filtering, MeetError> {
+    let source = talk.setting(id, "motor_position.output.source")?;
+    let mut lag = |setting: String, at_1_hz: f64| {
+        let said: Option<f64> = talk.setting(id, &setting)?.parse().ok();
+        let hz = said.filter(|hz| *hz > 0.0);
+        Ok::<_, MeetError>(hz.map(|hz| Lag { setting, hz, seconds: at_1_hz / hz }))
+    };
+    // The filter is a critically damped one of second order with the natural frequency w, so the
+    // rate is 2/w late. w is 2 pi f / 2.48 (`HandleConfigUpdate` in the vendor's
+    // `fw/motor_position.h`).
+    let ratio = if firmware >= BANDWIDTH_SINCE { 2.48 } else { 1.0 };
+    let torque = lag("servo.pid_dq_hz".to_owned(), 1.0 / TAU)?;
+    let rate = lag(format!("motor_position.sources.{source}.pll_filter_hz"), 2.0 * ratio / TAU)?;
+    Ok(Filtering { torque, rate })
 }
 
 fn model(number: i32) -> String {

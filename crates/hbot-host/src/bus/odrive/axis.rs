@@ -12,6 +12,7 @@ use hbot_core::inputs::Complaints;
 
 use super::message::{Message, error, state};
 use super::order::{Order, Times};
+use super::trip::RoundTrip;
 use crate::bus::{Telemetry, TelemetryLog};
 
 /// Encoder counts per turn that the driver reports. Equals `counts_per_turn` of this protocol in
@@ -69,6 +70,15 @@ enum Trust {
     /// The watchdog of the axis must expire once, to show that it works. After its motor is off,
     /// the axis gets no message until then.
     Proving,
+    /// The watchdog did not expire while the motor was off, and neither did it at bring-up. The
+    /// axis is switching its motor on, at zero torque, since this tick.
+    Arming(u32),
+    /// The motor is on at zero torque. The axis gets no message since this tick, so that its
+    /// watchdog must switch the motor off.
+    Armed(u32),
+    /// The watchdog did not expire while the motor was on. The motor is kept off, and the axis is
+    /// never trusted again.
+    Unproven,
     /// The watchdog has expired. The position must still be marked.
     Marking,
 }
@@ -88,13 +98,22 @@ pub(super) struct Axis {
     heard_ns: u64,
     heartbeat_ns: u64,
     /// The tick of the last command that was sent before the newest position arrived.
+    arrived: Option<u32>,
+    /// The tick of the oldest command that the newest position can answer. `None` until the round
+    /// trip is known.
     pub(super) answers: Option<u32>,
+    /// The round trip of questions to the axis.
+    pub(super) trip: RoundTrip,
     error: u32,
     state: u8,
     /// Turns of the encoder by which the driver has just moved the position of the axis back.
     /// `None` after a position has arrived that includes the move.
     set_back: Option<f64>,
     trust: Trust,
+    /// Whether bring-up has seen the watchdog expire only while the motor was on.
+    proved_armed: bool,
+    /// Tick since which the axis gets no message, so that its watchdog expires.
+    quiet_since: Option<u32>,
     /// Whether the axis has been in closed loop since the motors were last commanded on.
     was_on: bool,
     /// Tick until which an expired watchdog is not a complaint. `None` after a heartbeat has shown,
@@ -112,8 +131,9 @@ pub(super) struct Axis {
 
 impl Axis {
     /// Returns the state of axis `id` after bring-up, before any message has arrived. `gear` is the
-    /// number of turns of the encoder for one turn of the joint.
-    pub(super) fn new(id: u8, gear: f64, times: Times) -> Self {
+    /// number of turns of the encoder for one turn of the joint. `proved_armed` is true if bring-up
+    /// has seen the watchdog expire only while the motor was on.
+    pub(super) fn new(id: u8, gear: f64, times: Times, proved_armed: bool) -> Self {
         Self {
             id,
             gear,
@@ -124,11 +144,15 @@ impl Axis {
             velocity: 0.0,
             heard_ns: 0,
             heartbeat_ns: 0,
+            arrived: None,
             answers: None,
+            trip: RoundTrip::default(),
             error: 0,
             state: state::UNDEFINED,
             set_back: None,
             trust: Trust::Met,
+            proved_armed,
+            quiet_since: None,
             was_on: false,
             excused_until: None,
             cleared: None,
@@ -138,11 +162,10 @@ impl Axis {
         }
     }
 
-    /// Resets the state after a lost line has been reopened and brought up again. The encoder count
-    /// continues.
+    /// Resets the state after a lost line has been reopened. The encoder count continues.
     pub(super) fn met_again(&mut self) {
-        let Self { id, gear, times, base, answers, .. } = *self;
-        *self = Self { base, answers, ..Self::new(id, gear, times) };
+        let Self { id, gear, times, base, answers, proved_armed, .. } = *self;
+        *self = Self { base, answers, ..Self::new(id, gear, times, proved_armed) };
     }
 
     /// Returns the encoder count: the turns of the encoder from the mark, multiplied by
@@ -166,6 +189,10 @@ impl Axis {
     /// Updates the state with a message that arrived before the command of `tick`. `order` tells
     /// whether the motors are commanded on, and since when.
     pub(super) fn hear(&mut self, now_ns: u64, tick: u32, order: Order, message: &Message) {
+        if self.trip.hear(tick, message) && self.arrived == Some(tick.wrapping_sub(1)) {
+            // The position came just before the first answer.
+            self.date(tick);
+        }
         match *message {
             Message::Estimates { position, velocity } => {
                 self.estimate(now_ns, tick, f64::from(position), f64::from(velocity));
@@ -221,8 +248,15 @@ impl Axis {
         }
         (self.position, self.velocity, self.heard_ns) = (Some(position), velocity, now_ns);
         if now_ns.saturating_sub(self.heartbeat_ns) <= HEARTBEAT_NS {
-            self.answers = Some(tick.wrapping_sub(1));
+            self.arrived = Some(tick.wrapping_sub(1));
+            self.date(tick);
         }
+    }
+
+    /// Dates the position that has arrived before the command of `tick`: it can be as old as the
+    /// round trip.
+    fn date(&mut self, tick: u32) {
+        self.answers = self.trip.ticks().map(|ticks| tick.wrapping_sub(ticks)).or(self.answers);
     }
 
     /// Updates the state with a heartbeat, and checks whether it shows a restart.
@@ -237,6 +271,14 @@ impl Axis {
             self.trust = Trust::Marking;
         }
         let on = state == state::CLOSED_LOOP;
+        match self.trust {
+            Trust::Arming(_) if on => self.trust = Trust::Armed(tick),
+            Trust::Armed(_) if !on => {
+                let expired = error & error::WATCHDOG_TIMER_EXPIRED != 0;
+                self.trust = if expired { Trust::Marking } else { Trust::Unproven };
+            }
+            _ => {}
+        }
         if on && order.on {
             self.was_on = true;
         }
@@ -253,6 +295,7 @@ impl Axis {
     /// position is marked.
     fn distrust(&mut self) {
         (self.trust, self.base, self.set_back) = (Trust::Proving, 0.0, None);
+        self.quiet_since = None;
     }
 
     /// Returns the complaints of the axis at `tick`. `order` tells whether the motors are commanded
@@ -266,7 +309,8 @@ impl Axis {
             let late = order.age(tick) > self.times.on;
             !on && self.error == 0 && !self.is_lost() && (self.was_on || late)
         } else {
-            on && order.age(tick) > self.times.off
+            let tried = matches!(self.trust, Trust::Arming(_) | Trust::Armed(_));
+            on && order.age(tick) > self.times.off && !tried
         };
         let coarse = self.position.is_some_and(|position| position.abs() * STEP > COARSEST * self.gear);
         let own = Complaints {

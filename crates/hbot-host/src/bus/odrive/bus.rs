@@ -1,17 +1,18 @@
 //! The bus of a line of ODrives. Torques are sent in every tick. Positions arrive without being
 //! asked for.
 
+use std::sync::atomic::Ordering;
+
 use hbot_core::MAX_JOINTS;
 
 use super::axis::Axis;
-use super::message::{Command, Question, decode};
+use super::message::{Command, decode};
 use super::order::{Order, Times};
+use super::proof::PROVED_ARMED;
 use super::slcan::{Decoder, Word};
 use crate::bus::{BusCommand, Expected, Heard, JointReading, MotorBus, Reading, Telemetry};
 use crate::line::Line;
 
-/// The values that the driver asks each axis for, in turn.
-const QUESTIONS: [Question; 2] = [Question::Temperature, Question::Current];
 /// Capacity of the buffer for the commands of one tick, in bytes.
 const OUTBOX: usize = 4096;
 /// Largest number of bytes that one read takes from the line.
@@ -35,14 +36,19 @@ pub(super) struct OdriveBus {
     cut: bool,
     /// The tick of the command that the last reading answers.
     answered: Option<u32>,
+    /// Index of the axis that was asked last.
+    turn: usize,
 }
 
 impl OdriveBus {
     /// Returns the bus of a line whose axes have passed bring-up.
     pub(super) fn new(line: Box<dyn Line>, expected: &Expected) -> Self {
-        let joints = (0..expected.joints()).filter_map(|at| expected.joint(at));
         let times = Times::new(expected);
-        let axes = joints.map(|joint| Axis::new(joint.id, joint.gear, times)).collect();
+        let axis = |at| {
+            let armed = expected.note(PROVED_ARMED + at).load(Ordering::Relaxed) != 0;
+            expected.joint(at).map(|joint| Axis::new(joint.id, joint.gear, times, armed))
+        };
+        let axes = (0..expected.joints()).filter_map(axis).collect();
         Self {
             line,
             axes,
@@ -54,6 +60,7 @@ impl OdriveBus {
             fresh: true,
             cut: false,
             answered: None,
+            turn: 0,
         }
     }
 
@@ -77,6 +84,32 @@ impl OdriveBus {
                 Ok(Word::Taken) => {}
                 // The adapter has refused a command, or a line of text is damaged.
                 Ok(Word::Refused) | Err(_) => heard.damaged = heard.damaged.saturating_add(1),
+            }
+        }
+    }
+
+    /// Appends the questions of `tick` to the command: to all axes on a new line, and later to one
+    /// axis in turn, or sooner to one whose round trip is in doubt.
+    fn ask(&mut self, tick: u32, fresh: bool) {
+        let Self { axes, outbox, times, turn, .. } = self;
+        let count = axes.len();
+        let mut put = |axis: &mut Axis| {
+            // An axis whose watchdog must expire gets no message.
+            if !axis.is_lost() {
+                Command::Ask(axis.trip.ask(tick, times.ask)).write(axis.id, outbox);
+            }
+        };
+        if fresh {
+            axes.iter_mut().for_each(put);
+        } else if tick.is_multiple_of(times.ask) && count > 0 {
+            *turn = (*turn + 1) % count;
+            put(&mut axes[*turn]);
+        } else if tick.is_multiple_of(times.ask_soon) {
+            let from = *turn + 1;
+            let mut turns = (from..from + count).map(|at| at % count);
+            if let Some(at) = turns.find(|at| axes[*at].trip.is_in_doubt(tick, times.ask)) {
+                *turn = at;
+                put(&mut axes[at]);
             }
         }
     }
@@ -131,7 +164,8 @@ impl MotorBus for OdriveBus {
         if self.fresh || enable != self.order.on {
             self.order = Order { on: enable, since: tick };
         }
-        if std::mem::take(&mut self.fresh) {
+        let fresh = std::mem::take(&mut self.fresh);
+        if fresh {
             self.axes.iter_mut().for_each(|axis| axis.excuse(tick));
         }
         self.outbox.clear();
@@ -142,15 +176,7 @@ impl MotorBus for OdriveBus {
         for (axis, torque) in self.axes.iter_mut().zip(torque) {
             axis.command(tick, self.order, torque, &mut self.outbox);
         }
-        if tick.is_multiple_of(self.times.ask) && !self.axes.is_empty() {
-            let turn = (tick / self.times.ask) as usize;
-            let axis = &self.axes[turn % self.axes.len()];
-            // An axis whose watchdog must expire gets no message.
-            if !axis.is_lost() {
-                let question = QUESTIONS[turn / self.axes.len() % QUESTIONS.len()];
-                Command::Ask(question).write(axis.id, &mut self.outbox);
-            }
-        }
+        self.ask(tick, fresh);
         let taken = self.line.write(now_ns, &self.outbox);
         self.cut = !taken.is_ok_and(|written| written == self.outbox.len());
         !self.cut

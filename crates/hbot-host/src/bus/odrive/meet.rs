@@ -2,12 +2,15 @@
 //! checks which axes are on the line, whether each is set up so that it can be commanded a torque,
 //! and whether its watchdog switches its motor off.
 
+use std::sync::atomic::Ordering;
+
 use hbot_config::rig::Protocol as Name;
 
 use super::axis::{mark, may_be_booted};
 use super::message::{Command, Question, error, state};
+use super::proof::{EXPIRED_MS, PROVED_ARMED, no_watchdog_idle, watchdogs};
 use super::talk::{Met, Talk};
-use crate::bus::{Expected, Found, MeetError, Remedy, field};
+use crate::bus::{Expected, Filtering, Found, MeetError, Remedy, field};
 use crate::line::Line;
 
 /// Shortest time for which the driver counts positions and heartbeats before it judges the settings
@@ -15,27 +18,17 @@ use crate::line::Line;
 /// setting, 100 ms.
 const LISTEN_MS: u64 = 120;
 /// Longest wait for an answer or for a change of state, in ms.
-const ANSWER_MS: u64 = 1000;
+pub(super) const ANSWER_MS: u64 = 1000;
 /// Time after which a question is repeated, in ms.
-const AGAIN_MS: u64 = 50;
-/// Longest accepted watchdog time of an axis, in ms.
-const WATCHDOG_MS: u64 = 120;
+pub(super) const AGAIN_MS: u64 = 50;
 /// Longest accepted average time between two positions of an axis, in ms.
 const ESTIMATES_MS: u64 = 4;
 /// Longest accepted average time between two heartbeats of an axis, in ms.
-const HEARTBEAT_MS: u64 = 20;
-/// Time after the last message within which each axis must have reported that its watchdog has
-/// expired, in ms: the longest watchdog time, and the time until the next heartbeat.
-const EXPIRED_MS: u64 = WATCHDOG_MS + HEARTBEAT_MS;
-/// Time between two messages that keep a watchdog from expiring, in ms.
-const FEED_MS: u64 = 2;
+pub(super) const HEARTBEAT_MS: u64 = 20;
 /// Oldest firmware that has the messages that the driver needs, as major and minor version.
 const FIRMWARE: [u8; 2] = [0, 6];
 /// Largest number of axes on a line. With more of them, the last word would exceed 255 bytes.
 const MOST_AXES: usize = 11;
-
-/// The commands of the vendor's console that enable a watchdog of 20 ms.
-const ENABLE: &str = "odrv0.axis0.config.watchdog_timeout = 0.02; odrv0.axis0.config.enable_watchdog = True";
 
 /// Brings up the axes of a line. Checks that all axes of the rig answer and no others, that their
 /// motors are off, that their settings are right, and that the watchdog of each expires.
@@ -66,15 +59,20 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
             return Err(said(*id, remedy));
         }
     }
+    let armed = match watchdogs(&mut talk, &ids)? {
+        Ok(armed) => armed,
+        Err((id, remedy)) => return Err(said(id, &remedy)),
+    };
     for (at, id) in ids.iter().enumerate() {
+        let is_armed = armed.contains(id);
+        expected.note(PROVED_ARMED + at).store(i64::from(is_armed), Ordering::Relaxed);
         if let Some([major, minor, revision]) = talk.of(*id).firmware {
-            expected.set_firmware(at, format!("ODrive {major}.{minor}.{revision}"));
+            let proof = if is_armed { "armed at zero torque" } else { "idle" };
+            let name = format!("ODrive {major}.{minor}.{revision}, watchdog seen to expire {proof}");
+            expected.set_firmware(at, name);
         }
     }
-    let refused = match watchdogs(&mut talk, &ids)? {
-        None => marks(&mut talk, expected)?,
-        refused => refused,
-    };
+    let refused = marks(&mut talk, expected)?;
     refused.map_or(Ok(()), |(id, remedy)| Err(said(id, &remedy)))
 }
 
@@ -107,7 +105,7 @@ pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found
         let met = &said[usize::from(id)];
         let mut remedies = settings(met, listened_ms);
         if talk.of(id).error & error::WATCHDOG_TIMER_EXPIRED == 0 {
-            remedies.push(no_watchdog());
+            remedies.push(no_watchdog_idle());
         }
         let others = talk.of(id).error & !error::WATCHDOG_TIMER_EXPIRED;
         if others != 0 {
@@ -124,6 +122,7 @@ pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found
             firmware: format!("{major}.{middle}.{revision}, CANSimple"),
             supply_v: met.supply,
             zero: None,
+            filtering: Filtering::default(),
             remedies,
         };
         let twice = met.answered > met.asked;
@@ -219,52 +218,8 @@ fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
     remedies
 }
 
-/// Returns the remedy for an axis whose watchdog does not expire in time.
-fn no_watchdog() -> Remedy {
-    Remedy {
-        what: format!(
-            "left alone for {EXPIRED_MS} ms it does not say that its watchdog has expired: it is off, or slow"
-        ),
-        command: format!("{ENABLE}; odrv0.save_configuration()"),
-    }
-}
-
 /// The first axis that fails a check, with what is wrong and its remedy. `None` if all pass.
-type Refused = Option<(u8, Remedy)>;
-
-/// Tests the watchdogs of the axes: feeds them until none is expired, then sends nothing until all
-/// have expired. Returns the first axis that fails. Reading the setting of a watchdog would prove
-/// less, and the number of this setting differs between firmware versions.
-fn watchdogs(talk: &mut Talk<'_>, ids: &[u8]) -> Result<Refused, MeetError> {
-    let expired = |met: &Met| met.error & error::WATCHDOG_TIMER_EXPIRED != 0;
-    talk.say_all(ids, Command::AxisState(state::IDLE))?;
-    if let Some(id) = talk.until(ANSWER_MS, ids, |met| met.state == state::IDLE)? {
-        let what = format!("it is in state {} and does not become idle", talk.of(id).state);
-        return Ok(Some((id, Remedy { what, command: "dump_errors(odrv0)".to_owned() })));
-    }
-    // Axes are fed until two heartbeats have arrived and the last one shows no expired watchdog.
-    // The first of them can be older than the clearing of errors.
-    talk.say_all(ids, Command::ClearErrors)?;
-    let before = talk.met;
-    let mut fed = false;
-    for _ in 0..ANSWER_MS / FEED_MS {
-        talk.say_all(ids, Command::InputTorque(0.0))?;
-        talk.listen(FEED_MS)?;
-        let clear = |id: &u8| {
-            talk.of(*id).heartbeats >= before[usize::from(*id)].heartbeats + 2 && !expired(talk.of(*id))
-        };
-        fed = ids.iter().all(clear);
-        if fed {
-            break;
-        }
-    }
-    if !fed && let Some(id) = ids.iter().copied().find(|id| expired(talk.of(*id))) {
-        let what = format!("its watchdog expires although it is fed every {FEED_MS} ms");
-        return Ok(Some((id, Remedy { what, command: format!("{ENABLE}; odrv0.save_configuration()") })));
-    }
-    let refused = talk.until(EXPIRED_MS, ids, expired)?;
-    Ok(refused.map(|id| (id, no_watchdog())))
-}
+pub(super) type Refused = Option<(u8, Remedy)>;
 
 /// Marks the position of each axis that has no mark: moves it away from 0, so that the driver can
 /// later detect a restart. Returns the first axis that does not accept its new position.
@@ -276,7 +231,8 @@ fn marks(talk: &mut Talk<'_>, expected: &Expected) -> Result<Refused, MeetError>
             talk.say(joint.id, Command::AbsolutePosition((position + mark(joint.gear)) as f32))?;
         }
     }
-    for command in [Command::TorqueMode, Command::ClearErrors, Command::InputTorque(0.0)] {
+    // The torque comes first, so that a watchdog that only torques feed does not expire again.
+    for command in [Command::TorqueMode, Command::InputTorque(0.0), Command::ClearErrors] {
         talk.say_all(&ids, command)?;
     }
     let marked = |met: &Met| met.position.is_some_and(|position| !may_be_booted(position));

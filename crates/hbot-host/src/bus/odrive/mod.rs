@@ -8,7 +8,9 @@
 //! | `axis` | state of one axis: position, errors, detection of a restart |
 //! | `order` | whether motors are commanded on, and how long an axis may take |
 //! | `bus` | torques to the axes and positions from them, in each tick |
-//! | `meet` | bring-up: which axes are on the line, and whether their watchdogs work |
+//! | `meet` | bring-up: which axes are on the line, and whether they are set up right |
+//! | `proof` | the part of bring-up that proves that watchdogs work |
+//! | `trip` | the round trip of questions in the loop, from which the age of positions follows |
 //! | `talk` | questions and answers before the first tick |
 //!
 //! `docs/controllers.md` explains how to set the controllers up, and which questions only hardware
@@ -19,10 +21,12 @@ mod bus;
 mod meet;
 pub mod message;
 mod order;
+mod proof;
 pub mod slcan;
 mod talk;
 #[cfg(test)]
 mod tests;
+mod trip;
 
 use self::bus::OdriveBus;
 use self::message::{Command, state};
@@ -65,8 +69,8 @@ impl Protocol for Odrive {
     }
 
     fn traffic(&self, joints: usize) -> Traffic {
-        // Each axis gets a torque, and one axis a question. Only a tick that switches motors on or
-        // off also sends each axis a mode and a state.
+        // Each axis gets a torque, and one axis a question. Only the first tick asks all axes, and
+        // only a tick that switches motors on or off also sends each axis a mode and a state.
         let commands = joints + 1;
         // Each axis sends a position and a heartbeat, and one axis an answer.
         let feedback = 2 * joints + 1;
@@ -82,6 +86,6 @@ impl Protocol for Odrive {
     }
 
     fn reports(&self) -> Reports {
-        Reports { unasked: true, status_ms: 40 }
+        Reports { unasked: true, status_ms: 40, delay_ms: 150 }
     }
 }

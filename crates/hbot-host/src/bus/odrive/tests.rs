@@ -158,6 +158,8 @@ fn a_tick_allocates_nothing() {
     for (id, position) in positions.iter().enumerate() {
         bytes.extend(format!("t{:03X}8{position}00000000\r", id << 5 | 9).bytes());
         bytes.extend(format!("t{:03X}80000000008000000\r", id << 5 | 1).bytes());
+        // A temperature of 25 degrees, which is asked for in the first tick.
+        bytes.extend(format!("t{:03X}80000C8410000C841\r", id << 5 | 0x15).bytes());
     }
     let mut bus = super::Odrive.bus(Box::new(Canned { bytes, reads: 0 }), expected());
     let mut readings = 0;

@@ -112,8 +112,8 @@ impl Hub {
             }
             Op::LoadScene { scene } => self.load_scene(session, id, scene)?,
             Op::Set { effect, parameters } => {
-                self.scenes.set(&mut self.end, &effect, &parameters)?;
-                self.respond(session, &Response::done(id));
+                let answer = self.scenes.set(&mut self.end, &effect, &parameters)?;
+                self.respond(session, &Response::ok(id, serde_json::json!(answer)));
             }
             Op::Torque(torque) => {
                 let command = self.torque(&torque);

@@ -48,6 +48,9 @@ impl Hub {
         if let Some(event) = incident {
             self.publisher.broadcast(&Event::Fault(event));
         }
+        if let Some(event) = self.shakes.look(sample, &self.scenes) {
+            self.publisher.broadcast(&Event::Shaking(event));
+        }
         if self.publisher.is_watched() {
             self.stats.counts.dropped_states += self.publisher.publish(sample);
         }

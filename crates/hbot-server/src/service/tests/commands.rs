@@ -344,11 +344,13 @@ fn info_and_stats_have_their_shape() {
     assert_eq!(info.limits.traction, Some(TractionInfo { mu: 0.8, normal_force: 10.0 }));
     assert_eq!(info.limits.passivity, None);
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
-    // `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1 ms and the lag
-    // of the motors, 0.5 ms. `stiffness_most` is 0.146457 times the smallest apparent inertia
-    // divided by the square of a tick (docs/physics.md, section 9, to six digits).
-    let render = info.render.unwrap();
-    assert!((render.stiffness_stable - render.damping / 2.0e-3).abs() < 1e-9, "{render:?}");
+    // To first order `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1
+    // ms and the lag of the motors, 0.5 ms. The border of the sampled loop is less than 1 % below.
+    // `stiffness_most` is 0.146457 times the smallest apparent inertia divided by the square of a
+    // tick (docs/physics.md, section 9, to six digits).
+    let render = info.render.clone().unwrap();
+    let part = render.stiffness_stable / (render.damping / 2.0e-3);
+    assert!(0.99 < part && part < 1.0, "{render:?}");
     let most = 0.146_457e6 * render.inertia;
     assert!((render.stiffness_most / most - 1.0).abs() < 1e-5, "{render:?}");
     // The damping that a torque one tick late, with this lag, can have at most is 0.880 J/h.

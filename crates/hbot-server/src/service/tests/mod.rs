@@ -12,6 +12,7 @@ mod lease;
 mod metrics;
 mod overload;
 mod scenes;
+mod shakes;
 mod shape;
 mod stops;
 mod strangers;
@@ -155,8 +156,14 @@ impl TestService {
                 let controllers = Controllers::new(Protocol::Hbot, vec![expected.clone()]);
                 let bus = HbotLink.bus(Box::new(Breathing(line, breath)), expected);
                 let motors = Motors::new(vec![bus], &layout, rig.link.watchdog_ms);
-                let engine = Engine::new(motors, Controller::new(rig.rig), compiled, loop_end, None)
-                    .enabling(enable_at_start);
+                let engine = Engine::new(
+                    motors,
+                    Controller::new(rig.rig).with_shaking_guard(rig.shaking_guard),
+                    compiled,
+                    loop_end,
+                    None,
+                )
+                .enabling(enable_at_start);
                 let period_ns = rig.rig.timing.period_ns;
                 let ticking = std::thread::spawn(move || {
                     lockstep(engine, period_ns, ticks, &stop_loop);

@@ -162,9 +162,14 @@ fn a_scene_that_the_rig_cannot_make_is_loaded_with_warnings() {
     let warnings = client.call(scene(wall)).unwrap()["warnings"].clone();
     let warnings = warnings.as_array().unwrap();
     assert_eq!(warnings.len(), 3, "{warnings:?}");
-    assert!(warnings[0].as_str().unwrap().starts_with("wall: stiffness 900 N m/rad"), "{warnings:?}");
+    assert!(warnings[0].as_str().unwrap().starts_with("wall: may shake the sphere"), "{warnings:?}");
     assert!(warnings[1].as_str().unwrap().starts_with("push: torque 5 N m"), "{warnings:?}");
     assert!(warnings[2].as_str().unwrap().starts_with("stop: twist has no effect here"), "{warnings:?}");
     let calm = json!({"name": "Calm", "effect": [{"id": "s", "kind": "spring", "damping": 0.02}]});
     assert_eq!(client.call(scene(calm)).unwrap()["warnings"], json!([]));
+    // A change of a parameter is answered with the warnings about the scene that it makes.
+    let warnings = client.call(set("s", json!({"stiffness": 400}))).unwrap()["warnings"].clone();
+    let [Value::String(warning)] = &warnings.as_array().unwrap()[..] else { panic!("{warnings}") };
+    assert!(warning.starts_with("s: may shake the sphere") && warning.contains("400 N m/rad"), "{warning}");
+    assert_eq!(client.call(set("s", json!({"stiffness": 1}))).unwrap()["warnings"], json!([]));
 }

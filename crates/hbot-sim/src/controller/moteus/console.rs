@@ -1,19 +1,29 @@
 //! The text console of a simulated servo, which reads and writes settings by name. Its text is
 //! carried inside CAN frames.
 
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
+
+use hbot_config::rig::Protocol;
+
+use super::super::{EncoderFilter, Lags};
 
 /// Settings of a simulated servo with their initial values. They are as docs/controllers.md
 /// requires. The vendor delivers servos with `servo.timeout_mode` 12 and `servopos` limits of 0.01
 /// turns.
-const SETTINGS: [(&str, f64); 6] = [
+const SETTINGS: [(&str, f64); 9] = [
     ("servo.timeout_mode", 0.0),
     ("servo.default_timeout_s", 0.1),
     ("servopos.position_min", f64::NAN),
     ("servopos.position_max", f64::NAN),
     ("motor_position.rotor_to_output_ratio", 1.0),
     ("id.id", 0.0),
+    ("motor_position.output.source", 0.0),
+    ("motor_position.sources.0.pll_filter_hz", 200.0),
+    ("servo.pid_dq_hz", 200.0),
 ];
+/// The bandwidth of the current loop to which the vendor calibrates it, Hz.
+const USUAL_CURRENT_HZ: f64 = 200.0;
 /// Largest length of a command line that is stored, in bytes; the rest is dropped. New commands are
 /// ignored while at least this many bytes of answers wait to be read.
 const ROOM: usize = 128;
@@ -29,9 +39,11 @@ pub(super) struct Console {
 }
 
 impl Console {
-    pub(super) fn new(id: u8) -> Self {
+    pub(super) fn new(id: u8, lags: Lags) -> Self {
         let mut settings = SETTINGS;
         settings[5].1 = f64::from(id);
+        settings[7].1 = EncoderFilter::moteus_hz(lags.rate.unwrap_or(Protocol::Moteus.rate_lag()));
+        settings[8].1 = lags.torque.map_or(USUAL_CURRENT_HZ, |lag| 1.0 / (TAU * lag));
         Self { settings, lasting: settings, line: Vec::new(), waiting: Vec::new() }
     }
 
@@ -47,6 +59,16 @@ impl Console {
     pub(super) fn set(&mut self, name: &str, value: f64) -> bool {
         let found = self.settings.iter_mut().find(|(known, _)| *known == name);
         found.map(|(_, setting)| *setting = value).is_some()
+    }
+
+    /// Returns the id of the servo when it starts.
+    pub(super) fn id(&self) -> u8 {
+        self.settings[5].1 as u8
+    }
+
+    /// Returns the natural frequency of the encoder's filter, rad/s.
+    pub(super) fn filter(&self) -> f64 {
+        EncoderFilter::of_moteus(self.settings[7].1)
     }
 
     /// Returns the lowest and the highest position at which the servo can be switched on, in turns.

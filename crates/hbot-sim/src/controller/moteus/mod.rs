@@ -22,10 +22,11 @@ mod servo;
 
 use hbot_core::device::MAX_JOINTS;
 
+use self::console::Console;
 use self::line::{Adapter, Asked, CanFrame, say, say_frame};
 use self::servo::{Scene, Servo};
 use super::joints::{Joints, Truth};
-use super::{InjectedFault, Speaks};
+use super::{InjectedFault, Lags, Speaks};
 
 /// The CAN destination id with which a frame is sent to all servos.
 const BROADCAST: u32 = 0x7f;
@@ -46,14 +47,18 @@ pub(super) struct Moteus {
 impl Moteus {
     /// Creates one servo for each joint. The servos' ids count up from `first_id`. `checksums` is
     /// true if the lines of text have checksums, as on the UART of a servo.
-    pub(super) fn new(first_id: u8, checksums: bool, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Self {
-        let servo = |joint| Servo::new(first_id + joint as u8, joint, joints, angles);
-        Self {
-            adapter: Adapter::new(checksums),
-            servos: (0..joints.count()).map(servo).collect(),
-            refused: 0,
-            now_ns: 0,
+    pub(super) fn new(
+        (first_id, checksums): (u8, bool),
+        lags: Lags,
+        joints: &mut Joints,
+        angles: &[f64; MAX_JOINTS],
+    ) -> Self {
+        let servo = |joint| Servo::new(Console::new(first_id + joint as u8, lags), joint, joints, angles);
+        let servos: Vec<Servo> = (0..joints.count()).map(servo).collect();
+        for (joint, servo) in servos.iter().enumerate() {
+            joints.set_filter(joint, servo.console.filter());
         }
+        Self { adapter: Adapter::new(checksums), servos, refused: 0, now_ns: 0 }
     }
 
     /// Gives the servo of one joint a different id, to simulate a builder's mistake.
@@ -64,8 +69,11 @@ impl Moteus {
     }
 
     /// Changes a setting of the servo of a joint. Returns false if there is no such setting.
-    pub(super) fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
-        self.servos.get_mut(joint).is_some_and(|servo| servo.console.set(name, value))
+    pub(super) fn set(&mut self, joint: usize, name: &str, value: f64, joints: &mut Joints) -> bool {
+        let Some(servo) = self.servos.get_mut(joint) else { return false };
+        let found = servo.console.set(name, value);
+        joints.set_filter(joint, servo.console.filter());
+        found
     }
 
     fn send(&mut self, frame: &CanFrame, joints: &mut Joints, truth: &Truth<'_>, reply: &mut Vec<u8>) {

@@ -72,9 +72,9 @@ pub(super) struct Scene<'a, 'b> {
 }
 
 impl Servo {
-    pub(super) fn new(id: u8, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Self {
+    pub(super) fn new(console: Console, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) -> Self {
         let mut servo = Self {
-            id,
+            id: console.id(),
             mode: STOPPED,
             fault: 0,
             command: DEFAULTS,
@@ -83,7 +83,7 @@ impl Servo {
             origin: 0.0,
             homed: 0,
             powered_ms: -UPTIME_MS,
-            console: Console::new(id),
+            console,
             deaf: false,
             failed: false,
         };
@@ -98,11 +98,17 @@ impl Servo {
         self.homed = 1;
     }
 
-    pub(super) fn reboot(&mut self, now_ns: u64, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) {
-        let mut fresh = Self::new(self.id, joint, joints, angles);
+    pub(super) fn reboot(
+        &mut self,
+        now_ns: u64,
+        joint: usize,
+        joints: &mut Joints,
+        angles: &[f64; MAX_JOINTS],
+    ) {
+        let mut fresh = Self::new(self.console.rebooted(), joint, joints, angles);
         fresh.powered_ms = (now_ns / 1_000_000) as i64;
-        fresh.console = self.console.rebooted();
-        (fresh.deaf, fresh.failed) = (self.deaf, self.failed);
+        (fresh.id, fresh.deaf, fresh.failed) = (self.id, self.deaf, self.failed);
+        joints.set_filter(joint, fresh.console.filter());
         *self = fresh;
     }
 
@@ -177,6 +183,7 @@ impl Servo {
                     }
                     let room = if code == 0x40 {
                         self.console.hear(&frame.bytes(size as usize)?);
+                        scene.joints.set_filter(scene.joint, self.console.filter());
                         48
                     } else {
                         size as usize

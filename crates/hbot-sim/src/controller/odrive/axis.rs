@@ -2,6 +2,9 @@
 
 use core::f64::consts::TAU;
 
+use hbot_config::rig::Protocol;
+
+use super::super::Lags;
 use super::super::joints::{Joints, Truth};
 
 /// Firmware version that each axis reports: major, minor, revision.
@@ -36,6 +39,13 @@ struct Settings {
     encoder_msg_rate: u64,
     /// Time between two heartbeats, in ns; 0 means none are sent.
     heartbeat_msg_rate: u64,
+    /// Natural frequency of the filter of position and velocity, rad/s.
+    encoder_bandwidth: f64,
+    /// Whether the watchdog counts only while the motor is on. Firmware 0.5.6 counts always.
+    counts_only_armed: bool,
+    /// Whether only messages that set a position, a velocity or a torque restart the watchdog. In
+    /// firmware 0.5.6 every message does.
+    fed_only_by_inputs: bool,
     /// Minor version of the firmware that the axis reports.
     firmware_minor: u8,
 }
@@ -73,12 +83,15 @@ pub(super) struct Axis {
 
 impl Axis {
     /// Returns the axis of joint `j` after power-on, with the settings that the driver requires.
-    pub(super) fn new(j: usize) -> Self {
+    pub(super) fn new(j: usize, lags: Lags) -> Self {
         let settings = Settings {
             enable_watchdog: true,
             watchdog_timeout: 50 * MS,
             encoder_msg_rate: MS,
             heartbeat_msg_rate: 10 * MS,
+            encoder_bandwidth: 2.0 / lags.rate.unwrap_or(Protocol::Odrive.rate_lag()),
+            counts_only_armed: false,
+            fed_only_by_inputs: false,
             firmware_minor: FIRMWARE[1],
         };
         Self {
@@ -112,15 +125,42 @@ impl Axis {
             "config.watchdog_timeout" => settings.watchdog_timeout = (value * 1e9) as u64,
             "config.can.encoder_msg_rate_ms" => settings.encoder_msg_rate = ms,
             "config.can.heartbeat_msg_rate_ms" => settings.heartbeat_msg_rate = ms,
+            // These two are not settings, but what another firmware could do.
+            "watchdog counts only while armed" => settings.counts_only_armed = value != 0.0,
+            "only Set_Input_* feeds the watchdog" => settings.fed_only_by_inputs = value != 0.0,
+            "config.encoder_bandwidth" => settings.encoder_bandwidth = value,
             "fw_version_minor" => settings.firmware_minor = value as u8,
             _ => return false,
         }
         true
     }
 
-    /// Restarts the watchdog, as any message to the axis does.
-    pub(super) fn feed(&mut self, now_ns: u64) {
-        self.deadline = now_ns + self.settings.watchdog_timeout;
+    /// Returns the natural frequency of the filter of position and velocity, rad/s.
+    pub(super) fn filter(&self) -> f64 {
+        self.settings.encoder_bandwidth
+    }
+
+    /// Restarts the watchdog if a message with this number does.
+    pub(super) fn feed(&mut self, now_ns: u64, message: u16) {
+        // Set_Input_Pos, Set_Input_Vel and Set_Input_Torque.
+        if !self.settings.fed_only_by_inputs || matches!(message, 0x0c..=0x0e) {
+            self.deadline = now_ns + self.settings.watchdog_timeout;
+        }
+    }
+
+    /// Returns whether the watchdog counts and has not expired yet.
+    fn is_watched(&self) -> bool {
+        self.settings.enable_watchdog
+            && self.error & WATCHDOG_TIMER_EXPIRED == 0
+            && (self.is_on() || !self.settings.counts_only_armed)
+    }
+
+    /// Lets the watchdog expire if its time is over. The firmware checks it in every cycle, so an
+    /// error that is cleared while the time is over returns at once.
+    pub(super) fn watch(&mut self, now_ns: u64) {
+        if self.is_watched() && now_ns >= self.deadline {
+            self.disarm(WATCHDOG_TIMER_EXPIRED);
+        }
     }
 
     fn is_on(&self) -> bool {
@@ -217,13 +257,8 @@ impl Axis {
         reply: &mut Vec<u8>,
     ) {
         let (j, now_ns) = at;
-        if self.settings.enable_watchdog
-            && now_ns >= self.deadline
-            && self.error & WATCHDOG_TIMER_EXPIRED == 0
-        {
-            self.disarm(WATCHDOG_TIMER_EXPIRED);
-            self.push(j, joints);
-        }
+        self.watch(now_ns);
+        self.push(j, joints);
         let Settings { heartbeat_msg_rate, encoder_msg_rate, .. } = self.settings;
         if heartbeat_msg_rate > 0 && now_ns >= self.next_heartbeat {
             self.next_heartbeat = following(self.next_heartbeat, heartbeat_msg_rate, now_ns);
@@ -250,8 +285,7 @@ impl Axis {
     /// Returns the time at which the axis next sends a message unasked or its watchdog expires, in
     /// ns.
     pub(super) fn next_ns(&self) -> u64 {
-        let runs = self.settings.enable_watchdog && self.error & WATCHDOG_TIMER_EXPIRED == 0;
-        self.next_word_ns().min(if runs { self.deadline } else { u64::MAX })
+        self.next_word_ns().min(if self.is_watched() { self.deadline } else { u64::MAX })
     }
 
     /// Simulates a loss of power that ends at once. The axis loses its state, errors and position,

@@ -3,7 +3,8 @@
 //!
 //! They were written from the vendor's CAN protocol page, the DBC of firmware 0.6.10, and the
 //! source code of firmware 0.5.6. Every message to an axis restarts its watchdog, which runs
-//! whether the motor is on or off. Errors stay until they are cleared. Positions and heartbeats are
+//! whether the motor is on or off, unless a test has it otherwise. Errors stay until they are
+//! cleared. Positions and heartbeats are
 //! sent without being asked for.
 
 mod axis;
@@ -11,7 +12,7 @@ mod axis;
 use hbot_core::device::MAX_JOINTS;
 
 use super::joints::{Joints, Truth};
-use super::{InjectedFault, Speaks};
+use super::{InjectedFault, Lags, Speaks};
 
 use self::axis::Axis;
 
@@ -35,15 +36,21 @@ pub(super) struct Odrive {
 const LONGEST: usize = 32;
 
 impl Odrive {
-    pub(super) fn new(joints: &Joints) -> Self {
-        let axes = (0..joints.count()).map(Axis::new).collect();
+    pub(super) fn new(lags: Lags, joints: &mut Joints) -> Self {
+        let axes: Vec<Axis> = (0..joints.count()).map(|j| Axis::new(j, lags)).collect();
+        for (j, axis) in axes.iter().enumerate() {
+            joints.set_filter(j, axis.filter());
+        }
         Self { axes, line: Vec::with_capacity(LONGEST), open: false, refused: 0 }
     }
 
     /// Changes the setting of the axis of `joint` that the vendor's tools call `name`. Returns
     /// false if no setting has this name.
-    pub(super) fn set(&mut self, joint: usize, name: &str, value: f64) -> bool {
-        self.axes.get_mut(joint).is_some_and(|axis| axis.set(name, value))
+    pub(super) fn set(&mut self, joint: usize, name: &str, value: f64, joints: &mut Joints) -> bool {
+        let Some(axis) = self.axes.get_mut(joint) else { return false };
+        let found = axis.set(name, value);
+        joints.set_filter(joint, axis.filter());
+        found
     }
 
     /// Changes the id of the axis of `joint`.
@@ -100,7 +107,7 @@ impl Odrive {
             if axis.id != node || axis.deaf {
                 continue;
             }
-            axis.feed(now_ns);
+            axis.feed(now_ns, message);
             // An axis also treats a frame without data bytes as a request. The emergency stop is
             // the exception.
             if frame.asks || frame.bytes.is_empty() && message != ESTOP {
@@ -108,6 +115,7 @@ impl Odrive {
             } else {
                 axis.hear(j, message, &frame.bytes, joints, truth);
             }
+            axis.watch(now_ns);
             axis.push(j, joints);
         }
     }

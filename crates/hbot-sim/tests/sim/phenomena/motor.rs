@@ -3,7 +3,7 @@
 
 use hbot_config::rig::Protocol;
 use hbot_link::{Decoder, Feedback, FromController, JointFlags, ToController};
-use hbot_sim::controller::{InjectedFault, SimulatedControllers, SimulatedJoint, Truth};
+use hbot_sim::controller::{InjectedFault, Lags, SimulatedControllers, SimulatedJoint, Truth};
 use hbot_sim::phenomena::{Motor, Phenomena};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
@@ -26,7 +26,8 @@ const CONTINUOUS: [f64; 2] = [0.073, 0.023];
 fn controllers(motor: Motor) -> SimulatedControllers {
     let joints: Vec<_> = rig().joints[..4].iter().map(SimulatedJoint::from).collect();
     let joints: Vec<_> = joints.into_iter().map(|j| SimulatedJoint { reversed: false, ..j }).collect();
-    let controllers = SimulatedControllers::new(Protocol::Hbot.into(), &joints, &STILL, None);
+    let controllers =
+        SimulatedControllers::new(Protocol::Hbot.into(), Lags::default(), &joints, &STILL, None);
     let mut controllers = controllers.expect("the simulated rig speaks hbot's own protocol");
     controllers.set_motor(Some(motor));
     let truth = Truth { angles: &STILL, rates: &STILL };

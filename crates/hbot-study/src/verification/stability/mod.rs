@@ -8,7 +8,9 @@ mod lag;
 mod linear;
 mod long;
 mod passive;
+mod random;
 mod rig;
+mod scenes;
 mod search;
 mod short;
 mod wall;
@@ -27,28 +29,31 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let device = RigConfig::prototype().rig.device;
     let Ok(plant) = Plant::new(&device) else { unreachable!("the prototype is a plant") };
     let inertia = Vec3::X.dot(plant.apparent_inertia(&PlantState::default()) * Vec3::X);
-    context.expect(8);
+    context.expect(9);
     report.say(&format!(
         "How stiff a virtual wall or spring may be before it buzzes, by simulation, beside the bounds of the literature (physics.md, section 9). h is the loop's \
          period, b the device's own viscous damping, B and K the wall's, D whole ticks of delay. One axis is simulated exactly, with the prototype's apparent inertia \
          about n1, {inertia:.2e} kg m², where nothing else is said; and the whole loop, controller, line and simulated rig, once."
     ));
-    // The simulated day takes as long as everything else, so both run in parallel.
-    let (day, rest) = std::thread::scope(|scope| {
-        let day = scope.spawn(|| long::day(context, &plant));
+    // The simulated day and the search take as long as everything else, so they run in parallel.
+    let (long, rest) = std::thread::scope(|scope| {
+        let long = scope.spawn(|| Ok((long::day(context, &plant)?, random::measure(context)?)));
         let rest = (|| {
             linear::study(context, &mut report, inertia)?;
             passive::study(context, &mut report)?;
             friction::study(context, &mut report, inertia)?;
             rig::study(context, &mut report)?;
             lag::study(context, &mut report)?;
-            guarded::study(context, &mut report)
+            guarded::study(context, &mut report)?;
+            scenes::study(context, &mut report)
         })();
-        let day = day.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        (day, rest)
+        let long = long.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        (long, rest)
     });
     rest?;
-    long::study(context, &mut report, &device, &day?)?;
+    let (day, found) = long?;
+    long::study(context, &mut report, &device, &day)?;
+    random::study(&mut report, &found);
     short::conclude(&mut report);
     Ok(report)
 }

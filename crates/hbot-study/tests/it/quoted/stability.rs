@@ -109,9 +109,9 @@ fn whole_day() -> Vec<String> {
 }
 
 /// Texts in docs/stability.md with numbers that are not figures of the report: choices of the
-/// study, a result of `hbot rig check` for the prototype, and the largest damping of `hbot info`,
-/// which a test of the server holds against the page.
-const OTHERS: [&str; 8] = [
+/// study and of the judge, a result of `hbot rig check` for the prototype, the largest damping of
+/// `hbot info`, which a test of the server holds against the page, and the guard's measurements.
+const OTHERS: [&str; 16] = [
     "Both searches end when they know the border to 0.01 %",
     "a lag of half a period, 0.5 ms at 1 kHz",
     "5.0 N m/rad for each 0.01 N m s/rad of damping (the spring's and the device's together), with the motors' lag of 0.5 ms",
@@ -120,6 +120,14 @@ const OTHERS: [&str; 8] = [
     "stable where k < u - u² with u = d - k/2",
     "86.4 million ticks",
     "z (z - 1)² + k (z + 1)/2 + d (z - 1)",
+    "The swings have 0.3 and 1 rad/s",
+    "leads of 0.8 to 1.2 times the delay",
+    "beyond 0.2 rad/s in both directions within 0.2 s",
+    "calm for 0.5 s",
+    "a tap of 0.8 rad/s",
+    "found within 0.2 s in the default hand",
+    "swung at up to 2.8 rad/s without the guard, and none swings at more than 0.3 rad/s",
+    "(0.5 rad at 1.5 Hz) and fast (0.1 rad at 6 Hz)",
 ];
 
 #[test]

@@ -97,6 +97,25 @@ fn each_servo_is_listed_with_its_own_model_and_firmware() {
     assert_eq!(models, [r4, r4, "moteus n1 (model 0x0102)", other]);
 }
 
+/// Up to firmware 0x010b the setting of the filter is its natural frequency and not its bandwidth,
+/// so the rate is 2.48 times less late.
+#[test]
+fn the_filter_of_old_firmware_is_set_by_its_natural_frequency() {
+    let identity = "2B8002040000000F010000";
+    let mut line = changed(servos(), |text| {
+        let text = in_identity(text, 2, identity, "2B8002040000000B010000");
+        in_identity(text, 3, identity, "2B8002040000000C010000")
+    });
+    let expected = expected();
+    Moteus.meet(&mut line, &expected).expect("they are the rig's");
+    for (at, lag) in [(0, 0.003_947_04), (1, 0.001_591_55), (2, 0.003_947_04)] {
+        let rate = expected.filtering(at).rate.expect("reported");
+        assert!((rate.seconds - lag).abs() < 1e-8 && (rate.hz - 200.0).abs() < 1e-9, "{at}: {rate:?}");
+        let torque = expected.filtering(at).torque.expect("reported");
+        assert!((torque.seconds - 7.957_75e-4).abs() < 1e-8, "{at}: {torque:?}");
+    }
+}
+
 /// A servo with other registers, or one that does not say how long it has had power, must not get
 /// commands: its restarts would not be seen.
 #[test]

@@ -19,7 +19,7 @@ impl Axis {
             self.was_on = false;
         }
         if !order.on || self.is_lost() {
-            return self.command_off(tick, age, line);
+            return self.command_off(tick, order, line);
         }
         Command::InputTorque((torque / self.gear) as f32).write(self.id, line);
         if age == 0 {
@@ -31,14 +31,30 @@ impl Axis {
         }
     }
 
-    /// Appends to `line` the command of `tick` that switches the motor off or keeps it off. `age`
-    /// is the number of ticks since the motors were commanded on or off.
-    fn command_off(&mut self, tick: u32, age: u32, line: &mut Vec<u8>) {
+    /// Appends to `line` the command of `tick` that switches the motor off or keeps it off. A motor
+    /// is only switched on to prove the watchdog of its axis, and only while the motors are
+    /// commanded off.
+    fn command_off(&mut self, tick: u32, order: Order, line: &mut Vec<u8>) {
+        let age = order.age(tick);
         let is_off = self.state == state::IDLE && age > self.times.off;
-        if self.trust == Trust::Proving && is_off {
-            // Nothing is sent, so that the watchdog expires.
-            return;
+        match self.trust {
+            Trust::Proving if is_off => {
+                // Nothing is sent, so that the watchdog expires.
+                let since = *self.quiet_since.get_or_insert(tick);
+                if self.proved_armed && !order.on && tick.wrapping_sub(since) > self.times.expired {
+                    self.trust = Trust::Arming(tick);
+                }
+                return;
+            }
+            Trust::Arming(_) | Trust::Armed(_) if order.on => self.trust = Trust::Proving,
+            Trust::Arming(since) if tick.wrapping_sub(since) <= self.times.on => {
+                return self.arm(tick.wrapping_sub(since), line);
+            }
+            Trust::Armed(since) if tick.wrapping_sub(since) <= self.times.expired => return,
+            Trust::Arming(_) | Trust::Armed(_) => self.trust = Trust::Unproven,
+            Trust::Proving | Trust::Unproven | Trust::Marking | Trust::Met => {}
         }
+        self.quiet_since = None;
         // Messages of both kinds feed the watchdog. They take turns, so that a tick takes no more
         // time on the bus than with motors on.
         if age == 0 || !is_off && tick.is_multiple_of(2) {
@@ -55,6 +71,24 @@ impl Axis {
         } else if tick.wrapping_add(u32::from(self.id)).is_multiple_of(self.times.again) {
             // The axes of a line take turns.
             self.set_back(line);
+        }
+    }
+
+    /// Appends to `line` the command that switches the motor on at zero torque. `age` is the number
+    /// of ticks since the first of these commands. The mode and the torque are sent several times
+    /// before the state, because a command can be lost.
+    fn arm(&self, age: u32, line: &mut Vec<u8>) {
+        let first = age < self.times.on_again;
+        if age.is_multiple_of(2) {
+            Command::InputTorque(0.0).write(self.id, line);
+        } else {
+            Command::TorqueMode.write(self.id, line);
+        }
+        if first && age == self.times.on_again / 2 {
+            // Errors are cleared after feeding has begun, so that they do not return.
+            Command::ClearErrors.write(self.id, line);
+        } else if !first && age.is_multiple_of(self.times.on_again) {
+            Command::AxisState(state::CLOSED_LOOP).write(self.id, line);
         }
     }
 

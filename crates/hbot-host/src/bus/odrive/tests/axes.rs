@@ -25,7 +25,12 @@ struct Bench {
 
 impl Bench {
     fn new(gear: f64) -> Self {
-        let axis = Axis::new(1, gear, Times::new(&super::expected()));
+        Self::proved(gear, false)
+    }
+
+    /// Returns an axis whose watchdog was proved with its motor on, if `armed` is true.
+    fn proved(gear: f64, armed: bool) -> Self {
+        let axis = Axis::new(1, gear, Times::new(&super::expected()), armed);
         Self { axis, order: Order::default(), tick: 0 }
     }
 

@@ -95,22 +95,49 @@ fn a_tick_reads_everything_that_has_arrived_and_reads_a_silent_line_once() {
     assert_eq!((bus.receive(0, 1).foreign, wire.ends().reads), (0, 5));
 }
 
-/// Temperatures are message 0x15, currents 0x14.
-#[test]
-fn every_50_ms_one_axis_is_asked_for_one_value() {
+/// Runs 401 ticks and returns each question with its tick. If `answered` is true, every question is
+/// answered before the next tick.
+fn questions(answered: bool) -> Vec<(u32, String)> {
     let wire = Wire::default();
     let mut bus = wire.bus();
     let mut asked = Vec::new();
     for tick in 0..=400 {
+        bus.receive(u64::from(tick) * 1_000_000, tick);
         let command = BusCommand { tick, enable: false, watchdog_ms: 20, torque: [0.0; MAX_JOINTS] };
         assert!(bus.command(u64::from(tick) * 1_000_000, &command));
         let written = String::from_utf8(std::mem::take(&mut wire.ends().written)).expect("text");
-        let questions = written.split('\r').filter(|line| line.starts_with('r'));
-        asked.extend(questions.map(|line| (tick, line.to_owned())));
+        for line in written.split('\r').filter(|line| line.starts_with('r')) {
+            asked.push((tick, line.to_owned()));
+            if answered {
+                wire.arrives(&format!("t{}0000000000000000\r", &line[1..]), 1);
+            }
+        }
     }
-    let right = ["r0158", "r0358", "r0558", "r0758", "r0148", "r0348", "r0548", "r0748", "r0158"];
-    let right: Vec<_> = (0..).step_by(50).zip(right.map(str::to_owned)).collect();
-    assert_eq!(asked, right);
+    asked
+}
+
+/// Temperatures are message 0x15, currents 0x14.
+#[test]
+fn every_50_ms_one_axis_is_asked_for_one_value() {
+    let first = ["r0158", "r0358", "r0558", "r0758"].map(|line| (0, line));
+    let later = ["r0348", "r0548", "r0748", "r0148", "r0358", "r0558", "r0758", "r0158"];
+    let right: Vec<_> = first.into_iter().chain((50..).step_by(50).zip(later)).collect();
+    let right: Vec<_> = right.into_iter().map(|(tick, line)| (tick, line.to_owned())).collect();
+    assert_eq!(questions(true), right);
+}
+
+/// Until an axis has answered, the age of its positions is unknown.
+#[test]
+fn axes_that_do_not_answer_are_asked_every_5_ms_in_turn() {
+    let asked = questions(false);
+    let ticks: Vec<u32> = asked[4..].iter().map(|(tick, _)| *tick).collect();
+    assert_eq!(ticks, (5..=400).step_by(5).collect::<Vec<u32>>());
+    let axes: Vec<&str> = asked.iter().map(|(_, line)| &line[..3]).collect();
+    for four in axes[4..].chunks_exact(4) {
+        let mut four = four.to_vec();
+        four.sort_unstable();
+        assert_eq!(four, ["r01", "r03", "r05", "r07"]);
+    }
 }
 
 #[test]

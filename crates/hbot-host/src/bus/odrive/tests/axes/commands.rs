@@ -3,7 +3,7 @@
 
 use hbot_core::inputs::Complaints;
 
-use super::super::super::message::state;
+use super::super::super::message::{error, state};
 use super::{Bench, DRV_FAULT, POSITION};
 
 /// Commands to axis 1. Its state is message 0x27, its control mode 0x2b, its torque 0x2e, and its
@@ -124,5 +124,85 @@ fn a_position_far_from_the_mark_is_moved_by_whole_turns_of_the_joint_while_the_m
         let right: Vec<_> = moved.iter().map(|number| format!("{POSITION}{number}00000000")).collect();
         assert_eq!(positions, right.iter().collect::<Vec<_>>(), "{position} turns, {velocity} turns/s");
         assert!(!lines.iter().any(|line| line == TORQUE_MODE), "{lines:?}");
+    }
+}
+
+/// Returns the commands of `ticks` ticks that are not empty, with the number of the tick from the
+/// first one.
+fn commands(bench: &mut Bench, ticks: u32, on: bool) -> Vec<(u32, Vec<String>)> {
+    let all = (0..ticks).map(|tick| (tick, bench.command(on)));
+    all.filter(|(_, lines)| !lines.is_empty()).collect()
+}
+
+/// An idle axis that has restarted and whose watchdog does not expire.
+fn restarted(armed: bool) -> Bench {
+    let mut bench = Bench::proved(17.0, armed);
+    bench.beat(state::IDLE, 0);
+    bench.commands_until(30, false);
+    bench.beat(state::UNDEFINED, 0);
+    bench.beat(state::IDLE, 0);
+    assert!(bench.axis.is_lost());
+    bench
+}
+
+/// 140 ms without a message are enough for any legal watchdog. An axis whose watchdog expired with
+/// its motor off at bring-up is left alone for ever.
+#[test]
+fn a_motor_goes_on_for_the_proof_of_its_watchdog_only_if_it_did_at_bring_up() {
+    assert_eq!(commands(&mut restarted(false), 2000, false), []);
+    let mut bench = restarted(true);
+    // While the motors are commanded on, this one is only switched off.
+    let until_off: Vec<_> = commands(&mut bench, 30, true);
+    assert!(until_off.iter().flat_map(|(_, lines)| lines).all(|line| line == IDLE || line == NO_TORQUE));
+    assert_eq!(commands(&mut bench, 400, true), []);
+
+    let mut bench = restarted(true);
+    let sent = commands(&mut bench, 142 + 25, false);
+    let right = |age: u32| {
+        let turn = if age.is_multiple_of(2) { NO_TORQUE } else { TORQUE_MODE };
+        let also = match age {
+            5 => Some(CLEAR_ERRORS),
+            10 | 20 => Some(CLOSED_LOOP),
+            _ => None,
+        };
+        (141 + age, std::iter::once(turn).chain(also).map(str::to_owned).collect::<Vec<_>>())
+    };
+    assert_eq!(sent, (1..=25).map(right).collect::<Vec<_>>());
+    // The motor is on. Now the axis is left alone, and its watchdog expires.
+    bench.beat(state::CLOSED_LOOP, 0);
+    assert_eq!(bench.complaints(), Complaints::default());
+    assert_eq!(commands(&mut bench, 60, false), []);
+    bench.beat(state::IDLE, error::WATCHDOG_TIMER_EXPIRED);
+    assert_eq!(bench.command(false), [NO_TORQUE, CLEAR_ERRORS]);
+}
+
+/// A motor that is still on after 140 ms, or that goes off for another reason, is kept off. The
+/// axis is not trusted again.
+#[test]
+fn a_motor_that_its_watchdog_does_not_switch_off_is_kept_off() {
+    for other_error in [false, true] {
+        let mut bench = restarted(true);
+        bench.commands_until(30 + 142 + 15, false);
+        bench.beat(state::CLOSED_LOOP, 0);
+        if other_error {
+            bench.commands_until(30 + 142 + 50, false);
+            bench.beat(state::IDLE, DRV_FAULT);
+            bench.beat(state::IDLE, 0);
+        } else {
+            assert_eq!(commands(&mut bench, 140, false), []);
+            let sent: Vec<String> = commands(&mut bench, 4, false).into_iter().flat_map(|it| it.1).collect();
+            assert!(sent.iter().any(|line| line == IDLE), "{sent:?}");
+            bench.beat(state::IDLE, 0);
+        }
+        // A position away from 0, as after the axis was marked.
+        bench.at(60.0, 0.0);
+        for _ in 0..1000 {
+            let sent = bench.command(false);
+            assert!(
+                sent.contains(&NO_TORQUE.to_owned()) && !sent.contains(&CLOSED_LOOP.to_owned()),
+                "{sent:?}"
+            );
+            assert!(bench.axis.is_lost());
+        }
     }
 }

@@ -1,0 +1,187 @@
+//! The stiffness that a rig can render about one axis: the borders of the sampled loop, and the
+//! turn of the sphere that corresponds to one encoder count.
+
+use hbot_core::kinematics::Posture;
+use hbot_core::{MAX_JOINTS, MAX_WHEELS};
+
+use super::inertia;
+use super::sampled::Sampled;
+use crate::RigConfig;
+
+/// Damping of a spring that is assumed when a stable stiffness is shown as an example, N m s/rad.
+/// The hand can feel it, and it is small enough that the steps of the encoder counts do not make it
+/// noisy.
+pub const USUAL_DAMPING: f64 = 0.02;
+
+/// Turn of the slowest swing that is examined, rad per tick. It is slower than the stiffest
+/// spring's swing with the largest lag and the highest rate that a rig file can have: 0.1 s at 20
+/// kHz, 0.013 rad per tick.
+const SLOWEST_SWING: f64 = 1.0e-3;
+/// Ratio between the frequencies of two swings that are examined. Between them the border is taken
+/// as straight, which is off by less than 1e-5 of it.
+const RATIO: f64 = 1.004;
+/// Number of weights of a rate estimate that are kept, one for each of the last readings.
+const TAPS: usize = 128;
+
+/// The springs about one axis that a rig keeps stable, without help from friction or the hand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StiffnessBound {
+    sampled: Sampled,
+    count: f64,
+    /// Stiffness (N m/rad) and damping (N m s/rad) on the border of stability, from slow to fast
+    /// swings.
+    border: Vec<[f64; 2]>,
+}
+
+impl StiffnessBound {
+    /// Computes what limits the stiffness, for the rig and the loop rate of `config`. Returns
+    /// `None` if the inertias in the rig file contradict each other.
+    #[must_use]
+    pub fn of(config: &RigConfig) -> Option<Self> {
+        let rig = &config.rig;
+        let (inertia, axes) = inertia::least(&rig.device)?;
+        let posture = Posture::new(&rig.device, &[0.0; MAX_WHEELS][..rig.device.wheels().len()]);
+        let turn = |j: usize| {
+            let mut rates = [0.0; MAX_JOINTS];
+            rates[j] = rig.joints[j].radians_per_count().abs();
+            posture.forward(&rig.device, &rates).omega.length()
+        };
+        let mut steps = [0.0; TAPS];
+        let taps = if hbot_core::rates::step_response(rig, 0, &mut steps) {
+            let before = std::iter::once(0.0).chain(steps);
+            steps.iter().zip(before).map(|(step, before)| step - before).collect()
+        } else {
+            Vec::new()
+        };
+        let sampled = Sampled {
+            period: rig.timing.period_s(),
+            delay: 1,
+            lag: config.torque_lag,
+            lead: rig.lead.map_or(0.0, |lead| {
+                let late = 1.5 * rig.timing.period_s() + config.torque_lag;
+                (lead.factor * late).min(lead.longest)
+            }),
+            slew: 0.0,
+            rate_lag: config.rate_lag,
+            taps,
+            inertia,
+            axes,
+        };
+        Some(Self::new(sampled, (0..rig.device.joints()).map(turn).fold(0.0, f64::max)))
+    }
+
+    /// Computes the borders of the loop `sampled`. `count` is the turn of the sphere for one
+    /// encoder count, rad.
+    #[must_use]
+    pub fn new(sampled: Sampled, count: f64) -> Self {
+        let inertia = sampled.inertia.min_element();
+        let swings = std::iter::successors(Some(SLOWEST_SWING), |phi| Some(phi * RATIO));
+        let swings = swings.take_while(|phi| *phi < std::f64::consts::PI);
+        let border = swings.map(|phi| sampled.on_border(inertia, phi)).collect();
+        Self { sampled, count, border }
+    }
+
+    /// Returns the same rig with a loop of `rate_hz` ticks per second, and with the rates of its
+    /// motor controllers.
+    #[must_use]
+    pub fn at_rate(&self, rate_hz: f64) -> Self {
+        let sampled = Sampled { period: 1.0 / rate_hz, taps: Vec::new(), ..self.sampled.clone() };
+        Self::new(sampled, self.count)
+    }
+
+    /// Returns the loop whose borders these are.
+    #[must_use]
+    pub fn sampled(&self) -> &Sampled {
+        &self.sampled
+    }
+
+    /// Returns the smallest apparent inertia of the sphere about any axis in all examined postures,
+    /// kg m².
+    #[must_use]
+    pub fn inertia(&self) -> f64 {
+        self.sampled.inertia.min_element()
+    }
+
+    /// Returns the largest turn of the sphere while one joint moves by one encoder count, with all
+    /// steer angles at zero, rad.
+    #[must_use]
+    pub fn count(&self) -> f64 {
+        self.count
+    }
+
+    /// Returns the largest stiffness at which a spring with the damping `damping` (N m s/rad) is
+    /// stable, N m/rad. 0 if no spring is stable with it.
+    ///
+    /// To first order it is damping / (h (1/2 + D) + lag), with the period h and the delay D
+    /// (docs/physics.md, section 9).
+    #[must_use]
+    pub fn stable(&self, damping: f64) -> f64 {
+        if damping >= self.most_damping() {
+            return 0.0;
+        }
+        let crossings = self.border.windows(2).filter_map(|pair| {
+            let [[k0, b0], [k1, b1]] = [pair[0], pair[1]];
+            let part = (damping - b0) / (b1 - b0);
+            (0.0..=1.0).contains(&part).then_some(k0 + part * (k1 - k0)).filter(|k| *k >= 0.0)
+        });
+        // A damping below that of the slowest swing on the border is stable with less stiffness.
+        let [k, b] = self.border[0];
+        let slowest = if damping < b { (k * damping / b).max(0.0) } else { f64::INFINITY };
+        crossings.fold(slowest, f64::min)
+    }
+
+    /// Returns the largest stiffness at which a spring is stable with the best choice of its
+    /// damping, N m/rad, and this damping, N m s/rad.
+    ///
+    /// Without a lag and a lead it is K h²/J = 1/4, at B h/J = 5/8.
+    #[must_use]
+    pub fn most(&self) -> [f64; 2] {
+        let stiffness = |damping: f64| self.stable(damping);
+        let all = self.most_damping();
+        let mut best = 1.0e-3 * all;
+        let mut damping = best;
+        while damping < all {
+            damping *= 1.05;
+            best = if stiffness(damping) > stiffness(best) { damping } else { best };
+        }
+        let best = largest_within(best / 1.05, best * 1.05, stiffness);
+        [stiffness(best), best]
+    }
+
+    /// Returns the largest damping that is stable, N m s/rad, if nothing else holds the sphere. A
+    /// larger one reacts too late, and shakes the sphere instead of slowing it down.
+    ///
+    /// It is the damping where the border of stability comes back to a stiffness of 0. Without a
+    /// lag it is J/h, with the inertia J and the period h.
+    #[must_use]
+    pub fn most_damping(&self) -> f64 {
+        let ends = self.border.windows(2).filter(|pair| pair[0][0] > 0.0 && pair[1][0] <= 0.0);
+        let at = ends.map(|pair| {
+            let [[k0, b0], [k1, b1]] = [pair[0], pair[1]];
+            b0 + k0 / (k0 - k1) * (b1 - b0)
+        });
+        at.filter(|damping| *damping > 0.0).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Returns the largest stiffness of a spring, N m/rad, at which the device's Coulomb friction
+    /// makes up for the steps of its encoder counts, so that the spring stays passive. `coulomb` is
+    /// the friction, N m.
+    ///
+    /// The formula is 2 c / d, with the friction c and the turn d per count (Abbott and Okamura
+    /// 2005).
+    #[must_use]
+    pub fn quiet(&self, coulomb: f64) -> f64 {
+        2.0 * coulomb / self.count
+    }
+}
+
+/// Returns where `value` is largest between `low` and `high`, if it has one maximum there: by
+/// golden section, to 1e-7 of the interval or better.
+fn largest_within(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f64 {
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+    for _ in 0..34 {
+        let step = GOLDEN * (high - low);
+        if value(high - step) > value(low + step) { high = low + step } else { low = high - step }
+    }
+    0.5 * (low + high)
+}

@@ -1,0 +1,139 @@
+//! How late a motor controller's torque and rates are, as its own settings say, and whether the rig
+//! file promises more.
+
+use hbot_config::RigConfig;
+use hbot_core::rig::RateEstimate;
+
+use super::{Expected, field};
+
+/// Largest excess of a lag over the rig file's that is not reported, as a fraction. A rig file has
+/// few digits: 0.8 ms for the 0.796 ms of 200 Hz.
+const ROUNDED: f64 = 0.05;
+
+/// A delay that a setting of a motor controller causes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lag {
+    /// Name of the setting, as the vendor's tools have it.
+    pub setting: String,
+    /// Value of the setting, Hz.
+    pub hz: f64,
+    /// The delay in a slow motion, s.
+    pub seconds: f64,
+}
+
+/// The delays that the settings of a motor controller cause. A delay is `None` if the controller
+/// does not say its setting.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Filtering {
+    /// Time constant with which the torque follows a command.
+    pub torque: Option<Lag>,
+    /// Delay of the reported rate behind the true rate.
+    pub rate: Option<Lag>,
+}
+
+impl Filtering {
+    /// Returns a sentence for each delay that is longer than the rig file of `config` says. `joint`
+    /// names the joint's table in the rig file.
+    #[must_use]
+    pub fn warnings(&self, joint: &str, config: &RigConfig) -> Vec<String> {
+        let said = [
+            (&self.torque, "the torque", "torque_lag", config.torque_lag),
+            (&self.rate, "the rate that it reports", "rate_lag", config.rate_lag),
+        ];
+        let mut found = Vec::new();
+        for (lag, what, key, ours) in said {
+            let Some(Lag { setting, hz, seconds }) = lag else { continue };
+            if *seconds > ours * (1.0 + ROUNDED) {
+                found.push(format!(
+                    "{joint}: its controller has {setting} = {:.0} Hz, so {what} is {:.1} ms late and not {:.1} ms as in \
+                     the rig file, which promises stiffer springs than are stable: write {key} = {:.4}, or calibrate \
+                     the motor with a higher bandwidth (docs/controllers.md)",
+                    hz,
+                    1e3 * seconds,
+                    1e3 * ours,
+                    seconds
+                ));
+            }
+        }
+        found
+    }
+}
+
+/// Returns the warnings about the controllers on one line, which have been met.
+#[must_use]
+pub fn filtering_warnings(config: &RigConfig, expected: &Expected) -> Vec<String> {
+    let one = |at| {
+        let joint = expected.joint(at).map_or(String::new(), |joint| field(joint.number));
+        expected.filtering(at).warnings(&joint, config)
+    };
+    (0..expected.joints()).flat_map(one).collect()
+}
+
+/// Returns the advice to compute the rates from the positions, if the rates that the controllers
+/// report are more than one tick late. The difference of two readings is half a tick late, and
+/// positions have no delay in slow motion, although they pass the same filter.
+#[must_use]
+pub fn late_rates(config: &RigConfig) -> Option<String> {
+    let period = config.rig.timing.period_s();
+    let late = config.rig.methods.rate == RateEstimate::Controller && config.rate_lag > period;
+    late.then(|| {
+        format!(
+            "the rates of the controllers are {:.1} ms late (rate_lag), more than a tick of {:.1} ms; \
+             loop.rate_estimate = \"kalman\" computes them from the positions, and stiffer springs are stable",
+            1e3 * config.rate_lag,
+            1e3 * period
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config(lines: &str) -> RigConfig {
+        let text = include_str!("../../../../rigs/prototype-moteus.toml");
+        let text = text.replace("rate_lag = 0.0039 ", &format!("{lines} #"));
+        RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    fn of(torque_hz: f64, rate_hz: f64) -> Filtering {
+        let lag = |setting: &str, hz: f64, seconds| Some(Lag { setting: setting.to_owned(), hz, seconds });
+        Filtering {
+            torque: lag("t", torque_hz, 1.0 / (std::f64::consts::TAU * torque_hz)),
+            rate: lag("r", rate_hz, 0.789_409 / rate_hz),
+        }
+    }
+
+    #[test]
+    fn a_rig_file_that_promises_more_than_the_settings_is_warned_of() {
+        let rig = config("rate_lag = 0.0039");
+        assert_eq!(of(200.0, 200.0).warnings("wheel[0].steer", &rig), Vec::<String>::new());
+        assert_eq!(of(1000.0, 1000.0).warnings("wheel[0].steer", &rig), Vec::<String>::new());
+        assert_eq!(Filtering::default().warnings("wheel[0].steer", &rig), Vec::<String>::new());
+        let said = of(100.0, 150.0).warnings("wheel[1].drive", &rig);
+        assert_eq!(said.len(), 2, "{said:?}");
+        for (words, said) in [
+            (
+                "wheel[1].drive: its controller has t = 100 Hz, so the torque is 1.6 ms late and not 0.8 ms",
+                &said[0],
+            ),
+            ("write torque_lag = 0.0016", &said[0]),
+            ("has r = 150 Hz, so the rate that it reports is 5.3 ms late and not 3.9 ms", &said[1]),
+            ("write rate_lag = 0.0053", &said[1]),
+        ] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
+    }
+
+    #[test]
+    fn kalman_is_offered_where_the_rates_are_the_latest_part_of_the_loop() {
+        let advice = late_rates(&config("rate_lag = 0.0039")).expect("later than 1 ms");
+        assert!(advice.contains("3.9 ms late (rate_lag), more than a tick of 1.0 ms"), "{advice}");
+        assert!(advice.contains("loop.rate_estimate = \"kalman\""), "{advice}");
+        assert_eq!(late_rates(&config("rate_lag = 0.0009")), None);
+        let mut rig = config("rate_lag = 0.0039");
+        rig.rig = rig.rig.with(|parts| parts.methods.rate = RateEstimate::Difference).expect("legal");
+        assert_eq!(late_rates(&rig), None, "its rates are not those of the controllers");
+        assert_eq!(late_rates(&RigConfig::prototype()), None);
+    }
+}
