@@ -187,6 +187,8 @@ pub(crate) struct Ledger {
     given: Real,
     /// Energy that the passivity controller's damping has absorbed during this turn, J.
     absorbed: Real,
+    /// Fraction of the last wanted torque that motors and contacts could make.
+    kept: Real,
 }
 
 /// Parts of the torque of one command, or the sums over several commands, in frame N, N m.
@@ -220,6 +222,7 @@ impl Ledger {
         turn: Vec3::ZERO,
         given: 0.0,
         absorbed: 0.0,
+        kept: 1.0,
     };
 
     /// Adds the energy `given` (J) that the commands from number `from` to the one before `to` gave
@@ -241,8 +244,8 @@ impl Ledger {
     #[inline]
     pub(crate) fn render(&mut self, law: Vec3, driving: Vec3) -> Real {
         self.pending = Parts { driving, damping: Vec3::ZERO };
-        self.law = [law, self.law[0]];
-        let lawful = 0.5 * (law + self.law[1]).dot(core::mem::take(&mut self.turn));
+        self.law = [law * self.kept, self.law[0]];
+        let lawful = 0.5 * (self.law[0] + self.law[1]).dot(core::mem::take(&mut self.turn));
         counted(core::mem::take(&mut self.given) - lawful) - core::mem::take(&mut self.absorbed)
     }
 
@@ -274,6 +277,11 @@ impl Ledger {
             }
         }
         self.newest = sequence;
+        self.kept = kept;
+        if made == Vec3::ZERO {
+            self.sent[sequence as usize % SENT] = Parts::NOTHING;
+            return;
+        }
         let Parts { driving, damping } = self.pending;
         let own = driving.length_squared();
         let rest = (self.wanted - driving).length_squared();

@@ -278,8 +278,7 @@ impl Controller {
         self.send(count, tick);
         if let Some(ledger) = &mut self.ledger {
             // What motors and contacts make of the torque that the limit of torque leaves.
-            let kept = if self.made.torque == Vec3::ZERO { 0.0 } else { self.made.scale / wanted.share };
-            ledger.record(tick as u32, self.made.torque, kept);
+            ledger.record(tick as u32, self.made.torque, self.made.scale / wanted.share);
         }
     }
 

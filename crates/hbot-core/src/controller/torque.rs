@@ -34,6 +34,20 @@ pub(super) struct Wanted {
     pub(super) reach: Real,
 }
 
+/// What the scene and the stream ask for in one tick.
+#[derive(Debug, Clone, Copy)]
+struct Asked {
+    /// Torque after the limit of torque, N m.
+    torque: Vec3,
+    /// Fraction of it that the limit has left, 0 to 1.
+    share: Real,
+    /// Torque that the blend adds, N m.
+    offset: Vec3,
+    /// Torque of the elastic effects before the limit, N m. Zero unless the passivity controller
+    /// needs it.
+    elastic: Vec3,
+}
+
 /// The torque on the sphere that the motors and contacts can make, and the joint torques for it.
 ///
 /// The fields lie in memory in this order, in which `scale` and `traction` are no neighbours. The
@@ -131,7 +145,7 @@ impl Controller {
         }
         let gain = self.machine.gain * self.shaking.gain();
         let before = before.map(|before| before * gain);
-        let (asked, share, offset, elastic) = if self.fades == Fades::Running {
+        let asked = if self.fades == Fades::Running {
             self.rendered_fading(scene, tick, dt, before)
         } else {
             let moment = self.moment(tick, dt);
@@ -140,17 +154,17 @@ impl Controller {
             } else {
                 (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
             };
-            let (asked, share) = self.stream.added_to(rendered, limits.torque);
+            let (torque, share) = self.stream.added_to(rendered, limits.torque);
             let offset = if self.fades == Fades::Over {
-                let offset = self.blend.added(asked * gain, before, limits.torque);
+                let offset = self.blend.added(torque * gain, before, limits.torque);
                 self.blend.fade(dt, 1.0);
                 offset
             } else {
-                self.blend.added_unlimited(asked * gain, before, dt)
+                self.blend.added_unlimited(torque * gain, before, dt)
             };
-            (asked, share, offset, elastic)
+            Asked { torque, share, offset, elastic }
         };
-        self.last_asked = asked;
+        self.last_asked = asked.torque;
         // The bound follows the soft start and the disable ramp. If a soft start began with motors
         // on, the torque before it fades out within the time of a blend.
         let bound = if self.machine.gain == 1.0 {
@@ -160,16 +174,20 @@ impl Controller {
             self.carried_s += dt;
             (limits.torque * self.machine.gain + left).min(limits.torque)
         };
-        let (mut wanted, kept) = shortened(asked * gain + offset, bound);
+        let (mut wanted, kept) = shortened(asked.torque * gain + asked.offset, bound);
         if self.guard.is_some() {
+            if self.ledger.is_some() {
+                let driving = wanted - asked.elastic * (asked.share * gain * kept);
+                self.count(scene, &asked, gain, bound, driving);
+            }
             // Limited before the damping, because a torque that is not sent gives out no energy.
-            let damped = limited(self.damp(scene, tick, wanted, elastic, share * gain * kept), bound);
+            let damped = limited(self.damp(tick, wanted), bound);
             if let Some(ledger) = &mut self.ledger {
                 ledger.want(damped, damped - wanted);
             }
             wanted = damped;
         }
-        Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
+        Wanted { torque: slewed(self.made.torque, wanted, reach), share: asked.share, reach }
     }
 
     /// Renders the scene as in any other tick. Returns its torque and the part of the elastic
@@ -206,28 +224,20 @@ impl Controller {
         self.shaking.look(&now, reason, on_purpose, dt);
     }
 
-    /// Renders the scene while an effect may be fading. Returns the torque of scene and stream
-    /// after the limit (N m), the fraction that remains, the torque that the blend adds, and the
-    /// part of the elastic effects before the limit (both N m).
+    /// Renders the scene while an effect may be fading.
     ///
     /// The progress of fades and blend changes the torque by at most the limit in [`BLEND_S`]. If
     /// it would change faster, for example from one direction to the opposite, they all take
     /// longer.
     #[inline(never)]
-    fn rendered_fading(
-        &mut self,
-        scene: &CompiledScene,
-        tick: u64,
-        dt: Real,
-        before: Option<Vec3>,
-    ) -> (Vec3, Real, Vec3, Vec3) {
+    fn rendered_fading(&mut self, scene: &CompiledScene, tick: u64, dt: Real, before: Option<Vec3>) -> Asked {
         let (limits, stream) = (self.rig.limits, self.stream);
         let gain = self.machine.gain * self.shaking.gain();
         let limit = |sum| stream.added_to(sum, limits.torque);
         let moment = self.moment(tick, dt);
         let parts = self.renderer.parts(scene, &self.rendered_motion, moment, dt);
-        let (asked, share) = parts.torque(0.0, limit);
-        let offset = self.blend.added(asked * gain, before, limits.torque);
+        let (torque, share) = parts.torque(0.0, limit);
+        let offset = self.blend.added(torque * gain, before, limits.torque);
         let most = limits.torque * (dt / BLEND_S);
         let part = parts.advance_within(most, self.blend.change(dt), gain, limit);
         self.renderer.fade(scene, dt, part);
@@ -235,7 +245,7 @@ impl Controller {
         if parts.is_over() {
             self.fades = Fades::Over;
         }
-        (asked, share, offset, parts.elastic)
+        Asked { torque, share, offset, elastic: parts.elastic }
     }
 
     /// Returns the torque that `scene` would have made in the last tick, N m: at the motion of the
@@ -286,17 +296,27 @@ impl Controller {
         render::Moment { lead: lead.time(), ahead: lead.ahead(), reach_ahead: rate * lead.ahead(), ..still }
     }
 
-    /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for
-    /// this tick. `elastic` is the torque of the scene's elastic effects, and `kept` the fraction of
-    /// it that is left in `wanted` after ramps and limits. It is a separate function, so that it
-    /// costs nothing if the rig has no passivity controller.
+    /// Finds the energy that delay has created since the last tick, and gives it to the passivity
+    /// controller. `driving` is the part of the wanted torque that moves the sphere on purpose, N m.
+    ///
+    /// The elastic torque that would act without delay is limited by itself, as the sent torque is.
+    /// It is then a function of the orientation, and does no work on a closed path.
     #[inline(never)]
-    fn damp(&mut self, scene: &CompiledScene, tick: u64, wanted: Vec3, elastic: Vec3, kept: Real) -> Vec3 {
+    fn count(&mut self, scene: &CompiledScene, asked: &Asked, gain: Real, bound: Real, driving: Vec3) {
+        let (Some(ledger), Some(guard)) = (&mut self.ledger, &mut self.guard) else { return };
+        let law = self.renderer.elastic_at(scene, self.orientation.q);
+        let others = asked.torque / asked.share - asked.elastic;
+        let (sum, share) = shortened(others + law, self.rig.limits.torque);
+        let (_, kept) = shortened(sum * gain + asked.offset, bound);
+        guard.add(ledger.render(law * (share * gain * kept), driving));
+    }
+
+    /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for
+    /// this tick. It is a separate function, so that it costs nothing if the rig has no passivity
+    /// controller.
+    #[inline(never)]
+    fn damp(&mut self, tick: u64, wanted: Vec3) -> Vec3 {
         let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
-        if let Some(ledger) = &mut self.ledger {
-            let law = self.renderer.elastic_at(scene, self.orientation.q) * kept;
-            guard.add(ledger.render(law, wanted - elastic * kept));
-        }
         let (period, gain) = (self.rig.timing.period_s(), self.machine.gain);
         let now = Moment { tick: tick as u32, answered, period, gain };
         guard.damp(&self.observer, self.ledger.as_ref(), now, wanted, self.joints.omega)
