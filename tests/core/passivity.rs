@@ -5,11 +5,11 @@ use crate::bench::{altered, effect, rig, spring};
 use crate::effects::vibration;
 use hbot_core::device::MAX_JOINTS;
 use hbot_core::effects::{Anchor, Constant, Damper, Detents, Frame, Kind, Target, Texture, Wave};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::State;
 use hbot_core::render::Renderer;
-use hbot_core::rig::{PassivityLimit, RateEstimate, Rig};
+use hbot_core::rig::{LeadTime, PassivityLimit, RateEstimate, Rig};
 use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
@@ -292,4 +292,80 @@ fn a_free_sphere_gains_no_energy_from_notches_and_bumps() {
         assert!(with < 1.0e-3 + 0.2e-3, "{with} J");
         assert!(without > 10.0 * with, "{without} J");
     }
+}
+
+/// Returns `rig` with a lead that takes the whole delay of [`Loop`] out: a tick, and half of the
+/// time for which the torque is held.
+fn leading(rig: &Rig) -> Rig {
+    altered(rig, |rig| rig.lead = Some(LeadTime { factor: 1.0, longest: 0.01 }))
+}
+
+#[test]
+fn what_a_lead_takes_out_of_the_loop_is_no_energy_given_out() {
+    // Six times the border without a lead, and stable with it.
+    let kind = spring(6.0 * BORDER, 0.0, Quat::IDENTITY, Anchor::Absolute);
+    let scene = CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap();
+    let bare = altered(&rig(), |rig| rig.limits.slip = 10.0);
+    let [mut with, mut without] =
+        [guarded(RateEstimate::Controller), bare].map(|rig| Loop::new(leading(&rig), scene.clone()));
+    [&mut with, &mut without].into_iter().for_each(|run| run.motion.omega = TAP);
+    for _ in 0..5000 {
+        let state = with.step(None);
+        assert_eq!(state, without.step(None));
+    }
+    assert!(with.motion.omega.length() < 0.05, "{} rad/s", with.motion.omega);
+    // Without the lead the stage has to act.
+    let mut late = Loop::new(guarded(RateEstimate::Controller), scene);
+    late.motion.omega = TAP;
+    assert!((0..3000).any(|_| late.step(None).damping > 0.0));
+}
+
+#[test]
+fn a_spring_too_stiff_even_for_its_lead_comes_to_rest_with_both() {
+    for times in [90.0, 120.0] {
+        let bare = altered(&rig(), |rig| rig.limits.slip = 10.0);
+        let mut run = Loop::new(leading(&bare), stiff(times));
+        run.motion.omega = TAP;
+        let state = run.run(3000);
+        assert!(state.mode == Mode::Fault || run.largest(500).1 > 2.0, "{times}: {}", run.motion.omega);
+        let mut run = Loop::new(leading(&guarded(RateEstimate::Controller)), stiff(times));
+        run.motion.omega = TAP;
+        run.run(3000);
+        let (torque, rate) = run.largest(500);
+        assert!(torque < 0.1 && rate < 0.1, "{times}: {torque} N m, {rate} rad/s");
+    }
+}
+
+#[test]
+fn a_swing_that_nothing_damps_dies_out_instead_of_staying_at_the_allowance() {
+    for times in [3.0, 30.0] {
+        let mut run = Loop::new(guarded(RateEstimate::Controller), stiff(times));
+        run.own = 0.0;
+        run.motion.omega = TAP;
+        run.run(6000);
+        let rate = run.largest(500).1;
+        // The energy of the allowance alone is a swing of 0.77 rad/s.
+        assert!(rate < 0.1, "{times}: {rate} rad/s");
+    }
+}
+
+#[test]
+fn a_spring_too_stiff_is_damped_while_its_reference_moves_too() {
+    const TURNS: Vec3 = Vec3::new(0.0, 0.0, 1.0);
+    let swing = |rig: Rig| {
+        let mut run = Loop::new(rig, stiff(20.0));
+        let mut most = 0.0_f64;
+        for k in 0..3000_u32 {
+            let q = hbot_core::rotation::exp(TURNS * (DT * f64::from(k)));
+            let stamp = Stamp::default();
+            run.step(Some(Command::Reference { slot: 0, epoch: 1, q, omega: TURNS, valid_ticks: 20, stamp }));
+            if k >= 2500 {
+                most = most.max((run.motion.omega - TURNS).length());
+            }
+        }
+        most
+    };
+    let bare = swing(altered(&rig(), |rig| rig.limits.slip = 10.0));
+    let rate = swing(guarded(RateEstimate::Controller));
+    assert!(bare > 2.0 && rate < 0.3, "{bare} rad/s without, {rate} rad/s with the stage");
 }

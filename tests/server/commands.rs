@@ -58,7 +58,7 @@ fn info_shows_the_limits_of_energy_rounded_for_people() {
     std::fs::write(&path, limited).expect("written");
     let server = Process::start(&["--rig", &path], state.path());
     run(&server, &["info"]).success().stdout(contains(
-        "at most 0.1 J more than the hand put in, of which at most 0.3 J are stored, by up to ",
+        "damps what delay creates beyond 0.1 J, with a store of 0.3 J, by up to ",
     ));
 }
 

@@ -36,10 +36,6 @@ pub(super) struct Impedance {
 pub(super) struct Felt {
     /// What is felt about n1, n2 and n3.
     pub(super) axes: [Impedance; 3],
-    /// Root mean square of the torque on the sphere, N m.
-    pub(super) torque: f64,
-    /// Root mean square of the torque that the passivity controller adds, N m.
-    pub(super) added: f64,
     /// Fraction of the ticks in which the passivity controller adds damping.
     pub(super) share: f64,
 }
@@ -57,7 +53,7 @@ pub(super) fn felt(config: &RigConfig, scene: &SceneFile, hand: Hand) -> Felt {
     }
     let ticks = whole.ticks(LEAST_S.max(LEAST_PERIODS / hand.rate));
     let (mut turns, mut torques) = ([[0.0; 2]; 3], [[0.0; 2]; 3]);
-    let (mut torque2, mut added2, mut damped) = (0.0, 0.0, 0_u32);
+    let mut damped = 0_u32;
     for tick in 0..ticks {
         let before = whole.rig().state().q;
         let state = whole.step(None).state;
@@ -71,8 +67,6 @@ pub(super) fn felt(config: &RigConfig, scene: &SceneFile, hand: Hand) -> Felt {
                 torques[axis][k] += window * wave * state.torque[axis];
             }
         }
-        torque2 += state.torque.length_squared();
-        added2 += (state.omega * state.damping).length_squared();
         damped += u32::from(state.damping > 0.0);
     }
     let axes = core::array::from_fn(|axis| {
@@ -82,13 +76,7 @@ pub(super) fn felt(config: &RigConfig, scene: &SceneFile, hand: Hand) -> Felt {
         let (re, im) = ((tr * xr + ti * xi) / size, (ti * xr - tr * xi) / size);
         Impedance { stiffness: -re, damping: -im / (TAU * frequency), frequency }
     });
-    let each = f64::from(ticks);
-    Felt {
-        axes,
-        torque: (torque2 / each).sqrt(),
-        added: (added2 / each).sqrt(),
-        share: f64::from(damped) / each,
-    }
+    Felt { axes, share: f64::from(damped) / f64::from(ticks) }
 }
 
 /// What a free sphere does after a tap, with and without the passivity controller.

@@ -145,7 +145,10 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
 /// Returns the swing of the sphere after a tap: the deviation of its rate from the mean rate, root
 /// mean square, rad/s.
 fn swing(effects: &Value, hand: Option<Hand>, lead: bool, stage: bool) -> f64 {
-    let config = prototype(&[("loop.passivity", json!(stage)), ("loop.lead", json!(lead))]);
+    let config = prototype(&[
+        ("loop.passivity", if stage { super::stage() } else { json!(false) }),
+        ("loop.lead", json!(lead)),
+    ]);
     let phenomena = Phenomena { hand, ..Phenomena::default() };
     let scene = json!({"name": "case", "effect": effects});
     let mut whole = Whole::new(&config, scene, phenomena, PlantState::default());
