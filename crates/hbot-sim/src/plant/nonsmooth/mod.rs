@@ -17,6 +17,7 @@
 //! the masses are constant, so the only inertial forces are those of the constraints.
 
 mod body;
+mod compliance;
 mod law;
 mod solver;
 
@@ -24,6 +25,7 @@ use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::{Vec3, rotation};
 
 use self::body::{Body, Given, Instant};
+use self::compliance::Bent;
 use self::law::Element;
 pub use self::solver::Effort;
 use self::solver::{StepProblem, Workspace};
@@ -32,9 +34,9 @@ use super::{JointTorques, PlantState};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
-/// Largest number of speeds: 3 of the sphere, 2 of the joints of each wheel, and 1 of the motor
-/// behind each drive's gear.
-const MAX_SPEEDS: usize = 3 + 3 * MAX_WHEELS;
+/// Largest number of speeds: 3 of the sphere, 2 of the joints of each wheel, 1 of the motor behind
+/// each drive's gear, and 3 of the sphere's centre.
+const MAX_SPEEDS: usize = 6 + 3 * MAX_WHEELS;
 type Vector = [f64; MAX_SPEEDS];
 
 /// Largest number of times that one step is solved. The torques of potentials and the gear losses
@@ -90,6 +92,7 @@ impl Nonsmooth {
                 rates: [0.0; MAX_JOINTS],
                 motors: [Motor::default(); MAX_WHEELS],
                 hinge: None,
+                bent: Bent::default(),
             },
             elements: Vec::with_capacity(capacity),
             last_step: 1.0,
@@ -104,6 +107,7 @@ impl Nonsmooth {
     /// Continues from a state that the caller has set. Afterwards joints roll without slip, motors
     /// are at the middle of their gears' play, and all friction impulses are zero.
     pub(super) fn adopt(&mut self, state: &PlantState) {
+        self.body.bent = Bent::default();
         let now = self.body.instant(state, 0.0);
         for i in 0..self.body.wheels() {
             for k in 0..2 {
@@ -182,6 +186,10 @@ impl Nonsmooth {
             energy += 0.5 * self.body.motor_mass(wheel) * motor * motor;
             energy += self.body.modules.map_or(0.0, |modules| modules[i].energy(state.steer[i]));
         }
+        if let Some(parts) = &self.body.phenomena.compliance {
+            energy += 0.5 * self.body.device.sphere_mass() * self.body.bent.velocity.length_squared();
+            energy += self.body.bent.energy(parts);
+        }
         energy + self.weight().map_or(0.0, |weight| weight.energy(state.q))
     }
 
@@ -257,6 +265,7 @@ impl Nonsmooth {
         }
         self.effort = effort;
         self.last_step = h;
+        self.body.bend(&self.elements, &now, [&before, &speeds], h);
         self.take(state, &now, &speeds, h);
     }
 

@@ -9,7 +9,7 @@
 //! Speeds are scaled so that A has a unit diagonal. Penalties are then relative to the mass of each
 //! row.
 
-use super::law::{Element, MAX_DIMENSION, Response, Row};
+use super::law::{Element, Law, MAX_DIMENSION, Response, Row};
 use super::{MAX_SPEEDS, Vector};
 
 /// Initial penalty of the method of multipliers, relative to the mass on which a law acts. With a
@@ -129,7 +129,9 @@ impl Workspace {
             for (k, (element, now)) in self.scaled.iter_mut().zip(&self.responses).enumerate() {
                 let change = [0, 1, 2].map(|c| now.impulse[c] - element.impulse[c]);
                 let stiffness = self.penalty[k] * self.size[k];
-                worst = worst.max(norm(&change) / stiffness);
+                if !matches!(element.law, Law::Elastic { .. }) {
+                    worst = worst.max(norm(&change) / stiffness);
+                }
                 pace += self.size[k] * norm(&now.impulse);
                 element.impulse = now.impulse;
             }
