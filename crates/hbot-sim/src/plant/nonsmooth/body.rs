@@ -406,12 +406,35 @@ impl Body {
             }
         }
         if let (Some(parts), Some(at)) = (&self.phenomena.compliance, self.centre_at()) {
+            problem.springs = true;
             self.bent.hold_centre(problem, parts, self.device.sphere_mass(), at, h);
             if self.phenomena.slip.is_none() {
                 let before = self.speeds(state);
                 for i in 0..self.wheels() {
                     self.bent.hold(problem, parts, i, &self.slip_rows(now, i), &before, h);
                 }
+            }
+        }
+    }
+
+    /// Returns whether angles advance at the mean of the speeds before and after a step, instead of
+    /// the speeds after it.
+    ///
+    /// Then springs of contacts have no numerical damping, and a torque acts neither early nor late.
+    /// The flanks of a gear need the speeds after the step, so that they never pass each other.
+    pub(super) fn has_mean_angles(&self) -> bool {
+        self.phenomena.compliance.is_some() && self.phenomena.gear.is_none()
+    }
+
+    /// Stores the speeds of the sphere in `state`, and those of the joints.
+    pub(super) fn store_rates(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector) {
+        state.omega = Vec3::from_slice(&speeds[..3]);
+        for i in 0..self.wheels() {
+            for k in 0..2 {
+                self.rates[2 * i + k] = match self.joint_at(i, k) {
+                    Some(at) => speeds[at],
+                    None => now.rows[i][k].dot(state.omega),
+                };
             }
         }
     }

@@ -1,15 +1,16 @@
 //! Contacts and a cage that give way: springs and dampers between parts, without numerical damping.
 //!
-//! A spring of stiffness k and damping d acts against the velocity v = W u of one row. Its stretch
-//! z is kept at the middle of the steps: with the speeds u before and u' after a step of h seconds,
+//! A spring of stiffness k and damping d acts against the velocity v = W u of one row. With the
+//! speeds u before and u' after a step of h seconds, its stretch z becomes
 //!
 //! z' = z + h s        s = W (u + u') / 2        impulse p = h (k (z + z') / 2 + d s)
 //!
 //! The work of the impulse is p s, because masses are constant and M (u' - u) = -Wᵀ p. The energy
 //! k z² / 2 changes by h k s (z + z') / 2. So kinetic plus elastic energy falls by exactly h d s² in
-//! each step, at any stiffness: this is the implicit midpoint rule. z' + h W u' / 2 is the stretch
-//! at the end of the step, and it grows by h W u', as all angles of this plant do. So stretch and
-//! angles never drift apart. In terms of u' the impulse is
+//! each step, at any stiffness: this is the implicit midpoint rule. All angles advance at the mean of
+//! u and u' too. With gears they advance at u' instead, and h W u' / 2 lies between their stretch and
+//! z, which never grows: h (u' - (u + u') / 2) sums up to the difference of two speeds. In terms of
+//! u' the impulse is
 //!
 //! p = base + gain W u'        gain = h (h k / 2 + d) / 2        base = h k z + gain W u
 //!
@@ -27,10 +28,9 @@ use crate::phenomena::Compliance;
 /// Stretches and speeds of the parts that give way.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Bent {
-    /// Stretch of each contact along c1 and c2 at the middle of the last step, wheel relative to
-    /// sphere, m.
+    /// Stretch of each contact along c1 and c2, wheel relative to sphere, m.
     contacts: [[f64; 2]; MAX_WHEELS],
-    /// Displacement of the sphere's centre in frame N at the middle of the last step, m.
+    /// Displacement of the sphere's centre in frame N, m.
     centre: Vec3,
     /// Velocity of the sphere's centre in frame N, m/s.
     pub(super) velocity: Vec3,

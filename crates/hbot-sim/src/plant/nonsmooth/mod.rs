@@ -219,6 +219,7 @@ impl Nonsmooth {
         let share = h / self.last_step;
         self.body.lay_out(&mut self.elements, share, state, &now, &before, h);
 
+        let angles_by_mean = self.body.has_mean_angles();
         let mut speeds = before;
         let mut effort = Effort::default();
         let potentials = weight.is_some() || hold.is_some() || self.body.modules.is_some();
@@ -236,7 +237,8 @@ impl Nonsmooth {
                 (speeds, implicit)
             };
             let omega = Vec3::from_slice(&guess[..3]);
-            let phi = omega * h;
+            let path = if angles_by_mean && !last { mean(&before, &guess) } else { guess };
+            let phi = Vec3::from_slice(&path[..3]) * h;
             let mut torque = external;
             if let Some(weight) = &weight {
                 torque += weight.torque_over(state.q, phi);
@@ -249,7 +251,7 @@ impl Nonsmooth {
                 given = omega * (0.5 * h * h * spring.stiffness) + *target * (h * damping);
             }
             let impulse = torque * h + given;
-            let given = Given { h, tau, impulse, implicit, guess: &guess, bounded: last };
+            let given = Given { h, tau, impulse, implicit, guess: &path, bounded: last };
             self.body.assemble(&mut self.problem, state, &now, &given);
             effort = self.workspace.solve(&mut self.problem, &mut self.elements, &mut speeds);
             let lag = if sweep == 0 { LAG } else { SETTLED_LOSS };
@@ -266,21 +268,20 @@ impl Nonsmooth {
         self.effort = effort;
         self.last_step = h;
         self.body.bend(&self.elements, &now, [&before, &speeds], h);
-        self.take(state, &now, &speeds, h);
+        if angles_by_mean {
+            let mean = mean(&before, &speeds);
+            self.move_by(state, &now, &mean, h);
+            self.body.store_rates(state, &now, &speeds);
+        } else {
+            self.move_by(state, &now, &speeds, h);
+        }
     }
 
-    /// Stores the speeds at the end of a step, and advances all angles by `h` seconds at these
-    /// speeds.
-    fn take(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector, h: f64) {
-        state.omega = Vec3::from_slice(&speeds[..3]);
+    /// Advances all angles by `h` seconds at the speeds `speeds`, and stores these speeds.
+    fn move_by(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector, h: f64) {
+        self.body.store_rates(state, now, speeds);
         state.q = rotation::renormalized(rotation::exp(state.omega * h) * state.q);
         for i in 0..self.body.wheels() {
-            for k in 0..2 {
-                self.body.rates[2 * i + k] = match self.body.joint_at(i, k) {
-                    Some(at) => speeds[at],
-                    None => now.rows[i][k].dot(state.omega),
-                };
-            }
             state.steer[i] += h * self.body.rates[2 * i];
             state.drive[i] += h * self.body.rates[2 * i + 1];
             if let Some(at) = self.body.motor_at(i) {
@@ -299,4 +300,9 @@ impl Nonsmooth {
             weight: self.body.device.sphere_mass() * GRAVITY,
         })
     }
+}
+
+/// Returns the mean of the speeds before and after a step.
+fn mean(before: &Vector, after: &Vector) -> Vector {
+    core::array::from_fn(|i| 0.5 * (before[i] + after[i]))
 }
