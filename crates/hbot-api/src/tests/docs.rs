@@ -226,6 +226,9 @@ fn limits_on_the_page_are_those_of_the_crate() {
 fn each_fault_has_its_row_on_the_page_of_what_is_wrong() {
     let page = include_str!("../../../../docs/something-is-wrong.md");
     for fault in Fault::ALL {
-        assert!(page.contains(&format!("\n| `{fault}` | ")), "docs/something-is-wrong.md: no row for {fault}");
+        assert!(
+            page.contains(&format!("\n| `{fault}` | ")),
+            "docs/something-is-wrong.md: no row for {fault}"
+        );
     }
 }

@@ -140,6 +140,9 @@ fn every_figure_of_the_page_is_the_reports() {
 #[test]
 fn the_hard_case_of_a_day_quotes_the_report() {
     let [unit, grown] = day();
-    assert!(HARD_CASES.contains(&format!("| {unit}; {grown} |")), "docs/internals/hard-cases.md, 11: {unit}; {grown}");
+    assert!(
+        HARD_CASES.contains(&format!("| {unit}; {grown} |")),
+        "docs/internals/hard-cases.md, 11: {unit}; {grown}"
+    );
     assert!(agree(&unit, "2.2e-16"), "the rounding of a real in f64");
 }
