@@ -68,6 +68,9 @@ pub(crate) trait Law {
     /// True for a law that gives out energy on purpose, whatever the sphere does.
     const GIVES: bool = false;
 
+    /// True for a law whose torque follows the orientation, so that delay makes it create energy.
+    const ELASTIC: bool = true;
+
     /// Returns the torque on the sphere in frame N, in N m, before the effect's gain and fading.
     /// Advances `memory` by one tick.
     fn render(&self, now: &mut Now<'_>, memory: &mut Self::Memory) -> Vec3;
@@ -294,6 +297,12 @@ macro_rules! kinds {
             pub(crate) const fn gives(&self) -> bool {
                 match self {
                     $(Self::$name(_) => <$law as Law>::GIVES),*
+                }
+            }
+
+            pub(crate) const fn is_elastic(&self) -> bool {
+                match self {
+                    $(Self::$name(_) => <$law as Law>::ELASTIC),*
                 }
             }
 
