@@ -4,8 +4,9 @@
 use hbot_core::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS};
 
+use super::axis::Axis;
 use super::inertia;
-use super::sampled::Sampled;
+use super::sampled::{HOLDS, Sampled};
 use crate::RigConfig;
 
 /// Damping of a spring that is assumed when a stable stiffness is shown as an example, N m s/rad.
@@ -77,7 +78,8 @@ impl StiffnessBound {
         let inertia = sampled.inertia.min_element();
         let swings = std::iter::successors(Some(SLOWEST_SWING), |phi| Some(phi * RATIO));
         let swings = swings.take_while(|phi| *phi < std::f64::consts::PI);
-        let border = swings.map(|phi| sampled.on_border(inertia, phi)).collect();
+        let axis = Axis::new(&sampled, inertia, &HOLDS[0]);
+        let border = swings.map(|phi| sampled.border_of(&axis, phi)).collect();
         Self { sampled, count, border }
     }
 

@@ -8,8 +8,10 @@
 //! ```
 
 mod abilities;
+mod axis;
 mod bound;
 mod complex;
+mod held;
 mod inertia;
 mod judge;
 mod rates;

@@ -307,9 +307,13 @@ mod tests {
     use super::*;
     use crate::Override;
 
-    /// Returns `text` as a rig with `rate_estimate = "auto"` and a lead. `with` replaces more keys.
+    /// Returns `text` as a rig with `rate_estimate = "auto"`, a lead and no passivity stage. `with` replaces more keys.
     fn auto(text: &str, with: &[(&'static str, serde_json::Value)]) -> RigConfig {
-        let usual = [("loop.rate_estimate", "auto".into()), ("loop.lead", true.into())];
+        let usual = [
+            ("loop.rate_estimate", "auto".into()),
+            ("loop.lead", true.into()),
+            ("loop.passivity", false.into()),
+        ];
         let replaced = |(path, value): (&'static str, serde_json::Value)| Override { path, value, from: "" };
         let all: Vec<Override> = usual.into_iter().chain(with.iter().cloned()).map(replaced).collect();
         RigConfig::from_toml_with(text, "x.toml", &all).unwrap_or_else(|error| panic!("{error}"))
