@@ -302,7 +302,7 @@ macro_rules! kinds {
 
             pub(crate) const fn is_elastic(&self) -> bool {
                 match self {
-                    $(Self::$name(_) => <$name as Law>::ELASTIC),*
+                    $(Self::$name(_) => <$law as Law>::ELASTIC),*
                 }
             }
 
