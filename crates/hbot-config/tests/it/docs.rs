@@ -25,7 +25,7 @@ fn tables(page: &str) -> Vec<(String, String)> {
         return kinds().into_iter().map(|kind| described(kind.name.to_owned(), kind)).collect();
     }
     if page == VELOCITY {
-        return vec![("estimates".to_owned(), estimates())];
+        return vec![("estimates".to_owned(), estimates()), ("picks".to_owned(), picks())];
     }
     let rig = RigConfig::schema();
     let section = |name: &str| &rig["properties"][name];
@@ -90,6 +90,45 @@ fn estimates() -> String {
                 quality.most_damping
             )
             .unwrap();
+        }
+    }
+    table
+}
+
+/// Writes what `rate_estimate = "auto"` picks for the ready-made rigs with a lead, as a Markdown
+/// table.
+fn picks() -> String {
+    let mut table = "| rig | passivity stage | `\"auto\"` picks | stable and not felt up to, N m/rad | with the controllers' \
+                     rates, N m/rad |\n|---|---|---|---|---|\n"
+        .to_owned();
+    for (rig, counts) in [
+        ("prototype", "16384"),
+        ("prototype", "2048"),
+        ("three_wheels", "16384"),
+        ("four_wheels", "16384"),
+        ("prototype-moteus", ""),
+        ("prototype-odrive", ""),
+    ] {
+        let text = std::fs::read_to_string(folder(&format!("rigs/{rig}.toml"))).unwrap();
+        let text = text.replace("= 16384", &format!("= {counts}"));
+        let lines = counts.parse::<u32>().map_or(String::new(), |counts| format!(", {} x 4", counts / 4));
+        for (stage, on) in [("on", true), ("off", false)] {
+            let with = [
+                ("loop.lead", true.into()),
+                ("loop.passivity", on.into()),
+                ("loop.rate_estimate", "auto".into()),
+            ];
+            let with = with.map(|(path, value)| Override { path, value, from: "the table" });
+            let pick = RigConfig::from_toml_with(&text, rig, &with).unwrap().rate_pick.unwrap();
+            let name = match pick.picked.estimate {
+                RateEstimate::Kalman { acceleration } => format!("`kalman`, {acceleration} rad/s²"),
+                RateEstimate::LowPass { cutoff_hz } => format!("`low_pass`, {cutoff_hz} Hz"),
+                other => format!("{other:?}"),
+            };
+            let own =
+                pick.controllers.map_or("not compared".to_owned(), |own| format!("{:.0}", own.usable()));
+            writeln!(table, "| {rig}{lines} | {stage} | {name} | {:.0} | {own} |", pick.picked.usable())
+                .unwrap();
         }
     }
     table
