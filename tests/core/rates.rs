@@ -89,8 +89,8 @@ fn after_an_implausible_reading_rates_begin_anew() {
 }
 
 /// Returns the noise of the sphere's rate (rad/s) and the ripple of the torque of a spring of 1 N
-/// m/rad without damping (N m), both rms of the length of the vector, while the sphere moves by some
-/// mrad at some Hz after the turn `before`. Also returns the steer angles there.
+/// m/rad without damping (N m), both rms of the length of the vector. The sphere moves by some mrad
+/// at some Hz after the turn `before`. Also returns the steer angles there.
 fn noise(rig: &Rig, before: Vec3) -> ([f64; 2], Vec<f64>) {
     const BLOCK: usize = 100;
     let n = rig.device.joints();

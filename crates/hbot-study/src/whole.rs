@@ -147,8 +147,8 @@ mod tests {
     use super::*;
 
     /// Taps the sphere on a spring with 0.01 N m s/rad by `tap` rad/s about n1. Returns the size of
-    /// the swing after 2.25 s relative to its size at first, and the largest slip that was seen, m/s.
-    /// A fault counts as a swing without bound.
+    /// the swing after 2.25 s relative to its size at first, and the largest slip that was seen,
+    /// m/s. A fault counts as a swing without bound.
     fn swing(config: &RigConfig, stiffness: f64, tap: f64) -> [f64; 2] {
         let scene = json!({"name": "study", "effect": [
             {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": 0.01, "fade_s": 0}
@@ -208,8 +208,8 @@ mod tests {
     }
 
     /// The first unstable spring with the rates that `rate_estimate = "auto"` picks for 4096 x 4
-    /// counts is to be at least 60 N m/rad. Half of the rate comes from the drives, whose counts are
-    /// finer and whose filter is quicker, so the loop is stable with more than the bound says.
+    /// counts is to be at least 60 N m/rad. A part of the rate comes from the drives, whose counts
+    /// are finer and whose filter is quicker, so the loop is stable with more than the bound says.
     #[test]
     fn the_rates_that_are_picked_keep_stiff_springs_stable() {
         let config = led("auto", |_| ());

@@ -70,8 +70,8 @@ impl Estimate for Weights {
     }
 }
 
-/// The robust exact differentiator of the first order (Levant 1998), with the constants 1.5 and 1.1.
-/// `bound` is the bound of the acceleration, rad/s².
+/// The robust exact differentiator of the first order (Levant 1998), with the constants 1.5 and
+/// 1.1. `bound` is the bound of the acceleration, rad/s².
 struct Levant {
     bound: f64,
     angle: f64,
