@@ -10,9 +10,10 @@
 //! <ripple²> = sum over the joints of u²/12 |f|² sum over k of (K d_k + (K t + B) c_k)²
 //! ```
 //!
-//! u is the joint's angle per count, f the sphere's turn for a turn of the joint, c_k the weight of the k-th last angle in the rate (1/s), d_k is
-//! 1 for the newest angle and 0 otherwise, K the stiffness, B the damping and t the lead. The
-//! rounding of each reading counts as independent of the others, as it is in motion.
+//! u is the joint's angle per count, f the sphere's turn for a turn of the joint, c_k the weight of
+//! the k-th last angle in the rate (1/s), d_k is 1 for the newest angle and 0 otherwise, K the
+//! stiffness, B the damping and t the lead. The rounding of each reading counts as independent of
+//! the others, as it is in motion.
 
 use hbot_core::kinematics::Posture;
 use hbot_core::rig::RateEstimate;
@@ -27,9 +28,10 @@ use crate::RigConfig;
 const TAPS: usize = 128;
 /// The same for the lag, to which old readings add more than to the rate.
 const LAG_TAPS: usize = 1024;
-/// Acceleration of a surface from which a hand feels its vibration, m/s², rms. The thresholds of
-/// fingers and hands are U-shaped in displacement, about 0.1 um at 200 Hz (Bolanowski et al. 1988),
-/// which is this acceleration; over 10 to 300 Hz they are within a factor of 3 of it.
+/// Acceleration of a surface from which a hand feels its vibration, m/s², rms. It is that of 0.1 um
+/// at 200 Hz, about the least vibration that hands feel (Bolanowski et al. 1988). Some people who
+/// grasp a thing feel a tenth of it (Brisben et al. 1999). At other frequencies it is a rough
+/// measure.
 const FELT: f64 = 0.1;
 /// Largest damping that an estimate must keep stable, N m s/rad: five times that of the dampest
 /// ready-made scene.
@@ -37,8 +39,9 @@ const LEAST_DAMPING: f64 = 0.25;
 /// Estimates whose stiffness is within this fraction of the best count as equally stiff. The one
 /// with the least ripple is picked.
 const EQUAL: f64 = 0.02;
-/// Accelerations of `kalman` (rad/s²) and cut-off frequencies of `low_pass` (Hz) that are tried. With
-/// a lower cut-off frequency the rates are so late that a tap looks like a fault of the feedback.
+/// Accelerations of `kalman` (rad/s²) and cut-off frequencies of `low_pass` (Hz) that are tried.
+/// With a lower cut-off frequency the rates are so late that a tap looks like a fault of the
+/// feedback.
 const ACCELERATIONS: [f64; 13] =
     [10.0, 20.0, 30.0, 50.0, 70.0, 100.0, 200.0, 300.0, 500.0, 1e3, 2e3, 5e3, 1e4];
 const CUTOFFS_HZ: [f64; 4] = [60.0, 100.0, 200.0, 400.0];
