@@ -80,8 +80,8 @@ pub struct RateQuality {
 }
 
 impl RateQuality {
-    /// Returns the stiffness of the stiffest spring with the damping [`USUAL_DAMPING`] that is stable
-    /// and whose ripple is not felt, N m/rad.
+    /// Returns the stiffness of the stiffest spring with the damping [`USUAL_DAMPING`] that is
+    /// stable and whose ripple is not felt, N m/rad.
     #[must_use]
     pub fn usable(&self) -> f64 {
         self.stable.min(self.smooth)
@@ -233,8 +233,8 @@ impl RateAdvice {
         self.rounding.iter().zip(weights).map(|(square, weights)| square * of(weights)).sum::<f64>().sqrt()
     }
 
-    /// Returns the weights of the `LAST` last angles in the rate of `joint`, 1/s, the newest angle first.
-    /// Empty if the rates are those of the motor controllers.
+    /// Returns the weights of the `LAST` last angles in the rate of `joint`, 1/s, the newest angle
+    /// first. Empty if the rates are those of the motor controllers.
     fn weights<const LAST: usize>(&self, estimate: RateEstimate, joint: usize) -> Vec<f64> {
         if let RateEstimate::AdaptiveWindow { longest_ticks, .. } = estimate {
             let n = longest_ticks as usize;
@@ -255,8 +255,8 @@ impl RateAdvice {
 
     /// Picks the estimate with which the stiffest spring is stable and its ripple is not felt.
     ///
-    /// It must also keep a damping of 0.25 N m s/rad stable, or that of the passivity stage if it is
-    /// on. The rates of the motor controllers take part if the rig file says how late they are.
+    /// It must also keep a damping of 0.25 N m s/rad stable, or that of the passivity stage if it
+    /// is on. The rates of the motor controllers take part if the rig file says how late they are.
     #[must_use]
     pub fn pick(&self) -> RatePick {
         let stage = self.rig.methods.passivity.map_or(0.0, |limit| 1.1 * limit.damping);
@@ -310,7 +310,8 @@ mod tests {
     use super::*;
     use crate::Override;
 
-    /// Returns `text` as a rig with `rate_estimate = "auto"`, a lead and no passivity stage. `with` replaces more keys.
+    /// Returns `text` as a rig with `rate_estimate = "auto"`, a lead and no passivity stage. `with`
+    /// replaces more keys.
     fn auto(text: &str, with: &[(&'static str, serde_json::Value)]) -> RigConfig {
         let usual = [
             ("loop.rate_estimate", "auto".into()),
@@ -351,8 +352,8 @@ mod tests {
         }
     }
 
-    /// The stiffness that the lead is to allow with 4096 x 4 counts: at least 60 N m/rad with 0.01 N
-    /// m s/rad.
+    /// The stiffness that the lead is to allow with 4096 x 4 counts: at least 60 N m/rad with 0.01
+    /// N m s/rad.
     #[test]
     fn fine_counts_allow_stiff_springs_and_coarse_counts_a_smoother_estimate() {
         let fine = auto(PROTOTYPE, &[]);
