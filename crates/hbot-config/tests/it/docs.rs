@@ -1,6 +1,6 @@
 //! The reference pages agree with the checks: every key has its row in docs/files.md, or in
 //! docs/effects.md for kinds of effects. The rows are generated from the schema that the checks
-//! use. The figures of the rate estimates in docs/velocity.md are those of the computation.
+//! use. The figures of the rate estimates in docs/internals/velocity.md are those of the computation.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ use crate::folder;
 
 const FILES: &str = "docs/files.md";
 const EFFECTS: &str = "docs/effects.md";
-const VELOCITY: &str = "docs/velocity.md";
+const VELOCITY: &str = "docs/internals/velocity.md";
 
 /// Generates all tables of a reference page. Returns each with its name: the page contains the
 /// table between the marks `<!-- NAME -->` and `<!-- end -->`.
@@ -22,7 +22,7 @@ fn tables(page: &str) -> Vec<(String, String)> {
     let described =
         |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
     if page == EFFECTS {
-        return kinds().into_iter().map(|kind| described(kind.name.to_owned(), kind)).collect();
+        return effects();
     }
     if page == VELOCITY {
         return vec![("estimates".to_owned(), estimates()), ("picks".to_owned(), picks())];
@@ -132,6 +132,24 @@ fn picks() -> String {
         }
     }
     table
+}
+
+/// Generates the tables of docs/effects.md: one of the keys that are alike in all kinds of effects,
+/// and one for each kind with its other keys.
+fn effects() -> Vec<(String, String)> {
+    let tables: Vec<String> = kinds().iter().map(|kind| rows(&kind.schema)).collect();
+    let in_all = |line: &str| tables.iter().all(|table| table.lines().any(|other| other == line));
+    let alike: String =
+        tables[0].lines().filter(|line| in_all(line)).map(|line| format!("{line}\n")).collect();
+    let own = |(kind, table): (Listed, &String)| {
+        let is_own = |(at, line): &(usize, &str)| *at < 2 || !in_all(line);
+        let rows: String =
+            table.lines().enumerate().filter(is_own).map(|(_, line)| format!("{line}\n")).collect();
+        (kind.name.to_owned(), format!("{}\n\n{rows}", kind.description))
+    };
+    let mut all = vec![("every kind".to_owned(), alike)];
+    all.extend(kinds().into_iter().zip(&tables).map(own));
+    all
 }
 
 /// Writes the properties of a JSON schema as a Markdown table.

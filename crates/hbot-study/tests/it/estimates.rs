@@ -1,6 +1,6 @@
 //! The rate estimates of the core, a differentiator of Levant and an observer that knows the
 //! commanded torque, on one axis of the prototype: noise, lag, and first unstable spring with the
-//! lead. docs/velocity.md has the table that this prints.
+//! lead. docs/internals/velocity.md has the table that this prints.
 //!
 //! The axis has 1 kHz, a delay of one tick, motors with a lag of 0.5 ms, 0.01 N m s/rad and a lead
 //! of 1.1 times the delay. The encoder's step is that of the sphere for all joints together.
@@ -18,7 +18,7 @@ const INERTIA: f64 = 3.4e-3;
 /// Step of the sphere's angle with 16384 counts a turn, rad: 12^(1/2) times the noise that the
 /// rounding of all joints makes about the noisiest axis.
 const STEP: f64 = 6.27e-5;
-/// Ripple that a hand hardly feels, N m (docs/velocity.md).
+/// Ripple that a hand hardly feels, N m (docs/internals/velocity.md).
 const FELT: f64 = 3.3e-3;
 /// Parts of a tick in which the motion is integrated.
 const PARTS: u32 = 20;
