@@ -1,6 +1,7 @@
 //! The reference pages agree with the checks: every key has its row in docs/files.md, or in
 //! docs/effects.md for kinds of effects. The rows are generated from the schema that the checks
-//! use. The figures of the rate estimates in docs/internals/velocity.md are those of the computation.
+//! use. The figures of the rate estimates in docs/internals/velocity.md are those of the
+//! computation.
 
 use std::fmt::Write;
 
