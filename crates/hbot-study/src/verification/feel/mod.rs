@@ -30,6 +30,9 @@ const ALIKE: f64 = 0.05;
 /// Least impedance to which a change is compared, N m/rad. It is a thirtieth of the default hand's.
 const LEAST: f64 = 0.1;
 
+/// Angle below which two orientations count as equal, rad: some roundings of a unit quaternion.
+const EQUAL: f64 = 1.0e-14;
+
 /// Runs the study `feel` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("feel", context.quick);
@@ -49,8 +52,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
 fn hands(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     report.family("impedance_{scene}_{hand}_{hz}hz | 1 | largest change of the impedance that the stage makes, over three axes, relative to the impedance without it, which counts as at least 0.1 N m/rad; `off` and `on`: stiffness (N m/rad) and damping (N m s/rad) about the axis of the change");
     report.family("free_{scene} | rad | largest angle between the orientations of a free sphere with and without the stage in 2 s after a tap; `reach`: the way of the sphere");
-    let [off, on] =
-        [false, true].map(|on| prototype(&[("loop.passivity", if on { stage() } else { json!(false) })]));
+    let [off, on] = [false, true].map(|on| prototype(&[("loop.passivity", json!(on))]));
     let half = 0.5 * DAMPING / (1.5 * off.rig.timing.period_s() + off.rig.torque_lag);
     let mut scenes: Vec<(String, SceneFile)> =
         SHELF.iter().map(|scene| (scene.file.to_owned(), scene.scene())).collect();
@@ -68,7 +70,7 @@ fn hands(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
         let swing = free([&off, &on], scene);
         report.figure(format!("free_{id}"), swing.apart).note("reach", swing.reach);
         apart = apart.max(swing.apart);
-        let mut acts = swing.apart > 0.0;
+        let mut acts = swing.apart > EQUAL;
         let rates = if context.quick { &RATES[2..4] } else { &RATES[..] };
         for (hand_name, hand) in HANDS {
             let mut cells = row([name.as_str(), hand_name]);
@@ -152,8 +154,4 @@ fn most_changed(without: &Felt, with: &Felt) -> Change {
         }
     }
     most
-}
-
-pub(super) fn stage() -> serde_json::Value {
-    std::env::var("P").map_or(json!(true), |p| serde_json::from_str(&p).unwrap())
 }
