@@ -1,6 +1,7 @@
 //! Scenes that shake by themselves, with and without the passivity stage.
 
 use hbot_core::Vec3;
+use hbot_plot::{Lines, Series};
 use hbot_sim::phenomena::{Hand, Phenomena};
 use hbot_sim::plant::PlantState;
 use serde_json::{Value, json};
@@ -95,12 +96,14 @@ const EQUAL: f64 = 0.02;
 /// Times from the start to the tap, from the tap to the measurement, and of the measurement, s.
 const TIMES_S: [f64; 3] = [0.8, 2.0, 1.5];
 
-/// Taps a sphere in each scene, free and held, and reports how much it still swings.
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+/// Taps a sphere in each scene, free and held, and reports how much it still swings. Returns the
+/// results in two sentences.
+pub(super) fn study(context: &Context, report: &mut Report) -> Result<[String; 2], Interrupted> {
     report.family("swing_{n}_{sphere}_{setting} | rad/s | deviation of the sphere's rate from its mean 2 to 3.5 s after a tap, root mean square, in scene n of the table, free or held");
     let mut table = vec![head(
         "n | scene | free: neither | passivity | lead | both | held: neither | passivity | lead | both",
     )];
+    let mut swinging = [[0_u32; 4]; 2];
     let (mut held_most, mut worse_most) = (("", 0.0_f64), ("", 0.0_f64));
     for (n, (name, effects)) in cases().into_iter().enumerate() {
         context.go_on()?;
@@ -112,6 +115,9 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
                 cells.push(format!("{swing:.3}"));
                 swing
             });
+            for (count, swing) in swinging[usize::from(hand.is_some())].iter_mut().zip(swings) {
+                *count += u32::from(swing > CALM);
+            }
             let [_, passivity, lead, both] = swings;
             let worse = both - passivity.min(lead);
             if worse > worse_most.1 && !BEYOND.contains(&name) {
@@ -140,6 +146,36 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         "With both, none of the other scenes swings more than with lead or passivity alone",
         format!("{:.3} rad/s more at worst ({})", worse_most.1, worse_most.0),
         worse_most.1 <= EQUAL,
+    );
+    let told = |sphere: &str, [neither, passivity, lead, both]: [u32; 4]| {
+        format!(
+            "Of {} scenes, {neither} shake the {sphere} at more than {CALM} rad/s, {passivity} with passivity, {lead} with the lead, {both} with both.",
+            cases().len()
+        )
+    };
+    Ok([told("free sphere", swinging[0]), told("held sphere", swinging[1])])
+}
+
+/// Plots how much a free sphere on a spring without damping still swings after a tap.
+pub(super) fn springs(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+    report.family("spring_{k}_{setting} | rad/s | swing of a free sphere on a spring of k N m/rad without damping, 2 to 3.5 s after a tap, root mean square");
+    let stiffnesses: &[u32] = if context.quick { &[5, 100] } else { &[2, 5, 10, 20, 50, 100, 200, 300, 400] };
+    let mut series = Vec::new();
+    for (k, (setting, lead, stage)) in SETTINGS.into_iter().enumerate() {
+        let mut points = Vec::new();
+        for stiffness in stiffnesses {
+            context.go_on()?;
+            let spring = json!([{"id": "s", "kind": "spring", "anchor": "here", "stiffness": stiffness}]);
+            let swing = swing(&spring, None, lead, stage);
+            report.figure(format!("spring_{stiffness}_{setting}"), swing);
+            points.push((f64::from(*stiffness), swing.max(1.0e-4)));
+        }
+        series.push(Series::new(setting, points, k));
+    }
+    report.lines(
+        "springs",
+        "Swing of a free sphere on a spring without damping, 2 to 3.5 s after a tap, over the stiffness",
+        Lines::new("Free sphere on a spring", "stiffness, N m/rad", "swing, rad/s", series).log([true, true]),
     );
     Ok(())
 }
