@@ -81,6 +81,7 @@ impl Renderer {
         self.revision = Some(scene.revision());
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
+            state.memory.fit(&effect.kind);
             if state.epoch != effect.epoch {
                 *state = EffectState { epoch: effect.epoch, ..EffectState::EMPTY };
                 state.reference_revision = effect.reference_revision;
