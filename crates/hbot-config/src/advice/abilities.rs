@@ -142,6 +142,13 @@ impl Abilities {
                     damped(added)
                 )
             }
+            Why::Bounces { times } => {
+                let (name, own) = key(&[DAMPING]).unwrap_or(("damping".to_owned(), 0.0));
+                format!(
+                    "{id}: walls throw a free sphere back and forth for more than 3 s after a tap{about} {place}; set {name} = {} or more",
+                    short_up(own.max(1.0e-3) * times / gain)
+                )
+            }
             Why::Turning { speed, damping } => {
                 let reaches =
                     if speed.is_finite() { format!(" up to {} rad/s", short(speed)) } else { String::new() };
@@ -174,6 +181,7 @@ fn place(scene: &SceneFile, finding: &Finding) -> String {
         other => format!("the {}'s", other.id()),
     };
     match finding.place.spot {
+        _ if finding.away => "when it has turned away from its rest".to_owned(),
         Spot::Rest if whose == "its" => "at its rest".to_owned(),
         Spot::Rest => format!("at {whose} rest"),
         Spot::Notch => format!("in {whose} notch"),
@@ -372,12 +380,11 @@ mod tests {
         format!("[[effect]]\nid = '{id}'\nkind = '{kind}'\n{keys}\n")
     }
 
-    /// A loop with a slew limit that is out of the way keeps 2.98 N m s/rad stable on the
-    /// prototype.
+    /// The loop keeps 2.98 N m s/rad stable on the prototype, and the margin is 10 %.
     #[test]
     fn dampings_that_are_too_large_only_together_are_named_once() {
         let damping = |id: &str, damping: f64| effect(id, "damper", &format!("damping = {damping}"));
-        let (air, honey) = (damping("air", 0.9), damping("honey", 1.0));
+        let (air, honey) = (damping("air", 0.9), damping("honey", 2.2));
         assert_eq!(warnings(&air), Vec::<String>::new());
         let both = warnings(&format!("{air}{honey}"));
         assert!(both.len() == 1 && both[0].starts_with("honey: may shake the sphere"), "{both:?}");

@@ -8,6 +8,7 @@ use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 use super::held::Held;
 use super::inertia::principal;
+use super::limit::Limit;
 use super::sampled::{HOLDS, Hold, Sampled, Scene};
 
 /// Speeds of the swings by which laws are linearised, rad/s. A slower swing is not felt as shaking.
@@ -15,23 +16,43 @@ use super::sampled::{HOLDS, Hold, Sampled, Scene};
 /// damping gets weaker, such as dry friction, in the larger one. Where a sphere leans against a
 /// wall, the last speed is judged as well: it can circle along a round wall, whose damping then
 /// takes no part.
-const SPEEDS: [f64; 3] = [0.3, 1.0, 0.03];
-/// A swing of a free sphere that decays more slowly than this rings for long, 1/s: it falls to less
-/// than half in 3 s.
-const DECAY: f64 = 0.25;
+const SPEEDS: [f64; 5] = [0.2, 0.33, 0.55, 1.0, 0.03];
+/// A swing of a free sphere that decays more slowly than this rings for long, 1/s. What the count
+/// of the loop's zeros lets pass, 0.05/s, leaves 0.28/s: a swing falls to less than half in 3 s,
+/// with a margin of a tenth.
+const DECAY: f64 = 0.33;
+/// Speed that a tap gives to the sphere, rad/s.
+const TAP: f64 = 0.6;
+/// Part of its energy that a sphere has to lose in a bounce off a wall. With less, two bounces
+/// leave it more than half.
+const BOUNCE: f64 = 0.3;
+/// Damping of a sphere that flies between walls, over its inertia, 1/s. It takes a quarter of the
+/// speed in 3 s.
+const FLIES: f64 = 0.1;
+/// Part of the largest torque below which a sphere rests.
+const ENOUGH: f64 = 1.0e-2;
+/// Damping that counts as none, N m s/rad.
+const LITTLE: f64 = 1.0e-6;
+/// Angle by which a tapped sphere turns about an axis that nothing holds, before it counts as at
+/// rest, rad.
+const AWAY: f64 = 1.8;
 /// Stiffness below which a swing is too slow to be felt as ringing, N m/rad: below about 1 Hz with
 /// the inertia of a sphere.
 const SOFT: f64 = 0.1;
 /// Slowest and fastest swing by which laws are linearised, rad/s and rad per tick.
 const SLOWEST: f64 = 6.0;
 const FASTEST: f64 = 1.5;
+/// Product of the pace of a damping alone and the time by which it is late, from which it may shake
+/// the sphere.
+const QUICK: f64 = 0.4;
 /// Number of places that are judged. A scene with more has many effects of one kind.
 const MOST_PLACES: usize = 64;
 /// A scene has to be stable with its stiffness times this: for what the linear loop leaves out,
 /// such as the posture's other inertias and the encoders' counts.
 const MARGIN: f64 = 1.1;
-/// Part of a scene that is left where the torque limit cuts it off.
-const CUT_OFF: f64 = 0.3;
+/// The same for swings at the limits of the torque, whose harmonics the describing function leaves
+/// out.
+const LIMITED_MARGIN: f64 = 1.2;
 /// Cosine of half of the angle between two orientations that count as one.
 const SAME: f64 = 1.0 - 1.0e-9;
 /// Speed of a sphere that keeps turning, below which it is not felt as gaining speed, rad/s.
@@ -52,6 +73,8 @@ pub struct Finding {
     pub axis: Option<Vec3>,
     /// Who holds the sphere when it shakes.
     pub hold: Hold,
+    /// Whether the place is one to which a tapped sphere turns about an axis that nothing holds.
+    pub away: bool,
     /// Why it shakes.
     pub why: Why,
 }
@@ -84,6 +107,11 @@ pub enum Why {
         /// Damping that the effect has to add for the sphere to come to rest, N m s/rad.
         added: f64,
     },
+    /// Walls throw a free sphere back and forth for long after a tap.
+    Bounces {
+        /// Multiple of the effect's damping with which the sphere comes to rest.
+        times: f64,
+    },
     /// A sphere that keeps turning gains speed over the bumps of the scene.
     Turning {
         /// Speed that it reaches, rad/s. Infinite if nothing slows it down.
@@ -98,7 +126,7 @@ impl Why {
     fn left(&self) -> f64 {
         match self {
             Self::Stiff { stable, .. } | Self::Damped { stable, .. } => *stable,
-            Self::Rings { .. } | Self::Turning { .. } => 1.0,
+            Self::Rings { .. } | Self::Bounces { .. } | Self::Turning { .. } => 1.0,
         }
     }
 }
@@ -147,18 +175,33 @@ impl Judge {
         let holds = HOLDS.map(|hold| Held::new(&self.sampled, &hold));
         let places = self.places(scene);
         for (place, leans) in &places {
-            let speeds = if *leans { &SPEEDS[..] } else { &SPEEDS[..2] };
+            let speeds = if *leans { &SPEEDS[..] } else { &SPEEDS[..4] };
             for speed in speeds {
                 let swinging = Swinging { holds: &holds, place, speed: *speed };
-                if let Some(finding) = self.at(scene, &swinging, &mut judged, &found) {
+                if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut judged, &found) {
                     keep(&mut found, finding);
+                }
+            }
+        }
+        for (place, _) in &places {
+            let bouncing = self.bouncing(scene, place);
+            bouncing.into_iter().for_each(|finding| keep(&mut found, finding));
+        }
+        // What shakes at its own places is not looked for elsewhere.
+        for place in self.away(scene) {
+            for speed in &SPEEDS[..4] {
+                let swinging = Swinging { holds: &holds, place: &place, speed: *speed };
+                if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut judged, &found)
+                    && found.iter().all(|other| other.effect != finding.effect || other.away)
+                {
+                    keep(&mut found, Finding { away: true, ..finding });
                 }
             }
         }
         // Effects that rest at one orientation share its place. Each finding has its own effect's.
         scene.places(Quat::IDENTITY, |place| {
             let shared = |finding: &&mut Finding| {
-                finding.effect == place.effect && finding.place.q.dot(place.q).abs() > SAME
+                !finding.away && finding.effect == place.effect && finding.place.q.dot(place.q).abs() > SAME
             };
             found.iter_mut().filter(shared).for_each(|finding| finding.place = place);
         });
@@ -172,6 +215,18 @@ impl Judge {
     /// linearised effects, and their sum.
     #[must_use]
     pub fn around(&self, scene: &CompiledScene, place: &Place, speed: f64) -> (Vec<Linear>, Scene) {
+        self.around_at(scene, place, speed, SLOWEST)
+    }
+
+    /// Returns what [`around`](Self::around) returns, for swings of the pace `least` (rad/s) at
+    /// least.
+    fn around_at(
+        &self,
+        scene: &CompiledScene,
+        place: &Place,
+        speed: f64,
+        least: f64,
+    ) -> (Vec<Linear>, Scene) {
         let axes = self.sampled.axes;
         let mut pace = Vec3::splat(200.0);
         let mut parts = Vec::new();
@@ -198,7 +253,7 @@ impl Judge {
             let before = pace;
             for k in 0..3 {
                 let own = (stiffness.col(k)[k].max(0.0) / self.sampled.inertia[k]).sqrt();
-                pace[k] = own.clamp(SLOWEST, FASTEST / self.sampled.period);
+                pace[k] = own.max(least).min(FASTEST / self.sampled.period);
             }
             if (pace - before).abs().max_element() < 0.02 * pace.min_element() {
                 break;
@@ -214,86 +269,167 @@ impl Judge {
     /// Returns the first hold in which the loop does not keep `scene` stable in a swing of the
     /// speed `speed`, rad/s.
     fn shakes(&self, holds: &[Held<'_>; 3], scene: &Scene, speed: f64) -> Option<Hold> {
-        let slew = self.slew(scene, speed);
-        let stiffer = Scene { stiffness: scene.stiffness * MARGIN, ..scene.clone() };
-        let more = Scene { damping: scene.damping * MARGIN, ..stiffer.clone() };
-        // A virtual mass can keep a spring stable that is unstable once the torque limit cuts both
-        // off.
-        let cut = Scene {
-            stiffness: stiffer.stiffness * CUT_OFF,
-            damping: scene.damping * CUT_OFF,
-            masses: scene.masses.iter().map(|(mass, time)| (*mass * CUT_OFF, *time)).collect(),
+        let times = |margin: f64| {
+            let stiffer = Scene { stiffness: scene.stiffness * margin, ..scene.clone() };
+            [Scene { damping: scene.damping * margin, ..stiffer.clone() }, stiffer]
         };
+        let limit = self.limit(scene, speed);
+        let (more, most) = (times(MARGIN), limit.map(|_| times(LIMITED_MARGIN)));
         let unstable = |(held, _): &(&Held<'_>, Hold)| {
-            !held.is_stable(&stiffer, slew)
-                || !held.is_stable(&more, slew)
-                || !scene.masses.is_empty() && !held.is_stable(&cut, slew)
+            let is_stable =
+                |scenes: &[Scene; 2], limit| scenes.iter().all(|scene| held.is_stable(scene, limit));
+            !is_stable(&more, None) || most.as_ref().is_some_and(|most| !is_stable(most, limit))
         };
         holds.iter().zip(HOLDS).find(unstable).map(|(_, hold)| hold)
     }
 
-    /// Returns the delay that the slew limit adds in a swing of the speed `speed` (rad/s), s.
+    /// Returns the limits of the torque if they change what swings of the speed `speed` (rad/s)
+    /// there can be.
     ///
-    /// A torque of the amplitude T that swings by W rad/s needs T W of the slew limit R. With r = T
-    /// W/R above pi/2 it becomes a triangle, which is late by acos(pi/(2 r))/W (the describing
-    /// function of a rate limiter).
-    fn slew(&self, scene: &Scene, speed: f64) -> f64 {
-        let sampled = &self.sampled;
-        let inertia = sampled.inertia.min_element();
-        let stiffness = principal(&scene.stiffness).0.max_element().max(0.0);
-        let damping = principal(&scene.damping).0.max_element().max(0.0);
-        // The pace of a swing on the stiffness, and that at which the damping alone swings.
-        let pace = (stiffness / inertia).sqrt().max(damping / inertia).min(2.0 / sampled.lateness());
-        let torque = (speed * (damping + stiffness / pace.max(SLOWEST))).min(self.torque);
-        let part = 0.5 * PI * self.torque_rate / (torque * pace);
-        if part < 1.0 { part.acos() / pace } else { 0.0 }
+    /// A torque that is cut off at T makes at least the speed T/(J W) in a swing of the pace W. So
+    /// where W is below T/(J speed), a swing that is cut off is faster than `speed`. And a torque
+    /// that the slew limit R cuts off makes at most 4 R/(pi J W²).
+    fn limit(&self, scene: &Scene, speed: f64) -> Option<Limit> {
+        let Self { sampled, torque, torque_rate, .. } = self;
+        let most = |m: &Mat3| principal(m).0.abs().max_element();
+        let heaviest = HOLDS.iter().map(|hold| hold.inertia).fold(0.0, f64::max);
+        let slowest = torque / ((sampled.inertia.max_element() + heaviest) * speed);
+        let fastest = (4.0 * torque_rate / (PI * sampled.inertia.min_element() * speed)).sqrt();
+        let mass: f64 = scene.masses.iter().map(|(mass, _)| most(mass)).sum();
+        let (stiffness, damping) = (most(&scene.stiffness), most(&scene.damping));
+        let asked = |pace: f64| MARGIN * speed * (stiffness / pace + damping + mass * pace);
+        let binds = asked(slowest.min(fastest)) > *torque || asked(fastest) * fastest > *torque_rate;
+        binds.then_some(Limit { speed, torque: *torque, rate: *torque_rate })
+    }
+
+    /// Returns what a free sphere misses of the damping with which it comes to rest soon in
+    /// `scene`, as far as it is stiff, N m s/rad.
+    fn missing(&self, scene: &Scene) -> Mat3 {
+        let Sampled { axes, inertia, .. } = &self.sampled;
+        let (stiffness, about) = principal(&scene.stiffness);
+        let stiffness = stiffness.max(Vec3::ZERO);
+        // The part of each direction that is stiff. What is too soft to swing needs no damping.
+        let part = (stiffness / (stiffness + SOFT)).to_array().map(f64::sqrt);
+        let part = about * Mat3::from_diagonal(Vec3::from_array(part)) * about.transpose();
+        let inertia = *axes * Mat3::from_diagonal(*inertia) * axes.transpose();
+        part * inertia * part * (2.0 * DECAY)
     }
 
     /// Returns whether a free sphere swings for long in `scene` after a tap.
     fn rings(&self, free: &Held<'_>, scene: &Scene) -> bool {
-        let (stiffness, axes) = principal(&scene.stiffness);
-        let stiffness = stiffness.max(Vec3::ZERO);
-        // The part of each direction that is stiff. What is too soft to swing needs no damping.
-        let needed = axes * Mat3::from_diagonal(stiffness / (stiffness + SOFT)) * axes.transpose();
-        let damping = scene.damping - needed * (2.0 * self.sampled.inertia.min_element() * DECAY);
-        !free.is_stable(&Scene { damping, ..scene.clone() }, 0.0)
+        let damping = scene.damping - self.missing(scene);
+        // The inertia depends on the posture, so a swing may have any direction. In none may the
+        // delay take away all of its damping: K t to first order.
+        let left = scene.damping - scene.stiffness * self.late() + Mat3::IDENTITY * LITTLE;
+        let (least, axes) = principal(&left);
+        let swings = |k: usize| axes.col(k).dot(scene.stiffness * axes.col(k)) > SOFT;
+        scene.masses.is_empty() && (0..3).any(|k| least[k] < 0.0 && swings(k))
+            || !free.is_stable(&Scene { damping, ..scene.clone() }, None)
+    }
+
+    /// Returns the time by which the scene's torque is late, less the lead, s.
+    fn late(&self) -> f64 {
+        (self.sampled.lateness() - self.sampled.lead).max(0.0)
+    }
+
+    /// Returns the entry of a scene `sum` of the effects `parts` whose swing lasts for long.
+    fn ringing(&self, free: &Held<'_>, place: &Place, parts: &[Linear], sum: &Scene) -> Option<Finding> {
+        // At the edge of a wall a free sphere does not swing: it leaves.
+        if place.deeper != Vec3::ZERO || !self.rings(free, sum) {
+            return None;
+        }
+        let late = sum.stiffness * self.late();
+        let (axis, about) = largest_axis(&(self.missing(sum) + late - sum.damping));
+        let (effect, part) = largest(parts, |part| about.dot(part.stiffness * about))?;
+        // Damping as the effect damps. If that does not help, then damping about all axes.
+        let added = shape(part, about).into_iter().chain([Mat3::IDENTITY]).find_map(|shape| {
+            let more = |b: f64| Scene { damping: sum.damping + shape * b, ..sum.clone() };
+            least_damping(|b| !self.rings(free, &more(b)))
+        })?;
+        let [hold, ..] = HOLDS;
+        Some(Finding { effect, place: *place, axis, hold, away: false, why: Why::Rings { added } })
+    }
+
+    /// Returns the entry of a wall that throws a free sphere back and forth.
+    ///
+    /// A swing around the edge feels the stiffness k and the damping b. In its half inside the wall
+    /// it loses 2 pi (b - k t)/(J w) of its energy, with the time t by which the torque is late and
+    /// the wall's pace w = sqrt(2 k/J).
+    fn bouncing(&self, scene: &CompiledScene, place: &Place) -> Option<Finding> {
+        let Sampled { axes, inertia, .. } = &self.sampled;
+        let enough = ENOUGH * self.torque;
+        if place.spot != Spot::Wall || pull(scene, place).length() > enough {
+            return None;
+        }
+        let about = place.deeper;
+        let size = |m: &Mat3| about.dot(*m * about);
+        let inertia = size(&(*axes * Mat3::from_diagonal(*inertia) * axes.transpose()));
+        // A swing around the edge feels half of the wall, so inside it is faster.
+        let edge = size(&self.around(scene, place, TAP).0[place.effect].stiffness);
+        let pace = (2.0 * edge.max(0.0) / inertia).sqrt().max(SLOWEST);
+        let (parts, sum) = self.around_at(scene, place, TAP, pace);
+        let wall = &parts[place.effect];
+        let (k, b) = (size(&wall.stiffness), size(&wall.damping));
+        // Nothing else holds the sphere or slows it down on its way.
+        let others = [size(&sum.stiffness) - k, (size(&sum.damping) - b) / inertia];
+        if k < SOFT || others[0].abs() > SOFT || others[1] > FLIES || !sum.masses.is_empty() {
+            return None;
+        }
+        let late = k * self.late();
+        let energy = inertia * pace / (2.0 * PI);
+        let comes_back = |turn: f64| {
+            let there = place.rest_at(rotation::exp(about * -turn) * place.q);
+            pull(scene, &there).dot(about) > enough
+        };
+        let bounces = b - late < BOUNCE * energy && (1..=18).any(|step| comes_back(0.1 * f64::from(step)));
+        let why = Why::Bounces { times: (BOUNCE * energy + late) / b.max(1.0e-9) };
+        let [hold, ..] = HOLDS;
+        bounces.then_some(Finding {
+            effect: place.effect,
+            place: *place,
+            axis: Some(about),
+            hold,
+            away: false,
+            why,
+        })
     }
 
     fn at(
         &self,
         scene: &CompiledScene,
         swinging: &Swinging<'_>,
-        judged: &mut Vec<(Scene, f64)>,
+        least: f64,
+        judged: &mut Vec<(Scene, Option<Limit>)>,
         found: &[Finding],
     ) -> Option<Finding> {
         let Swinging { holds, place, speed } = *swinging;
-        let (parts, sum) = self.around(scene, place, speed);
-        let slew = self.slew(&sum, speed);
-        let near = |(other, its_slew): &(Scene, f64)| {
+        let (parts, sum) = self.around_at(scene, place, speed, least);
+        // A damping that is too large makes swings that are faster than those of the stiffness, and
+        // smaller.
+        let fast = principal(&sum.damping).0.max_element() / self.sampled.inertia.min_element();
+        if least == SLOWEST && fast * self.sampled.lateness() > QUICK {
+            let fast = self.at(scene, swinging, fast, judged, found);
+            if fast.is_some() {
+                return fast;
+            }
+        }
+        let limit = self.limit(&sum, speed);
+        let near = |(other, its): &(Scene, Option<Limit>)| {
             let off = |a: &Mat3, b: &Mat3| (0..3).map(|k| (a.col(k) - b.col(k)).length()).fold(0.0, f64::max);
             off(&other.stiffness, &sum.stiffness) < 1.0e-9
                 && off(&other.damping, &sum.damping) < 1.0e-9
-                && *its_slew == slew
+                && *its == limit
         };
         if judged.iter().any(near) {
             return None;
         }
-        judged.push((sum.clone(), slew));
+        judged.push((sum.clone(), limit));
         // A wall damps in one direction. While it does, it damps twice what a swing feels.
         let wall = if place.spot == Spot::Wall { parts[place.effect].damping } else { Mat3::ZERO };
         let inwards = Scene { damping: sum.damping + wall, ..sum.clone() };
         let sided = (place.spot == Spot::Wall).then(|| self.shakes(holds, &inwards, speed)).flatten();
         let Some(hold) = self.shakes(holds, &sum, speed).or(sided) else {
-            let (axis, about) = largest_axis(&sum.stiffness);
-            let (effect, part) = largest(&parts, |part| about.dot(part.stiffness * about))?;
-            let shape = shape(part, about)?;
-            let more = |b: f64| Scene { damping: sum.damping + shape * b, ..sum.clone() };
-            // At the edge of a wall a free sphere does not swing: it leaves.
-            let [free, ..] = holds;
-            let rings = place.deeper == Vec3::ZERO && self.rings(free, &sum);
-            let added = rings.then(|| least_damping(|b| !self.rings(free, &more(b)))).flatten()?;
-            let [hold, ..] = HOLDS;
-            return Some(Finding { effect, place: *place, axis, hold, why: Why::Rings { added } });
+            return self.ringing(&holds[0], place, &parts, &sum);
         };
         let stable = |scene: Scene| self.shakes(holds, &scene, speed).is_none();
         let without = Scene { stiffness: Mat3::ZERO, ..inwards };
@@ -311,7 +447,7 @@ impl Judge {
                 stable: left,
                 own: bisected(|s| stable(Scene { damping: rest + own * s, ..without.clone() })),
             };
-            return Some(Finding { effect, place: *place, axis, hold, why });
+            return Some(Finding { effect, place: *place, axis, hold, away: false, why });
         }
         // The axis about which the delay takes more damping away than the scene has.
         let (axis, about) = largest_axis(&(sum.stiffness * self.sampled.lateness() - sum.damping));
@@ -331,7 +467,7 @@ impl Judge {
                 added: least_damping(|b| stable(Scene { damping: sum.damping + shape * b, ..sum.clone() })),
             },
         };
-        Some(Finding { effect, place: *place, axis, hold, why })
+        Some(Finding { effect, place: *place, axis, hold, away: false, why })
     }
 
     /// Returns the places of the scene, each orientation once: walls also a little inside, and
@@ -353,7 +489,9 @@ impl Judge {
             }
         };
         let mut rests = Vec::new();
+        let mut here = None;
         scene.places(Quat::IDENTITY, |place| {
+            here = here.or(Some(place.rest_at(Quat::IDENTITY)));
             // Where more torque is wanted than the rig makes, the sphere does not stay.
             let rest = self.rest(scene, &place);
             if rest.is_none() || pull(scene, &place).length() <= self.torque {
@@ -369,7 +507,25 @@ impl Judge {
             rests.extend(rest);
         });
         // After the effects' own places, so that those keep their names.
-        rests.into_iter().for_each(|rest| add(rest, false));
+        let here = here.map(|here| self.rest(scene, &here).unwrap_or(here));
+        rests.into_iter().chain(here).for_each(|rest| add(rest, false));
+        all
+    }
+
+    /// Returns the places to which a sphere turns after a tap about the axes that nothing holds. A
+    /// law can be steeper there.
+    fn away(&self, scene: &CompiledScene) -> Vec<Place> {
+        let mut here = None;
+        scene.places(Quat::IDENTITY, |place| here = here.or(Some(place.rest_at(Quat::IDENTITY))));
+        let here = here.map(|here| self.rest(scene, &here).unwrap_or(here));
+        let mut all = Vec::new();
+        if let Some(here) = here.filter(|here| pull(scene, here).length() <= ENOUGH * self.torque) {
+            let (sizes, axes) = principal(&self.around(scene, &here, SPEEDS[1]).1.stiffness);
+            let free = (0..3).filter(|k| sizes[*k].abs() < SOFT).map(|k| axes.col(k));
+            let turns = free.flat_map(|axis| [axis * AWAY, axis * -AWAY]);
+            let places = turns.map(|turn| here.rest_at(rotation::exp(turn) * here.q));
+            all.extend(places.filter(|place| pull(scene, place).length() <= self.torque));
+        }
         all
     }
 
@@ -377,24 +533,24 @@ impl Judge {
     /// or finds no rest.
     #[must_use]
     pub fn rest(&self, scene: &CompiledScene, place: &Place) -> Option<Place> {
-        let enough = 1.0e-2 * self.torque;
+        let enough = ENOUGH * self.torque;
         let (mut at, mut torque) = (*place, pull(scene, place));
         if torque.length() <= enough {
             return None;
         }
-        // The steps of Levenberg and Marquardt: by the stiffness there, as long as that helps.
+        // Newton's steps by the stiffness there, as Levenberg and Marquardt shorten them: as long
+        // as they lead downhill, so that the effects do work on the way. The torque may grow.
         let mut caution = 1.0e-3;
         let mut stiffness = None;
-        for _ in 0..25 {
+        for _ in 0..60 {
             let matrix = *stiffness.get_or_insert_with(|| self.around(scene, &at, SPEEDS[0]).1.stiffness);
             let (sizes, axes) = principal(&matrix);
-            // Downhill also where the sphere rolls away, and at most a tenth of a turn.
             let size = sizes.abs() + caution * sizes.abs().max_element() + 1.0e-9;
             let step = axes * ((axes.transpose() * torque) / size);
             let step = step.clamp_length_max(0.5);
             let next = at.rest_at(rotation::exp(step) * at.q);
             let left = pull(scene, &next);
-            if left.length() < torque.length() {
+            if (torque + left).dot(step) > 0.0 {
                 (at, torque, stiffness) = (next, left, None);
                 caution = (0.2 * caution).max(1.0e-6);
             } else {
@@ -418,7 +574,7 @@ impl Judge {
     /// late. Damping takes B w² (docs/stability.md).
     fn turning(&self, scene: &CompiledScene, places: &[(Place, bool)]) -> Option<Finding> {
         let inertia = self.sampled.inertia.element_sum() / 3.0;
-        let late = (self.sampled.lateness() - self.sampled.lead).max(0.0);
+        let late = self.late();
         let mut worst: Option<(f64, Finding)> = None;
         for (place, _) in places.iter().take(6) {
             for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
@@ -434,7 +590,7 @@ impl Judge {
                     let why = Why::Turning { speed, damping: power / (slow * slow) };
                     let [hold, ..] = HOLDS;
                     let (effect, place, axis) = (place.effect, *place, Some(axis));
-                    worst = Some((power, Finding { effect, place, axis, hold, why }));
+                    worst = Some((power, Finding { effect, place, axis, hold, away: false, why }));
                 }
             }
         }

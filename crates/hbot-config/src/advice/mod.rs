@@ -13,6 +13,7 @@ mod complex;
 mod held;
 mod inertia;
 mod judge;
+mod limit;
 mod sampled;
 mod told;
 
