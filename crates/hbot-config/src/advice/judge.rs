@@ -4,8 +4,9 @@
 use std::f64::consts::PI;
 
 use hbot_core::around::{Linear, Place, Spot, Swing};
-use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
+use hbot_core::{CompiledScene, Mat3, Quat, Vec3};
 
+use super::finding::{Cure, Finding, Why, is_worst, keep};
 use super::held::Held;
 use super::inertia::principal;
 use super::limit::Limit;
@@ -16,37 +17,16 @@ use super::sampled::{HOLDS, Hold, Sampled, Scene};
 /// damping gets weaker, such as dry friction, in the larger one. Where a sphere leans against a
 /// wall, the last speed is judged as well: it can circle along a round wall, whose damping then
 /// takes no part.
-const SPEEDS: [f64; 5] = [0.2, 0.33, 0.55, 1.0, 0.03];
-/// A swing of a free sphere that decays more slowly than this rings for long, 1/s. What the count
-/// of the loop's zeros lets pass, 0.05/s, leaves 0.28/s: a swing falls to less than half in 3 s,
-/// with a margin of a tenth.
-const DECAY: f64 = 0.33;
-/// Speed that a tap gives to the sphere, rad/s.
-const TAP: f64 = 0.6;
-/// Part of its energy that a sphere has to lose in a bounce off a wall. With less, two bounces
-/// leave it more than half.
-const BOUNCE: f64 = 0.3;
-/// Damping of a sphere that flies between walls, over its inertia, 1/s. It takes a quarter of the
-/// speed in 3 s.
-const FLIES: f64 = 0.1;
-/// Part of the largest torque below which a sphere rests.
-const ENOUGH: f64 = 1.0e-2;
-/// Damping that counts as none, N m s/rad.
-const LITTLE: f64 = 1.0e-6;
-/// Angle by which a tapped sphere turns about an axis that nothing holds, before it counts as at
-/// rest, rad.
-const AWAY: f64 = 1.8;
+pub(super) const SPEEDS: [f64; 5] = [0.2, 0.33, 0.55, 1.0, 0.03];
 /// Stiffness below which a swing is too slow to be felt as ringing, N m/rad: below about 1 Hz with
 /// the inertia of a sphere.
-const SOFT: f64 = 0.1;
+pub(super) const SOFT: f64 = 0.1;
 /// Slowest and fastest swing by which laws are linearised, rad/s and rad per tick.
-const SLOWEST: f64 = 6.0;
+pub(super) const SLOWEST: f64 = 6.0;
 const FASTEST: f64 = 1.5;
 /// Product of the pace of a damping alone and the time by which it is late, from which it may shake
 /// the sphere.
 const QUICK: f64 = 0.4;
-/// Number of places that are judged. A scene with more has many effects of one kind.
-const MOST_PLACES: usize = 64;
 /// A scene has to be stable with its stiffness times this: for what the linear loop leaves out,
 /// such as the posture's other inertias and the encoders' counts.
 const MARGIN: f64 = 1.1;
@@ -54,92 +34,7 @@ const MARGIN: f64 = 1.1;
 /// out.
 const LIMITED_MARGIN: f64 = 1.2;
 /// Cosine of half of the angle between two orientations that count as one.
-const SAME: f64 = 1.0 - 1.0e-9;
-/// Speed of a sphere that keeps turning, below which it is not felt as gaining speed, rad/s.
-const TURNING: f64 = 0.5;
-/// Energy that a turning sphere gains in 10 s, below which nobody notices it, J.
-const GAIN: f64 = 1.0e-3;
-/// Number of places at which the scene is evaluated around a turn.
-const AROUND: u32 = 720;
-
-/// A place at which the loop does not keep a scene stable.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Finding {
-    /// Index of the effect that has the largest part in it.
-    pub effect: usize,
-    /// The place. It may be a place of another effect.
-    pub place: Place,
-    /// Axis about which the sphere shakes, unit vector in frame N. `None` if it may be any.
-    pub axis: Option<Vec3>,
-    /// Who holds the sphere when it shakes.
-    pub hold: Hold,
-    /// Whether the place is one to which a tapped sphere turns about an axis that nothing holds.
-    pub away: bool,
-    /// Why it shakes.
-    pub why: Why,
-}
-
-/// Why the loop does not keep a scene stable.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Why {
-    /// The stiffness is too large for the damping at the place.
-    Stiff {
-        /// Stiffness of the scene about the axis, N m/rad.
-        stiffness: f64,
-        /// Part of this stiffness that is stable with the damping of the scene, 0 to 1.
-        stable: f64,
-        /// Damping of the scene about the axis, N m s/rad.
-        damping: f64,
-        /// What would make it stable.
-        cure: Cure,
-    },
-    /// The damping acts too late and shakes the sphere instead of slowing it down.
-    Damped {
-        /// Damping of the scene about the axis, N m s/rad.
-        damping: f64,
-        /// Part of this damping that is stable, 0 to 1.
-        stable: f64,
-        /// Part of the effect's own damping with which the scene is stable, 0 to 1.
-        own: f64,
-    },
-    /// A free sphere swings for long after a tap.
-    Rings {
-        /// Damping that the effect has to add for the sphere to come to rest, N m s/rad.
-        added: f64,
-    },
-    /// Walls throw a free sphere back and forth for long after a tap.
-    Bounces {
-        /// Multiple of the effect's damping with which the sphere comes to rest.
-        times: f64,
-    },
-    /// A sphere that keeps turning gains speed over the bumps of the scene.
-    Turning {
-        /// Speed that it reaches, rad/s. Infinite if nothing slows it down.
-        speed: f64,
-        /// Damping that would keep it from gaining speed, N m s/rad.
-        damping: f64,
-    },
-}
-
-impl Why {
-    /// Returns the part of the stiffness or damping that is stable, 0 to 1.
-    fn left(&self) -> f64 {
-        match self {
-            Self::Stiff { stable, .. } | Self::Damped { stable, .. } => *stable,
-            Self::Rings { .. } | Self::Bounces { .. } | Self::Turning { .. } => 1.0,
-        }
-    }
-}
-
-/// A change of one effect that makes a scene stable.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cure {
-    /// Part of the effect's own stiffness with which the scene is stable, 0 to 1. 0 if the others
-    /// are unstable without it.
-    pub own: f64,
-    /// Damping that the effect has to add, N m s/rad. `None` if no damping helps.
-    pub added: Option<f64>,
-}
+pub(super) const SAME: f64 = 1.0 - 1.0e-9;
 
 /// A swing at a place with the speed `speed` (rad/s), and the holds in which the sphere may be.
 struct Swinging<'a> {
@@ -220,7 +115,7 @@ impl Judge {
 
     /// Returns what [`around`](Self::around) returns, for swings of the pace `least` (rad/s) at
     /// least.
-    fn around_at(
+    pub(super) fn around_at(
         &self,
         scene: &CompiledScene,
         place: &Place,
@@ -302,98 +197,6 @@ impl Judge {
         binds.then_some(Limit { speed, torque: *torque, rate: *torque_rate })
     }
 
-    /// Returns what a free sphere misses of the damping with which it comes to rest soon in
-    /// `scene`, as far as it is stiff, N m s/rad.
-    fn missing(&self, scene: &Scene) -> Mat3 {
-        let Sampled { axes, inertia, .. } = &self.sampled;
-        let (stiffness, about) = principal(&scene.stiffness);
-        let stiffness = stiffness.max(Vec3::ZERO);
-        // The part of each direction that is stiff. What is too soft to swing needs no damping.
-        let part = (stiffness / (stiffness + SOFT)).to_array().map(f64::sqrt);
-        let part = about * Mat3::from_diagonal(Vec3::from_array(part)) * about.transpose();
-        let inertia = *axes * Mat3::from_diagonal(*inertia) * axes.transpose();
-        part * inertia * part * (2.0 * DECAY)
-    }
-
-    /// Returns whether a free sphere swings for long in `scene` after a tap.
-    fn rings(&self, free: &Held<'_>, scene: &Scene) -> bool {
-        let damping = scene.damping - self.missing(scene);
-        // The inertia depends on the posture, so a swing may have any direction. In none may the
-        // delay take away all of its damping: K t to first order.
-        let left = scene.damping - scene.stiffness * self.late() + Mat3::IDENTITY * LITTLE;
-        let (least, axes) = principal(&left);
-        let swings = |k: usize| axes.col(k).dot(scene.stiffness * axes.col(k)) > SOFT;
-        scene.masses.is_empty() && (0..3).any(|k| least[k] < 0.0 && swings(k))
-            || !free.is_stable(&Scene { damping, ..scene.clone() }, None)
-    }
-
-    /// Returns the time by which the scene's torque is late, less the lead, s.
-    fn late(&self) -> f64 {
-        (self.sampled.lateness() - self.sampled.lead).max(0.0)
-    }
-
-    /// Returns the entry of a scene `sum` of the effects `parts` whose swing lasts for long.
-    fn ringing(&self, free: &Held<'_>, place: &Place, parts: &[Linear], sum: &Scene) -> Option<Finding> {
-        // At the edge of a wall a free sphere does not swing: it leaves.
-        if place.deeper != Vec3::ZERO || !self.rings(free, sum) {
-            return None;
-        }
-        let late = sum.stiffness * self.late();
-        let (axis, about) = largest_axis(&(self.missing(sum) + late - sum.damping));
-        let (effect, part) = largest(parts, |part| about.dot(part.stiffness * about))?;
-        // Damping as the effect damps. If that does not help, then damping about all axes.
-        let added = shape(part, about).into_iter().chain([Mat3::IDENTITY]).find_map(|shape| {
-            let more = |b: f64| Scene { damping: sum.damping + shape * b, ..sum.clone() };
-            least_damping(|b| !self.rings(free, &more(b)))
-        })?;
-        let [hold, ..] = HOLDS;
-        Some(Finding { effect, place: *place, axis, hold, away: false, why: Why::Rings { added } })
-    }
-
-    /// Returns the entry of a wall that throws a free sphere back and forth.
-    ///
-    /// A swing around the edge feels the stiffness k and the damping b. In its half inside the wall
-    /// it loses 2 pi (b - k t)/(J w) of its energy, with the time t by which the torque is late and
-    /// the wall's pace w = sqrt(2 k/J).
-    fn bouncing(&self, scene: &CompiledScene, place: &Place) -> Option<Finding> {
-        let Sampled { axes, inertia, .. } = &self.sampled;
-        let enough = ENOUGH * self.torque;
-        if place.spot != Spot::Wall || pull(scene, place).length() > enough {
-            return None;
-        }
-        let about = place.deeper;
-        let size = |m: &Mat3| about.dot(*m * about);
-        let inertia = size(&(*axes * Mat3::from_diagonal(*inertia) * axes.transpose()));
-        // A swing around the edge feels half of the wall, so inside it is faster.
-        let edge = size(&self.around(scene, place, TAP).0[place.effect].stiffness);
-        let pace = (2.0 * edge.max(0.0) / inertia).sqrt().max(SLOWEST);
-        let (parts, sum) = self.around_at(scene, place, TAP, pace);
-        let wall = &parts[place.effect];
-        let (k, b) = (size(&wall.stiffness), size(&wall.damping));
-        // Nothing else holds the sphere or slows it down on its way.
-        let others = [size(&sum.stiffness) - k, (size(&sum.damping) - b) / inertia];
-        if k < SOFT || others[0].abs() > SOFT || others[1] > FLIES || !sum.masses.is_empty() {
-            return None;
-        }
-        let late = k * self.late();
-        let energy = inertia * pace / (2.0 * PI);
-        let comes_back = |turn: f64| {
-            let there = place.rest_at(rotation::exp(about * -turn) * place.q);
-            pull(scene, &there).dot(about) > enough
-        };
-        let bounces = b - late < BOUNCE * energy && (1..=18).any(|step| comes_back(0.1 * f64::from(step)));
-        let why = Why::Bounces { times: (BOUNCE * energy + late) / b.max(1.0e-9) };
-        let [hold, ..] = HOLDS;
-        bounces.then_some(Finding {
-            effect: place.effect,
-            place: *place,
-            axis: Some(about),
-            hold,
-            away: false,
-            why,
-        })
-    }
-
     fn at(
         &self,
         scene: &CompiledScene,
@@ -469,162 +272,11 @@ impl Judge {
         };
         Some(Finding { effect, place: *place, axis, hold, away: false, why })
     }
-
-    /// Returns the places of the scene, each orientation once: walls also a little inside, and
-    /// where the sphere rests if the effects pull it away from a place.
-    fn places(&self, scene: &CompiledScene) -> Vec<(Place, bool)> {
-        /// Depth at which a hand leans against a wall or a spring, rad, and the part of the largest
-        /// torque with which it does so at most.
-        const LEANING: (f64, f64) = (0.01, 0.9);
-        let mut all: Vec<(Place, bool)> = Vec::new();
-        let mut add = |place: Place, leans: bool| {
-            // At the rest of one effect the others are judged as well.
-            let known = all.iter().any(|(other, _)| {
-                (other.spot == place.spot || place.spot == Spot::Rest)
-                    && other.q.dot(place.q).abs() > SAME
-                    && (place.spot == Spot::Rest || other.effect == place.effect)
-            });
-            if !known && all.len() < MOST_PLACES {
-                all.push((place, leans));
-            }
-        };
-        let mut rests = Vec::new();
-        let mut here = None;
-        scene.places(Quat::IDENTITY, |place| {
-            here = here.or(Some(place.rest_at(Quat::IDENTITY)));
-            // Where more torque is wanted than the rig makes, the sphere does not stay.
-            let rest = self.rest(scene, &place);
-            if rest.is_none() || pull(scene, &place).length() <= self.torque {
-                add(place, false);
-            }
-            if place.deeper != Vec3::ZERO {
-                let torque = pull(scene, &place.at_depth(LEANING.0)).length();
-                add(
-                    place.at_depth(LEANING.0 * (LEANING.1 * self.torque / torque).min(1.0)),
-                    place.spot == Spot::Wall,
-                );
-            }
-            rests.extend(rest);
-        });
-        // After the effects' own places, so that those keep their names.
-        let here = here.map(|here| self.rest(scene, &here).unwrap_or(here));
-        rests.into_iter().chain(here).for_each(|rest| add(rest, false));
-        all
-    }
-
-    /// Returns the places to which a sphere turns after a tap about the axes that nothing holds. A
-    /// law can be steeper there.
-    fn away(&self, scene: &CompiledScene) -> Vec<Place> {
-        let mut here = None;
-        scene.places(Quat::IDENTITY, |place| here = here.or(Some(place.rest_at(Quat::IDENTITY))));
-        let here = here.map(|here| self.rest(scene, &here).unwrap_or(here));
-        let mut all = Vec::new();
-        if let Some(here) = here.filter(|here| pull(scene, here).length() <= ENOUGH * self.torque) {
-            let (sizes, axes) = principal(&self.around(scene, &here, SPEEDS[1]).1.stiffness);
-            let free = (0..3).filter(|k| sizes[*k].abs() < SOFT).map(|k| axes.col(k));
-            let turns = free.flat_map(|axis| [axis * AWAY, axis * -AWAY]);
-            let places = turns.map(|turn| here.rest_at(rotation::exp(turn) * here.q));
-            all.extend(places.filter(|place| pull(scene, place).length() <= self.torque));
-        }
-        all
-    }
-
-    /// Returns where the sphere comes to rest if it starts at `place`, or `None` if it rests there
-    /// or finds no rest.
-    #[must_use]
-    pub fn rest(&self, scene: &CompiledScene, place: &Place) -> Option<Place> {
-        let enough = ENOUGH * self.torque;
-        let (mut at, mut torque) = (*place, pull(scene, place));
-        if torque.length() <= enough {
-            return None;
-        }
-        // Newton's steps by the stiffness there, as Levenberg and Marquardt shorten them: as long
-        // as they lead downhill, so that the effects do work on the way. The torque may grow.
-        let mut caution = 1.0e-3;
-        let mut stiffness = None;
-        for _ in 0..60 {
-            let matrix = *stiffness.get_or_insert_with(|| self.around(scene, &at, SPEEDS[0]).1.stiffness);
-            let (sizes, axes) = principal(&matrix);
-            let size = sizes.abs() + caution * sizes.abs().max_element() + 1.0e-9;
-            let step = axes * ((axes.transpose() * torque) / size);
-            let step = step.clamp_length_max(0.5);
-            let next = at.rest_at(rotation::exp(step) * at.q);
-            let left = pull(scene, &next);
-            if (torque + left).dot(step) > 0.0 {
-                (at, torque, stiffness) = (next, left, None);
-                caution = (0.2 * caution).max(1.0e-6);
-            } else {
-                caution = 5.0 * caution.max(1.0e-2);
-            }
-            if torque.length() <= enough {
-                return Some(at);
-            }
-            if caution > 1.0e6 {
-                return None;
-            }
-        }
-        None
-    }
-
-    /// Returns an entry if a sphere that keeps turning gains speed.
-    ///
-    /// A torque that depends on the angle is rendered late by t. At the speed w it then gives out
-    /// the mean power 2 t <T²>/J, with the mean square <T²> of the torque less its mean and the
-    /// inertia J: the sphere is faster where the torque has pushed it, and there the torque is
-    /// late. Damping takes B w² (docs/stability.md).
-    fn turning(&self, scene: &CompiledScene, places: &[(Place, bool)]) -> Option<Finding> {
-        let inertia = self.sampled.inertia.element_sum() / 3.0;
-        let late = self.late();
-        let mut worst: Option<(f64, Finding)> = None;
-        for (place, _) in places.iter().take(6) {
-            for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-                let turned = scene.turned(axis, place.q, Quat::IDENTITY, 1.0, AROUND);
-                let power = 2.0 * late * turned.ripple / inertia;
-                let speed =
-                    if turned.damping > 1.0e-9 { (power / turned.damping).sqrt() } else { f64::INFINITY };
-                // A sphere that never passes the highest place does not keep turning.
-                let passes = (2.0 * turned.barrier / inertia).sqrt();
-                let gains = power * 10.0 > GAIN && speed > TURNING.max(passes) && passes < self.speed;
-                if gains && worst.as_ref().is_none_or(|(most, _)| power > *most) {
-                    let slow = TURNING.max(passes);
-                    let why = Why::Turning { speed, damping: power / (slow * slow) };
-                    let [hold, ..] = HOLDS;
-                    let (effect, place, axis) = (place.effect, *place, Some(axis));
-                    worst = Some((power, Finding { effect, place, axis, hold, away: false, why }));
-                }
-            }
-        }
-        worst.map(|(_, finding)| finding)
-    }
-}
-
-/// Returns the torque of the whole scene on a sphere that rests at `place`, N m.
-fn pull(scene: &CompiledScene, place: &Place) -> Vec3 {
-    (0..scene.effects().len()).map(|i| scene.pull(i, place, Quat::IDENTITY, place.q)).sum()
-}
-
-/// Returns whether a finding about `effect` at `place`, with `left` of it stable, takes the place of
-/// the one that there is: which is at a place of another effect, or has more that is stable. So a
-/// place that another effect adds does not change what is said of this one.
-fn is_worst(found: &[Finding], effect: usize, place: &Place, left: f64) -> bool {
-    let worse = |place: &Place, left: f64| (place.effect != effect, left);
-    let other = found.iter().find(|other| other.effect == effect);
-    other.is_none_or(|other| worse(place, left) < worse(&other.place, other.why.left()))
-}
-
-/// Adds a finding, unless there is a worse one of the same effect.
-fn keep(found: &mut Vec<Finding>, finding: Finding) {
-    if is_worst(found, finding.effect, &finding.place, finding.why.left()) {
-        match found.iter_mut().find(|other| other.effect == finding.effect) {
-            Some(other) => *other = finding,
-            None => found.push(finding),
-        }
-    }
 }
 
 /// Returns the axis about which a symmetric matrix is largest, or `None` if it may be any axis; and
 /// an axis that serves for both.
-fn largest_axis(matrix: &Mat3) -> (Option<Vec3>, Vec3) {
+pub(super) fn largest_axis(matrix: &Mat3) -> (Option<Vec3>, Vec3) {
     let (sizes, axes) = principal(matrix);
     let axis = axes.col(sizes.max_position());
     // The sign of an axis means nothing.
@@ -634,13 +286,13 @@ fn largest_axis(matrix: &Mat3) -> (Option<Vec3>, Vec3) {
 
 /// Returns the stiffness of an effect, scaled so that it is 1 about the axis `about`. A damping
 /// that is added to the effect has this shape.
-fn shape(part: &Linear, about: Vec3) -> Option<Mat3> {
+pub(super) fn shape(part: &Linear, about: Vec3) -> Option<Mat3> {
     let size = about.dot(part.stiffness * about);
     (size > 0.0).then(|| part.stiffness * (1.0 / size))
 }
 
 /// Returns the part for which `about` is largest, with its index.
-fn largest(parts: &[Linear], about: impl Fn(&Linear) -> f64) -> Option<(usize, &Linear)> {
+pub(super) fn largest(parts: &[Linear], about: impl Fn(&Linear) -> f64) -> Option<(usize, &Linear)> {
     parts.iter().enumerate().max_by(|a, b| about(a.1).total_cmp(&about(b.1)))
 }
 
@@ -662,7 +314,7 @@ fn bisected(stable: impl Fn(f64) -> bool) -> f64 {
 
 /// Returns the least added damping that makes a scene stable, N m s/rad, to 2 %, or `None` if there
 /// is none.
-fn least_damping(stable: impl Fn(f64) -> bool) -> Option<f64> {
+pub(super) fn least_damping(stable: impl Fn(f64) -> bool) -> Option<f64> {
     let mut high = 1.0e-3;
     while !stable(high) {
         high *= 2.0;
