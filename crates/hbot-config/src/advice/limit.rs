@@ -26,9 +26,13 @@ impl Limit {
     /// does not reach its command before this falls again, it is a triangle with the fundamental
     /// 4/(pi s), which is late by acos(pi/(2 s)).
     pub(super) fn part(&self, asked: f64, pace: f64) -> Complex {
+        let s = asked * pace / self.rate;
+        // Far below both limits less than a thousandth is missing.
+        if asked <= self.torque && s < 0.5 {
+            return Complex::real(1.0);
+        }
         let r = (self.torque / asked).min(1.0);
         let cut = 2.0 / PI * (r.asin() + r * (1.0 - r * r).sqrt());
-        let s = asked * pace / self.rate;
         let triangle = 4.0 / (PI * s);
         // Both limits together, within a tenth.
         let size = (cut.powi(-6) + triangle.powi(-6)).powf(-1.0 / 6.0);

@@ -38,6 +38,7 @@ impl Judge {
         };
         let mut rests = Vec::new();
         let mut here = None;
+        let mut sought: Vec<(Quat, Option<Place>)> = Vec::new();
         scene.places(Quat::IDENTITY, |place| {
             here = here.or(Some(place.rest_at(Quat::IDENTITY)));
             // What an effect without stiffness and damping does to the others is nothing.
@@ -49,7 +50,9 @@ impl Judge {
                 return;
             }
             // Where more torque is wanted than the rig makes, the sphere does not stay.
-            let rest = self.rest(scene, &place);
+            let same = |(q, _): &&(Quat, Option<Place>)| q.dot(place.q).abs() > SAME;
+            let rest = sought.iter().find(same).map_or_else(|| self.rest(scene, &place), |(_, rest)| *rest);
+            sought.push((place.q, rest));
             if rest.is_none() || pull(scene, &place).length() <= self.torque {
                 add(place, false);
             }

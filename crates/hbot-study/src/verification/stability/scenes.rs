@@ -39,8 +39,8 @@ const TREMBLES: f64 = 0.05;
 /// Part of the largest torque by which a torque that still swings is felt and heard.
 const CHATTERS: f64 = 0.1;
 /// Largest share of scenes without a warning that may shake, and of warnings that may be false. A
-/// scene at random has up to eight effects over their whole ranges. Large swings at the torque
-/// limit are missed, which no linear loop describes.
+/// scene at random has up to eight effects over their whole ranges. Those are missed whose rest is
+/// not found.
 const MISSES: f64 = 2.0e-3;
 const FALSE_ALARMS: f64 = 0.05;
 /// Kinds that give out energy on purpose. Their torque is scaled to nothing, so that they change
