@@ -3,6 +3,7 @@
 //! ```text
 //! RigConfig ──> inertia ──> sampled: the loop of three axes ──> bound: springs about one axis
 //!                                │
+//! RigConfig ──> rates: noise and lag of each rate estimate, and which one is picked
 //! SceneFile ──> the laws around their places (hbot_core::around) ──> judge ──> abilities: warnings
 //! ```
 
@@ -17,6 +18,7 @@ mod judge;
 mod lasting;
 mod limit;
 mod places;
+mod rates;
 mod sampled;
 mod told;
 
@@ -24,5 +26,6 @@ pub use abilities::{Abilities, in_vain};
 pub use bound::{StiffnessBound, USUAL_DAMPING};
 pub use finding::{Cure, Finding, Why};
 pub use judge::Judge;
+pub use rates::{RateAdvice, RatePick, RateQuality};
 pub use sampled::{HOLDS, Hold, Sampled, Scene};
 pub use told::{Told, ToldLoop};
