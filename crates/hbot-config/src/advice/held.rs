@@ -5,10 +5,12 @@
 use std::cell::{Cell, RefCell};
 use std::f64::consts::PI;
 
-use hbot_core::Mat3;
+use hbot_core::{Mat3, Vec3};
 
 use super::axis::Axis;
 use super::complex::{Complex, determinant};
+use super::inertia::principal;
+use super::limit::Limit;
 use super::sampled::{Hold, Sampled, Scene};
 
 /// Growth of a swing that still counts as stable, 1/s: by a factor e in 20 s. Any friction takes
@@ -46,7 +48,9 @@ pub(super) struct Held<'a> {
 /// The responses of the three axes at one z.
 #[derive(Clone, Copy)]
 struct Point {
-    z: Complex,
+    /// Pace of a swing, rad/s: the angle of z over the period.
+    pace: f64,
+    /// 1/z.
     back: Complex,
     /// What the determinant's rows are multiplied with.
     level: Complex,
@@ -82,18 +86,22 @@ impl<'a> Held<'a> {
         (SLOWEST * sampled.period).min(0.05)
     }
 
-    /// Returns whether the loop keeps `scene` stable, if the slew limit delays the torque by `slew`
-    /// seconds in addition.
-    pub(super) fn is_stable(&self, scene: &Scene, slew: f64) -> bool {
-        let (turns, left) = self.turns(scene, slew);
+    /// Returns whether the loop keeps `scene` stable: if there is a `limit`, in all swings that are
+    /// slower than its speed.
+    ///
+    /// With the limits' describing function, a swing of one speed and pace keeps itself up where
+    /// the determinant is 0. So the determinant's turns change from one speed to another if there
+    /// is such a swing between them.
+    pub(super) fn is_stable(&self, scene: &Scene, limit: Option<Limit>) -> bool {
+        let (turns, left) = self.turns(scene, limit);
         // A determinant that could not be followed speaks for no scene.
         left > 0 && turns > -0.5 * PI
     }
 
     /// Returns the angle by which the determinant turns around the half of the region outside the
     /// unit circle in which swings are, rad, and how many points were left to compute.
-    fn turns(&self, scene: &Scene, slew: f64) -> (f64, u32) {
-        let closed = Closed::new(self.sampled, scene, slew);
+    fn turns(&self, scene: &Scene, limit: Option<Limit>) -> (f64, u32) {
+        let closed = Closed::new(self.sampled, scene, limit);
         let left = Cell::new(MOST_POINTS);
         let count = |at: Place, (circle, place): (bool, f64)| {
             left.set(left.get().saturating_sub(1));
@@ -141,7 +149,7 @@ impl<'a> Held<'a> {
         let level = if self.free { (one - back) * (one - back) } else { one };
         let responses =
             [0, 1, 2].map(|k| self.axes[k].responses(self.sampled, z).map(|response| response * level));
-        Point { z, back, level, responses }
+        Point { pace: z.angle() / self.sampled.period, back, level, responses }
     }
 }
 
@@ -178,35 +186,50 @@ fn turned(
 /// The closed loop: everything of a scene that det(I + L(z)) needs, in the rig's axes.
 struct Closed {
     period: f64,
-    slew: f64,
+    limit: Option<(Limit, [Direction; 3])>,
     stiffness: Mat3,
     damping: Mat3,
     masses: Vec<(Mat3, f64)>,
 }
 
+/// A direction of torque, with the sizes of a scene about it.
+struct Direction {
+    axis: Vec3,
+    stiffness: f64,
+    damping: f64,
+    masses: Vec<f64>,
+}
+
+impl Direction {
+    fn new(axis: Vec3, stiffness: &Mat3, damping: &Mat3, masses: &[(Mat3, f64)]) -> Self {
+        let about = |m: &Mat3| axis.dot(*m * axis);
+        let masses = masses.iter().map(|(mass, _)| about(mass)).collect();
+        Self { axis, stiffness: about(stiffness), damping: about(damping), masses }
+    }
+}
+
 impl Closed {
-    fn new(sampled: &Sampled, scene: &Scene, slew: f64) -> Self {
+    fn new(sampled: &Sampled, scene: &Scene, limit: Option<Limit>) -> Self {
         let turned = |m: &Mat3| sampled.axes.transpose() * *m * sampled.axes;
         let stiffness = turned(&scene.stiffness);
         let part = |smoothing: f64| sampled.period / (smoothing + sampled.period);
-        Self {
-            period: sampled.period,
-            slew,
-            stiffness,
-            damping: turned(&scene.damping) + stiffness * sampled.lead,
-            masses: scene.masses.iter().map(|(m, smoothing)| (turned(m), part(*smoothing))).collect(),
-        }
+        let damping = turned(&scene.damping) + stiffness * sampled.lead;
+        let masses: Vec<_> =
+            scene.masses.iter().map(|(m, smoothing)| (turned(m), part(*smoothing))).collect();
+        let limit = limit.map(|limit| {
+            let all = masses.iter().fold(stiffness * sampled.lateness() + damping, |sum, (m, part)| {
+                sum + *m * (*part / sampled.period)
+            });
+            let axes = principal(&((all + all.transpose()) * 0.5)).1;
+            (limit, [0, 1, 2].map(|k| Direction::new(axes.col(k), &stiffness, &damping, &masses)))
+        });
+        Self { period: sampled.period, limit, stiffness, damping, masses }
     }
 
     /// Returns det(I + L(z)).
     fn at(&self, point: &Point) -> Complex {
-        let Point { z, back, level, responses } = point;
+        let Point { pace, back, level, responses } = point;
         let one = Complex::real(1.0);
-        // The slew limit's delay is no whole number of ticks.
-        let late = (self.slew > 0.0).then(|| {
-            let ticks = self.slew / self.period;
-            Complex::polar(z.size().powf(-ticks), -z.angle() * ticks)
-        });
         let difference = (one - *back) * (1.0 / self.period);
         // A virtual mass resists the change of the rate since the last tick, smoothed.
         let mass = |part: f64| difference * part * (one - *back * (1.0 - part)).inverse();
@@ -225,8 +248,22 @@ impl Closed {
                 }
             }
         }
-        if let Some(late) = late {
-            m = m.map(|row| row.map(|entry| entry * late));
+        if let Some((limit, directions)) = &self.limit {
+            // The torque about each direction, times the part of it that is made.
+            let mut made = [[Complex::real(0.0); 3]; 3];
+            for direction in directions {
+                let masses = self.masses.iter().zip(&direction.masses);
+                let masses = masses.map(|((_, part), size)| mass(*part) * *size);
+                let spring = Complex { re: direction.damping, im: -direction.stiffness / *pace };
+                let asked = masses.fold(spring, |sum, mass| sum + mass).size();
+                let part = limit.part(limit.speed * asked, *pace);
+                for j in 0..3 {
+                    let of = |i: usize| m[i][j] * direction.axis[i];
+                    let about = (of(0) + of(1) + of(2)) * part;
+                    (0..3).for_each(|i| made[i][j] = made[i][j] + about * direction.axis[i]);
+                }
+            }
+            m = made;
         }
         for (k, row) in m.iter_mut().enumerate() {
             row[k] = row[k] + *level;
@@ -237,8 +274,6 @@ impl Closed {
 
 #[cfg(test)]
 mod tests {
-    use hbot_core::Vec3;
-
     use super::super::sampled::HOLDS;
     use super::*;
 
@@ -263,11 +298,11 @@ mod tests {
             for stiffness in [1.0e-3, 1.0, 1.0e3, 1.0e6] {
                 let held = turn * Mat3::from_diagonal(Vec3::X * stiffness) * turn.transpose();
                 let scene = Scene { stiffness: held, damping: held * 0.01, masses: Vec::new() };
-                let points = MOST_POINTS - free.turns(&scene, 0.0).1;
+                let points = MOST_POINTS - free.turns(&scene, None).1;
                 assert!(points < 1000, "{period} {stiffness}: {points} points");
                 // 0.01 s of damping per stiffness is more than the delay takes away.
                 if stiffness < 2.0 {
-                    assert!(free.is_stable(&scene, 0.0), "{period} {stiffness}");
+                    assert!(free.is_stable(&scene, None), "{period} {stiffness}");
                 }
             }
         }

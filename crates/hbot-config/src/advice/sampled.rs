@@ -80,7 +80,7 @@ impl Sampled {
     /// instability of the loop. It counts as stable if nothing swings there.
     #[must_use]
     pub fn is_stable(&self, scene: &Scene, hold: &Hold) -> bool {
-        Held::new(self, hold).is_stable(scene, self.slew)
+        Held::new(self, hold).is_stable(scene, None)
     }
 
     /// Returns the stiffness K (N m/rad) and the damping B (N m s/rad) with which a free sphere

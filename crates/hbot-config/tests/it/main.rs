@@ -1,6 +1,7 @@
 //! Tests of the public interface for rig and scene files: what loads, and the messages for what
 //! does not.
 
+mod advice;
 mod docs;
 mod garbage;
 mod kinds;

@@ -120,7 +120,7 @@ impl Judged {
             Why::Stiff { cure, .. } => Some(cure.own),
             // No stiffness helps.
             Why::Damped { .. } => Some(0.0),
-            Why::Rings { .. } | Why::Turning { .. } => None,
+            Why::Rings { .. } | Why::Bounces { .. } | Why::Turning { .. } => None,
         };
         let own = found.iter().filter(|finding| finding.effect == key.effect);
         Some(own.filter_map(part).reduce(f64::min))
