@@ -80,7 +80,8 @@ mod tests {
 
     #[test]
     fn what_rises_rests_or_falls_slowly_is_not_bounded() {
-        for torques in [[0.4, 0.8, 1.2], [1.0, 1.0, 1.0], [1.21, 1.2, 1.19], [0.0, 1.0, 1.0], [0.9, 0.5, 0.1]] {
+        for torques in [[0.4, 0.8, 1.2], [1.0, 1.0, 1.0], [1.21, 1.2, 1.19], [0.0, 1.0, 1.0], [0.9, 0.5, 0.1]]
+        {
             assert!(most(torques) >= torques[2].abs(), "{torques:?}");
         }
     }

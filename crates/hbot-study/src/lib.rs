@@ -11,6 +11,7 @@
 //!   - `accuracy`: error against time for every stage with a choice of methods.
 //!   - `effects`: the cost per tick of each effect and phenomenon.
 //!   - `stability`: how stiff a wall can be, and a simulated day of operation.
+//!   - `lead`: what rendering the scene ahead of its reading changes.
 //! - `research`: studies of the rig.
 //!   - `paper`: every analysis and experiment of the paper.
 //!   - `design`: the dimensions of a better Hbot.
@@ -46,7 +47,7 @@ pub use verification::callgrind::{Counter, count_worker};
 use context::{Context, Interrupted};
 use load::Load;
 use research::{design, paper};
-use verification::{accuracy, effects, stability};
+use verification::{accuracy, effects, lead, stability};
 
 /// The available studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,6 +59,8 @@ pub enum Study {
     Effects,
     /// Finds how stiff a virtual wall can be, and what stays constant over a simulated day.
     Stability,
+    /// Finds what the lead changes: borders, walls, and readings that come late.
+    Lead,
     /// Repeats every analysis and experiment of the paper, and compares the results with the values
     /// in the paper.
     Paper,
@@ -73,6 +76,7 @@ impl Study {
             Self::Accuracy => "accuracy",
             Self::Effects => "effects",
             Self::Stability => "stability",
+            Self::Lead => "lead",
             Self::Paper => "paper",
             Self::Design => "design",
         }
@@ -146,6 +150,7 @@ pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> R
         Study::Accuracy => accuracy::study(&context, options.counter.as_ref()),
         Study::Effects => effects::study(&context, options.counter.as_ref()),
         Study::Stability => stability::study(&context),
+        Study::Lead => lead::study(&context),
         Study::Paper => paper::study(&context),
         Study::Design => design::study(&context),
     };

@@ -39,10 +39,15 @@ impl Whole {
     /// Creates the loop at time 0. The simulated rig has the configuration `config` and the
     /// phenomena `phenomena`, and starts in the state `start`. `scene` is a scene file as JSON.
     pub(crate) fn new(config: &RigConfig, scene: Value, phenomena: Phenomena, start: PlantState) -> Self {
+        let simulated = SimulatedConfig { start, phenomena, ..SimulatedConfig::new(&config.rig) };
+        Self::simulated(config, scene, &simulated)
+    }
+
+    /// Creates the loop as [`new`](Self::new) does, with any settings of the simulated rig.
+    pub(crate) fn simulated(config: &RigConfig, scene: Value, simulated: &SimulatedConfig) -> Self {
         let scene =
             SceneFile::from_json(scene).unwrap_or_else(|error| unreachable!("a legal scene: {error}"));
-        let rig =
-            SimulatedRig::new(&SimulatedConfig { start, phenomena, ..SimulatedConfig::new(&config.rig) });
+        let rig = SimulatedRig::new(simulated);
         let rig = rig.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));
         Self {
             controller: Controller::new(config.rig),

@@ -4,7 +4,7 @@
 mod friction;
 mod given;
 mod guarded;
-mod lag;
+pub(crate) mod lag;
 mod linear;
 mod long;
 mod passive;
