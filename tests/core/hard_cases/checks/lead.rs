@@ -25,7 +25,7 @@ fn led(turn: Vec3) -> ReadRig {
         rig.limits.torque_rate = 1.0e4;
         rig.limits.speed = 30.0;
         rig.limits.slip = 10.0;
-        rig.limits.enable_max_angle = 3.2;
+        rig.limits.enable_max_angle = 3.1;
     });
     let mut machine = ReadRig::active_with(rig.expect("a legal rig"));
     machine.scene = spring_scene(2, turn);
@@ -81,7 +81,8 @@ fn at_half_a_turn_the_torque_has_one_direction() {
         let first = machine.run(2).state.torque;
         // The spring asks for 6.3 N m; the limit is 0.5 N m.
         assert!((first.length() - 0.5).abs() < ROUNDING, "{first}");
-        for _ in 0..20 {
+        // Rates without counts are a fault soon.
+        for _ in 0..8 {
             let torque = machine.step(|_| {}).state.torque;
             assert!((torque - first).length() < ROUNDING, "{rate}: {first} then {torque}");
         }

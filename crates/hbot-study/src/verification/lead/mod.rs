@@ -3,6 +3,7 @@
 
 mod axis;
 mod borders;
+mod kinds;
 mod plane;
 mod wall;
 
@@ -21,13 +22,14 @@ const FACTOR: f64 = 1.1;
 /// Runs the study `lead` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("lead", context.quick);
-    context.expect(3);
+    context.expect(4);
     report.say(
         "What the lead (`lead` in `[loop]`) changes: the scene is rendered at the pose that the sphere will have when the torque acts, a lead of the factor c times the delay from a reading to its torque.",
     );
     borders::study(context, &mut report)?;
     plane::study(context, &mut report)?;
     wall::study(context, &mut report)?;
+    kinds::study(context, &mut report)?;
     Ok(report)
 }
 
