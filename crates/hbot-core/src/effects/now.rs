@@ -85,6 +85,9 @@ impl Now<'_> {
     /// beyond. A lead of a constant angle does neither.
     #[inline]
     pub(crate) fn lead_at_most(&mut self, most: Real) -> bool {
+        if self.lead == 0.0 {
+            return false;
+        }
         let turn = self.motion.omega * self.lead;
         let length2 = turn.length_squared();
         let is_longer = length2 > most * most;

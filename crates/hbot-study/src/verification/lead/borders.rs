@@ -147,7 +147,7 @@ impl Case {
             hand: (grip > 0.0).then_some(hand),
             ..Phenomena::default()
         };
-        let mut whole = whole(&self.config, scene, phenomena);
+        let mut whole = whole(&self.config, scene, phenomena, MAX_STEP_NS);
         for _ in 0..whole.ticks(START_S) {
             whole.step(None);
         }
@@ -185,10 +185,9 @@ pub(super) fn rig(rate: u32, lag: f64, factor: f64) -> RigConfig {
     config
 }
 
-/// Creates the whole loop. The plant goes in steps that are far shorter than the lag of its motors.
-pub(super) fn whole(config: &RigConfig, scene: Value, phenomena: Phenomena) -> Whole {
-    let simulated =
-        SimulatedConfig { phenomena, max_step_ns: MAX_STEP_NS, ..SimulatedConfig::new(&config.rig) };
+/// Creates the whole loop. The plant goes in steps of at most `max_step_ns`.
+pub(super) fn whole(config: &RigConfig, scene: Value, phenomena: Phenomena, max_step_ns: u64) -> Whole {
+    let simulated = SimulatedConfig { phenomena, max_step_ns, ..SimulatedConfig::new(&config.rig) };
     Whole::simulated(config, scene, &simulated)
 }
 

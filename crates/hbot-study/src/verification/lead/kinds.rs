@@ -21,15 +21,15 @@ const LAG: f64 = 5.0e-4;
 /// Angular velocity of the tap, rad/s in N.
 const TAP: Vec3 = Vec3::new(0.4, -0.3, 0.35);
 /// Time from the tap to the judgement, and duration of the judgement, s.
-const SETTLE_S: f64 = 2.5;
+const SETTLE_S: f64 = 1.7;
 const JUDGE_S: f64 = 0.3;
 /// Change of the angular velocity in a tick that is a swing of some ten hertz, rad/s: root mean
 /// square. At 20 Hz it is that of an amplitude of 0.05 rad/s.
 const SWINGS: f64 = 0.005;
-/// Gains that are tried, from least to largest: a factor of 1.4 apart, so borders are known to 40 %.
-const GAINS: u32 = 24;
-const LEAST: f64 = 0.1;
-const RATIO: f64 = 1.4;
+/// Gains that are tried, from least to largest: a factor of 2 apart.
+const GAINS: u32 = 12;
+const LEAST: f64 = 0.25;
+const RATIO: f64 = 2.0;
 /// Kinds that give out energy on purpose. Nothing they do is a sign of delay.
 const ON_PURPOSE: [&str; 4] = ["constant", "pulse", "track", "vibration"];
 /// The default hand of the simulated rig, at rest.
@@ -58,7 +58,7 @@ fn rests(scene: &CompiledScene, factor: f64, hand: Option<Hand>) -> bool {
     let config = rig(1000, LAG, factor);
     let phenomena = Phenomena { motor: Some(motor(LAG)), hand, ..Phenomena::default() };
     let empty = json!({"name": "study", "effect": []});
-    let mut whole = whole(&config, empty, phenomena);
+    let mut whole = whole(&config, empty, phenomena, 250_000);
     whole.load(scene.clone());
     for _ in 0..whole.ticks(0.7) {
         whole.step(None);

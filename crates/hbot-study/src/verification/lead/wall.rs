@@ -15,7 +15,7 @@ const SPEEDS: [f64; 7] = [0.5, 1.0, 2.0, 2.5, 3.0, 4.0, 5.0];
 /// Lag of the motors, s.
 const LAG: f64 = 5.0e-4;
 /// Number of phases of the tick at which the sphere reaches the wall.
-const PHASES: u32 = 20;
+const PHASES: u32 = 10;
 /// Angle from the tap to the wall, rad, to which a part of a tick's way is added.
 const EDGE: f64 = 0.02;
 /// Largest part of its kinetic energy that a sphere may gain.
@@ -32,8 +32,8 @@ fn gain(factor: f64, stiffness: f64, speed: f64, phase: f64) -> f64 {
     }]});
     let config = rig(1000, LAG, factor);
     let phenomena = Phenomena { motor: Some(motor(LAG)), ..Phenomena::default() };
-    let mut whole = whole(&config, scene, phenomena);
-    for _ in 0..whole.ticks(0.6) {
+    let mut whole = whole(&config, scene, phenomena, 100_000);
+    for _ in 0..whole.ticks(0.55) {
         whole.step(None);
     }
     let state = PlantState { omega: Vec3::X * speed, ..*whole.rig().state() };
