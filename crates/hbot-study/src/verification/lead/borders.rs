@@ -70,11 +70,16 @@ impl Case {
     /// ```text
     /// K (sin y - W t cos y) = B W cos y        J W² = g (K cos y + (K t + B) W sin y)
     /// ```
+    ///
+    /// The torque's steps also move the rate between the readings. A sampled rate is larger by that,
+    /// by the part a = (W h/2)²/3 / (1 + (2 pi lag/h)²) of it: t and B count 1 + a times.
     fn by_formula(&self) -> f64 {
         let Sampled { period: h, lag, lead, .. } = self.sampled;
         let late = |w: f64| 1.5 * w * h + libm::atan(w * lag);
+        let steps = 2.0 * std::f64::consts::PI * lag / h;
+        let sampled = |w: f64| 1.0 + (0.5 * w * h) * (0.5 * w * h) / 3.0 / (1.0 + steps * steps);
         let stiffness = |w: f64| {
-            let y = late(w);
+            let (y, w) = (late(w), w * sampled(w));
             DAMPING * w * libm::cos(y) / (libm::sin(y) - w * lead * libm::cos(y))
         };
         // Between the frequency below which the lead outweighs the delay, and a quarter of a swing.
@@ -90,7 +95,7 @@ impl Case {
             let w = 0.5 * (low + high);
             let (k, y) = (stiffness(w), late(w));
             let gain = libm::sin(0.5 * w * h) / (0.5 * w * h) / libm::sqrt(1.0 + (w * lag) * (w * lag));
-            let pull = gain * (k * libm::cos(y) + (k * lead + DAMPING) * w * libm::sin(y));
+            let pull = gain * (k * libm::cos(y) + (k * lead + DAMPING) * w * sampled(w) * libm::sin(y));
             if self.sampled.inertia.x * w * w < pull { low = w } else { high = w }
         }
         stiffness(low)

@@ -3,6 +3,7 @@
 
 mod axis;
 mod borders;
+mod felt;
 mod kinds;
 mod plane;
 mod wall;
@@ -29,6 +30,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     borders::study(context, &mut report)?;
     plane::study(context, &mut report)?;
     wall::study(context, &mut report)?;
+    felt::study(&mut report);
     kinds::study(context, &mut report)?;
     Ok(report)
 }
