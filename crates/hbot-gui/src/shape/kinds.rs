@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DQuat, DVec3};
 use hbot_config::scene::SceneEffect;
-use hbot_core::effects::{Detents, EndStop, Freedom, Guide, Kind, Magnet, Pendulum, Snaps};
+use hbot_core::effects::{Detents, EndStop, Freedom, Guide, Kind, Knocking, Magnet, Pendulum, Snaps};
 
 use super::dial::{Ring, off};
 use super::round::{About, LIFT, between};
@@ -25,15 +25,19 @@ const MOST_NOTCHES: u16 = 240;
 pub(super) fn draw(pen: &mut Pen<'_>, effect: &SceneEffect) {
     let id = effect.id();
     match effect.kind() {
-        Kind::EndStop(stop) => end_stop(pen, stop, id),
-        Kind::Detents(dial) => detents(pen, dial, effect.numbers(), id),
+        Kind::EndStop(stop) | Kind::KnockingEndStop(Knocking { law: stop, .. }) => end_stop(pen, stop, id),
+        Kind::Detents(dial) | Kind::KnockingDetents(Knocking { law: dial, .. }) => {
+            detents(pen, dial, effect.numbers(), id)
+        }
         Kind::Pulse(pulse) if pulse.count > 0 => {
             let ring = Ring::new(pen, pulse.axis, RINGS[3]);
             ring.draw(pen, Role::Place, id);
             let width = PI / f64::from(pulse.count);
             evenly(pulse.count).for_each(|angle| ring.notch(pen, angle, off(ring.psi, angle).abs() < width));
         }
-        Kind::Snaps(snaps) => orientations(pen, snaps, effect.numbers(), id),
+        Kind::Snaps(snaps) | Kind::KnockingSnaps(Knocking { law: snaps, .. }) => {
+            orientations(pen, snaps, effect.numbers(), id)
+        }
         Kind::Guide(guide) => guide_shape(pen, guide, id),
         Kind::Magnet(magnet) => magnet_shape(pen, magnet, id),
         Kind::Pendulum(pendulum) => weight(pen, pendulum, id),

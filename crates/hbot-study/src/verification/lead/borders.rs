@@ -14,7 +14,7 @@ use super::{DAMPING, motor};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::verification::stability::lag::{spectral_radius, step};
-use crate::whole::{Whole, prototype};
+use crate::whole::{Whole, prototype, scene_of};
 
 /// Rates of the loop, Hz, and lags of the motors, s.
 const LOOPS: [(u32, f64); 3] = [(1000, 5.0e-4), (1000, 1.0e-4), (4000, 5.0e-4)];
@@ -193,7 +193,7 @@ pub(super) fn rig(rate: u32, lag: f64, factor: f64) -> RigConfig {
 /// Creates the whole loop. The plant goes in steps of at most `max_step_ns`.
 pub(super) fn whole(config: &RigConfig, scene: Value, phenomena: Phenomena, max_step_ns: u64) -> Whole {
     let simulated = SimulatedConfig { phenomena, max_step_ns, ..SimulatedConfig::new(&config.rig) };
-    Whole::simulated(config, scene, &simulated)
+    Whole::simulated(config, scene_of(scene), &simulated)
 }
 
 pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
