@@ -19,7 +19,7 @@ fn tables(page: &str) -> Vec<(String, String)> {
     let described =
         |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
     if page == EFFECTS {
-        return kinds().into_iter().map(|kind| described(kind.name.to_owned(), kind)).collect();
+        return effects();
     }
     let rig = RigConfig::schema();
     let section = |name: &str| &rig["properties"][name];
@@ -41,6 +41,24 @@ fn tables(page: &str) -> Vec<(String, String)> {
         all.push((name.to_owned(), rows(table)));
     }
     all.extend(phenomena().into_iter().map(|it| described(format!("simulate.{}", it.name), it)));
+    all
+}
+
+/// Generates the tables of docs/effects.md: one of the keys that are alike in all kinds of effects,
+/// and one for each kind with its other keys.
+fn effects() -> Vec<(String, String)> {
+    let tables: Vec<String> = kinds().iter().map(|kind| rows(&kind.schema)).collect();
+    let in_all = |line: &str| tables.iter().all(|table| table.lines().any(|other| other == line));
+    let alike: String =
+        tables[0].lines().filter(|line| in_all(line)).map(|line| format!("{line}\n")).collect();
+    let own = |(kind, table): (Listed, &String)| {
+        let is_own = |(at, line): &(usize, &str)| *at < 2 || !in_all(line);
+        let rows: String =
+            table.lines().enumerate().filter(is_own).map(|(_, line)| format!("{line}\n")).collect();
+        (kind.name.to_owned(), format!("{}\n\n{rows}", kind.description))
+    };
+    let mut all = vec![("every kind".to_owned(), alike)];
+    all.extend(kinds().into_iter().zip(&tables).map(own));
     all
 }
 
