@@ -93,7 +93,7 @@ pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<Pa
 
 /// The columns before those of the joints, in SI units except for times in us. Each has the meaning
 /// of the field of state messages in docs/api.md. A field that is null there is an empty cell.
-const COLUMNS: [&str; 28] = [
+const COLUMNS: [&str; 29] = [
     "tick",
     "t",
     "mode",
