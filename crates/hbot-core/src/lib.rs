@@ -114,6 +114,7 @@ mod encoder;
 #[cfg(feature = "exact")]
 mod exact;
 mod fades;
+mod falling;
 mod heat;
 pub mod impedance;
 pub mod inputs;

@@ -16,6 +16,7 @@ use crate::count::{Any, Count, Two};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
 use crate::fades::Fades;
+use crate::falling::Falling;
 use crate::heat::Heat;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::joints::Joints;
@@ -102,6 +103,8 @@ pub struct Controller {
     /// What counts of the energy for the passivity controller. `None` if all of it counts, or if the
     /// rig has no passivity controller.
     ledger: Option<Ledger>,
+    /// How early the torque falls. `None` without a lead, and in older recordings.
+    falling: Option<Falling>,
 }
 
 impl Controller {
@@ -123,6 +126,7 @@ impl Controller {
             guard: rig.methods.passivity.map(Guard::new),
             burst: rig.limits.energy.map(Burst::new),
             lead: Lead::new(&rig),
+            falling: rig.lead.map(|_| Falling::NONE),
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             rig,
             orientation: Orientation::new(),

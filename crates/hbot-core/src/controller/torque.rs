@@ -154,7 +154,8 @@ impl Controller {
             } else {
                 (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
             };
-            let (torque, share) = self.stream.added_to(rendered, limits.torque);
+            let most = if self.falling.is_some() { self.falls_to(rendered, reach) } else { limits.torque };
+            let (torque, share) = self.stream.added_to(rendered, most);
             let offset = if self.fades == Fades::Over {
                 let offset = self.blend.added(torque * gain, before, limits.torque);
                 self.blend.fade(dt, 1.0);
@@ -285,6 +286,15 @@ impl Controller {
     fn led(&mut self, measured: Motion, tick: u64) -> Motion {
         let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };
         lead.of(measured, (tick as u32).wrapping_sub(answered))
+    }
+
+    /// Returns the largest torque from which the torque can fall with that of the scene, N m.
+    /// `rendered` is the torque of the scene, and `reach` the slew limit, N m in a tick.
+    #[inline(never)]
+    fn falls_to(&mut self, rendered: Vec3, reach: Real) -> Real {
+        let limit = self.rig.limits.torque;
+        let sum = rendered + self.stream.torque();
+        self.falling.as_mut().map_or(limit, |falling| falling.most(sum, reach, limit))
     }
 
     /// Returns what the effects need to know of the time, if they advance by `dt` seconds.
