@@ -10,6 +10,8 @@ mod abilities;
 mod bound;
 mod complex;
 mod inertia;
+#[cfg(feature = "info")]
+mod info;
 mod judge;
 mod sampled;
 mod told;

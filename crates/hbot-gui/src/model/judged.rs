@@ -1,7 +1,7 @@
 //! What the rig keeps stable of the scene that the user sees, by the computation of the server.
 
 use hbot_api::InfoOk;
-use hbot_config::advice::{Abilities, Finding, Told, ToldLoop, Why};
+use hbot_config::advice::{Abilities, Finding, Told, Why};
 use hbot_config::{RunningScene, SceneFile};
 use serde_json::Value;
 
@@ -49,7 +49,7 @@ impl Key<'_> {
 impl Judged {
     /// Takes what the server tells of its rig.
     pub(crate) fn take(&mut self, info: &InfoOk) {
-        let told = told(info);
+        let told = Told::from(info);
         if self.told.as_ref().is_none_or(|(known, _)| *known != told) {
             *self = Self { told: Some((told.clone(), Abilities::told(told))), ..Self::default() };
         }
@@ -124,28 +124,5 @@ impl Judged {
         };
         let own = found.iter().filter(|finding| finding.effect == key.effect);
         Some(own.filter_map(part).reduce(f64::min))
-    }
-}
-
-/// Returns the numbers by which the server judges scenes.
-fn told(info: &InfoOk) -> Told {
-    let sampled = info.render.as_ref().and_then(|render| render.sampled.as_ref());
-    Told {
-        rate_hz: info.rig.rate_hz,
-        simulated: info.rig.simulated,
-        torque: info.limits.torque,
-        torque_rate: info.limits.torque_rate,
-        speed: info.limits.speed,
-        passive: info.limits.passivity.is_some(),
-        sampled: sampled.map(|told| ToldLoop {
-            delay: told.delay_ticks,
-            lag: told.lag_s,
-            lead: told.lead_s,
-            slew: told.slew_s,
-            rate_lag: told.rate_lag_s,
-            taps: told.rate_weights.clone(),
-            inertia: told.inertia,
-            axes: told.axes,
-        }),
     }
 }

@@ -291,12 +291,9 @@ mod tests {
     fn panel(stiffness: f64, damping: f64, tells_loop: bool) -> Model {
         let rig = RigConfig::prototype();
         let bound = StiffnessBound::of(&rig).expect("legal inertias");
-        let told = ToldLoop::of(bound.sampled());
-        let told = json!({"delay_ticks": told.delay, "lag_s": told.lag, "lead_s": told.lead,
-            "slew_s": told.slew, "rate_lag_s": told.rate_lag, "rate_weights": told.taps,
-            "inertia": told.inertia, "axes": told.axes});
+        let told = hbot_api::LoopInfo::from(ToldLoop::of(bound.sampled()));
         let render = json!({"stiffness_stable": bound.stable(USUAL_DAMPING),
-            "stiffness_most": bound.most()[0], "loop": if tells_loop { told } else { Value::Null }});
+            "stiffness_most": bound.most()[0], "loop": tells_loop.then_some(told)});
         let limits = &rig.rig.limits;
         let scene = json!({"name": "S", "effect": [{"id": "s", "kind": "spring", "gain": 1.0,
             "anchor": "here", "stiffness": stiffness, "damping": damping}]});
