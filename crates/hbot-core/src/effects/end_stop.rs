@@ -11,6 +11,7 @@ use super::geometry::{Dial, SWING_FADE, Swing, Turns};
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
+use crate::outline::Outline;
 use crate::real::{PI, Quat, Real, Vec3};
 use crate::rotation::{exp, shortest};
 
@@ -136,6 +137,16 @@ impl Law for EndStop {
         }
         for (side, end) in [-1.0, 1.0].into_iter().zip(self.twist.into_iter().flatten()) {
             visit(Spot::Wall, exp(self.axis * end), self.axis * side, Turns::at(end));
+        }
+    }
+
+    fn outline<'a>(&self, _: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        let axis = self.axis;
+        if let Some(angle) = self.cone {
+            visit(Outline::Cone { axis, angle });
+        }
+        if let Some(range) = self.twist {
+            visit(Outline::Twist { axis, range });
         }
     }
 }

@@ -5,6 +5,8 @@ use hbot_config::advice::{Abilities, Finding, Told, Why};
 use hbot_config::{RunningScene, SceneFile};
 use serde_json::Value;
 
+use super::reach::{Reach, reach};
+
 /// A border is computed to this part of it.
 const RESOLUTION: f64 = 0.03;
 /// Below this stiffness a border is 0, N m/rad: it could not be seen on a slider, and without
@@ -17,6 +19,8 @@ const NOTHING: f64 = 0.2;
 pub(crate) struct Judged {
     told: Option<(Told, Abilities)>,
     warned: Option<(Value, Vec<String>)>,
+    /// Where an effect of a scene, given by its index, reaches a limit of the torque, N m.
+    reached: Option<((Value, usize, f64), Option<Reach>)>,
     /// The scenes whose borders are known, the last one first. The stiffness in question is null in
     /// them, because its border does not depend on it.
     borders: Vec<(Value, Option<f64>)>,
@@ -65,6 +69,20 @@ impl Judged {
             self.warned = Some((scene.clone(), warnings.unwrap_or_default()));
         }
         self.warned.as_ref().map_or(&[], |(_, warnings)| warnings)
+    }
+
+    /// Returns where the effect with the index `effect` of `scene` reaches the torque `limit`, N m.
+    /// Returns `None` if it has no torque at rest, or if the panel does not know the scene.
+    pub(crate) fn reach(&mut self, scene: &Value, effect: usize, limit: f64) -> Option<Reach> {
+        let is_known =
+            |(known, of, to): &(Value, usize, f64)| known == scene && (*of, *to) == (effect, limit);
+        if let Some((_, reached)) = self.reached.as_ref().filter(|(known, _)| is_known(known)) {
+            return *reached;
+        }
+        let file = SceneFile::from_json(scene.clone()).ok();
+        let found = file.and_then(|file| reach(&RunningScene::new().load(file), effect, limit));
+        self.reached = Some(((scene.clone(), effect, limit), found));
+        found
     }
 
     /// Returns the largest stiffness at `key` with which the loop keeps `scene` stable, in the unit

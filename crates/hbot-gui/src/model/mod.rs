@@ -32,7 +32,6 @@ pub(crate) use history::{History, SPAN_S, thinned};
 pub(crate) use judged::{Judged, Key};
 pub(crate) use marks::{Mark, Marks, What};
 pub(crate) use messages::{Messages, Weight};
-pub(crate) use reach::reach;
 pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 pub(crate) use stop::{PendingStop, has_torque};
