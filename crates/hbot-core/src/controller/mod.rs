@@ -99,6 +99,9 @@ pub struct Controller {
     /// How far ahead of its reading the scene is rendered. `None` if it is rendered at the measured
     /// pose.
     lead: Option<Lead>,
+    /// What the guard against shaking knows of stored energy. All bits zero: nothing, as in older
+    /// recordings.
+    shaking_stored: shaking::Stored,
 }
 
 impl Controller {
@@ -145,6 +148,7 @@ impl Controller {
             client: None,
             fades: Fades::Running,
             shaking: shaking::Guard::OFF,
+            shaking_stored: shaking::Stored::OFF,
         }
     }
 
@@ -153,6 +157,7 @@ impl Controller {
     #[must_use]
     pub fn with_shaking_guard(mut self, on: bool) -> Self {
         self.shaking.switch(on);
+        self.shaking_stored.switch(on);
         self
     }
 
@@ -246,7 +251,8 @@ impl Controller {
         self.orientation.advance(step.turn);
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
         if self.shaking.suspects() {
-            self.shaking.attribute(step.answered[0], step.answered[1], step.turn);
+            let stored = &mut self.shaking_stored;
+            self.shaking.attribute(stored, step.answered[0], step.answered[1], step.turn);
         }
         if let Some(guard) = &mut self.guard {
             guard.add(given);
