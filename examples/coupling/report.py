@@ -17,7 +17,7 @@ from .study import DAMPING, LAG, SETTINGS
 NAMES = {
     "off": "no bound",
     "fast": "no bound, `reference_rate` 100 rad/s",
-    "passivity": "`passivity = true`",
+    "passivity": "`passivity = { strict = true }`",
     "limit": "`limits.energy`: 10 mJ, 20 mW",
 }
 INK, PALE, HOT = "#1f4e79", "#7f7f7f", "#c0392b"

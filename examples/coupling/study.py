@@ -42,10 +42,14 @@ QUIET = 0.004
 MAX_JITTER = 0.003
 """Jitter above which a trial is repeated, s: most of what a busy machine adds for some ticks."""
 SETTINGS: dict[str, dict[str, str]] = {
-    "off": {},
-    "fast": {"reference_rate = 2 ": "reference_rate = 100 "},
-    "passivity": {"passivity = false": "passivity = true"},
+    "off": {"passivity = true": "passivity = false"},
+    "fast": {
+        "passivity = true": "passivity = false",
+        "reference_rate = 2 ": "reference_rate = 100 ",
+    },
+    "passivity": {"passivity = true": "passivity = { strict = true }"},
     "limit": {
+        "passivity = true": "passivity = false",
         "\nslip = 0.05 ": "\nenergy = { burst = 0.01, power = 0.02 }\nslip = 0.05 ",
     },
 }

@@ -48,7 +48,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     )?;
     if let Some(passivity) = limits.passivity {
         say!(
-            "  passivity  at most {} J more than the hand put in, of which at most {} J are stored, by up to {} N m s/rad of damping",
+            "  passivity  damps what delay creates beyond {} J, with a store of {} J, by up to {} N m s/rad",
             number(passivity.allowance),
             number(passivity.store),
             number(passivity.damping)

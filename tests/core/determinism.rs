@@ -179,7 +179,7 @@ fn a_hundred_thousand_ticks_give_the_same_bits_on_every_machine() {
 fn rigs_with_more_stages() -> [Rig; 3] {
     let [plain, weak, slippery] = rigs();
     let with = |rig: Rig, rate, path, damping| {
-        let passivity = Some(PassivityLimit { damping, ..PassivityLimit::of(&rig.device, 1e-3) });
+        let passivity = Some(PassivityLimit { damping, ..PassivityLimit::strict(&rig.device, 1e-3) });
         altered(&rig, |rig| {
             rig.methods =
                 Methods { odometry: OdometryMethod::Magnus4, path, rate, passivity, ..Methods::BALANCED };

@@ -53,7 +53,7 @@ fn slew_starts_at_the_torque_that_was_sent_even_if_more_was_wanted() {
 fn damping_of_the_passivity_controller_stays_within_the_limit_of_torque() {
     let rig = altered(&rig(), |rig| {
         (rig.limits.torque, rig.limits.torque_rate) = (0.4, 1e4);
-        let limit = PassivityLimit::of(&rig.device, DT);
+        let limit = PassivityLimit::strict(&rig.device, DT);
         rig.methods.passivity = Some(PassivityLimit { damping: 0.5, ..limit });
     });
     let mut bench = Bench::active(rig, CompiledScene::empty());
@@ -77,7 +77,7 @@ fn damping_of_the_passivity_controller_stays_within_the_limit_of_torque() {
 fn damping_is_computed_from_the_torque_that_is_sent() {
     let rig = altered(&rig(), |rig| {
         (rig.limits.torque, rig.limits.torque_rate) = (0.4, 1e4);
-        let limit = PassivityLimit::of(&rig.device, DT);
+        let limit = PassivityLimit::strict(&rig.device, DT);
         rig.methods.passivity = Some(PassivityLimit { allowance: 0.035, ..limit });
     });
     let mut bench = Bench::active(rig, constant(1, Vec3::X * 0.4));

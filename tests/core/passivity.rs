@@ -2,12 +2,14 @@
 //! oscillates without it and comes to rest with it (physics notes, section 9).
 
 use crate::bench::{altered, effect, rig, spring};
+use crate::effects::vibration;
 use hbot_core::device::MAX_JOINTS;
-use hbot_core::effects::{Anchor, Damper, Kind};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
+use hbot_core::effects::{Anchor, Constant, Damper, Detents, Frame, Kind, Target, Texture, Wave};
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
 use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::State;
-use hbot_core::rig::{PassivityLimit, RateEstimate, Rig};
+use hbot_core::render::Renderer;
+use hbot_core::rig::{LeadTime, PassivityLimit, RateEstimate, Rig};
 use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
@@ -32,6 +34,8 @@ pub struct Loop {
     pub motion: PlantState,
     grip: Option<Grip>,
     held: [f64; MAX_JOINTS],
+    /// Viscous damping of the rig itself, N m s/rad.
+    own: f64,
     tick: u64,
     pub rig: Rig,
     /// Energy that the motors have delivered, J: the sum over joints of the held torque times the
@@ -50,6 +54,7 @@ impl Loop {
             motion: PlantState::default(),
             grip: None,
             held: [0.0; MAX_JOINTS],
+            own: OWN,
             tick: 1,
             rig,
             given: 0.0,
@@ -85,7 +90,7 @@ impl Loop {
         for j in 0..4 {
             reading.counts[j] = (angles[j] / self.rig.joints[j].radians_per_count()).floor() as i32;
         }
-        let own = SpringDamper { stiffness: 0.0, damping: OWN, reference: Quat::IDENTITY };
+        let own = SpringDamper { stiffness: 0.0, damping: self.own, reference: Quat::IDENTITY };
         let time = self.tick as f64 * DT;
         match self.grip {
             None => self.plant.step(Method::Rk4, &mut self.motion, time, DT, &self.held, &own),
@@ -215,4 +220,152 @@ fn what_was_dissipated_before_buys_no_more_than_the_store() {
         assert!(run.most < 2.2 * store, "{} J of a store of {store} J", run.most);
         assert!(torque < 0.1 && rate < 0.1, "{store}: {torque} N m, {rate} rad/s");
     }
+}
+
+/// Returns a spring at half the border of its own damping, a constant torque and a vibration. The
+/// spring rests 0.4 rad away, so it gives out energy that nobody put in.
+fn on_purpose() -> CompiledScene {
+    let turned = hbot_core::rotation::exp(Vec3::new(0.1, 0.3, -0.2));
+    let effects = [
+        effect(0, 1, spring(3.0, 0.01, turned, Anchor::Absolute)),
+        effect(1, 2, Kind::Constant(Constant { torque: Vec3::X * 0.1, frame: Frame::World })),
+        effect(2, 3, Kind::Vibration(vibration(Wave::Sine))),
+    ];
+    CompiledScene::new(1, &effects).unwrap()
+}
+
+#[test]
+fn energy_that_a_scene_gives_out_on_purpose_is_not_damped() {
+    let [mut with, mut without] =
+        [guarded(RateEstimate::Controller), altered(&rig(), |rig| rig.limits.slip = 10.0)]
+            .map(|rig| Loop::new(rig, on_purpose()));
+    for _ in 0..3000 {
+        assert_eq!(with.step(None), without.step(None));
+    }
+    assert!(with.most > 0.05, "{} J", with.most);
+    // If all energy counts, it is damped.
+    let strict = altered(&guarded(RateEstimate::Controller), |rig| {
+        rig.methods.passivity = Some(PassivityLimit::strict(&rig.device, DT));
+    });
+    let mut strict = Loop::new(strict, on_purpose());
+    assert!((0..3000).any(|_| strict.step(None).damping > 0.0));
+}
+
+#[test]
+fn a_free_sphere_gains_no_energy_from_notches_and_bumps() {
+    let target = Target::N;
+    let kinds = [
+        Kind::Detents(Detents {
+            target,
+            axis: Vec3::Z,
+            strength: 0.9,
+            width: 1.0,
+            count: 30,
+            end_stiffness: 0.0,
+            damping: 0.0,
+        }),
+        Kind::Texture(Texture { at: Vec3::X, wave_number: 40.0, depth: 0.2 }),
+    ];
+    for kind in kinds {
+        let scene = CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap();
+        let gained = |rig: Rig| {
+            let mut run = Loop::new(rig, scene.clone());
+            run.own = 0.0;
+            run.motion.omega = TAP;
+            // Motion and the effect's own energy together, J.
+            let effects = Renderer::new(&run.rig);
+            let held = |run: &Loop| {
+                run.plant.energy(&run.motion) + effects.energy(&run.scene, run.motion.q).unwrap_or(0.0)
+            };
+            let before = held(&run);
+            (0..10_000).fold(0.0, |most: f64, _| {
+                run.step(None);
+                most.max(held(&run) - before)
+            })
+        };
+        let (with, without) = (
+            gained(guarded(RateEstimate::Controller)),
+            gained(altered(&rig(), |rig| rig.limits.slip = 10.0)),
+        );
+        println!("{kind:?}: {with:e} J, {without:e} J without");
+        // The allowance, and what the prediction of a tick misses.
+        assert!(with < 1.0e-3 + 0.2e-3, "{with} J");
+        assert!(without > 10.0 * with, "{without} J");
+    }
+}
+
+/// Returns `rig` with a lead that takes the whole delay of [`Loop`] out: a tick, and half of the
+/// time for which the torque is held.
+fn leading(rig: &Rig) -> Rig {
+    altered(rig, |rig| rig.lead = Some(LeadTime { factor: 1.0, longest: 0.01 }))
+}
+
+#[test]
+fn what_a_lead_takes_out_of_the_loop_is_no_energy_given_out() {
+    // Six times the border without a lead, and stable with it.
+    let kind = spring(6.0 * BORDER, 0.0, Quat::IDENTITY, Anchor::Absolute);
+    let scene = CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap();
+    let bare = altered(&rig(), |rig| rig.limits.slip = 10.0);
+    let [mut with, mut without] =
+        [guarded(RateEstimate::Controller), bare].map(|rig| Loop::new(leading(&rig), scene.clone()));
+    [&mut with, &mut without].into_iter().for_each(|run| run.motion.omega = TAP);
+    for _ in 0..5000 {
+        let state = with.step(None);
+        assert_eq!(state, without.step(None));
+    }
+    assert!(with.motion.omega.length() < 0.05, "{} rad/s", with.motion.omega);
+    // Without the lead the stage has to act.
+    let mut late = Loop::new(guarded(RateEstimate::Controller), scene);
+    late.motion.omega = TAP;
+    assert!((0..3000).any(|_| late.step(None).damping > 0.0));
+}
+
+#[test]
+fn a_spring_too_stiff_even_for_its_lead_comes_to_rest_with_both() {
+    for times in [90.0, 120.0] {
+        let bare = altered(&rig(), |rig| rig.limits.slip = 10.0);
+        let mut run = Loop::new(leading(&bare), stiff(times));
+        run.motion.omega = TAP;
+        let state = run.run(3000);
+        assert!(state.mode == Mode::Fault || run.largest(500).1 > 2.0, "{times}: {}", run.motion.omega);
+        let mut run = Loop::new(leading(&guarded(RateEstimate::Controller)), stiff(times));
+        run.motion.omega = TAP;
+        run.run(3000);
+        let (torque, rate) = run.largest(500);
+        assert!(torque < 0.1 && rate < 0.1, "{times}: {torque} N m, {rate} rad/s");
+    }
+}
+
+#[test]
+fn a_swing_that_nothing_damps_dies_out_instead_of_staying_at_the_allowance() {
+    for times in [3.0, 30.0] {
+        let mut run = Loop::new(guarded(RateEstimate::Controller), stiff(times));
+        run.own = 0.0;
+        run.motion.omega = TAP;
+        run.run(6000);
+        let rate = run.largest(500).1;
+        // The energy of the allowance alone is a swing of 0.77 rad/s.
+        assert!(rate < 0.1, "{times}: {rate} rad/s");
+    }
+}
+
+#[test]
+fn a_spring_too_stiff_is_damped_while_its_reference_moves_too() {
+    const TURNS: Vec3 = Vec3::new(0.0, 0.0, 1.0);
+    let swing = |rig: Rig| {
+        let mut run = Loop::new(rig, stiff(20.0));
+        let mut most = 0.0_f64;
+        for k in 0..3000_u32 {
+            let q = hbot_core::rotation::exp(TURNS * (DT * f64::from(k)));
+            let stamp = Stamp::default();
+            run.step(Some(Command::Reference { slot: 0, epoch: 1, q, omega: TURNS, valid_ticks: 20, stamp }));
+            if k >= 2500 {
+                most = most.max((run.motion.omega - TURNS).length());
+            }
+        }
+        most
+    };
+    let bare = swing(altered(&rig(), |rig| rig.limits.slip = 10.0));
+    let rate = swing(guarded(RateEstimate::Controller));
+    assert!(bare > 2.0 && rate < 0.3, "{bare} rad/s without, {rate} rad/s with the stage");
 }

@@ -53,12 +53,12 @@ fn info_shows_the_limits_of_energy_rounded_for_people() {
     let path = patient_rig(state.path());
     let rig = std::fs::read_to_string(&path).expect("readable");
     let limited =
-        rig.replace("passivity = false ", "passivity = { allowance = 0.1, store = 0.3000000000000004 } ");
+        rig.replace("passivity = true ", "passivity = { allowance = 0.1, store = 0.3000000000000004 } ");
     assert_ne!(rig, limited, "the prototype's passivity is written otherwise");
     std::fs::write(&path, limited).expect("written");
     let server = Process::start(&["--rig", &path], state.path());
     run(&server, &["info"]).success().stdout(contains(
-        "at most 0.1 J more than the hand put in, of which at most 0.3 J are stored, by up to ",
+        "damps what delay creates beyond 0.1 J, with a store of 0.3 J, by up to ",
     ));
 }
 

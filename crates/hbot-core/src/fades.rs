@@ -44,6 +44,8 @@ pub(crate) enum Fades {
 pub(crate) struct Parts {
     /// Sum of the torques of the effects that do not fade, N m.
     pub(crate) full: Vec3,
+    /// Sum of the torques of the elastic effects with their fade factors, before the limit, N m.
+    pub(crate) elastic: Vec3,
     len: usize,
     fading: [Part; MAX_EFFECTS],
 }
@@ -72,7 +74,7 @@ impl Part {
 impl Parts {
     pub(crate) const NONE: Self = {
         let none = Part { torque: Vec3::ZERO, leaving: false, factor: 0.0, next: 0.0 };
-        Self { full: Vec3::ZERO, len: 0, fading: [none; MAX_EFFECTS] }
+        Self { full: Vec3::ZERO, elastic: Vec3::ZERO, len: 0, fading: [none; MAX_EFFECTS] }
     };
 
     /// Adds the torque of an effect, N m, without its fade factor. `time` is the time step of the
@@ -80,6 +82,9 @@ impl Parts {
     pub(crate) fn add(&mut self, effect: &Effect, state: &EffectState, torque: Vec3, time: Real) {
         let factor = factor(effect, state);
         let next = factor_after(effect, state, time);
+        if effect.kind.is_elastic() {
+            self.elastic += torque * factor;
+        }
         if factor == 1.0 && next == 1.0 {
             self.full += torque;
             return;
@@ -171,7 +176,7 @@ impl Parts {
 }
 
 /// Returns the fade factor of an effect, 0 to 1.
-fn factor(effect: &Effect, state: &EffectState) -> Real {
+pub(crate) fn factor(effect: &Effect, state: &EffectState) -> Real {
     factor_after(effect, state, 0.0)
 }
 

@@ -120,9 +120,21 @@ impl Guard {
     /// much energy. `omega` is the sphere's angular velocity in the last reading, rad/s. Returns
     /// `wanted` plus the damping torque, N m.
     #[inline]
-    pub(crate) fn damp(&mut self, observer: &Observer, now: Moment, wanted: Vec3, omega: Vec3) -> Vec3 {
+    pub(crate) fn damp(
+        &mut self,
+        observer: &Observer,
+        ledger: Option<&Ledger>,
+        now: Moment,
+        wanted: Vec3,
+        omega: Vec3,
+    ) -> Vec3 {
         let held = observer.on_their_way(now.answered, now.tick) + wanted;
-        let excess = self.energy + held.dot(omega) * now.period - self.limit.allowance;
+        let given = held.dot(omega) * now.period;
+        let counted = match ledger {
+            Some(ledger) => ledger.predicted(now.answered, now.tick, omega * now.period, given),
+            None => given,
+        };
+        let excess = self.energy + counted - self.limit.allowance;
         let square = omega.length_squared() * now.period;
         // At rest no energy is given out and none can be absorbed.
         self.damping = if excess > 0.0 && square > 0.0 {
@@ -144,6 +156,180 @@ impl Guard {
     }
 }
 
+/// Finds the part of the energy given to the hand that delay and sampling have created.
+///
+/// A law without delay would make the torque P at the measured orientation, and its damping. The
+/// held torque differs, because it answers an older reading. So the energy that delay creates is the
+/// work of the held torque on a turn, minus the work of P on the same turn. P at both ends of the
+/// turn is known as soon as both are measured. The damping has no part in P: what it absorbs pays
+/// for what the delay creates. Torque of effects that are not elastic, of streams and of blends
+/// moves the sphere on purpose. It does not count.
+///
+/// For a spring of the stiffness K and the damping b this is (K tau - b) w² per second, with the
+/// delay tau and the rate w. A lead takes tau away; P stays that of the measured orientation.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Ledger {
+    /// Parts of the last commands' torques, at the index of the command's number modulo the length.
+    #[cfg_attr(feature = "exact", serde(with = "serde_big_array::BigArray"))]
+    sent: [Parts; SENT],
+    /// Number of the last command that was recorded.
+    newest: u32,
+    /// Parts of the torque of this tick. They are recorded when it is sent.
+    pending: Parts,
+    /// The whole torque that is wanted in this tick, N m.
+    wanted: Vec3,
+    /// Torque P at the last two rendered orientations, N m, the newer one first.
+    law: [Vec3; 2],
+    /// Turn of the sphere since the last rendered orientation, rad.
+    turn: Vec3,
+    /// Energy that was given during this turn by torque that counts, J.
+    given: Real,
+    /// Energy that the passivity controller's damping has absorbed during this turn, J.
+    absorbed: Real,
+    /// Fraction of the last wanted torque that motors and contacts could make.
+    kept: Real,
+}
+
+/// Parts of the torque of one command, or the sums over several commands, in frame N, N m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+struct Parts {
+    /// Torque that moves the sphere on purpose.
+    driving: Vec3,
+    /// Torque that the passivity controller has added.
+    damping: Vec3,
+}
+
+impl Parts {
+    const NOTHING: Self = Self { driving: Vec3::ZERO, damping: Vec3::ZERO };
+}
+
+/// Number of commands whose torque is known. Energy given by older commands counts in full.
+const SENT: usize = 64;
+
+/// Part by which the energy that delay creates counts more than it is. So a swing on a spring that
+/// is too stiff dies out even if neither hand nor device damp it.
+const MARGIN: Real = 0.25;
+
+impl Ledger {
+    pub(crate) const START: Self = Self {
+        sent: [Parts::NOTHING; SENT],
+        newest: 0,
+        pending: Parts::NOTHING,
+        wanted: Vec3::ZERO,
+        law: [Vec3::ZERO; 2],
+        turn: Vec3::ZERO,
+        given: 0.0,
+        absorbed: 0.0,
+        kept: 1.0,
+    };
+
+    /// Adds the energy `given` (J) that the commands from number `from` to the one before `to` gave
+    /// while the sphere made `turn`, rad.
+    #[inline]
+    pub(crate) fn turned(&mut self, from: u32, to: u32, turn: Vec3, given: Real) {
+        let steps = to.wrapping_sub(from).clamp(1, SENT as u32);
+        let sum = self.sum(from, steps);
+        let each = turn / steps as Real;
+        let absorbed = -sum.damping.dot(each);
+        self.turn += turn;
+        self.given += given - sum.driving.dot(each) + absorbed;
+        self.absorbed += absorbed;
+    }
+
+    /// Takes the torque P at the present orientation, and the torque that does not count of the
+    /// command that is being computed, N m. Returns the energy that delay has created since the
+    /// last torque was computed, less the energy that the scene has absorbed, J.
+    #[inline]
+    pub(crate) fn render(&mut self, law: Vec3, driving: Vec3) -> Real {
+        self.pending = Parts { driving, damping: Vec3::ZERO };
+        self.law = [law * self.kept, self.law[0]];
+        let lawful = 0.5 * (self.law[0] + self.law[1]).dot(core::mem::take(&mut self.turn));
+        counted(core::mem::take(&mut self.given) - lawful) - core::mem::take(&mut self.absorbed)
+    }
+
+    /// Forgets the turns that were not rendered. Called if the motors make no torque.
+    pub(crate) fn rest(&mut self) {
+        *self = Self { sent: self.sent, newest: self.newest, ..Self::START };
+    }
+
+    /// Takes the whole torque that is wanted in this tick, and the part of it that the passivity
+    /// controller has added, both in N m.
+    #[inline]
+    pub(crate) fn want(&mut self, wanted: Vec3, damping: Vec3) {
+        self.wanted = wanted;
+        self.pending.damping = damping;
+    }
+
+    /// Records the torque `made` (N m) as that of the command `sequence`. `kept` is the fraction of
+    /// the wanted torque that motors and contacts could make.
+    ///
+    /// The rest of the difference between `made` and the wanted torque comes from the slew limit,
+    /// which delays all torque. The driving part has its share of it, which does not count.
+    #[inline]
+    pub(crate) fn record(&mut self, sequence: u32, made: Vec3, kept: Real) {
+        let ahead = sequence.wrapping_sub(self.newest) as i32;
+        if ahead > 1 {
+            let held = self.sent[self.newest as usize % SENT];
+            for k in 1..(ahead as u32).min(SENT as u32) {
+                self.sent[self.newest.wrapping_add(k) as usize % SENT] = held;
+            }
+        }
+        self.newest = sequence;
+        self.kept = kept;
+        if made == Vec3::ZERO {
+            self.sent[sequence as usize % SENT] = Parts::NOTHING;
+            return;
+        }
+        let Parts { driving, damping } = self.pending;
+        let own = driving.length_squared();
+        let rest = (self.wanted - driving).length_squared();
+        let share = if own > 0.0 { own / (own + rest) } else { 0.0 };
+        let driving = driving * kept + (made - self.wanted * kept) * share;
+        self.sent[sequence as usize % SENT] = Parts { driving, damping: damping * kept };
+    }
+
+    /// Returns the energy that will count at the end of tick `tick`, J. `given` is the energy that
+    /// the torques under way will give until then. `step` is the turn of the sphere in a tick, rad.
+    /// P is assumed to change as it has changed in the last tick.
+    #[inline]
+    fn predicted(&self, answered: u32, tick: u32, step: Vec3, given: Real) -> Real {
+        let ticks = (tick.wrapping_sub(answered) as i32).max(0) as u32;
+        let sum = self.sum(answered, ticks);
+        let driving = sum.driving + self.pending.driving;
+        let absorbed = -sum.damping.dot(step);
+        let [now, before] = self.law;
+        let count = (ticks + 1) as Real;
+        let lawful = (now + (now - before) * (0.5 * count)).dot(step) * count;
+        counted(given + absorbed - driving.dot(step) - lawful) - absorbed
+    }
+
+    /// Returns the sums over the `steps` commands from number `from` on.
+    #[inline]
+    fn sum(&self, from: u32, steps: u32) -> Parts {
+        let mut sum = Parts::NOTHING;
+        for k in 0..steps.min(SENT as u32) {
+            let command = from.wrapping_add(k);
+            // In a skipped tick the last torque was held.
+            let sent = if self.newest.wrapping_sub(command) as i32 >= 0 { command } else { self.newest };
+            if self.newest.wrapping_sub(sent) < SENT as u32 {
+                let part = &self.sent[sent as usize % SENT];
+                sum.driving += part.driving;
+                sum.damping += part.damping;
+            }
+        }
+        sum
+    }
+}
+
+/// Returns how much `energy`, J, counts. It is positive if the delay creates more than the scene
+/// absorbs.
+#[inline]
+fn counted(energy: Real) -> Real {
+    energy + MARGIN * energy.max(0.0)
+}
+
 /// Data about the present tick that the passivity controller needs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Moment {
@@ -163,7 +349,7 @@ mod tests {
     use super::*;
 
     const MOMENT: Moment = Moment { tick: 11, answered: 10, period: 0.25, gain: 1.0 };
-    const LIMIT: PassivityLimit = PassivityLimit { allowance: 1.0, store: 4.0, damping: 2.0 };
+    const LIMIT: PassivityLimit = PassivityLimit { allowance: 1.0, store: 4.0, damping: 2.0, strict: true };
 
     fn pushing() -> (Observer, Guard) {
         let mut observer = Observer::START;
@@ -177,10 +363,10 @@ mod tests {
         guard.add(0.5);
         // 0.5 J given out, 2 N m held but not answered, and 1 N m wanted, at 1 rad/s for 1/4 s
         // each: 1.25 J. The allowance is 1 J, so the damping takes 0.25 J.
-        let torque = guard.damp(&observer, MOMENT, Vec3::X, Vec3::X);
+        let torque = guard.damp(&observer, None, MOMENT, Vec3::X, Vec3::X);
         assert_eq!((torque, guard.damping()), (Vec3::ZERO, 1.0));
         // A turn in the opposite direction absorbs energy by itself.
-        assert_eq!(guard.damp(&observer, MOMENT, Vec3::X, -Vec3::X), Vec3::X);
+        assert_eq!(guard.damp(&observer, None, MOMENT, Vec3::X, -Vec3::X), Vec3::X);
         assert_eq!(guard.damping(), 0.0);
     }
 
@@ -190,10 +376,10 @@ mod tests {
         guard.add(50.0);
         for (gain, damping) in [(1.0, 2.0), (0.5, 1.0), (0.0, 0.0)] {
             let omega = Vec3::new(0.0, 1e-3, 0.0);
-            let torque = guard.damp(&observer, Moment { gain, ..MOMENT }, Vec3::Z, omega);
+            let torque = guard.damp(&observer, None, Moment { gain, ..MOMENT }, Vec3::Z, omega);
             assert_eq!((torque, guard.damping()), (Vec3::Z - omega * damping, damping));
         }
-        assert_eq!(guard.damp(&observer, MOMENT, Vec3::Z, Vec3::ZERO), Vec3::Z);
+        assert_eq!(guard.damp(&observer, None, MOMENT, Vec3::Z, Vec3::ZERO), Vec3::Z);
         assert_eq!(guard.damping(), 0.0);
     }
 

@@ -81,6 +81,7 @@ impl Renderer {
         self.revision = Some(scene.revision());
         for effect in scene.effects() {
             let state = &mut self.states[usize::from(effect.slot)];
+            state.memory.fit(&effect.kind);
             if state.epoch != effect.epoch {
                 *state = EffectState { epoch: effect.epoch, ..EffectState::EMPTY };
                 state.reference_revision = effect.reference_revision;
@@ -211,15 +212,15 @@ impl Renderer {
     }
 
     /// Implements [`render`](Self::render). The tick takes it inline, because a torque that is
-    /// returned through memory costs some nanoseconds. `each` is called with the slot and the
-    /// torque of each effect.
+    /// returned through memory costs some nanoseconds. `each` is called with each effect and its
+    /// torque.
     #[inline(always)]
     pub(crate) fn render_in_tick(
         &mut self,
         scene: &CompiledScene,
         motion: Motion,
         moment: Moment,
-        mut each: impl FnMut(u8, Vec3),
+        mut each: impl FnMut(&Effect, Vec3),
     ) -> Vec3 {
         let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
         let shares = self.shared.several;
@@ -259,7 +260,7 @@ impl Renderer {
                 shares,
             };
             let part = effect.kind.render(gain, now, &mut state.memory);
-            each(effect.slot, part);
+            each(effect, part);
             torque += part;
         }
         self.shared.end(&motion, dt);
@@ -311,6 +312,33 @@ impl Renderer {
         for effect in scene.effects() {
             fades::advance(effect, &mut self.states[usize::from(effect.slot)], dt, part);
         }
+    }
+
+    /// Returns the torque that the elastic effects of the last tick would make without delay if the
+    /// sphere were at rest in the orientation `q`, N m. This is their torque without damping. No
+    /// effect advances.
+    #[inline(never)]
+    pub(crate) fn elastic_at(&mut self, scene: &CompiledScene, q: Quat) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        for effect in scene.effects().iter().filter(|effect| effect.kind.is_elastic()) {
+            let state = &self.states[usize::from(effect.slot)];
+            let factor = fades::factor(effect, state);
+            if factor > 0.0 {
+                let mut memory = state.memory;
+                let now = Now {
+                    motion: Motion { q, omega: Vec3::ZERO },
+                    dt: 0.0,
+                    lead: 0.0,
+                    ahead: 0.0,
+                    reference: &state.reference,
+                    numbers: scene.numbers(effect.numbers),
+                    shared: &mut self.shared,
+                    shares: false,
+                };
+                sum += effect.kind.render(effect.gain * factor, now, &mut memory);
+            }
+        }
+        sum
     }
 
     /// Returns the energy that the effects store at the orientation `q`, J, multiplied by their

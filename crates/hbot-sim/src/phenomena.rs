@@ -9,6 +9,7 @@
 //! |---|---|
 //! | the plant: friction | [`JointFriction`], [`CageFriction`], [`Slip`], [`Pivoting`] |
 //! | the plant: weight and play | [`Eccentric`], [`WheelModules`], [`Gear`] |
+//! | the plant: parts that give way | [`Compliance`] |
 //! | the motor controllers | [`Encoder`], [`Motor`] |
 //! | the line | [`Link`] |
 //! | the sphere | [`Hand`] |
@@ -16,7 +17,7 @@
 //! Random numbers come from a seed. Equal parameters and equal input bytes give equal output bytes.
 
 pub use hbot_config::scene::{
-    CageFriction, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting,
+    CageFriction, Compliance, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting,
     Simulate as Phenomena, Slip, WheelModules,
 };
 
@@ -34,6 +35,7 @@ pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
         eccentric,
         wheel_modules,
         gear,
+        compliance,
         encoder: _,
         motor: _,
         link: _,
@@ -47,6 +49,7 @@ pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
         eccentric,
         wheel_modules,
         gear,
+        compliance,
         ..Phenomena::default()
     }
 }

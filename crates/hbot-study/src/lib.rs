@@ -10,6 +10,7 @@
 //! - `verification`: studies of this program.
 //!   - `accuracy`: error against time for every stage with a choice of methods.
 //!   - `effects`: the cost per tick of each effect and phenomenon.
+//!   - `feel`: what the passivity stage changes for the hand, and which scenes shake with it.
 //!   - `stability`: how stiff a wall can be, and a simulated day of operation.
 //! - `research`: studies of the rig.
 //!   - `paper`: every analysis and experiment of the paper.
@@ -46,7 +47,7 @@ pub use verification::callgrind::{Counter, count_worker};
 use context::{Context, Interrupted};
 use load::Load;
 use research::{design, paper};
-use verification::{accuracy, effects, stability};
+use verification::{accuracy, effects, feel, stability};
 
 /// The available studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,6 +57,8 @@ pub enum Study {
     Accuracy,
     /// Measures the computing time per tick of each effect and each phenomenon.
     Effects,
+    /// Measures what the passivity stage changes for the hand, and which scenes shake with it.
+    Feel,
     /// Finds how stiff a virtual wall can be, and what stays constant over a simulated day.
     Stability,
     /// Repeats every analysis and experiment of the paper, and compares the results with the values
@@ -72,6 +75,7 @@ impl Study {
         match self {
             Self::Accuracy => "accuracy",
             Self::Effects => "effects",
+            Self::Feel => "feel",
             Self::Stability => "stability",
             Self::Paper => "paper",
             Self::Design => "design",
@@ -145,6 +149,7 @@ pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> R
     let report = match study {
         Study::Accuracy => accuracy::study(&context, options.counter.as_ref()),
         Study::Effects => effects::study(&context, options.counter.as_ref()),
+        Study::Feel => feel::study(&context),
         Study::Stability => stability::study(&context),
         Study::Paper => paper::study(&context),
         Study::Design => design::study(&context),

@@ -29,6 +29,8 @@ enum Command {
     Accuracy(StudyArgs),
     /// Cost per tick of each effect and each phenomenon of the simulated rig, alone and in pairs
     Effects(StudyArgs),
+    /// What the passivity stage changes for the hand, and which scenes shake with it
+    Feel(StudyArgs),
     /// How stiff a virtual wall can be, compared with theory, and a day of simulated time
     Stability(StudyArgs),
     /// Every analysis and experiment of the paper, compared with the values that it reports
@@ -77,6 +79,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
     let (study, args) = match command {
         Command::Accuracy(args) => (Study::Accuracy, args),
         Command::Effects(args) => (Study::Effects, args),
+        Command::Feel(args) => (Study::Feel, args),
         Command::Stability(args) => (Study::Stability, args),
         Command::Paper(args) => (Study::Paper, args),
         Command::Design(args) => (Study::Design, args),

@@ -41,6 +41,16 @@ impl Whole {
     pub(crate) fn new(config: &RigConfig, scene: Value, phenomena: Phenomena, start: PlantState) -> Self {
         let scene =
             SceneFile::from_json(scene).unwrap_or_else(|error| unreachable!("a legal scene: {error}"));
+        Self::with(config, scene, phenomena, start)
+    }
+
+    /// Creates the loop as [`new`](Self::new) does, with a scene file that has been read.
+    pub(crate) fn with(
+        config: &RigConfig,
+        scene: SceneFile,
+        phenomena: Phenomena,
+        start: PlantState,
+    ) -> Self {
         let rig =
             SimulatedRig::new(&SimulatedConfig { start, phenomena, ..SimulatedConfig::new(&config.rig) });
         let rig = rig.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));

@@ -133,7 +133,7 @@ pub(crate) fn rig(more: bool) -> Rig {
             odometry: OdometryMethod::Magnus4,
             path: PathFit::Cubic,
             rate: RateEstimate::Kalman { acceleration: 100.0 },
-            passivity: Some(PassivityLimit::of(&device, parts.timing.period_s())),
+            passivity: Some(PassivityLimit::strict(&device, parts.timing.period_s())),
             ..Methods::BALANCED
         };
     }

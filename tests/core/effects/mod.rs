@@ -5,6 +5,7 @@ mod clicks;
 mod damping;
 mod edges;
 mod energy;
+mod knocks;
 mod live;
 mod mass;
 mod places;

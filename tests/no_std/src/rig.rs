@@ -147,7 +147,7 @@ fn rig() -> Option<Rig> {
     // The stages that need the most memory.
     parts.methods = Methods {
         rate: RateEstimate::AdaptiveWindow { tolerance_counts: 1, longest_ticks: 64 },
-        passivity: Some(PassivityLimit::of(&device, parts.timing.period_s())),
+        passivity: Some(PassivityLimit::strict(&device, parts.timing.period_s())),
         ..Methods::EXACT
     };
     Rig::new(parts).ok()

@@ -4,8 +4,9 @@
 use hbot_core::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS};
 
+use super::axis::Axis;
 use super::inertia;
-use super::sampled::Sampled;
+use super::sampled::{HOLDS, Sampled};
 use crate::RigConfig;
 
 /// Damping of a spring that is assumed when a stable stiffness is shown as an example, N m s/rad.
@@ -77,7 +78,8 @@ impl StiffnessBound {
         let inertia = sampled.inertia.min_element();
         let swings = std::iter::successors(Some(SLOWEST_SWING), |phi| Some(phi * RATIO));
         let swings = swings.take_while(|phi| *phi < std::f64::consts::PI);
-        let border = swings.map(|phi| sampled.on_border(inertia, phi)).collect();
+        let axis = Axis::new(&sampled, inertia, &HOLDS[0]);
+        let border = swings.map(|phi| sampled.border_of(&axis, phi)).collect();
         Self { sampled, count, border }
     }
 
@@ -109,6 +111,17 @@ impl StiffnessBound {
         self.count
     }
 
+    /// Returns the straight pieces of the border.
+    ///
+    /// If the rates are estimated from the angles, angle and rate can have the same phase at some
+    /// frequency. The border goes to infinity there and comes back from the opposite side. No piece
+    /// joins its two ends.
+    fn pieces(&self) -> impl Iterator<Item = [[f64; 2]; 2]> {
+        let h = self.sampled.period;
+        let pairs = self.border.windows(2).map(|pair| [pair[0], pair[1]]);
+        pairs.filter(move |[[k0, b0], [k1, b1]]| k0 * k1 * h * h + b0 * b1 > 0.0)
+    }
+
     /// Returns the largest stiffness at which a spring with the damping `damping` (N m s/rad) is
     /// stable, N m/rad. 0 if no spring is stable with it.
     ///
@@ -119,8 +132,7 @@ impl StiffnessBound {
         if damping >= self.most_damping() {
             return 0.0;
         }
-        let crossings = self.border.windows(2).filter_map(|pair| {
-            let [[k0, b0], [k1, b1]] = [pair[0], pair[1]];
+        let crossings = self.pieces().filter_map(|[[k0, b0], [k1, b1]]| {
             let part = (damping - b0) / (b1 - b0);
             (0.0..=1.0).contains(&part).then_some(k0 + part * (k1 - k0)).filter(|k| *k >= 0.0)
         });
@@ -155,11 +167,8 @@ impl StiffnessBound {
     /// lag it is J/h, with the inertia J and the period h.
     #[must_use]
     pub fn most_damping(&self) -> f64 {
-        let ends = self.border.windows(2).filter(|pair| pair[0][0] > 0.0 && pair[1][0] <= 0.0);
-        let at = ends.map(|pair| {
-            let [[k0, b0], [k1, b1]] = [pair[0], pair[1]];
-            b0 + k0 / (k0 - k1) * (b1 - b0)
-        });
+        let ends = self.pieces().filter(|[[k0, _], [k1, _]]| *k0 > 0.0 && *k1 <= 0.0);
+        let at = ends.map(|[[k0, b0], [k1, b1]]| b0 + k0 / (k0 - k1) * (b1 - b0));
         at.filter(|damping| *damping > 0.0).fold(f64::INFINITY, f64::min)
     }
 
@@ -184,4 +193,39 @@ fn largest_within(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f6
         if value(high - step) > value(low + step) { high = low + step } else { low = high - step }
     }
     0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_core::rig::{LeadTime, RateEstimate};
+    use hbot_core::{Mat3, Vec3};
+
+    use super::super::sampled::{HOLDS, Scene};
+    use super::*;
+
+    /// With rates from a Kalman filter the border goes through infinity. What looks like a piece of
+    /// it there once gave 67 N m/rad, where springs up to 148 N m/rad are stable.
+    #[test]
+    fn rates_from_a_filter_leave_the_border_where_the_determinant_has_it() {
+        for acceleration in [20.0, 50.0, 500.0] {
+            let mut config = RigConfig::prototype();
+            let led = config.rig.with(|parts| {
+                parts.lead = Some(LeadTime::default());
+                parts.methods.rate = RateEstimate::Kalman { acceleration };
+            });
+            config.rig = led.unwrap_or_else(|error| panic!("{error}"));
+            let bound = StiffnessBound::of(&config).expect("legal inertias");
+            let one = Sampled { inertia: Vec3::splat(bound.inertia()), ..bound.sampled().clone() };
+            let border = bound.stable(0.01);
+            assert!(bound.most()[0] >= bound.stable(USUAL_DAMPING), "{acceleration}");
+            for (part, stable) in [(0.3, true), (0.6, true), (0.97, true), (1.03, false), (1.3, false)] {
+                let scene = Scene {
+                    stiffness: Mat3::IDENTITY * (part * border),
+                    damping: Mat3::IDENTITY * 0.01,
+                    masses: Vec::new(),
+                };
+                assert_eq!(one.is_stable(&scene, &HOLDS[0]), stable, "{acceleration}: {part} of {border}");
+            }
+        }
+    }
 }

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 use hbot_core::around::{Linear, Place, Spot, Swing};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
+use super::held::Held;
 use super::inertia::principal;
 use super::sampled::{HOLDS, Hold, Sampled, Scene};
 
@@ -92,6 +93,16 @@ pub enum Why {
     },
 }
 
+impl Why {
+    /// Returns the part of the stiffness or damping that is stable, 0 to 1.
+    fn left(&self) -> f64 {
+        match self {
+            Self::Stiff { stable, .. } | Self::Damped { stable, .. } => *stable,
+            Self::Rings { .. } | Self::Turning { .. } => 1.0,
+        }
+    }
+}
+
 /// A change of one effect that makes a scene stable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cure {
@@ -100,6 +111,13 @@ pub struct Cure {
     pub own: f64,
     /// Damping that the effect has to add, N m s/rad. `None` if no damping helps.
     pub added: Option<f64>,
+}
+
+/// A swing at a place with the speed `speed` (rad/s), and the holds in which the sphere may be.
+struct Swinging<'a> {
+    holds: &'a [Held<'a>; 3],
+    place: &'a Place,
+    speed: f64,
 }
 
 /// Judges scenes by the sampled loop of a rig.
@@ -125,12 +143,14 @@ impl Judge {
     #[must_use]
     pub fn findings(&self, scene: &CompiledScene) -> Vec<Finding> {
         let mut found: Vec<Finding> = Vec::new();
-        let mut judged = [Vec::new(), Vec::new(), Vec::new()];
+        let mut judged = Vec::new();
+        let holds = HOLDS.map(|hold| Held::new(&self.sampled, &hold));
         let places = self.places(scene);
         for (place, leans) in &places {
             let speeds = if *leans { &SPEEDS[..] } else { &SPEEDS[..2] };
-            for (speed, judged) in speeds.iter().copied().zip(&mut judged) {
-                if let Some(finding) = self.at(scene, place, speed, judged) {
+            for speed in speeds {
+                let swinging = Swinging { holds: &holds, place, speed: *speed };
+                if let Some(finding) = self.at(scene, &swinging, &mut judged, &found) {
                     keep(&mut found, finding);
                 }
             }
@@ -193,8 +213,8 @@ impl Judge {
 
     /// Returns the first hold in which the loop does not keep `scene` stable in a swing of the
     /// speed `speed`, rad/s.
-    fn shakes(&self, scene: &Scene, speed: f64) -> Option<Hold> {
-        let sampled = self.slewed(scene, speed);
+    fn shakes(&self, holds: &[Held<'_>; 3], scene: &Scene, speed: f64) -> Option<Hold> {
+        let slew = self.slew(scene, speed);
         let stiffer = Scene { stiffness: scene.stiffness * MARGIN, ..scene.clone() };
         let more = Scene { damping: scene.damping * MARGIN, ..stiffer.clone() };
         // A virtual mass can keep a spring stable that is unstable once the torque limit cuts both
@@ -204,22 +224,21 @@ impl Judge {
             damping: scene.damping * CUT_OFF,
             masses: scene.masses.iter().map(|(mass, time)| (*mass * CUT_OFF, *time)).collect(),
         };
-        let unstable = |hold: &Hold| {
-            !sampled.is_stable(&stiffer, hold)
-                || !sampled.is_stable(&more, hold)
-                || !scene.masses.is_empty() && !sampled.is_stable(&cut, hold)
+        let unstable = |(held, _): &(&Held<'_>, Hold)| {
+            !held.is_stable(&stiffer, slew)
+                || !held.is_stable(&more, slew)
+                || !scene.masses.is_empty() && !held.is_stable(&cut, slew)
         };
-        HOLDS.into_iter().find(unstable)
+        holds.iter().zip(HOLDS).find(unstable).map(|(_, hold)| hold)
     }
 
-    /// Returns the loop with the delay that the slew limit adds in a swing of the speed `speed`,
-    /// rad/s.
+    /// Returns the delay that the slew limit adds in a swing of the speed `speed` (rad/s), s.
     ///
     /// A torque of the amplitude T that swings by W rad/s needs T W of the slew limit R. With r = T
     /// W/R above pi/2 it becomes a triangle, which is late by acos(pi/(2 r))/W (the describing
     /// function of a rate limiter).
-    fn slewed(&self, scene: &Scene, speed: f64) -> Sampled {
-        let sampled = self.sampled.clone();
+    fn slew(&self, scene: &Scene, speed: f64) -> f64 {
+        let sampled = &self.sampled;
         let inertia = sampled.inertia.min_element();
         let stiffness = principal(&scene.stiffness).0.max_element().max(0.0);
         let damping = principal(&scene.damping).0.max_element().max(0.0);
@@ -227,62 +246,69 @@ impl Judge {
         let pace = (stiffness / inertia).sqrt().max(damping / inertia).min(2.0 / sampled.lateness());
         let torque = (speed * (damping + stiffness / pace.max(SLOWEST))).min(self.torque);
         let part = 0.5 * PI * self.torque_rate / (torque * pace);
-        let slew = if part < 1.0 { part.acos() / pace } else { 0.0 };
-        Sampled { slew, ..sampled }
+        if part < 1.0 { part.acos() / pace } else { 0.0 }
     }
 
     /// Returns whether a free sphere swings for long in `scene` after a tap.
-    fn rings(&self, scene: &Scene) -> bool {
+    fn rings(&self, free: &Held<'_>, scene: &Scene) -> bool {
         let (stiffness, axes) = principal(&scene.stiffness);
         let stiffness = stiffness.max(Vec3::ZERO);
         // The part of each direction that is stiff. What is too soft to swing needs no damping.
         let needed = axes * Mat3::from_diagonal(stiffness / (stiffness + SOFT)) * axes.transpose();
         let damping = scene.damping - needed * (2.0 * self.sampled.inertia.min_element() * DECAY);
-        let [free, ..] = HOLDS;
-        !self.sampled.is_stable(&Scene { damping, ..scene.clone() }, &free)
+        !free.is_stable(&Scene { damping, ..scene.clone() }, 0.0)
     }
 
     fn at(
         &self,
         scene: &CompiledScene,
-        place: &Place,
-        speed: f64,
-        judged: &mut Vec<Scene>,
+        swinging: &Swinging<'_>,
+        judged: &mut Vec<(Scene, f64)>,
+        found: &[Finding],
     ) -> Option<Finding> {
+        let Swinging { holds, place, speed } = *swinging;
         let (parts, sum) = self.around(scene, place, speed);
-        let near = |other: &Scene| {
+        let slew = self.slew(&sum, speed);
+        let near = |(other, its_slew): &(Scene, f64)| {
             let off = |a: &Mat3, b: &Mat3| (0..3).map(|k| (a.col(k) - b.col(k)).length()).fold(0.0, f64::max);
-            off(&other.stiffness, &sum.stiffness) < 1.0e-9 && off(&other.damping, &sum.damping) < 1.0e-9
+            off(&other.stiffness, &sum.stiffness) < 1.0e-9
+                && off(&other.damping, &sum.damping) < 1.0e-9
+                && *its_slew == slew
         };
         if judged.iter().any(near) {
             return None;
         }
-        judged.push(sum.clone());
+        judged.push((sum.clone(), slew));
         // A wall damps in one direction. While it does, it damps twice what a swing feels.
         let wall = if place.spot == Spot::Wall { parts[place.effect].damping } else { Mat3::ZERO };
         let inwards = Scene { damping: sum.damping + wall, ..sum.clone() };
-        let sided = (place.spot == Spot::Wall).then(|| self.shakes(&inwards, speed)).flatten();
-        let Some(hold) = self.shakes(&sum, speed).or(sided) else {
+        let sided = (place.spot == Spot::Wall).then(|| self.shakes(holds, &inwards, speed)).flatten();
+        let Some(hold) = self.shakes(holds, &sum, speed).or(sided) else {
             let (axis, about) = largest_axis(&sum.stiffness);
             let (effect, part) = largest(&parts, |part| about.dot(part.stiffness * about))?;
             let shape = shape(part, about)?;
             let more = |b: f64| Scene { damping: sum.damping + shape * b, ..sum.clone() };
             // At the edge of a wall a free sphere does not swing: it leaves.
-            let rings = place.deeper == Vec3::ZERO && self.rings(&sum);
-            let added = rings.then(|| least_damping(|b| !self.rings(&more(b)))).flatten()?;
+            let [free, ..] = holds;
+            let rings = place.deeper == Vec3::ZERO && self.rings(free, &sum);
+            let added = rings.then(|| least_damping(|b| !self.rings(free, &more(b)))).flatten()?;
             let [hold, ..] = HOLDS;
             return Some(Finding { effect, place: *place, axis, hold, why: Why::Rings { added } });
         };
-        let stable = |scene: Scene| self.shakes(&scene, speed).is_none();
+        let stable = |scene: Scene| self.shakes(holds, &scene, speed).is_none();
         let without = Scene { stiffness: Mat3::ZERO, ..inwards };
         if !stable(without.clone()) {
             let (axis, about) = largest_axis(&sum.damping);
             let (effect, part) = largest(&parts, |part| about.dot(part.damping * about))?;
             let own = part.damping + if effect == place.effect { wall } else { Mat3::ZERO };
             let rest = without.damping - own;
+            let left = bisected(|s| stable(Scene { damping: without.damping * s, ..without.clone() }));
+            if !is_worst(found, effect, place, left) {
+                return None;
+            }
             let why = Why::Damped {
                 damping: about.dot(sum.damping * about),
-                stable: bisected(|s| stable(Scene { damping: without.damping * s, ..without.clone() })),
+                stable: left,
                 own: bisected(|s| stable(Scene { damping: rest + own * s, ..without.clone() })),
             };
             return Some(Finding { effect, place: *place, axis, hold, why });
@@ -292,9 +318,13 @@ impl Judge {
         let (effect, part) = largest(&parts, |part| about.dot(part.stiffness * about))?;
         let rest = sum.stiffness - part.stiffness;
         let shape = shape(part, about)?;
+        let left = bisected(|s| stable(Scene { stiffness: sum.stiffness * s, ..sum.clone() }));
+        if !is_worst(found, effect, place, left) {
+            return None;
+        }
         let why = Why::Stiff {
             stiffness: about.dot(sum.stiffness * about),
-            stable: bisected(|s| stable(Scene { stiffness: sum.stiffness * s, ..sum.clone() })),
+            stable: left,
             damping: about.dot(sum.damping * about),
             cure: Cure {
                 own: bisected(|s| stable(Scene { stiffness: rest + part.stiffness * s, ..sum.clone() })),
@@ -417,18 +447,22 @@ fn pull(scene: &CompiledScene, place: &Place) -> Vec3 {
     (0..scene.effects().len()).map(|i| scene.pull(i, place, Quat::IDENTITY, place.q)).sum()
 }
 
-/// Adds a finding, unless the same effect has one at its own place, or one with less that is
-/// stable. So a place that another effect adds does not change what is said of this one.
+/// Returns whether a finding about `effect` at `place`, with `left` of it stable, takes the place of
+/// the one that there is: which is at a place of another effect, or has more that is stable. So a
+/// place that another effect adds does not change what is said of this one.
+fn is_worst(found: &[Finding], effect: usize, place: &Place, left: f64) -> bool {
+    let worse = |place: &Place, left: f64| (place.effect != effect, left);
+    let other = found.iter().find(|other| other.effect == effect);
+    other.is_none_or(|other| worse(place, left) < worse(&other.place, other.why.left()))
+}
+
+/// Adds a finding, unless there is a worse one of the same effect.
 fn keep(found: &mut Vec<Finding>, finding: Finding) {
-    let left = |why: &Why| match why {
-        Why::Stiff { stable, .. } | Why::Damped { stable, .. } => *stable,
-        Why::Rings { .. } | Why::Turning { .. } => 1.0,
-    };
-    let worse = |finding: &Finding| (finding.place.effect != finding.effect, left(&finding.why));
-    match found.iter_mut().find(|other| other.effect == finding.effect) {
-        Some(other) if worse(&finding) < worse(other) => *other = finding,
-        Some(_) => {}
-        None => found.push(finding),
+    if is_worst(found, finding.effect, &finding.place, finding.why.left()) {
+        match found.iter_mut().find(|other| other.effect == finding.effect) {
+            Some(other) => *other = finding,
+            None => found.push(finding),
+        }
     }
 }
 

@@ -7,8 +7,10 @@
 //! ```
 
 mod abilities;
+mod axis;
 mod bound;
 mod complex;
+mod held;
 mod inertia;
 #[cfg(feature = "info")]
 mod info;

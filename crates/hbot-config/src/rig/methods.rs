@@ -186,8 +186,8 @@ pub(crate) enum Passivity {
     Table(PassivityTable),
 }
 
-/// Parameters of the passivity controller, which limits the energy delivered to the hand to the
-/// energy absorbed from it.
+/// Parameters of the passivity controller, which limits the energy that delay and sampling create,
+/// or all energy delivered to the hand, to the energy absorbed from it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct PassivityTable {
@@ -196,8 +196,9 @@ pub(crate) struct PassivityTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::ALLOWANCE.least, max = legal::ALLOWANCE.most), extend("unit" = legal::ALLOWANCE.unit))]
     pub(crate) allowance: Option<f64>,
-    /// Largest amount of absorbed energy that can be delivered again later. It must be at least the
-    /// energy that the scene's springs store when they are wound up. If absent: 0.5.
+    /// Largest amount of absorbed energy that can be delivered again later. If `strict` is true, it
+    /// must be at least the energy that the scene's springs store when they are wound up. If absent:
+    /// 0.005, or 0.5 if `strict` is true.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::STORE.least, max = legal::STORE.most), extend("unit" = legal::STORE.unit))]
     pub(crate) store: Option<f64>,
@@ -206,19 +207,26 @@ pub(crate) struct PassivityTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::DAMPING.most), extend("exclusiveMinimum" = legal::DAMPING.least, "unit" = legal::DAMPING.unit))]
     pub(crate) damping: Option<f64>,
+    /// Whether all energy delivered to the hand counts. If false, energy that the scene or a client
+    /// gives out on purpose does not count: only the energy that delay and sampling create.
+    pub(crate) strict: bool,
 }
 
 impl Passivity {
     pub(crate) fn compile(self, device: &Device, period_s: f64) -> Option<core::PassivityLimit> {
-        let usual = core::PassivityLimit::of(device, period_s);
-        match self {
-            Self::Switch(on) => on.then_some(usual),
-            Self::Table(table) => Some(core::PassivityLimit {
-                allowance: table.allowance.unwrap_or(usual.allowance),
-                store: table.store.unwrap_or(usual.store),
-                damping: table.damping.unwrap_or(usual.damping),
-            }),
-        }
+        let table = match self {
+            Self::Switch(false) => return None,
+            Self::Switch(true) => PassivityTable::default(),
+            Self::Table(table) => table,
+        };
+        let usual = if table.strict { core::PassivityLimit::strict } else { core::PassivityLimit::of };
+        let usual = usual(device, period_s);
+        Some(core::PassivityLimit {
+            allowance: table.allowance.unwrap_or(usual.allowance),
+            store: table.store.unwrap_or(usual.store),
+            damping: table.damping.unwrap_or(usual.damping),
+            ..usual
+        })
     }
 }
 

@@ -26,8 +26,8 @@ pub(crate) struct Loop {
     /// How the joint rates are estimated: the name of a method, or a table with the method and its
     /// parameters.
     pub(crate) rate_estimate: RateEstimate,
-    /// Whether the energy delivered to the hand is limited to the energy absorbed from it: true,
-    /// false, or a table of parameters.
+    /// Whether the energy that delay and sampling create is taken out by damping: true, false, or a
+    /// table of parameters.
     pub(crate) passivity: Passivity,
     /// Whether the torque is lowered if the sphere shakes by itself.
     pub(crate) shaking_guard: bool,
@@ -59,7 +59,7 @@ impl Default for Loop {
             rate_hz: 1000,
             accuracy: Accuracy::Preset(Preset::Balanced),
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
-            passivity: Passivity::Switch(false),
+            passivity: Passivity::Switch(true),
             shaking_guard: true,
             lead: Lead::Switch(false),
             early_us: 200,

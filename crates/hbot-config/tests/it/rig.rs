@@ -86,7 +86,8 @@ fn what_a_file_leaves_out_has_the_documented_default() {
     assert_eq!(config.wheels, ["A", "B"]);
     assert_eq!(config.controllers, [0, 1, 2, 3]);
     assert_eq!((config.rate_hz, config.accuracy), (1000, "balanced"));
-    assert_eq!(config.rig.methods, Methods::BALANCED);
+    let passivity = Some(PassivityLimit::of(&config.rig.device, 1e-3));
+    assert_eq!(config.rig.methods, Methods { passivity, ..Methods::BALANCED });
     let joint = config.rig.joints[0];
     assert_eq!((joint.gear, joint.reversed, joint.zero), (1.0, false, Zero::Calibrate));
     assert_eq!(config.rig.joints[3].peak, 0.0, "no motor");
@@ -134,7 +135,7 @@ fn with_loop(said: &str) -> RigConfig {
 
 #[test]
 fn paths_and_allocations_are_understood() {
-    let methods = |said: &str| with_loop(&format!("accuracy = {said}")).rig.methods;
+    let methods = |said: &str| with_loop(&format!("accuracy = {said}\npassivity = false")).rig.methods;
     assert_eq!(methods("'exact'"), Methods::EXACT);
     assert_eq!(methods("'exact'").path, PathFit::Cubic);
     assert_eq!(methods("'fast'"), Methods::FAST);
@@ -193,8 +194,12 @@ fn passivity_is_off_on_or_a_table() {
     assert_eq!(limit("{}"), Some(usual));
     assert_eq!(
         limit("{ allowance = 0, store = 0.1, damping = 0.3 }"),
-        Some(PassivityLimit { allowance: 0.0, store: 0.1, damping: 0.3 })
+        Some(PassivityLimit { allowance: 0.0, store: 0.1, damping: 0.3, strict: false })
     );
+    assert_eq!(with_loop("").rig.methods.passivity, Some(usual), "on unless the file says otherwise");
+    let strict = PassivityLimit::strict(&with_loop("").rig.device, 1e-3);
+    assert_eq!(limit("{ strict = true }"), Some(strict));
+    assert_eq!((strict.store, strict.strict), (0.5, true));
     // 2/3 m R², over four loop periods.
     let slow = with_loop("rate_hz = 250\npassivity = true").rig;
     let want = slow.device.sphere_inertia() / 4.0 / 4e-3;
@@ -278,6 +283,8 @@ fn what_a_file_does_not_state_is_the_default_of_the_core() {
     parts.joints[..3].fill(joint);
     // The last joint of the shortest file has no motor.
     parts.joints[3] = hbot_core::rig::Joint::new(4096, 0.0);
+    // The core has no passivity controller unless it is asked for. A rig file has one.
+    parts.methods.passivity = Some(PassivityLimit::of(&parts.device, 1e-3));
     // A program without a file knows no motors.
     parts.torque_lag = hbot_config::rig::USUAL_LAG_S;
     assert_eq!(*rig, parts);

@@ -23,7 +23,7 @@ use crate::lead::Lead;
 use crate::mode::{Cause, ModeMachine};
 use crate::orientation::Orientation;
 use crate::outputs::{Drive, Outputs, State, TakenStream};
-use crate::passivity::{Guard, Observer};
+use crate::passivity::{Guard, Ledger, Observer};
 use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
 use crate::rig::Rig;
@@ -99,6 +99,9 @@ pub struct Controller {
     /// How far ahead of its reading the scene is rendered. `None` if it is rendered at the measured
     /// pose.
     lead: Option<Lead>,
+    /// What counts of the energy for the passivity controller. `None` if all of it counts, or if the
+    /// rig has no passivity controller.
+    ledger: Option<Ledger>,
     /// What the guard against shaking knows of stored energy. All bits zero: nothing, as in older
     /// recordings.
     shaking_stored: shaking::Stored,
@@ -148,6 +151,7 @@ impl Controller {
             client: None,
             fades: Fades::Running,
             shaking: shaking::Guard::OFF,
+            ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
             shaking_stored: shaking::Stored::OFF,
         }
     }
@@ -255,7 +259,10 @@ impl Controller {
             self.shaking.attribute(stored, step.answered[0], step.answered[1], step.turn);
         }
         if let Some(guard) = &mut self.guard {
-            guard.add(given);
+            match &mut self.ledger {
+                Some(ledger) => ledger.turned(step.answered[0], step.answered[1], step.turn, given),
+                None => guard.add(given),
+            }
         }
         if let Some(burst) = &mut self.burst {
             burst.add(given);
@@ -275,6 +282,10 @@ impl Controller {
             self.made = Made { torque: wanted.torque, ..Made::NOTHING };
         }
         self.send(count, tick);
+        if let Some(ledger) = &mut self.ledger {
+            // What motors and contacts make of the torque that the limit of torque leaves.
+            ledger.record(tick as u32, self.made.torque, self.made.scale / wanted.share);
+        }
     }
 
     /// Sends `made` to the motors in this tick. If one of its numbers is not finite, the rig goes

@@ -14,7 +14,7 @@ use crate::real::{Real, Vec3, sqrt};
 use crate::render;
 use crate::rig::AllocationMethod;
 use crate::scene::CompiledScene;
-use crate::shaping::{BLEND_S, Blend, limited, slewed};
+use crate::shaping::{BLEND_S, Blend, limited, shortened, slewed};
 
 /// Step in torque above which a change of scene restarts the soft start, as a fraction of the rig's
 /// largest torque. It applies if an effect rests so far away that `enable` would refuse the scene.
@@ -32,6 +32,20 @@ pub(super) struct Wanted {
     pub(super) share: Real,
     /// Largest permitted change of the torque since the last tick, N m.
     pub(super) reach: Real,
+}
+
+/// What the scene and the stream ask for in one tick.
+#[derive(Debug, Clone, Copy)]
+struct Asked {
+    /// Torque after the limit of torque, N m.
+    torque: Vec3,
+    /// Fraction of it that the limit has left, 0 to 1.
+    share: Real,
+    /// Torque that the blend adds, N m.
+    offset: Vec3,
+    /// Torque of the elastic effects before the limit, N m. Zero unless the passivity controller
+    /// needs it.
+    elastic: Vec3,
 }
 
 /// The torque on the sphere that the motors and contacts can make, and the joint torques for it.
@@ -114,6 +128,9 @@ impl Controller {
             if let Some(guard) = &mut self.guard {
                 guard.rest();
             }
+            if let Some(ledger) = &mut self.ledger {
+                ledger.rest();
+            }
             // A disable ends within the slew limit. A fault or a stop ends at once.
             let idle = self.machine.mode == Mode::Idle;
             let torque = if idle { slewed(self.made.torque, Vec3::ZERO, reach) } else { Vec3::ZERO };
@@ -128,26 +145,26 @@ impl Controller {
         }
         let gain = self.machine.gain * self.shaking.gain();
         let before = before.map(|before| before * gain);
-        let (asked, share, offset) = if self.fades == Fades::Running {
+        let asked = if self.fades == Fades::Running {
             self.rendered_fading(scene, tick, dt, before)
         } else {
             let moment = self.moment(tick, dt);
-            let rendered = if self.shaking.suspects() {
+            let (rendered, elastic) = if self.shaking.suspects() || self.ledger.is_some() {
                 self.rendered_each(scene, moment)
             } else {
-                self.renderer.render_in_tick(scene, motion, moment, |_, _| {})
+                (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
             };
-            let (asked, share) = self.stream.added_to(rendered, limits.torque);
+            let (torque, share) = self.stream.added_to(rendered, limits.torque);
             let offset = if self.fades == Fades::Over {
-                let offset = self.blend.added(asked * gain, before, limits.torque);
+                let offset = self.blend.added(torque * gain, before, limits.torque);
                 self.blend.fade(dt, 1.0);
                 offset
             } else {
-                self.blend.added_unlimited(asked * gain, before, dt)
+                self.blend.added_unlimited(torque * gain, before, dt)
             };
-            (asked, share, offset)
+            Asked { torque, share, offset, elastic }
         };
-        self.last_asked = asked;
+        self.last_asked = asked.torque;
         // The bound follows the soft start and the disable ramp. If a soft start began with motors
         // on, the torque before it fades out within the time of a blend.
         let bound = if self.machine.gain == 1.0 {
@@ -157,22 +174,40 @@ impl Controller {
             self.carried_s += dt;
             (limits.torque * self.machine.gain + left).min(limits.torque)
         };
-        let mut wanted = limited(asked * gain + offset, bound);
+        let (mut wanted, kept) = shortened(asked.torque * gain + asked.offset, bound);
         if self.guard.is_some() {
+            if self.ledger.is_some() {
+                let driving = wanted - asked.elastic * (asked.share * gain * kept);
+                self.count(scene, &asked, gain, bound, driving);
+            }
             // Limited before the damping, because a torque that is not sent gives out no energy.
-            wanted = limited(self.damp(tick, wanted), bound);
+            let damped = limited(self.damp(tick, wanted), bound);
+            if let Some(ledger) = &mut self.ledger {
+                ledger.want(damped, damped - wanted);
+            }
+            wanted = damped;
         }
-        Wanted { torque: slewed(self.made.torque, wanted, reach), share, reach }
+        Wanted { torque: slewed(self.made.torque, wanted, reach), share: asked.share, reach }
     }
 
-    /// Renders the scene as in any other tick, and records the torque of each effect.
+    /// Renders the scene as in any other tick. Returns its torque and the part of the elastic
+    /// effects, N m. Records the torque of each effect if the sphere may be shaking.
     #[inline(never)]
-    fn rendered_each(&mut self, scene: &CompiledScene, moment: render::Moment) -> Vec3 {
+    fn rendered_each(&mut self, scene: &CompiledScene, moment: render::Moment) -> (Vec3, Vec3) {
         // The limits of this tick are not known yet. Those of the last are nearly the same.
         let remains = if self.shaking_stored.counts() { self.made.scale } else { 1.0 };
         let (motion, shaking) = (self.rendered_motion, &mut self.shaking);
-        let record = |slot, torque| shaking.record(moment.tick, slot, torque * remains);
-        self.renderer.render_in_tick(scene, motion, moment, record)
+        let suspects = shaking.suspects();
+        let mut elastic = Vec3::ZERO;
+        let torque = self.renderer.render_in_tick(scene, motion, moment, |effect, torque| {
+            if suspects {
+                shaking.record(moment.tick, effect.slot, torque * remains);
+            }
+            if effect.kind.is_elastic() {
+                elastic += torque;
+            }
+        });
+        (torque, elastic)
     }
 
     /// Gives the guard against shaking the present tick.
@@ -195,27 +230,20 @@ impl Controller {
         self.shaking.look(&now, &mut self.shaking_stored, (reason, on_purpose), dt, energy);
     }
 
-    /// Renders the scene while an effect may be fading. Returns the torque of scene and stream
-    /// after the limit (N m), the fraction that remains, and the torque that the blend adds (N m).
+    /// Renders the scene while an effect may be fading.
     ///
     /// The progress of fades and blend changes the torque by at most the limit in [`BLEND_S`]. If
     /// it would change faster, for example from one direction to the opposite, they all take
     /// longer.
     #[inline(never)]
-    fn rendered_fading(
-        &mut self,
-        scene: &CompiledScene,
-        tick: u64,
-        dt: Real,
-        before: Option<Vec3>,
-    ) -> (Vec3, Real, Vec3) {
+    fn rendered_fading(&mut self, scene: &CompiledScene, tick: u64, dt: Real, before: Option<Vec3>) -> Asked {
         let (limits, stream) = (self.rig.limits, self.stream);
         let gain = self.machine.gain * self.shaking.gain();
         let limit = |sum| stream.added_to(sum, limits.torque);
         let moment = self.moment(tick, dt);
         let parts = self.renderer.parts(scene, &self.rendered_motion, moment, dt);
-        let (asked, share) = parts.torque(0.0, limit);
-        let offset = self.blend.added(asked * gain, before, limits.torque);
+        let (torque, share) = parts.torque(0.0, limit);
+        let offset = self.blend.added(torque * gain, before, limits.torque);
         let most = limits.torque * (dt / BLEND_S);
         let part = parts.advance_within(most, self.blend.change(dt), gain, limit);
         self.renderer.fade(scene, dt, part);
@@ -223,7 +251,7 @@ impl Controller {
         if parts.is_over() {
             self.fades = Fades::Over;
         }
-        (asked, share, offset)
+        Asked { torque, share, offset, elastic: parts.elastic }
     }
 
     /// Returns the torque that `scene` would have made in the last tick, N m: at the motion of the
@@ -274,6 +302,21 @@ impl Controller {
         render::Moment { lead: lead.time(), ahead: lead.ahead(), reach_ahead: rate * lead.ahead(), ..still }
     }
 
+    /// Finds the energy that delay has created since the last tick, and gives it to the passivity
+    /// controller. `driving` is the part of the wanted torque that moves the sphere on purpose, N m.
+    ///
+    /// The elastic torque that would act without delay is limited by itself, as the sent torque is.
+    /// It is then a function of the orientation, and does no work on a closed path.
+    #[inline(never)]
+    fn count(&mut self, scene: &CompiledScene, asked: &Asked, gain: Real, bound: Real, driving: Vec3) {
+        let (Some(ledger), Some(guard)) = (&mut self.ledger, &mut self.guard) else { return };
+        let law = self.renderer.elastic_at(scene, self.orientation.q);
+        let others = asked.torque / asked.share - asked.elastic;
+        let (sum, share) = shortened(others + law, self.rig.limits.torque);
+        let (_, kept) = shortened(sum * gain + asked.offset, bound);
+        guard.add(ledger.render(law * (share * gain * kept), driving));
+    }
+
     /// Returns the torque `wanted` plus a damping torque that the passivity controller computes for
     /// this tick. It is a separate function, so that it costs nothing if the rig has no passivity
     /// controller.
@@ -282,7 +325,7 @@ impl Controller {
         let (Some(guard), Some(answered)) = (&mut self.guard, self.joints.answered()) else { return wanted };
         let (period, gain) = (self.rig.timing.period_s(), self.machine.gain);
         let now = Moment { tick: tick as u32, answered, period, gain };
-        guard.damp(&self.observer, now, wanted, self.joints.omega)
+        guard.damp(&self.observer, self.ledger.as_ref(), now, wanted, self.joints.omega)
     }
 
     /// Sets `made` to the joint torques that make the torque `wanted` on the sphere, as far as the

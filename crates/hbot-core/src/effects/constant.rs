@@ -28,6 +28,7 @@ impl Law for Constant {
     type Memory = ();
 
     const GIVES: bool = true;
+    const ELASTIC: bool = false;
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, (): &mut ()) -> Vec3 {

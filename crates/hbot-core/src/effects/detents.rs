@@ -8,6 +8,7 @@
 //! energy is continuous and has a continuous slope everywhere.
 
 use super::geometry::{Dial, Turns};
+use super::knock::{Meets, Touched};
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
@@ -68,6 +69,31 @@ impl Detents {
         if self.count > 0 { self.width.min(0.5 * TURN / Real::from(self.count)) } else { self.width }
     }
 
+    /// Returns the number of the notch that is nearest to the angle `psi` (above 0), the distance
+    /// from it and half of its width, rad. Returns `None` if there is no notch.
+    fn nearest(&self, psi: Real, numbers: &[Real]) -> Option<(u16, Real, Real)> {
+        if self.count > 0 {
+            let step = TURN / Real::from(self.count);
+            let turns = round(psi / step);
+            // The number of a notch around a turn. Angles of many turns stay far below the range.
+            let number = (turns as i64).rem_euclid(i64::from(self.count)) as u16;
+            return Some((number + 1, psi - step * turns, self.width.min(0.5 * step)));
+        }
+        let right = numbers.partition_point(|position| *position <= psi);
+        let left = right.checked_sub(1);
+        let distance = |k: usize| numbers.get(k).map(|position| psi - position);
+        let k = match (left.and_then(distance), distance(right)) {
+            (Some(from_left), Some(to_right)) if from_left >= -to_right => right,
+            (None, Some(_)) => right,
+            (Some(_), _) => left?,
+            (None, None) => return None,
+        };
+        let gap = |k: usize| Some(0.5 * (numbers.get(k + 1)? - numbers.get(k)?));
+        let rooms = [k.checked_sub(1).and_then(gap), gap(k)];
+        let width = rooms.into_iter().flatten().fold(self.width, Real::min);
+        Some((k as u16 + 1, distance(k)?, width))
+    }
+
     /// Returns the dial's energy (J) and its slope (N m) at the distance `d` (rad) from a notch.
     /// `room` is half of the distance to the next notch, rad.
     #[inline]
@@ -90,6 +116,36 @@ impl Detents {
         } else {
             self.notch(d, self.width)
         }
+    }
+}
+
+/// Distance from an end wall at which a dial that touched it has left it, rad.
+const LEFT: Real = 2.0e-3;
+
+impl Meets for Detents {
+    /// A notch is touched from the steepest place of its flank on, half of its half width from its
+    /// middle, and left at its rim.
+    fn touched(&self, now: &mut Now<'_>, turns: &Turns, held: [u16; 2]) -> [Option<Touched>; 2] {
+        let dial = now.dial(self.axis);
+        let psi = turns.unwrap(dial.psi);
+        let notch = self.nearest(psi, now.numbers).and_then(|(place, d, width)| {
+            let reach = if place == held[0] { width } else { 0.5 * width };
+            // A notch is met on the way to its middle.
+            (fabs(d) < reach)
+                .then_some(Touched { place, way: if d > 0.0 { -dial.gradient } else { dial.gradient } })
+        });
+        let ends = now.numbers.first().zip(now.numbers.last()).filter(|_| self.count == 0);
+        let wall = ends.filter(|_| self.end_stiffness > 0.0).and_then(|(first, last)| {
+            let edge = |place: u16| if held[1] == place { -LEFT } else { 0.0 };
+            if psi - last > edge(2) {
+                Some(Touched { place: 2, way: dial.gradient })
+            } else if first - psi > edge(1) {
+                Some(Touched { place: 1, way: -dial.gradient })
+            } else {
+                None
+            }
+        });
+        [notch, wall]
     }
 }
 

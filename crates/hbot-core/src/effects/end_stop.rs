@@ -8,6 +8,7 @@
 //! gradients.
 
 use super::geometry::{Dial, SWING_FADE, Swing, Turns};
+use super::knock::{Meets, Touched};
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
@@ -71,6 +72,33 @@ impl EndStop {
 
     fn damping_at(&self, depth: Real) -> Real {
         self.damping * (depth * (1.0 / SOFT)).min(1.0)
+    }
+}
+
+/// Distance from a wall at which a sphere that touched it has left it, rad.
+const LEFT: Real = 2.0e-3;
+
+impl Meets for EndStop {
+    fn touched(&self, now: &mut Now<'_>, turns: &Turns, held: [u16; 2]) -> [Option<Touched>; 2] {
+        let edge = |held: bool| if held { -LEFT } else { 0.0 };
+        let cone = self.cone.and_then(|cone| {
+            let swing = Swing::new(now.relative(), self.axis);
+            let touches = swing.angle - cone > edge(held[0] == 1);
+            touches.then_some(Touched { place: 1, way: swing.gradient })
+        });
+        let twist = self.twist.and_then(|[low, high]| {
+            let dial = now.dial(self.axis);
+            let psi = turns.unwrap(dial.psi);
+            // Only the nearer wall can be touched: the other is a range of twist away.
+            if psi - high > edge(held[1] == 2) {
+                Some(Touched { place: 2, way: dial.gradient })
+            } else if low - psi > edge(held[1] == 1) {
+                Some(Touched { place: 1, way: -dial.gradient })
+            } else {
+                None
+            }
+        });
+        [cone, twist]
     }
 }
 

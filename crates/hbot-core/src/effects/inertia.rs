@@ -55,6 +55,8 @@ pub(crate) fn largest(m: &Mat3) -> Real {
 impl Law for Inertia {
     /// The smoothed angular acceleration of the sphere, rad/s².
     type Memory = Vec3;
+    /// The bound of all masses keeps them stable, however late they are.
+    const ELASTIC: bool = false;
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, smooth: &mut Vec3) -> Vec3 {

@@ -16,6 +16,7 @@ mod friction;
 pub(crate) mod geometry;
 mod guide;
 mod inertia;
+mod knock;
 mod magnet;
 mod now;
 mod pendulum;
@@ -34,6 +35,7 @@ pub use end_stop::EndStop;
 pub use friction::Friction;
 pub use guide::{Freedom, Guide};
 pub use inertia::Inertia;
+pub use knock::{Knock, Knocking};
 pub use magnet::Magnet;
 pub use now::Motion;
 pub use pendulum::Pendulum;
@@ -46,6 +48,7 @@ pub use track::{Track, TrackPath};
 pub use vibration::{Vibration, Wave};
 
 pub(crate) use inertia::{largest, mass_scale};
+use knock::Knocked;
 pub(crate) use now::{Now, Shared};
 pub(crate) use target::Reference;
 
@@ -65,6 +68,9 @@ pub(crate) trait Law {
 
     /// True for a law that gives out energy on purpose, whatever the sphere does.
     const GIVES: bool = false;
+
+    /// True for a law whose torque follows the orientation, so that delay makes it create energy.
+    const ELASTIC: bool = true;
 
     /// Returns the torque on the sphere in frame N, in N m, before the effect's gain and fading.
     /// Advances `memory` by one tick.
@@ -222,15 +228,15 @@ fn apply<L: Law>(law: &L, gain: Real, mut now: Now<'_>, memory: &mut L::Memory) 
     torque * gain
 }
 
-/// Defines [`Kind`] and [`Memory`] from the list of effects, and functions that call the law of
+/// Defines [`Kind`] and [`Memory`] from the list of effects and their laws, and functions that call the law of
 /// each kind with its own memory.
 macro_rules! kinds {
-    ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
+    ($($(#[$doc:meta])* $name:ident($law:ty)),* $(,)?) => {
         /// The kinds of effects. Each variant contains the parameters of the effect.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
         pub enum Kind {
-            $($(#[$doc])* $name($name)),*
+            $($(#[$doc])* $name($law)),*
         }
 
         /// The memories of all kinds of effects. Each effect uses the variant of its kind.
@@ -239,7 +245,7 @@ macro_rules! kinds {
         pub(crate) enum Memory {
             /// Fresh memory: no tick has been rendered yet.
             None,
-            $($name(<$name as Law>::Memory)),*
+            $($name(<$law as Law>::Memory)),*
         }
 
         impl Kind {
@@ -304,7 +310,13 @@ macro_rules! kinds {
             /// Returns true for kinds that give out energy on purpose, whatever the sphere does.
             pub(crate) const fn gives(&self) -> bool {
                 match self {
-                    $(Self::$name(_) => <$name as Law>::GIVES),*
+                    $(Self::$name(_) => <$law as Law>::GIVES),*
+                }
+            }
+
+            pub(crate) const fn is_elastic(&self) -> bool {
+                match self {
+                    $(Self::$name(_) => <$law as Law>::ELASTIC),*
                 }
             }
 
@@ -316,7 +328,7 @@ macro_rules! kinds {
 
             pub(crate) fn remembers(&self) -> bool {
                 match self {
-                    $(Self::$name(_) => <$name as Law>::REMEMBERS),*
+                    $(Self::$name(_) => <$law as Law>::REMEMBERS),*
                 }
             }
 
@@ -333,35 +345,57 @@ macro_rules! kinds {
 
 kinds! {
     /// A constant torque.
-    Constant,
+    Constant(Constant),
     /// A spring that pulls the sphere to a reference orientation, with a damper.
-    Spring,
+    Spring(Spring),
     /// Viscous resistance against turning.
-    Damper,
+    Damper(Damper),
     /// A virtual mass that resists acceleration of the sphere.
-    Inertia,
+    Inertia(Inertia),
     /// Dry friction that lets a sphere at rest truly stick.
-    Friction,
+    Friction(Friction),
     /// The notches of a dial about an axis.
-    Detents,
+    Detents(Detents),
     /// A set of orientations into which the sphere snaps.
-    Snaps,
+    Snaps(Snaps),
     /// Walls that keep an axis of the sphere within a cone, and its twist within a range.
-    EndStop,
+    EndStop(EndStop),
     /// A guide that lets the sphere turn freely in some directions and holds it in the others.
-    Guide,
+    Guide(Guide),
     /// Bumps on the sphere's surface that the hand feels when the sphere turns.
-    Texture,
+    Texture(Texture),
     /// A vibration about an axis.
-    Vibration,
+    Vibration(Vibration),
     /// An off-centre mass under gravity, as in a pendulum.
-    Pendulum,
+    Pendulum(Pendulum),
     /// Attraction near an orientation, and almost no torque far from it.
-    Magnet,
+    Magnet(Magnet),
     /// Clicks: short pulses of torque about an axis.
-    Pulse,
+    Pulse(Pulse),
     /// A spring that pulls the sphere along with a moving reference.
-    Track,
+    Track(Track),
+    /// Detents with a knock.
+    KnockingDetents(Knocking<Detents>),
+    /// Snaps with a knock.
+    KnockingSnaps(Knocking<Snaps>),
+    /// End stops with a knock.
+    KnockingEndStop(Knocking<EndStop>),
+}
+
+impl Memory {
+    /// Converts the memory of an effect that has been given a knock, or has lost it, to that of
+    /// `kind`. So the effect keeps what its law remembers, such as the number of turns.
+    pub(crate) fn fit(&mut self, kind: &Kind) {
+        *self = match (kind, &*self) {
+            (Kind::Detents(_), Self::KnockingDetents(knocked)) => Self::Detents(knocked.law()),
+            (Kind::KnockingDetents(_), Self::Detents(law)) => Self::KnockingDetents(Knocked::silent(*law)),
+            (Kind::Snaps(_), Self::KnockingSnaps(knocked)) => Self::Snaps(knocked.law()),
+            (Kind::KnockingSnaps(_), Self::Snaps(law)) => Self::KnockingSnaps(Knocked::silent(*law)),
+            (Kind::EndStop(_), Self::KnockingEndStop(knocked)) => Self::EndStop(knocked.law()),
+            (Kind::KnockingEndStop(_), Self::EndStop(law)) => Self::KnockingEndStop(Knocked::silent(*law)),
+            _ => return,
+        };
+    }
 }
 
 #[cfg(test)]
@@ -467,6 +501,17 @@ mod tests {
                 count: 12,
             }),
             Kind::Track(Track { target, path: swing, stiffness: 1.0, damping: 0.1, deadband: 0.0 }),
+            Kind::KnockingEndStop(Knocking {
+                law: EndStop {
+                    target,
+                    axis,
+                    cone: Some(0.5),
+                    twist: Some([-0.5, 0.5]),
+                    stiffness: 3.0,
+                    damping: 0.1,
+                },
+                knock: Knock { amplitude: 0.1, frequency: 100.0, decay: 0.01 },
+            }),
         ];
         let mut shared = Shared::EMPTY;
         for kind in kinds {

@@ -81,6 +81,7 @@ impl Law for Pulse {
     type Memory = Clicks;
 
     const GIVES: bool = true;
+    const ELASTIC: bool = false;
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, state: &mut Clicks) -> Vec3 {

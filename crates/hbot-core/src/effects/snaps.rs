@@ -11,12 +11,13 @@
 //! plane. So a sphere without inertia settles in the nearest well. The exception is a rim of order
 //! r around the lines at which a third well is equally near.
 
+use super::knock::{Meets, Touched};
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
 use crate::outline::Outline;
-use crate::real::{Quat, Real, Vec3, fabs, sqrt};
-use crate::rotation::{from_parts, vector_part};
+use crate::real::{Quat, Real, Vec3, atan2, fabs, sqrt};
+use crate::rotation::{from_parts, shortest, vector_part};
 
 /// Largest number of orientations that a scene can give to a snaps effect one by one.
 pub const MAX_OWN: usize = 16;
@@ -239,6 +240,31 @@ const fn icosahedron() -> [[Real; 4]; 60] {
         i += 1;
     }
     all
+}
+
+impl Meets for Snaps {
+    /// An orientation is touched within half of the width of its well, and left beyond its width.
+    fn touched(&self, now: &mut Now<'_>, (): &(), held: [u16; 2]) -> [Option<Touched>; 2] {
+        let x = now.relative();
+        let at = [x.w, x.x, x.y, x.z];
+        let (mut most, mut nearest): (Real, usize) = (-1.0, 0);
+        let wells = Wells::new(self.set, now.numbers);
+        for (i, well) in wells.all.iter().enumerate() {
+            let c = fabs(dot(&at, well));
+            if c > most {
+                (most, nearest) = (c, i);
+            }
+        }
+        let Some(well) = wells.all.get(nearest) else { return [None; 2] };
+        let [w, gx, gy, gz] = *well;
+        // The turn from the sphere's orientation to the orientation of the well.
+        let left = shortest(from_parts(w, Vec3::new(gx, gy, gz)) * x.conjugate());
+        let way = vector_part(left);
+        let angle = 2.0 * atan2(sqrt(way.length_squared()), left.w);
+        let place = nearest as u16 + 1;
+        let reach = if held[0] == place { self.width } else { 0.5 * self.width };
+        [(angle < reach).then_some(Touched { place, way }), None]
+    }
 }
 
 impl Law for Snaps {

@@ -102,6 +102,7 @@ impl Law for Vibration {
     type Memory = Phase;
 
     const GIVES: bool = true;
+    const ELASTIC: bool = false;
 
     #[inline]
     fn render(&self, now: &mut Now<'_>, state: &mut Phase) -> Vec3 {

@@ -201,6 +201,10 @@ pub struct PassivityLimit {
     pub store: Real,
     /// Largest damping that the passivity controller adds, N m s/rad.
     pub damping: Real,
+    /// True if all energy given to the hand counts. If false, only the energy counts that delay and
+    /// sampling create, so that a scene may move the sphere on purpose.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub strict: bool,
 }
 
 impl PassivityLimit {
@@ -215,7 +219,15 @@ impl PassivityLimit {
     #[must_use]
     pub fn of(device: &Device, period_s: Real) -> Self {
         let damping = 0.25 * device.sphere_inertia() / period_s.max(1.0e-3);
-        Self { allowance: 1.0e-3, store: 0.5, damping }
+        Self { allowance: 1.0e-3, store: 5.0e-3, damping, strict: false }
+    }
+
+    /// Returns values with which all energy counts, for `device` in a loop with a period of
+    /// `period_s` seconds. The store is 0.5 J, because a spring of 1 N m/rad with a torque of 0.9 N
+    /// m stores 0.4 J.
+    #[must_use]
+    pub fn strict(device: &Device, period_s: Real) -> Self {
+        Self { store: 0.5, strict: true, ..Self::of(device, period_s) }
     }
 }
 

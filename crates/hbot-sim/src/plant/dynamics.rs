@@ -267,4 +267,5 @@ fn is_nonsmooth(phenomena: &Phenomena) -> bool {
         || phenomena.slip.is_some()
         || phenomena.pivoting.is_some()
         || phenomena.gear.is_some()
+        || phenomena.compliance.is_some()
 }

@@ -4,6 +4,7 @@ use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::knock::{self, Knock, Own};
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
@@ -37,6 +38,19 @@ pub(super) struct Detents {
     /// Damping of the dial's rotation about its axis.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
+    /// What the sphere sounds like when it falls into a notch or meets a wall: a short vibration
+    /// against the impact.
+    knock: Knock,
+    /// With `knock = "own"`: torque of the knock for each rad/s of the speed of the impact.
+    #[schemars(range(min = 0.0, max = 0.2), extend("unit" = "N m s/rad"))]
+    knock_amplitude: f64,
+    /// With `knock = "own"`: frequency of the knock. Above a third of the loop's rate it is not
+    /// rendered well.
+    #[schemars(range(min = 5.0, max = 1000.0), extend("unit" = "Hz"))]
+    knock_frequency: f64,
+    /// With `knock = "own"`: time in which the knock falls to 1/e.
+    #[schemars(range(min = 0.001, max = 0.1), extend("unit" = "s"))]
+    knock_decay_s: f64,
     /// Orientation at which the dial is at zero, as a quaternion [w, x, y, z]. Any length except
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -67,9 +81,20 @@ impl Default for Detents {
             ends: Ends::Open,
             end_stiffness: 2.0,
             damping: 0.002,
+            knock: Knock::None,
+            knock_amplitude: knock::AMPLITUDE,
+            knock_frequency: knock::FREQUENCY,
+            knock_decay_s: knock::DECAY_S,
             reference: IDENTITY,
             anchor: Anchor::Absolute,
         }
+    }
+}
+
+impl Detents {
+    /// Returns the values of a knock that is `own`.
+    fn own(&self) -> Own {
+        Own { amplitude: self.knock_amplitude, frequency: self.knock_frequency, decay_s: self.knock_decay_s }
     }
 }
 
@@ -91,7 +116,7 @@ impl EffectKind for Detents {
             );
             return None;
         }
-        Some(Kind::Detents(effects::Detents {
+        let law = effects::Detents {
             target: target?,
             axis: axis?,
             strength: self.strength,
@@ -99,7 +124,8 @@ impl EffectKind for Detents {
             count: if self.positions.is_empty() { self.count } else { 0 },
             end_stiffness: if self.ends == Ends::Closed { self.end_stiffness } else { 0.0 },
             damping: self.damping,
-        }))
+        };
+        Some(self.knock.added_to(self.own(), law, Kind::Detents, Kind::KnockingDetents))
     }
 
     fn numbers(&self) -> Vec<f64> {
@@ -109,7 +135,7 @@ impl EffectKind for Detents {
     fn idle(&self) -> Vec<IdleKey> {
         const GIVE: &str = "give positions";
         let count = || idle_keys(&["count"], "positions", "remove positions");
-        match (self.positions.is_empty(), self.ends) {
+        let mut idle = match (self.positions.is_empty(), self.ends) {
             (true, Ends::Open) => [
                 idle_keys(&["ends"], "positions", GIVE),
                 idle_keys(&["end_stiffness"], "positions", "give positions and set ends = \"closed\""),
@@ -120,6 +146,8 @@ impl EffectKind for Detents {
                 [count(), idle_keys(&["end_stiffness"], "ends", "set ends = \"closed\"")].concat()
             }
             (false, Ends::Closed) => count(),
-        }
+        };
+        idle.extend(self.knock.idle());
+        idle
     }
 }

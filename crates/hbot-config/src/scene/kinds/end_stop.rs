@@ -4,6 +4,7 @@ use hbot_core::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::knock::{self, Knock, Own};
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
@@ -31,6 +32,18 @@ pub(super) struct EndStop {
     /// Damping of the walls. It acts only while the sphere moves deeper into a wall.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
+    /// What the sphere sounds like when it meets a wall: a short vibration against the impact.
+    knock: Knock,
+    /// With `knock = "own"`: torque of the knock for each rad/s of the speed of the impact.
+    #[schemars(range(min = 0.0, max = 0.2), extend("unit" = "N m s/rad"))]
+    knock_amplitude: f64,
+    /// With `knock = "own"`: frequency of the knock. Above a third of the loop's rate it is not
+    /// rendered well.
+    #[schemars(range(min = 5.0, max = 1000.0), extend("unit" = "Hz"))]
+    knock_frequency: f64,
+    /// With `knock = "own"`: time in which the knock falls to 1/e.
+    #[schemars(range(min = 0.001, max = 0.1), extend("unit" = "s"))]
+    knock_decay_s: f64,
     /// Orientation from which cone and twist are measured, as a quaternion [w, x, y, z]. Any length
     /// except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -61,9 +74,20 @@ impl Default for EndStop {
             twist: [-1.0, 1.0],
             stiffness: 3.0,
             damping: 0.03,
+            knock: Knock::None,
+            knock_amplitude: knock::AMPLITUDE,
+            knock_frequency: knock::FREQUENCY,
+            knock_decay_s: knock::DECAY_S,
             reference: IDENTITY,
             anchor: Anchor::Absolute,
         }
+    }
+}
+
+impl EndStop {
+    /// Returns the values of a knock that is `own`.
+    fn own(&self) -> Own {
+        Own { amplitude: self.knock_amplitude, frequency: self.knock_frequency, decay_s: self.knock_decay_s }
     }
 }
 
@@ -82,21 +106,24 @@ impl EffectKind for EndStop {
             );
             return None;
         }
-        Some(Kind::EndStop(effects::EndStop {
+        let law = effects::EndStop {
             target: target?,
             axis: axis?,
             cone: (self.walls != Walls::Twist).then_some(self.cone),
             twist: (self.walls != Walls::Cone).then_some(self.twist),
             stiffness: self.stiffness,
             damping: self.damping,
-        }))
+        };
+        Some(self.knock.added_to(self.own(), law, Kind::EndStop, Kind::KnockingEndStop))
     }
 
     fn idle(&self) -> Vec<IdleKey> {
-        match self.walls {
+        let mut idle = match self.walls {
             Walls::Cone => idle_keys(&["twist"], "walls", "set walls = \"twist\" or walls = \"both\""),
             Walls::Twist => idle_keys(&["cone"], "walls", "set walls = \"cone\" or walls = \"both\""),
             Walls::Both => Vec::new(),
-        }
+        };
+        idle.extend(self.knock.idle());
+        idle
     }
 }

@@ -9,6 +9,7 @@ mod friction;
 mod guide;
 mod impedance;
 mod inertia;
+mod knock;
 mod magnet;
 mod pendulum;
 mod pulse;

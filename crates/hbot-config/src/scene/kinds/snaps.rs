@@ -6,8 +6,9 @@ use hbot_core::rotation::{angle_between, to_wxyz};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::EffectKind;
+use super::knock::{self, Knock, Own};
 use super::target::{Anchor, IDENTITY, target, unit_quaternion};
+use super::{EffectKind, IdleKey};
 use crate::document::{Report, join};
 
 /// Pulls the sphere towards the nearest of a set of orientations. The set is that of a rotation
@@ -36,6 +37,19 @@ pub(super) struct Snaps {
     /// Damping of the sphere's rotation.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
+    /// What the sphere sounds like when it falls into an orientation: a short vibration against the
+    /// impact.
+    knock: Knock,
+    /// With `knock = "own"`: torque of the knock for each rad/s of the speed of the impact.
+    #[schemars(range(min = 0.0, max = 0.2), extend("unit" = "N m s/rad"))]
+    knock_amplitude: f64,
+    /// With `knock = "own"`: frequency of the knock. Above a third of the loop's rate it is not
+    /// rendered well.
+    #[schemars(range(min = 5.0, max = 1000.0), extend("unit" = "Hz"))]
+    knock_frequency: f64,
+    /// With `knock = "own"`: time in which the knock falls to 1/e.
+    #[schemars(range(min = 0.001, max = 0.1), extend("unit" = "s"))]
+    knock_decay_s: f64,
     /// Orientation from which those of the set are measured, as a quaternion [w, x, y, z]. Any
     /// length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -78,9 +92,20 @@ impl Default for Snaps {
             strength: 0.1,
             width: 0.2,
             damping: 0.01,
+            knock: Knock::None,
+            knock_amplitude: knock::AMPLITUDE,
+            knock_frequency: knock::FREQUENCY,
+            knock_decay_s: knock::DECAY_S,
             reference: IDENTITY,
             anchor: Anchor::Absolute,
         }
+    }
+}
+
+impl Snaps {
+    /// Returns the values of a knock that is `own`.
+    fn own(&self) -> Own {
+        Own { amplitude: self.knock_amplitude, frequency: self.knock_frequency, decay_s: self.knock_decay_s }
     }
 }
 
@@ -119,18 +144,23 @@ impl EffectKind for Snaps {
             }
             own.push(q);
         }
-        Some(Kind::Snaps(effects::Snaps {
+        let law = effects::Snaps {
             target: target?,
             set: self.set.into(),
             strength: self.strength,
             width: self.width,
             rounding: effects::Snaps::rounding(self.set.into(), &self.numbers()),
             damping: self.damping,
-        }))
+        };
+        Some(self.knock.added_to(self.own(), law, Kind::Snaps, Kind::KnockingSnaps))
     }
 
     fn numbers(&self) -> Vec<f64> {
         let unit = |[w, x, y, z]: &[f64; 4]| to_wxyz(Quat::from_xyzw(*x, *y, *z, *w).normalize());
         self.orientations.iter().flat_map(unit).collect()
+    }
+
+    fn idle(&self) -> Vec<IdleKey> {
+        self.knock.idle()
     }
 }

@@ -4,6 +4,7 @@
 //! Comments at the defaults name their sources. Equations, sources and validation are in
 //! docs/simulator.md.
 
+mod compliance;
 mod contact;
 mod encoder;
 mod friction;
@@ -19,6 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+pub use self::compliance::Compliance;
 pub use self::contact::{Pivoting, Slip};
 pub use self::encoder::Encoder;
 pub use self::friction::{CageFriction, JointFriction};
@@ -68,6 +70,11 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Gear")]
     pub gear: Option<Gear>,
+    /// Parts between the motors and the sphere that give way under force: each contact along the
+    /// sphere's surface, and the bearing of the sphere in its cage.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Compliance")]
+    pub compliance: Option<Compliance>,
     /// Encoders with coarse resolution, periodic errors or a wrong zero. Rounding to whole encoder
     /// counts (`counts_per_turn`) is simulated even without this table.
     #[serde(skip_serializing_if = "Option::is_none")]

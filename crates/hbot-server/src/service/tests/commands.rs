@@ -322,7 +322,8 @@ fn enable_far_from_a_reference_says_which_and_how_far() {
 #[test]
 fn info_tells_the_limit_of_the_passivity_controller() {
     let mut rig = RigConfig::prototype();
-    let limit = hbot_core::rig::PassivityLimit { allowance: 0.002, store: 0.25, damping: 0.125 };
+    let limit =
+        hbot_core::rig::PassivityLimit { allowance: 0.002, store: 0.25, damping: 0.125, strict: false };
     rig.rig = rig.rig.with(|parts| parts.methods.passivity = Some(limit)).unwrap();
     let bench = TestService::start(TestOptions { rig, ..TestOptions::default() });
     let info = bench.client("c").info().unwrap();

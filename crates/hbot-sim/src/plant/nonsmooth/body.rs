@@ -6,6 +6,7 @@ use hbot_core::kinematics::ContactFrame;
 use hbot_core::{Vec3, rotation};
 
 use super::super::weights::Module;
+use super::compliance::Bent;
 use super::law::{Element, Law, Row};
 use super::solver::StepProblem;
 use super::{JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
@@ -63,6 +64,8 @@ pub(super) struct Body {
     /// The only axis about which the sphere can turn, as a unit vector in frame N. `None` if the
     /// sphere can turn about any axis.
     pub(super) hinge: Option<Vec3>,
+    /// How far contacts and cage have given way. Zero without the phenomenon compliance.
+    pub(super) bent: Bent,
 }
 
 impl Body {
@@ -71,25 +74,37 @@ impl Body {
     }
 
     /// Returns the index of a joint's rate in the solver's vector of speeds (`k` is 0 for steer, 1
-    /// for drive). Returns `None` if the wheels cannot slip, because the sphere's rate then
-    /// determines the joint's rate.
+    /// for drive). Returns `None` if the wheels can neither slip nor give way, because the sphere's
+    /// rate then determines the joint's rate.
     pub(super) fn joint_at(&self, wheel: usize, k: usize) -> Option<usize> {
-        self.phenomena.slip.map(|_| 3 + 2 * wheel + k)
+        self.has_free_joints().then_some(3 + 2 * wheel + k)
     }
 
     /// Returns the index of the rate of a drive's motor in the solver's vector of speeds. Returns
     /// `None` if the gears have no play, because the motor then turns with its joint.
     pub(super) fn motor_at(&self, wheel: usize) -> Option<usize> {
-        let first = if self.phenomena.slip.is_some() { 3 + 2 * self.wheels() } else { 3 };
+        let first = if self.has_free_joints() { 3 + 2 * self.wheels() } else { 3 };
         self.phenomena.gear.map(|_| first + wheel)
     }
 
-    /// Returns the number of speeds for which the solver solves: those of the sphere, and those of
-    /// joints and motors that can move separately.
+    /// Returns whether the joints can move separately from the sphere.
+    fn has_free_joints(&self) -> bool {
+        self.phenomena.slip.is_some() || self.phenomena.compliance.is_some()
+    }
+
+    /// Returns the index of the first component of the velocity of the sphere's centre in the
+    /// solver's vector of speeds. Returns `None` if the cage does not give way.
+    pub(super) fn centre_at(&self) -> Option<usize> {
+        self.phenomena.compliance.map(|_| self.size() - 3)
+    }
+
+    /// Returns the number of speeds for which the solver solves: those of the sphere, those of
+    /// joints and motors that can move separately, and those of the sphere's centre.
     fn size(&self) -> usize {
-        let joints = if self.phenomena.slip.is_some() { 2 } else { 0 };
+        let joints = if self.has_free_joints() { 2 } else { 0 };
         let motors = if self.phenomena.gear.is_some() { 1 } else { 0 };
-        3 + self.wheels() * (joints + motors)
+        let centre = if self.phenomena.compliance.is_some() { 3 } else { 0 };
+        3 + self.wheels() * (joints + motors) + centre
     }
 
     /// Returns the inertias of a wheel's joints, kg m²: steer, coupling of steer and drive, drive.
@@ -117,7 +132,7 @@ impl Body {
     /// joints without inertia, because without slip the sphere determines their motion. With slip
     /// or play they can move separately, so they need some inertia.
     fn least_mass(&self) -> f64 {
-        let apart = self.phenomena.slip.is_some() || self.phenomena.gear.is_some();
+        let apart = self.has_free_joints() || self.phenomena.gear.is_some();
         if apart { LEAST_MASS * self.device.sphere_inertia() } else { 0.0 }
     }
 
@@ -160,6 +175,9 @@ impl Body {
                 speeds[at] = self.motors[i].rate;
             }
         }
+        if let Some(at) = self.centre_at() {
+            speeds[at..at + 3].copy_from_slice(&self.bent.velocity.to_array());
+        }
         speeds
     }
 
@@ -189,12 +207,17 @@ impl Body {
         let (Some(steer), Some(drive)) = (self.joint_at(i, 0), self.joint_at(i, 1)) else {
             return [Row::EMPTY; 2];
         };
-        [
+        let rows = [
             on_sphere(frame.c2 * -radius).and(steer, radius * wheel.axis_along_roll()),
             on_sphere(frame.c1 * radius)
                 .and(steer, -radius * wheel.axis_along_axle())
                 .and(drive, wheel.spec().radius),
-        ]
+        ];
+        let Some(at) = self.centre_at() else { return rows };
+        // The surface moves with the centre too.
+        let [along, across] = rows;
+        let with = |row: Row, v: Vec3| row.and(at, -v.x).and(at + 1, -v.y).and(at + 2, -v.z);
+        [with(along, frame.c1), with(across, frame.c2)]
     }
 
     /// Writes the laws of friction, slip and play for this step to `elements`. The impulses of the
@@ -237,7 +260,12 @@ impl Body {
             let wheel = &self.device.wheels()[i];
             if let Some(slip) = self.phenomena.slip {
                 let [along, across] = self.slip_rows(now, i);
-                put(Law::Friction { limit: h * largest_grip(&slip) }, 2, [along, across, Row::EMPTY]);
+                let grip = largest_grip(&slip);
+                let law = match &self.phenomena.compliance {
+                    None => Law::Friction { limit: h * grip },
+                    Some(parts) => self.bent.law(parts, i, [along.dot(speeds), across.dot(speeds)], grip, h),
+                };
+                put(law, 2, [along, across, Row::EMPTY]);
             }
             if let Some(pivoting) = self.phenomena.pivoting {
                 let row = self.spin_row(now, i, wheel.spec().cone);
@@ -377,6 +405,56 @@ impl Body {
                 problem.momentum[at] += mass * self.motors[i].rate;
             }
         }
+        if let (Some(parts), Some(at)) = (&self.phenomena.compliance, self.centre_at()) {
+            problem.springs = true;
+            self.bent.hold_centre(problem, parts, self.device.sphere_mass(), at, h);
+            if self.phenomena.slip.is_none() {
+                let before = self.speeds(state);
+                for i in 0..self.wheels() {
+                    self.bent.hold(problem, parts, i, &self.slip_rows(now, i), &before, h);
+                }
+            }
+        }
+    }
+
+    /// Returns whether angles advance at the mean of the speeds before and after a step, instead of
+    /// the speeds after it.
+    ///
+    /// Then springs of contacts have no numerical damping, and a torque acts neither early nor late.
+    /// The flanks of a gear need the speeds after the step, so that they never pass each other.
+    pub(super) fn has_mean_angles(&self) -> bool {
+        self.phenomena.compliance.is_some() && self.phenomena.gear.is_none()
+    }
+
+    /// Stores the speeds of the sphere in `state`, and those of the joints.
+    pub(super) fn store_rates(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector) {
+        state.omega = Vec3::from_slice(&speeds[..3]);
+        for i in 0..self.wheels() {
+            for k in 0..2 {
+                self.rates[2 * i + k] = match self.joint_at(i, k) {
+                    Some(at) => speeds[at],
+                    None => now.rows[i][k].dot(state.omega),
+                };
+            }
+        }
+    }
+
+    /// Advances the stretches of all parts that give way over a step of `h` seconds from the speeds
+    /// `before` to the speeds `after`. `elements` are the laws of the step with their impulses.
+    pub(super) fn bend(
+        &mut self,
+        elements: &[Element],
+        now: &Instant,
+        [before, after]: [&Vector; 2],
+        h: f64,
+    ) {
+        let (Some(parts), Some(at)) = (self.phenomena.compliance, self.centre_at()) else { return };
+        let mut slid = elements.iter().filter(|element| matches!(element.law, Law::Elastic { .. }));
+        for i in 0..self.wheels() {
+            let rates = self.slip_rows(now, i).map(|row| 0.5 * (row.dot(before) + row.dot(after)));
+            self.bent.stretch(&parts, i, rates, slid.next(), h);
+        }
+        self.bent.move_centre(Vec3::from_slice(&after[at..at + 3]), h);
     }
 }
 

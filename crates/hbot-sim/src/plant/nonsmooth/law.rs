@@ -30,18 +30,30 @@ pub(super) enum Law {
         /// Upper bound of the velocity, at least 0.
         high: f64,
     },
+    /// A spring and damper that slides if the impulse on it reaches a limit. The impulse is `base +
+    /// gain u` if this is not longer than `limit`. If it is longer, the impulse has the same
+    /// direction and the length `limit`. The convex function of the law is quadratic in the middle
+    /// and linear outside (Huber's function).
+    Elastic {
+        /// Largest impulse, N s.
+        limit: f64,
+        /// Impulse at the velocity 0, N s.
+        base: [f64; 2],
+        /// Growth of the impulse with the velocity, kg. Positive.
+        gain: f64,
+    },
 }
 
 /// One component of a law's velocity, as a linear combination of a few of the solver's speeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Row {
-    at: [u8; 5],
-    by: [f64; 5],
+    at: [u8; 8],
+    by: [f64; 8],
     len: u8,
 }
 
 impl Row {
-    pub(super) const EMPTY: Self = Self { at: [0; 5], by: [0.0; 5], len: 0 };
+    pub(super) const EMPTY: Self = Self { at: [0; 8], by: [0.0; 8], len: 0 };
 
     /// Adds a term to the linear combination: `by` times the speed with index `at`.
     #[inline]
@@ -109,11 +121,16 @@ impl Element {
     ) -> Response {
         let none = [0.0; MAX_DIMENSION];
         let mut y = none;
+        // A law that is smooth needs no multiplier: it gives its impulse at once.
+        let (last, rho) = match &self.law {
+            Law::Elastic { base: [x, y], gain, .. } => (&[*x, *y, 0.0], *gain),
+            Law::Friction { .. } | Law::Gap { .. } => (last, rho),
+        };
         for k in 0..self.dimension {
             y[k] = last[k] + rho * u[k];
         }
         match self.law {
-            Law::Friction { limit } => {
+            Law::Friction { limit } | Law::Elastic { limit, .. } => {
                 let size = libm::sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]);
                 if size <= limit {
                     return Response { impulse: y, along: rho, across: 0.0, direction: none };

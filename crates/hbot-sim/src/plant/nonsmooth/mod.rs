@@ -17,6 +17,7 @@
 //! the masses are constant, so the only inertial forces are those of the constraints.
 
 mod body;
+mod compliance;
 mod law;
 mod solver;
 
@@ -24,6 +25,7 @@ use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::{Vec3, rotation};
 
 use self::body::{Body, Given, Instant};
+use self::compliance::Bent;
 use self::law::Element;
 pub use self::solver::Effort;
 use self::solver::{StepProblem, Workspace};
@@ -32,9 +34,9 @@ use super::{JointTorques, PlantState};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
-/// Largest number of speeds: 3 of the sphere, 2 of the joints of each wheel, and 1 of the motor
-/// behind each drive's gear.
-const MAX_SPEEDS: usize = 3 + 3 * MAX_WHEELS;
+/// Largest number of speeds: 3 of the sphere, 2 of the joints of each wheel, 1 of the motor behind
+/// each drive's gear, and 3 of the sphere's centre.
+const MAX_SPEEDS: usize = 6 + 3 * MAX_WHEELS;
 type Vector = [f64; MAX_SPEEDS];
 
 /// Largest number of times that one step is solved. The torques of potentials and the gear losses
@@ -90,6 +92,7 @@ impl Nonsmooth {
                 rates: [0.0; MAX_JOINTS],
                 motors: [Motor::default(); MAX_WHEELS],
                 hinge: None,
+                bent: Bent::default(),
             },
             elements: Vec::with_capacity(capacity),
             last_step: 1.0,
@@ -104,6 +107,7 @@ impl Nonsmooth {
     /// Continues from a state that the caller has set. Afterwards joints roll without slip, motors
     /// are at the middle of their gears' play, and all friction impulses are zero.
     pub(super) fn adopt(&mut self, state: &PlantState) {
+        self.body.bent = Bent::default();
         let now = self.body.instant(state, 0.0);
         for i in 0..self.body.wheels() {
             for k in 0..2 {
@@ -182,6 +186,10 @@ impl Nonsmooth {
             energy += 0.5 * self.body.motor_mass(wheel) * motor * motor;
             energy += self.body.modules.map_or(0.0, |modules| modules[i].energy(state.steer[i]));
         }
+        if let Some(parts) = &self.body.phenomena.compliance {
+            energy += 0.5 * self.body.device.sphere_mass() * self.body.bent.velocity.length_squared();
+            energy += self.body.bent.energy(parts);
+        }
         energy + self.weight().map_or(0.0, |weight| weight.energy(state.q))
     }
 
@@ -211,6 +219,7 @@ impl Nonsmooth {
         let share = h / self.last_step;
         self.body.lay_out(&mut self.elements, share, state, &now, &before, h);
 
+        let angles_by_mean = self.body.has_mean_angles();
         let mut speeds = before;
         let mut effort = Effort::default();
         let potentials = weight.is_some() || hold.is_some() || self.body.modules.is_some();
@@ -228,7 +237,8 @@ impl Nonsmooth {
                 (speeds, implicit)
             };
             let omega = Vec3::from_slice(&guess[..3]);
-            let phi = omega * h;
+            let path = if angles_by_mean && !last { mean(&before, &guess) } else { guess };
+            let phi = Vec3::from_slice(&path[..3]) * h;
             let mut torque = external;
             if let Some(weight) = &weight {
                 torque += weight.torque_over(state.q, phi);
@@ -241,7 +251,7 @@ impl Nonsmooth {
                 given = omega * (0.5 * h * h * spring.stiffness) + *target * (h * damping);
             }
             let impulse = torque * h + given;
-            let given = Given { h, tau, impulse, implicit, guess: &guess, bounded: last };
+            let given = Given { h, tau, impulse, implicit, guess: &path, bounded: last };
             self.body.assemble(&mut self.problem, state, &now, &given);
             effort = self.workspace.solve(&mut self.problem, &mut self.elements, &mut speeds);
             let lag = if sweep == 0 { LAG } else { SETTLED_LOSS };
@@ -257,21 +267,21 @@ impl Nonsmooth {
         }
         self.effort = effort;
         self.last_step = h;
-        self.take(state, &now, &speeds, h);
+        self.body.bend(&self.elements, &now, [&before, &speeds], h);
+        if angles_by_mean {
+            let mean = mean(&before, &speeds);
+            self.move_by(state, &now, &mean, h);
+            self.body.store_rates(state, &now, &speeds);
+        } else {
+            self.move_by(state, &now, &speeds, h);
+        }
     }
 
-    /// Stores the speeds at the end of a step, and advances all angles by `h` seconds at these
-    /// speeds.
-    fn take(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector, h: f64) {
-        state.omega = Vec3::from_slice(&speeds[..3]);
+    /// Advances all angles by `h` seconds at the speeds `speeds`, and stores these speeds.
+    fn move_by(&mut self, state: &mut PlantState, now: &Instant, speeds: &Vector, h: f64) {
+        self.body.store_rates(state, now, speeds);
         state.q = rotation::renormalized(rotation::exp(state.omega * h) * state.q);
         for i in 0..self.body.wheels() {
-            for k in 0..2 {
-                self.body.rates[2 * i + k] = match self.body.joint_at(i, k) {
-                    Some(at) => speeds[at],
-                    None => now.rows[i][k].dot(state.omega),
-                };
-            }
             state.steer[i] += h * self.body.rates[2 * i];
             state.drive[i] += h * self.body.rates[2 * i + 1];
             if let Some(at) = self.body.motor_at(i) {
@@ -290,4 +300,9 @@ impl Nonsmooth {
             weight: self.body.device.sphere_mass() * GRAVITY,
         })
     }
+}
+
+/// Returns the mean of the speeds before and after a step.
+fn mean(before: &Vector, after: &Vector) -> Vector {
+    core::array::from_fn(|i| 0.5 * (before[i] + after[i]))
 }

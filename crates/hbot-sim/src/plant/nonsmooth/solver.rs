@@ -9,7 +9,7 @@
 //! Speeds are scaled so that A has a unit diagonal. Penalties are then relative to the mass of each
 //! row.
 
-use super::law::{Element, MAX_DIMENSION, Response, Row};
+use super::law::{Element, Law, MAX_DIMENSION, Response, Row};
 use super::{MAX_SPEEDS, Vector};
 
 /// Initial penalty of the method of multipliers, relative to the mass on which a law acts. With a
@@ -46,6 +46,9 @@ pub(super) struct StepProblem {
     pub(super) n: usize,
     pub(super) mass: [Vector; MAX_SPEEDS],
     pub(super) momentum: Vector,
+    /// Whether `mass` contains springs. These can be so large that their shares in the product of
+    /// mass and speeds nearly cancel, and leave their rounding errors.
+    pub(super) springs: bool,
 }
 
 /// How many iterations the solver needed in one step of a plant with sticking, slip or play.
@@ -72,7 +75,7 @@ pub(super) struct Workspace {
 
 impl StepProblem {
     pub(super) const EMPTY: Self =
-        Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS] };
+        Self { n: 0, mass: [[0.0; MAX_SPEEDS]; MAX_SPEEDS], momentum: [0.0; MAX_SPEEDS], springs: false };
 
     /// Adds an inertia to the mass matrix. It couples the velocities `a` and `b`, so the matrix
     /// mass aᵀ b is added.
@@ -129,7 +132,9 @@ impl Workspace {
             for (k, (element, now)) in self.scaled.iter_mut().zip(&self.responses).enumerate() {
                 let change = [0, 1, 2].map(|c| now.impulse[c] - element.impulse[c]);
                 let stiffness = self.penalty[k] * self.size[k];
-                worst = worst.max(norm(&change) / stiffness);
+                if !matches!(element.law, Law::Elastic { .. }) {
+                    worst = worst.max(norm(&change) / stiffness);
+                }
                 pace += self.size[k] * norm(&now.impulse);
                 element.impulse = now.impulse;
             }
@@ -190,7 +195,7 @@ impl Workspace {
     fn look(&mut self, problem: &StepProblem, speeds: &Vector, gradient: &mut Vector) -> f64 {
         let n = problem.n;
         let pace = norm(&speeds[..n]);
-        let mut terms = norm(&problem.momentum[..n]);
+        let mut terms = norm(&problem.momentum[..n]) + if problem.springs { pace } else { 0.0 };
         *gradient = multiplied(problem, speeds);
         for i in 0..n {
             gradient[i] -= problem.momentum[i];

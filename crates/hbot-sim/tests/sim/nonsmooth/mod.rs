@@ -3,6 +3,7 @@
 
 mod agreement;
 mod back_drive;
+mod compliance;
 mod dual;
 mod energy;
 mod extremes;

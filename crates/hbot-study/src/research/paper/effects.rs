@@ -90,6 +90,8 @@ pub(super) fn together() -> Phenomena {
         eccentric: Some(Eccentric::default()),
         wheel_modules: Some(WheelModules::default()),
         gear: Some(Gear::default()),
+        // Nobody has measured the prototype's.
+        compliance: None,
         encoder: Some(Encoder::default()),
         motor: Some(Motor::default()),
         link: Some(Link::default()),

@@ -242,7 +242,7 @@ fn introduce(report: &mut Report, count: f64) {
     report.heading("With and without the passivity stage");
     report.say(&format!(
         "The same whole loop, with the prototype's encoders, its rig now with a little damping b, as of bearings and a light hand, and a spring without damping. The sphere is tapped to 1 rad/s, 1.7 mJ of motion: up to which stiffness \
-         does it come to rest, without and with `passivity = true` in the rig file? It counts as coming to rest where, {WATCH_S} s later, its swing has less energy than the tap gave it and still loses {LOSES} of that or more every {:.1} s, \
+         does it come to rest, without and with `passivity = {{ strict = true }}` in the rig file? It counts as coming to rest where, {WATCH_S} s later, its swing has less energy than the tap gave it and still loses {LOSES} of that or more every {:.1} s, \
          or is less than three steps of the encoder, and no fault has ended it. Beside it the linear border b/(h (1/2 + D)), and where there is friction Abbott and Okamura's 2 c/d. All is as in \
          the first line of a table ({} Hz, D = {}, b = {} N m s/rad, counts as fine as the prototype's, no friction) but for what it varies. One count of the joint that moves the sphere most turns it by d = {count:.1e} rad. \
          Stiffnesses a factor of {RATIO:.3} apart are tried, then halved to {} %. \

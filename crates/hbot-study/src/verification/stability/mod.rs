@@ -1,6 +1,7 @@
 //! The study `stability`: how stiff a wall can be, compared with theory, and what stays constant
 //! over a simulated day.
 
+mod compliance;
 mod friction;
 mod given;
 mod guarded;
@@ -29,7 +30,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let device = RigConfig::prototype().rig.device;
     let Ok(plant) = Plant::new(&device) else { unreachable!("the prototype is a plant") };
     let inertia = Vec3::X.dot(plant.apparent_inertia(&PlantState::default()) * Vec3::X);
-    context.expect(9);
+    context.expect(10);
     report.say(&format!(
         "How stiff a virtual wall or spring may be before it buzzes, by simulation, beside the bounds of the literature (physics.md, section 9). h is the loop's \
          period, b the device's own viscous damping, B and K the wall's, D whole ticks of delay. One axis is simulated exactly, with the prototype's apparent inertia \
@@ -44,6 +45,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
             friction::study(context, &mut report, inertia)?;
             rig::study(context, &mut report)?;
             lag::study(context, &mut report)?;
+            compliance::study(context, &mut report)?;
             guarded::study(context, &mut report)?;
             scenes::study(context, &mut report)
         })();

@@ -30,7 +30,7 @@ pub(super) fn conclude(report: &mut Report) {
     };
     let least = ratios("on").into_iter().fold(f64::INFINITY, f64::min);
     let stage = format!(
-        "With `passivity = true` a tap comes to rest on springs at least {least:.1} times as stiff, if friction and counts are small."
+        "With `passivity = {{ strict = true }}` a tap comes to rest on springs at least {least:.1} times as stiff, if friction and counts are small."
     );
     let given = |guard: &str| short(1.0e3 * report.value(&format!("energy_given_60_tenths_{guard}")));
     let energy = format!(

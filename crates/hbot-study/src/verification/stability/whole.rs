@@ -41,8 +41,9 @@ pub(super) struct Loop {
 
 impl Loop {
     pub(super) fn new(wanted: &Wanted) -> Self {
-        let mut config =
-            prototype(&[("loop.rate_hz", json!(wanted.rate)), ("loop.passivity", json!(wanted.guard))]);
+        // All energy counts, so that the energy given out can be compared with its bound.
+        let guard = if wanted.guard { json!({ "strict": true }) } else { json!(false) };
+        let mut config = prototype(&[("loop.rate_hz", json!(wanted.rate)), ("loop.passivity", guard)]);
         let finer = config
             .rig
             .with(|rig| rig.joints.iter_mut().for_each(|joint| joint.counts_per_turn *= wanted.finer));

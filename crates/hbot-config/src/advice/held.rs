@@ -1,0 +1,275 @@
+//! Whether a sphere in one hold is stable: the turns of the determinant det(I + L(z)), counted
+//! along the region outside the unit circle. What belongs to the rig and the hold alone is computed
+//! once for all scenes.
+
+use std::cell::{Cell, RefCell};
+use std::f64::consts::PI;
+
+use hbot_core::Mat3;
+
+use super::axis::Axis;
+use super::complex::{Complex, determinant};
+use super::sampled::{Hold, Sampled, Scene};
+
+/// Growth of a swing that still counts as stable, 1/s: by a factor e in 20 s. Any friction takes
+/// that.
+const GROWTH: f64 = 0.05;
+/// Slowest swing that counts, rad/s: half a turn of phase in a second. Slower motion is no shaking.
+/// Nearer to the real axis, rounding would hide a determinant of directions that nothing holds.
+const SLOWEST: f64 = PI;
+/// Distance from the circle at which the determinant is 1, except for rounding.
+const FAR: f64 = 1.0e3;
+/// Largest number of points at which the determinant is computed. A usual scene needs a few
+/// hundred.
+const MOST_POINTS: u32 = 20_000;
+/// Ratio between the angles of two points on the circle, before points are added where the
+/// determinant turns quickly.
+const RATIO: f64 = 1.5;
+/// Largest change of the determinant between two points: of its angle (rad), and of the logarithm
+/// of its size.
+const STEP: f64 = 0.8;
+/// Number of points between two others whose responses are kept: those of five halvings.
+const KEPT: usize = 32;
+
+/// A sphere in one hold, as the loop of a rig sees it.
+pub(super) struct Held<'a> {
+    sampled: &'a Sampled,
+    axes: [Axis; 3],
+    free: bool,
+    /// The points from far outside to the circle, and along the circle: whether they are on it,
+    /// and their distance or angle.
+    points: Vec<(bool, f64)>,
+    /// For each of these points, its responses and those at halvings up to the next point.
+    kept: RefCell<Vec<Option<Point>>>,
+}
+
+/// The responses of the three axes at one z.
+#[derive(Clone, Copy)]
+struct Point {
+    z: Complex,
+    back: Complex,
+    /// What the determinant's rows are multiplied with.
+    level: Complex,
+    /// Angle and rate of each axis, times `level`.
+    responses: [[Complex; 2]; 3],
+}
+
+/// The place of a point: the index of the point before it, and its number among the halvings. The
+/// first half of the stretch `n` has the number 2 n, the second half 2 n + 1.
+type Place = (usize, usize);
+
+impl<'a> Held<'a> {
+    pub(super) fn new(sampled: &'a Sampled, hold: &Hold) -> Self {
+        // From far out along the ray of the slowest swing to the circle, and along the circle to
+        // the negative real axis. Each pair of zeros outside turns the determinant back by a turn.
+        let slowest = Self::slowest(sampled);
+        let distances = std::iter::successors(Some(FAR), |beyond| Some(beyond / RATIO));
+        let distances = distances.take_while(|beyond| *beyond > 0.1 * slowest).chain([0.0]);
+        let angles = std::iter::successors(Some(slowest), |angle| {
+            (*angle < PI).then(|| (angle * RATIO).min(angle + 0.4).min(PI))
+        });
+        let points: Vec<_> = distances.map(|x| (false, x)).chain(angles.map(|x| (true, x))).collect();
+        Self {
+            sampled,
+            axes: [0, 1, 2].map(|k| Axis::new(sampled, sampled.inertia[k], hold)),
+            free: hold.stiffness == 0.0,
+            kept: RefCell::new(vec![None; points.len() * KEPT]),
+            points,
+        }
+    }
+
+    fn slowest(sampled: &Sampled) -> f64 {
+        (SLOWEST * sampled.period).min(0.05)
+    }
+
+    /// Returns whether the loop keeps `scene` stable, if the slew limit delays the torque by `slew`
+    /// seconds in addition.
+    pub(super) fn is_stable(&self, scene: &Scene, slew: f64) -> bool {
+        let (turns, left) = self.turns(scene, slew);
+        // A determinant that could not be followed speaks for no scene.
+        left > 0 && turns > -0.5 * PI
+    }
+
+    /// Returns the angle by which the determinant turns around the half of the region outside the
+    /// unit circle in which swings are, rad, and how many points were left to compute.
+    fn turns(&self, scene: &Scene, slew: f64) -> (f64, u32) {
+        let closed = Closed::new(self.sampled, scene, slew);
+        let left = Cell::new(MOST_POINTS);
+        let count = |at: Place, (circle, place): (bool, f64)| {
+            left.set(left.get().saturating_sub(1));
+            closed.at(&self.point(at, circle, place))
+        };
+        let mut sum = 0.0;
+        let mut last: Option<(bool, f64, Complex)> = None;
+        for (index, (circle, place)) in self.points.iter().copied().enumerate() {
+            let next = count((index, 0), (circle, place));
+            if let Some((on, from, before)) = last
+                && on == circle
+            {
+                let at = |number, place| count((index - 1, number), (circle, place));
+                sum += turned(&at, 1, (from, before), (place, next), &left);
+            }
+            last = Some((circle, place, next));
+        }
+        (sum, left.get())
+    }
+
+    fn point(&self, (index, number): Place, circle: bool, place: f64) -> Point {
+        if number >= KEPT {
+            return self.compute(circle, place);
+        }
+        let slot = index * KEPT + number;
+        let known = self.kept.borrow()[slot];
+        known.unwrap_or_else(|| {
+            let point = self.compute(circle, place);
+            self.kept.borrow_mut()[slot] = Some(point);
+            point
+        })
+    }
+
+    fn compute(&self, circle: bool, place: f64) -> Point {
+        let radius = 1.0 + GROWTH * self.sampled.period;
+        let z = if circle {
+            Complex::polar(radius, place)
+        } else {
+            Complex::polar(radius + place, Self::slowest(self.sampled))
+        };
+        let back = z.inverse();
+        let one = Complex::real(1.0);
+        // Where nothing holds the sphere the determinant has two poles at 1 for each axis. Without
+        // them it changes less near 1. What takes their place is inside the circle.
+        let level = if self.free { (one - back) * (one - back) } else { one };
+        let responses =
+            [0, 1, 2].map(|k| self.axes[k].responses(self.sampled, z).map(|response| response * level));
+        Point { z, back, level, responses }
+    }
+}
+
+/// Returns the angle by which the determinant turns from one place to another, rad. Adds places
+/// between them where it changes quickly. `number` is that of the middle between them.
+///
+/// Between a place and the middle it may change by [`STEP`] in angle and in the logarithm of its
+/// size. The size matters where several axes have equal zeros: their turns add up to whole ones,
+/// which the angle alone does not show.
+fn turned(
+    at: &impl Fn(usize, f64) -> Complex,
+    number: usize,
+    from: (f64, Complex),
+    to: (f64, Complex),
+    left: &Cell<u32>,
+) -> f64 {
+    let place = 0.5 * (from.0 + to.0);
+    let middle = (place, at(number, place));
+    let (first, second) = (middle.1 * from.1.inverse(), to.1 * middle.1.inverse());
+    let (most_angle, most_size) = (STEP.tan(), (2.0 * STEP).exp());
+    let little = |ratio: Complex| {
+        let square = ratio.re * ratio.re + ratio.im * ratio.im;
+        ratio.im.abs() < most_angle * ratio.re && square < most_size && square * most_size > 1.0
+    };
+    if little(first) && little(second) {
+        return (first * second).angle();
+    }
+    if left.get() == 0 {
+        return first.angle() + second.angle();
+    }
+    turned(at, 2 * number, from, middle, left) + turned(at, 2 * number + 1, middle, to, left)
+}
+
+/// The closed loop: everything of a scene that det(I + L(z)) needs, in the rig's axes.
+struct Closed {
+    period: f64,
+    slew: f64,
+    stiffness: Mat3,
+    damping: Mat3,
+    masses: Vec<(Mat3, f64)>,
+}
+
+impl Closed {
+    fn new(sampled: &Sampled, scene: &Scene, slew: f64) -> Self {
+        let turned = |m: &Mat3| sampled.axes.transpose() * *m * sampled.axes;
+        let stiffness = turned(&scene.stiffness);
+        let part = |smoothing: f64| sampled.period / (smoothing + sampled.period);
+        Self {
+            period: sampled.period,
+            slew,
+            stiffness,
+            damping: turned(&scene.damping) + stiffness * sampled.lead,
+            masses: scene.masses.iter().map(|(m, smoothing)| (turned(m), part(*smoothing))).collect(),
+        }
+    }
+
+    /// Returns det(I + L(z)).
+    fn at(&self, point: &Point) -> Complex {
+        let Point { z, back, level, responses } = point;
+        let one = Complex::real(1.0);
+        // The slew limit's delay is no whole number of ticks.
+        let late = (self.slew > 0.0).then(|| {
+            let ticks = self.slew / self.period;
+            Complex::polar(z.size().powf(-ticks), -z.angle() * ticks)
+        });
+        let difference = (one - *back) * (1.0 / self.period);
+        // A virtual mass resists the change of the rate since the last tick, smoothed.
+        let mass = |part: f64| difference * part * (one - *back * (1.0 - part)).inverse();
+        let masses = self.masses.iter().map(|(m, part)| (m, mass(*part)));
+        let mut m = [[Complex::real(0.0); 3]; 3];
+        for (j, [angle, rate]) in responses.iter().enumerate() {
+            for (i, row) in m.iter_mut().enumerate() {
+                row[j] = *angle * self.stiffness.col(j)[i] + *rate * self.damping.col(j)[i];
+            }
+        }
+        for (mass, response) in masses {
+            for (j, [_, rate]) in responses.iter().enumerate() {
+                let response = *rate * response;
+                for (i, row) in m.iter_mut().enumerate() {
+                    row[j] = row[j] + response * mass.col(j)[i];
+                }
+            }
+        }
+        if let Some(late) = late {
+            m = m.map(|row| row.map(|entry| entry * late));
+        }
+        for (k, row) in m.iter_mut().enumerate() {
+            row[k] = row[k] + *level;
+        }
+        determinant(&m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hbot_core::Vec3;
+
+    use super::super::sampled::HOLDS;
+    use super::*;
+
+    /// Directions that nothing holds, in any frame, beside a stiff one: their determinant is lost
+    /// in rounding near the real axis. A search there would not end.
+    #[test]
+    fn directions_that_nothing_holds_cost_no_time() {
+        let turn = Mat3::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 0.7);
+        for period in [2.0e-3, 2.5e-4, 5.0e-5] {
+            let sampled = Sampled {
+                period,
+                delay: 1,
+                lag: 5.0e-4,
+                lead: 0.0,
+                slew: 0.0,
+                rate_lag: 0.0,
+                taps: Vec::new(),
+                inertia: Vec3::splat(3.4e-3),
+                axes: Mat3::IDENTITY,
+            };
+            let free = Held::new(&sampled, &HOLDS[0]);
+            for stiffness in [1.0e-3, 1.0, 1.0e3, 1.0e6] {
+                let held = turn * Mat3::from_diagonal(Vec3::X * stiffness) * turn.transpose();
+                let scene = Scene { stiffness: held, damping: held * 0.01, masses: Vec::new() };
+                let points = MOST_POINTS - free.turns(&scene, 0.0).1;
+                assert!(points < 1000, "{period} {stiffness}: {points} points");
+                // 0.01 s of damping per stiffness is more than the delay takes away.
+                if stiffness < 2.0 {
+                    assert!(free.is_stable(&scene, 0.0), "{period} {stiffness}");
+                }
+            }
+        }
+    }
+}
