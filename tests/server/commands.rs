@@ -57,9 +57,9 @@ fn info_shows_the_limits_of_energy_rounded_for_people() {
     assert_ne!(rig, limited, "the prototype's passivity is written otherwise");
     std::fs::write(&path, limited).expect("written");
     let server = Process::start(&["--rig", &path], state.path());
-    run(&server, &["info"]).success().stdout(contains(
-        "damps what delay creates beyond 0.1 J, with a store of 0.3 J, by up to ",
-    ));
+    run(&server, &["info"])
+        .success()
+        .stdout(contains("damps what delay creates beyond 0.1 J, with a store of 0.3 J, by up to "));
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod accuracy;
 mod allocation_page;
 mod design;
 mod effects;
+mod estimates;
 mod files;
 mod paper;
 mod paper_rig;
