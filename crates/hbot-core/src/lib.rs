@@ -125,6 +125,7 @@ mod linear;
 pub mod mode;
 pub mod odometry;
 mod orientation;
+pub mod outline;
 pub mod outputs;
 mod passivity;
 pub mod path;

@@ -105,6 +105,9 @@ pub struct Controller {
     ledger: Option<Ledger>,
     /// How early the torque falls. `None` without a lead, and in older recordings.
     falling: Option<Falling>,
+    /// What the guard against shaking knows of stored energy. All bits zero: nothing, as in older
+    /// recordings.
+    shaking_stored: shaking::Stored,
 }
 
 impl Controller {
@@ -153,6 +156,7 @@ impl Controller {
             fades: Fades::Running,
             shaking: shaking::Guard::OFF,
             ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
+            shaking_stored: shaking::Stored::OFF,
         }
     }
 
@@ -161,6 +165,7 @@ impl Controller {
     #[must_use]
     pub fn with_shaking_guard(mut self, on: bool) -> Self {
         self.shaking.switch(on);
+        self.shaking_stored.switch(on);
         self
     }
 
@@ -254,7 +259,8 @@ impl Controller {
         self.orientation.advance(step.turn);
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
         if self.shaking.suspects() {
-            self.shaking.attribute(step.answered[0], step.answered[1], step.turn);
+            let stored = &mut self.shaking_stored;
+            self.shaking.attribute(stored, step.answered[0], step.answered[1], step.turn);
         }
         if let Some(guard) = &mut self.guard {
             match &mut self.ledger {

@@ -12,6 +12,7 @@ use super::knock::{Meets, Touched};
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
+use crate::outline::{Angles, Outline};
 use crate::real::{PI, Quat, Real, TURN, Vec3, fabs, round, sincos};
 use crate::rotation::{exp, shortest};
 
@@ -216,5 +217,11 @@ impl Law for Detents {
                 }
             }
         }
+    }
+
+    fn outline<'a>(&self, numbers: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        let angles = if self.count > 0 { Angles::Even(self.count) } else { Angles::At(numbers) };
+        let walls = self.count == 0 && self.end_stiffness > 0.0;
+        visit(Outline::Notches { axis: self.axis, angles, width: self.width, walls });
     }
 }
