@@ -167,8 +167,8 @@ impl Probe {
     }
 }
 
-/// Returns how often a component of the torques changes from rising to falling or back, by more than
-/// a twentieth of its range.
+/// Returns how often a component of the torques changes from rising to falling or back, by more
+/// than a twentieth of its range.
 fn turns(torques: &[Vec3], k: usize) -> usize {
     let values = || torques.iter().map(|torque| torque[k]);
     let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
