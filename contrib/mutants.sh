@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Changes the code of a crate in one place at a time (a mutant), runs the tests, and lists the mutants that no test
 # notices. The tests that compare the hash of all outputs do not take part (.cargo/mutants.toml), because they notice
-# every change. docs/reliability.md explains how to read the result.
+# every change. CONTRIBUTING.md explains how to read the result.
 #
 #     contrib/mutants.sh CRATE [OPTIONS OF CARGO-MUTANTS...]
 #     contrib/mutants.sh hbot-host --file crates/hbot-host/src/motors.rs

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs the task of docs/simulator.md in MuJoCo, to reproduce the MuJoCo rows of its table.
+"""Runs the task of docs/internals/plant.md in MuJoCo, to reproduce the MuJoCo rows of its table.
 
     pip install mujoco numpy
     python3 benches/peer/mujoco_task.py [--quick]

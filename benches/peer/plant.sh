@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Compares the time of the simulated plant with the same equations in plain C (reduced.c), alternately
-# on one core. The task is that of docs/simulator.md: 2 s of a sphere that is held by a spring and
+# on one core. The task is that of docs/internals/plant.md: 2 s of a sphere that is held by a spring and
 # driven by two sines, with each method.
 #
 #   benches/peer/plant.sh [rounds]

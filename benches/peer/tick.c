@@ -1,6 +1,6 @@
 /* One tick of the balanced controller in plain C, for comparing its speed with the Rust version.
  *
- * The formulas are those of docs/physics.md. The steps are those of the bench `tick/f64/balanced/2` in
+ * The formulas are those of docs/internals/physics.md. The steps are those of the bench `tick/f64/balanced/2` in
  * benches/tick.rs: two wheels of the prototype, midpoint odometry, a geodesic spring and a damper.
  *
  * Things that the bench never does are left out: commands other than enable, streams, corrections

@@ -60,6 +60,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let config = RigConfig::load(file.as_deref(), &[])?;
     let warnings = Warnings::of(&config);
     say!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
+    if let Some(pick) = &config.rate_pick {
+        say!("  {}rates:{} {}", style::NAME, style::OFF, pick.sentence())?;
+    }
     if let Some(advice) = late_rates(&config) {
         say!("  {}advice:{} {advice}", style::NAME, style::OFF)?;
     }

@@ -59,6 +59,9 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(render) = &info.render {
         say!("{}", stable(render))?;
+        if let Some(pick) = &render.rate_pick {
+            say!("  rates      {}", foreign(pick))?;
+        }
     }
     let holder = info.lease.as_ref().and_then(|lease| lease.holder.as_deref());
     say!(

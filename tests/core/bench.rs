@@ -93,6 +93,11 @@ impl Sphere {
         Posture::new(&self.device, &self.steering()).inverse(omega)
     }
 
+    /// Returns the joint angles, rad.
+    pub fn angles(&self) -> [f64; MAX_JOINTS] {
+        self.angle
+    }
+
     pub fn steering(&self) -> [f64; MAX_WHEELS] {
         core::array::from_fn(|i| self.angle[2 * i])
     }

@@ -82,6 +82,19 @@ fn a_check_recommends_the_rates_of_a_kalman_filter_where_those_of_the_controller
 }
 
 #[test]
+fn a_check_says_which_rate_estimate_was_picked_and_why() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("rig.toml");
+    let text = include_str!("../../rigs/prototype.toml").replace("\"controller\" #", "\"auto\" #");
+    std::fs::write(&path, text).expect("written");
+    let check = |rig: &str| run(&["rig", "check", rig]).success();
+    let said = "rates: rate_estimate = \"auto\" picked kalman with acceleration = ";
+    let why = contains("3.3 mN m that a hand feels").and(contains("because rate_lag is 0"));
+    check(path.to_str().expect("UTF-8")).stdout(contains(said).and(why));
+    run(&["rig", "check"]).success().stdout(contains("picked").not());
+}
+
+#[test]
 fn servos_pass_their_test_and_calibration() {
     run(&["rig", "test", "--rig", MOTEUS, "--joint", "2", "--torque", "0.002"])
         .success()

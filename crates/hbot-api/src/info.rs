@@ -219,6 +219,9 @@ pub struct RenderInfo {
     /// send it.
     #[serde(serialize_with = "finite::scalar")]
     pub damping_most: f64,
+    /// Which estimate of the joint rates the rig has picked by itself and why, as one sentence.
+    /// `None` if the rig file names the estimate.
+    pub rate_pick: Option<String>,
     /// The loop from which these numbers follow, and by which the server warns of scenes. `None`
     /// if an older server does not send it.
     #[serde(rename = "loop")]

@@ -27,7 +27,7 @@
 //!   and the open half of the cage is up.
 //! - A torque acts on the sphere. Torques at the joints are called joint torques.
 //! - Joints are ordered steer, drive of wheel 1, then steer, drive of wheel 2, and so on.
-//! - The equations are those of docs/physics.md.
+//! - The equations are those of docs/internals/physics.md.
 //!
 //! # A tick
 //!

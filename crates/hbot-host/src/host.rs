@@ -3,6 +3,7 @@
 use std::thread::JoinHandle;
 
 use hbot_config::RigConfig;
+use hbot_config::advice::RatePick;
 use hbot_config::rig::Port;
 use hbot_core::rig::Zero;
 use hbot_core::{CompiledScene, Controller};
@@ -96,6 +97,7 @@ impl Host {
         let processor = rig.cpu.map(Processor::new).transpose()?;
         let mut notices = uncalibrated(&rig);
         notices.extend(late_rates(&rig));
+        notices.extend(rig.rate_pick.as_ref().map(RatePick::sentence));
         let wake_latency = limit_wake_latency(&rig, time, &mut notices);
         if time == Time::Wall {
             lock(&mut notices);

@@ -82,7 +82,8 @@ impl Motors {
     /// `layout` gives them. If no further command arrives, the motor controllers switch their
     /// motors off after `watchdog_ms`, ms.
     ///
-    /// # Panics Panics if the number of buses differs from that of `layout`.
+    /// # Panics
+    /// Panics if the number of buses differs from that of `layout`.
     #[must_use]
     pub fn new(buses: Vec<Box<dyn MotorBus>>, layout: &Layout, watchdog_ms: u16) -> Self {
         assert_eq!(buses.len(), layout.buses(), "a joint without a bus would never be commanded");

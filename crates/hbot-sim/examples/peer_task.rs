@@ -1,4 +1,4 @@
-//! The task by which simulators are compared (`docs/simulator.md`): 2 s of a sphere held by a
+//! The task by which simulators are compared (`docs/internals/plant.md`): 2 s of a sphere held by a
 //! spring and driven by two sinusoidal torques. It is run by `benches/peer/plant.sh`.
 //!
 //! ```text

@@ -1,5 +1,5 @@
 //! Measures the cost and accuracy of the plant's methods, and the cost of one tick of the simulated
-//! rig. Prints the tables of `docs/simulator.md`.
+//! rig. Prints the tables of `docs/internals/plant.md`.
 
 use std::time::Instant;
 

@@ -17,7 +17,7 @@
 //!
 //! Everything but the first three is a pure function of what comes in: no clock, no thread, and the
 //! same bits on every machine. With hbot's own link nothing is allocated after the start.
-//! `docs/simulator.md` has the measurements.
+//! `docs/internals/plant.md` has the measurements.
 
 pub mod controller;
 pub mod exchange;

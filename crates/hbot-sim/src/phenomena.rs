@@ -3,7 +3,7 @@
 //! Without a request the simulated rig is ideal. The types are the tables of `[simulate]` in scene
 //! files (hbot-config), one for each phenomenon. Their `default()` has the values of the prototype,
 //! or typical values of such parts. A phenomenon that is `None` needs no state and costs only the
-//! test for `None`. The equation, source and validation of each are in `docs/simulator.md`.
+//! test for `None`. The equation of each is in `docs/simulator.md`.
 //!
 //! | where it acts | phenomena |
 //! |---|---|

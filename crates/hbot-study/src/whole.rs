@@ -137,3 +137,109 @@ impl Whole {
         self.tick += 1;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use hbot_config::advice::StiffnessBound;
+    use hbot_core::rig::{Joint, RateEstimate};
+    use hbot_core::{Vec3, rotation};
+    use hbot_sim::phenomena::Motor;
+    use serde_json::json;
+
+    use super::*;
+
+    /// Taps the sphere on a spring with 0.01 N m s/rad by `tap` rad/s about n1. Returns the size of
+    /// the swing after 2.25 s relative to its size at first, and the largest slip that was seen,
+    /// m/s. A fault counts as a swing without bound.
+    fn swing(config: &RigConfig, stiffness: f64, tap: f64) -> [f64; 2] {
+        let scene = json!({"name": "study", "effect": [
+            {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": 0.01, "fade_s": 0}
+        ]});
+        let motor = Motor {
+            lag_s: 5.0e-4,
+            torque_scale: 1.0,
+            steer_no_load_rate: 1.0e5,
+            drive_no_load_rate: 1.0e5,
+            thermal_time_s: 1.0e5,
+        };
+        let phenomena = Phenomena { motor: Some(motor), ..Phenomena::default() };
+        let mut whole = Whole::new(config, scene, phenomena, PlantState::default());
+        for _ in 0..whole.ticks(0.6) {
+            whole.step(None);
+        }
+        let state = PlantState { omega: Vec3::X * tap, ..*whole.rig().state() };
+        whole.rig_mut().set_state(state);
+        let (mut early, mut late, mut slip) = (0.0, 0.0, 0.0_f64);
+        for tick in 0..2500 {
+            let state = whole.step(None).state;
+            slip = slip.max(state.slip);
+            if !whole.is_active() {
+                return [f64::INFINITY, slip];
+            }
+            let square = rotation::log(whole.rig().state().q).length_squared();
+            early += if tick < 250 { square } else { 0.0 };
+            late += if tick >= 2250 { square } else { 0.0 };
+        }
+        [(late / early).sqrt(), slip]
+    }
+
+    /// Returns the first unstable spring with 0.01 N m s/rad about n1, N m/rad, to 2 %.
+    fn border(config: &RigConfig, from: f64) -> f64 {
+        let mut stiffness = from;
+        while swing(config, stiffness, 0.5)[0] < 0.4 {
+            stiffness *= 1.04;
+            assert!(stiffness < 1000.0, "it is stable with any stiffness");
+        }
+        stiffness / 1.02
+    }
+
+    /// Returns the prototype with a lead, its joints changed by `alter`.
+    fn led(estimate: &str, alter: impl Fn(&mut Joint)) -> RigConfig {
+        let mut config = prototype(&[
+            ("loop.lead", json!(true)),
+            ("loop.passivity", json!(false)),
+            ("loop.shaking_guard", json!(false)),
+            ("loop.rate_estimate", json!(estimate)),
+        ]);
+        let changed = config.rig.with(|parts| {
+            parts.limits.slip = 10.0;
+            parts.joints.iter_mut().for_each(&alter);
+        });
+        config.rig = changed.unwrap_or_else(|error| panic!("{error}"));
+        config
+    }
+
+    /// The first unstable spring with the rates that `rate_estimate = "auto"` picks for 4096 x 4
+    /// counts is to be at least 60 N m/rad. A part of the rate comes from the drives, whose counts
+    /// are finer and whose filter is quicker, so the loop is stable with more than the bound says.
+    #[test]
+    fn the_rates_that_are_picked_keep_stiff_springs_stable() {
+        let config = led("auto", |_| ());
+        let found = border(&config, 40.0);
+        let bound = StiffnessBound::of(&config).expect("legal inertias").stable(0.01);
+        assert!(bound > 60.0 && found > 60.0, "{found}, {bound} N m/rad");
+        assert!((0.95..2.0).contains(&(found / bound)), "{found}, {bound} N m/rad");
+        let [swings, slip] = swing(&config, 15.0, 2.0);
+        assert!(swings < 0.4 && slip < 0.05, "a tap of 2 rad/s causes the fault slip: {slip} m/s");
+    }
+
+    /// If all joints have counts of one size, all rates are equally late, and the whole loop shakes
+    /// where the sampled loop says.
+    #[test]
+    fn the_lag_of_an_estimate_moves_the_border_as_the_sampled_loop_says() {
+        for rate in [
+            RateEstimate::Difference,
+            RateEstimate::LowPass { cutoff_hz: 100.0 },
+            RateEstimate::Kalman { acceleration: 3.0 },
+            RateEstimate::Kalman { acceleration: 10.0 },
+        ] {
+            let mut config = led("controller", |joint| (joint.counts_per_turn, joint.gear) = (65536, 1.0));
+            let estimated = config.rig.with(|parts| parts.methods.rate = rate);
+            config.rig = estimated.unwrap_or_else(|error| panic!("{error}"));
+            let bound = StiffnessBound::of(&config).expect("legal inertias").stable(0.01);
+            let found = border(&config, 0.7 * bound);
+            // The search has a step of 4 %, and the swing must have decayed by 0.4 in 2.25 s.
+            assert!((found / bound - 1.0).abs() < 0.08, "{rate:?}: {found}, {bound} N m/rad");
+        }
+    }
+}

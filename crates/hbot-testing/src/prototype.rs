@@ -33,7 +33,7 @@ pub fn device_with(alter: impl Fn(WheelSpec) -> WheelSpec) -> Device {
 }
 
 /// Returns `wheel` with the radius and joint inertias that are used to compare hbot with other
-/// simulators (docs/simulator.md). They differ from those of the prototype.
+/// simulators (docs/internals/plant.md). They differ from those of the prototype.
 #[must_use]
 pub fn of_the_task(wheel: WheelSpec) -> WheelSpec {
     WheelSpec { radius: 0.0102, steer_inertia: 3.105_468_222_7e-5, drive_inertia: 3.5202e-6, ..wheel }

@@ -83,8 +83,7 @@ fn text() -> anyhow::Result<String> {
 const HEAD: &str = "\
 # Scenes
 
-For everybody who looks for something to feel. After reading this page you know the scenes that come with hbot, what
-each feels like, and what its torque looks like before you feel it.
+For everybody who looks for something to feel: the scenes that come with hbot.
 
 `hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and
 `hbot server --scene clay` starts a server with it. The panel loads them too. To write a scene of your own, copy a file

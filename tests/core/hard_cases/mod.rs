@@ -1,5 +1,5 @@
-//! Cases in which controllers of this kind usually fail (docs/hard-cases.md). Checks that depend on
-//! the width of numbers run in both widths.
+//! Cases in which controllers of this kind usually fail (docs/internals/hard-cases.md). Checks that
+//! depend on the width of numbers run in both widths.
 
 mod caster;
 mod stiff;

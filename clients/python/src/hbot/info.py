@@ -179,6 +179,9 @@ class Render:
     """Damping above which the damping alone is unstable, N m s/rad. None with an older server."""
     loop: Loop | None = None
     """The loop from which these numbers follow. None with an older server."""
+    rate_pick: str | None = None
+    """Which estimate of the joint rates the rig has picked by itself and why. None if the rig file
+    names the estimate."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,3 +221,14 @@ fn limits_on_the_page_are_those_of_the_crate() {
     assert_eq!((crate::MAX_NAME_BYTES, crate::MAX_EVERY, crate::DEFAULT_VALID_MS), (64, 1_000_000, 100));
     assert_eq!((crate::MAX_ANSWER_BYTES, crate::MAX_VALID_MS, crate::DEFAULT_PORT), (1 << 20, 1000, 4268));
 }
+
+#[test]
+fn each_fault_has_its_row_on_the_page_of_what_is_wrong() {
+    let page = include_str!("../../../../docs/something-is-wrong.md");
+    for fault in Fault::ALL {
+        assert!(
+            page.contains(&format!("\n| `{fault}` | ")),
+            "docs/something-is-wrong.md: no row for {fault}"
+        );
+    }
+}

@@ -126,7 +126,7 @@ impl StiffnessBound {
     /// stable, N m/rad. 0 if no spring is stable with it.
     ///
     /// To first order it is damping / (h (1/2 + D) + lag), with the period h and the delay D
-    /// (docs/physics.md, section 9).
+    /// (docs/internals/physics.md, section 9).
     #[must_use]
     pub fn stable(&self, damping: f64) -> f64 {
         if damping >= self.most_damping() {

@@ -23,7 +23,7 @@ const TURNS_PER_SAMPLE: [f64; MAX_WHEELS] = [
 
 /// Returns the steer angles of sample postures that fill the space of all steer angles evenly, rad.
 /// From one sample to the next, the steer angle of wheel i advances by `TURNS_PER_SAMPLE[i]` turns.
-fn postures() -> impl Iterator<Item = [f64; MAX_WHEELS]> {
+pub(super) fn postures() -> impl Iterator<Item = [f64; MAX_WHEELS]> {
     (0..SAMPLES)
         .map(|k| TURNS_PER_SAMPLE.map(|turns| (f64::from(k) * turns).fract() * core::f64::consts::TAU))
 }

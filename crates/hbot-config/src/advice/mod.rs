@@ -3,6 +3,7 @@
 //! ```text
 //! RigConfig ──> inertia ──> sampled: the loop of three axes ──> bound: springs about one axis
 //!                                │
+//! RigConfig ──> rates: noise and lag of each rate estimate, and which one is picked
 //! SceneFile ──> the laws around their places (hbot_core::around) ──> judge ──> abilities: warnings
 //! ```
 
@@ -13,11 +14,13 @@ mod complex;
 mod held;
 mod inertia;
 mod judge;
+mod rates;
 mod sampled;
 mod told;
 
 pub use abilities::{Abilities, in_vain};
 pub use bound::{StiffnessBound, USUAL_DAMPING};
 pub use judge::{Cure, Finding, Judge, Why};
+pub use rates::{RateAdvice, RatePick, RateQuality};
 pub use sampled::{HOLDS, Hold, Sampled, Scene};
 pub use told::{Told, ToldLoop};

@@ -11,6 +11,7 @@ use hbot_core::rig as core;
 use super::file::{self, RigFile};
 use super::settings::{self, Protocol};
 use super::{ApiConfig, LineConfig, Port, RigConfig, TlsFiles};
+use crate::advice::RateAdvice;
 use crate::document::Report;
 
 /// Default watchdog time on a serial port, ms: motor controllers switch their motors off if no
@@ -72,7 +73,8 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         );
     }
     let rig = core::Rig::new(parts).ok()?;
-    Some(RigConfig {
+    let is_auto = file.r#loop.rate_estimate.is_auto();
+    let mut config = RigConfig {
         name: file.name,
         rig,
         wheels,
@@ -81,6 +83,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         zero_offsets,
         torque_lag,
         rate_lag,
+        rate_pick: None,
         rate_hz: file.r#loop.rate_hz,
         early_ns: 1000 * u64::from(file.r#loop.early_us),
         wake_us: (file.r#loop.wake_us < settings::ANY_WAKE_US).then_some(file.r#loop.wake_us),
@@ -89,7 +92,12 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
         accuracy: file.r#loop.accuracy.name(),
         link,
         api: api?,
-    })
+    };
+    if is_auto && let Some(pick) = RateAdvice::of(&config).map(|advice| advice.pick()) {
+        config.rig = config.rig.with(|parts| parts.methods.rate = pick.picked.estimate).ok()?;
+        config.rate_pick = Some(pick);
+    }
+    Some(config)
 }
 
 fn wheel_names(file: &RigFile, report: &mut Report) -> Vec<String> {

@@ -97,6 +97,8 @@ pub(crate) enum RateMethod {
     AdaptiveWindow,
     /// A Kalman filter that estimates angle, rate and acceleration.
     Kalman,
+    /// The method with which the stiffest spring is stable on this rig and its ripple is not felt.
+    Auto,
 }
 
 /// A method that estimates the joint rates, with its parameters.
@@ -150,7 +152,14 @@ impl RateEstimate {
         }
     }
 
-    /// Converts the table to the core's rate estimate. Absent parameters have their defaults.
+    /// Returns whether the estimate is picked for the rig.
+    pub(crate) fn is_auto(self) -> bool {
+        let (Self::Method(method) | Self::Table(RateTable { method, .. })) = self;
+        method == RateMethod::Auto
+    }
+
+    /// Converts the table to the core's rate estimate. Absent parameters have their defaults. The
+    /// estimate that is picked for the rig is not known here, and becomes `controller`.
     pub(crate) fn compile(self) -> core::RateEstimate {
         let table = match self {
             Self::Table(table) => table,
@@ -163,7 +172,7 @@ impl RateEstimate {
             },
         };
         match table.method {
-            RateMethod::Controller => core::RateEstimate::Controller,
+            RateMethod::Controller | RateMethod::Auto => core::RateEstimate::Controller,
             RateMethod::Difference => core::RateEstimate::Difference,
             RateMethod::LowPass => core::RateEstimate::LowPass { cutoff_hz: table.cutoff_hz.unwrap_or(30.0) },
             RateMethod::AdaptiveWindow => core::RateEstimate::AdaptiveWindow {

@@ -17,6 +17,7 @@ use serde::Deserialize as _;
 use serde_json::Value;
 
 pub use self::settings::Protocol;
+use crate::advice::RatePick;
 use crate::angle::to_radians;
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
@@ -32,7 +33,7 @@ static SCHEMA: LazyLock<Value> = LazyLock::new(schema::of::<file::RigFile>);
 
 /// Time constant with which the torque of a joint follows a command if the rig file does not say
 /// it, s. Also that of the simulated rig's motors, if a scene switches their phenomenon on and
-/// gives no time. It is usual for motors of this size (docs/physics.md, section 8).
+/// gives no time. It is usual for motors of this size (docs/internals/physics.md, section 8).
 pub const USUAL_LAG_S: f64 = 5.0e-4;
 
 /// A rig file that has been checked and is ready for use. Every number is in range, and the
@@ -62,6 +63,9 @@ pub struct RigConfig {
     /// that such a controller reports is (2 w s + w²)/(s + w)² of the true one, and the rate
     /// w²/(s + w)² of the true rate. A rate that is not filtered has the delay 0.
     pub rate_lag: f64,
+    /// What `rate_estimate = "auto"` has picked. `None` if the rig file names the estimate, or if
+    /// its inertias contradict each other. Then the rates are those of the motor controllers.
+    pub rate_pick: Option<RatePick>,
     /// Rate of the control loop in ticks per second, 50 to 20000.
     pub rate_hz: u32,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick, ns. If 0,

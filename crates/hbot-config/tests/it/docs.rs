@@ -1,17 +1,21 @@
 //! The reference pages agree with the checks: every key has its row in docs/files.md, or in
 //! docs/effects.md for kinds of effects. The rows are generated from the schema that the checks
-//! use.
+//! use. The figures of the rate estimates in docs/internals/velocity.md are those of the
+//! computation.
 
 use std::fmt::Write;
 
-use hbot_config::RigConfig;
+use hbot_config::advice::RateAdvice;
 use hbot_config::scene::{Listed, kinds, phenomena};
+use hbot_config::{Override, RigConfig};
+use hbot_core::rig::RateEstimate;
 use serde_json::Value;
 
 use crate::folder;
 
 const FILES: &str = "docs/files.md";
 const EFFECTS: &str = "docs/effects.md";
+const VELOCITY: &str = "docs/internals/velocity.md";
 
 /// Generates all tables of a reference page. Returns each with its name: the page contains the
 /// table between the marks `<!-- NAME -->` and `<!-- end -->`.
@@ -19,7 +23,10 @@ fn tables(page: &str) -> Vec<(String, String)> {
     let described =
         |name: String, listed: Listed| (name, format!("{}\n\n{}", listed.description, rows(&listed.schema)));
     if page == EFFECTS {
-        return kinds().into_iter().map(|kind| described(kind.name.to_owned(), kind)).collect();
+        return effects();
+    }
+    if page == VELOCITY {
+        return vec![("estimates".to_owned(), estimates()), ("picks".to_owned(), picks())];
     }
     let rig = RigConfig::schema();
     let section = |name: &str| &rig["properties"][name];
@@ -41,6 +48,108 @@ fn tables(page: &str) -> Vec<(String, String)> {
         all.push((name.to_owned(), rows(table)));
     }
     all.extend(phenomena().into_iter().map(|it| described(format!("simulate.{}", it.name), it)));
+    all
+}
+
+/// Writes the computed figures of the rate estimates on the prototype with a lead, as a Markdown
+/// table.
+fn estimates() -> String {
+    let kalman =
+        |acceleration| (format!("`kalman`, {acceleration} rad/s²"), RateEstimate::Kalman { acceleration });
+    let low_pass = |cutoff_hz| (format!("`low_pass`, {cutoff_hz} Hz"), RateEstimate::LowPass { cutoff_hz });
+    let window = RateEstimate::AdaptiveWindow { tolerance_counts: 1, longest_ticks: 16 };
+    let methods = [
+        ("`controller`, exact rates".to_owned(), RateEstimate::Controller),
+        ("`difference`".to_owned(), RateEstimate::Difference),
+        low_pass(100.0),
+        ("`adaptive_window`, 16 ticks".to_owned(), window),
+        kalman(10.0),
+        kalman(30.0),
+        kalman(100.0),
+        kalman(300.0),
+    ];
+    let mut table = "| counts | method | ripple at 100 N m/rad, mN m | lag, ms | stable, N m/rad | not felt, N m/rad | most \
+                     damping, N m s/rad |\n|---|---|---|---|---|---|---|\n"
+        .to_owned();
+    for counts in [16384, 2048] {
+        let lead = Override { path: "loop.lead", value: true.into(), from: "the table" };
+        let text = std::fs::read_to_string(folder("rigs/prototype.toml")).unwrap();
+        let text = text.replace("= 16384", &format!("= {counts}"));
+        let config = RigConfig::from_toml_with(&text, "prototype.toml", &[lead]).unwrap();
+        let advice = RateAdvice::of(&config).unwrap();
+        for (name, estimate) in &methods {
+            let quality = advice.quality(*estimate);
+            writeln!(
+                table,
+                "| {} x 4 | {name} | {:.1} | {:.1} | {:.0} | {:.0} | {:.2} |",
+                counts / 4,
+                1e5 * quality.ripple,
+                // No minus before a zero.
+                (1e4 * quality.lag).round() / 10.0 + 0.0,
+                quality.stable,
+                quality.smooth,
+                quality.most_damping
+            )
+            .unwrap();
+        }
+    }
+    table
+}
+
+/// Writes what `rate_estimate = "auto"` picks for the ready-made rigs with a lead, as a Markdown
+/// table.
+fn picks() -> String {
+    let mut table = "| rig | passivity stage | `\"auto\"` picks | stable and not felt up to, N m/rad | with the controllers' \
+                     rates, N m/rad |\n|---|---|---|---|---|\n"
+        .to_owned();
+    for (rig, counts) in [
+        ("prototype", "16384"),
+        ("prototype", "2048"),
+        ("three_wheels", "16384"),
+        ("four_wheels", "16384"),
+        ("prototype-moteus", ""),
+        ("prototype-odrive", ""),
+    ] {
+        let text = std::fs::read_to_string(folder(&format!("rigs/{rig}.toml"))).unwrap();
+        let text = text.replace("= 16384", &format!("= {counts}"));
+        let lines = counts.parse::<u32>().map_or(String::new(), |counts| format!(", {} x 4", counts / 4));
+        for (stage, on) in [("on", true), ("off", false)] {
+            let with = [
+                ("loop.lead", true.into()),
+                ("loop.passivity", on.into()),
+                ("loop.rate_estimate", "auto".into()),
+            ];
+            let with = with.map(|(path, value)| Override { path, value, from: "the table" });
+            let pick = RigConfig::from_toml_with(&text, rig, &with).unwrap().rate_pick.unwrap();
+            let name = match pick.picked.estimate {
+                RateEstimate::Kalman { acceleration } => format!("`kalman`, {acceleration} rad/s²"),
+                RateEstimate::LowPass { cutoff_hz } => format!("`low_pass`, {cutoff_hz} Hz"),
+                other => format!("{other:?}"),
+            };
+            let own =
+                pick.controllers.map_or("not compared".to_owned(), |own| format!("{:.0}", own.usable()));
+            writeln!(table, "| {rig}{lines} | {stage} | {name} | {:.0} | {own} |", pick.picked.usable())
+                .unwrap();
+        }
+    }
+    table
+}
+
+/// Generates the tables of docs/effects.md: one of the keys that are alike in all kinds of effects,
+/// and one for each kind with its other keys.
+fn effects() -> Vec<(String, String)> {
+    let tables: Vec<String> = kinds().iter().map(|kind| rows(&kind.schema)).collect();
+    let in_all = |line: &str| tables.iter().all(|table| table.lines().any(|other| other == line));
+    let alike: String =
+        tables[0].lines().filter(|line| in_all(line)).map(|line| format!("{line}\n")).collect();
+    let own = |(kind, table): (Listed, &String)| {
+        let is_own = |(at, line): &(usize, &str)| *at < 2 || !in_all(line);
+        let rows: String =
+            table.lines().enumerate().filter(is_own).map(|(_, line)| format!("{line}\n")).collect();
+        (kind.name.to_owned(), format!("{}\n\n{rows}", kind.description))
+    };
+    let mut all = vec![("every kind".to_owned(), alike)];
+    all.extend(kinds().into_iter().zip(&tables).map(own));
     all
 }
 
@@ -134,7 +243,7 @@ fn angle(bound: &Value) -> String {
 /// environment variable `HBOT_BLESS` is set, writes the tables into the pages instead.
 #[test]
 fn every_key_stands_in_the_reference_as_the_checks_have_it() {
-    for page in [FILES, EFFECTS] {
+    for page in [FILES, EFFECTS, VELOCITY] {
         let path = folder(page);
         let old = std::fs::read_to_string(&path).unwrap();
         let mut new = old.clone();
@@ -147,7 +256,7 @@ fn every_key_stands_in_the_reference_as_the_checks_have_it() {
         if std::env::var_os("HBOT_BLESS").is_some() {
             std::fs::write(&path, &new).unwrap();
         } else if let Some((have, want)) = old.lines().zip(new.lines()).find(|(a, b)| a != b) {
-            panic!("{page} says\n{have}\nand the schema says\n{want}\n(HBOT_BLESS=1 writes the tables anew)");
+            panic!("{page} says\n{have}\nand the checks say\n{want}\n(HBOT_BLESS=1 writes the tables anew)");
         } else {
             assert_eq!(old, new);
         }

@@ -1,7 +1,7 @@
 //! Checks of single kinds of effects beyond ranges, recorded paths, and fading out.
 
 use hbot_config::scene::{SceneEffect, kinds};
-use hbot_config::{RunningScene, SceneFile};
+use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::effects::{Kind, MAX_OWN};
 use hbot_core::scene::{MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value, json};
@@ -328,4 +328,52 @@ fn a_parameter_that_changes_nothing_is_called_idle() {
     }
     // Detents 4, end stops 2, guides 2, and the paths of a track 4, 1, 5 and 5.
     assert_eq!(idle, 23);
+}
+
+/// A knock is part of the effect: presets have the values of docs/effects.md, `own` those of its
+/// keys, and a scene is warned of as without it.
+#[test]
+fn knocks_are_compiled_and_change_no_warning() {
+    use hbot_config::advice::Abilities;
+    use hbot_core::effects::Knock;
+    let scene = |kind: &str, knock: Value| {
+        let mut effect = json!({"id": "a", "kind": kind});
+        // Stiff enough to be warned of.
+        match kind {
+            "detents" => effect["strength"] = 3.into(),
+            "snaps" => effect["strength"] = 5.into(),
+            _ => effect["stiffness"] = 500.into(),
+        }
+        effect.as_object_mut().unwrap().extend(knock.as_object().unwrap().clone());
+        SceneFile::from_json(json!({"name": "knock", "effect": [effect]})).unwrap()
+    };
+    let own = json!({
+        "knock": "own", "knock_amplitude": 0.1, "knock_frequency": 50, "knock_decay_s": 0.005
+    });
+    let abilities = Abilities::of(&RigConfig::prototype());
+    for kind in ["detents", "snaps", "end_stop"] {
+        let plain = scene(kind, json!({}));
+        let warned = abilities.warnings(&plain);
+        assert!(!warned.is_empty(), "{kind}");
+        for (knock, [amplitude, frequency, decay]) in [
+            (json!({"knock": "rubber"}), [0.03, 18.0, 1.0 / 60.0]),
+            (json!({"knock": "wood"}), [0.02, 100.0, 0.0125]),
+            (json!({"knock": "metal"}), [0.04, 300.0, 1.0 / 90.0]),
+            (own.clone(), [0.1, 50.0, 0.005]),
+        ] {
+            let scene = scene(kind, knock);
+            let found = match scene.effects()[0].kind() {
+                Kind::KnockingDetents(knocking) => knocking.knock,
+                Kind::KnockingSnaps(knocking) => knocking.knock,
+                Kind::KnockingEndStop(knocking) => knocking.knock,
+                other => panic!("{kind}: {other:?}"),
+            };
+            assert_eq!(found, Knock { amplitude, frequency, decay }, "{kind}");
+            assert_eq!(abilities.warnings(&scene), warned, "{kind}");
+        }
+        // Values that are named without `own` have no effect, and the scene says so.
+        let vain = scene(kind, json!({"knock": "wood", "knock_frequency": 50}));
+        let names: Vec<_> = vain.effects()[0].in_vain().iter().map(|key| key.name).collect();
+        assert_eq!(names, ["knock_frequency"], "{kind}");
+    }
 }

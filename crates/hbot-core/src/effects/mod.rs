@@ -370,13 +370,12 @@ kinds! {
 
 impl Memory {
     /// Converts the memory of an effect that has been given a knock, or has lost it, to that of
-    /// `kind`. So the effect keeps what its law remembers, such as the number of turns.
+    /// `kind`. So the effect keeps what its law remembers, the number of turns. Snaps remember
+    /// nothing.
     pub(crate) fn fit(&mut self, kind: &Kind) {
         *self = match (kind, &*self) {
             (Kind::Detents(_), Self::KnockingDetents(knocked)) => Self::Detents(knocked.law()),
             (Kind::KnockingDetents(_), Self::Detents(law)) => Self::KnockingDetents(Knocked::silent(*law)),
-            (Kind::Snaps(_), Self::KnockingSnaps(knocked)) => Self::Snaps(knocked.law()),
-            (Kind::KnockingSnaps(_), Self::Snaps(law)) => Self::KnockingSnaps(Knocked::silent(*law)),
             (Kind::EndStop(_), Self::KnockingEndStop(knocked)) => Self::EndStop(knocked.law()),
             (Kind::KnockingEndStop(_), Self::EndStop(law)) => Self::KnockingEndStop(Knocked::silent(*law)),
             _ => return,

@@ -22,7 +22,7 @@ pub(super) struct Ring {
 }
 
 /// Returns the twist of the rotation `x` about the unit vector `axis`, rad, -pi to pi
-/// (docs/physics.md, section 6). The scalar part of `x` must not be negative.
+/// (docs/internals/physics.md, section 6). The scalar part of `x` must not be negative.
 pub(super) fn twist(x: DQuat, axis: DVec3) -> f64 {
     2.0 * DVec3::new(x.x, x.y, x.z).dot(axis).atan2(x.w)
 }

@@ -1,5 +1,5 @@
-//! The contact of a wheel with the sphere (docs/physics.md, section 1): C = A0 Rz(th) Rx(a) Rz(b),
-//! contact point R c3.
+//! The contact of a wheel with the sphere (docs/internals/physics.md, section 1): C = A0 Rz(th)
+//! Rx(a) Rz(b), contact point R c3.
 
 use glam::{DQuat, DVec3};
 

@@ -114,10 +114,10 @@ fn every_choice_that_makes_a_difference_is_measured_once() {
     }
 }
 
-/// The expected errors were computed apart from hbot, with the kinematics of docs/physics.md and
-/// joint angles that are not rounded to counts: the classical Runge-Kutta method with four steps a
-/// tick for the motion, Euler's method for the orientation. Between 205 and 397 ticks the largest
-/// error grows by a quarter.
+/// The expected errors were computed apart from hbot, with the kinematics of
+/// docs/internals/physics.md and joint angles that are not rounded to counts: the classical
+/// Runge-Kutta method with four steps a tick for the motion, Euler's method for the orientation.
+/// Between 205 and 397 ticks the largest error grows by a quarter.
 #[test]
 fn the_error_is_that_of_the_ticks_of_the_given_time() {
     let rig = fine(|_| ());

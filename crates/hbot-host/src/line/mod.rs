@@ -18,7 +18,8 @@ pub trait Line: Send {
     /// Reads the bytes that have arrived into `buffer` and returns their number. Returns 0 if none
     /// have arrived. Never waits.
     ///
-    /// # Errors Fails if the line is lost.
+    /// # Errors
+    /// Fails if the line is lost.
     fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize>;
 
     /// Writes as many bytes as the line has room for and returns their number. Never waits.

@@ -112,7 +112,8 @@ impl Serial {
     /// Starts a helper process. If this process dies, the helper writes the bytes `off` to the
     /// port, which switch the motors off.
     ///
-    /// # Errors Fails if the helper does not start, or if the line is lost.
+    /// # Errors
+    /// Fails if the helper does not start, or if the line is lost.
     pub fn guard(&mut self, helper: &Program, off: &[u8]) -> io::Result<()> {
         let Some(port) = &mut self.port else { return Err(io::ErrorKind::BrokenPipe.into()) };
         port.last_word = Some(LastWord::start(helper, &port.line, off)?);
@@ -123,7 +124,8 @@ impl Serial {
     /// line only if the motor controllers that `peer` lists answer on it. It then starts a new
     /// helper process with the program `helper`.
     ///
-    /// # Errors Fails if the system cannot start a thread.
+    /// # Errors
+    /// Fails if the system cannot start a thread.
     pub fn keep_open(
         &mut self,
         port: &str,

@@ -12,7 +12,7 @@ use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::Value;
 
 use super::convert;
-use hbot_config::advice::{StiffnessBound, ToldLoop, USUAL_DAMPING};
+use hbot_config::advice::{RatePick, StiffnessBound, ToldLoop, USUAL_DAMPING};
 use hbot_host::clock::Origin;
 use hbot_host::sample::Sample;
 
@@ -143,6 +143,7 @@ fn render(config: &RigConfig) -> Option<RenderInfo> {
         stiffness_stable: expected.stable(USUAL_DAMPING),
         stiffness_most,
         damping_most: expected.most_damping(),
+        rate_pick: config.rate_pick.as_ref().map(RatePick::sentence),
         sampled: Some(sampled(ToldLoop::of(expected.sampled()))),
     })
 }

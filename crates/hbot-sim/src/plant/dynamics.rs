@@ -19,9 +19,9 @@ const IMPLICIT_STEP_S: f64 = 250.0e-6;
 /// If nothing sticks, slips or has play, the plant is smooth: all its speeds follow from the
 /// sphere's angular velocity, and it is integrated by a [`Method`]. Otherwise friction, contacts
 /// and play follow set-valued laws, and a time-stepping scheme of order 1 is used
-/// (`docs/simulator.md`). The scheme is implicit. So it also makes those steps of a smooth plant
-/// that would be too long for an explicit method, for example if a strong damping acts on a light
-/// sphere.
+/// (`docs/internals/plant.md`). The scheme is implicit. So it also makes those steps of a smooth
+/// plant that would be too long for an explicit method, for example if a strong damping acts on a
+/// light sphere.
 #[derive(Debug, Clone)]
 pub struct Dynamics {
     device: Device,

@@ -1,5 +1,5 @@
 //! The study `accuracy`: its ids, the orders of its methods, and errors of the size given in
-//! docs/physics.md.
+//! docs/internals/physics.md.
 
 use hbot_study::Study;
 
@@ -56,8 +56,8 @@ fn every_figure_that_was_promised_is_there_and_every_check_holds() {
     // methods of the plant; one of the plant that slips.
     assert_eq!(orders, 3 + 27 - 1 + 4 + 1, "orders that were told");
 
-    // docs/physics.md, section 4: medians over the turns of a full run. A quick run has a tenth of
-    // the turns, hence the factor of 2.
+    // docs/internals/physics.md, section 4: medians over the turns of a full run. A quick run has a
+    // tenth of the turns, hence the factor of 2.
     for (method, drift) in [("euler", 1.9e-3), ("midpoint", 2.0e-6), ("magnus4", 3.2e-12)] {
         let measured = value(&report, &format!("odometry_segments_{method}_f64_1000hz_drift_rad"));
         assert!(measured / drift < 2.0 && drift / measured < 2.0, "{method}: {measured:e} against {drift:e}");

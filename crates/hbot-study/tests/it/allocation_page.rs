@@ -1,4 +1,4 @@
-//! The figure and the numbers of docs/allocation.md come from the allocation itself.
+//! The figure and the numbers of docs/internals/allocation.md come from the allocation itself.
 //!
 //! `HBOT_BLESS=1 cargo test -p hbot-study allocation_page` draws the figure again.
 
@@ -10,7 +10,7 @@ use hbot_core::allocation::{Allocation, JointLimits, allocate, allocate_clipped,
 use hbot_core::kinematics::Posture;
 use hbot_plot::{Lines, Series};
 
-const PAGE: &str = include_str!("../../../../docs/allocation.md");
+const PAGE: &str = include_str!("../../../../docs/internals/allocation.md");
 
 /// Steer angles of both wheels in the page's example, rad.
 const STEER: [f64; 2] = [0.3, -0.5];
@@ -80,13 +80,13 @@ impl Example {
 
 #[test]
 fn the_figure_is_that_of_the_allocation() {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/allocation.svg");
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/internals/allocation.svg");
     let drawn = Example::new().figure();
     if std::env::var_os("HBOT_BLESS").is_some() {
         std::fs::write(&path, &drawn).expect("the docs folder can be written");
     }
     let kept = std::fs::read_to_string(&path).expect("the page has its figure");
-    assert!(kept == drawn, "docs/allocation.svg is not what the allocation gives: bless it");
+    assert!(kept == drawn, "docs/internals/allocation.svg is not what the allocation gives: bless it");
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn the_page_quotes_what_the_allocation_gives() {
         format!("| `exact` | {} | {:.3} |", joints(&exact), exact.scale),
         format!("| `clipped` | {} | {:.3} |", joints(&clipped), clipped.scale),
     ] {
-        assert!(PAGE.contains(&said), "docs/allocation.md has not: {said}");
+        assert!(PAGE.contains(&said), "docs/internals/allocation.md has not: {said}");
     }
 }
 
@@ -149,7 +149,7 @@ fn the_page_names_every_constant_with_its_value() {
             line.starts_with("| `")
                 && line.split(" | ").next().is_some_and(|cell| cell.contains(&format!("`{name}`")))
         });
-        let row = row.unwrap_or_else(|| panic!("docs/allocation.md explains no {name}"));
+        let row = row.unwrap_or_else(|| panic!("docs/internals/allocation.md explains no {name}"));
         let said: Vec<f64> =
             row.split(" | ").nth(1).expect("a value").split([' ', ',']).filter_map(number).collect();
         let width =

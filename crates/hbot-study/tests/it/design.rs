@@ -57,8 +57,8 @@ fn every_figure_is_documented_and_every_check_holds() {
     }
 }
 
-/// The figures of the prototype are those of docs/physics.md, sections 3, 7, 11 and 12. The
-/// prototype also equals the design with two of its wheels.
+/// The figures of the prototype are those of docs/internals/physics.md, sections 3, 7, 11 and 12.
+/// The prototype also equals the design with two of its wheels.
 #[test]
 fn the_prototype_is_what_the_notes_say() {
     let (report, _) = study();

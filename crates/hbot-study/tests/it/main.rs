@@ -4,6 +4,7 @@ mod accuracy;
 mod allocation_page;
 mod design;
 mod effects;
+mod estimates;
 mod feel;
 mod files;
 mod paper;

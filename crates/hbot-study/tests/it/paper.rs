@@ -1,5 +1,5 @@
 //! The study `paper`, figures computed from the geometry: they are compared with the paper and with
-//! the results of an independent program (docs/physics.md, sections 3, 10 and 11).
+//! the results of an independent program (docs/internals/physics.md, sections 3, 10 and 11).
 
 use std::sync::OnceLock;
 

@@ -20,8 +20,8 @@ fn near(found: f64, wanted: f64, within: f64, what: &str) {
 #[test]
 fn back_drive_torques_are_those_of_friction() {
     let report = report();
-    // docs/physics.md, section 8, to the rounding of its figures. The mean of 55 postures is within
-    // 0.5 % of the mean over all.
+    // docs/internals/physics.md, section 8, to the rounding of its figures. The mean of 55 postures
+    // is within 0.5 % of the mean over all.
     for (axis, milli) in [("n1", 4.2), ("n2", 5.0), ("n3", 4.1)] {
         let id = format!("backdrive_{axis}_nm");
         near(1.0e3 * value(report, &id), milli, 0.15, &id);
@@ -123,7 +123,7 @@ fn stiffnesses_are_those_of_table_iii() {
         near(alone("wheel_modules"), 0.0, 1.5, row);
         assert!(alone("gear") > 0.0, "{row}: losses stiffen");
     }
-    // K sin(angle) for loads up to 1.4 N m at 6 N m/rad (docs/physics.md, section 11: 0.55 % for
-    // the chord).
+    // K sin(angle) for loads up to 1.4 N m at 6 N m/rad (docs/internals/physics.md, section 11:
+    // 0.55 % for the chord).
     near(value(report, "stiffness_peak_quaternion_percent"), -0.55, 0.1, "the sine");
 }

@@ -42,7 +42,7 @@ pub(super) struct Detents {
     /// against the impact.
     knock: Knock,
     /// With `knock = "own"`: torque of the knock for each rad/s of the speed of the impact.
-    #[schemars(range(min = 0.0, max = 0.2), extend("unit" = "N m s/rad"))]
+    #[schemars(range(min = 0.0, max = 0.2), extend("unit" = "N m/(rad/s)"))]
     knock_amplitude: f64,
     /// With `knock = "own"`: frequency of the knock. Above a third of the loop's rate it is not
     /// rendered well.

@@ -13,11 +13,11 @@ pub(super) enum Knock {
     /// There is no knock.
     #[default]
     None,
-    /// Like rubber: 0.03 N m s/rad, 18 Hz, 17 ms.
+    /// Like rubber: 0.03 N m/(rad/s), 18 Hz, 17 ms.
     Rubber,
-    /// Like wood: 0.02 N m s/rad, 100 Hz, 12.5 ms.
+    /// Like wood: 0.02 N m/(rad/s), 100 Hz, 12.5 ms.
     Wood,
-    /// Like metal: 0.04 N m s/rad, 300 Hz, 11 ms.
+    /// Like metal: 0.04 N m/(rad/s), 300 Hz, 11 ms.
     Metal,
     /// With the values of `knock_amplitude`, `knock_frequency` and `knock_decay_s`.
     Own,
@@ -31,7 +31,8 @@ pub(super) struct Own {
     pub(super) decay_s: f64,
 }
 
-/// The default of `knock_amplitude`, N m s/rad. The three defaults are those of wood.
+/// The default of `knock_amplitude`, N m/(rad/s). The three defaults are those of wood. The unit is
+/// not written as that of a damping, because a warning names the keys with that unit as cures.
 pub(super) const AMPLITUDE: f64 = 0.02;
 /// The default of `knock_frequency`, Hz.
 pub(super) const FREQUENCY: f64 = 100.0;

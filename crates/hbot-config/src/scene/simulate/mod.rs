@@ -1,8 +1,8 @@
 //! The imperfections of a real rig that a scene can switch on in the simulated rig.
 //!
 //! Each phenomenon is a table, defined only here. The crate hbot-sim computes with the same types.
-//! Comments at the defaults name their sources. Equations, sources and validation are in
-//! docs/simulator.md.
+//! Comments at the defaults name their sources. Equations are in docs/simulator.md,
+//! methods and validation in docs/internals/plant.md.
 
 mod compliance;
 mod contact;

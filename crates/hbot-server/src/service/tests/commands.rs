@@ -350,7 +350,7 @@ fn info_and_stats_have_their_shape() {
     // To first order `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1
     // ms and the lag of the motors, 0.5 ms. The border of the sampled loop is less than 1 % below.
     // `stiffness_most` is 0.146457 times the smallest apparent inertia divided by the square of a
-    // tick (docs/physics.md, section 9, to six digits).
+    // tick (docs/internals/physics.md, section 9, to six digits).
     let render = info.render.clone().unwrap();
     let part = render.stiffness_stable / (render.damping / 2.0e-3);
     assert!(0.99 < part && part < 1.0, "{render:?}");

@@ -184,8 +184,8 @@ mod tests {
         Measures::of(&RatedDevice::new(device, PEAKS), design, effort)
     }
 
-    /// The prototype's figures are those of docs/physics.md, sections 3, 7, 10 and 11, to the
-    /// digits given there.
+    /// The prototype's figures are those of docs/internals/physics.md, sections 3, 7, 10 and 11, to
+    /// the digits given there.
     #[test]
     fn the_prototype_measures_what_the_notes_say() {
         let parts = Parts::prototype();

@@ -128,7 +128,7 @@ fn introduce(report: &mut Report, grid: u32) {
     report.heading("Back-driveability (table II)");
     report.say(&format!(
         "The paper measured the least torque that visibly turns the sphere about n1, n2 and n3. Here each axis is held as a hinge, as a hand does it, and a torque about it \
-         grows by {} mN m/s until the sphere turns; joints have Coulomb friction of 0.2 mN m, the cage of 2 mN m (docs/physics.md, section 8). The paper gives neither; both are a fit: they were chosen so that the torques come near the paper's. \
+         grows by {} mN m/s until the sphere turns; joints have Coulomb friction of 0.2 mN m, the cage of 2 mN m (docs/internals/physics.md, section 8). The paper gives neither; both are a fit: they were chosen so that the torques come near the paper's. \
          The mean is over {grid} pairs of steering angles, even over a turn of each wheel. Prediction: about a hinge n the cage holds 2 mN m and each joint 0.2 mN m times |g.n|, g its row of G. \
          Beside it the same with what else may hold a real sphere: contacts that resist pivoting and may slip, gears with losses.",
         short(1.0e3 * RAMP / STEP_S)
@@ -236,7 +236,7 @@ fn check(report: &mut Report, found: &[Found]) {
     );
     report.check(
         format!(
-            "back-drive torques are those of this project's own notes (docs/physics.md), 4.2, 5.0, 4.1 mN m, within {NOTES_WITHIN} mN m; the paper's are not tested"
+            "back-drive torques are those of this project's own notes (docs/internals/physics.md), 4.2, 5.0, 4.1 mN m, within {NOTES_WITHIN} mN m; the paper's are not tested"
         ),
         format!("{off_notes:.3} mN m at worst"),
         off_notes <= NOTES_WITHIN,

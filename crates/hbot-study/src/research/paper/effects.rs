@@ -39,8 +39,8 @@ fn hot() -> Motor {
 }
 
 /// Returns a list in which each phenomenon of a real rig acts alone, with the prototype's
-/// parameters (docs/physics.md, section 8). Three errors of the motors are separate entries: torque
-/// constant, lag and heat.
+/// parameters (docs/internals/physics.md, section 8). Three errors of the motors are separate
+/// entries: torque constant, lag and heat.
 pub(super) fn alone() -> Vec<Effect> {
     let none = Phenomena::default();
     let effect = |name, id, phenomena| Effect { name, id, phenomena };

@@ -47,7 +47,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
         "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
          project's own parts: what is computed from the geometry first, what takes a simulated rig after it. The device is the prototype (`rigs/prototype.toml`) \
          where nothing else is said. Equations, sections, figures and tables by number are the paper's; where it must not be followed to the letter, \
-         docs/physics.md, section 11, says why.",
+         docs/internals/physics.md, section 11, says why.",
     );
     report.heading("The paper's figures and ours");
     let place = report.place();

@@ -1,4 +1,4 @@
-//! Accuracy of the plant's integration methods and steps, on the task of docs/simulator.md.
+//! Accuracy of the plant's integration methods and steps, on the task of docs/internals/plant.md.
 
 use hbot_core::device::WheelSpec;
 use hbot_core::{Device, Quat, Vec3, rotation};
@@ -146,7 +146,7 @@ fn draw(report: &mut Report, lines: Vec<Series>) {
 
 fn introduce(report: &mut Report, floor: f64) {
     report.say(&format!(
-        "The task of docs/simulator.md: {TASK_S} s from rest of a sphere held by a spring (4 N m/rad, 0.05 N m s/rad) under two swinging \
+        "The task of docs/internals/plant.md: {TASK_S} s from rest of a sphere held by a spring (4 N m/rad, 0.05 N m s/rad) under two swinging \
          torques. The error is the largest of the orientation, looked at every 20 ms, against the adaptive reference at {TOLERANCE:e} a step \
          (which itself is good to {floor:.0e}). A rig in virtual time takes steps of 1 ms."
     ));

@@ -233,7 +233,7 @@ fn introduce(report: &mut Report, ticks: usize) {
          9 Hz; *slow* is 0.05 rad/s about a skew axis with some wandering; *brisk* up to 2 rad/s to and fro at 1.5 Hz. Noise is the root mean square of the \
          error of the sphere's angular velocity, after the lag that explains most of it in brisk motion is taken out. False slip is the most that the slip \
          detector sees in any of the motions: the wheels never slip. Of `controller` the rates are exact here. The time is that of a whole tick at rest \
-         without a scene; docs/velocity.md says what to conclude.",
+         without a scene; docs/internals/velocity.md says what to conclude.",
         ticks as f64 * DT,
     ));
     report.family("velocity_{estimate}_{counts}_{motion}_noise_rad_per_s | rad/s | noise of the sphere's rate, its lag taken out; {counts}: a turn, of the steering and the drive where they differ");

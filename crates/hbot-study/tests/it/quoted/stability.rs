@@ -1,10 +1,10 @@
-//! docs/stability.md and the row of docs/hard-cases.md on a day of ticks, against
+//! docs/stability.md and the row of docs/internals/hard-cases.md on a day of ticks, against
 //! docs/stability/report.md.
 
 use super::{agree, cell, check, filled, left_over, number, numbers, rounded, whole_cell};
 
 const PAGE: &str = include_str!("../../../../../docs/stability.md");
-const HARD_CASES: &str = include_str!("../../../../../docs/hard-cases.md");
+const HARD_CASES: &str = include_str!("../../../../../docs/internals/hard-cases.md");
 const REPORT: &str = include_str!("../../../../../docs/stability/report.md");
 
 /// Returns the largest error that the report states for the check named `what`, in percent with one
@@ -140,6 +140,9 @@ fn every_figure_of_the_page_is_the_reports() {
 #[test]
 fn the_hard_case_of_a_day_quotes_the_report() {
     let [unit, grown] = day();
-    assert!(HARD_CASES.contains(&format!("| {unit}; {grown} |")), "docs/hard-cases.md, 12: {unit}; {grown}");
+    assert!(
+        HARD_CASES.contains(&format!("| {unit}; {grown} |")),
+        "docs/internals/hard-cases.md, 11: {unit}; {grown}"
+    );
     assert!(agree(&unit, "2.2e-16"), "the rounding of a real in f64");
 }

@@ -1,13 +1,13 @@
-//! docs/velocity.md against the joint rates of docs/accuracy/report.md. Its column of times is not
-//! compared: it is the machine's.
+//! docs/internals/velocity.md against the joint rates of docs/accuracy/report.md. Its column of
+//! times is not compared: it is the machine's.
 
 use super::accuracy::REPORT;
 use super::{agree, cell, rows};
 
-const PAGE: &str = include_str!("../../../../../docs/velocity.md");
+const PAGE: &str = include_str!("../../../../../docs/internals/velocity.md");
 
-/// For each table in docs/velocity.md, the words that introduce it, and the name of its encoders in
-/// the report.
+/// For each table in docs/internals/velocity.md, the words that introduce it, and the name of its
+/// encoders in the report.
 const TABLES: [(&str, &str); 4] = [
     ("4096 x 4 counts a turn on all joints, before", "16384"),
     ("512 x 4 on all joints:", "2048"),
@@ -15,8 +15,9 @@ const TABLES: [(&str, &str); 4] = [
     ("64 x 4 on all joints:", "256"),
 ];
 
-/// Converts the name of a method that estimates joint rates from the form in docs/velocity.md to
-/// that in the report. For example, `low_pass` with 100 Hz becomes `low_pass_100hz`.
+/// Converts the name of a method that estimates joint rates from the form in
+/// docs/internals/velocity.md to that in the report. For example, `low_pass` with 100 Hz becomes
+/// `low_pass_100hz`.
 fn method(page: &str) -> String {
     let (name, choice) = page.split_once(',').unwrap_or((page, ""));
     let name = name.trim_matches('`');
@@ -41,7 +42,7 @@ fn every_figure_of_the_tables_but_times_is_the_reports() {
                 let theirs = cell(REPORT, "Joint rates", &[counts, &method], column);
                 assert!(
                     agree(ours, &theirs),
-                    "docs/velocity.md, {begin} {method}, {column}: {ours} for {theirs}"
+                    "docs/internals/velocity.md, {begin} {method}, {column}: {ours} for {theirs}"
                 );
                 seen += 1;
             }
@@ -50,8 +51,8 @@ fn every_figure_of_the_tables_but_times_is_the_reports() {
     assert_eq!(seen, 4 * 9 * 5);
 }
 
-/// In docs/velocity.md, the noise of the raw difference about one axis is that of the tables
-/// divided by the square root of 3.
+/// In docs/internals/velocity.md, the noise of the raw difference about one axis is that of the
+/// tables divided by the square root of 3.
 #[test]
 fn the_noise_about_one_axis_is_that_of_the_tables() {
     for (whole, axis) in [("0.0307", "0.018"), ("0.2642", "0.153")] {
