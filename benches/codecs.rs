@@ -65,7 +65,13 @@ fn state() -> Event {
         traction: 0.234_5,
         energy: -0.012_34,
         client: Some(ClientStream { seq: Some(77), age_ticks: 2 }),
-        timing: StateTiming { lateness_us: 12.3, compute_us: 0.9, link_us: 8.7, age_us: 1003.4 },
+        timing: StateTiming {
+            lateness_us: 12.3,
+            compute_us: 0.9,
+            link_us: 8.7,
+            age_us: 1003.4,
+            lead_us: 2200.0,
+        },
     })
 }
 

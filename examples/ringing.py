@@ -46,7 +46,7 @@ def turned(v: Vector, axis: Vector, angle: float) -> Vector:
 
 
 def frame(wheel: dict, steer: float) -> list[Vector]:
-    """Return the unit vectors c1, c2 and c3 of a contact in frame N (docs/physics.md, section 1)."""
+    """Return c1, c2 and c3 of a contact in frame N (docs/internals/physics.md, section 1)."""
     length = math.sqrt(dot(wheel["axis"], wheel["axis"]))
     axis = [x / length for x in wheel["axis"]]
     n3 = [0.0, 0.0, 1.0]

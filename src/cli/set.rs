@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use anyhow::anyhow;
 use clap::Args;
 use hbot_api::InfoOk;
-use hbot_config::advice::{Abilities, Told, ToldLoop};
+use hbot_config::advice::{Abilities, Told};
 use hbot_config::scene::SetError;
 use hbot_config::{RunningScene, SceneFile};
 use hbot_server::service::set_refusal;
@@ -85,41 +85,17 @@ fn effect(info: &InfoOk, id: &str) -> Value {
 
 /// Returns what the rig cannot make of the running scene or may not keep stable, and what has no
 /// effect in it, as the answer to `load_scene` says it. A scene with kinds that this program does
-/// not know has none.
+/// not know has none. An older server does not tell its loop. Then stability is not judged.
 fn warnings(info: &InfoOk) -> Vec<String> {
     let Ok(scene) = SceneFile::from_json(info.scene.clone()) else { return Vec::new() };
-    abilities(info).warnings(&scene)
-}
-
-/// Returns the abilities of the rig that the server describes. An older server does not tell its
-/// loop. Then stability is not judged.
-fn abilities(info: &InfoOk) -> Abilities {
-    let sampled = info.render.as_ref().and_then(|render| render.sampled.clone());
-    Abilities::told(Told {
-        rate_hz: info.rig.rate_hz,
-        simulated: info.rig.simulated,
-        torque: info.limits.torque,
-        torque_rate: info.limits.torque_rate,
-        speed: info.limits.speed,
-        passive: info.limits.passivity.is_some(),
-        sampled: sampled.map(|told| ToldLoop {
-            delay: told.delay_ticks,
-            lag: told.lag_s,
-            lead: told.lead_s,
-            slew: told.slew_s,
-            rate_lag: told.rate_lag_s,
-            taps: told.rate_weights,
-            inertia: told.inertia,
-            axes: told.axes,
-        }),
-    })
+    Abilities::told(Told::from(info)).warnings(&scene)
 }
 
 #[cfg(test)]
 mod tests {
-    use hbot_api::{LimitsInfo, LoopInfo, PassivityInfo, RenderInfo, RigInfo};
+    use hbot_api::{LimitsInfo, PassivityInfo, RenderInfo, RigInfo};
     use hbot_config::RigConfig;
-    use hbot_config::advice::StiffnessBound;
+    use hbot_config::advice::{StiffnessBound, ToldLoop};
     use serde_json::json;
 
     use super::*;
@@ -127,17 +103,7 @@ mod tests {
     /// Returns what a server of the prototype answers to `info` while it renders `scene`.
     fn info(scene: &SceneFile) -> InfoOk {
         let rig = RigConfig::prototype();
-        let told = ToldLoop::of(StiffnessBound::of(&rig).unwrap().sampled());
-        let sampled = LoopInfo {
-            delay_ticks: told.delay,
-            lag_s: told.lag,
-            lead_s: told.lead,
-            slew_s: told.slew,
-            rate_lag_s: told.rate_lag,
-            rate_weights: told.taps,
-            inertia: told.inertia,
-            axes: told.axes,
-        };
+        let sampled = ToldLoop::of(StiffnessBound::of(&rig).unwrap().sampled()).into();
         let limits = &rig.rig.limits;
         InfoOk {
             rig: RigInfo { rate_hz: rig.rate_hz, simulated: true, ..RigInfo::default() },

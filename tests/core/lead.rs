@@ -1,7 +1,7 @@
 //! The lead: the scene is rendered at the pose that the sphere will have when the torque acts.
 
 use crate::bench::{Bench, DT, altered, effect, rig, spring, spring_scene};
-use hbot_core::effects::{Anchor, Detents, Kind, Target, Texture, Track, TrackPath};
+use hbot_core::effects::{Anchor, Detents, Effect, Kind, Span, Target, Texture, Track, TrackPath};
 use hbot_core::inputs::{Command, Stamp};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::State;
@@ -233,6 +233,64 @@ fn a_law_is_led_by_at_most_a_quarter_of_its_wave() {
         let want = pose * (f.cross(s) * 0.5);
         assert!((state.torque - want).length() < 1e-6, "tick {k}: {} for {want}", state.torque);
     }
+}
+
+/// Notches that are given one by one get a lead of a quarter of their own gap, even if it is smaller
+/// than their width.
+#[test]
+fn notches_given_one_by_one_are_led_by_a_quarter_of_their_gap() {
+    let axis = Vec3::Z;
+    let gap = core::f64::consts::TAU / 720.0;
+    let positions: Vec<f64> = (0..100).map(|k| gap * f64::from(k)).collect();
+    let dial = Detents {
+        target: Target::N,
+        axis,
+        strength: 0.5,
+        width: 0.5,
+        count: 0,
+        end_stiffness: 0.0,
+        damping: 0.0,
+    };
+    let numbers = Span { start: 0, len: 100 };
+    let notches = Effect { numbers, ..effect(0, 1, Kind::Detents(dial)) };
+    let scene = CompiledScene::with_numbers(1, &[notches], &positions).unwrap();
+    let mut bench = Bench::active(led(), scene);
+    bench.turn(axis * 10.0);
+    for k in 0..40 {
+        let state = bench.turn(axis * 10.0).state;
+        let psi = rotation::log(state.q).z;
+        let want = -0.5 * (core::f64::consts::TAU * (psi + 0.25 * gap) / gap).sin();
+        assert!((state.torque.z - want).abs() < 1e-6, "tick {k}: {} for {want}", state.torque.z);
+    }
+}
+
+/// A spring of 100 N m/rad that is left at 5 rad/s asks for 0.5 N m less in each tick. The slew
+/// limit allows 0.2, so the torque falls before, and is gone when that of the spring is.
+#[test]
+fn a_torque_falls_as_early_as_the_slew_limit_makes_it_rise_late() {
+    let rig = altered(&led(), |rig| rig.limits.torque_rate = 200.0);
+    let stiff = effect(3, 9, spring(100.0, 0.0, Quat::IDENTITY, Anchor::Absolute));
+    let scene = CompiledScene::new(1, &[stiff]).unwrap();
+    let mut bench = Bench::active(rig, scene);
+    for _ in 0..20 {
+        bench.turn(Vec3::Y * 5.0);
+    }
+    bench.turn(Vec3::ZERO);
+    let held = bench.run(30).state;
+    assert!((held.torque.length() - 2.0).abs() < 1e-9, "the torque limit: {}", held.torque);
+    let mut last = held.torque;
+    for k in 0..30 {
+        let state = bench.turn(Vec3::Y * -5.0).state;
+        assert!((state.torque - last).length() < 0.2 + 1e-9, "tick {k}");
+        last = state.torque;
+        // The spring's torque about n2 at the pose of the lead.
+        let spring = -100.0 * (rotation::log(state.q) + state.omega * (1e-6 * state.lead_us)).y;
+        if spring > -0.25 {
+            assert!(state.torque.y > -0.45, "tick {k}: {} where the spring has {spring}", state.torque);
+            return;
+        }
+    }
+    panic!("the spring is never left");
 }
 
 /// An effect that takes its lead back must not change what others with the same reference see.

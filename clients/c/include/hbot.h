@@ -294,6 +294,8 @@ typedef struct hbot_state {
   double link_us;
   // From the measurement of the joints until the torque computed from it was sent, us.
   double age_us;
+  // By how much the scene was rendered ahead of its reading, us. 0 without a lead.
+  double lead_us;
 } hbot_state;
 
 // An event other than a state. Fields that do not belong to its kind are 0.

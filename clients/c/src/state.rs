@@ -150,6 +150,8 @@ pub struct HbotState {
     pub link_us: f64,
     /// From the measurement of the joints until the torque computed from it was sent, us.
     pub age_us: f64,
+    /// By how much the scene was rendered ahead of its reading, us. 0 without a lead.
+    pub lead_us: f64,
 }
 
 impl HbotState {
@@ -188,6 +190,7 @@ impl HbotState {
             compute_us: state.timing.compute_us,
             link_us: state.timing.link_us,
             age_us: state.timing.age_us,
+            lead_us: state.timing.lead_us,
         })
     }
 }

@@ -121,6 +121,10 @@ pub struct StateTiming {
     /// reading.
     #[serde(serialize_with = "finite::scalar")]
     pub age_us: f64,
+    /// Time by which the scene is rendered ahead of its reading, us. 0 without a lead, and while
+    /// there is no torque.
+    #[serde(default, serialize_with = "finite::scalar")]
+    pub lead_us: f64,
 }
 
 names! {

@@ -8,7 +8,7 @@
 //! slope of a notch that is narrower than the swing, half of a wall at its edge, and the energy
 //! that dry friction takes in each cycle as damping.
 
-use crate::effects::{Anchor, Effect, Memory, Motion, Now, Reference, Shared, largest, mass_scale};
+use crate::effects::{Anchor, Effect, Kind, Memory, Motion, Now, Reference, Shared, largest, mass_scale};
 use crate::real::{Mat3, Quat, Real, TURN, Vec3, sincos};
 use crate::rotation;
 use crate::scene::CompiledScene;
@@ -238,6 +238,16 @@ impl CompiledScene {
             memory,
         )
     }
+}
+
+/// Returns the torque of `kind` at the orientation `q`, with fresh memory (see
+/// [`Kind::at_rest`]).
+pub(crate) fn still(kind: &Kind, reference: Quat, q: Quat, numbers: &[Real]) -> Vec3 {
+    let reference = &Reference { q: reference, goal: reference, ..Reference::STILL };
+    let (mut shared, motion) = (Shared::EMPTY, Motion { q, omega: Vec3::ZERO });
+    let shared = &mut shared;
+    let now = Now { motion, dt: 0.0, lead: 0.0, ahead: 0.0, reference, numbers, shared, shares: false };
+    kind.render(1.0, now, &mut Memory::None)
 }
 
 fn acts(effect: &Effect) -> bool {

@@ -65,7 +65,8 @@ impl Lead {
         let time = if speed2 > most * most { LARGEST / crate::real::sqrt(speed2) } else { time };
         self.time = time;
         self.ahead = (time - age * self.period).max(0.0);
-        let q = rotation::renormalized(rotation::exp(measured.omega * time) * measured.q);
+        // The product of two unit quaternions. It is used in this tick only, so no error grows.
+        let q = rotation::exp(measured.omega * time) * measured.q;
         Motion { q, omega: measured.omega }
     }
 

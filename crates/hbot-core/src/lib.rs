@@ -114,6 +114,7 @@ mod encoder;
 #[cfg(feature = "exact")]
 mod exact;
 mod fades;
+mod falling;
 mod heat;
 pub mod impedance;
 pub mod inputs;
@@ -124,6 +125,7 @@ mod linear;
 pub mod mode;
 pub mod odometry;
 mod orientation;
+pub mod outline;
 pub mod outputs;
 mod passivity;
 pub mod path;

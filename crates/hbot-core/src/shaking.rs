@@ -8,10 +8,16 @@
 //! passivity observer says that the rig has given out energy in them: at least `LEAST_ENERGY`
 //! times the kinetic energy of the sphere at its largest rate.
 //!
+//! A spring that rings out gives no energy, but the observer alone could say so: the spring gives to
+//! the sphere's own friction what it had stored, and sphere and spring exchange it with another
+//! phase about each axis. So what the effects have stored less at the end of the cycles than at
+//! their beginning does not count. The guard takes the lesser of the two energies.
+//!
 //! A client's stream, a reference that moves, and effects that give out energy on purpose are
 //! reasons to swing. So after the first cycle the guard adds up the energy that each effect gives
 //! out, by the torques and delays of the observer. If an effect that does so on purpose gives half
-//! as much as the worst of the others, or more, it does nothing.
+//! as much as the worst of the others, or more, it does nothing. To blame is the effect that gave
+//! most while it gave: in a swing that grows, even the culprit has just stored more than it gave.
 //!
 //! The guard halves the torque, and halves it again in each further cycle, until the sphere is
 //! calm. Then the torque comes back slowly. If the sphere shakes again on the way, the torque stays
@@ -71,6 +77,33 @@ pub(crate) struct Guard {
     axes: [Axis; 3],
     suspect: Option<Suspect>,
     lowered: Option<Lowered>,
+}
+
+/// The energy that the effects had stored at each of the last crossings. It is apart from
+/// [`Guard`], so that recordings of before can be read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Stored {
+    /// False in recordings of before, whose guard did not look at stored energy.
+    counts: bool,
+    /// The energy at the same places as [`Axis::crossings`], J.
+    at: [[Real; CYCLES + 1]; 3],
+    /// Energy that each effect has given out about the suspect's axis while it gave, J. What it has
+    /// taken in between is not subtracted. So the sum does not depend on the phase of the swing.
+    gave: [Real; MAX_EFFECTS],
+}
+
+impl Stored {
+    pub(crate) const OFF: Self = Self { counts: false, at: [[0.0; CYCLES + 1]; 3], gave: [0.0; MAX_EFFECTS] };
+
+    pub(crate) fn switch(&mut self, on: bool) {
+        *self = Self { counts: on, ..Self::OFF };
+    }
+
+    /// Returns true unless the guard is that of older recordings.
+    pub(crate) fn counts(&self) -> bool {
+        self.counts
+    }
 }
 
 /// The last crossings of the rate about an axis, the newest last.
@@ -201,23 +234,34 @@ impl Guard {
     /// Adds the energy that each effect has given out while the sphere made `turn` (rotation
     /// vector, rad), between the readings that answer the commands `from` and `to`.
     #[inline(never)]
-    pub(crate) fn attribute(&mut self, from: u32, to: u32, turn: Vec3) {
+    pub(crate) fn attribute(&mut self, stored: &mut Stored, from: u32, to: u32, turn: Vec3) {
         let Some(suspect) = &mut self.suspect else { return };
         let steps = (to.wrapping_sub(from) as usize).clamp(1, DEPTH);
         let turn = turn[usize::from(suspect.axis)] / steps as Real;
         for k in 0..steps {
             let torques = &suspect.torques[from.wrapping_add(k as u32) as usize % DEPTH];
-            for (given, torque) in suspect.given.iter_mut().zip(torques) {
-                *given += torque * turn;
+            for (slot, torque) in torques.iter().enumerate() {
+                suspect.given[slot] += torque * turn;
+                if stored.counts {
+                    stored.gave[slot] += (torque * turn).max(0.0);
+                }
             }
         }
     }
 
     /// Looks at a tick for which [`is_needed`](Self::is_needed) is true: counts cycles, and lowers
     /// or raises the torque. `reason` is true if a client moves the sphere. `on_purpose` has one
-    /// bit per slot, which is set for effects that give out energy on purpose.
+    /// bit per slot, which is set for effects that give out energy on purpose. `energy` returns the
+    /// energy that the effects store now, J, as far as limits let them act.
     #[inline(never)]
-    pub(crate) fn look(&mut self, now: &Moment, reason: bool, on_purpose: u32, dt: Real) {
+    pub(crate) fn look(
+        &mut self,
+        now: &Moment,
+        stored: &mut Stored,
+        (reason, on_purpose): (bool, u32),
+        dt: Real,
+        energy: impl Fn() -> Real,
+    ) {
         let reversed = self.reversed(now.omega);
         let rising = reversed & !self.positive;
         self.positive ^= reversed;
@@ -225,9 +269,10 @@ impl Guard {
         if reason {
             self.forget();
         }
-        for axis in 0..3 {
-            if rising & (1 << axis) != 0 && !reason {
-                self.cross(axis, now, longest as u64, on_purpose);
+        if rising != 0 && !reason {
+            let energy = if stored.counts { energy() } else { 0.0 };
+            for axis in (0..3).filter(|axis| rising & (1 << axis) != 0) {
+                self.cross(axis, now, (stored, energy), longest as u64, on_purpose);
             }
         }
         if let Some(suspect) = &mut self.suspect {
@@ -248,14 +293,33 @@ impl Guard {
         self.axes = Self::OFF.axes;
     }
 
-    /// Takes a crossing of the rate about `axis`.
-    fn cross(&mut self, axis: u8, now: &Moment, longest: u64, on_purpose: u32) {
+    /// Takes a crossing of the rate about `axis`, at which the effects store the energy `energy`, J.
+    fn cross(
+        &mut self,
+        axis: u8,
+        now: &Moment,
+        (stored, energy): (&mut Stored, Real),
+        longest: u64,
+        on_purpose: u32,
+    ) {
+        let gain = self.gain();
         let own = &mut self.axes[usize::from(axis)];
+        let was_full = usize::from(own.len) > CYCLES;
         let cycles = own.add(Crossing { tick: now.tick, energy: now.energy }, longest);
+        let kept = &mut stored.at[usize::from(axis)];
+        if was_full && cycles == CYCLES {
+            kept.rotate_left(1);
+        }
+        kept[cycles] = energy;
         if cycles == 0 {
             return;
         }
-        let (before, newest) = (own.crossings[cycles - 1], own.crossings[cycles]);
+        // The energy that the motors have given out since an earlier crossing.
+        let given_since = |k: usize| {
+            let given = own.crossings[cycles].energy - own.crossings[k].energy;
+            given.min(given + gain * (kept[cycles] - kept[k]))
+        };
+        let (in_last, in_all) = (given_since(cycles - 1), given_since(0));
         let Some(suspect) = &mut self.suspect else {
             self.suspect = Some(Suspect {
                 axis,
@@ -264,13 +328,14 @@ impl Guard {
                 torques: [[0.0; MAX_EFFECTS]; DEPTH],
                 given: [0.0; MAX_EFFECTS],
             });
+            stored.gave = [0.0; MAX_EFFECTS];
             return;
         };
         suspect.seen = now.tick;
         let kinetic = 0.5 * now.inertia * suspect.peak * suspect.peak;
         if let Some(lowered) = &mut self.lowered
             && lowered.is_falling(now)
-            && newest.energy - before.energy >= LEAST_ENERGY / CYCLES as Real * kinetic
+            && in_last >= LEAST_ENERGY / CYCLES as Real * kinetic
         {
             lowered.last = now.tick;
             if lowered.shaking.gain <= lowered.target {
@@ -278,10 +343,13 @@ impl Guard {
             }
         }
         let (first, peak) = (own.crossings[0], suspect.peak);
-        if cycles < CYCLES || newest.energy - first.energy < LEAST_ENERGY * kinetic {
+        if cycles < CYCLES || in_all < LEAST_ENERGY * kinetic {
             return;
         }
-        let (slot, purposeful) = suspect.worst(on_purpose);
+        let (mut slot, purposeful) = worst(&suspect.given, on_purpose);
+        if stored.counts {
+            slot = worst(&stored.gave, on_purpose).0;
+        }
         let frequency = CYCLES as Real / ((now.tick - first.tick) as Real * now.period);
         self.forget();
         if purposeful {
@@ -311,20 +379,18 @@ impl Axis {
     }
 }
 
-impl Suspect {
-    /// Returns the effect that has given out the most energy, and whether an effect that does so on
-    /// purpose has given at least half as much.
-    fn worst(&self, on_purpose: u32) -> (Option<u8>, bool) {
-        let (mut worst, mut most, mut purpose) = (None, Real::NEG_INFINITY, 0.0);
-        for (slot, given) in self.given.iter().enumerate() {
-            if on_purpose & (1 << slot) != 0 {
-                purpose += given;
-            } else if *given != 0.0 && *given > most {
-                (worst, most) = (Some(slot as u8), *given);
-            }
+/// Returns the effect that has given out the most energy, and whether an effect that does so on
+/// purpose has given at least half as much.
+fn worst(given: &[Real; MAX_EFFECTS], on_purpose: u32) -> (Option<u8>, bool) {
+    let (mut worst, mut most, mut purpose) = (None, Real::NEG_INFINITY, 0.0);
+    for (slot, given) in given.iter().enumerate() {
+        if on_purpose & (1 << slot) != 0 {
+            purpose += given;
+        } else if *given != 0.0 && *given > most {
+            (worst, most) = (Some(slot as u8), *given);
         }
-        (worst, purpose > 0.5 * most.max(0.0))
     }
+    (worst, purpose > 0.5 * most.max(0.0))
 }
 
 impl Lowered {

@@ -145,6 +145,11 @@ impl Stream {
         self.level == 0.0
     }
 
+    /// Returns the streamed torque with its factor, N m.
+    pub(crate) fn torque(&self) -> Vec3 {
+        self.torque * self.level
+    }
+
     /// Advances the ramp-down by `dt` seconds if the streamed torque is no longer valid in tick
     /// `tick`.
     #[inline]

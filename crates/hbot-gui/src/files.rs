@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
+use hbot_api::StateTiming;
 use hbot_config::SceneFile;
 use serde::Serialize;
 use serde_json::Value;
@@ -92,7 +93,7 @@ pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<Pa
 
 /// The columns before those of the joints, in SI units except for times in us. Each has the meaning
 /// of the field of state messages in docs/api.md. A field that is null there is an empty cell.
-const COLUMNS: [&str; 28] = [
+const COLUMNS: [&str; 29] = [
     "tick",
     "t",
     "mode",
@@ -121,6 +122,7 @@ const COLUMNS: [&str; 28] = [
     "compute_us",
     "link_us",
     "age_us",
+    "lead_us",
 ];
 
 /// Returns the names of the columns for a rig with so many joints.
@@ -137,7 +139,8 @@ fn row(s: &PlotSample, joints: usize) -> impl Serialize + use<> {
         .flat_map(|joint| (0..3).map(move |part| joint.map(|joint| joint[part])))
         .collect();
     let reference = s.reference.map(|q| [q.w, q.x, q.y, q.z]);
-    let times = [s.timing.lateness_us, s.timing.compute_us, s.timing.link_us, s.timing.age_us];
+    let StateTiming { lateness_us, compute_us, link_us, age_us, lead_us } = s.timing;
+    let times = [lateness_us, compute_us, link_us, age_us, lead_us];
     (
         (s.tick, s.t, s.mode, s.fault),
         [s.q.w, s.q.x, s.q.y, s.q.z],

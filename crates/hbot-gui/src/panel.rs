@@ -6,7 +6,7 @@ use std::sync::Arc;
 use eframe::egui::{self, Event, Key, Ui};
 
 use crate::files;
-use crate::model::Model;
+use crate::model::{Judged, Model};
 use crate::net::{Delivery, Intent, Network, News, PanelOptions};
 use crate::view::{self, Act, Desk, theme};
 
@@ -47,7 +47,9 @@ impl Panel {
     pub fn new(ctx: &egui::Context, options: PanelOptions, folders: Folders) -> std::io::Result<Self> {
         theme::install(ctx);
         let model = Model::new(&options.server, &options.name, options.samples_per_s);
-        let desk = Desk::new(folders.scenes, &options.server);
+        let waker = ctx.clone();
+        let desk = Desk::new(folders.scenes, &options.server)
+            .judged_by(Judged::apart(move || waker.request_repaint()));
         let waker = ctx.clone();
         let network = Network::start(options, Arc::new(move || waker.request_repaint()))?;
         Ok(Self {

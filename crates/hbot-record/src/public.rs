@@ -169,6 +169,7 @@ fn state(state: &StateEvent, unix_ns: u64) -> hbot::State {
             compute_us: timing.compute_us,
             link_us: timing.link_us,
             age_us: timing.age_us,
+            lead_us: timing.lead_us,
         }),
     }
 }

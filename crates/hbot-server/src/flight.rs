@@ -203,7 +203,7 @@ fn header(joints: usize) -> Vec<String> {
     }
     all.extend(names(
         "slip_m_s scale deficient traction energy_j client_seq client_age_ticks fresh scene lateness_us compute_us link_us \
-         age_us late_ticks skipped_ticks missed_ticks corrupt_frames foreign_frames send_failures dropped_samples",
+         age_us lead_us late_ticks skipped_ticks missed_ticks corrupt_frames foreign_frames send_failures dropped_samples",
     ));
     all
 }
@@ -228,6 +228,7 @@ fn fields(sample: &Sample, joints: usize, row: &mut Vec<String>) {
     row.extend([state.fresh.to_string(), sample.scene.to_string()]);
     row.extend([us(timing.lateness_ns), us(timing.compute_ns), us(timing.line_ns)]);
     row.push(timing.age_ns.map(us).unwrap_or_default());
+    row.push(state.lead_us.to_string());
     row.extend(
         [
             counters.late,

@@ -12,6 +12,7 @@
 //!   - `effects`: the cost per tick of each effect and phenomenon.
 //!   - `feel`: what the passivity stage changes for the hand, and which scenes shake with it.
 //!   - `stability`: how stiff a wall can be, and a simulated day of operation.
+//!   - `lead`: what rendering the scene ahead of its reading changes.
 //! - `research`: studies of the rig.
 //!   - `paper`: every analysis and experiment of the paper.
 //!   - `design`: the dimensions of a better Hbot.
@@ -47,7 +48,7 @@ pub use verification::callgrind::{Counter, count_worker};
 use context::{Context, Interrupted};
 use load::Load;
 use research::{design, paper};
-use verification::{accuracy, effects, feel, stability};
+use verification::{accuracy, effects, feel, lead, stability};
 
 /// The available studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +62,8 @@ pub enum Study {
     Feel,
     /// Finds how stiff a virtual wall can be, and what stays constant over a simulated day.
     Stability,
+    /// Finds what the lead changes: borders, walls, and readings that come late.
+    Lead,
     /// Repeats every analysis and experiment of the paper, and compares the results with the values
     /// in the paper.
     Paper,
@@ -77,6 +80,7 @@ impl Study {
             Self::Effects => "effects",
             Self::Feel => "feel",
             Self::Stability => "stability",
+            Self::Lead => "lead",
             Self::Paper => "paper",
             Self::Design => "design",
         }
@@ -151,6 +155,7 @@ pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> R
         Study::Effects => effects::study(&context, options.counter.as_ref()),
         Study::Feel => feel::study(&context),
         Study::Stability => stability::study(&context),
+        Study::Lead => lead::study(&context),
         Study::Paper => paper::study(&context),
         Study::Design => design::study(&context),
     };

@@ -33,6 +33,8 @@ enum Command {
     Feel(StudyArgs),
     /// How stiff a virtual wall can be, compared with theory, and a day of simulated time
     Stability(StudyArgs),
+    /// What the lead changes: borders, walls, and readings that come late
+    Lead(StudyArgs),
     /// Every analysis and experiment of the paper, compared with the values that it reports
     Paper(StudyArgs),
     /// Search for the dimensions of a better Hbot: a Pareto front, and rig files of the best
@@ -81,6 +83,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Effects(args) => (Study::Effects, args),
         Command::Feel(args) => (Study::Feel, args),
         Command::Stability(args) => (Study::Stability, args),
+        Command::Lead(args) => (Study::Lead, args),
         Command::Paper(args) => (Study::Paper, args),
         Command::Design(args) => (Study::Design, args),
         Command::CountWorker { jobs } => {

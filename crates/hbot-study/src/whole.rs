@@ -15,11 +15,13 @@ use serde_json::Value;
 const ENABLE: u32 = 6;
 
 /// Returns the configuration of the prototype's rig, with the values in `with` for some of its
-/// keys.
+/// keys. The passivity stage is off unless `with` says otherwise, because studies measure the laws
+/// themselves.
 pub(crate) fn prototype(with: &[(&'static str, Value)]) -> RigConfig {
     let each =
         |(path, value): &(&'static str, Value)| Override { path, value: value.clone(), from: "the study" };
-    let with: Vec<Override> = with.iter().map(each).collect();
+    let own = ("loop.passivity", Value::Bool(false));
+    let with: Vec<Override> = core::iter::once(&own).chain(with).map(each).collect();
     RigConfig::load(None, &with).unwrap_or_else(|error| unreachable!("a legal rig: {error}"))
 }
 
@@ -39,9 +41,7 @@ impl Whole {
     /// Creates the loop at time 0. The simulated rig has the configuration `config` and the
     /// phenomena `phenomena`, and starts in the state `start`. `scene` is a scene file as JSON.
     pub(crate) fn new(config: &RigConfig, scene: Value, phenomena: Phenomena, start: PlantState) -> Self {
-        let scene =
-            SceneFile::from_json(scene).unwrap_or_else(|error| unreachable!("a legal scene: {error}"));
-        Self::with(config, scene, phenomena, start)
+        Self::with(config, scene_of(scene), phenomena, start)
     }
 
     /// Creates the loop as [`new`](Self::new) does, with a scene file that has been read.
@@ -51,8 +51,13 @@ impl Whole {
         phenomena: Phenomena,
         start: PlantState,
     ) -> Self {
-        let rig =
-            SimulatedRig::new(&SimulatedConfig { start, phenomena, ..SimulatedConfig::new(&config.rig) });
+        let simulated = SimulatedConfig { start, phenomena, ..SimulatedConfig::new(&config.rig) };
+        Self::simulated(config, scene, &simulated)
+    }
+
+    /// Creates the loop as [`with`](Self::with) does, with any settings of the simulated rig.
+    pub(crate) fn simulated(config: &RigConfig, scene: SceneFile, simulated: &SimulatedConfig) -> Self {
+        let rig = SimulatedRig::new(simulated);
         let rig = rig.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));
         Self {
             controller: Controller::new(config.rig),
@@ -134,6 +139,11 @@ impl Whole {
         self.feedback = self.exchange.tick(u64::from(self.tick) * self.period_ns, self.tick, &self.drive);
         self.tick += 1;
     }
+}
+
+/// Returns the scene file `scene`, given as JSON.
+pub(crate) fn scene_of(scene: Value) -> SceneFile {
+    SceneFile::from_json(scene).unwrap_or_else(|error| unreachable!("a legal scene: {error}"))
 }
 
 #[cfg(test)]

@@ -50,9 +50,6 @@ fn axis(text: &str) -> Result<Axis, String> {
     Ok(Axis { name: text.to_owned(), unit })
 }
 
-/// The kind of effect whose energy is also drawn, on the sphere of directions.
-const LANDSCAPE: &str = "snaps";
-
 /// Parses the name of the picture. Other formats are refused, because the picture would still be
 /// SVG.
 fn svg(text: &str) -> Result<PathBuf, String> {
@@ -84,11 +81,10 @@ pub(super) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
 
 /// Returns the picture of a scene as SVG. A torque beyond the limit of the rig is hatched.
 pub(super) fn draw(scene: &SceneFile, axes: &[Axis], abilities: &Abilities) -> String {
-    let kinds: Vec<&str> = scene.effects().iter().map(|effect| effect.kind_name()).collect();
     let probe = Probe::new(scene);
     let parts = probe.parts();
     let mut panels: Vec<PlotPanel> = axes.iter().map(|axis| swing(&probe, &parts, axis)).collect();
-    panels.extend(still_time(&kinds).map(|(time, every)| still(&probe, time, every)));
+    panels.extend(still(&probe));
     for panel in &mut panels {
         panel.limit = Some(abilities.torque).filter(|limit| panel.y_range.end > *limit);
         if let Some(most) = panel.limit.map(|limit| BEYOND * limit).filter(|most| panel.y_range.end > *most) {
@@ -96,7 +92,7 @@ pub(super) fn draw(scene: &SceneFile, axes: &[Axis], abilities: &Abilities) -> S
             panel.curves = panel.curves.iter().flat_map(|curve| within(curve, most)).collect();
         }
     }
-    let landscape = kinds.contains(&LANDSCAPE).then(|| {
+    let landscape = probe.has_wells().then(|| {
         let title = "where the sphere's third axis points, and the least energy there; dark is deep";
         Hemispheres::new(title, |direction| probe.least_energy(direction))
     });
@@ -132,18 +128,6 @@ fn within(curve: &Curve, most: f64) -> Vec<Curve> {
     let name = |k: usize| curve.name.clone().filter(|_| k == 0);
     let part = |(k, points)| Curve { name: name(k), points, colour: curve.colour, dashed: curve.dashed };
     parts.into_iter().enumerate().map(part).collect()
-}
-
-/// For kinds that depend on time, returns how long the sphere is held still, s, and the number of
-/// ticks between two points of the curve.
-fn still_time(kinds: &[&str]) -> Option<(f64, u64)> {
-    if kinds.contains(&"track") {
-        Some((12.0, 10))
-    } else if kinds.contains(&"pulse") {
-        Some((2.5, 1))
-    } else {
-        kinds.contains(&"vibration").then_some((0.8, 1))
-    }
 }
 
 /// Returns the range of the vertical axis: the largest absolute value of all curves, plus a margin.
@@ -191,12 +175,13 @@ fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> PlotPanel {
     }
 }
 
-/// Plots torque against time while the sphere is held still.
-fn still(probe: &Probe, time: f64, every: u64) -> PlotPanel {
-    let curves = probe.still(time, every);
+/// Plots torque against time while the sphere is held still. Returns `None` if the torque stays as
+/// it is.
+fn still(probe: &Probe) -> Option<PlotPanel> {
+    let (time, curves) = probe.still()?;
     let most = span(curves.iter().flatten());
     let names = ["about x", "about y", "about z"];
-    PlotPanel {
+    Some(PlotPanel {
         x: "time, s, held still".to_owned(),
         y: "torque, N m".to_owned(),
         x_range: (0.0..time, 11),
@@ -213,7 +198,7 @@ fn still(probe: &Probe, time: f64, every: u64) -> PlotPanel {
                 dashed: false,
             })
             .collect(),
-    }
+    })
 }
 
 #[cfg(test)]

@@ -3,15 +3,22 @@
 use std::f64::consts::{PI, TAU};
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::around::{Spot, Swing};
 use hbot_core::effects::{Effect, Motion, Span};
 use hbot_core::render::Renderer;
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 /// Duration of one swing from one half turn to the other and back, s.
 const SWING_S: f64 = 8.0;
 /// Duration of the motion to the start of the swing, s.
 const LEAD_S: f64 = 1.0;
 const DT: f64 = 1.0e-3;
+/// Durations for which the sphere is held still, s, the longest first.
+const STILL_S: [f64; 3] = [12.0, 2.5, 0.8];
+/// A curve that turns back more often than this would be drawn as a band.
+const MOST_TURNS: usize = 40;
+/// Number of points of a curve against time.
+const MOST_POINTS: usize = 2500;
 
 /// A scene whose torque is computed, with the loop of the prototype.
 pub(super) struct Probe {
@@ -95,21 +102,53 @@ impl Probe {
         curves
     }
 
-    /// Holds the sphere still for `time` seconds. Returns the three components of the torque in
-    /// frame N, N m, at every `every`th tick.
-    pub(super) fn still(&self, time: f64, every: u64) -> [Vec<(f64, f64)>; 3] {
+    /// Holds the sphere still. Returns the duration (s), and the three components of the torque in
+    /// frame N (N m) against time (s). Returns `None` if the torque does not change with time.
+    ///
+    /// The duration is the longest of [`STILL_S`] in which a component turns back at most
+    /// [`MOST_TURNS`] times, so that a curve can be told from a band.
+    pub(super) fn still(&self) -> Option<(f64, [Vec<(f64, f64)>; 3])> {
         let mut renderer = self.fresh();
         let motion = Motion { q: Quat::IDENTITY, omega: Vec3::ZERO };
-        let mut curves = [const { Vec::new() }; 3];
-        for tick in 0..=(time / DT).round() as u64 {
-            let torque = renderer.render(&self.scene, &motion, tick, DT, 1.0).to_array();
-            if tick % every == 0 {
-                for (curve, x) in curves.iter_mut().zip(torque) {
-                    curve.push((tick as f64 * DT, x));
-                }
-            }
+        let ticks = |time: f64| (time / DT).round() as usize;
+        let torques: Vec<Vec3> = (0..=ticks(STILL_S[0]))
+            .map(|tick| renderer.render(&self.scene, &motion, tick as u64, DT, 1.0))
+            .collect();
+        if torques.iter().all(|torque| *torque == torques[0]) {
+            return None;
         }
-        curves
+        let turns = |time: f64| (0..3).map(|k| turns(&torques[..=ticks(time)], k)).max().unwrap_or(0);
+        let time = STILL_S.into_iter().find(|time| turns(*time) <= MOST_TURNS);
+        let time = time.unwrap_or(STILL_S[STILL_S.len() - 1]);
+        let every = (ticks(time) / MOST_POINTS).max(1);
+        let curve = |k: usize| {
+            let all = torques[..=ticks(time)].iter().enumerate().step_by(every);
+            all.map(|(tick, torque)| (tick as f64 * DT, torque[k])).collect()
+        };
+        Some((time, [0, 1, 2].map(curve)))
+    }
+
+    /// Returns whether the scene has a place into which the sphere falls from all sides. Then its
+    /// energy is a landscape of more than one valley. A spring has one valley only, and the notches
+    /// of a dial hold about its axis alone.
+    pub(super) fn has_wells(&self) -> bool {
+        // A swing this small stays in any notch.
+        let swing = Swing { axes: Mat3::IDENTITY, turn: [1.0e-4; 3], speed: 1.0e-4 };
+        let mut found = false;
+        self.scene.places(Quat::IDENTITY, |place| {
+            if place.spot == Spot::Notch {
+                let around = self.scene.around(place.effect, &place, Quat::IDENTITY, &swing);
+                let k = around.stiffness.to_cols_array_2d();
+                // All leading minors of a positive definite matrix are positive.
+                let minor = k[0][0] * k[1][1] - k[0][1] * k[1][0];
+                let size = around.stiffness.x_axis.length() + around.stiffness.y_axis.length();
+                let least = 1.0e-6 * size;
+                found |= k[0][0] > least
+                    && minor > least * least
+                    && around.stiffness.determinant() > least.powi(3);
+            }
+        });
+        found
     }
 
     /// Returns the smallest energy with the sphere's third axis along the unit vector `direction`,
@@ -125,5 +164,56 @@ impl Probe {
                 renderer.energy(&self.scene, there * spin)
             })
             .fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Returns how often a component of the torques changes from rising to falling or back, by more than
+/// a twentieth of its range.
+fn turns(torques: &[Vec3], k: usize) -> usize {
+    let values = || torques.iter().map(|torque| torque[k]);
+    let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+    let (mut turns, mut rises, mut extreme) = (0, true, f64::NEG_INFINITY);
+    for value in values() {
+        if (value > extreme) == rises {
+            extreme = value;
+        } else if (value - extreme).abs() > 0.05 * range {
+            (turns, rises, extreme) = (turns + 1, !rises, value);
+        }
+    }
+    turns
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hbot_config::scene::SHELF;
+
+    /// Returns how long the picture of a scene shows a sphere that is held still, s, and whether it
+    /// shows a landscape.
+    fn shows(file: &SceneFile) -> (Option<f64>, bool) {
+        let probe = Probe::new(file);
+        (probe.still().map(|(time, _)| time), probe.has_wells())
+    }
+
+    #[test]
+    fn a_picture_shows_time_and_wells_if_the_law_has_them() {
+        for entry in SHELF {
+            let want = match entry.file {
+                "metronome" => (Some(2.5), false),
+                "orientation-matching" => (Some(12.0), true),
+                "cube-faces" => (None, true),
+                _ => (None, false),
+            };
+            assert_eq!(shows(&entry.scene()), want, "{}", entry.file);
+        }
+        let of = |effect: &str| {
+            let text = format!("[[effect]]\nid = 'e'\n{effect}\n");
+            shows(&SceneFile::from_toml(&text, "x.toml").unwrap_or_else(|error| panic!("{error}")))
+        };
+        assert_eq!(of("kind = 'vibration'\nfrequency = 40"), (Some(0.8), false));
+        assert_eq!(of("kind = 'vibration'\nfrequency = 1"), (Some(12.0), false));
+        assert_eq!(of("kind = 'snaps'\nset = 'tetrahedron'\nwidth = 0.01"), (None, true));
+        assert_eq!(of("kind = 'detents'\ncount = 12"), (None, false));
+        assert_eq!(of("kind = 'magnet'"), (None, false));
     }
 }

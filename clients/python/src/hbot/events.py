@@ -65,6 +65,8 @@ class Timing:
     """Time spent on the serial line, us."""
     age_us: float
     """From the sampling of the joints until the torque computed from it was sent, us."""
+    lead_us: float = 0.0
+    """By how much the scene was rendered ahead of its reading, us. 0 without a lead."""
 
 
 @dataclass(frozen=True, slots=True)

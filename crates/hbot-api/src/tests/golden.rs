@@ -133,7 +133,7 @@ fn a_later_server_may_say_more() {
 #[test]
 fn nothing_that_is_not_finite_is_ever_sent() {
     type Spoil = fn(&mut StateEvent, f64);
-    let spoils: [Spoil; 16] = [
+    let spoils: [Spoil; 17] = [
         |s, x| s.t = x,
         |s, x| s.q[3] = x,
         |s, x| s.omega[1] = x,
@@ -150,6 +150,7 @@ fn nothing_that_is_not_finite_is_ever_sent() {
         |s, x| s.timing.compute_us = x,
         |s, x| s.timing.link_us = x,
         |s, x| s.timing.age_us = x,
+        |s, x| s.timing.lead_us = x,
     ];
     for (i, spoil) in spoils.iter().enumerate() {
         for (encoding, value) in Encoding::ALL.into_iter().zip([f64::NAN, f64::NEG_INFINITY]) {

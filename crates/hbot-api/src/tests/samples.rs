@@ -132,7 +132,13 @@ pub(super) fn state() -> StateEvent {
         traction: 0.375,
         energy: -0.0125,
         client: Some(ClientStream { seq: Some(9), age_ticks: 2 }),
-        timing: StateTiming { lateness_us: 12.5, compute_us: 8.25, link_us: 310.0, age_us: 1250.0 },
+        timing: StateTiming {
+            lateness_us: 12.5,
+            compute_us: 8.25,
+            link_us: 310.0,
+            age_us: 1250.0,
+            lead_us: 2200.0,
+        },
     }
 }
 

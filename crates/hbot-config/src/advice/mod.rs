@@ -14,6 +14,8 @@ mod complex;
 mod finding;
 mod held;
 mod inertia;
+#[cfg(feature = "info")]
+mod info;
 mod judge;
 mod lasting;
 mod limit;

@@ -16,6 +16,7 @@ use crate::count::{Any, Count, Two};
 use crate::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::effects::Motion;
 use crate::fades::Fades;
+use crate::falling::Falling;
 use crate::heat::Heat;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::joints::Joints;
@@ -102,6 +103,11 @@ pub struct Controller {
     /// What counts of the energy for the passivity controller. `None` if all of it counts, or if the
     /// rig has no passivity controller.
     ledger: Option<Ledger>,
+    /// How early the torque falls. `None` without a lead, and in older recordings.
+    falling: Option<Falling>,
+    /// What the guard against shaking knows of stored energy. All bits zero: nothing, as in older
+    /// recordings.
+    shaking_stored: shaking::Stored,
 }
 
 impl Controller {
@@ -123,6 +129,7 @@ impl Controller {
             guard: rig.methods.passivity.map(Guard::new),
             burst: rig.limits.energy.map(Burst::new),
             lead: Lead::new(&rig),
+            falling: rig.lead.map(|_| Falling::NONE),
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             rig,
             orientation: Orientation::new(),
@@ -149,6 +156,7 @@ impl Controller {
             fades: Fades::Running,
             shaking: shaking::Guard::OFF,
             ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
+            shaking_stored: shaking::Stored::OFF,
         }
     }
 
@@ -157,6 +165,7 @@ impl Controller {
     #[must_use]
     pub fn with_shaking_guard(mut self, on: bool) -> Self {
         self.shaking.switch(on);
+        self.shaking_stored.switch(on);
         self
     }
 
@@ -250,7 +259,8 @@ impl Controller {
         self.orientation.advance(step.turn);
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
         if self.shaking.suspects() {
-            self.shaking.attribute(step.answered[0], step.answered[1], step.turn);
+            let stored = &mut self.shaking_stored;
+            self.shaking.attribute(stored, step.answered[0], step.answered[1], step.turn);
         }
         if let Some(guard) = &mut self.guard {
             match &mut self.ledger {

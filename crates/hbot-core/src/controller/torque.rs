@@ -154,7 +154,8 @@ impl Controller {
             } else {
                 (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
             };
-            let (torque, share) = self.stream.added_to(rendered, limits.torque);
+            let most = if self.falling.is_some() { self.falls_to(rendered, reach) } else { limits.torque };
+            let (torque, share) = self.stream.added_to(rendered, most);
             let offset = if self.fades == Fades::Over {
                 let offset = self.blend.added(torque * gain, before, limits.torque);
                 self.blend.fade(dt, 1.0);
@@ -194,12 +195,14 @@ impl Controller {
     /// effects, N m. Records the torque of each effect if the sphere may be shaking.
     #[inline(never)]
     fn rendered_each(&mut self, scene: &CompiledScene, moment: render::Moment) -> (Vec3, Vec3) {
+        // The limits of this tick are not known yet. Those of the last are nearly the same.
+        let remains = if self.shaking_stored.counts() { self.made.scale } else { 1.0 };
         let (motion, shaking) = (self.rendered_motion, &mut self.shaking);
         let suspects = shaking.suspects();
         let mut elastic = Vec3::ZERO;
         let torque = self.renderer.render_in_tick(scene, motion, moment, |effect, torque| {
             if suspects {
-                shaking.record(moment.tick, effect.slot, torque);
+                shaking.record(moment.tick, effect.slot, torque * remains);
             }
             if effect.kind.is_elastic() {
                 elastic += torque;
@@ -221,7 +224,11 @@ impl Controller {
         let reason = !self.stream.is_over() || self.renderer.is_led(scene) || self.machine.mode == Mode::Idle;
         let gives = scene.effects().iter().filter(|effect| effect.kind.gives());
         let on_purpose = gives.fold(0, |bits, effect| bits | 1 << effect.slot);
-        self.shaking.look(&now, reason, on_purpose, dt);
+        let (renderer, q) = (&self.renderer, self.orientation.q);
+        // A spring k whose torque T is limited to r T has stored r (2 - r) T²/2k on the way there.
+        let remains = self.made.scale;
+        let energy = || renderer.energy(scene, q).unwrap_or(0.0) * remains * (2.0 - remains);
+        self.shaking.look(&now, &mut self.shaking_stored, (reason, on_purpose), dt, energy);
     }
 
     /// Renders the scene while an effect may be fading.
@@ -285,6 +292,15 @@ impl Controller {
     fn led(&mut self, measured: Motion, tick: u64) -> Motion {
         let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };
         lead.of(measured, (tick as u32).wrapping_sub(answered))
+    }
+
+    /// Returns the largest torque from which the torque can fall with that of the scene, N m.
+    /// `rendered` is the torque of the scene, and `reach` the slew limit, N m in a tick.
+    #[inline(never)]
+    fn falls_to(&mut self, rendered: Vec3, reach: Real) -> Real {
+        let limit = self.rig.limits.torque;
+        let sum = rendered + self.stream.torque();
+        self.falling.as_mut().map_or(limit, |falling| falling.most(sum, reach, limit))
     }
 
     /// Returns what the effects need to know of the time, if they advance by `dt` seconds.

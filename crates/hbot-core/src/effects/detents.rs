@@ -12,6 +12,7 @@ use super::knock::{Meets, Touched};
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
+use crate::outline::{Angles, Outline};
 use crate::real::{PI, Quat, Real, TURN, Vec3, fabs, round, sincos};
 use crate::rotation::{exp, shortest};
 
@@ -62,10 +63,20 @@ impl Detents {
     }
 
     /// Returns half of the width of a notch, rad. Notches that are given one by one can be narrower
-    /// if they are near to each other.
+    /// if they are near to each other ([`room`](Self::room)).
     #[inline]
     fn narrowest(&self) -> Real {
         if self.count > 0 { self.width.min(0.5 * TURN / Real::from(self.count)) } else { self.width }
+    }
+
+    /// Returns half of the distance between the two given notches on both sides of the angle `psi`,
+    /// rad. Infinite beyond the first and the last.
+    fn room(&self, psi: Real, positions: &[Real]) -> Real {
+        let right = positions.partition_point(|position| *position <= psi);
+        match (right.checked_sub(1), positions.get(right)) {
+            (Some(left), Some(right)) => 0.5 * (right - positions[left]),
+            _ => Real::INFINITY,
+        }
     }
 
     /// Returns the number of the notch that is nearest to the angle `psi` (above 0), the distance
@@ -154,7 +165,13 @@ impl Law for Detents {
     #[inline]
     fn render(&self, now: &mut Now<'_>, turns: &mut Turns) -> Vec3 {
         now.lead_at_most(0.5 * self.narrowest());
-        let dial = now.dial(self.axis);
+        let mut dial = now.dial(self.axis);
+        if now.lead > 0.0 && self.count == 0 {
+            let room = self.room(turns.unwrap(dial.psi), now.numbers);
+            if now.lead_at_most(0.5 * room) {
+                dial = now.dial(self.axis);
+            }
+        }
         let (energy, slope) = self.profile(turns.follow(dial.psi), now.numbers);
         let mut torque = dial.torque(energy, slope);
         if self.damping > 0.0 {
@@ -200,5 +217,11 @@ impl Law for Detents {
                 }
             }
         }
+    }
+
+    fn outline<'a>(&self, numbers: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        let angles = if self.count > 0 { Angles::Even(self.count) } else { Angles::At(numbers) };
+        let walls = self.count == 0 && self.end_stiffness > 0.0;
+        visit(Outline::Notches { axis: self.axis, angles, width: self.width, walls });
     }
 }

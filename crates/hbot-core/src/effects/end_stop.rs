@@ -12,6 +12,7 @@ use super::knock::{Meets, Touched};
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
+use crate::outline::Outline;
 use crate::real::{PI, Quat, Real, Vec3};
 use crate::rotation::{exp, shortest};
 
@@ -164,6 +165,16 @@ impl Law for EndStop {
         }
         for (side, end) in [-1.0, 1.0].into_iter().zip(self.twist.into_iter().flatten()) {
             visit(Spot::Wall, exp(self.axis * end), self.axis * side, Turns::at(end));
+        }
+    }
+
+    fn outline<'a>(&self, _: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        let axis = self.axis;
+        if let Some(angle) = self.cone {
+            visit(Outline::Cone { axis, angle });
+        }
+        if let Some(range) = self.twist {
+            visit(Outline::Twist { axis, range });
         }
     }
 }

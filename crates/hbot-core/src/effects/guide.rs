@@ -14,6 +14,7 @@ use super::target::{Target, beyond, beyond_gradient, places_of_spring};
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
 use crate::impedance::quaternion_pull;
+use crate::outline::Outline;
 use crate::real::{Quat, Real, Vec3, asin, fabs, sincos};
 use crate::rotation::vector_part;
 
@@ -146,5 +147,14 @@ impl Law for Guide {
                 });
             }
         }
+    }
+
+    fn outline<'a>(&self, _: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        let axis = self.axis;
+        visit(match self.free {
+            Freedom::Axis => Outline::Hinge { axis },
+            Freedom::Swing => Outline::Untwisted { axis },
+            Freedom::Plane(pointer) => Outline::Plane { normal: axis, pointer },
+        });
     }
 }

@@ -16,6 +16,7 @@
 
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
+use crate::outline::Outline;
 use crate::real::{Quat, Real, TURN, Vec3, exp as e_to, fabs, sincos, sqrt};
 
 /// Largest speed of an impact that a knock grows with, rad/s.
@@ -174,5 +175,9 @@ impl<L: Meets> Law for Knocking<L> {
 
     fn places(&self, numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, Self::Memory)) {
         self.law.places(numbers, &mut |spot, x, deeper, law| visit(spot, x, deeper, Knocked::silent(law)));
+    }
+
+    fn outline<'a>(&self, numbers: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        self.law.outline(numbers, visit);
     }
 }

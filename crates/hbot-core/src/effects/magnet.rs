@@ -6,6 +6,7 @@
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
+use crate::outline::Outline;
 use crate::real::{Quat, Real, Vec3, exp};
 use crate::rotation::vector_part;
 
@@ -63,5 +64,9 @@ impl Law for Magnet {
 
     fn reference(&self) -> Option<(Quat, Anchor)> {
         Some(self.target.reference())
+    }
+
+    fn outline<'a>(&self, _: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        visit(Outline::Well { width: self.width });
     }
 }

@@ -53,6 +53,7 @@ pub(crate) use now::{Now, Shared};
 pub(crate) use target::Reference;
 
 use crate::around::Spot;
+use crate::outline::Outline;
 use crate::real::{Mat3, Quat, Real, Vec3};
 
 /// The law of a kind of effect: how the effect computes torque and energy from the motion of the
@@ -112,6 +113,10 @@ pub(crate) trait Law {
     fn places(&self, _numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, Self::Memory)) {
         visit(Spot::Rest, Quat::IDENTITY, Vec3::ZERO, Self::Memory::default());
     }
+
+    /// Calls `visit` for each wall, notch or other part of the law that has a place in space. Most
+    /// laws act everywhere alike and have none.
+    fn outline<'a>(&self, _numbers: &'a [Real], _visit: &mut dyn FnMut(Outline<'a>)) {}
 }
 
 /// One effect of a scene, such as a spring, with its parameters.
@@ -290,6 +295,15 @@ macro_rules! kinds {
             pub fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
                 match self {
                     $(Self::$name(law) => law.excess(desired, q, numbers)),*
+                }
+            }
+
+            /// Calls `visit` for each part of the effect's geometry, such as a wall. `numbers` is
+            /// its list of numbers. An effect that acts everywhere alike, such as a damper, has
+            /// none; neither has one whose only place is its reference, such as a spring.
+            pub fn outline<'a>(&self, numbers: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+                match self {
+                    $(Self::$name(law) => law.outline(numbers, visit)),*
                 }
             }
 

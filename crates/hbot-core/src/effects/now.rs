@@ -75,7 +75,8 @@ impl Now<'_> {
         if self.shares { self.shared.dials.get((self.reference.q, axis), make) } else { make() }
     }
 
-    /// Shortens the lead until the pose is at most `most` rad ahead of its reading.
+    /// Shortens the lead until the pose is at most `most` rad ahead of its reading. Returns whether
+    /// the pose has changed.
     ///
     /// A law that bends within `most` calls it before it uses the pose. Let the torque be a wave of
     /// the wave number k that is crossed at the rate v, tau the delay and c tau the lead. With q =
@@ -83,14 +84,20 @@ impl Now<'_> {
     /// energy out as long as it is below a quarter of a wave, q = pi/2, and gives energy out
     /// beyond. A lead of a constant angle does neither.
     #[inline]
-    pub(crate) fn lead_at_most(&mut self, most: Real) {
+    pub(crate) fn lead_at_most(&mut self, most: Real) -> bool {
+        if self.lead == 0.0 {
+            return false;
+        }
         let turn = self.motion.omega * self.lead;
         let length2 = turn.length_squared();
-        if length2 > most * most {
+        let is_longer = length2 > most * most;
+        if is_longer {
             let back = turn * (most / sqrt(length2) - 1.0);
             self.motion.q = renormalized(exp(back) * self.motion.q);
+            self.lead *= most / sqrt(length2);
             self.shares = false;
         }
+        is_longer
     }
 
     /// Returns the sphere's angular velocity minus that of the effect's reference, in the

@@ -2,6 +2,7 @@
 
 use super::{Law, Now};
 use crate::around::Spot;
+use crate::outline::Outline;
 use crate::real::{Quat, Real, Vec3};
 
 /// An effect that makes the sphere feel as if it had an off-centre mass under gravity.
@@ -33,5 +34,9 @@ impl Law for Pendulum {
             _ => Quat::IDENTITY,
         };
         visit(Spot::Rest, hangs, Vec3::ZERO, ());
+    }
+
+    fn outline<'a>(&self, _: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        visit(Outline::Weight(self.centre));
     }
 }

@@ -8,6 +8,7 @@
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
+use crate::outline::{Angles, Outline};
 use crate::real::{Quat, Real, TURN, Vec3, round, sincos};
 
 /// An effect that makes clicks: short pulses of torque about an axis. It clicks on request,
@@ -110,5 +111,11 @@ impl Law for Pulse {
 
     fn reference(&self) -> Option<(Quat, Anchor)> {
         Some(self.target.reference())
+    }
+
+    fn outline<'a>(&self, _: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        if self.count > 0 {
+            visit(Outline::Clicks { axis: self.axis, angles: Angles::Even(self.count) });
+        }
     }
 }

@@ -15,6 +15,7 @@ use super::knock::{Meets, Touched};
 use super::target::Target;
 use super::{Anchor, Law, Now};
 use crate::around::Spot;
+use crate::outline::Outline;
 use crate::real::{Quat, Real, Vec3, atan2, fabs, sqrt};
 use crate::rotation::{from_parts, shortest, vector_part};
 
@@ -295,6 +296,12 @@ impl Law for Snaps {
         // All wells are alike.
         if let Some([w, x, y, z]) = self.orientations(numbers).first() {
             visit(Spot::Notch, from_parts(*w, Vec3::new(*x, *y, *z)), Vec3::ZERO, ());
+        }
+    }
+
+    fn outline<'a>(&self, numbers: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        for [w, x, y, z] in self.orientations(numbers) {
+            visit(Outline::Snap(from_parts(*w, Vec3::new(*x, *y, *z))));
         }
     }
 }

@@ -7,6 +7,7 @@
 
 use super::{Law, Now};
 use crate::around::Spot;
+use crate::outline::Outline;
 use crate::real::{PI, Quat, Real, TURN, Vec3, cos, sincos, sqrt};
 
 /// An effect that simulates bumps on the sphere's surface, which the hand feels when the sphere
@@ -69,5 +70,9 @@ impl Law for Texture {
         for s in if left > 0.0 { &deep[..] } else { &wide[..] } {
             visit(Spot::Bump, Quat::from_rotation_arc(*s, self.at), Vec3::ZERO, ());
         }
+    }
+
+    fn outline<'a>(&self, _: &'a [Real], visit: &mut dyn FnMut(Outline<'a>)) {
+        visit(Outline::Finger(self.at));
     }
 }

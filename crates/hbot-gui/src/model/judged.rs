@@ -1,151 +1,293 @@
 //! What the rig keeps stable of the scene that the user sees, by the computation of the server.
 
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread;
+
 use hbot_api::InfoOk;
-use hbot_config::advice::{Abilities, Finding, Told, ToldLoop, Why};
+use hbot_config::advice::{Abilities, Told};
 use hbot_config::{RunningScene, SceneFile};
 use serde_json::Value;
 
-/// A border is computed to this part of it.
-const RESOLUTION: f64 = 0.03;
-/// Below this stiffness a border is 0, N m/rad: it could not be seen on a slider, and without
-/// damping so soft a spring is stable only because the judge lets a swing grow by 5 % per second.
-const NOTHING: f64 = 0.2;
+use super::border::{self, Key};
+use super::reach::{Reach, reach};
+
+/// Number of answers that are kept: more than the rows of a panel.
+const KEPT: usize = 12;
 
 /// Judges scenes by what a server has told of its rig, and keeps the results: a window is drawn
 /// many times for each change.
+///
+/// A border takes 20 ms for one spring, and up to 0.8 s for the ready-made scenes. So a thread
+/// computes it, and until it has done so the window shows the last one.
 #[derive(Debug, Default)]
 pub(crate) struct Judged {
-    told: Option<(Told, Abilities)>,
-    warned: Option<(Value, Vec<String>)>,
-    /// The scenes whose borders are known, the last one first. The stiffness in question is null in
-    /// them, because its border does not depend on it.
-    borders: Vec<(Value, Option<f64>)>,
+    told: Option<(Told, Arc<Abilities>)>,
+    /// Where an effect of a scene, given by its index, reaches a limit of the torque, N m.
+    reached: Option<((Value, usize, f64), Option<Reach>)>,
+    /// The answers that are known, the last one first.
+    known: Vec<(Question, Answer)>,
+    /// The questions that the thread has not answered yet.
+    asked: Vec<Question>,
+    /// The thread. `None`: each question is answered at once.
+    judge: Option<Apart>,
 }
 
-/// Where a stiffness is in a scene.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Key<'a> {
-    /// Index of the effect.
-    pub(crate) effect: usize,
-    /// Name of the parameter.
-    pub(crate) name: &'a str,
-    /// Index on the diagonal if the value is a matrix.
-    pub(crate) axis: Option<usize>,
+/// A question about a scene.
+#[derive(Clone, Debug, PartialEq)]
+struct Question {
+    about: About,
+    /// The scene. If a border is asked for, the stiffness in question is null in it, because its
+    /// border does not depend on it.
+    scene: Value,
 }
 
-impl Key<'_> {
-    /// Returns the scene with the value `value` in this place.
-    fn put(self, scene: &Value, value: Value) -> Value {
-        let mut scene = scene.clone();
-        let place = &mut scene["effect"][self.effect][self.name];
-        match self.axis {
-            Some(k) => place[k][k] = value,
-            None => *place = value,
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum About {
+    Warnings,
+    /// The border of a stiffness, at most `most`.
+    Border {
+        key: Key,
+        most: f64,
+    },
+}
+
+impl About {
+    /// Returns whether an answer to `other` is an older answer to this question.
+    fn replaces(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Warnings, Self::Warnings) => true,
+            (Self::Border { key, .. }, Self::Border { key: older, .. }) => key == older,
+            _ => false,
         }
-        scene
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Answer {
+    Warnings(Vec<String>),
+    Border(Option<f64>),
+}
+
+impl Question {
+    fn answer(&self, abilities: &Abilities) -> Answer {
+        match self.about {
+            About::Warnings => {
+                let file = SceneFile::from_json(self.scene.clone()).ok();
+                Answer::Warnings(file.map(|file| abilities.warnings(&file)).unwrap_or_default())
+            }
+            About::Border { key, most } => {
+                let judge = abilities.judge.as_ref();
+                Answer::Border(judge.and_then(|judge| border::border(judge, &self.scene, key, most)))
+            }
+        }
     }
 }
 
 impl Judged {
+    /// Creates a judge with a thread of its own. `wake` is called after each answer, so that the
+    /// window is drawn again.
+    pub(crate) fn apart(wake: impl Fn() + Send + 'static) -> Self {
+        Self { judge: Apart::start(wake), ..Self::default() }
+    }
+
     /// Takes what the server tells of its rig.
     pub(crate) fn take(&mut self, info: &InfoOk) {
-        let told = told(info);
+        let told = Told::from(info);
         if self.told.as_ref().is_none_or(|(known, _)| *known != told) {
-            *self = Self { told: Some((told.clone(), Abilities::told(told))), ..Self::default() };
+            let judge = self.judge.take();
+            *self = Self {
+                told: Some((told.clone(), Arc::new(Abilities::told(told)))),
+                judge,
+                ..Self::default()
+            };
         }
     }
 
     /// Returns the warnings of `scene`, in the words of the answer to `load_scene`. Returns none if
     /// the scene has kinds or values that the panel does not know.
     pub(crate) fn warnings(&mut self, scene: &Value) -> &[String] {
-        if self.warned.as_ref().is_none_or(|(known, _)| known != scene) {
-            let file = SceneFile::from_json(scene.clone()).ok();
-            let abilities = self.told.as_ref().map(|(_, abilities)| abilities);
-            let warnings = file.zip(abilities).map(|(file, abilities)| abilities.warnings(&file));
-            self.warned = Some((scene.clone(), warnings.unwrap_or_default()));
+        match self.ask(Question { about: About::Warnings, scene: scene.clone() }) {
+            Some(Answer::Warnings(warnings)) => warnings,
+            _ => &[],
         }
-        self.warned.as_ref().map_or(&[], |(_, warnings)| warnings)
+    }
+
+    /// Returns where the effect with the index `effect` of `scene` reaches the torque `limit`, N m.
+    /// Returns `None` if it has no torque at rest, or if the panel does not know the scene.
+    pub(crate) fn reach(&mut self, scene: &Value, effect: usize, limit: f64) -> Option<Reach> {
+        let is_known =
+            |(known, of, to): &(Value, usize, f64)| known == scene && (*of, *to) == (effect, limit);
+        if let Some((_, reached)) = self.reached.as_ref().filter(|(known, _)| is_known(known)) {
+            return *reached;
+        }
+        let file = SceneFile::from_json(scene.clone()).ok();
+        let found = file.and_then(|file| reach(&RunningScene::new().load(file), effect, limit));
+        self.reached = Some(((scene.clone(), effect, limit), found));
+        found
     }
 
     /// Returns the largest stiffness at `key` with which the loop keeps `scene` stable, in the unit
     /// of the parameter; at most `most`. Returns `None` if it is not known.
-    pub(crate) fn border(&mut self, scene: &Value, key: Key<'_>, most: f64) -> Option<f64> {
-        /// More than the rows of a panel.
-        const KEPT: usize = 8;
-        let blank = key.put(scene, Value::Null);
-        if let Some((_, border)) = self.borders.iter().find(|(known, _)| *known == blank) {
-            return *border;
+    pub(crate) fn border(&mut self, scene: &Value, key: Key, most: f64) -> Option<f64> {
+        let scene = key.put(scene, Value::Null);
+        match self.ask(Question { about: About::Border { key, most }, scene }) {
+            Some(Answer::Border(border)) => *border,
+            _ => None,
         }
-        let border = self.found(scene, key, most);
-        self.borders.insert(0, (blank, border));
-        self.borders.truncate(KEPT);
-        border
     }
 
-    /// Searches the border between 0 and `most`. The part of a stiffness that is stable is exact
-    /// for a spring, and a first guess for other laws.
-    fn found(&self, scene: &Value, key: Key<'_>, most: f64) -> Option<f64> {
-        /// The guesses come near within a few steps. Halving alone needs fewer than these.
-        const STEPS: u32 = 24;
-        let (mut low, mut high, mut probe) = (0.0, f64::INFINITY, most);
-        for _ in 0..STEPS {
-            if low > 0.0 && high <= (1.0 + 1.5 * RESOLUTION) * low {
-                break;
-            }
-            let Some(part) = self.stable_part(scene, key, probe)? else {
-                low = probe;
-                if low >= most {
-                    return Some(most);
+    /// Returns the answer to a question, or the last answer to an older one while the thread
+    /// computes.
+    fn ask(&mut self, question: Question) -> Option<&Answer> {
+        let (_, abilities) = self.told.as_ref()?;
+        if let Some(judge) = &self.judge {
+            for (of, question, answer) in judge.answers.try_iter() {
+                self.asked.retain(|asked| *asked != question);
+                // What another server told counts no more.
+                if Arc::ptr_eq(&of, abilities) {
+                    self.known.insert(0, (question, answer));
                 }
-                probe = (low * (1.0 + RESOLUTION)).min(0.5 * (low + high));
-                continue;
-            };
-            high = probe;
-            if part * high < NOTHING || high < NOTHING {
-                return Some(0.0);
             }
-            let guess = part * high;
-            probe = if guess > low { guess.min(0.99 * high) } else { 0.5 * (low + high) };
         }
-        Some(low)
-    }
-
-    /// Returns the part of the stiffness `x` at `key` that the loop keeps stable: `Some(None)` if
-    /// it keeps all of it, and `None` if the scene cannot be judged.
-    fn stable_part(&self, scene: &Value, key: Key<'_>, x: f64) -> Option<Option<f64>> {
-        let judge = self.told.as_ref()?.1.judge.as_ref()?;
-        let file = SceneFile::from_json(key.put(scene, x.into())).ok()?;
-        let found = judge.findings(&RunningScene::new().load(file));
-        let part = |finding: &Finding| match finding.why {
-            Why::Stiff { cure, .. } => Some(cure.own),
-            // No stiffness helps.
-            Why::Damped { .. } => Some(0.0),
-            Why::Rings { .. } | Why::Bounces { .. } | Why::Turning { .. } => None,
-        };
-        let own = found.iter().filter(|finding| finding.effect == key.effect);
-        Some(own.filter_map(part).reduce(f64::min))
+        if let Some(at) = self.known.iter().position(|(known, _)| *known == question) {
+            return Some(&self.known[at].1);
+        }
+        match &self.judge {
+            None => {
+                let answer = question.answer(abilities);
+                self.known.insert(0, (question.clone(), answer));
+            }
+            Some(judge) if !self.asked.contains(&question) => {
+                self.asked.retain(|asked| !question.about.replaces(&asked.about));
+                self.asked.push(question.clone());
+                judge.ask(Arc::clone(abilities), question.clone());
+            }
+            Some(_) => {}
+        }
+        self.known.truncate(KEPT);
+        self.known.iter().find(|(known, _)| question.about.replaces(&known.about)).map(|(_, answer)| answer)
     }
 }
 
-/// Returns the numbers by which the server judges scenes.
-fn told(info: &InfoOk) -> Told {
-    let sampled = info.render.as_ref().and_then(|render| render.sampled.as_ref());
-    Told {
-        rate_hz: info.rig.rate_hz,
-        simulated: info.rig.simulated,
-        torque: info.limits.torque,
-        torque_rate: info.limits.torque_rate,
-        speed: info.limits.speed,
-        passive: info.limits.passivity.is_some(),
-        sampled: sampled.map(|told| ToldLoop {
-            delay: told.delay_ticks,
-            lag: told.lag_s,
-            lead: told.lead_s,
-            slew: told.slew_s,
-            rate_lag: told.rate_lag_s,
-            taps: told.rate_weights.clone(),
-            inertia: told.inertia,
-            axes: told.axes,
-        }),
+/// A thread that answers questions, the newest of each kind.
+#[derive(Debug)]
+struct Apart {
+    waiting: Arc<Waiting>,
+    answers: Receiver<(Arc<Abilities>, Question, Answer)>,
+}
+
+#[derive(Debug, Default)]
+struct Waiting {
+    /// The questions, and whether the window is still there.
+    questions: Mutex<(Vec<(Arc<Abilities>, Question)>, bool)>,
+    more: Condvar,
+}
+
+impl Apart {
+    /// Returns `None` if the system gives no thread.
+    fn start(wake: impl Fn() + Send + 'static) -> Option<Self> {
+        let waiting = Arc::new(Waiting { questions: Mutex::new((Vec::new(), true)), more: Condvar::new() });
+        let (tell, answers) = channel();
+        let served = Arc::clone(&waiting);
+        let judge = move || served.serve(&tell, wake);
+        thread::Builder::new().name("judge".to_owned()).spawn(judge).ok()?;
+        Some(Self { waiting, answers })
+    }
+
+    /// Asks a question. An older one that it replaces, and that waits, is forgotten.
+    fn ask(&self, abilities: Arc<Abilities>, question: Question) {
+        let mut waiting = self.waiting.questions.lock().unwrap_or_else(PoisonError::into_inner);
+        waiting.0.retain(|(_, older)| !question.about.replaces(&older.about));
+        waiting.0.push((abilities, question));
+        self.waiting.more.notify_one();
+    }
+}
+
+impl Drop for Apart {
+    fn drop(&mut self) {
+        self.waiting.questions.lock().unwrap_or_else(PoisonError::into_inner).1 = false;
+        self.waiting.more.notify_one();
+    }
+}
+
+impl Waiting {
+    fn serve(&self, tell: &Sender<(Arc<Abilities>, Question, Answer)>, wake: impl Fn()) {
+        while let Some((abilities, question)) = self.next() {
+            let answer = question.answer(&abilities);
+            if tell.send((abilities, question, answer)).is_err() {
+                return;
+            }
+            wake();
+        }
+    }
+
+    /// Waits for the next question. Returns `None` if the window has gone.
+    fn next(&self) -> Option<(Arc<Abilities>, Question)> {
+        let mut waiting = self.questions.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            if !waiting.1 {
+                return None;
+            }
+            if !waiting.0.is_empty() {
+                return Some(waiting.0.remove(0));
+            }
+            waiting = self.more.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hbot_config::RigConfig;
+    use hbot_config::advice::{StiffnessBound, ToldLoop};
+    use serde_json::json;
+
+    fn told() -> InfoOk {
+        let rig = RigConfig::prototype();
+        let bound = StiffnessBound::of(&rig).expect("legal inertias");
+        let told = hbot_api::LoopInfo::from(ToldLoop::of(bound.sampled()));
+        let limits = &rig.rig.limits;
+        serde_json::from_value(json!({"rig": {"rate_hz": rig.rate_hz},
+            "limits": {"torque": limits.torque, "torque_rate": limits.torque_rate, "speed": limits.speed},
+            "render": {"loop": told}}))
+        .expect("an answer to info")
+    }
+
+    fn scene(damping: f64) -> Value {
+        json!({"name": "S", "effect": [{"id": "s", "kind": "spring", "stiffness": 40.0, "damping": damping}]})
+    }
+
+    /// The window never waits: until the thread has answered, it has the last answer.
+    #[test]
+    fn a_thread_comes_to_the_same_answers() {
+        let key = Key { effect: 0, name: "stiffness", axis: None };
+        let (mut at_once, (woken, wakes)) = (Judged::default(), channel());
+        let mut apart = Judged::apart(move || woken.send(()).unwrap_or_default());
+        at_once.take(&told());
+        apart.take(&told());
+        let mut last = None;
+        for damping in [0.01, 0.02, 0.03] {
+            let scene = scene(damping);
+            let (border, warnings) = (at_once.border(&scene, key, 400.0), at_once.warnings(&scene).to_vec());
+            assert!(
+                border.is_some_and(|border| border > 1.0) && warnings.len() == 1,
+                "{border:?} {warnings:?}"
+            );
+            assert_eq!(apart.border(&scene, key, 400.0), last, "the last answer");
+            apart.warnings(&scene);
+            (0..2).for_each(|_| wakes.recv_timeout(std::time::Duration::from_secs(60)).expect("an answer"));
+            assert_eq!(apart.border(&scene, key, 400.0), border);
+            assert_eq!(apart.warnings(&scene), warnings);
+            last = border;
+        }
+        // Another server, another rig: nothing of before is shown.
+        let mut other = told();
+        other.limits.torque *= 2.0;
+        apart.take(&other);
+        assert_eq!(apart.border(&scene(0.01), key, 400.0), None);
+        drop(apart);
+        while wakes.recv_timeout(std::time::Duration::from_secs(60)).is_ok() {}
     }
 }

@@ -1,6 +1,7 @@
 //! Everything that the panel knows. The views only read it. [`Model::take`] changes it with what
 //! arrives from the server, and [`Model::asked`] with what the user asks.
 
+mod border;
 mod fit;
 mod headline;
 mod histogram;
@@ -25,14 +26,14 @@ use hbot_api::{
     StatsOk,
 };
 
+pub(crate) use border::Key;
 pub(crate) use fit::{Fit, fit};
 pub(crate) use headline::{Headline, person};
 pub(crate) use histogram::{BINS, Histogram};
 pub(crate) use history::{History, SPAN_S, thinned};
-pub(crate) use judged::{Judged, Key};
+pub(crate) use judged::Judged;
 pub(crate) use marks::{Mark, Marks, What};
 pub(crate) use messages::{Messages, Weight};
-pub(crate) use reach::reach;
 pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 pub(crate) use stop::{PendingStop, has_torque};

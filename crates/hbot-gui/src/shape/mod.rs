@@ -7,10 +7,10 @@
 //! | [`place`] | where the references of the effects are |
 //! | [`round`] | circles and arcs on the sphere |
 //! | [`dial`] | rings about an axis: notches, stops of the twist |
-//! | [`kinds`] | the shapes of each kind of effect |
+//! | [`parts`] | the shape of each part of an effect's outline |
 
 mod dial;
-mod kinds;
+mod parts;
 mod place;
 mod round;
 
@@ -73,8 +73,10 @@ pub(crate) fn shapes(laws: &[SceneEffect], placing: &Placing, limit: f64) -> Sha
             continue;
         };
         let first = shapes.pieces.len();
-        let mut pen = Pen { reference, q: placing.q, gain: effect.gain(), limit, pieces: &mut shapes.pieces };
-        kinds::draw(&mut pen, effect);
+        let pull = effect.kind().at_rest(reference, placing.q, effect.numbers()).length();
+        let share = pull * effect.gain() / limit;
+        let mut pen = Pen { reference, q: placing.q, share, pieces: &mut shapes.pieces };
+        parts::draw(&mut pen, effect);
         if shapes.pieces[first..].iter().any(|piece| piece.glow > 0.0) {
             shapes.met.push(effect.id().to_owned());
         }
@@ -88,9 +90,8 @@ struct Pen<'a> {
     reference: DQuat,
     /// Orientation of the sphere: the rotation from its axes to frame N.
     q: DQuat,
-    gain: f64,
-    /// The rig's torque limit, N m.
-    limit: f64,
+    /// Torque of the effect, relative to the rig's torque limit.
+    share: f64,
     pieces: &'a mut Vec<Piece>,
 }
 
@@ -113,12 +114,10 @@ impl Pen<'_> {
         hbot_core::rotation::shortest(self.reference.conjugate() * self.q)
     }
 
-    /// Returns how bright a piece glows that acts with the torque `torque`, N m, before the gain.
-    /// Also a light touch is visible.
-    fn glow(&self, torque: f64) -> f64 {
+    /// Returns how bright a piece glows that the effect acts through. Also a light touch is visible.
+    fn glow(&self) -> f64 {
         const LEAST: f64 = 0.3;
-        let share = torque * self.gain / self.limit;
-        if share > 0.0 { (LEAST + (1.0 - LEAST) * share).min(1.0) } else { 0.0 }
+        if self.share > 0.0 { (LEAST + (1.0 - LEAST) * self.share).min(1.0) } else { 0.0 }
     }
 }
 

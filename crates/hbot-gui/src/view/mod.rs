@@ -101,6 +101,11 @@ impl Desk {
             taking_over: None,
         }
     }
+
+    /// Replaces what judges the scene. At first, it judges while the window is drawn.
+    pub(crate) fn judged_by(self, judged: Judged) -> Self {
+        Self { judged, ..self }
+    }
 }
 
 /// Draws all contents of the window. Adds what the user asks for to `acts`.

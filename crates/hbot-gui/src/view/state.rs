@@ -22,6 +22,8 @@ const METERS: [(&str, &str); 5] = [
     ("Slip", "how fast a wheel slides on the sphere / the rig's limit. mm/s: millimetres per second"),
     ("Saturation", "part of the scene's torque that the rig's limits cut off"),
 ];
+/// Hover text of the line that tells the lead.
+const LEAD: &str = "the scene is rendered where the sphere will be when the torque acts, so that the delay takes no damping away";
 
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
@@ -248,6 +250,11 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
     for (name, (share, figures)) in METERS.into_iter().zip(values) {
         meter(ui, palette, name, share, figures);
     }
+    if state.timing.lead_us > 0.0 {
+        let text = format!("rendered {:.2} ms ahead", 1.0e-3 * state.timing.lead_us);
+        let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
+        line.on_hover_text(LEAD);
+    }
 }
 
 fn share(value: f64, limit: f64) -> f64 {
@@ -282,6 +289,22 @@ mod tests {
     use super::*;
     use crate::view::painted::hint;
     use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+
+    /// The line is there only while the scene is rendered ahead.
+    #[test]
+    fn the_lead_is_told() {
+        for (lead_us, told) in [(0.0, false), (2200.0, true)] {
+            let mut model = Model::new("", "panel me@here", 1);
+            let mut state = StateEvent::default();
+            state.timing.lead_us = lead_us;
+            model.state = Some(state);
+            let draw = move |ui: &mut Ui| meters(ui, &model, Palette::of(ui));
+            let mut seen = Harness::builder().with_size([600.0, 400.0]).build_ui(draw);
+            seen.run_steps(4);
+            assert_eq!(seen.query_by_label("rendered 2.20 ms ahead").is_some(), told);
+        }
+    }
 
     #[test]
     fn each_bar_says_what_it_shows_and_what_its_unit_is() {

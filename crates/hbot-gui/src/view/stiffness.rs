@@ -8,7 +8,7 @@ use super::bar::OBSERVER;
 use super::parameter;
 use super::round_up;
 use super::theme::{Palette, coloured, heading, named, weak};
-use crate::model::{Effect, Key, Model, reach};
+use crate::model::{Effect, Key, Model};
 use crate::net::Intent;
 
 /// The slider extends at least to the stiffness that reaches the rig's torque limit at this
@@ -59,7 +59,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     let names = ["Damping", "Damping n1", "Damping n2", "Damping n3"];
     impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, [None; 3], intents);
     // The length of this text depends on the value of the sliders, so it comes below them.
-    limits(ui, model, effect, borders[0]);
+    limits(ui, model, effect, &scene, (desk, borders[0]));
     warnings(ui, desk.judged.warnings(&scene));
 }
 
@@ -68,7 +68,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
 /// does not tell its loop: then it is the stiffness that is stable with a usual damping.
 fn borders(model: &Model, effect: &Effect, scene: &Value, desk: &mut Desk) -> [Option<f64>; 3] {
     let Some(most) = model.info.render.as_ref().map(|render| render.stiffness_most) else { return [None; 3] };
-    let index = model.scene.effects().iter().position(|other| other.id == effect.id);
+    let index = index_of(model, effect);
     let is_matrix = model.scene.value(effect, "stiffness").is_some_and(Value::is_array);
     let gain = model.scene.value(effect, "gain").and_then(Value::as_f64).unwrap_or(1.0);
     if !tells_loop(model) {
@@ -80,6 +80,11 @@ fn borders(model: &Model, effect: &Effect, scene: &Value, desk: &mut Desk) -> [O
         if gain > 0.0 { desk.judged.border(scene, key, (most / gain).min(SEARCHED)) } else { None }
     };
     if is_matrix { [Some(0), Some(1), Some(2)].map(of) } else { [of(None), None, None] }
+}
+
+/// Returns the index of `effect` in the scene.
+fn index_of(model: &Model, effect: &Effect) -> Option<usize> {
+    model.scene.effects().iter().position(|other| other.id == effect.id)
 }
 
 /// Returns whether the server tells the loop from which stable stiffnesses follow.
@@ -235,17 +240,22 @@ fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
 
 /// Draws an explanation of the largest stiffness: where the effect reaches the rig's torque limit,
 /// and up to which stiffness the rig is expected to be stable with the present damping.
-fn limits(ui: &mut Ui, model: &Model, effect: &Effect, stable: Option<f64>) {
+fn limits(
+    ui: &mut Ui,
+    model: &Model,
+    effect: &Effect,
+    scene: &Value,
+    (desk, stable): (&mut Desk, Option<f64>),
+) {
     let Some(value) = model.scene.value(effect, "stiffness") else { return };
     let gain = model.scene.value(effect, "gain").and_then(Value::as_f64).unwrap_or(1.0);
     let stiffest = diagonal(value).into_iter().fold(0.0, f64::max) * gain;
     let limit = model.info.limits.torque;
-    if stiffest > 0.0
-        && limit > 0.0
-        && let Some(reach) =
-            reach(&effect.kind, [stiffest, gain, limit], |key| model.scene.value(effect, key))
+    if limit > 0.0
+        && let Some(index) = index_of(model, effect)
+        && let Some(reach) = desk.judged.reach(scene, index, limit)
     {
-        weak(ui, reach.in_words(&effect.kind, limit));
+        weak(ui, reach.in_words(limit));
     }
     if let Some(stable) = stable
         && value.is_number()
@@ -291,12 +301,9 @@ mod tests {
     fn panel(stiffness: f64, damping: f64, tells_loop: bool) -> Model {
         let rig = RigConfig::prototype();
         let bound = StiffnessBound::of(&rig).expect("legal inertias");
-        let told = ToldLoop::of(bound.sampled());
-        let told = json!({"delay_ticks": told.delay, "lag_s": told.lag, "lead_s": told.lead,
-            "slew_s": told.slew, "rate_lag_s": told.rate_lag, "rate_weights": told.taps,
-            "inertia": told.inertia, "axes": told.axes});
+        let told = hbot_api::LoopInfo::from(ToldLoop::of(bound.sampled()));
         let render = json!({"stiffness_stable": bound.stable(USUAL_DAMPING),
-            "stiffness_most": bound.most()[0], "loop": if tells_loop { told } else { Value::Null }});
+            "stiffness_most": bound.most()[0], "loop": tells_loop.then_some(told)});
         let limits = &rig.rig.limits;
         let scene = json!({"name": "S", "effect": [{"id": "s", "kind": "spring", "gain": 1.0,
             "anchor": "here", "stiffness": stiffness, "damping": damping}]});

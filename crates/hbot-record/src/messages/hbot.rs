@@ -82,6 +82,9 @@ pub struct Timing {
     /// From the measurement of the joints to the sending of the torque computed from it.
     #[prost(double, tag = "4")]
     pub age_us: f64,
+    /// By how much the scene was rendered ahead of its reading. 0 without a lead.
+    #[prost(double, tag = "5")]
+    pub lead_us: f64,
 }
 /// The torque that the rig makes in a tick.
 #[derive(Clone, PartialEq, ::prost::Message)]

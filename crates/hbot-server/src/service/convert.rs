@@ -46,5 +46,6 @@ pub(crate) fn fill_state(event: &mut StateEvent, state: &State, t_ns: u64, timin
         link_us: microseconds(timing.line_ns),
         // Before the first reading the age is reported as zero.
         age_us: timing.age_ns.map_or(0.0, microseconds),
+        lead_us: state.lead_us,
     };
 }

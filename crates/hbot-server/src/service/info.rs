@@ -1,8 +1,8 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, LoopInfo, PassivityInfo,
-    RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, PassivityInfo, RenderInfo,
+    RigInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::Listed;
@@ -144,21 +144,8 @@ fn render(config: &RigConfig) -> Option<RenderInfo> {
         stiffness_most,
         damping_most: expected.most_damping(),
         rate_pick: config.rate_pick.as_ref().map(RatePick::sentence),
-        sampled: Some(sampled(ToldLoop::of(expected.sampled()))),
+        sampled: Some(ToldLoop::of(expected.sampled()).into()),
     })
-}
-
-fn sampled(told: ToldLoop) -> LoopInfo {
-    LoopInfo {
-        delay_ticks: told.delay,
-        lag_s: told.lag,
-        lead_s: told.lead,
-        slew_s: told.slew,
-        rate_lag_s: told.rate_lag,
-        rate_weights: told.taps,
-        inertia: told.inertia,
-        axes: told.axes,
-    }
 }
 
 fn listed(kinds: Vec<Listed>) -> Vec<KindInfo> {

@@ -48,7 +48,15 @@ fn a_study_leaves_a_report_plots_and_a_summary() {
 fn a_study_that_is_stopped_leaves_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
-    for study in [Study::Accuracy, Study::Effects, Study::Stability, Study::Paper, Study::Design] {
+    for study in [
+        Study::Accuracy,
+        Study::Effects,
+        Study::Feel,
+        Study::Stability,
+        Study::Lead,
+        Study::Paper,
+        Study::Design,
+    ] {
         let interrupt = Interrupt::default();
         interrupt.raise();
         let options = StudyOptions { out: Some(out.clone()), ..options() };

@@ -5,6 +5,7 @@ mod allocation_page;
 mod design;
 mod effects;
 mod estimates;
+mod feel;
 mod files;
 mod paper;
 mod paper_rig;

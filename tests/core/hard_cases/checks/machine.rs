@@ -67,8 +67,13 @@ pub struct ReadRig {
 impl ReadRig {
     /// Creates an idle machine with a spring that pulls with 0.2 N m about n1.
     pub fn idle() -> Self {
+        Self::idle_with(rig())
+    }
+
+    /// Creates an idle machine like [`idle`](Self::idle) with another rig.
+    pub fn idle_with(rig: Rig) -> Self {
         let mut machine = Self {
-            controller: Controller::new(rig()),
+            controller: Controller::new(rig),
             scene: spring_scene(1, Vec3::X * 0.1),
             tick: 1,
             counts: [0; MAX_JOINTS],
@@ -80,7 +85,12 @@ impl ReadRig {
 
     /// Creates a machine like [`idle`](Self::idle) and runs it until it is active at full torque.
     pub fn active() -> Self {
-        let mut machine = Self::idle();
+        Self::active_with(rig())
+    }
+
+    /// Creates an active machine like [`active`](Self::active) with another rig.
+    pub fn active_with(rig: Rig) -> Self {
+        let mut machine = Self::idle_with(rig);
         assert_eq!(machine.command(Command::Enable), Reply::Done);
         machine.run(510);
         assert_eq!(machine.step(|_| {}).state.mode, Mode::Active);

@@ -10,6 +10,7 @@ mod angles;
 mod clock;
 mod doors;
 mod edges;
+mod lead;
 mod machine;
 mod million;
 mod singular;

@@ -63,6 +63,11 @@ def _age(state: Any) -> float:
     return float(state.client.age_ticks) if state.HasField("client") else math.nan
 
 
+def _lead(state: Any) -> float:
+    """Return 0 for a recording that is older than this field."""
+    return float(getattr(state.timing, "lead_us", 0.0))
+
+
 def _frame(name: str) -> Callable[[Any], tuple[float, ...]]:
     """Return the function that finds the orientation of a frame."""
 
@@ -108,6 +113,7 @@ TOPICS: dict[str, tuple[Field, ...]] = {
         Field("timing_compute_us", "real", lambda m: m.timing.compute_us),
         Field("timing_link_us", "real", lambda m: m.timing.link_us),
         Field("timing_age_us", "real", lambda m: m.timing.age_us),
+        Field("timing_lead_us", "real", _lead),
     ),
     "/hbot/joints": (
         Field("angle", "real", lambda m: m.position, "joints"),

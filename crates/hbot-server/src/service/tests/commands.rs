@@ -342,7 +342,10 @@ fn info_and_stats_have_their_shape() {
     let clock = ClockInfo { monotonic_ns: ORIGIN.monotonic_ns, unix_ns: ORIGIN.unix_ns };
     assert_eq!(info.clock, Some(clock));
     assert_eq!(info.limits.traction, Some(TractionInfo { mu: 0.8, normal_force: 10.0 }));
-    assert_eq!(info.limits.passivity, None);
+    // The passivity controller is on by default.
+    let limit = hbot_core::rig::PassivityLimit::of(&RigConfig::prototype().rig.device, 1.0e-3);
+    let told = PassivityInfo { allowance: limit.allowance, store: limit.store, damping: limit.damping };
+    assert_eq!(info.limits.passivity, Some(told));
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
     // To first order `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1
     // ms and the lag of the motors, 0.5 ms. The border of the sampled loop is less than 1 % below.

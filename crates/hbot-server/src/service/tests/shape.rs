@@ -51,7 +51,7 @@ fn info_keeps_its_names_their_order_and_types() {
                 }},
                 clock: {{monotonic_ns: whole, unix_ns: whole}},
                 limits: {{
-                    torque: real, torque_rate: real, speed: real, slip: real, energy: null, traction: {traction}, passivity: null,
+                    torque: real, torque_rate: real, speed: real, slip: real, energy: null, traction: {traction}, passivity: {{allowance: real, store: real, damping: real}},
                     enable_max_angle: real, align_rate: real, reference_rate: real, max_age_ticks: whole
                 }},
                 render: {{inertia: real, damping: real, stiffness_stable: real, stiffness_most: real, damping_most: real, rate_pick: null,

@@ -420,8 +420,9 @@ impl Body {
     /// Returns whether angles advance at the mean of the speeds before and after a step, instead of
     /// the speeds after it.
     ///
-    /// Then springs of contacts have no numerical damping, and a torque acts neither early nor late.
-    /// The flanks of a gear need the speeds after the step, so that they never pass each other.
+    /// Then springs of contacts have no numerical damping, and a torque acts neither early nor
+    /// late. The flanks of a gear need the speeds after the step, so that they never pass each
+    /// other.
     pub(super) fn has_mean_angles(&self) -> bool {
         self.phenomena.compliance.is_some() && self.phenomena.gear.is_none()
     }

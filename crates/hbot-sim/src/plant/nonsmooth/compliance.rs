@@ -6,11 +6,11 @@
 //! z' = z + h s        s = W (u + u') / 2        impulse p = h (k (z + z') / 2 + d s)
 //!
 //! The work of the impulse is p s, because masses are constant and M (u' - u) = -Wᵀ p. The energy
-//! k z² / 2 changes by h k s (z + z') / 2. So kinetic plus elastic energy falls by exactly h d s² in
-//! each step, at any stiffness: this is the implicit midpoint rule. All angles advance at the mean of
-//! u and u' too. With gears they advance at u' instead, and h W u' / 2 lies between their stretch and
-//! z, which never grows: h (u' - (u + u') / 2) sums up to the difference of two speeds. In terms of
-//! u' the impulse is
+//! k z² / 2 changes by h k s (z + z') / 2. So kinetic plus elastic energy falls by exactly h d s²
+//! in each step, at any stiffness: this is the implicit midpoint rule. All angles advance at the
+//! mean of u and u' too. With gears they advance at u' instead, and h W u' / 2 lies between their
+//! stretch and z, which never grows: h (u' - (u + u') / 2) sums up to the difference of two speeds.
+//! In terms of u' the impulse is
 //!
 //! p = base + gain W u'        gain = h (h k / 2 + d) / 2        base = h k z + gain W u
 //!

@@ -35,6 +35,8 @@ pub(super) struct Setting {
     pub(super) most: f64,
     /// Whether the torque limits of the rig apply.
     pub(super) limited: bool,
+    /// Whether the scene is rendered with the lead.
+    pub(super) lead: bool,
 }
 
 /// The readings of one stiffness measurement: pairs of deflection (rad) and load (N m), and whether
@@ -82,7 +84,8 @@ impl Measured {
 pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, Interrupted> {
     let Setting { axis, asked, .. } = *setting;
     let limits = [("limits.torque", json!(2.0)), ("limits.traction", json!({"mu": 5, "normal_force": 100}))];
-    let config = prototype(if setting.limited { &[] } else { &limits });
+    let lead = [("loop.lead", json!(setting.lead))];
+    let config = prototype(if setting.limited { &lead } else { &limits });
     let scene = json!({"name": "study", "effect": [
         {"id": "spring", "kind": "spring", "law": setting.law, "stiffness": asked, "damping": DAMPING, "fade_s": 0}
     ]});

@@ -51,6 +51,9 @@ const IDEAL_WITHIN: f64 = 0.1;
 const SCALE_WITHIN: f64 = 0.1;
 /// Largest allowed error of the stiffness with all effects of a real rig, in per cent.
 const REAL_WITHIN: f64 = 6.0;
+/// Largest allowed difference that the lead makes to a stiffness with all effects, in per cent:
+/// friction holds the sphere a little elsewhere.
+const LEAD_WITHIN: f64 = 1.0;
 /// Smallest allowed R² of the fitted line with all effects of a real rig.
 const REAL_R2: f64 = 0.97;
 /// Largest allowed difference between the error with all effects and the sum of the errors with one
@@ -85,6 +88,9 @@ struct Found {
     /// For each largest load in `tried`: one measurement for each row of the paper's table III,
     /// with all effects of a real rig.
     ranges: Vec<Measured>,
+    /// One measurement for each row of the paper's table III with the lead, with all effects of a
+    /// real rig and the geodesic law.
+    led: Vec<Measured>,
 }
 
 pub(crate) fn study(
@@ -107,6 +113,7 @@ pub(crate) fn study(
     }
     explain(report, peaks[1], &weak);
     by_range(report, found.tried, &found.ranges);
+    with_lead(report, &found.table, &found.led);
     figure(report, &found.table);
     check_table(report, &found, &worst, scale);
     check_causes(report, &found, peaks, &weak);
@@ -127,6 +134,27 @@ fn introduce(report: &mut Report) {
     report.family("stiffness_peak_{law}_percent | % | error of the slope of 6 N m/rad about n1 with loads up to 1.4 N m, limits and contacts aside, ideal rig");
 }
 
+/// Reports what the lead makes of table III. A sphere at rest has no rate to be led by, so nothing
+/// but friction's memory of the way to rest can differ.
+fn with_lead(report: &mut Report, table: &[Measured], led: &[Measured]) {
+    report.say("The same with the lead (`lead = true`): its table III is that of a rig without, because the sphere is at rest when its deflection is read. What the lead changes is how stiff a spring may be (the study `lead`).");
+    report.family("stiffness_{row}_lead_percent | % | error of the slope with all effects and the lead, geodesic law; `without` in the row");
+    let mut rows = vec![row(["axis, asked, N m/rad", "all effects, error, %", "with the lead, error, %"])];
+    let mut worst = 0.0_f64;
+    for ((of, chunk), led) in ROWS.iter().zip(table.chunks(4)).zip(led) {
+        let [without, with] = [chunk[1].error(), led.error()];
+        worst = worst.max((with - without).abs());
+        report.figure(format!("stiffness_{}_lead_percent", of.id), with).note("without", without);
+        rows.push(row([of.id.replace('_', ", "), format!("{without:+.2}"), format!("{with:+.2}")]));
+    }
+    report.table(&rows);
+    report.check(
+        format!("the lead changes no stiffness of table III by more than {LEAD_WITHIN} %"),
+        format!("{worst:.2} % at worst"),
+        worst <= LEAD_WITHIN,
+    );
+}
+
 fn measured(context: &Context) -> Result<Found, Interrupted> {
     let effects = alone();
     let on = |of: &Row, law, phenomena| Setting {
@@ -136,6 +164,7 @@ fn measured(context: &Context) -> Result<Found, Interrupted> {
         phenomena,
         most: MOST,
         limited: true,
+        lead: false,
     };
     let ideal = Phenomena::default();
     let weak = effects.iter().find(|effect| effect.id == SCALE).map_or(ideal, |effect| effect.phenomena);
@@ -144,18 +173,19 @@ fn measured(context: &Context) -> Result<Found, Interrupted> {
     let single =
         |effect: &Effect| ROWS.iter().map(|of| on(of, LAWS[0], effect.phenomena)).collect::<Vec<_>>();
     let range = |most: &f64| ROWS.each_ref().map(|of| Setting { most: *most, ..on(of, LAWS[0], cold()) });
-    let groups: [Vec<Setting>; 5] = [
+    let groups: [Vec<Setting>; 6] = [
         ROWS.iter().flat_map(both).collect(),
         effects.iter().flat_map(single).collect(),
         LAWS.map(|law| Setting { most: PEAK, limited: false, ..on(&ROWS[1], law, ideal) }).into(),
         ROWS.iter().map(|of| Setting { most: 0.5 * MOST, ..on(of, LAWS[1], weak) }).collect(),
         tried.iter().flat_map(range).collect(),
+        ROWS.iter().map(|of| Setting { lead: true, ..on(of, LAWS[0], cold()) }).collect(),
     ];
     let counts = groups.each_ref().map(Vec::len);
     let found = by_two(&groups.concat(), |setting| measure(context, setting));
     let mut found = found.into_iter().collect::<Result<Vec<Measured>, Interrupted>>()?.into_iter();
-    let [table, singles, peaks, weak, ranges] = counts.map(|count| found.by_ref().take(count).collect());
-    Ok(Found { effects, tried, table, singles, peaks, weak, ranges })
+    let [table, singles, peaks, weak, ranges, led] = counts.map(|count| found.by_ref().take(count).collect());
+    Ok(Found { effects, tried, table, singles, peaks, weak, ranges, led })
 }
 
 /// Adds the checks of the measurements for the paper's table III to the report. A torque constant

@@ -13,11 +13,10 @@ mod spring;
 mod tick;
 mod velocity;
 
-use hbot_config::RigConfig;
-
 use super::callgrind::Counter;
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
+use crate::whole::prototype;
 pub(super) use tick::job;
 
 /// Rates at which the joints are read when the drift of odometry is measured, Hz.
@@ -44,7 +43,7 @@ use in_both_widths;
 /// Runs the study `accuracy` and returns its report.
 pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Report, Interrupted> {
     let mut report = Report::new("accuracy", context.quick);
-    let rig = RigConfig::prototype().rig;
+    let rig = prototype(&[]).rig;
     context.expect(15);
     report.say(
         "What each choice of method costs in time and brings in accuracy, on this machine. Where a plot has time and error on its \

@@ -16,6 +16,8 @@ use hbot_sim::plant::PlantState;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::{Map, Value, json};
 
+use crate::whole::prototype;
+
 /// Number of ticks after which the soft start is over.
 const STARTED: usize = 600;
 /// Number of ticks after which a change of scene has been blended in.
@@ -110,7 +112,7 @@ impl Desk {
     /// Creates a test bench without any effect or phenomenon, and runs it until the controller is
     /// active.
     pub(super) fn active() -> Self {
-        let config = RigConfig::prototype();
+        let config = prototype(&[]);
         // The angle limit at enable is raised to a half turn, as the study must be able to enable
         // with every effect.
         let rig = config.rig.with(|rig| rig.limits.enable_max_angle = core::f64::consts::PI);

@@ -30,27 +30,32 @@ const ALIKE: f64 = 0.05;
 /// Least impedance to which a change is compared, N m/rad. It is a thirtieth of the default hand's.
 const LEAST: f64 = 0.1;
 
+/// Angle below which two orientations count as equal, rad: some roundings of a unit quaternion.
+const EQUAL: f64 = 1.0e-14;
+
 /// Runs the study `feel` and returns its report.
 pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let mut report = Report::new("feel", context.quick);
-    context.expect(2);
+    context.expect(3);
     report.say(
         "What the passivity stage (`passivity` in a rig file's `[loop]`) changes for the hand, on the simulated prototype: the whole loop, controller, line and rig, in virtual time.",
     );
     context.part("what a hand feels")?;
-    hands(context, &mut report)?;
+    let felt = hands(context, &mut report)?;
     context.part("scenes that shake")?;
-    shaken::study(context, &mut report)?;
+    let shaken = shaken::study(context, &mut report)?;
+    context.part("springs")?;
+    shaken::springs(context, &mut report)?;
+    report.in_short("springs", [felt].into_iter().chain(shaken));
     Ok(report)
 }
 
 /// Measures stiffness and damping of all ready-made scenes and of a spring at half its border, with
-/// the stage off and on.
-fn hands(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+/// the stage off and on. Returns the result in a sentence.
+fn hands(context: &Context, report: &mut Report) -> Result<String, Interrupted> {
     report.family("impedance_{scene}_{hand}_{hz}hz | 1 | largest change of the impedance that the stage makes, over three axes, relative to the impedance without it, which counts as at least 0.1 N m/rad; `off` and `on`: stiffness (N m/rad) and damping (N m s/rad) about the axis of the change");
     report.family("free_{scene} | rad | largest angle between the orientations of a free sphere with and without the stage in 2 s after a tap; `reach`: the way of the sphere");
-    let [off, on] =
-        [false, true].map(|on| prototype(&[("loop.passivity", if on { stage() } else { json!(false) })]));
+    let [off, on] = [false, true].map(|on| prototype(&[("loop.passivity", json!(on))]));
     let half = 0.5 * DAMPING / (1.5 * off.rig.timing.period_s() + off.rig.torque_lag);
     let mut scenes: Vec<(String, SceneFile)> =
         SHELF.iter().map(|scene| (scene.file.to_owned(), scene.scene())).collect();
@@ -68,7 +73,7 @@ fn hands(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
         let swing = free([&off, &on], scene);
         report.figure(format!("free_{id}"), swing.apart).note("reach", swing.reach);
         apart = apart.max(swing.apart);
-        let mut acts = swing.apart > 0.0;
+        let mut acts = swing.apart > EQUAL;
         let rates = if context.quick { &RATES[2..4] } else { &RATES[..] };
         for (hand_name, hand) in HANDS {
             let mut cells = row([name.as_str(), hand_name]);
@@ -131,7 +136,17 @@ fn hands(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
         apart,
         0.05,
     );
-    Ok(())
+    report.check_within(
+        "Free spheres after a tap of 2.1 rad/s: angle with and without the stage, rad,",
+        apart,
+        0.05,
+    );
+    Ok(format!(
+        "The stage acts in {} of {} scenes that hands move, and changes the impedance by at most {:.2} %.",
+        scenes.len() - alike.len(),
+        scenes.len(),
+        100.0 * worst
+    ))
 }
 
 /// The largest change of the impedance about an axis.
@@ -152,8 +167,4 @@ fn most_changed(without: &Felt, with: &Felt) -> Change {
         }
     }
     most
-}
-
-pub(super) fn stage() -> serde_json::Value {
-    std::env::var("P").map_or(json!(true), |p| serde_json::from_str(&p).unwrap())
 }

@@ -70,7 +70,7 @@ impl Case {
         // The bracket of a factor of 4 becomes 1e-9 wide.
         for _ in 0..31 {
             let middle = (low * high).sqrt();
-            let step = step(self.config.rig.timing.period_s(), self.lag, self.inertia(), middle);
+            let step = step(self.config.rig.timing.period_s(), self.lag, self.inertia(), [middle, DAMPING]);
             if spectral_radius(step) > 1.0 { high = middle } else { low = middle }
         }
         (low * high).sqrt()
@@ -129,8 +129,9 @@ impl Case {
 
 /// Returns the matrix that advances the linear loop by a tick. Its state is the angle x, the rate
 /// v, the motor's torque and the commanded torque u, which was computed from the reading of the
-/// tick before. Each tick is solved exactly: J dv/dt = i, lag di/dt = u - i.
-fn step(h: f64, lag: f64, inertia: f64, stiffness: f64) -> [[f64; 4]; 4] {
+/// tick before: u = -k x - d v, with `gains` = \[k, d\]. Each tick is solved exactly: J dv/dt = i,
+/// lag di/dt = u - i.
+pub(crate) fn step(h: f64, lag: f64, inertia: f64, gains: [f64; 2]) -> [[f64; 4]; 4] {
     let left = libm::exp(-h / lag);
     // Integrals over a tick of exp(-t/lag), and of that integral.
     let once = lag * (1.0 - left);
@@ -139,14 +140,14 @@ fn step(h: f64, lag: f64, inertia: f64, stiffness: f64) -> [[f64; 4]; 4] {
         [1.0, h, twice / inertia, (0.5 * h * h - twice) / inertia],
         [0.0, 1.0, once / inertia, (h - once) / inertia],
         [0.0, 0.0, left, 1.0 - left],
-        [-stiffness, -DAMPING, 0.0, 0.0],
+        [-gains[0], -gains[1], 0.0, 0.0],
     ]
 }
 
 /// Returns the largest absolute value of an eigenvalue of `matrix`: the 2^40-th root of the size of
 /// its 2^40-th power (Gelfand's formula). This size is r^n to within a factor. If the factor is at
 /// most 10^4, its root is within 8e-12 of 1.
-fn spectral_radius(mut matrix: [[f64; 4]; 4]) -> f64 {
+pub(crate) fn spectral_radius(mut matrix: [[f64; 4]; 4]) -> f64 {
     let mut log = 0.0;
     let mut share = 1.0;
     for _ in 0..40 {

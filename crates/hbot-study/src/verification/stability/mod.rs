@@ -5,7 +5,7 @@ mod compliance;
 mod friction;
 mod given;
 mod guarded;
-mod lag;
+pub(crate) mod lag;
 mod linear;
 mod long;
 mod passive;
