@@ -33,6 +33,10 @@ const STEP: f64 = 0.8;
 /// Number of points between two others whose responses are kept: those of five halvings.
 const KEPT: usize = 32;
 
+/// Number of a point beyond which no stretch is halved further: after 30 halvings. The determinant
+/// is 0 there, or it cannot be followed.
+const FINEST: usize = 1 << 30;
+
 /// A sphere in one hold, as the loop of a rig sees it.
 pub(super) struct Held<'a> {
     sampled: &'a Sampled,
@@ -177,7 +181,7 @@ fn turned(
     if little(first) && little(second) {
         return (first * second).angle();
     }
-    if left.get() == 0 {
+    if left.get() == 0 || number >= FINEST {
         return first.angle() + second.angle();
     }
     turned(at, 2 * number, from, middle, left) + turned(at, 2 * number + 1, middle, to, left)

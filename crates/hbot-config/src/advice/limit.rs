@@ -15,6 +15,9 @@ pub(super) struct Limit {
     pub(super) rate: f64,
 }
 
+/// Steepness of a command, over the slew limit, up to which the slew limit does not count.
+const SLOW: f64 = 0.5;
+
 impl Limit {
     /// Returns the part of a torque with the amplitude `asked` (N m) that is made in a swing of the
     /// pace `pace` (rad/s), with its phase. It is continuous in both.
@@ -28,14 +31,15 @@ impl Limit {
     pub(super) fn part(&self, asked: f64, pace: f64) -> Complex {
         let s = asked * pace / self.rate;
         // Far below both limits less than a thousandth is missing.
-        if asked <= self.torque && s < 0.5 {
+        if asked <= self.torque && s <= SLOW {
             return Complex::real(1.0);
         }
         let r = (self.torque / asked).min(1.0);
         let cut = 2.0 / PI * (r.asin() + r * (1.0 - r * r).sqrt());
-        let triangle = 4.0 / (PI * s);
-        // Both limits together, within a tenth.
-        let size = (cut.powi(-6) + triangle.powi(-6)).powf(-1.0 / 6.0);
+        // Both limits together, within a tenth. It has no step where the slew limit begins to count:
+        // the determinant could not be followed over one.
+        let triangle = |s: f64| (0.25 * PI * s).powi(6);
+        let size = (cut.powi(-6) + (triangle(s) - triangle(SLOW)).max(0.0)).powf(-1.0 / 6.0);
         let leaves = r.asin().min((1.0 / s).min(1.0).acos());
         // The triangle meets its command where this falls faster than R, below T.
         let is_triangle = s * s > 1.0 + 0.25 * PI * PI && r * s > 0.5 * PI;
@@ -74,6 +78,31 @@ mod tests {
                 let off = (found - want).size() / want.size();
                 assert!(off < 0.12, "{asked} N m at {pace} rad/s: {found:?}, not {want:?}");
             }
+        }
+    }
+
+    /// The turns of a determinant can only be counted along a curve without steps.
+    #[test]
+    fn the_part_has_no_steps() {
+        let limit = Limit { speed: 1.0, torque: 0.8, rate: 200.0 };
+        // Pairs of a larger torque and a faster pace, a millionth apart.
+        const NEXT: f64 = 1.0 + 1.0e-6;
+        for asked in (0..4000).map(|k| 0.01 * 1.002_f64.powi(k)) {
+            for pace in [20.0, 100.0, 124.9, 250.0, 390.0, 465.4, 1000.0, 3000.0] {
+                let here = limit.part(asked, pace);
+                for next in [limit.part(asked * NEXT, pace), limit.part(asked, pace * NEXT)] {
+                    assert!((next - here).size() < 1.0e-4 * here.size(), "{asked} N m at {pace} rad/s");
+                }
+            }
+        }
+        // Across the places where the formula changes: the slew limit begins to count, the torque
+        // begins to lag, it begins to be cut off, and it becomes a triangle.
+        for (r, s) in
+            [(2.0, SLOW), (2.0, 1.0), (1.0, 0.7), (1.0, 3.0), (2.0, 1.862_096), (0.5, PI), (0.3, 2.0)]
+        {
+            let (asked, pace) = (limit.torque / r, s * limit.rate * r / limit.torque);
+            let [before, after] = [1.0 / NEXT, NEXT].map(|x| limit.part(asked * x, pace));
+            assert!((after - before).size() < 1.0e-4 * before.size(), "{r} {s}: {before:?} {after:?}");
         }
     }
 }
