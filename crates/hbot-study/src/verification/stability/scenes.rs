@@ -189,6 +189,8 @@ fn effect(rng: &mut Rng, id: &str, kind: &str, schema: &Value) -> Value {
             "fade_s" | "fade_out_s" | "file" | "points" | "path" | "fire" | "orientations" | "set" => {
                 continue;
             }
+            // A knock ends by itself, and each warning is the same with and without it.
+            "knock" | "knock_amplitude" | "knock_frequency" | "knock_decay_s" => continue,
             "anchor" => json!("absolute"),
             "reference" if rng.unit() < 0.5 => continue,
             "reference" => {
