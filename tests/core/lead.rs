@@ -235,8 +235,8 @@ fn a_law_is_led_by_at_most_a_quarter_of_its_wave() {
     }
 }
 
-/// Notches that are given one by one get a lead of a quarter of their own gap, even if it is smaller
-/// than their width.
+/// Notches that are given one by one get a lead of a quarter of their own gap, even if it is
+/// smaller than their width.
 #[test]
 fn notches_given_one_by_one_are_led_by_a_quarter_of_their_gap() {
     let axis = Vec3::Z;

@@ -24,7 +24,7 @@ import hbot
 import hbot.mcap
 from hbot.mcap.topics import STATE, TOPICS
 
-KEPT = REPOSITORY / "crates" / "hbot-record" / "tests" / "it" / "kept" / "format-3.mcap"
+KEPT = REPOSITORY / "crates" / "hbot-record" / "tests" / "it" / "kept" / "format-4.mcap"
 DATA_END = 15  # The kind of the record that ends the chunks.
 EVERY_TICK = ("/hbot/state", "/hbot/joints", "/tf", "/hbot/torque")
 

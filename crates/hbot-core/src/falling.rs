@@ -73,7 +73,8 @@ mod tests {
         for sign in [1.0, -1.0] {
             assert!((most([2.0, 1.6, 1.2].map(|x| sign * x)) - 3.0 * REACH).abs() < 1e-6);
         }
-        // 3 - k²/4 - k/2 falls by 0.25, 0.75 and 1.25; the parabola through them is 0 at 0.96 ticks.
+        // 3 - k²/4 - k/2 falls by 0.25, 0.75 and 1.25; the parabola through them is 0 at 0.96
+        // ticks.
         let ticks = 2.0 * 0.75 / (1.25 + sqrt(1.25 * 1.25 + 2.0 * 0.5 * 0.75));
         assert!((most([2.75, 2.0, 0.75]) - REACH * ticks).abs() < 1e-6);
     }

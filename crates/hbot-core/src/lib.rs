@@ -99,8 +99,8 @@
 //!
 //! | reals | a [`Controller`] | its history of orientations | a [`CompiledScene`] |
 //! |---|---|---|---|
-//! | f64 | 95240 | 41088 | 40464 |
-//! | f32 | 54944 | 24640 | 20496 |
+//! | f64 | 99936 | 41088 | 40464 |
+//! | f32 | 57288 | 24640 | 20496 |
 #![no_std]
 
 pub mod allocation;

@@ -159,11 +159,11 @@ impl Guard {
 /// Finds the part of the energy given to the hand that delay and sampling have created.
 ///
 /// A law without delay would make the torque P at the measured orientation, and its damping. The
-/// held torque differs, because it answers an older reading. So the energy that delay creates is the
-/// work of the held torque on a turn, minus the work of P on the same turn. P at both ends of the
-/// turn is known as soon as both are measured. The damping has no part in P: what it absorbs pays
-/// for what the delay creates. Torque of effects that are not elastic, of streams and of blends
-/// moves the sphere on purpose. It does not count.
+/// held torque differs, because it answers an older reading. So the energy that delay creates is
+/// the work of the held torque on a turn, minus the work of P on the same turn. P at both ends of
+/// the turn is known as soon as both are measured. The damping has no part in P: what it absorbs
+/// pays for what the delay creates. Torque of effects that are not elastic, of streams and of
+/// blends moves the sphere on purpose. It does not count.
 ///
 /// For a spring of the stiffness K and the damping b this is (K tau - b) w² per second, with the
 /// delay tau and the rate w. A lead takes tau away; P stays that of the measured orientation.

@@ -8,8 +8,8 @@
 //! passivity observer says that the rig has given out energy in them: at least `LEAST_ENERGY`
 //! times the kinetic energy of the sphere at its largest rate.
 //!
-//! A spring that rings out gives no energy, but the observer alone could say so: the spring gives to
-//! the sphere's own friction what it had stored, and sphere and spring exchange it with another
+//! A spring that rings out gives no energy, but the observer alone could say so: the spring gives
+//! to the sphere's own friction what it had stored, and sphere and spring exchange it with another
 //! phase about each axis. So what the effects have stored less at the end of the cycles than at
 //! their beginning does not count. The guard takes the lesser of the two energies.
 //!
@@ -293,7 +293,8 @@ impl Guard {
         self.axes = Self::OFF.axes;
     }
 
-    /// Takes a crossing of the rate about `axis`, at which the effects store the energy `energy`, J.
+    /// Takes a crossing of the rate about `axis`, at which the effects store the energy `energy`,
+    /// J.
     fn cross(
         &mut self,
         axis: u8,

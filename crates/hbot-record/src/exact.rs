@@ -15,7 +15,7 @@ use crate::messages::hbot::{Exact as Message, Tick};
 
 /// Number of the private topic's format and of the control law that it records. It is raised when
 /// the types of hbot-core change, or when the same inputs give other outputs.
-pub const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 4;
 
 /// One record of the private topic.
 #[derive(Debug, Clone)]

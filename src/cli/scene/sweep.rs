@@ -20,6 +20,9 @@ const MOST_TURNS: usize = 40;
 /// Number of points of a curve against time.
 const MOST_POINTS: usize = 2500;
 
+/// The points of a curve.
+type Points = Vec<(f64, f64)>;
+
 /// A scene whose torque is computed, with the loop of the prototype.
 pub(super) struct Probe {
     renderer: Renderer,
@@ -107,7 +110,7 @@ impl Probe {
     ///
     /// The duration is the longest of [`STILL_S`] in which a component turns back at most
     /// [`MOST_TURNS`] times, so that a curve can be told from a band.
-    pub(super) fn still(&self) -> Option<(f64, [Vec<(f64, f64)>; 3])> {
+    pub(super) fn still(&self) -> Option<(f64, [Points; 3])> {
         let mut renderer = self.fresh();
         let motion = Motion { q: Quat::IDENTITY, omega: Vec3::ZERO };
         let ticks = |time: f64| (time / DT).round() as usize;
@@ -167,8 +170,8 @@ impl Probe {
     }
 }
 
-/// Returns how often a component of the torques changes from rising to falling or back, by more than
-/// a twentieth of its range.
+/// Returns how often a component of the torques changes from rising to falling or back, by more
+/// than a twentieth of its range.
 fn turns(torques: &[Vec3], k: usize) -> usize {
     let values = || torques.iter().map(|torque| torque[k]);
     let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);

@@ -137,7 +137,7 @@ fn there_is_one_knock_for_each_impact() {
     };
     assert_eq!(bounces(200.0), 10);
     let often = bounces(20.0);
-    assert!(often <= 20 && often >= 10, "{often}: not more than one in 100 ms");
+    assert!((10..=20).contains(&often), "{often}: not more than one in 100 ms");
     // From wall to wall: each of the two is met in turn.
     let swing = |k: u32| {
         let phase = core::f64::consts::TAU / 500.0 * f64::from(k);

@@ -64,8 +64,8 @@ impl Axis {
         Self { angle, rate, denominator }
     }
 
-    /// Returns the transfer functions from the torque that a tick computes to the angle and the rate
-    /// that a later tick gets, at `z`.
+    /// Returns the transfer functions from the torque that a tick computes to the angle and the
+    /// rate that a later tick gets, at `z`.
     pub(super) fn responses(&self, sampled: &Sampled, z: Complex) -> [Complex; 2] {
         let back = z.inverse();
         let delay = (0..sampled.delay).fold(Complex::real(1.0), |product, _| product * back);

@@ -84,9 +84,9 @@ pub struct Cure {
     pub added: Option<f64>,
 }
 
-/// Returns whether a finding about `effect` at `place`, with `left` of it stable, takes the place of
-/// the one that there is: which is at a place of another effect, or has more that is stable. So a
-/// place that another effect adds does not change what is said of this one.
+/// Returns whether a finding about `effect` at `place`, with `left` of it stable, takes the place
+/// of the one that there is: which is at a place of another effect, or has more that is stable. So
+/// a place that another effect adds does not change what is said of this one.
 pub(super) fn is_worst(found: &[Finding], effect: usize, place: &Place, left: f64) -> bool {
     let others = |place: &Place| place.effect != effect && place.spot != Spot::Rest;
     let worse = |place: &Place, left: f64| (others(place), left);

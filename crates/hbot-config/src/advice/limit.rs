@@ -36,8 +36,8 @@ impl Limit {
         }
         let r = (self.torque / asked).min(1.0);
         let cut = 2.0 / PI * (r.asin() + r * (1.0 - r * r).sqrt());
-        // Both limits together, within a tenth. It has no step where the slew limit begins to count:
-        // the determinant could not be followed over one.
+        // Both limits together, within a tenth. It has no step where the slew limit begins to
+        // count: the determinant could not be followed over one.
         let triangle = |s: f64| (0.25 * PI * s).powi(6);
         let size = (cut.powi(-6) + (triangle(s) - triangle(SLOW)).max(0.0)).powf(-1.0 / 6.0);
         let leaves = r.asin().min((1.0 / s).min(1.0).acos());

@@ -206,7 +206,8 @@ pub(crate) struct PassivityTable {
     #[schemars(with = "f64", range(min = legal::ALLOWANCE.least, max = legal::ALLOWANCE.most), extend("unit" = legal::ALLOWANCE.unit))]
     pub(crate) allowance: Option<f64>,
     /// Largest amount of absorbed energy that can be delivered again later. If `strict` is true, it
-    /// must be at least the energy that the scene's springs store when they are wound up. If absent:
+    /// must be at least the energy that the scene's springs store when they are wound up. If
+    /// absent:
     /// 0.005, or 0.5 if `strict` is true.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::STORE.least, max = legal::STORE.most), extend("unit" = legal::STORE.unit))]

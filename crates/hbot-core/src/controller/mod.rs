@@ -100,8 +100,8 @@ pub struct Controller {
     /// How far ahead of its reading the scene is rendered. `None` if it is rendered at the measured
     /// pose.
     lead: Option<Lead>,
-    /// What counts of the energy for the passivity controller. `None` if all of it counts, or if the
-    /// rig has no passivity controller.
+    /// What counts of the energy for the passivity controller. `None` if all of it counts, or if
+    /// the rig has no passivity controller.
     ledger: Option<Ledger>,
     /// How early the torque falls. `None` without a lead, and in older recordings.
     falling: Option<Falling>,

@@ -313,7 +313,8 @@ impl Controller {
     }
 
     /// Finds the energy that delay has created since the last tick, and gives it to the passivity
-    /// controller. `driving` is the part of the wanted torque that moves the sphere on purpose, N m.
+    /// controller. `driving` is the part of the wanted torque that moves the sphere on purpose, N
+    /// m.
     ///
     /// The elastic torque that would act without delay is limited by itself, as the sent torque is.
     /// It is then a function of the orientation, and does no work on a closed path.

@@ -228,8 +228,8 @@ fn apply<L: Law>(law: &L, gain: Real, mut now: Now<'_>, memory: &mut L::Memory) 
     torque * gain
 }
 
-/// Defines [`Kind`] and [`Memory`] from the list of effects and their laws, and functions that call the law of
-/// each kind with its own memory.
+/// Defines [`Kind`] and [`Memory`] from the list of effects and their laws, and functions that call
+/// the law of each kind with its own memory.
 macro_rules! kinds {
     ($($(#[$doc:meta])* $name:ident($law:ty)),* $(,)?) => {
         /// The kinds of effects. Each variant contains the parameters of the effect.

@@ -177,10 +177,13 @@ struct Apart {
     answers: Receiver<(Arc<Abilities>, Question, Answer)>,
 }
 
+/// A question, and the abilities of the rig that it is about.
+type Asked = (Arc<Abilities>, Question);
+
 #[derive(Debug, Default)]
 struct Waiting {
     /// The questions, and whether the window is still there.
-    questions: Mutex<(Vec<(Arc<Abilities>, Question)>, bool)>,
+    questions: Mutex<(Vec<Asked>, bool)>,
     more: Condvar,
 }
 

@@ -114,7 +114,8 @@ impl Pen<'_> {
         hbot_core::rotation::shortest(self.reference.conjugate() * self.q)
     }
 
-    /// Returns how bright a piece glows that the effect acts through. Also a light touch is visible.
+    /// Returns how bright a piece glows that the effect acts through. Also a light touch is
+    /// visible.
     fn glow(&self) -> f64 {
         const LEAST: f64 = 0.3;
         if self.share > 0.0 { (LEAST + (1.0 - LEAST) * self.share).min(1.0) } else { 0.0 }

@@ -1,5 +1,5 @@
-//! The lead at its bounds: the limit of speed, missing readings, half a turn from the reference, and
-//! references that turn fast or jump.
+//! The lead at its bounds: the limit of speed, missing readings, half a turn from the reference,
+//! and references that turn fast or jump.
 
 use super::super::core::inputs::{Command, Stamp};
 use super::super::core::kinematics::Posture;

@@ -55,7 +55,8 @@ impl Axis {
         low
     }
 
-    /// Returns the mean growth of a swing on a spring of `stiffness` in a tick. Negative if it dies.
+    /// Returns the mean growth of a swing on a spring of `stiffness` in a tick. Negative if it
+    /// dies.
     pub(super) fn growth(&self, stiffness: f64) -> f64 {
         let Self { inertia: j, period: h, lag, .. } = *self;
         // The exact solution of a tick with a constant command u: J dv/dt = i, lag di/dt = u - i.

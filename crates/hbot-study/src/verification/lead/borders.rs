@@ -71,8 +71,8 @@ impl Case {
     /// K (sin y - W t cos y) = B W cos y        J W² = g (K cos y + (K t + B) W sin y)
     /// ```
     ///
-    /// The torque's steps also move the rate between the readings. A sampled rate is larger by that,
-    /// by the part a = (W h/2)²/3 / (1 + (2 pi lag/h)²) of it: t and B count 1 + a times.
+    /// The torque's steps also move the rate between the readings. A sampled rate is larger by
+    /// that, by the part a = (W h/2)²/3 / (1 + (2 pi lag/h)²) of it: t and B count 1 + a times.
     fn by_formula(&self) -> f64 {
         let Sampled { period: h, lag, lead, .. } = self.sampled;
         let late = |w: f64| 1.5 * w * h + libm::atan(w * lag);
@@ -130,8 +130,8 @@ impl Case {
         low
     }
 
-    /// Returns the stiffness at which a swing of the whole loop neither grows nor dies, N m/rad. The
-    /// growth is found at stiffnesses around `near`, and the border by two secants.
+    /// Returns the stiffness at which a swing of the whole loop neither grows nor dies, N m/rad.
+    /// The growth is found at stiffnesses around `near`, and the border by two secants.
     fn measured(&self, near: f64) -> f64 {
         let ends = [0.97 * near, 1.03 * near];
         let [low, high] = ends.map(|stiffness| self.growth(stiffness));

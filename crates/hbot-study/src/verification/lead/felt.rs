@@ -18,8 +18,8 @@ const FREQUENCIES: [f64; 4] = [0.5, 2.0, 5.0, 10.0];
 const WITHIN: f64 = 0.05;
 
 /// Returns the stiffness (N m/rad) and the damping (N m s/rad) that are felt at `frequency`, Hz:
-/// the parts of the torque that follow the angle and the rate of a sine. The torque is late by y = W
-/// h (1/2 + D) + atan(W lag) and smaller by g = sinc(W h/2) / sqrt(1 + (W lag)²), so it is g
+/// the parts of the torque that follow the angle and the rate of a sine. The torque is late by y =
+/// W h (1/2 + D) + atan(W lag) and smaller by g = sinc(W h/2) / sqrt(1 + (W lag)²), so it is g
 /// exp(-i y) (K (1 + i W t) + i W B) times the angle.
 fn felt(factor: f64, frequency: f64) -> [f64; 2] {
     let w = TAU * frequency;

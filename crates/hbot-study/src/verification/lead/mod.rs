@@ -35,8 +35,8 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     Ok(report)
 }
 
-/// Returns ideal motors that follow their commands with the lag `lag_s`, s: no loss, and no limit of
-/// speed or heat in reach.
+/// Returns ideal motors that follow their commands with the lag `lag_s`, s: no loss, and no limit
+/// of speed or heat in reach.
 fn motor(lag_s: f64) -> Motor {
     Motor {
         lag_s,

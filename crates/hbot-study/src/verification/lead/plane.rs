@@ -25,8 +25,8 @@ const LINES: [(&str, Line); 6] = [
     ("latency timer of 16 ms", Line::Together(16)),
 ];
 
-/// Returns the stiffness up to which a spring gives no energy to a hand that moves by any sine up to
-/// Nyquist's frequency, N m/rad, if the device has the damping [`DAMPING`].
+/// Returns the stiffness up to which a spring gives no energy to a hand that moves by any sine up
+/// to Nyquist's frequency, N m/rad, if the device has the damping [`DAMPING`].
 ///
 /// The sine advances by f in a tick. The torque is late by y = f (1/2 + D) + atan(W lag), and
 /// smaller by the lag's gain g. Between two readings the hand goes at an even pace, of which
