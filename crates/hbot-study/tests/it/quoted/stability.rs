@@ -120,7 +120,7 @@ const OTHERS: [&str; 16] = [
     "stable where k < u - u² with u = d - k/2",
     "86.4 million ticks",
     "z (z - 1)² + k (z + 1)/2 + d (z - 1)",
-    "The swings have 0.3 and 1 rad/s",
+    "The swings have 0.2, 0.33, 0.55 and 1 rad/s",
     "leads of 0.8 to 1.2 times the delay",
     "beyond 0.2 rad/s in both directions within 0.2 s",
     "calm for 0.5 s",
