@@ -208,9 +208,11 @@ impl Judge {
         let Swinging { holds, place, speed } = *swinging;
         let (parts, sum) = self.around_at(scene, place, speed, least);
         // A damping that is too large makes swings that are faster than those of the stiffness, and
-        // smaller.
+        // smaller: a quarter of one takes as long as the torque is late.
         let fast = principal(&sum.damping).0.max_element() / self.sampled.inertia.min_element();
-        if least == SLOWEST && fast * self.sampled.lateness() > QUICK {
+        let is_quick = least == SLOWEST && fast * self.sampled.lateness() > QUICK;
+        if is_quick {
+            let fast = fast.min(0.5 * PI / self.sampled.lateness());
             let fast = self.at(scene, swinging, fast, judged, found);
             if fast.is_some() {
                 return fast;
@@ -237,6 +239,10 @@ impl Judge {
         let stable = |scene: Scene| self.shakes(holds, &scene, speed).is_none();
         let without = Scene { stiffness: Mat3::ZERO, ..inwards };
         if !stable(without.clone()) {
+            if is_quick {
+                // Seen in the faster swings, if at all.
+                return None;
+            }
             let (axis, about) = largest_axis(&sum.damping);
             let (effect, part) = largest(&parts, |part| about.dot(part.damping * about))?;
             let own = part.damping + if effect == place.effect { wall } else { Mat3::ZERO };

@@ -9,6 +9,10 @@ use super::judge::{Judge, SAME, SOFT, SPEEDS};
 
 /// Part of the largest torque below which a sphere rests.
 pub(super) const ENOUGH: f64 = 1.0e-2;
+/// A turn within which stiffness is looked for, rad.
+const LITTLE: f64 = 1.0e-3;
+/// Cosine of half of the angle to a rest that is near: 0.2 rad.
+const NEAR: f64 = 0.995;
 /// Stiffness (N m/rad) and damping (N m s/rad) that count as none.
 const NOTHING: f64 = 1.0e-9;
 /// Angle by which a tapped sphere turns about an axis that nothing holds, before it counts as at
@@ -67,7 +71,8 @@ impl Judge {
         });
         // After the effects' own places, so that those keep their names.
         let here = here.map(|here| self.rest(scene, &here).unwrap_or(here));
-        rests.into_iter().chain(here).for_each(|rest| add(rest, false));
+        let held = rests.into_iter().chain(here).filter(|rest| self.is_held(scene, rest));
+        held.for_each(|rest| add(rest, false));
         all
     }
 
@@ -82,10 +87,31 @@ impl Judge {
             let (sizes, axes) = principal(&self.around(scene, &here, SPEEDS[1]).1.stiffness);
             let free = (0..3).filter(|k| sizes[*k].abs() < SOFT).map(|k| axes.col(k));
             let turns = free.flat_map(|axis| [axis * AWAY, axis * -AWAY]);
-            let places = turns.map(|turn| here.rest_at(rotation::exp(turn) * here.q));
-            all.extend(places.filter(|place| pull(scene, place).length() <= self.torque));
+            for turn in turns {
+                let away = here.rest_at(rotation::exp(turn) * here.q);
+                // Where the effects pull, it goes on to the rest that is near, if there is one.
+                let rest = self.rest(scene, &away).unwrap_or(away);
+                let is_near = rest.q.dot(away.q).abs() > NEAR;
+                let rests = is_near && pull(scene, &rest).length() <= ENOUGH * self.torque;
+                if rests && self.is_held(scene, &rest) {
+                    all.push(rest);
+                }
+            }
         }
         all
+    }
+
+    /// Returns whether the stiffness at `place`, if there is one, acts in both directions. From the
+    /// edge of a wall a free sphere leaves, and the wall has places of its own.
+    fn is_held(&self, scene: &CompiledScene, place: &Place) -> bool {
+        let (sizes, axes) = principal(&self.around(scene, place, SPEEDS[0]).1.stiffness);
+        let axis = axes.col(sizes.max_position());
+        let back = |turn: f64| {
+            let there = place.rest_at(rotation::exp(axis * turn) * place.q);
+            -pull(scene, &there).dot(axis) * turn.signum()
+        };
+        let [one, other] = [LITTLE, -LITTLE].map(back);
+        one.abs().max(other.abs()) < NOTHING || one.min(other) > 0.2 * one.max(other)
     }
 
     /// Returns where the sphere comes to rest if it starts at `place`, or `None` if it rests there
