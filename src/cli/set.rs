@@ -131,7 +131,8 @@ mod tests {
         for (text, count) in [
             (format!("{spring}2\ndamping = 0.02\n"), 0),
             (format!("{spring}2\ndamping = 20\n"), 1),
-            (format!("{spring}2\ndamping = 2\n{honey}"), 1),
+            // Each of the two dampings is named.
+            (format!("{spring}2\ndamping = 2\n{honey}"), 2),
             (format!("{spring}30\n"), 1),
             (format!("{spring}{matrix}"), 1),
             (format!("{spring}{matrix}{air}"), 0),
