@@ -16,7 +16,7 @@ const DT: f64 = 1.0e-3;
 /// Durations for which the sphere is held still, s, the longest first.
 const STILL_S: [f64; 3] = [12.0, 2.5, 0.8];
 /// A curve that turns back more often than this would be drawn as a band.
-const MOST_TURNS: usize = 40;
+const MOST_TURNS: usize = 30;
 /// Number of points of a curve against time.
 const MOST_POINTS: usize = 2500;
 

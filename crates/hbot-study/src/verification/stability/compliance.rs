@@ -172,7 +172,8 @@ mod tests {
     fn a_border_lies_between_a_soft_and_a_stiff_spring() {
         for lead in [false, true] {
             assert!(!grows(1.0e5, lead, 1.0));
-            assert!(grows(1.0e4, lead, 15.0));
+            // Far above the border the swing reaches the torque limit before it is compared.
+            assert!(grows(1.0e4, lead, 12.0));
         }
         assert!(grows(1.0e6, false, 20.0) && !grows(1.0e6, true, 20.0));
     }

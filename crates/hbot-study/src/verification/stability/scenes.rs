@@ -186,13 +186,11 @@ fn effect(rng: &mut Rng, id: &str, kind: &str, schema: &Value) -> Value {
     effect.insert("kind".to_owned(), kind.into());
     for (name, property) in schema["properties"].as_object().into_iter().flatten() {
         let value = match name.as_str() {
-            "fade_s" | "fade_out_s" | "file" | "points" | "path" | "fire" | "orientations" | "set"
-            // A knock ends by itself, and no warning is another with it.
-            | "knock" | "knock_amplitude" | "knock_frequency" | "knock_decay_s" => {
+            "fade_s" | "fade_out_s" | "file" | "points" | "path" | "fire" | "orientations" | "set" => {
                 continue;
             }
-            // A knock gives out energy on purpose.
-            _ if name.starts_with("knock") => continue,
+            // A knock ends by itself, and each warning is the same with and without it.
+            "knock" | "knock_amplitude" | "knock_frequency" | "knock_decay_s" => continue,
             "anchor" => json!("absolute"),
             "reference" if rng.unit() < 0.5 => continue,
             "reference" => {
