@@ -140,7 +140,9 @@ def energy_outside(folder: Path, edits: dict[str, str]) -> float:
 
 def test_far_outside_it_swings_and_the_energy_bound_holds_it(tmp_path: Path) -> None:
     # Unstable: many times what the tap puts in, 0.1 mJ.
-    assert energy_outside(tmp_path / "off", {"passivity = true": "passivity = false"}) > 10 * ALLOWANCE
+    assert (
+        energy_outside(tmp_path / "off", {"passivity = true": "passivity = false"}) > 10 * ALLOWANCE
+    )
     bound = energy_outside(tmp_path / "on", {"passivity = true": "passivity = { strict = true }"})
     # The controller predicts the energy of a tick from the rate of the one before, so it can err
     # by some of the energy of a tick.
