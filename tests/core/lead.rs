@@ -1,7 +1,9 @@
 //! The lead: the scene is rendered at the pose that the sphere will have when the torque acts.
 
 use crate::bench::{Bench, DT, altered, effect, rig, spring, spring_scene};
-use hbot_core::effects::{Anchor, Detents, Effect, Kind, Span, Target, Texture, Track, TrackPath};
+use hbot_core::effects::{
+    Anchor, Constant, Detents, Effect, Frame, Kind, Span, Target, Texture, Track, TrackPath,
+};
 use hbot_core::inputs::{Command, Stamp};
 use hbot_core::mode::Mode;
 use hbot_core::outputs::State;
@@ -372,4 +374,26 @@ fn what_is_replayed_has_the_same_bits() {
     (copy.scene, copy.sphere, copy.tick) = (bench.scene.clone(), bench.sphere.clone(), bench.tick);
     let inputs = bench.inputs();
     assert_eq!(bench.controller.tick(&bench.scene, &inputs), copy.controller.tick(&copy.scene, &inputs));
+}
+
+/// A scene that pulls less than the one before it is no fall: the torque follows the fade, and does
+/// not dip when the fade is over.
+#[test]
+fn a_change_of_scene_is_no_fall() {
+    let rig = altered(&led(), |rig| rig.limits.torque_rate = 200.0);
+    let pull = |epoch: u32, torque: f64| {
+        let kind = Kind::Constant(Constant { torque: Vec3::Y * torque, frame: Frame::World });
+        let faded = Effect { fade_s: 0.05, ..effect(3, epoch, kind) };
+        CompiledScene::new(u64::from(epoch), &[faded]).unwrap()
+    };
+    let mut bench = Bench::active(rig, pull(1, 1.2));
+    let mut before = bench.run(1000).state.torque.y;
+    assert!((before - 1.2).abs() < 1.0e-9, "{before}");
+    bench.scene = pull(2, 0.4);
+    for tick in 0..300 {
+        let torque = bench.step().state.torque.y;
+        assert!((torque - before).abs() < 0.1, "{tick}: {before} to {torque} N m");
+        before = torque;
+    }
+    assert!((before - 0.4).abs() < 1.0e-9, "{before}");
 }

@@ -16,6 +16,12 @@ use crate::messages::hbot::{Exact as Message, Tick};
 /// Number of the private topic's format and of the control law that it records. It is raised when
 /// the types of hbot-core change, or when the same inputs give other outputs.
 pub const FORMAT: u32 = 4;
+/// The oldest format that replays. The state of the control law has fields at its end that a
+/// recording of this format lacks. With all of their bits zero the law is that of the recording.
+pub const OLDEST: u32 = 3;
+
+/// More bytes than the fields take that the state of the control law has gained since [`OLDEST`].
+const GAINED: usize = 4096;
 
 /// One record of the private topic.
 #[derive(Debug, Clone)]
@@ -65,6 +71,13 @@ fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Error> {
     if rest.is_empty() { Ok(value) } else { Err(postcard::Error::SerdeDeCustom) }
 }
 
+/// Reads a state of the control law to whose end fields were added after it was stored.
+fn read_older(bytes: &[u8]) -> Result<Controller, postcard::Error> {
+    let padded = [bytes, &[0; GAINED]].concat();
+    let (value, rest) = postcard::take_from_bytes(&padded)?;
+    if rest.len() <= GAINED { Ok(value) } else { Err(postcard::Error::SerdeDeCustom) }
+}
+
 /// Returns the stored form of the inputs and outputs of a tick.
 #[must_use]
 pub(crate) fn of_tick(inputs: &Inputs, outputs: &Outputs) -> Vec<u8> {
@@ -104,18 +117,29 @@ fn message(tick: u64, record: Record) -> Vec<u8> {
 }
 
 impl Exact {
-    /// Reads a record from its stored form.
+    /// Reads a record of this format from its stored form.
     ///
     /// # Errors
     /// Fails if the record is not one of this format.
     pub fn read(data: &[u8]) -> Result<Self, Unreadable> {
+        Self::read_from(FORMAT, data)
+    }
+
+    /// Reads a record of the format `format`, [`OLDEST`] to [`FORMAT`], from its stored form.
+    ///
+    /// # Errors
+    /// Fails if the record is not one of that format.
+    pub fn read_from(format: u32, data: &[u8]) -> Result<Self, Unreadable> {
         Ok(match Message::decode(data)?.record.ok_or(Unreadable::Unknown)? {
             Record::Run(Tick { inputs, outputs }) => Self::Tick(Box::new((read(&inputs)?, read(&outputs)?))),
             Record::Scene(scene) => {
                 let Scene { revision, effects, numbers } = read(&scene)?;
                 Self::Scene(Box::new(CompiledScene::with_numbers(revision, &effects, &numbers)?))
             }
-            Record::Controller(controller) => Self::Controller(Box::new(read(&controller)?)),
+            Record::Controller(controller) => Self::Controller(Box::new(match format {
+                FORMAT => read(&controller)?,
+                _ => read_older(&controller)?,
+            })),
             Record::LostTicks(ticks) => Self::Lost(ticks),
         })
     }

@@ -7,7 +7,7 @@ use hbot_core::effects::Effect;
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
 
 use crate::difference;
-use crate::exact::{self, Exact, FORMAT, same_bits};
+use crate::exact::{self, Exact, FORMAT, OLDEST, same_bits};
 use crate::reader::{Item, ReadError, Reader};
 use crate::topic::Topic;
 
@@ -22,7 +22,7 @@ pub enum ReplayError {
     Foreign,
     /// The recording is of another version, whose control law may compute other bits.
     #[error(
-        "recorded by hbot {version} in format {format}; this is hbot {}, which replays format {FORMAT}: replay it with that version",
+        "recorded by hbot {version} in format {format}; this is hbot {}, which replays the formats {OLDEST} to {FORMAT}: replay it with that version",
         env!("CARGO_PKG_VERSION")
     )]
     Version {
@@ -119,6 +119,8 @@ pub struct Replayed<'a> {
 pub struct Replay<R> {
     reader: Reader<R>,
     about: BTreeMap<String, String>,
+    /// The format of the recording.
+    format: u32,
     /// State of the control law. `None` while it is unknown.
     controller: Option<Box<Controller>>,
     scene: Option<Box<CompiledScene>>,
@@ -145,9 +147,10 @@ impl<R: Read + Seek> Replay<R> {
             }
         };
         let entry = |key: &str| about.get(key).cloned().unwrap_or_else(|| "unknown".to_owned());
-        if entry("format") != FORMAT.to_string() {
+        let Some(format) = entry("format").parse().ok().filter(|format| (OLDEST..=FORMAT).contains(format))
+        else {
             return Err(ReplayError::Version { version: entry("version"), format: entry("format") });
-        }
+        };
         // Only `hbot record` writes the one entry, and only `hbot replay --scene` the other.
         if about.contains_key("server") {
             return Err(ReplayError::OverTcp);
@@ -155,7 +158,7 @@ impl<R: Read + Seek> Replay<R> {
         if about.contains_key("other_scene") {
             return Err(ReplayError::OfReplay);
         }
-        Ok(Self { reader, about, controller: None, scene: None, other, unknown: 0, report })
+        Ok(Self { reader, about, format, controller: None, scene: None, other, unknown: 0, report })
     }
 
     /// Returns the metadata of the recording.
@@ -195,7 +198,7 @@ impl<R: Read + Seek> Replay<R> {
                     break;
                 }
             };
-            match Exact::read(&data) {
+            match Exact::read_from(self.format, &data) {
                 Ok(Exact::Tick(tick)) if tick.0.tick > to => break,
                 Ok(Exact::Tick(tick)) => {
                     let wanted = tick.0.tick >= from;

@@ -7,6 +7,7 @@ use crate::count::{Any, Count};
 use crate::device::MAX_JOINTS;
 use crate::effects::Motion;
 use crate::fades::Fades;
+use crate::falling::Falling;
 use crate::kinematics::torque_of;
 use crate::mode::Mode;
 use crate::passivity::Moment;
@@ -123,6 +124,7 @@ impl Controller {
             if let Some(lead) = &mut self.lead {
                 lead.rest();
             }
+            self.falling = self.falling.map(|_| Falling::NONE);
             self.last_asked = Vec3::ZERO;
             self.carried = 0.0;
             if let Some(guard) = &mut self.guard {
@@ -146,6 +148,8 @@ impl Controller {
         let gain = self.machine.gain * self.shaking.gain();
         let before = before.map(|before| before * gain);
         let asked = if self.fades == Fades::Running {
+            // The torque of another scene tells nothing of the fall of this one's.
+            self.falling = self.falling.map(|_| Falling::NONE);
             self.rendered_fading(scene, tick, dt, before)
         } else {
             let moment = self.moment(tick, dt);
