@@ -241,9 +241,6 @@ pub struct LoopInfo {
     /// Time by which the scene is rendered ahead of its reading, s.
     #[serde(serialize_with = "finite::scalar")]
     pub lead_s: f64,
-    /// Time by which the limit on the torque's rate of change delays the torque, s.
-    #[serde(serialize_with = "finite::scalar")]
-    pub slew_s: f64,
     /// Time constant of the filter of the motor controllers' encoders, s. 0 for none.
     #[serde(serialize_with = "finite::scalar")]
     pub rate_lag_s: f64,

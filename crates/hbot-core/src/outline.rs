@@ -79,7 +79,7 @@ pub enum Outline<'a> {
 /// Angles about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Angles<'a> {
-    /// So many, evenly spaced around a turn, with the first at angle 0.
+    /// This number of angles, evenly spaced around a turn. The first is 0.
     Even(u16),
     /// These angles, rad, in ascending order. They can cover many turns.
     At(&'a [Real]),

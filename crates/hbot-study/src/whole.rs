@@ -3,9 +3,9 @@
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::{Command, Commands, Inputs, JointReadings};
 use hbot_core::outputs::{Drive, Outputs};
-use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
+use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Vec3, rotation};
 use hbot_sim::exchange::Exchange;
-use hbot_sim::phenomena::Phenomena;
+use hbot_sim::phenomena::{Motor, Phenomena};
 use hbot_sim::plant::PlantState;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::Value;
@@ -37,6 +37,21 @@ pub(crate) struct Whole {
     period_ns: u64,
 }
 
+/// Duration of the soft start, s, after which the loop gives its full torque.
+const START_S: f64 = 0.6;
+
+/// Returns ideal motors that follow their commands with the lag `lag_s`, s: no loss, and no limit
+/// of speed or heat in reach.
+pub(crate) const fn motor(lag_s: f64) -> Motor {
+    Motor {
+        lag_s,
+        torque_scale: 1.0,
+        steer_no_load_rate: 1.0e5,
+        drive_no_load_rate: 1.0e5,
+        thermal_time_s: 1.0e5,
+    }
+}
+
 impl Whole {
     /// Creates the loop at time 0. The simulated rig has the configuration `config` and the
     /// phenomena `phenomena`, and starts in the state `start`. `scene` is a scene file as JSON.
@@ -53,6 +68,30 @@ impl Whole {
     ) -> Self {
         let simulated = SimulatedConfig { start, phenomena, ..SimulatedConfig::new(&config.rig) };
         Self::simulated(config, scene, &simulated)
+    }
+
+    /// Lets the soft start end, and gives the sphere the angular velocity `omega`, rad/s. Returns the
+    /// energy of the swing on a spring of `stiffness`, N m/rad, in each fifth of the next `watch_s`
+    /// seconds, J times ticks.
+    ///
+    /// The sphere exchanges energy between its axes, with the spring and with parts that give way, so
+    /// the energy of all of them is summed. Its ripple within a swing averages out over a fifth.
+    pub(crate) fn swung(&mut self, omega: Vec3, stiffness: f64, watch_s: f64) -> [f64; 5] {
+        for _ in 0..self.ticks(START_S) {
+            self.step(None);
+        }
+        let state = PlantState { omega, ..*self.rig().state() };
+        self.rig_mut().set_state(state);
+        let part = self.ticks(watch_s / 5.0);
+        [(); 5].map(|()| {
+            let energy = (0..part).map(|_| {
+                self.step(None);
+                let state = self.rig().state();
+                let turned = rotation::log(state.q).length_squared();
+                self.rig().dynamics().energy(state) + 0.5 * stiffness * turned
+            });
+            energy.sum::<f64>()
+        })
     }
 
     /// Creates the loop as [`with`](Self::with) does, with any settings of the simulated rig.

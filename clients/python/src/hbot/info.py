@@ -150,8 +150,6 @@ class Loop:
     """Time constant with which the torque follows its command, s."""
     lead_s: float
     """Time by which the scene is rendered ahead of its reading, s."""
-    slew_s: float
-    """Time by which the limit on the torque's rate of change delays the torque, s."""
     rate_lag_s: float
     """Time constant of the filter of the motor controllers' encoders, s. 0 for none."""
     rate_weights: tuple[float, ...]

@@ -62,7 +62,6 @@ impl StiffnessBound {
                 let late = 1.5 * rig.timing.period_s() + config.torque_lag;
                 (lead.factor * late).min(lead.longest)
             }),
-            slew: 0.0,
             rate_lag: config.rate_lag,
             taps,
             inertia,

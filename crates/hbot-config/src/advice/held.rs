@@ -292,7 +292,6 @@ mod tests {
                 delay: 1,
                 lag: 5.0e-4,
                 lead: 0.0,
-                slew: 0.0,
                 rate_lag: 0.0,
                 taps: Vec::new(),
                 inertia: Vec3::splat(3.4e-3),

@@ -23,12 +23,11 @@ impl From<&InfoOk> for Told {
 
 impl From<LoopInfo> for ToldLoop {
     fn from(info: LoopInfo) -> Self {
-        let LoopInfo { delay_ticks, lag_s, lead_s, slew_s, rate_lag_s, rate_weights, inertia, axes } = info;
+        let LoopInfo { delay_ticks, lag_s, lead_s, rate_lag_s, rate_weights, inertia, axes } = info;
         Self {
             delay: delay_ticks,
             lag: lag_s,
             lead: lead_s,
-            slew: slew_s,
             rate_lag: rate_lag_s,
             taps: rate_weights,
             inertia,
@@ -39,12 +38,11 @@ impl From<LoopInfo> for ToldLoop {
 
 impl From<ToldLoop> for LoopInfo {
     fn from(told: ToldLoop) -> Self {
-        let ToldLoop { delay, lag, lead, slew, rate_lag, taps, inertia, axes } = told;
+        let ToldLoop { delay, lag, lead, rate_lag, taps, inertia, axes } = told;
         Self {
             delay_ticks: delay,
             lag_s: lag,
             lead_s: lead,
-            slew_s: slew,
             rate_lag_s: rate_lag,
             rate_weights: taps,
             inertia,

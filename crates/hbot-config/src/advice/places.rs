@@ -101,8 +101,8 @@ impl Judge {
         all
     }
 
-    /// Returns whether the stiffness at `place`, if there is one, acts in both directions. From the
-    /// edge of a wall a free sphere leaves, and the wall has places of its own.
+    /// Returns whether the stiffness at `place`, if there is one, acts in both directions. At the
+    /// edge of a wall it acts in one: a free sphere leaves it. Walls are judged at their own places.
     fn is_held(&self, scene: &CompiledScene, place: &Place) -> bool {
         let (sizes, axes) = principal(&self.around(scene, place, SPEEDS[0]).1.stiffness);
         let axis = axes.col(sizes.max_position());

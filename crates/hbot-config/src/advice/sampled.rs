@@ -48,8 +48,6 @@ pub struct Sampled {
     pub lag: f64,
     /// Time by which the scene is rendered ahead of its reading, s: 0 without a lead.
     pub lead: f64,
-    /// Time by which the slew limit delays the torque in addition, s.
-    pub slew: f64,
     /// Time constant 2/w of the filter of the motor controllers' encoders, s: a phase-locked loop
     /// with critical damping and the bandwidth w (rad/s), which filters angle and rate. 0 for none.
     pub rate_lag: f64,
@@ -125,7 +123,6 @@ mod tests {
             delay: 1,
             lag,
             lead,
-            slew: 0.0,
             rate_lag: 0.0,
             taps: Vec::new(),
             inertia: Vec3::splat(J),

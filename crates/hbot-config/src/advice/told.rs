@@ -35,8 +35,6 @@ pub struct ToldLoop {
     pub lag: f64,
     /// [`Sampled::lead`], s.
     pub lead: f64,
-    /// [`Sampled::slew`], s.
-    pub slew: f64,
     /// [`Sampled::rate_lag`], s.
     pub rate_lag: f64,
     /// [`Sampled::taps`], 1/s.
@@ -51,17 +49,17 @@ impl ToldLoop {
     /// Returns the numbers of `sampled` that a server tells.
     #[must_use]
     pub fn of(sampled: &Sampled) -> Self {
-        let Sampled { period: _, delay, lag, lead, slew, rate_lag, taps, inertia, axes } = sampled;
+        let Sampled { period: _, delay, lag, lead, rate_lag, taps, inertia, axes } = sampled;
         let (inertia, axes) = (inertia.to_array(), axes.to_cols_array_2d());
         let taps = taps.clone();
-        Self { delay: *delay, lag: *lag, lead: *lead, slew: *slew, rate_lag: *rate_lag, taps, inertia, axes }
+        Self { delay: *delay, lag: *lag, lead: *lead, rate_lag: *rate_lag, taps, inertia, axes }
     }
 
     /// Returns the loop at `rate_hz` ticks per second. `None` if the numbers describe none: a rate
     /// or an inertia that is not above 0, a time below 0, or a number that is not finite.
     fn at_rate(self, rate_hz: u32) -> Option<Sampled> {
-        let Self { delay, lag, lead, slew, rate_lag, taps, inertia, axes } = self;
-        let times = [lag, lead, slew, rate_lag].into_iter().all(|x| x >= 0.0 && x.is_finite());
+        let Self { delay, lag, lead, rate_lag, taps, inertia, axes } = self;
+        let times = [lag, lead, rate_lag].into_iter().all(|x| x >= 0.0 && x.is_finite());
         let inertias = inertia.iter().all(|x| *x > 0.0 && x.is_finite());
         let others = axes.as_flattened().iter().chain(&taps).all(|x| x.is_finite());
         (rate_hz > 0 && times && inertias && others).then(|| Sampled {
@@ -69,7 +67,6 @@ impl ToldLoop {
             delay,
             lag,
             lead,
-            slew,
             rate_lag,
             taps,
             inertia: Vec3::from_array(inertia),

@@ -55,7 +55,7 @@ fn info_keeps_its_names_their_order_and_types() {
                     enable_max_angle: real, align_rate: real, reference_rate: real, max_age_ticks: whole
                 }},
                 render: {{inertia: real, damping: real, stiffness_stable: real, stiffness_most: real, damping_most: real, rate_pick: null,
-                    loop: {{delay_ticks: whole, lag_s: real, lead_s: real, slew_s: real, rate_lag_s: real, rate_weights: [],
+                    loop: {{delay_ticks: whole, lag_s: real, lead_s: real, rate_lag_s: real, rate_weights: [],
                         inertia: [real], axes: [[real]]}}
                 }},
                 accuracy: text, on_client_lost: text,

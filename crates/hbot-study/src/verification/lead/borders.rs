@@ -3,18 +3,18 @@
 
 use hbot_config::RigConfig;
 use hbot_config::advice::{HOLDS, Hold, Sampled, Scene, StiffnessBound};
-use hbot_core::{Mat3, Vec3, rotation};
+use hbot_core::{Mat3, Vec3};
 use hbot_plot::short;
 use hbot_sim::phenomena::{Hand, Phenomena};
 use hbot_sim::plant::{Plant, PlantState};
 use hbot_sim::rig::SimulatedConfig;
 use serde_json::{Value, json};
 
-use super::{DAMPING, motor};
+use super::DAMPING;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::verification::stability::lag::{spectral_radius, step};
-use crate::whole::{Whole, prototype, scene_of};
+use crate::whole::{Whole, motor, prototype, scene_of};
 
 /// Rates of the loop, Hz, and lags of the motors, s.
 const LOOPS: [(u32, f64); 3] = [(1000, 5.0e-4), (1000, 1.0e-4), (4000, 5.0e-4)];
@@ -25,8 +25,6 @@ const WITHIN: f64 = 0.03;
 const MAX_STEP_NS: u64 = 50_000;
 /// Largest stiffness of a spring, N m/rad.
 const STIFFEST: f64 = 1000.0;
-/// Duration of the soft start, s, after which the loop gives its full torque.
-const START_S: f64 = 0.6;
 /// Time for which a swing is observed, s.
 const WATCH_S: f64 = 2.0;
 /// Torque of the first swing, N m: far below the torque limit, and so slow that the slew limit does
@@ -153,23 +151,9 @@ impl Case {
             ..Phenomena::default()
         };
         let mut whole = whole(&self.config, scene, phenomena, MAX_STEP_NS);
-        for _ in 0..whole.ticks(START_S) {
-            whole.step(None);
-        }
         let held = stiffness + grip;
         let omega = Vec3::X * (THROWN / libm::sqrt(held * (self.sampled.inertia.x + inertia)));
-        let state = PlantState { omega, ..*whole.rig().state() };
-        whole.rig_mut().set_state(state);
-        let part = whole.ticks(WATCH_S / 5.0);
-        let energies: [f64; 5] = [(); 5].map(|()| {
-            let energy = (0..part).map(|_| {
-                whole.step(None);
-                let state = whole.rig().state();
-                let turned = rotation::log(state.q).length_squared();
-                whole.rig().dynamics().energy(state) + 0.5 * stiffness * turned
-            });
-            energy.sum::<f64>()
-        });
+        let energies = whole.swung(omega, stiffness, WATCH_S);
         libm::log(energies[4] / energies[0]) / (2.0 * 0.8 * WATCH_S)
     }
 }

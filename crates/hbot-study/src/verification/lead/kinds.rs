@@ -11,8 +11,8 @@ use hbot_plot::short;
 use hbot_sim::phenomena::{Hand, Phenomena};
 use serde_json::json;
 
+use super::FACTOR;
 use super::borders::{rig, whole};
-use super::{FACTOR, motor};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
@@ -65,7 +65,7 @@ fn rests(scene: &CompiledScene, factor: f64, hand: Option<Hand>) -> bool {
 /// the tap `tap`. It is infinite if the rig faults.
 fn swing(scene: &CompiledScene, factor: f64, hand: Option<Hand>, tap: Vec3) -> f64 {
     let config = rig(1000, LAG, factor);
-    let phenomena = Phenomena { motor: Some(motor(LAG)), hand, ..Phenomena::default() };
+    let phenomena = Phenomena { motor: Some(crate::whole::motor(LAG)), hand, ..Phenomena::default() };
     let empty = json!({"name": "study", "effect": []});
     let mut whole = whole(&config, empty, phenomena, 250_000);
     whole.load(scene.clone());

@@ -8,8 +8,6 @@ mod kinds;
 mod plane;
 mod wall;
 
-use hbot_sim::phenomena::Motor;
-
 use crate::context::{Context, Interrupted};
 use crate::report::Report;
 
@@ -33,16 +31,4 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     felt::study(&mut report);
     kinds::study(context, &mut report)?;
     Ok(report)
-}
-
-/// Returns ideal motors that follow their commands with the lag `lag_s`, s: no loss, and no limit
-/// of speed or heat in reach.
-fn motor(lag_s: f64) -> Motor {
-    Motor {
-        lag_s,
-        torque_scale: 1.0,
-        steer_no_load_rate: 1.0e5,
-        drive_no_load_rate: 1.0e5,
-        thermal_time_s: 1.0e5,
-    }
 }

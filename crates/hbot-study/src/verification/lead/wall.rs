@@ -5,8 +5,8 @@ use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::PlantState;
 use serde_json::json;
 
+use super::FACTOR;
 use super::borders::{rig, whole};
-use super::{FACTOR, motor};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 
@@ -31,7 +31,7 @@ fn gain(factor: f64, stiffness: f64, speed: f64, phase: f64) -> f64 {
         "stiffness": stiffness, "damping": 0, "fade_s": 0,
     }]});
     let config = rig(1000, LAG, factor);
-    let phenomena = Phenomena { motor: Some(motor(LAG)), ..Phenomena::default() };
+    let phenomena = Phenomena { motor: Some(crate::whole::motor(LAG)), ..Phenomena::default() };
     let mut whole = whole(&config, scene, phenomena, 100_000);
     for _ in 0..whole.ticks(0.55) {
         whole.step(None);

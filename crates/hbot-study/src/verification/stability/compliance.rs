@@ -1,16 +1,16 @@
 //! Parts that give way between motors and sphere: where they end the stiffness of a spring, without
 //! and with the lead.
 
-use hbot_core::{Vec3, rotation};
+use hbot_core::Vec3;
 use hbot_plot::short;
-use hbot_sim::phenomena::{Compliance, Motor, Phenomena};
+use hbot_sim::phenomena::{Compliance, Phenomena};
 use hbot_sim::plant::PlantState;
 use serde_json::json;
 
 use super::search::bisected;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
-use crate::whole::{Whole, prototype};
+use crate::whole::{Whole, motor, prototype};
 
 /// Stiffnesses of each contact, N/m. The first is that of rigid parts.
 const CONTACTS: [f64; 6] = [1.0e9, 1.0e6, 3.0e5, 1.0e5, 3.0e4, 1.0e4];
@@ -20,8 +20,6 @@ const DAMPING: f64 = 0.01;
 const LAG_S: f64 = 5.0e-4;
 /// How many times as fine the encoders are as the prototype's.
 const FINER: u32 = 256;
-/// Duration of the soft start, s, after which the loop gives its full torque.
-const START_S: f64 = 0.6;
 /// Time for which the sphere is observed after a tap, s.
 const WATCH_S: f64 = 1.5;
 /// Angular velocity of the tap, rad/s. The torques stay far below their limits.
@@ -57,33 +55,10 @@ fn grows(contact: f64, lead: bool, stiffness: f64) -> bool {
     let scene = json!({"name": "study", "effect": [
         {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": DAMPING, "fade_s": 0}
     ]});
-    let ideal = Motor {
-        lag_s: LAG_S,
-        torque_scale: 1.0,
-        steer_no_load_rate: 1.0e5,
-        drive_no_load_rate: 1.0e5,
-        thermal_time_s: 1.0e5,
-    };
     let phenomena =
-        Phenomena { motor: Some(ideal), compliance: Some(parts(contact)), ..Phenomena::default() };
+        Phenomena { motor: Some(motor(LAG_S)), compliance: Some(parts(contact)), ..Phenomena::default() };
     let mut whole = Whole::new(&config, scene, phenomena, PlantState::default());
-    for _ in 0..whole.ticks(START_S) {
-        whole.step(None);
-    }
-    let state = PlantState { omega: TAP, ..*whole.rig().state() };
-    whole.rig_mut().set_state(state);
-    // A swing exchanges energy with the parts that give way. So the mean over a fifth of the time
-    // is compared with that of a fifth before.
-    let part = whole.ticks(WATCH_S / 5.0);
-    let energies: [f64; 5] = [(); 5].map(|()| {
-        let energy = (0..part).map(|_| {
-            whole.step(None);
-            let state = whole.rig().state();
-            let turned = rotation::log(state.q).length_squared();
-            whole.rig().dynamics().energy(state) + 0.5 * stiffness * turned
-        });
-        energy.sum::<f64>()
-    });
+    let energies = whole.swung(TAP, stiffness, WATCH_S);
     // Also true for an energy that is not a number, and after a fault.
     !(energies[4] < energies[2]) || !whole.is_active()
 }

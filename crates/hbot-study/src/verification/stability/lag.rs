@@ -2,16 +2,16 @@
 //! by the eigenvalues of the sampled loop, and of the whole loop, for nine rigs.
 
 use hbot_config::{Override, RigConfig};
-use hbot_core::{Vec3, rotation};
+use hbot_core::Vec3;
 use hbot_plot::short;
-use hbot_sim::phenomena::{Motor, Phenomena};
+use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::{Plant, PlantState};
 use serde_json::json;
 
 use super::micro;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
-use crate::whole::Whole;
+use crate::whole::{Whole, motor};
 
 /// Rig files whose loops are simulated, each with its name in the report.
 const FILES: [(&str, &str); 3] = [
@@ -26,8 +26,6 @@ const SETTINGS: [(u32, f64); 3] = [(500, 5.0e-4), (1000, 5.0e-4), (2000, 1.0e-3)
 const DAMPING: f64 = 0.005;
 /// Largest allowed relative difference between any two of the three stability limits.
 const WITHIN: f64 = 0.01;
-/// Duration of the soft start, s, after which the loop gives its full torque.
-const START_S: f64 = 0.6;
 /// Time for which a swing is observed, s.
 const WATCH_S: f64 = 4.0;
 /// Amplitude of the initial swing, rad. The torques stay below a sixth of their limit.
@@ -94,34 +92,10 @@ impl Case {
         let scene = json!({"name": "study", "effect": [
             {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": DAMPING, "fade_s": 0}
         ]});
-        // Ideal motors except for the lag: no loss, and no limit of speed or heat in reach.
-        let motor = Motor {
-            lag_s: self.lag,
-            torque_scale: 1.0,
-            steer_no_load_rate: 1.0e5,
-            drive_no_load_rate: 1.0e5,
-            thermal_time_s: 1.0e5,
-        };
-        let phenomena = Phenomena { motor: Some(motor), ..Phenomena::default() };
+        let phenomena = Phenomena { motor: Some(motor(self.lag)), ..Phenomena::default() };
         let mut whole = Whole::new(&self.config, scene, phenomena, PlantState::default());
-        for _ in 0..whole.ticks(START_S) {
-            whole.step(None);
-        }
         let omega = Vec3::X * (THROWN * libm::sqrt(stiffness / self.inertia()));
-        let state = PlantState { omega, ..*whole.rig().state() };
-        whole.rig_mut().set_state(state);
-        // The sphere exchanges energy between its axes and with the spring, so the energy of all of
-        // them is compared. Its ripple within a swing averages out over a fifth of the time.
-        let part = whole.ticks(WATCH_S / 5.0);
-        let energies: [f64; 5] = [(); 5].map(|()| {
-            let energy = (0..part).map(|_| {
-                whole.step(None);
-                let state = whole.rig().state();
-                let turned = rotation::log(state.q).length_squared();
-                whole.rig().dynamics().energy(state) + 0.5 * stiffness * turned
-            });
-            energy.sum::<f64>()
-        });
+        let energies = whole.swung(omega, stiffness, WATCH_S);
         // An energy grows at twice the rate of its swing.
         libm::log(energies[4] / energies[0]) / (2.0 * 0.8 * WATCH_S)
     }

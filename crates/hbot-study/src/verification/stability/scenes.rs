@@ -15,7 +15,7 @@ use serde_json::{Map, Value, json};
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
 use crate::rng::Rng;
-use crate::whole::{Whole, prototype};
+use crate::whole::{Whole, motor, prototype};
 
 /// Number of scenes that are tried, in the whole study and in the short one.
 const SCENES: [u64; 2] = [10_000, 60];
@@ -70,13 +70,7 @@ impl Trial {
         config.torque_lag = lag_s;
         let judge = Abilities::of(&config).judge;
         let judge = judge.unwrap_or_else(|| unreachable!("the prototype's inertias are possible"));
-        let motor = Motor {
-            torque_scale: 1.0,
-            lag_s,
-            steer_no_load_rate: 1.0e5,
-            drive_no_load_rate: 1.0e5,
-            thermal_time_s: 1.0e5,
-        };
+        let motor = motor(lag_s);
         let all = kinds();
         let count = 1 + (rng.unit() * 8.0 * rng.unit()) as usize;
         let effects: Vec<Value> = (0..count)
