@@ -70,12 +70,12 @@ impl Whole {
         Self::simulated(config, scene, &simulated)
     }
 
-    /// Lets the soft start end, and gives the sphere the angular velocity `omega`, rad/s. Returns the
-    /// energy of the swing on a spring of `stiffness`, N m/rad, in each fifth of the next `watch_s`
-    /// seconds, J times ticks.
+    /// Lets the soft start end, and gives the sphere the angular velocity `omega`, rad/s. Returns
+    /// the energy of the swing on a spring of `stiffness`, N m/rad, in each fifth of the next
+    /// `watch_s` seconds, J times ticks.
     ///
-    /// The sphere exchanges energy between its axes, with the spring and with parts that give way, so
-    /// the energy of all of them is summed. Its ripple within a swing averages out over a fifth.
+    /// The sphere exchanges energy between its axes, with the spring and with parts that give way,
+    /// so the energy of all of them is summed. Its ripple within a swing averages out over a fifth.
     pub(crate) fn swung(&mut self, omega: Vec3, stiffness: f64, watch_s: f64) -> [f64; 5] {
         for _ in 0..self.ticks(START_S) {
             self.step(None);

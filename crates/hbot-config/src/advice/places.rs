@@ -102,7 +102,8 @@ impl Judge {
     }
 
     /// Returns whether the stiffness at `place`, if there is one, acts in both directions. At the
-    /// edge of a wall it acts in one: a free sphere leaves it. Walls are judged at their own places.
+    /// edge of a wall it acts in one: a free sphere leaves it. Walls are judged at their own
+    /// places.
     fn is_held(&self, scene: &CompiledScene, place: &Place) -> bool {
         let (sizes, axes) = principal(&self.around(scene, place, SPEEDS[0]).1.stiffness);
         let axis = axes.col(sizes.max_position());
