@@ -9,11 +9,11 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use hbot_config::scene::kinds;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::effects::Motion;
+use hbot_core::design::rig::Limits;
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
-use hbot_core::mode::Mode;
 use hbot_core::render::Renderer;
-use hbot_core::rig::Limits;
+use hbot_core::render::effects::Motion;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, Vec3, rotation};
 use serde_json::{Value, json};
 

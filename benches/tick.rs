@@ -16,18 +16,18 @@ macro_rules! width {
     ($name:ident, $core:ident, $real:ty) => {
         mod $name {
             use $core::allocation::{JointLimits, allocate};
-            use $core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
-            use $core::impedance::{geodesic_law, quaternion_law};
-            use $core::inputs::{Command, Complaints, Inputs, JointReadings};
-            use $core::kinematics::Posture;
-            use $core::outputs::Outputs;
-            use $core::path::Trail;
-            use $core::rig::{
+            use $core::design::kinematics::Posture;
+            use $core::design::rig::{
                 EnergyLimit, Joint, Methods, OdometryMethod, PassivityLimit, PathFit, Rig, RigParts,
                 Traction, Zero,
             };
+            use $core::inputs::{Command, Complaints, Inputs, JointReadings};
+            use $core::motion::path::Trail;
+            use $core::outputs::Outputs;
+            use $core::render::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
+            use $core::render::impedance::{geodesic_law, quaternion_law};
             use $core::{
-                CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Vec3, WheelSpec, odometry,
+                CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Vec3, WheelSpec, motion::odometry,
                 rotation,
             };
 
@@ -124,7 +124,7 @@ macro_rules! width {
                     run();
                 }
                 let last = run();
-                assert_eq!(last.state.mode, $core::mode::Mode::Active);
+                assert_eq!(last.state.mode, $core::safety::mode::Mode::Active);
                 assert!(last.state.torque != Vec3::ZERO);
                 run
             }
@@ -179,7 +179,7 @@ macro_rules! width {
                             b.iter(|| black_box(&run()).state.torque);
                         });
                         // In any other mode a tick would take less time.
-                        assert_eq!(run().state.mode, $core::mode::Mode::Active, "{name}");
+                        assert_eq!(run().state.mode, $core::safety::mode::Mode::Active, "{name}");
                     }
                 }
                 group.finish();
@@ -277,7 +277,7 @@ criterion_group!(benches, whole, limits, stages);
 
 /// Returns the mean time of a tick in each of `repetitions` series of `ticks` ticks, ns, sorted.
 fn means(repetitions: usize, ticks: u32) -> Vec<f64> {
-    let mut run = double::active(double::rig(2, hbot_core::rig::Methods::BALANCED));
+    let mut run = double::active(double::rig(2, hbot_core::design::rig::Methods::BALANCED));
     let mut means: Vec<f64> = (0..repetitions)
         .map(|_| {
             let start = Instant::now();

@@ -14,9 +14,9 @@
 use std::error::Error;
 
 use hbot_config::RigConfig;
+use hbot_core::design::rig::Rig;
 use hbot_core::inputs::{Command, Inputs, Stamp};
 use hbot_core::outputs::State;
-use hbot_core::rig::Rig;
 use hbot_core::{CompiledScene, Controller, Vec3};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::phenomena::Hand;

@@ -10,9 +10,9 @@ use hbot_config::RigConfig;
 use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
 use hbot_config::rig::Port;
 use hbot_core::allocation::{JointLimits, capability};
-use hbot_core::kinematics::Posture;
-use hbot_core::rig::{Joint, Zero};
-use hbot_core::singularity::{
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::{Joint, Zero};
+use hbot_core::design::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
 use hbot_core::{Device, Vec3};

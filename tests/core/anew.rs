@@ -3,12 +3,12 @@
 
 use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene, stream};
 use crate::shaping::{ROUNDING, STEEPEST, WOUND};
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
+use hbot_core::design::rig::{OdometryMethod, PathFit, RateEstimate, Rig};
 use hbot_core::inputs::{Command, Complaints};
-use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::{Reply, State};
-use hbot_core::rig::{OdometryMethod, PathFit, RateEstimate, Rig};
-use hbot_core::{CompiledScene, Vec3, odometry, rotation};
+use hbot_core::safety::mode::{Cause, Mode};
+use hbot_core::{CompiledScene, Vec3, motion::odometry, rotation};
 
 /// Estimates that are computed from counts.
 const ESTIMATES: [RateEstimate; 4] = [

@@ -1,13 +1,13 @@
 //! A rig on a test bench: a sphere that turns as commanded, encoders that read it, and a
 //! controller.
 
-use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
-use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
+use hbot_core::design::device::{MAX_JOINTS, MAX_WHEELS};
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Traction, Zero};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
-use hbot_core::kinematics::Posture;
-use hbot_core::mode::Mode;
 use hbot_core::outputs::{Outputs, Reply};
-use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Traction, Zero};
+use hbot_core::render::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, rotation};
 use hbot_testing::prototype::device;
 

@@ -1,10 +1,10 @@
 //! Faults that build up over time: heat of the motors, and energy delivered to the hand.
 
 use crate::bench::{Bench, DT, FirstReply, altered, rig, spring_scene, stream};
+use hbot_core::design::rig::EnergyLimit;
 use hbot_core::inputs::Command;
-use hbot_core::mode::Cause;
 use hbot_core::outputs::Reply;
-use hbot_core::rig::EnergyLimit;
+use hbot_core::safety::mode::Cause;
 use hbot_core::{CompiledScene, Vec3};
 
 #[test]

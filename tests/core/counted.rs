@@ -1,10 +1,10 @@
 //! Counters over many ticks: damaged frames and energy, exactly at their limits.
 
 use crate::bench::{Bench, FirstReply, active, altered, rig, stream};
+use hbot_core::design::rig::EnergyLimit;
 use hbot_core::inputs::Command;
-use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
-use hbot_core::rig::EnergyLimit;
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{CompiledScene, Vec3};
 
 fn damaged(bench: &mut Bench, frames: u16) -> Option<Cause> {

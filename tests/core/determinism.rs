@@ -4,13 +4,13 @@
 use crate::bench::{altered, assert_finite, effect, rig, spring};
 use crate::rng::Rng;
 use crate::same_bits::double::hash::Hash;
-use hbot_core::device::MAX_JOINTS;
-use hbot_core::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, OnClientLost, Stamp};
-use hbot_core::mode::Mode;
-use hbot_core::rig::{
+use hbot_core::design::device::MAX_JOINTS;
+use hbot_core::design::rig::{
     AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, Traction,
 };
+use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, OnClientLost, Stamp};
+use hbot_core::render::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3, rotation};
 
 const TICKS: u64 = 100_000;

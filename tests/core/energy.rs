@@ -2,8 +2,8 @@
 //! (physics notes, section 9).
 
 use crate::bench::{Bench, DT, effect, rig, spring_scene};
-use hbot_core::effects::{Damper, Kind};
 use hbot_core::inputs::{Command, JointReadings};
+use hbot_core::render::effects::{Damper, Kind};
 use hbot_core::{CompiledScene, Mat3, Vec3, rotation};
 
 /// Moves the sphere along a closed path in `ticks` ticks. Returns the sum of the squared turns of

@@ -4,10 +4,10 @@
 use crate::bench::{Bench, DT, altered, effect, rig, stream};
 use crate::rng::Rng;
 use crate::shaping::ROUNDING;
-use hbot_core::effects::{Constant, Effect, Frame, Kind, Pendulum};
+use hbot_core::design::rig::Rig;
 use hbot_core::inputs::Command;
-use hbot_core::mode::Mode;
-use hbot_core::rig::Rig;
+use hbot_core::render::effects::{Constant, Effect, Frame, Kind, Pendulum};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Vec3};
 
 /// Torque limit of the prototype, N m.

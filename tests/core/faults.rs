@@ -4,8 +4,8 @@ use crate::bench::{Bench, FirstReply, active, altered, rig};
 use crate::rng::Rng;
 use hbot_core::CompiledScene;
 use hbot_core::inputs::Command;
-use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
+use hbot_core::safety::mode::{Cause, Mode};
 
 #[test]
 fn a_tick_is_too_late_above_20_ms_and_not_before() {

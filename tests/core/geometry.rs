@@ -2,9 +2,9 @@
 //! notes, sections 1 to 3).
 
 use crate::designs::device_and_steering;
-use hbot_core::device::DeviceError;
-use hbot_core::kinematics::Posture;
-use hbot_core::singularity::{Meeting, boundary_determinant, singular_values};
+use hbot_core::design::device::DeviceError;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::singularity::{Meeting, boundary_determinant, singular_values};
 use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_testing::prototype::wheels as prototype_wheels;
 use proptest::prelude::*;
@@ -79,7 +79,7 @@ fn an_axis_near_straight_down_still_makes_contact_frames() {
 /// The 32-bit version of the test above. Squares underflow sooner in 32 bits.
 #[test]
 fn an_axis_near_straight_down_still_makes_contact_frames_in_32_bits() {
-    use hbot_core_f32::{Device, Vec3, WheelSpec, kinematics::Posture};
+    use hbot_core_f32::{Device, Vec3, WheelSpec, design::kinematics::Posture};
     for axis in near_straight_down() {
         let [down, side] = [axis.as_vec3(), Vec3::X].map(|axis| WheelSpec {
             axis,

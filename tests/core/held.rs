@@ -3,9 +3,9 @@
 use crate::bench::{Bench, DT, TORQUE_RATE, altered, rig, rig_with_grip, stream};
 use crate::shaping::{ROUNDING, constant};
 use hbot_core::allocation::{ContactArms, traction};
+use hbot_core::design::rig::PassivityLimit;
 use hbot_core::inputs::Command;
-use hbot_core::mode::Mode;
-use hbot_core::rig::PassivityLimit;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Vec3};
 
 #[test]

@@ -2,10 +2,10 @@
 //! leave no trace after reset.
 
 use crate::bench::{Bench, FirstReply, rig, spring_scene};
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 use hbot_core::inputs::{Command, Inputs, Stamp};
-use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::{Refusal, Reply};
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{Quat, Vec3};
 
 const BAD: [f64; 9] =
@@ -85,7 +85,7 @@ fn works_again_in_place(mut bench: Bench, what: &str) {
     bench.scene = spring_scene(99, 0.0, Vec3::ZERO);
     bench.step();
     let q = bench.step().state.q;
-    let kind = crate::bench::spring(2.0, 0.0, q, hbot_core::effects::Anchor::Absolute);
+    let kind = crate::bench::spring(2.0, 0.0, q, hbot_core::render::effects::Anchor::Absolute);
     bench.scene = hbot_core::CompiledScene::new(100, &[crate::bench::effect(0, 100, kind)]).unwrap();
     bench.run(60);
     assert_eq!(bench.command(Command::Enable).reply(), Reply::Done, "{what}");

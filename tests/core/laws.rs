@@ -3,7 +3,7 @@
 
 use crate::designs::{impedance, orientation, vector};
 use crate::rng::Rng;
-use hbot_core::impedance::{
+use hbot_core::render::impedance::{
     Elastic, damper, first_order_law, geodesic_law, is_impedance, quaternion_law, rotation_vector,
 };
 use hbot_core::{Mat3, Quat, Vec3, rotation};

@@ -1,13 +1,13 @@
 //! The lead: the scene is rendered at the pose that the sphere will have when the torque acts.
 
 use crate::bench::{Bench, DT, altered, effect, rig, spring, spring_scene};
-use hbot_core::effects::{
+use hbot_core::design::rig::{LeadTime, Rig};
+use hbot_core::inputs::{Command, Stamp};
+use hbot_core::outputs::State;
+use hbot_core::render::effects::{
     Anchor, Constant, Detents, Effect, Frame, Kind, Span, Target, Texture, Track, TrackPath,
 };
-use hbot_core::inputs::{Command, Stamp};
-use hbot_core::mode::Mode;
-use hbot_core::outputs::State;
-use hbot_core::rig::{LeadTime, Rig};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 const FACTOR: f64 = 1.25;

@@ -2,11 +2,11 @@
 
 use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
 use crate::rng::Rng;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::Rig;
 use hbot_core::inputs::{Command, Inputs};
-use hbot_core::kinematics::Posture;
-use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
-use hbot_core::rig::Rig;
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{CompiledScene, Vec3, rotation};
 
 #[test]

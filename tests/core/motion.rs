@@ -1,8 +1,8 @@
 //! Forward and inverse kinematics of any legal device (physics notes, section 2).
 
 use crate::designs::{device_and_steering, vector};
-use hbot_core::kinematics::Posture;
-use hbot_core::singularity::{Indices, interior_margin, singular_values};
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::singularity::{Indices, interior_margin, singular_values};
 use proptest::prelude::*;
 
 proptest! {

@@ -4,10 +4,10 @@ use crate::bench::{Bench, DT, TORQUE_RATE, altered, rig, rig_with_grip, spring_s
 use crate::rng::Rng;
 use crate::shaping::{ROUNDING, WOUND};
 use hbot_core::allocation::{ContactArms, traction};
-use hbot_core::kinematics::Posture;
-use hbot_core::mode::Mode;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::{Joint, Limits, Rig, RigParts, Traction, Zero};
 use hbot_core::outputs::State;
-use hbot_core::rig::{Joint, Limits, Rig, RigParts, Traction, Zero};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Device, Vec3, WheelSpec, rotation};
 
 /// Asserts that the joint torques make the torque that the state names, and load the contacts as

@@ -2,13 +2,15 @@
 
 use crate::bench;
 use crate::rng::Rng;
+use hbot_core::design::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
+use hbot_core::design::rig::PathFit::{self, Cubic, Quadratic, Straight};
 use hbot_core::inputs::{Complaints, Inputs, JointReadings};
-use hbot_core::mode::Mode;
-use hbot_core::odometry::{advance, turn, turn_along};
-use hbot_core::path::Trail;
-use hbot_core::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
-use hbot_core::rig::PathFit::{self, Cubic, Quadratic, Straight};
-use hbot_core::{CompiledScene, Controller, Device, Quat, Vec3, WheelSpec, kinematics::Posture, rotation};
+use hbot_core::motion::odometry::{advance, turn, turn_along};
+use hbot_core::motion::path::Trail;
+use hbot_core::safety::mode::Mode;
+use hbot_core::{
+    CompiledScene, Controller, Device, Quat, Vec3, WheelSpec, design::kinematics::Posture, rotation,
+};
 use hbot_testing::prototype::wheels as prototype_wheels;
 
 /// A device whose joints turn at constant rates that do not match each other, so that the sphere
@@ -221,7 +223,7 @@ fn the_path_s_order_is_the_number_of_readings_that_it_goes_through() {
 #[test]
 fn in_single_precision_rounding_is_what_is_left() {
     use hbot_core::rotation::angle_between;
-    use hbot_core_f32::{Device, Vec3, WheelSpec, odometry, path, rig, rotation};
+    use hbot_core_f32::{Device, Vec3, WheelSpec, design::rig, motion::odometry, motion::path, rotation};
     let wheels = prototype_wheels().map(|wheel| WheelSpec {
         axis: Vec3::new(wheel.axis.x as f32, wheel.axis.y as f32, wheel.axis.z as f32),
         cone: wheel.cone as f32,
@@ -275,7 +277,7 @@ fn in_single_precision_rounding_is_what_is_left() {
 /// up too (docs/accuracy.md).
 #[test]
 fn in_single_precision_many_small_turns_add_up_to_a_few_roundings() {
-    use hbot_core_f32::{Quat as Quat32, Vec3 as Vec32, odometry, rotation as rotation32};
+    use hbot_core_f32::{Quat as Quat32, Vec3 as Vec32, motion::odometry, rotation as rotation32};
     let drift = |turned: fn(Quat32, Vec32) -> Quat32| {
         let (mut q, mut exact) = (Quat32::IDENTITY, Quat::IDENTITY);
         // 6 rad/s at 8 kHz for 5 s, about an axis that moves.

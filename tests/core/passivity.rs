@@ -3,13 +3,13 @@
 
 use crate::bench::{altered, effect, rig, spring};
 use crate::effects::vibration;
-use hbot_core::device::MAX_JOINTS;
-use hbot_core::effects::{Anchor, Constant, Damper, Detents, Frame, Kind, Target, Texture, Wave};
+use hbot_core::design::device::MAX_JOINTS;
+use hbot_core::design::rig::{LeadTime, PassivityLimit, RateEstimate, Rig};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
-use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::State;
 use hbot_core::render::Renderer;
-use hbot_core::rig::{LeadTime, PassivityLimit, RateEstimate, Rig};
+use hbot_core::render::effects::{Anchor, Constant, Damper, Detents, Frame, Kind, Target, Texture, Wave};
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;

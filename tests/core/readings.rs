@@ -2,8 +2,8 @@
 
 use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
 use hbot_core::inputs::{Command, JointReadings};
-use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Reply;
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{Vec3, rotation};
 
 #[test]

@@ -4,10 +4,10 @@
 use std::path::PathBuf;
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
+use hbot_core::design::rig::{Rig, Zero};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
 use hbot_core::outputs::State;
-use hbot_core::rig::{Rig, Zero};
 use hbot_core::{CompiledScene, Controller, Quat, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;

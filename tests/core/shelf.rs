@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
+use hbot_core::design::rig::{Joint, Zero};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
-use hbot_core::mode::Mode;
 use hbot_core::outputs::Reply;
-use hbot_core::rig::{Joint, Zero};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{Controller, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;

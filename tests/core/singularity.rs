@@ -2,9 +2,9 @@
 //! (physics notes, section 3).
 
 use crate::rng::Rng;
-use hbot_core::device::DeviceError;
-use hbot_core::kinematics::Posture;
-use hbot_core::singularity::{
+use hbot_core::design::device::DeviceError;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::singularity::{
     Indices, Meeting, actuation_margin, closest_approach, interior_margin_over_all,
 };
 use hbot_core::{Device, Mat3, Vec3, WheelSpec};

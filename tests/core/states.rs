@@ -3,10 +3,10 @@
 mod events;
 
 use crate::bench::{Bench, FirstReply, altered, rig, spring_scene};
+use hbot_core::design::rig::Zero;
 use hbot_core::inputs::{Command, Inputs, OnClientLost};
-use hbot_core::mode::{Cause, Mode, Obstacle};
 use hbot_core::outputs::{Outputs, Refusal, Reply};
-use hbot_core::rig::Zero;
+use hbot_core::safety::mode::{Cause, Mode, Obstacle};
 use hbot_core::{CompiledScene, Vec3};
 
 const MODES: [Mode; 6] =
@@ -132,7 +132,7 @@ fn provoke(cause: Cause, bench: &mut Bench) -> Outputs {
 /// Returns joint rates (rad/s) in which no turn of the sphere has a part, with a slip well above
 /// the limit.
 fn pure_slip(bench: &Bench) -> [f64; 16] {
-    use hbot_core::kinematics::Posture;
+    use hbot_core::design::kinematics::Posture;
     let device = &bench.rig().device;
     let posture = Posture::new(device, &bench.sphere.steering());
     let mut rates = [0.0; 16];

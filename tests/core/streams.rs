@@ -4,8 +4,8 @@
 use crate::bench::{Bench, FirstReply, rig, spring_scene, stream};
 use crate::shaping::{ROUNDING, WOUND};
 use hbot_core::inputs::{Command, OnClientLost, Stamp};
-use hbot_core::mode::Mode;
 use hbot_core::outputs::{Refusal, Reply};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Vec3};
 
 #[test]

@@ -1,7 +1,7 @@
 //! Checks of motion without slip, by the simulated rig's plant. The plant exists in f64 only.
 
-use hbot_core::device::{MAX_JOINTS, MAX_WHEELS};
-use hbot_core::singularity::singular_values;
+use hbot_core::design::device::{MAX_JOINTS, MAX_WHEELS};
+use hbot_core::design::singularity::singular_values;
 use hbot_core::{Device, Vec3};
 use hbot_sim::plant::{Method, Plant, PlantState, Sine, SpringDamper, Sum};
 

@@ -6,7 +6,7 @@
 
 use hbot_core::Vec3;
 use hbot_core::allocation::{JointLimits, allocate, capability};
-use hbot_core::singularity::singular_values;
+use hbot_core::design::singularity::singular_values;
 
 /// All results: scale, cost, the capabilities along n1, n2 and n3, then the joint torques.
 pub type Answer = Vec<f64>;

@@ -2,7 +2,7 @@
 //! allowed error.
 
 use hbot_config::RigConfig;
-use hbot_core::rig::OdometryMethod;
+use hbot_core::design::rig::OdometryMethod;
 use hbot_host::expectation;
 use hbot_study::{Interrupt, Study, StudyOptions};
 

@@ -102,7 +102,7 @@ fn a_client_s_torque_reaches_motors_of_another_protocol_and_a_stop_takes_it_from
     client.acquire(false).expect("nobody else is there");
     // The joint torques for 0.1 N m about n2, with all wheels at their initial steer angles.
     let torque = hbot_core::Vec3::new(0.0, 0.1, 0.0);
-    let posture = hbot_core::kinematics::Posture::new(&rig.device, &[0.0, 0.0]);
+    let posture = hbot_core::design::kinematics::Posture::new(&rig.device, &[0.0, 0.0]);
     let makes = |joints: &[f64]| (posture.torque_on_sphere(joints) - torque).length();
     let push = |client: &mut Client| {
         // A machine that stands still for 20 ms causes a fault, which is not the subject of this

@@ -4,8 +4,8 @@ use std::future::Future;
 use std::time::Duration;
 
 use hbot_config::{RigConfig, SceneFile};
-use hbot_core::kinematics::Posture;
-use hbot_core::mode::{Cause, Mode};
+use hbot_core::design::kinematics::Posture;
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{CompiledScene, Inputs, MAX_JOINTS, Outputs, Vec3, rotation};
 use hbot_server::server::{ServerOptions, Time};
 use hbot_testing::server::{options, recorded};

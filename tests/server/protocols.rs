@@ -6,7 +6,7 @@ use std::time::Duration;
 use hbot_config::RigConfig;
 use hbot_config::rig::Protocol;
 use hbot_core::MAX_JOINTS;
-use hbot_core::mode::Cause;
+use hbot_core::safety::mode::Cause;
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
@@ -39,7 +39,7 @@ pub(crate) fn felt(protocol: Protocol, other: Protocol) -> Vec<Tick> {
     let mut rig = RigConfig::prototype();
     rig.link.protocol = protocol;
     let counts = other.counts_per_turn().expect("it reports turns");
-    let all = |joints: &mut [hbot_core::rig::Joint]| {
+    let all = |joints: &mut [hbot_core::design::rig::Joint]| {
         joints.iter_mut().for_each(|joint| joint.counts_per_turn = counts);
     };
     rig.rig = rig.rig.with(|parts| all(&mut parts.joints)).expect("legal");
@@ -197,7 +197,7 @@ fn on_a_bad_line(share: f64) -> (usize, Option<Cause>) {
     let mut rig = RigConfig::prototype();
     rig.link.protocol = Protocol::Moteus;
     let counts = Protocol::Moteus.counts_per_turn().expect("it reports turns");
-    let all = |joint: &mut hbot_core::rig::Joint| joint.counts_per_turn = counts;
+    let all = |joint: &mut hbot_core::design::rig::Joint| joint.counts_per_turn = counts;
     rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(all)).expect("legal");
     let scene = format!(
         "{SCENE}\nlink = {{ loss = {share}, corrupt = {share}, latency_s = 0.0005, jitter_s = 0.0001, seed = 3 }}"

@@ -5,9 +5,13 @@
 //! tick is compiled twice from one source: for [`Two`] wheels, the common design, and for [`Any`]
 //! number. Both copies do the same operations in the same order and give the same bits.
 
-use crate::device::Device;
+/// Largest number of wheels of a device.
+pub const MAX_WHEELS: usize = 8;
+/// Largest number of joints of a device: the steer and the drive joint of each wheel, in that
+/// order.
+pub const MAX_JOINTS: usize = 2 * MAX_WHEELS;
 
-/// A number of wheels, 2 to [`MAX_WHEELS`](crate::device::MAX_WHEELS), which the compiler may know.
+/// A number of wheels, 2 to [`MAX_WHEELS`], which the compiler may know.
 pub(crate) trait Count: Copy {
     /// Returns the number of wheels.
     fn wheels(self) -> usize;
@@ -35,10 +39,10 @@ impl Count for Two {
 pub(crate) struct Any(usize);
 
 impl Any {
-    /// Returns the number of wheels of `device`.
+    /// A number of `wheels`.
     #[inline]
-    pub(crate) fn of(device: &Device) -> Self {
-        Self(device.wheels().len())
+    pub(crate) fn new(wheels: usize) -> Self {
+        Self(wheels)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The inputs of a tick. The [`Inputs`] of all ticks and the scenes determine a run completely, so
 //! a recording of them is enough to replay it.
 
-use crate::device::MAX_JOINTS;
+use crate::design::device::MAX_JOINTS;
 use crate::real::{Quat, Real, Vec3};
 
 /// Largest number of commands that one tick can take.
@@ -164,10 +164,10 @@ pub enum Command {
     },
     /// Moves the reference orientation of an effect.
     Reference {
-        /// Index of the effect's memory (see [`Effect::slot`](crate::effects::Effect::slot)).
+        /// Index of the effect's memory (see [`Effect::slot`](crate::render::effects::Effect::slot)).
         slot: u8,
         /// Number that identifies the effect (see
-        /// [`Effect::epoch`](crate::effects::Effect::epoch)). The command is refused if the scene
+        /// [`Effect::epoch`](crate::render::effects::Effect::epoch)). The command is refused if the scene
         /// no longer contains this effect.
         epoch: u32,
         /// New reference orientation in frame N, a unit quaternion.

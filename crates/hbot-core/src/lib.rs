@@ -8,15 +8,16 @@
 //!
 //! 1. [`controller`]: [`Controller::tick`], a pure function from [`Inputs`] and a [`CompiledScene`]
 //!    to [`Outputs`].
-//! 2. [`scene`] and [`effects`] define how the sphere feels. [`render`] computes torques from them.
-//!    [`impedance`] holds the spring laws and the damper.
-//! 3. [`mode`]: the state machine, with every cause of a fault.
+//! 2. [`render`]: the torque of a scene. [`render::scene`] and [`render::effects`] define how the
+//!    sphere feels; [`render::impedance`] holds the spring laws and the damper. The lead, and what
+//!    the laws say about themselves for warnings and plots, are here too.
+//! 3. [`safety`]: the state machine with every cause of a fault, the watch on counts, heat,
+//!    passivity, the guard against shaking, limits of size and slew.
 //! 4. [`allocation`]: finds joint torques within their limits for a torque on the sphere, and keeps
 //!    its direction.
-//! 5. [`odometry`]: computes the orientation from joint angles along a [`path`]. [`kinematics`]:
-//!    contact frames, the matrix G, forward and inverse kinematics.
-//! 6. [`singularity`]: margins and indices. [`device`]: a valid design, checked over all steer
-//!    angles.
+//! 5. [`motion`]: computes orientation and rates of the sphere from encoder counts.
+//! 6. [`design`]: the device and its rig, kinematics, margins to singularities. A design that exists
+//!    has been checked over all steer angles.
 //! 7. [`rotation`]: exponential, logarithm and differences of unit quaternions.
 //!
 //! # Conventions
@@ -37,10 +38,10 @@
 //! simulated rig.
 //!
 //! ```
-//! use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
+//! use hbot_core::render::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 //! use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
-//! use hbot_core::mode::Mode;
-//! use hbot_core::rig::{Joint, RigParts, Zero};
+//! use hbot_core::safety::mode::Mode;
+//! use hbot_core::design::rig::{Joint, RigParts, Zero};
 //! use hbot_core::{
 //!     CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Rig, Vec3, WheelSpec, rotation,
 //! };
@@ -104,46 +105,24 @@
 #![no_std]
 
 pub mod allocation;
-pub mod around;
-mod burst;
 pub mod controller;
 mod count;
-pub mod device;
-pub mod effects;
-mod encoder;
+pub mod design;
 #[cfg(feature = "exact")]
 mod exact;
-mod fades;
-mod falling;
-mod heat;
-pub mod impedance;
 pub mod inputs;
-mod joints;
-pub mod kinematics;
-mod lead;
 mod linear;
-pub mod mode;
-pub mod odometry;
-mod orientation;
-pub mod outline;
+pub mod motion;
 pub mod outputs;
-mod passivity;
-pub mod path;
-pub mod rates;
 mod real;
 pub mod render;
-pub mod rig;
 pub mod rotation;
-pub mod scene;
-pub mod shaking;
-mod shaping;
-pub mod singularity;
-mod watch;
+pub mod safety;
 
 pub use controller::Controller;
-pub use device::{Device, MAX_JOINTS, MAX_WHEELS, WheelSpec};
+pub use design::device::{Device, MAX_JOINTS, MAX_WHEELS, WheelSpec};
+pub use design::rig::{Rig, RigParts};
 pub use inputs::Inputs;
 pub use outputs::Outputs;
 pub use real::{Mat3, Quat, Real, Vec3};
-pub use rig::{Rig, RigParts};
-pub use scene::CompiledScene;
+pub use render::scene::CompiledScene;

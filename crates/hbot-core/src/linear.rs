@@ -1,7 +1,7 @@
 //! The linear algebra that the core needs beyond glam: symmetric 3x3 matrices with solvers and
 //! eigenvectors, and the singular values of rows.
 
-use crate::device::MAX_JOINTS;
+use crate::count::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs, sqrt};
 
 /// A symmetric 3x3 matrix.
@@ -240,6 +240,31 @@ fn orthogonalise(rows: &[Vec3], axes: &mut [Vec3; 3]) -> [Real; 3] {
         }
     }
     columns.map(|c| sqrt(dot(&c, &c)))
+}
+
+/// Returns the vector `v`, shortened to the length `limit` if it is longer.
+#[inline]
+pub(crate) fn limited(v: Vec3, limit: Real) -> Vec3 {
+    shortened(v, limit).0
+}
+
+/// Returns the vector `v`, shortened to the length `limit` if it is longer. Also returns the ratio
+/// of the new length to the old one, 0 to 1.
+#[inline]
+pub(crate) fn shortened(v: Vec3, limit: Real) -> (Vec3, Real) {
+    let length2 = v.length_squared();
+    if !(length2 > limit * limit) {
+        (v, 1.0)
+    } else if length2 < Real::INFINITY {
+        let share = limit / sqrt(length2);
+        (v * share, share)
+    } else {
+        // Too long to square. A vector that is not finite stays not finite.
+        let size = v.abs().max_element();
+        let unit = v / size;
+        let share = limit / sqrt(unit.length_squared());
+        (unit * share, share / size)
+    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! The outputs of a tick.
 
-use crate::device::{MAX_JOINTS, MAX_WHEELS};
+use crate::design::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::inputs::MAX_COMMANDS;
-use crate::mode::{Cause, Mode, Obstacle};
 use crate::real::{Quat, Real, Vec3};
-use crate::shaking::Shaking;
+use crate::safety::mode::{Cause, Mode, Obstacle};
+use crate::safety::shaking::Shaking;
 
 /// All outputs of one tick: the command to the motors, the replies to clients' commands, and the
 /// state to publish.
@@ -53,7 +53,7 @@ pub enum Refusal {
     Mode(Obstacle),
     /// The sphere is too far from an orientation at which an effect rests, so `enable` is refused.
     TooFar {
-        /// Index of the effect's memory (see [`Effect::slot`](crate::effects::Effect::slot)).
+        /// Index of the effect's memory (see [`Effect::slot`](crate::render::effects::Effect::slot)).
         slot: u8,
         /// Distance between the sphere's orientation and the nearest one at which the effect rests,
         /// rad.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use hbot_core::inputs::Command::{Disable, Enable, Estop};
 use hbot_core::inputs::{Commands, Inputs, JointReadings, MAX_COMMANDS};
-use hbot_core::mode::Mode;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, Outputs};
 
 use crate::bridge::LoopEnd;

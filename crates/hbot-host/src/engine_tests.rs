@@ -4,7 +4,7 @@ use std::sync::mpsc;
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::{Command, Stamp};
-use hbot_core::mode::Mode;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Vec3};
 use hbot_sim::pty::{PtyOptions, spawn_pty};
 use hbot_testing::prototype::simulated;

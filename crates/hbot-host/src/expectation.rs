@@ -11,9 +11,9 @@
 
 use std::time::Instant;
 
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
 use hbot_core::inputs::{Complaints, Inputs, JointReadings};
-use hbot_core::kinematics::Posture;
-use hbot_core::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
 use hbot_sim::motion::{LEAD, MOTIONS, TrueMotion};
 

@@ -5,7 +5,7 @@ use std::thread::JoinHandle;
 use hbot_config::RigConfig;
 use hbot_config::advice::RatePick;
 use hbot_config::rig::Port;
-use hbot_core::rig::Zero;
+use hbot_core::design::rig::Zero;
 use hbot_core::{CompiledScene, Controller};
 use hbot_sim::phenomena::Phenomena;
 use thiserror::Error;

@@ -3,7 +3,7 @@
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::Command;
-use hbot_core::mode::Mode;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller};
 
 use crate::bridge::{ServiceEnd, bridge};

@@ -7,7 +7,7 @@ mod toy;
 use hbot_config::RigConfig;
 use hbot_config::rig::Protocol as Name;
 use hbot_core::Rig;
-use hbot_core::rig::RigParts;
+use hbot_core::design::rig::RigParts;
 use hbot_host::bus::{Expected, Protocol, hbot::HbotLink, moteus::Moteus, odrive::Odrive};
 use hbot_host::conformance::{CASES, Controllers, Subject, assert_conforms};
 use hbot_host::layout::Layout;

@@ -4,7 +4,7 @@
 use std::sync::mpsc::channel;
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::mode::Mode;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{Controller, Vec3};
 use hbot_host::bridge::bridge;
 use hbot_host::bus::{Expected, driver, late_rates};

@@ -4,7 +4,7 @@
 //! the control law, or a gap. Every number keeps its bits: a 64-bit real takes eight bytes in
 //! postcard's format.
 
-use hbot_core::effects::{Effect, Span};
+use hbot_core::render::effects::{Effect, Span};
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs, Real};
 use prost::Message as _;
 use serde::de::DeserializeOwned;
@@ -47,7 +47,7 @@ pub enum Unreadable {
     Types(#[from] postcard::Error),
     /// The record holds a scene that cannot exist.
     #[error("not a scene: {0}")]
-    Scene(#[from] hbot_core::scene::SceneError),
+    Scene(#[from] hbot_core::render::scene::SceneError),
     /// The record is empty or of a kind that a later version writes.
     #[error("a record of an unknown kind")]
     Unknown,

@@ -1,8 +1,8 @@
 //! The public topics: messages that viewers understand, made from the messages of the TCP API.
 
 use hbot_api::{ClientStream, Event, Fault, JointState, Mode, StateEvent};
-use hbot_core::mode;
 use hbot_core::outputs::State;
+use hbot_core::safety::mode;
 use prost::Message;
 
 use crate::messages::foxglove::{self, FrameTransform, FrameTransforms, Log, Quaternion, Vector3};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 
-use hbot_core::effects::Effect;
+use hbot_core::render::effects::Effect;
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
 
 use crate::difference;

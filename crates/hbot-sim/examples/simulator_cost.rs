@@ -3,8 +3,8 @@
 
 use std::time::Instant;
 
-use hbot_core::device::Device;
-use hbot_core::rig::{Joint, Zero};
+use hbot_core::design::device::Device;
+use hbot_core::design::rig::{Joint, Zero};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_link::{Command, MAX_COMMAND_FRAME, ToController, encode};
 use hbot_sim::controller::{Lags, SimulatedJoint};

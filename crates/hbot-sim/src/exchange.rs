@@ -1,7 +1,7 @@
 //! A simulated rig at the end of a line in memory, for programs without a server. Commands and
 //! readings cross the line as the same bytes that a serial port would carry.
 
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 use hbot_core::inputs::{Complaints, JointReadings};
 use hbot_core::outputs::Drive;
 use hbot_link::{Command, Decoder, FromController, MAX_COMMAND_FRAME, ToController, encode};

@@ -4,8 +4,8 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::kinematics::Posture;
-use hbot_core::path::Path;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::motion::path::Path;
 use hbot_core::{Device, MAX_WHEELS, Quat, Vec3, rotation};
 
 use crate::extrapolation;

@@ -188,7 +188,7 @@ pub(crate) fn scene_of(scene: Value) -> SceneFile {
 #[cfg(test)]
 mod tests {
     use hbot_config::advice::StiffnessBound;
-    use hbot_core::rig::{Joint, RateEstimate};
+    use hbot_core::design::rig::{Joint, RateEstimate};
     use hbot_core::{Vec3, rotation};
     use hbot_sim::phenomena::Motor;
     use serde_json::json;

@@ -7,13 +7,13 @@
 
 use super::core as hbot;
 use super::hash::Hash;
-use hbot::effects::{
-    Anchor, Damper, Effect, Friction, Kind, Pendulum, Spring, SpringLaw, Texture, Vibration, Wave,
+use hbot::design::rig::{
+    Joint, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, RigParts, Traction, Zero,
 };
 use hbot::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
 use hbot::outputs::Outputs;
-use hbot::rig::{
-    Joint, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, RigParts, Traction, Zero,
+use hbot::render::effects::{
+    Anchor, Damper, Effect, Friction, Kind, Pendulum, Spring, SpringLaw, Texture, Vibration, Wave,
 };
 use hbot::{CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Real, Vec3, WheelSpec, rotation};
 

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use clap::Args;
 use hbot_config::RigConfig;
-use hbot_core::rig::Zero;
+use hbot_core::design::rig::Zero;
 use hbot_host::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
 use hbot_host::bringup::{Bench, Interrupted};
 

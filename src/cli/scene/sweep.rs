@@ -3,9 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::around::{Spot, Swing};
-use hbot_core::effects::{Effect, Motion, Span};
 use hbot_core::render::Renderer;
+use hbot_core::render::around::{Spot, Swing};
+use hbot_core::render::effects::{Effect, Motion, Span};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 /// Duration of one swing from one half turn to the other and back, s.

@@ -2,7 +2,9 @@
 
 use super::{Felt, askew, axis, pulse, vibration};
 use crate::bench::{Bench, DT, altered, effect, rig};
-use hbot_core::effects::{Anchor, Effect, Kind, Pulse, Span, Target, Track, TrackPath, Vibration, Wave};
+use hbot_core::render::effects::{
+    Anchor, Effect, Kind, Pulse, Span, Target, Track, TrackPath, Vibration, Wave,
+};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 fn along(felt: &mut Felt, q: Quat, ticks: u32) -> Vec<f64> {

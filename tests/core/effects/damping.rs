@@ -3,7 +3,7 @@
 
 use super::{Felt, anywhere, askew, axis, detents, guide, pointer};
 use crate::rng::Rng;
-use hbot_core::effects::{Detents, Freedom, Kind, Magnet, Texture};
+use hbot_core::render::effects::{Detents, Freedom, Kind, Magnet, Texture};
 use hbot_core::{Quat, Vec3, rotation};
 
 /// Returns the rate of the angle `of` while the sphere turns at `omega` (rad/s in N), by central

@@ -3,7 +3,7 @@
 
 use super::{Felt, all, anywhere, askew, axis, conservative, pointer};
 use crate::rng::Rng;
-use hbot_core::effects::{EndStop, Kind, Spring};
+use hbot_core::render::effects::{EndStop, Kind, Spring};
 use hbot_core::{Quat, Vec3, rotation};
 
 /// Returns orientations, relative to the reference, at which something is undefined or begins.
@@ -88,11 +88,11 @@ fn no_conservative_torque_jumps_anywhere_but_a_spring_s_at_a_half_turn() {
 #[test]
 fn a_geodesic_spring_keeps_its_side_at_exactly_a_half_turn() {
     let spring = Spring::new(
-        hbot_core::effects::SpringLaw::Geodesic,
+        hbot_core::render::effects::SpringLaw::Geodesic,
         hbot_core::Mat3::IDENTITY,
         hbot_core::Mat3::ZERO,
         Quat::IDENTITY,
-        hbot_core::effects::Anchor::Absolute,
+        hbot_core::render::effects::Anchor::Absolute,
     );
     let half = rotation::from_parts(0.0, Vec3::X);
     for side in [1.0, -1.0] {

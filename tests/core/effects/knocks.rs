@@ -2,8 +2,8 @@
 
 use super::{Felt, askew, axis, detents, end_stop, snaps};
 use crate::bench::{Bench, DT, effect, rig};
-use hbot_core::around::Swing;
-use hbot_core::effects::{Detents, EndStop, Kind, Knock, Knocking, SnapSet, Snaps, Target};
+use hbot_core::render::around::Swing;
+use hbot_core::render::effects::{Detents, EndStop, Kind, Knock, Knocking, SnapSet, Snaps, Target};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 /// The largest energy of a knock, J, and the largest speed that it grows with, rad/s
@@ -163,8 +163,10 @@ fn notches_and_orientations_knock_when_the_sphere_falls_in() {
     let torque: Vec<f64> = torque.into_iter().map(|t| if t.abs() < 1e-9 { 0.0 } else { t }).collect();
     assert_eq!(starts(&torque), 3, "two notches and the wall");
     let law = Snaps { strength: 0.0, width: 0.3, ..snaps(SnapSet::Cube, &[]) };
-    let law =
-        Snaps { target: Target::new(turned(0.0), hbot_core::effects::Anchor::Absolute).unwrap(), ..law };
+    let law = Snaps {
+        target: Target::new(turned(0.0), hbot_core::render::effects::Anchor::Absolute).unwrap(),
+        ..law
+    };
     let mut cube = Felt::new(Kind::KnockingSnaps(Knocking { law, knock }));
     let to = |k: u32| turned(0.0) * rotation::exp(Vec3::X * (0.003 * f64::from(k)));
     let rate = turned(0.0) * Vec3::X * 3.0;

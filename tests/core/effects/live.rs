@@ -3,11 +3,11 @@
 use super::{active, anywhere, axis, conservative, detents, dissipative, end_stop, pointer};
 use crate::bench::{Bench, FirstReply, altered, effect, rig};
 use crate::rng::Rng;
-use hbot_core::effects::{
-    Anchor, Detents, Effect, EndStop, Freedom, Guide, Kind, Magnet, Span, Target, Track, TrackPath,
-};
 use hbot_core::inputs::{Command, Stamp};
 use hbot_core::outputs::{Refusal, Reply};
+use hbot_core::render::effects::{
+    Anchor, Detents, Effect, EndStop, Freedom, Guide, Kind, Magnet, Span, Target, Track, TrackPath,
+};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 fn scene(revision: u64, kind: Kind, figures: &[f64]) -> CompiledScene {
@@ -102,8 +102,10 @@ const ROUNDING: f64 = 1e-12;
 
 #[test]
 fn an_effect_fades_in_and_out_over_its_times() {
-    let constant =
-        hbot_core::effects::Constant { torque: Vec3::X * 0.2, frame: hbot_core::effects::Frame::World };
+    let constant = hbot_core::render::effects::Constant {
+        torque: Vec3::X * 0.2,
+        frame: hbot_core::render::effects::Frame::World,
+    };
     let fading = Effect { fade_s: 0.2, fade_out_s: 0.1, ..effect(3, 9, Kind::Constant(constant)) };
     let mut bench = Bench::active(rig(), CompiledScene::empty());
     bench.scene = CompiledScene::new(1, &[fading]).unwrap();
@@ -125,8 +127,10 @@ fn an_effect_fades_in_and_out_over_its_times() {
 
 #[test]
 fn one_that_leaves_in_the_middle_of_its_coming_goes_from_there() {
-    let constant =
-        hbot_core::effects::Constant { torque: Vec3::X * 0.2, frame: hbot_core::effects::Frame::World };
+    let constant = hbot_core::render::effects::Constant {
+        torque: Vec3::X * 0.2,
+        frame: hbot_core::render::effects::Frame::World,
+    };
     let fading = Effect { fade_s: 0.2, fade_out_s: 0.1, ..effect(0, 9, Kind::Constant(constant)) };
     let mut bench = Bench::active(rig(), CompiledScene::empty());
     bench.scene = CompiledScene::new(1, &[fading]).unwrap();
@@ -147,8 +151,10 @@ fn one_that_leaves_in_the_middle_of_its_coming_goes_from_there() {
 
 #[test]
 fn one_that_was_leaving_when_the_rig_went_idle_does_not_come_back() {
-    let constant =
-        hbot_core::effects::Constant { torque: Vec3::X * 0.2, frame: hbot_core::effects::Frame::World };
+    let constant = hbot_core::render::effects::Constant {
+        torque: Vec3::X * 0.2,
+        frame: hbot_core::render::effects::Frame::World,
+    };
     let fading = Effect { fade_out_s: 10.0, ..effect(0, 9, Kind::Constant(constant)) };
     let mut bench = Bench::active(rig(), CompiledScene::new(1, &[fading]).unwrap());
     bench.scene = CompiledScene::new(2, &[Effect { leaving: true, ..fading }]).unwrap();
@@ -162,7 +168,7 @@ fn one_that_was_leaving_when_the_rig_went_idle_does_not_come_back() {
 #[test]
 fn what_would_pull_from_afar_keeps_the_rig_from_being_enabled() {
     let far = rotation::exp(Vec3::Y * 0.9);
-    let target = Target::new(far, hbot_core::effects::Anchor::Absolute).unwrap();
+    let target = Target::new(far, hbot_core::render::effects::Anchor::Absolute).unwrap();
     let hinge = |free| {
         Kind::Guide(Guide { target, axis: Vec3::Y, free, stiffness: 2.0, damping: 0.0, deadband: 0.0 })
     };

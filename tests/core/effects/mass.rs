@@ -3,11 +3,11 @@
 use super::Felt;
 use crate::bench::{Bench, DT, FirstReply, effect, rig};
 use crate::rng::Rng;
-use hbot_core::effects::{Effect, Inertia, Kind, Motion};
 use hbot_core::inputs::Command;
-use hbot_core::mode::Mode;
 use hbot_core::outputs::Reply;
 use hbot_core::render::Renderer;
+use hbot_core::render::effects::{Effect, Inertia, Kind, Motion};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3};
 
 fn mass(mass: f64, smoothing: f64) -> Kind {

@@ -16,12 +16,12 @@ mod tracks;
 
 use crate::bench::{DT, effect, rig};
 use crate::rng::Rng;
-use hbot_core::effects::{
+use hbot_core::render::Renderer;
+use hbot_core::render::effects::{
     Anchor, Constant, Damper, Detents, Effect, EndStop, Frame, Freedom, Friction, Guide, Inertia, Kind,
     Magnet, Motion, Pendulum, Pulse, SnapSet, Snaps, Span, Spring, SpringLaw, Target, Texture, Track,
     TrackPath, Vibration, Wave,
 };
-use hbot_core::render::Renderer;
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 /// A renderer that runs a single effect.

@@ -2,7 +2,7 @@
 
 use super::{Felt, askew, axis, detents};
 use crate::rng::Rng;
-use hbot_core::effects::{Detents, Kind, Magnet};
+use hbot_core::render::effects::{Detents, Kind, Magnet};
 use hbot_core::{Quat, Vec3, rotation};
 
 fn felt(detents: Detents, positions: &[f64]) -> Felt {

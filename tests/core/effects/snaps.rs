@@ -2,7 +2,7 @@
 
 use super::{Felt, anywhere, askew, own, snaps};
 use crate::rng::Rng;
-use hbot_core::effects::{Kind, SnapSet, Snaps};
+use hbot_core::render::effects::{Kind, SnapSet, Snaps};
 use hbot_core::{Quat, Vec3, rotation};
 
 /// Returns the wells of a set as a list of orientations.

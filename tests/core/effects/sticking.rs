@@ -2,7 +2,7 @@
 
 use super::Felt;
 use crate::bench::DT;
-use hbot_core::effects::{Friction, Kind};
+use hbot_core::render::effects::{Friction, Kind};
 use hbot_core::{Quat, Vec3, rotation};
 
 const FRICTION: Friction = Friction { torque: 0.05, stiffness: 5.0, damping: 0.02 };

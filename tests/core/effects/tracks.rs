@@ -2,7 +2,7 @@
 
 use super::{Felt, askew, axis};
 use crate::bench::DT;
-use hbot_core::effects::{Kind, Target, Track, TrackPath};
+use hbot_core::render::effects::{Kind, Target, Track, TrackPath};
 use hbot_core::{Quat, Vec3, rotation};
 
 const STIFFNESS: f64 = 2.0;

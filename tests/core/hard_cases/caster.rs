@@ -2,7 +2,7 @@
 //! angle turned) (physics notes, section 4). This is a property of the mechanism and not an error
 //! of a method. It is measured here, and no other test compares trajectories across reversals.
 
-use hbot_core::{Vec3, kinematics::Posture};
+use hbot_core::{Vec3, design::kinematics::Posture};
 use hbot_testing::prototype::device;
 
 /// Returns the cotangent of the prototype's cone angle.

@@ -3,9 +3,9 @@
 
 use crate::bench::effect;
 use crate::passivity::{BORDER, DT, Loop, TAP, guarded};
-use hbot_core::effects::{Anchor, EndStop, Kind, Spring, SpringLaw, Target};
-use hbot_core::mode::Mode;
-use hbot_core::rig::RateEstimate;
+use hbot_core::design::rig::RateEstimate;
+use hbot_core::render::effects::{Anchor, EndStop, Kind, Spring, SpringLaw, Target};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 fn scene(kind: Kind) -> CompiledScene {

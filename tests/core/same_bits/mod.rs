@@ -3,7 +3,7 @@
 
 use crate::bench::{DT, Sphere, reading};
 use hbot_core::Vec3;
-use hbot_core::mode::Mode;
+use hbot_core::safety::mode::Mode;
 
 /// The run in f64.
 #[path = "../../../firmware/core-hash/src"]

@@ -2,12 +2,12 @@
 //! inputs and the outputs of the ticks.
 
 use hbot_core::allocation::{ContactArms, traction};
-use hbot_core::effects::{Anchor, Kind};
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::Rig;
 use hbot_core::inputs::Inputs;
-use hbot_core::kinematics::Posture;
-use hbot_core::mode::{Cause, Mode};
 use hbot_core::outputs::Outputs;
-use hbot_core::rig::Rig;
+use hbot_core::render::effects::{Anchor, Kind};
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{CompiledScene, Vec3, rotation};
 
 use super::Seen;

@@ -12,9 +12,9 @@ mod scenes;
 use std::collections::VecDeque;
 
 use hbot_config::{RunningScene, SceneFile};
+use hbot_core::design::rig::{AllocationMethod, PassivityLimit, Rig, Traction};
 use hbot_core::inputs::{Command, Inputs, JointReadings, OnClientLost, Stamp};
-use hbot_core::mode::Mode;
-use hbot_core::rig::{AllocationMethod, PassivityLimit, Rig, Traction};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, Vec3, rotation};
 
 use self::judge::{Judge, Told};

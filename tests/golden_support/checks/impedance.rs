@@ -2,7 +2,7 @@
 //! and dampers.
 
 use super::super::core::Vec3;
-use super::super::core::impedance::{damper, geodesic_law, quaternion_law, rotation_vector};
+use super::super::core::render::impedance::{damper, geodesic_law, quaternion_law, rotation_vector};
 use super::super::core::rotation::{error_eq24, from_hopf};
 use super::{EPS, array, matrix, norm, quaternion, real, tolerance, vector, wide, wxyz};
 use crate::golden_support::{Ledger, vectors};

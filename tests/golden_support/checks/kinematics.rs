@@ -1,7 +1,7 @@
 //! Checks of contact frames, the rows of G, forward and inverse kinematics, and the margins and
 //! indices.
 
-use super::super::core::singularity::{Indices, boundary_determinant, interior_margin};
+use super::super::core::design::singularity::{Indices, boundary_determinant, interior_margin};
 use super::{
     array, device, frame_condition, lever_condition, norm, posture, reals, row_condition, tolerance, vector,
     wide, worst,

@@ -17,8 +17,8 @@ pub use impedance::{hopf, impedance};
 pub use kinematics::kinematics;
 pub use odometry::odometry;
 
-use super::core::device::{Device, DeviceError, WheelSpec};
-use super::core::kinematics::Posture;
+use super::core::design::device::{Device, DeviceError, WheelSpec};
+use super::core::design::kinematics::Posture;
 use super::core::{Mat3, Quat, Real, Vec3};
 use crate::golden_support::vectors;
 

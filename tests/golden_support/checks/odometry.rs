@@ -1,9 +1,9 @@
 //! Checks of odometry: the orientation after segments of constant joint rates, by each method.
 
-use super::super::core::odometry::{advance, turn};
-use super::super::core::rig::OdometryMethod;
-use super::super::core::singularity::interior_margin;
-use super::super::core::{Quat, Real, device::Device};
+use super::super::core::design::rig::OdometryMethod;
+use super::super::core::design::singularity::interior_margin;
+use super::super::core::motion::odometry::{advance, turn};
+use super::super::core::{Quat, Real, design::device::Device};
 use super::{EPS, device, norm, posture, quaternion, real, reals, row_condition, wide, worst, wxyz};
 use crate::golden_support::{Ledger, vectors};
 

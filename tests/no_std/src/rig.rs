@@ -5,11 +5,11 @@
 //! stands for the other end of the line: motor controllers whose sphere does not move. A real
 //! program has a serial port there.
 
-use hbot_core::device::{Device, MAX_JOINTS, WheelSpec};
-use hbot_core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
+use hbot_core::design::device::{Device, MAX_JOINTS, WheelSpec};
+use hbot_core::render::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
-use hbot_core::mode::Mode;
-use hbot_core::rig::{Joint, Methods, PassivityLimit, RateEstimate, Rig, RigParts, Zero};
+use hbot_core::safety::mode::Mode;
+use hbot_core::design::rig::{Joint, Methods, PassivityLimit, RateEstimate, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, Mat3, Vec3, rotation};
 use hbot_link::{
     ControllerFlags, Decoder, Feedback, FromController, JointFlags, JointReading, MAX_COMMAND_FRAME,

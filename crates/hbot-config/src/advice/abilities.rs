@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use hbot_core::around::Spot;
+use hbot_core::render::around::Spot;
 use serde_json::{Map, Value};
 
 use super::bound::StiffnessBound;

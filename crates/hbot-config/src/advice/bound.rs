@@ -1,7 +1,7 @@
 //! The stiffness that a rig can render about one axis: the borders of the sampled loop, and the
 //! turn of the sphere that corresponds to one encoder count.
 
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS};
 
 use super::axis::Axis;
@@ -48,7 +48,7 @@ impl StiffnessBound {
             posture.forward(&rig.device, &rates).omega.length()
         };
         let mut steps = [0.0; TAPS];
-        let taps = if hbot_core::rates::step_response(rig, 0, &mut steps) {
+        let taps = if hbot_core::motion::rates::step_response(rig, 0, &mut steps) {
             let before = std::iter::once(0.0).chain(steps);
             steps.iter().zip(before).map(|(step, before)| step - before).collect()
         } else {
@@ -196,7 +196,7 @@ fn largest_within(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f6
 
 #[cfg(test)]
 mod tests {
-    use hbot_core::rig::{LeadTime, RateEstimate};
+    use hbot_core::design::rig::{LeadTime, RateEstimate};
     use hbot_core::{Mat3, Vec3};
 
     use super::super::sampled::{HOLDS, Scene};

@@ -1,7 +1,7 @@
 //! What a judge finds in a scene: which effect shakes the sphere, where, and why.
 
 use hbot_core::Vec3;
-use hbot_core::around::{Place, Spot};
+use hbot_core::render::around::{Place, Spot};
 
 use super::sampled::Hold;
 

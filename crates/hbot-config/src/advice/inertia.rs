@@ -1,7 +1,7 @@
 //! The apparent inertia of the sphere: its own, and that of the wheels that turn with it.
 
-use hbot_core::device::Device;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::device::Device;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{MAX_WHEELS, Mat3, Vec3};
 
 /// Number of postures that are examined to find the smallest inertia.

@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use hbot_core::around::{Linear, Place, Spot, Swing};
+use hbot_core::render::around::{Linear, Place, Spot, Swing};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3};
 
 use super::finding::{Cure, Finding, Why, is_worst, keep};

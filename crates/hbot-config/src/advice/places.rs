@@ -1,7 +1,7 @@
 //! Where a scene is judged: at the places of its laws, where the sphere rests and leans, and where
 //! a tap takes it.
 
-use hbot_core::around::{Place, Spot};
+use hbot_core::render::around::{Place, Spot};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 use super::inertia::principal;

@@ -15,8 +15,8 @@
 //! stiffness, B the damping and t the lead. The rounding of each reading counts as independent of
 //! the others, as it is in motion.
 
-use hbot_core::kinematics::Posture;
-use hbot_core::rig::RateEstimate;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::RateEstimate;
 use hbot_core::{MAX_JOINTS, Rig};
 
 use super::bound::{StiffnessBound, USUAL_DAMPING};
@@ -246,7 +246,7 @@ impl RateAdvice {
         let rig = self.rig.with(|parts| parts.methods.rate = estimate);
         let rig = rig.unwrap_or_else(|error| panic!("{error}"));
         let mut steps = [0.0; LAST];
-        if !hbot_core::rates::step_response(&rig, joint, &mut steps) {
+        if !hbot_core::motion::rates::step_response(&rig, joint, &mut steps) {
             return Vec::new();
         }
         let before = std::iter::once(0.0).chain(steps);

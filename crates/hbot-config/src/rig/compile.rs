@@ -5,8 +5,8 @@ use std::collections::HashSet;
 use std::net::SocketAddr;
 
 use hbot_core::Vec3;
-use hbot_core::device::{Device, DeviceError, MAX_JOINTS, WheelSpec};
-use hbot_core::rig as core;
+use hbot_core::design::device::{Device, DeviceError, MAX_JOINTS, WheelSpec};
+use hbot_core::design::rig as core;
 
 use super::file::{self, RigFile};
 use super::settings::{self, Protocol};

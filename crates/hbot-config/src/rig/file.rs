@@ -7,7 +7,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use hbot_core::rig::{self as core, legal};
+use hbot_core::design::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

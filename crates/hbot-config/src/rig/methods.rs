@@ -1,7 +1,7 @@
 //! The keys of a rig file that choose numerical methods: accuracy, joint rates, passivity.
 
-use hbot_core::device::Device;
-use hbot_core::rig::{self as core, legal};
+use hbot_core::design::device::Device;
+use hbot_core::design::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -11,8 +11,8 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use hbot_core::design::rig::Rig;
 use hbot_core::inputs::OnClientLost;
-use hbot_core::rig::Rig;
 use serde::Deserialize as _;
 use serde_json::Value;
 
@@ -78,7 +78,7 @@ pub struct RigConfig {
     /// chooses one.
     pub cpu: Option<u32>,
     /// Whether the torque is lowered if the sphere shakes by itself (see
-    /// [`hbot_core::shaking`]).
+    /// [`hbot_core::safety::shaking`]).
     pub shaking_guard: bool,
     /// Name of the preset of numerical methods: `fast`, `balanced` or `exact`. It is `custom` if
     /// the rig file names each method.

@@ -4,8 +4,8 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
+use hbot_core::design::rig::{self as core, legal};
 use hbot_core::inputs::OnClientLost;
-use hbot_core::rig::{self as core, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

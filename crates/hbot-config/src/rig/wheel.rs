@@ -1,6 +1,6 @@
 //! Checks the values of one wheel against each other.
 
-use hbot_core::rig as core;
+use hbot_core::design::rig as core;
 
 use super::file;
 use super::settings::Protocol;

@@ -11,8 +11,8 @@ mod simulate;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use hbot_core::effects::Kind;
-use hbot_core::scene::{MAX_EFFECTS, MAX_NUMBERS};
+use hbot_core::render::effects::Kind;
+use hbot_core::render::scene::{MAX_EFFECTS, MAX_NUMBERS};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};

@@ -1,8 +1,8 @@
 //! The running scene as seen from outside the control loop: its parameters, which `set` changes,
 //! and the memory slot of each effect.
 
-use hbot_core::effects::{Effect, Span};
-use hbot_core::scene::{CompiledScene, MAX_EFFECTS, MAX_NUMBERS};
+use hbot_core::render::effects::{Effect, Span};
+use hbot_core::render::scene::{CompiledScene, MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value};
 
 use super::{KindEntry, SceneEffect, SceneFile, check_numbers};
@@ -38,7 +38,7 @@ struct Memory {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EffectPlace {
     /// Index of the slot that holds the effect's memory, below
-    /// [`MAX_EFFECTS`](hbot_core::scene::MAX_EFFECTS).
+    /// [`MAX_EFFECTS`](hbot_core::render::scene::MAX_EFFECTS).
     pub slot: u8,
     /// Number of the effect, counted since the server started and never 0. It tells apart effects
     /// that use the same slot one after the other.

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use hbot_config::advice::RateAdvice;
 use hbot_config::scene::{Listed, kinds, phenomena};
 use hbot_config::{Override, RigConfig};
-use hbot_core::rig::RateEstimate;
+use hbot_core::design::rig::RateEstimate;
 use serde_json::Value;
 
 use crate::folder;

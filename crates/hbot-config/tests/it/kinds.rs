@@ -2,8 +2,8 @@
 
 use hbot_config::scene::{SceneEffect, kinds};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::effects::{Kind, MAX_OWN};
-use hbot_core::scene::{MAX_EFFECTS, MAX_NUMBERS};
+use hbot_core::render::effects::{Kind, MAX_OWN};
+use hbot_core::render::scene::{MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value, json};
 
 /// Reads an illegal scene with one effect of `kind`, whose fourth line is `line`, and returns the
@@ -335,7 +335,7 @@ fn a_parameter_that_changes_nothing_is_called_idle() {
 #[test]
 fn knocks_are_compiled_and_change_no_warning() {
     use hbot_config::advice::Abilities;
-    use hbot_core::effects::Knock;
+    use hbot_core::render::effects::Knock;
     let scene = |kind: &str, knock: Value| {
         let mut effect = json!({"id": "a", "kind": kind});
         // Stiff enough to be warned of.

@@ -6,10 +6,10 @@ mod mistakes;
 
 use hbot_config::rig::{Port, Protocol};
 use hbot_config::{LoadError, Override, RigConfig};
-use hbot_core::inputs::OnClientLost;
-use hbot_core::rig::{
+use hbot_core::design::rig::{
     AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Zero,
 };
+use hbot_core::inputs::OnClientLost;
 use serde_json::json;
 
 use crate::{folder, toml_files};
@@ -278,11 +278,12 @@ fn the_share_of_a_line_that_frames_take() {
 #[test]
 fn what_a_file_does_not_state_is_the_default_of_the_core() {
     let rig = RigConfig::from_toml(LEAST, "x.toml").unwrap().rig;
-    let joint = hbot_core::rig::Joint { continuous: 0.1, ..hbot_core::rig::Joint::new(4096, 1.0) };
+    let joint =
+        hbot_core::design::rig::Joint { continuous: 0.1, ..hbot_core::design::rig::Joint::new(4096, 1.0) };
     let mut parts = hbot_core::RigParts::new(rig.device);
     parts.joints[..3].fill(joint);
     // The last joint of the shortest file has no motor.
-    parts.joints[3] = hbot_core::rig::Joint::new(4096, 0.0);
+    parts.joints[3] = hbot_core::design::rig::Joint::new(4096, 0.0);
     // The core has no passivity controller unless it is asked for. A rig file has one.
     parts.methods.passivity = Some(PassivityLimit::of(&parts.device, 1e-3));
     // A program without a file knows no motors.

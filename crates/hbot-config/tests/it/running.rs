@@ -2,7 +2,7 @@
 
 use hbot_config::scene::SetError;
 use hbot_config::{RunningScene, SceneFile};
-use hbot_core::scene::CompiledScene;
+use hbot_core::render::scene::CompiledScene;
 use serde_json::{Map, Value, json};
 
 const SCENE: &str = "

@@ -2,7 +2,7 @@
 
 use hbot_config::SceneFile;
 use hbot_config::scene::{Hand, kinds, phenomena};
-use hbot_core::effects::{Anchor, Damper, Kind, Spring, SpringLaw};
+use hbot_core::render::effects::{Anchor, Damper, Kind, Spring, SpringLaw};
 use hbot_core::{Mat3, Quat};
 use serde_json::json;
 

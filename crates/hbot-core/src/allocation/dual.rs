@@ -8,7 +8,7 @@
 //! unique.
 
 use super::problem::Problem;
-use crate::device::MAX_JOINTS;
+use crate::design::device::MAX_JOINTS;
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 

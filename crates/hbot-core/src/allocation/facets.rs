@@ -8,7 +8,7 @@
 
 use super::dual::FORGIVEN;
 use super::problem::Problem;
-use crate::device::MAX_JOINTS;
+use crate::design::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs};
 
 /// The facet through which a ray from the origin leaves the set of reachable torques. This set is a

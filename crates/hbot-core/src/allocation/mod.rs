@@ -31,10 +31,10 @@ pub(crate) use nearest::{Bounds, nearest};
 pub use traction::{ContactArms, traction};
 
 use crate::count::Count;
-use crate::device::{Device, MAX_JOINTS};
+use crate::design::device::{Device, MAX_JOINTS};
+use crate::design::rig::Rig;
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
-use crate::rig::Rig;
 use reach::Reach;
 use weak::Share;
 

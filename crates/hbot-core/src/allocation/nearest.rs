@@ -2,7 +2,7 @@
 //! cannot make in full.
 
 use super::{ContactArms, JointLimits, traction};
-use crate::device::MAX_JOINTS;
+use crate::design::device::MAX_JOINTS;
 use crate::linear::Sym3;
 use crate::real::{Real, Vec3, fabs};
 
@@ -124,7 +124,7 @@ impl Bounds<'_> {
 #[allow(clippy::excessive_precision, reason = "an f32 rounds the figures that were found with f64")]
 mod tests {
     use super::*;
-    use crate::device::MAX_WHEELS;
+    use crate::design::device::MAX_WHEELS;
 
     const GIVES: [Real; 4] = [2.0, 0.5, 2.0, 0.5];
 

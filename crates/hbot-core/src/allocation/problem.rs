@@ -1,6 +1,6 @@
 //! The allocation problem in coordinates in which every joint limit is 1.
 
-use crate::device::MAX_JOINTS;
+use crate::design::device::MAX_JOINTS;
 use crate::real::{Real, Vec3};
 
 /// The allocation problem in scaled coordinates, in which the torque x_k of joint k has the limits

@@ -4,7 +4,7 @@
 use super::facets::{self, Facet};
 use super::problem::Problem;
 use super::{JointLimits, LOST, dual};
-use crate::device::MAX_JOINTS;
+use crate::design::device::MAX_JOINTS;
 use crate::linear::{Sym3, principal};
 use crate::real::{Real, Vec3, fabs, sqrt};
 

@@ -8,7 +8,7 @@ use proptest::test_runner::RngSeed;
 
 use super::reference::Reference;
 use super::*;
-use crate::singularity::singular_values;
+use crate::design::singularity::singular_values;
 
 /// Tolerance for the direction and the scale of an allocated torque, if the rows are not close to
 /// losing rank. It allows for rounding errors times a few condition numbers, which enter squared.

@@ -2,7 +2,7 @@
 //! and 7).
 
 use super::Allocation;
-use crate::device::{MAX_WHEELS, Wheel};
+use crate::design::device::{MAX_WHEELS, Wheel};
 use crate::real::{Real, sqrt};
 
 /// Lever arms of a wheel's two joints at its contact with the sphere, m. They are the entries of
@@ -102,7 +102,7 @@ impl Allocation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::MAX_JOINTS;
+    use crate::design::device::MAX_JOINTS;
     use crate::real::fabs;
 
     const TOED: ContactArms = ContactArms { steer: 0.0177, cross: -0.004, roll: 0.0155 };

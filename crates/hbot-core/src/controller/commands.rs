@@ -2,11 +2,11 @@
 
 use super::Controller;
 use crate::inputs::{Command, Inputs, MAX_COMMANDS, OnClientLost, Stamp};
-use crate::mode::Mode;
 use crate::outputs::{Refusal, Reply};
 use crate::real::{Quat, Real, fabs};
+use crate::render::scene::CompiledScene;
 use crate::rotation;
-use crate::scene::CompiledScene;
+use crate::safety::mode::Mode;
 
 impl Controller {
     /// Executes the commands of a tick and returns the reply to each. It is a separate function,

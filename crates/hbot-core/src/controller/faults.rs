@@ -1,11 +1,11 @@
 //! The fault conditions of a tick.
 
 use super::Controller;
-use crate::heat::Heat;
 use crate::inputs::{Inputs, JointReadings};
-use crate::joints::Joints;
-use crate::mode::{Cause, Mode};
+use crate::motion::joints::Joints;
 use crate::real::Real;
+use crate::safety::heat::Heat;
+use crate::safety::mode::{Cause, Mode};
 
 /// Lateness of a tick above which the rig goes to fault, ns.
 pub const LATE_FAULT_NS: u64 = 20_000_000;

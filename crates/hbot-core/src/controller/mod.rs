@@ -11,29 +11,29 @@ mod faults;
 mod torque;
 
 use crate::allocation::{ContactArms, Gives, JointLimits};
-use crate::burst::Burst;
-use crate::count::{Any, Count, Two};
-use crate::device::{MAX_JOINTS, MAX_WHEELS};
-use crate::effects::Motion;
-use crate::fades::Fades;
-use crate::falling::Falling;
-use crate::heat::Heat;
+use crate::count::{Count, Two};
+use crate::design::device::{MAX_JOINTS, MAX_WHEELS};
+use crate::design::rig::Rig;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
-use crate::joints::Joints;
-use crate::lead::Lead;
-use crate::mode::{Cause, ModeMachine};
-use crate::orientation::Orientation;
+use crate::motion::joints::Joints;
+use crate::motion::orientation::Orientation;
 use crate::outputs::{Drive, Outputs, State, TakenStream};
-use crate::passivity::{Guard, Ledger, Observer};
 use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
-use crate::rig::Rig;
-use crate::scene::CompiledScene;
-use crate::shaking;
-use crate::shaping::{Blend, Stream};
+use crate::render::effects::Motion;
+use crate::render::fades::Fades;
+use crate::render::lead::Lead;
+use crate::render::scene::CompiledScene;
+use crate::safety::burst::Burst;
+use crate::safety::falling::Falling;
+use crate::safety::heat::Heat;
+use crate::safety::mode::{Cause, ModeMachine};
+use crate::safety::passivity::{Guard, Ledger, Observer};
+use crate::safety::shaking;
+use crate::safety::shaping::{Blend, Stream};
 
 use self::faults::Silence;
-pub use crate::orientation::ALIGN_HISTORY;
+pub use crate::motion::orientation::ALIGN_HISTORY;
 
 pub use self::faults::{
     CORRUPT_FAULT, CORRUPT_FORGIVEN_TICKS, DISOBEDIENCE_S, LATE_FAULT_NS, MISSED_FAULT, MISSED_FORGIVEN,
@@ -182,7 +182,7 @@ impl Controller {
         if self.rig.device.wheels().len() == 2 {
             self.tick_of(Two, scene, inputs)
         } else {
-            self.tick_of(Any::of(&self.rig.device), scene, inputs)
+            self.tick_of(self.rig.device.count(), scene, inputs)
         }
     }
 

@@ -3,12 +3,12 @@ extern crate std;
 mod eased;
 
 use super::*;
-use crate::device::{Device, WheelSpec};
-use crate::effects::{Anchor, Constant, Damper, Effect, Frame, Kind, Spring, SpringLaw};
+use crate::design::device::{Device, WheelSpec};
+use crate::design::rig::{AllocationMethod, Joint, Methods, RateEstimate, RigParts, Traction, Zero};
 use crate::inputs::{Command, Complaints, JointReadings};
-use crate::mode::Mode;
 use crate::real::{Mat3, sincos};
-use crate::rig::{AllocationMethod, Joint, Methods, RateEstimate, RigParts, Traction, Zero};
+use crate::render::effects::{Anchor, Constant, Damper, Effect, Frame, Kind, Spring, SpringLaw};
+use crate::safety::mode::Mode;
 
 /// Returns the geometry of the prototype.
 fn device() -> Device {
@@ -81,7 +81,7 @@ fn both_copies_of_the_tick_give_the_same_bits() {
             for tick in 0..3000 {
                 let inputs = swinging(&rig, tick);
                 let fixed = two.tick_of(Two, &scene, &inputs);
-                let counted = any.tick_of(Any::of(&rig.device), &scene, &inputs);
+                let counted = any.tick_of(rig.device.count(), &scene, &inputs);
                 // As text, because a comparison of numbers does not tell -0 from 0.
                 assert_eq!(
                     std::format!("{fixed:?}"),

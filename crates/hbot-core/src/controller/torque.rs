@@ -3,19 +3,20 @@
 
 use super::Controller;
 use crate::allocation::{self, Bounds};
-use crate::count::{Any, Count};
-use crate::device::MAX_JOINTS;
-use crate::effects::Motion;
-use crate::fades::Fades;
-use crate::falling::Falling;
-use crate::kinematics::torque_of;
-use crate::mode::Mode;
-use crate::passivity::Moment;
+use crate::count::Count;
+use crate::design::device::MAX_JOINTS;
+use crate::design::kinematics::torque_of;
+use crate::design::rig::AllocationMethod;
+use crate::linear::{limited, shortened};
 use crate::real::{Real, Vec3, sqrt};
 use crate::render;
-use crate::rig::AllocationMethod;
-use crate::scene::CompiledScene;
-use crate::shaping::{BLEND_S, Blend, limited, shortened, slewed};
+use crate::render::effects::Motion;
+use crate::render::fades::Fades;
+use crate::render::scene::CompiledScene;
+use crate::safety::falling::Falling;
+use crate::safety::mode::Mode;
+use crate::safety::passivity::Moment;
+use crate::safety::shaping::{BLEND_S, Blend, slewed};
 
 /// Step in torque above which a change of scene restarts the soft start, as a fraction of the rig's
 /// largest torque. It applies if an effect rests so far away that `enable` would refuse the scene.
@@ -218,7 +219,7 @@ impl Controller {
     /// Gives the guard against shaking the present tick.
     #[inline(never)]
     pub(super) fn look_for_shaking(&mut self, scene: &CompiledScene, tick: u64, dt: Real) {
-        let now = crate::shaking::Moment {
+        let now = crate::safety::shaking::Moment {
             tick,
             omega: self.joints.omega,
             energy: self.observer.energy(),
@@ -403,7 +404,7 @@ impl Controller {
         // The wheels have steered since the last tick, so the last joint torques now make another
         // torque. The limits may also leave less of the last torque. The nearer of the two is the
         // start.
-        let again = self.allocated(Any::of(&self.rig.device), &Wanted { torque: last, ..*wanted });
+        let again = self.allocated(self.rig.device.count(), &Wanted { torque: last, ..*wanted });
         let held = posture.torque_on_sphere(&self.made.joints[..n]);
         let (mut start, mut from) =
             if (again.torque - last).length_squared() <= (held - last).length_squared() {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use hbot_core::around::{Place, Spot, Swing};
+use hbot_core::render::around::{Place, Spot, Swing};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 /// Number of steps in which the torque of a law is searched from no deflection to half a turn. Each

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use hbot_api::{EffectCost, InfoOk};
 use hbot_config::SceneFile;
 use hbot_config::scene::SceneEffect;
-use hbot_core::effects::Anchor;
+use hbot_core::render::effects::Anchor;
 use serde_json::{Map, Value};
 
 /// Identifies a parameter of an effect: the effect's id and the parameter's name.

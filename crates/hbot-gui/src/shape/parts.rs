@@ -1,11 +1,11 @@
 //! The shape of each part of an effect's outline. The law of the effect tells its outline and its
-//! torque ([`hbot_core::outline`]).
+//! torque ([`hbot_core::render::outline`]).
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DQuat, DVec3};
 use hbot_config::scene::SceneEffect;
-use hbot_core::outline::{Angles, Outline};
+use hbot_core::render::outline::{Angles, Outline};
 
 use super::dial::{Ring, off};
 use super::round::{About, LIFT, between};

@@ -2,7 +2,7 @@
 
 use glam::DQuat;
 use hbot_config::scene::SceneEffect;
-use hbot_core::effects::Anchor;
+use hbot_core::render::effects::Anchor;
 
 /// What the panel knows about the places of references.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

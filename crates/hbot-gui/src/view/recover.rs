@@ -3,7 +3,7 @@
 
 use eframe::egui::{Button, Ui, vec2};
 use hbot_api::Mode;
-use hbot_core::effects::Anchor;
+use hbot_core::render::effects::Anchor;
 
 use super::theme::{Palette, coloured, weak};
 use crate::model::Model;

@@ -206,7 +206,10 @@ fn wrong_radii_and_cones_are_found_beside_a_wrong_zero() {
 fn three_wheels() -> hbot_core::Rig {
     let rig = RigConfig::prototype().rig;
     let mut specs: Vec<_> = rig.device.wheels().iter().map(|wheel| *wheel.spec()).collect();
-    specs.push(hbot_core::device::WheelSpec { axis: hbot_core::Vec3::new(0.0, 1.0, -1.0), ..specs[0] });
+    specs.push(hbot_core::design::device::WheelSpec {
+        axis: hbot_core::Vec3::new(0.0, 1.0, -1.0),
+        ..specs[0]
+    });
     let device =
         hbot_core::Device::new(rig.device.sphere_radius(), rig.device.sphere_mass(), &specs).unwrap();
     rig.with(|parts| {

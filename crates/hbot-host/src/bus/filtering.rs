@@ -2,7 +2,7 @@
 //! file promises more.
 
 use hbot_config::RigConfig;
-use hbot_core::rig::RateEstimate;
+use hbot_core::design::rig::RateEstimate;
 
 use super::{Expected, field};
 

@@ -5,7 +5,7 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::mode::{Cause, Mode};
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_sim::phenomena::{Hand, Phenomena};
 use hbot_testing::patience::until;
 

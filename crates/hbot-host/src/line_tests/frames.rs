@@ -318,7 +318,8 @@ fn a_rig_that_was_stopped_before_it_was_ready_does_not_enable_itself() {
         (&[Order::Estop, Order::Reset], Mode::Idle),
     ] {
         let mut rig = RigConfig::prototype();
-        let index = |joint: &mut hbot_core::rig::Joint| joint.zero = hbot_core::rig::Zero::Index;
+        let index =
+            |joint: &mut hbot_core::design::rig::Joint| joint.zero = hbot_core::design::rig::Zero::Index;
         rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(index)).expect("legal");
         let fake = Fake::new(4);
         let mut bench = bench(&rig, vec![fake.clone()], &Layout::single(0..4));

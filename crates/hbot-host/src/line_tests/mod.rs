@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex};
 
 use hbot_config::RigConfig;
 use hbot_core::inputs::Command as Order;
-use hbot_core::mode::{Cause, Mode};
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_link::{
     Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointDescription, JointFlags,
     JointReading, MAX_FEEDBACK_FRAME, PROTOCOL_VERSION, ToController, encode,

@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use hbot_core::rig::Zero;
+use hbot_core::design::rig::Zero;
 
 use super::*;
 use crate::bridge::CONFIRMED;
@@ -17,7 +17,7 @@ const MODES: [Mode; 6] =
 fn bench_in(mode: Mode) -> (TickBench, Fake) {
     let mut rig = RigConfig::prototype();
     if mode == Mode::Unreferenced {
-        let index = |joint: &mut hbot_core::rig::Joint| joint.zero = Zero::Index;
+        let index = |joint: &mut hbot_core::design::rig::Joint| joint.zero = Zero::Index;
         rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(index)).expect("legal");
     }
     let fake = Fake::new(4);

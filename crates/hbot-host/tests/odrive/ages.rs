@@ -3,7 +3,7 @@
 use std::sync::mpsc::channel;
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::mode::{Cause, Mode};
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{Controller, MAX_JOINTS};
 use hbot_host::bridge::bridge;
 use hbot_host::bus::odrive::Odrive;

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use hbot_api::StateEvent;
 use hbot_config::SceneFile;
 use hbot_core::CompiledScene;
-use hbot_core::effects::{Effect, Span};
+use hbot_core::render::effects::{Effect, Span};
 use hbot_record::exact::FORMAT;
 use hbot_record::replay::{Flaw, Replay, ReplayError};
 use hbot_record::{About, Exact, Writer};

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use hbot_config::SceneFile;
 use hbot_core::inputs::Command;
-use hbot_core::mode::{Cause, Mode};
+use hbot_core::safety::mode::{Cause, Mode};
 use hbot_record::reader::Item;
 use hbot_record::replay::{Replay, ReplayError, renumbered};
 use hbot_record::{Exact, Reader, Topic};

@@ -2,8 +2,10 @@
 //! have, and with inputs that no server has in virtual time.
 
 use hbot_config::RigConfig;
+use hbot_core::design::rig::{
+    EnergyLimit, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, Traction,
+};
 use hbot_core::inputs::{Command, Complaints, JointReadings};
-use hbot_core::rig::{EnergyLimit, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, Traction};
 use hbot_core::{CompiledScene, Controller, Inputs, MAX_JOINTS};
 use hbot_record::Exact;
 

@@ -3,9 +3,9 @@
 
 use std::time::Instant;
 
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::{RigParts, Zero, legal};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
-use hbot_core::kinematics::Posture;
-use hbot_core::rig::{RigParts, Zero, legal};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, MAX_WHEELS, Rig, Vec3};
 
 /// Number of ticks before the timed ones. In these ticks the control law finds its zeros and is
@@ -112,7 +112,7 @@ fn inputs(rig: &Rig) -> Vec<Inputs> {
 #[cfg(test)]
 mod tests {
     use hbot_config::{RigConfig, RunningScene, SceneFile};
-    use hbot_core::mode::Mode;
+    use hbot_core::safety::mode::Mode;
 
     use super::*;
 

@@ -6,7 +6,7 @@ mod explanation;
 use hbot_api::{FaultEvent, Mode as ApiMode, Requester, StatsOk};
 use hbot_config::scene::{Link, Simulate};
 use hbot_core::Rig;
-use hbot_core::mode::{Cause, Mode};
+use hbot_core::safety::mode::{Cause, Mode};
 
 use super::convert;
 use super::flights::Flights;

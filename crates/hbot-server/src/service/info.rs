@@ -7,7 +7,7 @@ use hbot_api::{
 use hbot_config::RigConfig;
 use hbot_config::scene::Listed;
 use hbot_core::allocation::{ContactArms, JointLimits, capability};
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::Value;
 

@@ -2,8 +2,8 @@
 
 use hbot_api::{ErrorBody, ErrorCode, OpName};
 use hbot_core::Rig;
-use hbot_core::mode::{Cause, Obstacle};
 use hbot_core::outputs::Refusal;
+use hbot_core::safety::mode::{Cause, Obstacle};
 
 use super::convert;
 use hbot_host::sample::Sample;

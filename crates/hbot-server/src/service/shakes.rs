@@ -1,7 +1,7 @@
 //! Reports a sphere that shakes by itself, as the loop's guard finds it.
 
 use hbot_api::ShakingEvent;
-use hbot_core::shaking::Shaking;
+use hbot_core::safety::shaking::Shaking;
 use hbot_host::sample::Sample;
 
 use super::scenes::Scenes;

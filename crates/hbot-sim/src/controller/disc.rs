@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 use oorandom::Rand64;
 
 use crate::phenomena::Encoder;

@@ -3,7 +3,7 @@
 //! hbot-device is the firmware, as it is flashed to real controllers. This module is the hardware
 //! under it: encoders, motors and a clock of microseconds.
 
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 use hbot_device::{Condition, Device, Identity, Joint, JointFlags, JointReading};
 
 use super::joints::{Joints, Truth};

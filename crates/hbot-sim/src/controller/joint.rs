@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::rig::{Joint, Zero};
+use hbot_core::design::rig::{Joint, Zero};
 use hbot_link::JointFlags;
 
 use super::disc::Disc;

@@ -24,7 +24,7 @@ mod motors;
 mod odrive;
 
 use hbot_config::rig::Protocol;
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 
 pub use self::filter::EncoderFilter;
 pub use self::hbot::FIRMWARE;

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 
 use super::joint::Axis;
 use crate::phenomena::Motor;

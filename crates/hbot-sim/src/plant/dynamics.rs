@@ -2,7 +2,7 @@
 //! smooth plant is too stiff are made by the nonsmooth one, which is stable at any step.
 
 use hbot_core::Vec3;
-use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
+use hbot_core::design::device::{Device, MAX_JOINTS, MAX_WHEELS};
 
 use super::fastest::FastestRate;
 use super::nonsmooth::{Effort, Nonsmooth};

@@ -16,7 +16,7 @@
 //!
 //! Sums of norms replace norms everywhere, so the bound is larger than the eigenvalues.
 
-use hbot_core::device::Device;
+use hbot_core::design::device::Device;
 
 use super::weights::{GRAVITY, Module};
 use crate::hand::Grip;

@@ -4,8 +4,8 @@
 //! The compiler builds each method separately for each field, so the ideal plant does not pay for
 //! the extras.
 
-use hbot_core::device::{Device, MAX_WHEELS};
-use hbot_core::kinematics::ContactFrame;
+use hbot_core::design::device::{Device, MAX_WHEELS};
+use hbot_core::design::kinematics::ContactFrame;
 use hbot_core::{Quat, Vec3};
 
 use super::JointTorques;

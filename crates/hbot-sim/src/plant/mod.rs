@@ -25,7 +25,7 @@ mod weights;
 
 use core::fmt;
 
-use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
+use hbot_core::design::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::{Mat3, Quat, Vec3};
 
 pub use dynamics::Dynamics;

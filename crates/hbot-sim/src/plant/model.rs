@@ -14,8 +14,8 @@
 //! Wheels are computed in pairs (see [`Pair`]). If the number of wheels is odd, the last wheel's
 //! partner has zeros for all its constants.
 
-use hbot_core::device::{Device, MAX_WHEELS, Wheel};
-use hbot_core::kinematics::ContactFrame;
+use hbot_core::design::device::{Device, MAX_WHEELS, Wheel};
+use hbot_core::design::kinematics::ContactFrame;
 use hbot_core::{Quat, Vec3};
 
 use super::pair::Pair;

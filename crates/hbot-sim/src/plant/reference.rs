@@ -6,7 +6,7 @@
 
 use core::fmt;
 
-use hbot_core::device::MAX_WHEELS;
+use hbot_core::design::device::MAX_WHEELS;
 use hbot_core::{Vec3, rotation};
 
 use super::{JointTorques, Load, Plant, PlantState};

@@ -6,8 +6,8 @@
 //! 1996. Closed forms exist for these potentials: a turn by phi moves a vector u by 2 tan(|phi|/2)
 //! / |phi| phi x (u + u')/2, and a quaternion likewise with half the angle.
 
-use hbot_core::device::{Device, MAX_WHEELS};
-use hbot_core::kinematics::ContactFrame;
+use hbot_core::design::device::{Device, MAX_WHEELS};
+use hbot_core::design::kinematics::ContactFrame;
 use hbot_core::{Quat, Vec3, rotation};
 
 /// Standard gravity, m/s². It acts along -n3.
@@ -129,7 +129,7 @@ fn sin_ratio(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_core::device::WheelSpec;
+    use hbot_core::design::device::WheelSpec;
 
     /// The work of a discrete-gradient torque over a turn equals the loss of potential energy, for
     /// the spring, the weight and the wheel module. The tolerance is the rounding of energies of

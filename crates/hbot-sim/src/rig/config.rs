@@ -3,8 +3,8 @@
 use core::fmt;
 
 use hbot_config::rig::Protocol;
-use hbot_core::device::Device;
-use hbot_core::rig::Rig;
+use hbot_core::design::device::Device;
+use hbot_core::design::rig::Rig;
 
 use crate::controller::{Lags, Line, SimulatedJoint};
 use crate::phenomena::Phenomena;

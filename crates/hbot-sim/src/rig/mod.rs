@@ -8,7 +8,7 @@
 mod config;
 
 use hbot_core::Vec3;
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 
 pub use self::config::{SimulatedConfig, SimulatedRigError};
 use crate::controller::{InjectedFault, SimulatedControllers, Truth, frame_end};

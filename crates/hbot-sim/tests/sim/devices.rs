@@ -1,7 +1,7 @@
 //! The devices, rigs and loads that several tests use.
 
-use hbot_core::device::{Device, WheelSpec};
-use hbot_core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
+use hbot_core::design::device::{Device, WheelSpec};
+use hbot_core::design::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use hbot_core::{Quat, Vec3};
 use hbot_sim::plant::{Load, Plant, PlantState, Sine, SpringDamper, Sum};
 use hbot_testing::prototype::{device, device_with, of_the_task};

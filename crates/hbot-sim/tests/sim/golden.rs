@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use hbot_core::device::{Device, WheelSpec};
+use hbot_core::design::device::{Device, WheelSpec};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 use serde_json::Value;

@@ -1,13 +1,13 @@
 //! Laws that hold for every motion: energy, power, unit norm, no slip.
 
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Mat3, Vec3};
 use hbot_sim::plant::{Method, Plant, PlantState};
 
 use crate::devices::{brisk, toed};
 use hbot_testing::prototype::device;
 
-fn plants() -> Vec<(Plant, hbot_core::device::Device)> {
+fn plants() -> Vec<(Plant, hbot_core::design::device::Device)> {
     let devices = [device(), toed(2), toed(3), toed(5), toed(8)];
     devices.into_iter().map(|device| (Plant::new(&device).unwrap(), device)).collect()
 }

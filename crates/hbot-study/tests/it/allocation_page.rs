@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use hbot_config::rig::RigConfig;
 use hbot_core::Vec3;
 use hbot_core::allocation::{Allocation, JointLimits, allocate, allocate_clipped, capability};
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_plot::{Lines, Series};
 
 const PAGE: &str = include_str!("../../../../docs/internals/allocation.md");

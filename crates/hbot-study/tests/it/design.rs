@@ -4,8 +4,8 @@
 use std::sync::OnceLock;
 
 use hbot_config::RigConfig;
-use hbot_core::kinematics::Posture;
-use hbot_core::singularity::{Indices, interior_margin_over_all};
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::singularity::{Indices, interior_margin_over_all};
 use hbot_study::{Interrupt, Report, Study, StudyOptions, run};
 
 use crate::{assert_documented, assert_holds, measure, options, value};

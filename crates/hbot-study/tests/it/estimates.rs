@@ -6,8 +6,8 @@
 //! of 1.1 times the delay. The encoder's step is that of the sphere for all joints together.
 
 use hbot_config::RigConfig;
-use hbot_core::rates::step_response;
-use hbot_core::rig::RateEstimate;
+use hbot_core::design::rig::RateEstimate;
+use hbot_core::motion::rates::step_response;
 
 const H: f64 = 1.0e-3;
 const LAG: f64 = 5.0e-4;

@@ -1,10 +1,10 @@
 //! Angles from zero to a half turn, both signs of a quaternion, and quaternions that are not
 //! rotations.
 
-use super::super::core::effects::{Anchor, Spring, SpringLaw, Target};
-use super::super::core::impedance::{first_order_law, geodesic_law, quaternion_law};
 use super::super::core::inputs::{Command, Stamp};
 use super::super::core::outputs::{Refusal, Reply};
+use super::super::core::render::effects::{Anchor, Spring, SpringLaw, Target};
+use super::super::core::render::impedance::{first_order_law, geodesic_law, quaternion_law};
 use super::super::core::{Mat3, Quat, Real, Vec3, rotation};
 use super::machine::ReadRig;
 

@@ -1,6 +1,6 @@
 //! Ticks that are late, repeated, in the past or far ahead, and feedback that stops.
 
-use super::super::core::mode::{Cause, Mode};
+use super::super::core::safety::mode::{Cause, Mode};
 use super::super::core::{Real, Vec3};
 use super::machine::ReadRig;
 

@@ -1,10 +1,10 @@
 //! Numbers that are NaN, infinite, too large or too small. They are refused at the input or have no
 //! effect, and leave no trace.
 
-use super::super::core::effects::{Anchor, Spring, SpringLaw};
 use super::super::core::inputs::{Command, Stamp};
-use super::super::core::mode::{Cause, Mode};
 use super::super::core::outputs::{Refusal, Reply};
+use super::super::core::render::effects::{Anchor, Spring, SpringLaw};
+use super::super::core::safety::mode::{Cause, Mode};
 use super::super::core::{Device, Mat3, Quat, Real, Vec3};
 use super::machine::{ReadRig, wheels};
 

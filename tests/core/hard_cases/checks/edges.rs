@@ -1,9 +1,9 @@
 //! Crossing half turns with both spring laws, and walls and notches exactly at their edges.
 
-use super::super::core::effects::{
+use super::super::core::render::Renderer;
+use super::super::core::render::effects::{
     Anchor, Detents, Effect, EndStop, Kind, Motion, Span, Spring, SpringLaw, Target,
 };
-use super::super::core::render::Renderer;
 use super::super::core::{CompiledScene, Mat3, Quat, Real, Vec3, rotation};
 use super::machine::rig;
 

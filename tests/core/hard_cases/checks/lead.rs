@@ -1,10 +1,10 @@
 //! The lead at its bounds: the limit of speed, missing readings, half a turn from the reference,
 //! and references that turn fast or jump.
 
+use super::super::core::design::kinematics::Posture;
+use super::super::core::design::rig::LeadTime;
 use super::super::core::inputs::{Command, Stamp};
-use super::super::core::kinematics::Posture;
-use super::super::core::mode::Mode;
-use super::super::core::rig::LeadTime;
+use super::super::core::safety::mode::Mode;
 use super::super::core::{Quat, Real, Vec3, rotation};
 use super::machine::{ReadRig, device, rig, spring_scene, wheels};
 

@@ -1,12 +1,12 @@
 //! A prototype with its controller. The sphere rests, and the encoders read what a check sets.
 
 use super::super::core::allocation::JointLimits;
-use super::super::core::device::MAX_JOINTS;
-use super::super::core::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
+use super::super::core::design::device::MAX_JOINTS;
+use super::super::core::design::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
 use super::super::core::inputs::{Command, Complaints, Inputs, JointReadings};
-use super::super::core::mode::Mode;
 use super::super::core::outputs::{Outputs, Reply};
-use super::super::core::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
+use super::super::core::render::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
+use super::super::core::safety::mode::Mode;
 use super::super::core::{CompiledScene, Controller, Device, Mat3, Quat, Real, Vec3, WheelSpec, rotation};
 
 /// Peak torques of steer and drive in [`rig`], N m.

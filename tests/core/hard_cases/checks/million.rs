@@ -1,7 +1,7 @@
 //! A million ticks of odometry.
 
-use super::super::core::odometry::{advance, turn};
-use super::super::core::rig::OdometryMethod::{self, Magnus4, Midpoint};
+use super::super::core::design::rig::OdometryMethod::{self, Magnus4, Midpoint};
+use super::super::core::motion::odometry::{advance, turn};
 use super::super::core::{Quat, Real, Vec3, rotation};
 use super::machine::{device, wheels};
 

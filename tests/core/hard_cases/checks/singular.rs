@@ -1,9 +1,9 @@
 //! Designs very close to singular, and three motors where they lose a direction of torque.
 
 use super::super::core::allocation::{Allocation, JointLimits, allocate};
-use super::super::core::device::DeviceError;
-use super::super::core::kinematics::Posture;
-use super::super::core::singularity::{
+use super::super::core::design::device::DeviceError;
+use super::super::core::design::kinematics::Posture;
+use super::super::core::design::singularity::{
     actuation_margin, boundary_determinant, interior_margin, interior_margin_over_all,
 };
 use super::super::core::{Device, Real, Vec3, WheelSpec};

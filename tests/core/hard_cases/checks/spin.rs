@@ -1,11 +1,11 @@
 //! Steering at 1,000 rad/s, counts that wrap, and turns between readings so large that their
 //! direction is unknown.
 
+use super::super::core::design::kinematics::Posture;
+use super::super::core::design::rig::OdometryMethod::Magnus4;
 use super::super::core::inputs::Command;
-use super::super::core::kinematics::Posture;
-use super::super::core::mode::{Cause, Mode};
-use super::super::core::odometry::{advance, turn};
-use super::super::core::rig::OdometryMethod::Magnus4;
+use super::super::core::motion::odometry::{advance, turn};
+use super::super::core::safety::mode::{Cause, Mode};
 use super::super::core::{Quat, Real, rotation};
 use super::machine::{ReadRig, device, rig, wheels};
 

@@ -1,6 +1,6 @@
 //! Parameters of the effect `end_stop`: walls that limit the rotation.
 
-use hbot_core::effects::{self, Kind};
+use hbot_core::render::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

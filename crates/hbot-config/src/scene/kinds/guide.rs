@@ -1,6 +1,6 @@
 //! Parameters of the effect `guide`: it holds some rotations and leaves others free.
 
-use hbot_core::effects::{self, Freedom, Kind};
+use hbot_core::render::effects::{self, Freedom, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! Stiffness, damping and virtual mass in a scene file: one number for all directions, or a matrix.
 
 use hbot_core::Mat3;
-use hbot_core::impedance::is_impedance;
+use hbot_core::render::impedance::is_impedance;
 use schemars::{Schema, json_schema};
 use serde::{Deserialize, Serialize};
 

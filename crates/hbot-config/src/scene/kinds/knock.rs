@@ -1,6 +1,6 @@
 //! The knock of an effect: a short vibration when the sphere meets a wall or falls into a notch.
 
-use hbot_core::effects::{self, Kind, Knocking};
+use hbot_core::render::effects::{self, Kind, Knocking};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

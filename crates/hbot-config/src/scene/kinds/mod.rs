@@ -22,7 +22,7 @@ mod vibration;
 
 use std::sync::LazyLock;
 
-use hbot_core::effects::Kind;
+use hbot_core::render::effects::Kind;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! Parameters of the effect `pendulum`: an off-centre mass under gravity.
 
 use hbot_core::Vec3;
-use hbot_core::effects::{self, Kind};
+use hbot_core::render::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! Parameters of the effect `snaps`: orientations that attract the sphere.
 
 use hbot_core::Quat;
-use hbot_core::effects::{self, Kind, MAX_OWN, SnapSet};
+use hbot_core::render::effects::{self, Kind, MAX_OWN, SnapSet};
 use hbot_core::rotation::{angle_between, to_wxyz};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

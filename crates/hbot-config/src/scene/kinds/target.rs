@@ -1,6 +1,6 @@
 //! References, anchors and axes, which several kinds of effects have as parameters.
 
-use hbot_core::effects::{self, Target};
+use hbot_core::render::effects::{self, Target};
 use hbot_core::{Quat, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

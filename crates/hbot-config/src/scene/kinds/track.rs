@@ -1,7 +1,7 @@
 //! Parameters of the effect `track`: a spring towards a moving reference.
 
 use hbot_core::Quat;
-use hbot_core::effects::{self, Kind};
+use hbot_core::render::effects::{self, Kind};
 use hbot_core::rotation::{angle_between, to_wxyz};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::allocation::traction;
-use crate::kinematics::Posture;
+use crate::design::kinematics::Posture;
 use crate::real::{TURN, fabs};
 
 /// Slew limit of these tests: the largest change of the torque in one tick, N m.
@@ -40,7 +40,7 @@ fn controller(rig: Rig, steer: &[Real], torque: Vec3, joints: &[Real]) -> Contro
 /// and load are those of the joint torques.
 fn tick(controller: &mut Controller, torque: Vec3, reach: Real) -> Made {
     let (rig, posture) = (controller.rig, controller.joints.posture);
-    controller.make(Any::of(&rig.device), &Wanted { torque, share: 1.0, reach });
+    controller.make(rig.device.count(), &Wanted { torque, share: 1.0, reach });
     let made = controller.made;
     let joints = &made.joints[..rig.device.joints()];
     for (j, torque) in joints.iter().enumerate() {

@@ -11,8 +11,8 @@ mod search;
 mod wiring;
 
 use hbot_core::Rig;
-use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
-use hbot_core::kinematics::Posture;
+use hbot_core::design::device::{Device, MAX_JOINTS, MAX_WHEELS};
+use hbot_core::design::kinematics::Posture;
 
 pub use wiring::{exchanged, explains, still};
 

@@ -3,7 +3,7 @@
 use hbot_config::scene::Link;
 use hbot_core::Rig;
 use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
-use hbot_core::mode::Cause;
+use hbot_core::safety::mode::Cause;
 
 use super::super::convert;
 use hbot_host::sample::Sample;

@@ -41,8 +41,8 @@ async fn every_sample_rings_where_it_is_asked_for_and_once() {
 async fn only_what_is_notable_rings_otherwise() {
     type Change = (&'static str, fn(&mut Sample));
     let changes: [Change; 4] = [
-        ("mode", |sample| sample.state.mode = hbot_core::mode::Mode::Estop),
-        ("cause", |sample| sample.state.cause = Some(hbot_core::mode::Cause::Slip)),
+        ("mode", |sample| sample.state.mode = hbot_core::safety::mode::Mode::Estop),
+        ("cause", |sample| sample.state.cause = Some(hbot_core::safety::mode::Cause::Slip)),
         ("scene", |sample| sample.scene = 1),
         ("answer", |sample| sample.answers[7] = Some(Answer { ticket: 1, reply: Reply::Done })),
     ];

@@ -75,7 +75,8 @@ fn the_table_of_states_over_the_wire() {
 #[test]
 fn a_rig_without_its_zeros_cannot_be_enabled() {
     let mut rig = RigConfig::prototype();
-    let unknown = |joint: &mut hbot_core::rig::Joint| joint.zero = hbot_core::rig::Zero::Calibrate;
+    let unknown =
+        |joint: &mut hbot_core::design::rig::Joint| joint.zero = hbot_core::design::rig::Zero::Calibrate;
     rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(unknown)).unwrap();
     let bench = TestService::start(TestOptions { rig, enable_at_start: true, ..TestOptions::default() });
     let mut client = bench.holder();
@@ -322,8 +323,12 @@ fn enable_far_from_a_reference_says_which_and_how_far() {
 #[test]
 fn info_tells_the_limit_of_the_passivity_controller() {
     let mut rig = RigConfig::prototype();
-    let limit =
-        hbot_core::rig::PassivityLimit { allowance: 0.002, store: 0.25, damping: 0.125, strict: false };
+    let limit = hbot_core::design::rig::PassivityLimit {
+        allowance: 0.002,
+        store: 0.25,
+        damping: 0.125,
+        strict: false,
+    };
     rig.rig = rig.rig.with(|parts| parts.methods.passivity = Some(limit)).unwrap();
     let bench = TestService::start(TestOptions { rig, ..TestOptions::default() });
     let info = bench.client("c").info().unwrap();
@@ -343,7 +348,7 @@ fn info_and_stats_have_their_shape() {
     assert_eq!(info.clock, Some(clock));
     assert_eq!(info.limits.traction, Some(TractionInfo { mu: 0.8, normal_force: 10.0 }));
     // The passivity controller is on by default.
-    let limit = hbot_core::rig::PassivityLimit::of(&RigConfig::prototype().rig.device, 1.0e-3);
+    let limit = hbot_core::design::rig::PassivityLimit::of(&RigConfig::prototype().rig.device, 1.0e-3);
     let told = PassivityInfo { allowance: limit.allowance, store: limit.store, damping: limit.damping };
     assert_eq!(info.limits.passivity, Some(told));
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");

@@ -20,7 +20,7 @@ mod line;
 mod registers;
 mod servo;
 
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 
 use self::console::Console;
 use self::line::{Adapter, Asked, CanFrame, say, say_frame};

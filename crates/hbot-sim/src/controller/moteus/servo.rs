@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 
 use super::command::{
     COMMAND, COMMANDS, DEFAULTS, FEEDFORWARD, IGNORE_BOUNDS, MAPPINGS, MAX_TORQUE, WATCHDOG, mapping,

@@ -9,7 +9,7 @@
 
 mod axis;
 
-use hbot_core::device::MAX_JOINTS;
+use hbot_core::design::device::MAX_JOINTS;
 
 use super::joints::{Joints, Truth};
 use super::{InjectedFault, Lags, Speaks};

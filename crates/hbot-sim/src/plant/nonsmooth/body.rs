@@ -1,8 +1,8 @@
 //! Builds the problem of one step for the solver: masses, momenta, and the laws of friction, slip
 //! and play.
 
-use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
-use hbot_core::kinematics::ContactFrame;
+use hbot_core::design::device::{Device, MAX_JOINTS, MAX_WHEELS, Wheel};
+use hbot_core::design::kinematics::ContactFrame;
 use hbot_core::{Vec3, rotation};
 
 use super::super::weights::Module;

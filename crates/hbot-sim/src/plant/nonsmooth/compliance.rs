@@ -18,7 +18,7 @@
 //! stretches the spring, and p W (u + u') / 2 - p s >= 0 is lost by friction.
 
 use hbot_core::Vec3;
-use hbot_core::device::MAX_WHEELS;
+use hbot_core::design::device::MAX_WHEELS;
 
 use super::Vector;
 use super::law::{Element, Law, Row};

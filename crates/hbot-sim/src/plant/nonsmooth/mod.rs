@@ -21,7 +21,7 @@ mod compliance;
 mod law;
 mod solver;
 
-use hbot_core::device::{Device, MAX_JOINTS, MAX_WHEELS};
+use hbot_core::design::device::{Device, MAX_JOINTS, MAX_WHEELS};
 use hbot_core::{Vec3, rotation};
 
 use self::body::{Body, Given, Instant};

@@ -4,7 +4,7 @@
 use core::f64::consts::TAU;
 
 use hbot_core::Vec3;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 

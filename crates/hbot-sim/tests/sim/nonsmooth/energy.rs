@@ -2,7 +2,7 @@
 //! as allowed.
 
 use hbot_core::Vec3;
-use hbot_core::device::{Device, WheelSpec};
+use hbot_core::design::device::{Device, WheelSpec};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
 use hbot_sim::phenomena::{

@@ -1,7 +1,7 @@
 //! The slip that odometry computes from the encoders is the observable part of the true slip.
 
-use hbot_core::device::Device;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::device::Device;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Mat3, Vec3};
 use hbot_sim::phenomena::{CageFriction, Phenomena, Slip, largest_grip};
 use hbot_sim::plant::{Dynamics, Method, PlantState};

@@ -11,7 +11,7 @@ use differential_equations::linalg::Matrix;
 use differential_equations::methods::BackwardDifferentiationFormula;
 use differential_equations::ode::ODE;
 use hbot_core::Quat;
-use hbot_core::device::Device;
+use hbot_core::design::device::Device;
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::{Phenomena, largest_grip, largest_pivoting_torque};
 use hbot_sim::plant::PlantState;

@@ -3,7 +3,7 @@
 
 use core::f64::consts::PI;
 
-use hbot_core::device::Device;
+use hbot_core::design::device::Device;
 use hbot_core::{Vec3, rotation};
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;

@@ -1,7 +1,7 @@
 //! Friction holds a load below its limit without any motion, and lets a load above it move.
 
-use hbot_core::device::Device;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::device::Device;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Vec3, rotation};
 use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena, Slip, largest_grip};
 use hbot_sim::plant::{Dynamics, Method, PlantState};

@@ -1,7 +1,7 @@
 //! Figures of a design at one posture.
 
 use hbot_core::allocation::ContactArms;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Mat3, Vec3};
 
 /// A device with precomputed data, so that its figures can be computed quickly at many postures.
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
     use crate::rng::Rng;
     use hbot_core::allocation::{JointLimits, allocate, capability, traction};
-    use hbot_core::singularity::Indices;
+    use hbot_core::design::singularity::Indices;
     use hbot_sim::plant::{Plant, PlantState};
 
     const PEAKS: [f64; 2] = [0.93, 0.14];
@@ -268,7 +268,7 @@ mod tests {
                 .wheels()
                 .iter()
                 .map(|wheel| {
-                    let down = |th: f64| hbot_core::kinematics::ContactFrame::at(wheel, th).c3.z;
+                    let down = |th: f64| hbot_core::design::kinematics::ContactFrame::at(wheel, th).c3.z;
                     (0..36_000)
                         .map(|k| 1.0e-2 * DEGREE * k as f64)
                         .min_by(|a, b| down(*a).total_cmp(&down(*b)))

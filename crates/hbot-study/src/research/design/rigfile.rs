@@ -125,6 +125,6 @@ mod tests {
         }
         let limits = &config.rig.limits;
         assert!(limits.torque > 0.0 && limits.torque < measures.torque.min(measures.slips_from(8.0)));
-        assert_eq!(hbot_core::rig::Limits { torque: 0.9, ..*limits }, parts.rig.limits);
+        assert_eq!(hbot_core::design::rig::Limits { torque: 0.9, ..*limits }, parts.rig.limits);
     }
 }

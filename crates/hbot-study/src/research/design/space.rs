@@ -233,8 +233,8 @@ fn disc_inertia(radius: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_core::kinematics::Posture;
-    use hbot_core::singularity::{Meeting, closest_approach};
+    use hbot_core::design::kinematics::Posture;
+    use hbot_core::design::singularity::{Meeting, closest_approach};
 
     /// The prototype, expressed as a design, has the wheel geometry and inertias of its rig file.
     #[test]

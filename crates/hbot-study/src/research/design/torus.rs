@@ -3,8 +3,8 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::kinematics::Posture;
-use hbot_core::singularity::interior_margin_over_all;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::singularity::interior_margin_over_all;
 
 use super::local::{Quantity, RatedDevice};
 use super::space::Design;

@@ -1,7 +1,7 @@
 //! The paper's claim that more than two wheels increase stability, in figures: the prototype with
 //! two, three and four of its wheels.
 
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, Mat3, Vec3};
 use hbot_plot::{Bar, bars, short};
 

@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use hbot_config::RigConfig;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, Vec3};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::phenomena::{CageFriction, Gear, JointFriction, Phenomena, Pivoting, Slip};

@@ -4,7 +4,7 @@ mod nearest;
 
 use hbot_config::RigConfig;
 use hbot_core::allocation::{ContactArms, JointLimits, capability};
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 
 use super::comparison::Comparison;

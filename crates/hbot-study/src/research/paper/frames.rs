@@ -2,9 +2,9 @@
 //! velocity equations, and equation 1 taken literally.
 
 use hbot_config::RigConfig;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::singularity::{interior_margin, interior_margin_over_all};
 use hbot_core::rotation::{self, from_parts, vector_part};
-use hbot_core::singularity::{interior_margin, interior_margin_over_all};
 use hbot_core::{Device, Mat3, Quat, Vec3, WheelSpec};
 use hbot_plot::{Pen, Sketch, short};
 

@@ -2,10 +2,10 @@
 //! SO(3).
 
 use hbot_config::RigConfig;
-use hbot_core::kinematics::Posture;
-use hbot_core::rig::OdometryMethod;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::OdometryMethod;
 use hbot_core::rotation::{error_eq24, shortest, vector_part};
-use hbot_core::{Device, Quat, odometry};
+use hbot_core::{Device, Quat, motion::odometry};
 use hbot_plot::{Lines, Series, short};
 
 use super::comparison::Comparison;

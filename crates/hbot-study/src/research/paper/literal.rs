@@ -1,7 +1,7 @@
 //! The paper's equations taken literally, step by step with matrices and velocities. They are
 //! independent of the core's closed forms.
 
-use hbot_core::device::Wheel;
+use hbot_core::design::device::Wheel;
 use hbot_core::{Device, Mat3, Vec3, WheelSpec};
 
 /// Returns the rotation by `angle` (rad) about the unit vector `axis` (Rodrigues' formula).

@@ -4,7 +4,7 @@
 use core::f64::consts::TAU;
 
 use hbot_core::allocation::{ContactArms, traction};
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::outputs::Outputs;
 use hbot_core::rotation::{self, error_eq24, shortest, vector_part};
 use hbot_core::{Device, MAX_JOINTS, Quat, Vec3};

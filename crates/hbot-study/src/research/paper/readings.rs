@@ -2,7 +2,7 @@
 //! literally.
 
 use hbot_config::RigConfig;
-use hbot_core::singularity::Indices;
+use hbot_core::design::singularity::Indices;
 use hbot_core::{Device, Mat3, Vec3, WheelSpec};
 use hbot_plot::{Lines, Series, short};
 

@@ -4,7 +4,7 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use hbot_config::RigConfig;
-use hbot_core::singularity::{boundary_determinant, interior_margin, interior_margin_over_all};
+use hbot_core::design::singularity::{boundary_determinant, interior_margin, interior_margin_over_all};
 use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_plot::{Map, Pen, Sketch, maps};
 

@@ -1,7 +1,7 @@
 //! A spring under known torques: its deflection at rest, and a straight line fitted to the
 //! readings.
 
-use hbot_core::mode::Mode;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{Vec3, rotation};
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::PlantState;

@@ -3,8 +3,8 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::kinematics::Posture;
-use hbot_core::singularity::Indices;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::singularity::Indices;
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 
 /// A choice of which of the prototype's joints have motors, in the order steer 1, drive 1, steer 2,

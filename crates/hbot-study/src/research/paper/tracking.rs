@@ -3,7 +3,7 @@
 use core::f64::consts::{PI, TAU};
 
 use hbot_core::inputs::{Command, Stamp};
-use hbot_core::mode::Mode;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Bar, Lines, Series, bars, short};
 use hbot_sim::phenomena::{Eccentric, Phenomena, Slip};

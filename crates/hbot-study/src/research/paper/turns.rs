@@ -13,7 +13,7 @@
 
 use core::f64::consts::PI;
 
-use hbot_core::kinematics::{ContactFrame, Posture};
+use hbot_core::design::kinematics::{ContactFrame, Posture};
 use hbot_core::{Device, Quat, Vec3, rotation};
 
 /// Precomputed vectors that describe how a wheel steers during a turn of the sphere. The steer rate

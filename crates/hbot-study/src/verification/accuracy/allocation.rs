@@ -4,7 +4,7 @@
 use core::f64::consts::TAU;
 
 use hbot_core::allocation::{JointLimits, capability};
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_plot::{Lines, Series, short};
 

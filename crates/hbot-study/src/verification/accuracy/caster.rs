@@ -1,7 +1,7 @@
 //! The caster effect of a wheel. When the sphere pushes a wheel backwards, the wheel turns around,
 //! and a rounding error of its heading grows to a large angle.
 
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, Quat, Vec3, rotation};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::extrapolation;

@@ -1,7 +1,7 @@
 //! Accuracy of kinematics near singular designs.
 
 use hbot_config::RigConfig;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_plot::{Lines, Series};
 
@@ -79,7 +79,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
                 };
                 let error = median(directions.iter().map(error).collect());
                 report.figure(format!("kinematics_{}_{id}_error", stages::WIDTH), error);
-                let margin = hbot_core::singularity::interior_margin(&posture);
+                let margin = hbot_core::design::singularity::interior_margin(&posture);
                 table.push(row([id.as_str(), stages::WIDTH, &sci(margin), &sci(error)]));
                 points.push((*x, error));
             }

@@ -1,8 +1,8 @@
 //! Accuracy of odometry on smooth motions: the errors of the path and of the counts, separate and
 //! together.
 
-use hbot_core::path::Trail;
-use hbot_core::rig::{Methods, Rig};
+use hbot_core::design::rig::{Methods, Rig};
+use hbot_core::motion::path::Trail;
 use hbot_core::{Device, MAX_JOINTS};
 use hbot_plot::{Lines, Series};
 use hbot_sim::motion::{JOINTS, LEAD, MOTIONS, MotionSample, TrueMotion, along, angle};

@@ -1,6 +1,6 @@
 //! Accuracy of the plant's integration methods and steps, on the task of docs/internals/plant.md.
 
-use hbot_core::device::WheelSpec;
+use hbot_core::design::device::WheelSpec;
 use hbot_core::{Device, Quat, Vec3, rotation};
 use hbot_plot::{Lines, Series};
 use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
@@ -25,7 +25,7 @@ const TOLERANCE: f64 = 1.0e-13;
 /// Returns the prototype's device with the wheels of the comparison task: radius 10.2 mm, and
 /// inertias that include those of the link and of the wheel.
 fn task_device(prototype: &Device) -> Device {
-    let wheel = |wheel: &hbot_core::device::Wheel| WheelSpec {
+    let wheel = |wheel: &hbot_core::design::device::Wheel| WheelSpec {
         radius: 0.0102,
         steer_inertia: 3.105_468_222_7e-5,
         drive_inertia: 3.5202e-6,

@@ -1,8 +1,8 @@
 //! Accuracy of odometry while the joints turn at constant rates. The error is then that of the
 //! method alone.
 
-use hbot_core::kinematics::Posture;
-use hbot_core::rig::OdometryMethod;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::OdometryMethod;
 use hbot_core::{Device, Vec3};
 use hbot_plot::{Lines, Series};
 use hbot_sim::motion::{JOINTS, WHEELS, angle, segment};
@@ -150,7 +150,7 @@ fn turns(device: &Device, segment: &Segment, hz: u32) -> Vec<[f64; 3]> {
     let turn = |k: u32| {
         let t = f64::from(k) * h;
         let th: [f64; WHEELS] = core::array::from_fn(|i| segment.th[i] + segment.zd[2 * i] * t);
-        hbot_core::odometry::turn(device, OdometryMethod::Magnus4, &th, &delta).to_array()
+        hbot_core::motion::odometry::turn(device, OdometryMethod::Magnus4, &th, &delta).to_array()
     };
     (0..(DRIFT_S * f64::from(hz)).round() as u32).map(turn).collect()
 }

@@ -2,11 +2,11 @@
 //! presets among them.
 
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
+use hbot_core::design::rig::PathFit::{self, Cubic, Quadratic, Straight};
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
-use hbot_core::kinematics::Posture;
-use hbot_core::mode::Mode;
-use hbot_core::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
-use hbot_core::rig::PathFit::{self, Cubic, Quadratic, Straight};
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, rotation};
 use hbot_plot::{NamedPoint, NamedPoints, PointGroup, short};
 use hbot_sim::motion::{LEAD, MOTIONS, MotionSample, TrueMotion, angle};

@@ -3,9 +3,9 @@
 
 use core::f64::consts::TAU;
 
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::{RateEstimate, Rig};
 use hbot_core::inputs::{Complaints, Inputs, JointReadings};
-use hbot_core::kinematics::Posture;
-use hbot_core::rig::{RateEstimate, Rig};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Vec3};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::motion::JOINTS;

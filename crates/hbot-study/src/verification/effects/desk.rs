@@ -5,10 +5,10 @@ use std::rc::Rc;
 
 use hbot_config::scene::{self, kinds};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::design::kinematics::Posture;
 use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
-use hbot_core::kinematics::Posture;
-use hbot_core::mode::Mode;
 use hbot_core::outputs::Drive;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::motion::MOTIONS;

@@ -88,7 +88,7 @@ fn border(context: &Context, contact: f64, lead: bool) -> Result<f64, Interrupte
 fn torsional(contact: f64) -> f64 {
     let device = prototype(&[]).rig.device;
     let across = device.wheels().iter().map(|wheel| {
-        let normal = hbot_core::kinematics::ContactFrame::at(wheel, 0.0).c3;
+        let normal = hbot_core::design::kinematics::ContactFrame::at(wheel, 0.0).c3;
         1.0 - normal.x * normal.x
     });
     contact * device.sphere_radius() * device.sphere_radius() * across.sum::<f64>()

@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use hbot_core::Device;
-use hbot_core::rig::PassivityLimit;
+use hbot_core::design::rig::PassivityLimit;
 use hbot_plot::{Lines, Series, short};
 
 use super::guarded::{BASE, TAP, Tapped, tapped};

@@ -4,7 +4,7 @@
 use core::f64::consts::TAU;
 
 use hbot_config::RigConfig;
-use hbot_core::kinematics::Posture;
+use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Vec3, rotation};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::phenomena::{CageFriction, Encoder, Hand, Link, Phenomena};

@@ -4,9 +4,9 @@
 use hbot_config::advice::{Abilities, Finding, Judge, Why};
 use hbot_config::scene::{Hand, Motor, kinds};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::around::Place;
 use hbot_core::inputs::Command;
-use hbot_core::mode::Mode;
+use hbot_core::render::around::Place;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{Quat, Vec3};
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::PlantState;

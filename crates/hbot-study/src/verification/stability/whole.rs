@@ -1,8 +1,8 @@
 //! The whole loop for the study of stability: the prototype's controller, its line and its
 //! simulated rig in lock-step, with a spring.
 
-use hbot_core::mode::Mode;
 use hbot_core::outputs::State;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{MAX_JOINTS, Vec3, rotation};
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::{Plant, PlantState};

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use super::hbot::allocation::{JointLimits, allocate, allocate_clipped};
-use super::hbot::kinematics::Posture;
+use super::hbot::design::kinematics::Posture;
 use super::hbot::{Device, MAX_JOINTS, Real, Vec3};
 use super::{real, vector, wide3};
 use crate::timing::Timed;

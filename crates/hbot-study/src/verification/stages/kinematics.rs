@@ -1,6 +1,6 @@
 //! Forward kinematics: the sphere's angular velocity from joint rates.
 
-use super::hbot::kinematics::Posture;
+use super::hbot::design::kinematics::Posture;
 use super::hbot::{Device, Real};
 use super::{real, wide3};
 

@@ -43,7 +43,7 @@ pub(crate) fn wide4(q: Quat) -> [f64; 4] {
 
 /// Converts a device of the f64 core to this floating-point width.
 pub(crate) fn device(of: &hbot_core::Device) -> Device {
-    let wheel = |wheel: &hbot_core::device::Wheel| {
+    let wheel = |wheel: &hbot_core::design::device::Wheel| {
         let spec = wheel.spec();
         WheelSpec {
             axis: vector(spec.axis.to_array()),

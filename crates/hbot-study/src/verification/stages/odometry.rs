@@ -4,11 +4,11 @@ use std::hint::black_box;
 
 use hbot_sim::motion::{JOINTS, LEAD, WHEELS};
 
-use super::hbot::kinematics::{Posture, forward};
-use super::hbot::odometry::{advance, turn, turn_along};
-use super::hbot::path::Trail;
-use super::hbot::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
-use super::hbot::rig::PathFit::{self, Cubic, Quadratic, Straight};
+use super::hbot::design::kinematics::{Posture, forward};
+use super::hbot::design::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
+use super::hbot::design::rig::PathFit::{self, Cubic, Quadratic, Straight};
+use super::hbot::motion::odometry::{advance, turn, turn_along};
+use super::hbot::motion::path::Trail;
 use super::hbot::{Device, MAX_JOINTS, Quat, Real, Vec3, rotation};
 use super::{real, vector, wide4};
 use crate::timing::Timed;

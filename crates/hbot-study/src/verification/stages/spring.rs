@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use super::hbot::impedance::{first_order_law, geodesic_law, quaternion_law};
+use super::hbot::render::impedance::{first_order_law, geodesic_law, quaternion_law};
 use super::hbot::{Mat3, Quat, Vec3, rotation};
 use super::{quaternion, vector, wide3};
 use crate::timing::Timed;
