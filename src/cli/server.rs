@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::task::Poll;
 use std::time::Duration;
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::{Args, ValueEnum};
 use hbot_config::advice::Abilities;
@@ -168,6 +168,12 @@ fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
         Some(path) => super::scene::scene(path)?,
         None => SceneFile::default_scene(),
     };
+    if args.metrics.is_some() {
+        hbot_server::metrics::built().context("--metrics")?;
+    }
+    if args.foxglove.is_some() {
+        hbot_server::live::built().context("--foxglove")?;
+    }
     let token = secrets::token(&rig)?;
     let metrics_token = match args.metrics {
         None => None,

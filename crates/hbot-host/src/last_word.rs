@@ -24,6 +24,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
@@ -253,6 +254,9 @@ fn say(line: &impl AsFd, frame: &[u8]) -> io::Result<()> {
         if k > 0 {
             std::thread::sleep(PAUSE);
         }
+        // The server that held the port is dead. Until this process ends, no other one gets it, not
+        // even one of root. The attempt fails as long as the dead server's files are being closed.
+        let _ = flock(line, FlockOperation::NonBlockingLockExclusive);
         let mut rest = frame;
         while !rest.is_empty() {
             match rustix::io::write(line, rest) {

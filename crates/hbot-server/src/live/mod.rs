@@ -27,6 +27,7 @@ use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 
 use crate::background;
+use crate::not_built::NotBuilt;
 use crate::recording::{Counts, SceneNote};
 
 /// Number of messages that wait for the slowest viewer: four seconds at 1 kHz.
@@ -69,6 +70,14 @@ pub(crate) struct Feed {
     messages: broadcast::Sender<Message>,
     scene: watch::Sender<Option<Message>>,
     encoder: Encoder,
+}
+
+/// Succeeds, because this build has live viewers.
+///
+/// # Errors
+/// Fails in a build without the feature `live`.
+pub const fn built() -> Result<(), NotBuilt> {
+    Ok(())
 }
 
 /// Starts the thread that serves viewers on `listener`. `joints` are the names of the joints, in

@@ -74,6 +74,7 @@ pub(crate) struct Counts {
 
 impl Counts {
     /// Counts messages that a live viewer did not get.
+    #[cfg(feature = "live")]
     pub(crate) fn drop_for_viewer(&self, messages: u64) {
         self.viewers_dropped.fetch_add(messages, Ordering::Relaxed);
     }

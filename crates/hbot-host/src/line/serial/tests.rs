@@ -10,6 +10,7 @@ use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
 use hbot_testing::far::open_plainly;
 use hbot_testing::patience::{eventually, until};
 use hbot_testing::prototype::simulated;
+use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 
 use super::*;
 use crate::attach;
