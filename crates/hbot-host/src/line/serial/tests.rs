@@ -12,8 +12,8 @@ use hbot_testing::patience::{eventually, until};
 use hbot_testing::prototype::simulated;
 
 use super::*;
-use crate::attach;
-use crate::layout::Layout;
+use crate::rig::attach;
+use crate::rig::layout::Layout;
 
 const BAUD: u32 = 115_200;
 
