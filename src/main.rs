@@ -12,7 +12,9 @@ use clap::Parser as _;
 
 fn main() -> ExitCode {
     let done = match cli::Cli::try_parse() {
-        Ok(cli) => hbot_host::signals::outlive_file_limits().map_err(Into::into).and_then(|()| cli.run()),
+        Ok(cli) => {
+            hbot_host::run_loop::signals::outlive_file_limits().map_err(Into::into).and_then(|()| cli.run())
+        }
         Err(answer) => cli::out::answer(&answer),
     };
     done.unwrap_or_else(|error| {

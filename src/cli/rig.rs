@@ -17,7 +17,7 @@ use hbot_core::design::singularity::{
 };
 use hbot_core::{Device, Vec3};
 use hbot_host::bus::{BusTraffic, driver, late_rates};
-use hbot_host::doctor::{MOST_LOAD, highest_rate, punctuality};
+use hbot_host::commission::doctor::{MOST_LOAD, highest_rate, punctuality};
 
 use super::out::say;
 use super::{bringup, rig_new, style};

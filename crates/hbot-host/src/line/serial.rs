@@ -25,8 +25,8 @@ use thiserror::Error;
 use self::keeper::{Kept, Reopening};
 pub use self::latency::LatencyTimer;
 use crate::bus::{Expected, Protocol};
-use crate::last_word::{LastWord, Program, Watched};
 use crate::line::{Line, Renewed};
+use crate::rig::last_word::{LastWord, Program, Watched};
 
 /// How often the thread that reopens a line checks whether the line is lost.
 const LOOK: Duration = Duration::from_millis(20);

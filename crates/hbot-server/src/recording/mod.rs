@@ -31,8 +31,8 @@ use std::time::Duration;
 use hbot_api::Event;
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Controller};
-use hbot_host::clock::Origin;
-use hbot_host::engine::Recorder;
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::engine::Recorder;
 use hbot_record::About;
 
 use crate::live;

@@ -42,10 +42,10 @@ use super::strangers::WrongTokens;
 use super::{Bounds, ServiceSetup, Status};
 use crate::tls::Encryption;
 use hbot_core::MAX_JOINTS;
-use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
 use hbot_host::bus::Telemetry;
-use hbot_host::controllers::Controllers;
-use hbot_host::sample::Sample;
+use hbot_host::rig::controllers::Controllers;
+use hbot_host::run_loop::bridge::{Bell, EmergencyStop, ServiceEnd};
+use hbot_host::run_loop::sample::Sample;
 
 /// The reason why a connection has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

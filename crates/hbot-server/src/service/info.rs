@@ -13,8 +13,8 @@ use serde_json::Value;
 
 use super::convert;
 use hbot_config::advice::{RatePick, StiffnessBound, ToldLoop, USUAL_DAMPING};
-use hbot_host::clock::Origin;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::sample::Sample;
 
 /// The parts of the answer to `info` that do not change while the server runs.
 pub(super) struct Info {
@@ -172,7 +172,7 @@ fn joint_limits(config: &RigConfig) -> JointLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_host::sample::Counters;
+    use hbot_host::run_loop::sample::Counters;
 
     #[test]
     fn the_origin_moves_by_the_ticks_for_which_the_time_has_waited() {

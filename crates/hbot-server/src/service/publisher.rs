@@ -12,7 +12,7 @@ use tokio::time::Instant;
 use super::convert;
 use super::peer::{Frames, Peer};
 use crate::recording::Notes;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// All connected clients, and the messages to them.
 pub(super) struct Publisher {

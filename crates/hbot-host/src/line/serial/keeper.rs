@@ -9,8 +9,8 @@ use std::time::Duration;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Held, LOOK, Peer, Serial, open, unguarded};
-use crate::last_word::{LastWord, Program, Watched};
 use crate::line::Renewed;
+use crate::rig::last_word::{LastWord, Program, Watched};
 
 /// Pause before the first attempt to reopen a lost line.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
@@ -158,9 +158,9 @@ mod tests {
 
     use super::super::tests::port;
     use super::*;
-    use crate::bus::{Expected, Found, MeetError, MotorBus, Protocol, Traffic, hbot::HbotLink};
-    use crate::layout::Layout;
+    use crate::bus::{Expected, Found, MeetError, MotorBus, Protocol, Traffic, drivers::hbot::HbotLink};
     use crate::line::Line;
+    use crate::rig::layout::Layout;
 
     /// A protocol whose attempts to switch the motors off fail for the reasons that a test gives,
     /// one after the other.

@@ -13,8 +13,8 @@ use hbot_testing::prototype::simulated;
 use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 
 use super::*;
-use crate::attach;
-use crate::layout::Layout;
+use crate::rig::attach;
+use crate::rig::layout::Layout;
 
 const BAUD: u32 = 115_200;
 

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::super::{controllers, convert};
 use super::Hub;
-use hbot_host::bridge::CONFIRMED;
+use hbot_host::run_loop::bridge::CONFIRMED;
 
 impl Hub {
     /// Executes or refuses a message that a client has sent after its hello. Returns false if the

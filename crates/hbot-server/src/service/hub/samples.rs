@@ -12,7 +12,7 @@ use super::super::orders::Asker;
 use super::super::refusals::refusal;
 use super::super::scenes::{Loaded, Measured};
 use super::Hub;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// Largest number of samples that are processed before other tasks get a turn.
 const SAMPLES_A_TURN: usize = 512;
