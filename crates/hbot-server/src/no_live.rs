@@ -1,6 +1,5 @@
 //! Stands in for `live` in a build without the feature `live`.
 
-use std::net::TcpListener;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -8,6 +7,7 @@ use hbot_api::{Event, StateEvent};
 
 use crate::not_built::NotBuilt;
 use crate::recording::{Counts, SceneNote};
+use crate::web::WebOptions;
 
 const NOT_BUILT: NotBuilt = NotBuilt { part: "live viewers", feature: "live" };
 
@@ -24,7 +24,7 @@ pub(crate) enum Feed {}
 
 /// Refuses, as [`built`] does.
 pub(crate) fn start(
-    _: TcpListener,
+    _: WebOptions,
     _: &str,
     _: Vec<String>,
     _: Arc<Counts>,
