@@ -53,9 +53,15 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
 fn status(ui: &mut Ui, model: &Model, palette: Palette) {
     let headline = model.headline();
     let mut frame = egui::Frame::group(ui.style());
-    if headline == Headline::NotStopped {
-        frame = frame.fill(STOP);
-    }
+    // The box is as loud as the state.
+    frame = match headline {
+        Headline::NotStopped => frame.fill(STOP),
+        Headline::NoState => frame,
+        Headline::NoContact | Headline::Mode(Mode::Fault | Mode::Estop) => {
+            frame.fill(palette.bad.gamma_multiply(0.2)).stroke((2.0, palette.bad))
+        }
+        Headline::Mode(_) => frame.stroke((2.0, palette.headline(headline))),
+    };
     let height = if ui.ctx().content_rect().height() < TALL { STATUS[0] } else { STATUS[1] };
     frame.show(ui, |ui| {
         ui.set_width(ui.available_width());

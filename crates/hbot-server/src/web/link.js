@@ -49,14 +49,13 @@ export class Link {
     socket.onmessage = ({ data }) => this.take(JSON.parse(data));
     socket.onclose = () => {
       clearTimeout(late);
-      this.lost(socket, 'nobody answers there');
+      this.lost(socket, this.hello ? 'the connection has ended' : 'nobody answers there');
     };
   }
 
   /** Gives a connection up and plans the next attempt. */
   lost(socket, why, code) {
     if (socket !== this.socket) return;
-    const wasOpen = this.hello !== null;
     this.socket = null;
     this.hello = null;
     socket.onopen = socket.onmessage = socket.onclose = null;
@@ -68,7 +67,7 @@ export class Link {
     this.waiting.clear();
     const wait = this.pause;
     this.pause = Math.min(2 * wait, PAUSE[1]);
-    this.on.closed({ why: wasOpen ? 'the connection has ended' : why, code, wait });
+    this.on.closed({ why, code });
     // Without a token, a further attempt would fail in the same way.
     if (code !== 'unauthorized') this.again = setTimeout(() => this.connect(), wait);
   }

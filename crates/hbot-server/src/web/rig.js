@@ -101,7 +101,9 @@ export class Rig {
       case 'fault': {
         const stopped = message.mode === 'fault' || message.mode === 'estop';
         const by = message.by && !stopped ? ` by ${this.name(message.by)}` : '';
-        this.say(`${message.fault ?? message.mode}: ${message.message}${by}`, stopped);
+        const said = this.own.has(message.by?.session) ? message.message.replace(
+          `client ${JSON.stringify(message.by.name)} (session ${message.by.session})`, 'you') : message.message;
+        this.say(`${message.fault ?? message.mode}: ${said}${by}`, stopped);
         this.fault = stopped ? message : null;
         return false;
       }
