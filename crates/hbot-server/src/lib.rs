@@ -2,6 +2,7 @@
 //! The loop and the motors are in hbot-host.
 //!
 //! - [`service`]: the TCP service with clients, the lease, scenes and statistics.
+//! - [`web`]: a page for browsers, and the API over WebSocket.
 //! - [`tls`]: encryption of the TCP service.
 //! - [`flight`]: the log of the ticks around a fault.
 //! - [`recording`]: recordings of everything that the loop does.
@@ -21,3 +22,4 @@ pub mod service;
 #[cfg(test)]
 mod still;
 pub mod tls;
+pub mod web;

@@ -28,6 +28,7 @@ use crate::flight;
 use crate::recording::{self, FilesWritten, RecordOptions, Recorded, Recording, SceneNote};
 use crate::service::{self, Control, ServiceSetup, SetPhenomena, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
+use crate::web::WebOptions;
 
 /// Time between two looks whether the thread of the simulated rig still runs.
 const LOOK_AT_SIMULATOR: Duration = Duration::from_millis(100);
@@ -60,6 +61,8 @@ pub struct ServerOptions {
     /// The socket on which the public topics of a recording are served to live viewers, without
     /// authorization. With `None` none are served.
     pub live: Option<std::net::TcpListener>,
+    /// The page and the API over WebSocket. With `None` they are not served.
+    pub web: Option<WebOptions>,
 }
 
 /// The reason why a server did not start.
@@ -143,6 +146,7 @@ impl Server {
             recorder,
             recording,
             live,
+            web,
         } = options;
         let encryption = rig.api.tls.as_ref().map(Encryption::from_files).transpose()?;
         let phenomena = at_start(&scene);
@@ -190,6 +194,7 @@ impl Server {
             origin,
             time_waits: host.time_waits(),
             notes,
+            web,
         };
         Ok(Self { setup, end, host, notices, period_ns, time, started_ns: now_ns(), recording })
     }

@@ -53,6 +53,7 @@ fn options() -> ServerOptions {
         recorder: None,
         recording: RecordOptions::default(),
         live: None,
+        web: None,
     }
 }
 

@@ -32,6 +32,7 @@ pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
         recorder: None,
         recording: RecordOptions::default(),
         live: None,
+        web: None,
     }
 }
 

@@ -33,7 +33,7 @@ use super::incidents::Incidents;
 use super::info::{Clock, Info};
 use super::lease::Lease;
 use super::orders::{Asker, Orders};
-use super::peer::Peer;
+use super::peer::{Peer, ServicePort};
 use super::publisher::Publisher;
 use super::scenes::Scenes;
 use super::shakes::Shakes;
@@ -121,6 +121,7 @@ impl Hub {
             origin,
             time_waits,
             notes,
+            web: _,
         } = setup;
         let changed = Arc::new(Notify::new());
         let simulated = phenomena.is_some();
@@ -165,6 +166,16 @@ impl Hub {
         self.encryption.as_ref()
     }
 
+    /// Returns whether clients must send a token.
+    pub(super) const fn has_token(&self) -> bool {
+        self.token.is_some()
+    }
+
+    /// Returns the encoding that a client has asked for in its hello.
+    pub(super) fn encoding(&self, session: u64) -> Encoding {
+        self.publisher.encoding(session)
+    }
+
     /// Returns the notifier that wakes the service's task when it must change what it waits for.
     pub(super) fn changed(&self) -> Arc<Notify> {
         Arc::clone(&self.changed)
@@ -198,9 +209,9 @@ impl Hub {
         &mut self.long_messages
     }
 
-    /// Returns the number of connected clients that have not sent their hello yet.
-    pub(super) fn strangers(&self) -> usize {
-        self.publisher.strangers()
+    /// Returns the number of clients connected to `port` that have not sent their hello yet.
+    pub(super) fn strangers(&self, port: ServicePort) -> usize {
+        self.publisher.strangers(port)
     }
 
     /// Counts a new connection and returns its session number.
@@ -225,10 +236,10 @@ impl Hub {
         self.stats.counts.refused.add(code);
     }
 
-    /// Closes the connection that has waited longest for the refusal of its wrong token, so that
-    /// another connection gets its place. Returns false if there is no such connection.
-    pub(super) fn cut_a_guess(&mut self) -> bool {
-        self.publisher.cut_a_guess()
+    /// Closes the connection to `port` that has waited longest for the refusal of its wrong token, so
+    /// that another connection gets its place. Returns false if there is no such connection.
+    pub(super) fn cut_a_guess(&mut self, port: ServicePort) -> bool {
+        self.publisher.cut_a_guess(port)
     }
 
     /// Processes the waiting samples and returns the statistics of the run so far.

@@ -75,6 +75,7 @@ pub use self::scenes::set_refusal;
 pub(crate) use self::strangers::too_few_descriptors;
 use crate::recording::Notes;
 use crate::tls::Encryption;
+use crate::web::WebOptions;
 use hbot_host::bridge::ServiceEnd;
 use hbot_host::clock::Origin;
 use hbot_host::controllers::Controllers;
@@ -110,6 +111,8 @@ pub struct ServiceSetup {
     pub time_waits: bool,
     /// Passes scenes and events to the recorder.
     pub(crate) notes: Notes,
+    /// The page and the API over WebSocket. With `None` they are not served.
+    pub web: Option<WebOptions>,
 }
 
 /// A request to the service from another part of the program, such as the metrics page.
@@ -163,6 +166,9 @@ struct Bounds {
     hello: Duration,
     /// Delay before the answer to a wrong token, which slows down guessing.
     wrong_token: Duration,
+    /// Time after which a client over WebSocket from which nothing comes, not even answers to pings,
+    /// is considered gone.
+    silence: Duration,
     /// Time without progress in sending to a client after which the client is considered gone.
     stuck: Duration,
     /// Largest number of messages that wait to be sent to one client.
@@ -180,6 +186,7 @@ impl Default for Bounds {
             strangers: 32,
             hello: Duration::from_secs(2),
             wrong_token: Duration::from_millis(500),
+            silence: Duration::from_secs(30),
             stuck: Duration::from_secs(5),
             outgoing: 256,
             requests_per_s: 100_000,
@@ -187,7 +194,7 @@ impl Default for Bounds {
     }
 }
 
-/// Serves the clients of `listener` until `shutdown` completes, or until the loop has ended and all
+/// Serves the clients of `listener`, and those of the web port, until `shutdown` completes, or until the loop has ended and all
 /// its samples are taken. Then notifies the clients, which takes at most 200 ms, finishes the
 /// flight logs and returns the statistics of the run. Needs a tokio runtime with I/O and time. One
 /// thread is enough.
@@ -212,6 +219,8 @@ async fn serve_within(
     status: watch::Sender<Status>,
     shutdown: impl Future<Output = ()>,
 ) -> Summary {
+    let mut setup = setup;
+    let listeners = run::Listeners::new(listener, setup.web.take());
     let desk = desk::Desk::new(hub::Hub::new(bounds, end, setup, status));
-    run::run(desk, listener, control, shutdown).await
+    run::run(desk, listeners, control, shutdown).await
 }

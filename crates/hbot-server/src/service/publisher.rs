@@ -10,7 +10,7 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 
 use super::convert;
-use super::peer::{Frames, Peer};
+use super::peer::{Frames, Peer, ServicePort};
 use crate::recording::Notes;
 use hbot_host::sample::Sample;
 
@@ -76,10 +76,11 @@ impl Publisher {
         Some(peer.address)
     }
 
-    /// Closes the connection that has waited longest for the refusal of its wrong token. Returns
-    /// false if there is no such connection.
-    pub(super) fn cut_a_guess(&mut self) -> bool {
-        let guess = self.peers.iter().find(|(_, peer)| peer.guessed).map(|(session, _)| *session);
+    /// Closes the connection to `port` that has waited longest for the refusal of its wrong token.
+    /// Returns false if there is no such connection.
+    pub(super) fn cut_a_guess(&mut self, port: ServicePort) -> bool {
+        let mut guesses = self.peers.iter().filter(|(_, peer)| peer.guessed && peer.port == port);
+        let guess = guesses.next().map(|(session, _)| *session);
         let Some(peer) = guess.and_then(|session| self.peers.remove(&session)) else { return false };
         peer.task.abort();
         true
@@ -99,9 +100,14 @@ impl Publisher {
         self.name(session).map(|name| Requester { name: name.to_owned(), session: Some(session) })
     }
 
-    /// Returns the number of connected clients that have not sent their hello yet.
-    pub(super) fn strangers(&self) -> usize {
-        self.peers.values().filter(|peer| peer.name.is_none()).count()
+    /// Returns the encoding that a client has asked for in its hello. JSON before that.
+    pub(super) fn encoding(&self, session: u64) -> Encoding {
+        self.peers.get(&session).map_or(Encoding::Json, |peer| peer.encoding)
+    }
+
+    /// Returns the number of clients connected to `port` that have not sent their hello yet.
+    pub(super) fn strangers(&self, port: ServicePort) -> usize {
+        self.peers.values().filter(|peer| peer.name.is_none() && peer.port == port).count()
     }
 
     /// Returns the number of connected clients that have sent their hello.
@@ -343,7 +349,10 @@ mod tests {
         let mut publisher = publisher();
         let _inboxes = [admit(&mut publisher, 1, 1), admit(&mut publisher, 2, 1)];
         assert!(publisher.greet(1, "ann".to_owned(), Encoding::Json));
-        assert_eq!((publisher.strangers(), publisher.listeners(), publisher.name(1)), (1, 1, Some("ann")));
+        assert_eq!(
+            (publisher.strangers(ServicePort::Tcp), publisher.listeners(), publisher.name(1)),
+            (1, 1, Some("ann"))
+        );
         let event = Event::Stopping(StoppingEvent { message: "x".to_owned() });
         publisher.broadcast(&event);
         assert_eq!(publisher.cut_next(), None);

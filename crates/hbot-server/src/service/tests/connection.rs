@@ -34,6 +34,7 @@ pub(super) fn still() -> (LoopEnd, Desk) {
         origin: Origin::at(0),
         time_waits: false,
         notes: crate::recording::Notes::default(),
+        web: None,
     };
     let bounds = Bounds { stuck: Duration::from_millis(50), ..Bounds::default() };
     (loop_end, Desk::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))

@@ -183,6 +183,7 @@ impl TestService {
                     origin: ORIGIN,
                     time_waits: false,
                     notes: crate::recording::Notes::default(),
+                    web: None,
                 };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
