@@ -227,9 +227,9 @@ pub struct RenderInfo {
     /// send it.
     #[serde(serialize_with = "finite::scalar")]
     pub damping_most: f64,
-    /// The border of stability of one spring alone: pairs of its damping, N m s/rad, and the largest
-    /// stiffness that is stable with it, N m/rad, in the order of the damping. Between two pairs
-    /// the border is nearly straight. Empty if an older server does not send it.
+    /// The border of stability of one spring alone: pairs of its damping, N m s/rad, and the
+    /// largest stiffness that is stable with it, N m/rad, in the order of the damping. Between two
+    /// pairs the border is nearly straight. Empty if an older server does not send it.
     pub border: Vec<[f64; 2]>,
     /// Which estimate of the joint rates the rig has picked by itself and why, as one sentence.
     /// `None` if the rig file names the estimate.

@@ -1,5 +1,5 @@
-//! Explanations of modes and faults in plain words, with remedies. The panel uses them directly, and
-//! the server sends them in the answer to the op `info`.
+//! Explanations of modes and faults in plain words, with remedies. The panel uses them directly,
+//! and the server sends them in the answer to the op `info`.
 
 use crate::{Fault, Mode};
 
@@ -24,9 +24,10 @@ impl Fault {
     #[must_use]
     pub const fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::LinkLost => {
-                ("The motor controllers do not answer.", "Check power and cable of the controllers, then Reset.")
-            }
+            Self::LinkLost => (
+                "The motor controllers do not answer.",
+                "Check power and cable of the controllers, then Reset.",
+            ),
             Self::LinkCorrupt => (
                 "Too many damaged messages from the motor controllers.",
                 "Look for a loose plug, or a motor cable beside the serial cable. Then Reset.",

@@ -283,7 +283,9 @@ fn a_scene_of_this_panel_is_no_change_by_another_client() {
 #[test]
 fn the_messages_call_the_user_you() {
     let mut model = commanding(true);
-    for (name, session, told) in [(ME, 4, "stopped by you"), (ME, 9, "by client \"panel anna@lab2\" (session 9)")] {
+    for (name, session, told) in
+        [(ME, 4, "stopped by you"), (ME, 9, "by client \"panel anna@lab2\" (session 9)")]
+    {
         let message = format!("stopped by client {name:?} (session {session}); reset, then enable, to go on");
         hear(&mut model, News::Fault(FaultEvent { message, ..stopped_by(name, Some(session)) }));
         let newest = &model.messages.newest_first().next().expect("a message").text;

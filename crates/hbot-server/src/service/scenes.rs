@@ -347,7 +347,8 @@ fn read(scene: Value) -> Result<SceneFile, ErrorBody> {
     };
     let found = ShelfScene::named(&name).map(ShelfScene::scene);
     found.ok_or_else(|| {
-        let hint = ShelfScene::similar(&name).map(|name| format!("; did you mean {name:?}?")).unwrap_or_default();
+        let hint =
+            ShelfScene::similar(&name).map(|name| format!("; did you mean {name:?}?")).unwrap_or_default();
         let legal: Vec<&str> = SHELF.iter().map(|scene| scene.file).collect();
         bad(format!("there is no ready-made scene {name:?}{hint}; legal: {}", legal.join(", ")))
     })
