@@ -70,6 +70,7 @@ mod stream;
 mod tests;
 mod text;
 mod untyped;
+mod words;
 
 pub use answer::{
     AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SetOk, SubscribeOk,
@@ -90,8 +91,8 @@ pub use event::{
 pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
 pub use info::{
-    ClientLostPolicy, ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, LoopInfo,
-    PassivityInfo, RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClientLostPolicy, ClockInfo, EnergyInfo, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
+    LoopInfo, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 pub use names::Name;
 pub use request::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, OpRow, Request, Token, Who};

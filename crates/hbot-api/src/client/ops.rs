@@ -53,7 +53,7 @@ impl Client {
     }
 
     /// Loads another scene and starts to render it. `scene` is a map with the structure of a scene
-    /// file.
+    /// file, or the name of a ready-made scene.
     pub fn load_scene(&mut self, scene: Value) -> Result<LoadSceneOk, ClientError> {
         self.call(Op::LoadScene { scene }).and_then(typed)
     }

@@ -236,6 +236,9 @@ pub(super) fn info() -> InfoOk {
         render: Some(RenderInfo::default()),
         effects: vec![kind.clone()],
         phenomena: Some(vec![kind]),
+        scenes: vec![SceneInfo::default()],
+        modes: vec![ModeWords::default()],
+        faults: vec![FaultWords::default()],
         lease: Some(LeaseInfo::default()),
         ..InfoOk::default()
     }

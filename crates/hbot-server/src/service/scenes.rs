@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, Requester, SceneEvent, SetOk};
-use hbot_config::scene::{EffectPlace, SetError, Simulate};
+use hbot_config::scene::{EffectPlace, SHELF, SetError, ShelfScene, Simulate};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Rig;
 use serde_json::{Map, Value, json};
@@ -36,6 +36,8 @@ pub(super) struct Scenes {
     rig: Rig,
     /// What the rig can make and keep stable.
     abilities: Abilities,
+    /// Warnings about the running scene.
+    warnings: Vec<String>,
     /// The scenes that are being loaded, in the order in which they were sent to the loop.
     loading: VecDeque<Loading>,
     measuring: JoinSet<Measured>,
@@ -85,6 +87,7 @@ impl Scenes {
         changed: Arc<Notify>,
     ) -> Self {
         let abilities = Abilities::of(rig);
+        let warnings = abilities.warnings(running.file());
         let rig = rig.rig;
         let mut scenes = Self {
             running,
@@ -92,6 +95,7 @@ impl Scenes {
             shown: None,
             rig,
             abilities,
+            warnings,
             loading: VecDeque::new(),
             measuring: JoinSet::new(),
             notes,
@@ -106,6 +110,11 @@ impl Scenes {
     /// Returns the scene that was loaded or changed last. The loop may not have adopted it yet.
     pub(super) fn file(&self) -> &SceneFile {
         self.running.file()
+    }
+
+    /// Returns the warnings about this scene, as in the answer to `load_scene` or `set`.
+    pub(super) fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// Returns the name of the earlier scene whose hand moves the simulated rig. Returns `None` if
@@ -165,8 +174,7 @@ impl Scenes {
         if self.loading.len() >= MAX_LOADING || !end.can_install() {
             return Err(busy(OpName::LoadScene));
         }
-        let file = SceneFile::from_json(scene)
-            .map_err(|mistakes| ErrorBody::new(ErrorCode::BadRequest, shortened(mistakes.to_string())))?;
+        let file = read(scene)?;
         let ignored = match (file.simulate(), &mut self.phenomena) {
             (None, _) => Vec::new(),
             (Some(simulate), None) => names(&json!(simulate)),
@@ -182,6 +190,7 @@ impl Scenes {
         let (rig, parts) = (self.rig, compiled.clone());
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::LoadScene))?;
+        self.warnings.clone_from(&warnings);
 
         let (file, revision) = (self.running.file(), self.running.revision());
         let effects = file.effects().iter().map(|effect| EffectCost {
@@ -234,7 +243,8 @@ impl Scenes {
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))?;
-        Ok(SetOk { warnings: self.abilities.warnings(self.running.file()) })
+        self.warnings = self.abilities.warnings(self.running.file());
+        Ok(SetOk { warnings: self.warnings.clone() })
     }
 
     /// Returns whether a scene is being loaded.
@@ -326,6 +336,22 @@ fn keeps(name: &str, simulate: &Simulate) -> String {
         "simulate: this scene has no such table, so the simulated rig keeps that of the scene {name:?}: {all}. \
          A table with `hand = {{}}` alone gives back the default hand on an ideal rig, which holds the sphere where it is then"
     )
+}
+
+/// Reads a scene that a client has sent: a map with the structure of a scene file, or the name of a
+/// ready-made scene.
+fn read(scene: Value) -> Result<SceneFile, ErrorBody> {
+    let bad = |message: String| ErrorBody::new(ErrorCode::BadRequest, shortened(message));
+    let Value::String(name) = scene else {
+        return SceneFile::from_json(scene).map_err(|mistakes| bad(mistakes.to_string()));
+    };
+    let found = ShelfScene::named(&name).map(ShelfScene::scene);
+    found.ok_or_else(|| {
+        let hint =
+            ShelfScene::similar(&name).map(|name| format!("; did you mean {name:?}?")).unwrap_or_default();
+        let legal: Vec<&str> = SHELF.iter().map(|scene| scene.file).collect();
+        bad(format!("there is no ready-made scene {name:?}{hint}; legal: {}", legal.join(", ")))
+    })
 }
 
 fn names(table: &Value) -> Vec<String> {

@@ -150,8 +150,8 @@ impl Hub {
     #[inline(never)]
     fn tell_info(&mut self, session: u64, id: Option<Id>) {
         self.drain();
-        let scene = self.scenes.file().to_json();
-        let answer = self.info.answer(&self.rig, scene, self.latest.as_ref(), self.lease.info());
+        let running = (self.scenes.file().to_json(), self.scenes.warnings().to_vec());
+        let answer = self.info.answer(&self.rig, running, self.latest.as_ref(), self.lease.info());
         self.answer(session, id, answer);
     }
 

@@ -364,6 +364,15 @@ fn info_and_stats_have_their_shape() {
     // The damping that a torque one tick late, with this lag, can have at most is 0.880 J/h.
     let most = 0.8800e3 * render.inertia;
     assert!((render.damping_most / most - 1.0).abs() < 1e-3, "{render:?}");
+    // Between two pairs the border is nearly straight: 1 % is far less than what a person feels.
+    let after = render.border.iter().position(|[damping, _]| *damping >= render.damping).unwrap();
+    let [[b0, k0], [b1, k1]] = [render.border[after - 1], render.border[after]];
+    let between = k0 + (k1 - k0) * (render.damping - b0) / (b1 - b0);
+    assert!((between / render.stiffness_stable - 1.0).abs() < 0.01, "{render:?}");
+    assert!(
+        render.border[0] == [0.0, 0.0] && render.border.is_sorted_by(|[a, _], [b, _]| a < b),
+        "{render:?}"
+    );
     assert!(info.kind("spring").is_some() && info.phenomena.is_none());
     assert_eq!(info.scene["name"], "Spring");
     assert_eq!(info.lease, Some(LeaseInfo::default()));
