@@ -162,7 +162,11 @@ impl Controller {
                 (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
             };
             let most = match &mut self.falling {
-                Some(falling) => falling.most(rendered + self.stream.torque(), reach, limits.torque),
+                Some(falling) => {
+                    let stream = &self.stream;
+                    let sum = if stream.is_over() { rendered } else { rendered + stream.torque() };
+                    falling.most(sum, reach, limits.torque)
+                }
                 None => limits.torque,
             };
             let (torque, share) = self.stream.added_to(rendered, most);

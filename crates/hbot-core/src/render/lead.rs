@@ -67,10 +67,10 @@ impl Lead {
         let half = measured.omega * (0.5 * time);
         let x = half.length_squared();
         let (time, turn) = if x <= SERIES * SERIES {
-            // cos x and (sin x)/x of half the turn: below 1/64 rad the next terms are x^8/4e4 and
-            // x^8/4e5.
-            let c = 1.0 - x * (0.5 - x * (1.0 / 24.0 - x * (1.0 / 720.0)));
-            let s = 1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5040.0)));
+            // Cosine of half the turn, and its sine over the angle. With half of 1/64 rad the next
+            // terms are 2e-14 and 3e-15.
+            let c = 1.0 - x * (0.5 - x * (1.0 / 24.0));
+            let s = 1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0));
             (time, rotation::from_parts(c, half * s))
         } else {
             far(measured.omega, time)
