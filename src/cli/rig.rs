@@ -216,13 +216,23 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     )?;
     let examples = [USUAL_DAMPING / 2.0, USUAL_DAMPING, 2.5 * USUAL_DAMPING];
     let examples = examples.map(|damping| format!("{:.3} at {damping}", expected.stable(damping)));
-    say!(
-        "  stable     up to about (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {} N m s/rad",
-        examples.join(", ").replacen(" at", " N m/rad at", 1)
-    )?;
-    say!(
-        "             whatever the damping, up to {most:.0} N m/rad, with B = {with:.2} (J / (4 h²) without the lag)"
-    )?;
+    let examples = examples.join(", ").replacen(" at", " N m/rad at", 1);
+    let lead = expected.sampled().lead;
+    if lead > 0.0 {
+        say!(
+            "  lead       {:.2} ms (loop.lead): a scene is rendered where the sphere will be when the torque acts",
+            1.0e3 * lead
+        )?;
+        say!("  stable     up to {examples} N m s/rad of damping, the device's and the spring's together")?;
+        say!("             whatever the damping, up to {most:.0} N m/rad, with {with:.2} N m s/rad")?;
+    } else {
+        say!(
+            "  stable     up to about (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {examples} N m s/rad"
+        )?;
+        say!(
+            "             whatever the damping, up to {most:.0} N m/rad, with B = {with:.2} (J / (4 h²) without the lag)"
+        )?;
+    }
     say!(
         "  counts     one turns the sphere by up to {:.1e} rad: passive up to 2 c/d = {:.3} N m/rad for each mN m of Coulomb friction c",
         expected.count(),

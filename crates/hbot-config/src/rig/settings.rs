@@ -61,7 +61,7 @@ impl Default for Loop {
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
             passivity: Passivity::Switch(true),
             shaking_guard: true,
-            lead: Lead::Switch(false),
+            lead: Lead::Switch(true),
             early_us: 200,
             wake_us: 0,
             cpu: None,

@@ -113,8 +113,10 @@ impl Controller {
         let ramped = self.machine.gain != 0.0;
         // Needs the motion and the stream of the last tick, which are replaced next.
         let before = (changed && ramped).then(|| self.rendered_anew(scene, tick));
-        let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
-        let motion = if self.lead.is_some() { self.led(motion, tick) } else { motion };
+        let mut motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        if let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) {
+            motion = lead.of(motion, (tick as u32).wrapping_sub(answered));
+        }
         self.rendered_motion = motion;
         self.rendered_stream = self.stream;
         self.stream.advance(tick, dt);
@@ -159,7 +161,14 @@ impl Controller {
             } else {
                 (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
             };
-            let most = if self.falling.is_some() { self.falls_to(rendered, reach) } else { limits.torque };
+            let most = match &mut self.falling {
+                Some(falling) => {
+                    let stream = &self.stream;
+                    let sum = if stream.is_over() { rendered } else { rendered + stream.torque() };
+                    falling.most(sum, reach, limits.torque)
+                }
+                None => limits.torque,
+            };
             let (torque, share) = self.stream.added_to(rendered, most);
             let offset = if self.fades == Fades::Over {
                 let offset = self.blend.added(torque * gain, before, limits.torque);
@@ -289,23 +298,6 @@ impl Controller {
         let step = (before - self.last_asked).length_squared();
         let steps = step > (SOFT_STEP * limits.torque) * (SOFT_STEP * limits.torque);
         self.renderer.is_far(scene, self.orientation.q, limits.enable_max_angle, steps)
-    }
-
-    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick
-    /// acts. It is a separate function, so that it costs nothing if the rig has no lead.
-    #[inline(never)]
-    fn led(&mut self, measured: Motion, tick: u64) -> Motion {
-        let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };
-        lead.of(measured, (tick as u32).wrapping_sub(answered))
-    }
-
-    /// Returns the largest torque from which the torque can fall with that of the scene, N m.
-    /// `rendered` is the torque of the scene, and `reach` the slew limit, N m in a tick.
-    #[inline(never)]
-    fn falls_to(&mut self, rendered: Vec3, reach: Real) -> Real {
-        let limit = self.rig.limits.torque;
-        let sum = rendered + self.stream.torque();
-        self.falling.as_mut().map_or(limit, |falling| falling.most(sum, reach, limit))
     }
 
     /// Returns what the effects need to know of the time, if they advance by `dt` seconds.

@@ -336,6 +336,13 @@ fn info_tells_the_limit_of_the_passivity_controller() {
     assert_eq!(info.limits.passivity, Some(told));
 }
 
+/// Returns the prototype without a lead.
+fn unled() -> RigConfig {
+    let mut rig = RigConfig::prototype();
+    rig.rig = rig.rig.with(|parts| parts.lead = None).unwrap();
+    rig
+}
+
 #[test]
 fn info_and_stats_have_their_shape() {
     let bench = bench();
@@ -352,15 +359,20 @@ fn info_and_stats_have_their_shape() {
     let told = PassivityInfo { allowance: limit.allowance, store: limit.store, damping: limit.damping };
     assert_eq!(info.limits.passivity, Some(told));
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
-    // To first order `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1
-    // ms and the lag of the motors, 0.5 ms. The border of the sampled loop is less than 1 % below.
+    // `stiffness_stable` is the border with the lead and 0.02 N m s/rad, which docs/stability.md
+    // quotes.
+    let render = info.render.clone().unwrap();
+    assert!((render.stiffness_stable - 258.0).abs() < 0.5, "{render:?}");
+    // Without a lead it is, to first order, this damping divided by 1.5 ticks of 1 ms and the lag
+    // of the motors, 0.5 ms. The border of the sampled loop is less than 1 % below. Then
     // `stiffness_most` is 0.146457 times the smallest apparent inertia divided by the square of a
     // tick (docs/internals/physics.md, section 9, to six digits).
-    let render = info.render.clone().unwrap();
-    let part = render.stiffness_stable / (render.damping / 2.0e-3);
-    assert!(0.99 < part && part < 1.0, "{render:?}");
-    let most = 0.146_457e6 * render.inertia;
-    assert!((render.stiffness_most / most - 1.0).abs() < 1e-5, "{render:?}");
+    let unled = TestService::start(TestOptions { rig: unled(), ..TestOptions::default() });
+    let plain = unled.client("c").info().unwrap().render.unwrap();
+    let part = plain.stiffness_stable / (plain.damping / 2.0e-3);
+    assert!(0.99 < part && part < 1.0, "{plain:?}");
+    let most = 0.146_457e6 * plain.inertia;
+    assert!((plain.stiffness_most / most - 1.0).abs() < 1e-5, "{plain:?}");
     // The damping that a torque one tick late, with this lag, can have at most is 0.880 J/h.
     let most = 0.8800e3 * render.inertia;
     assert!((render.damping_most / most - 1.0).abs() < 1e-3, "{render:?}");
