@@ -3,10 +3,11 @@
 //! ```text
 //! reading -> Joints (angles, rates, posture, slip) -> Orientation -> faults and commands
 //!         -> Renderer (the scene) -> stream, gain, blend, passivity, limits
-//!         -> allocation -> Outputs
+//!         -> allocation -> compensation -> Outputs
 //! ```
 
 mod commands;
+mod compensation;
 mod faults;
 mod torque;
 
@@ -32,6 +33,7 @@ use crate::safety::passivity::{Guard, Ledger, Observer};
 use crate::safety::shaking;
 use crate::safety::shaping::{Blend, Stream};
 
+use self::compensation::Compensator;
 use self::faults::Silence;
 pub use crate::motion::orientation::ALIGN_HISTORY;
 
@@ -108,6 +110,9 @@ pub struct Controller {
     /// What the guard against shaking knows of stored energy. All bits zero: nothing, as in older
     /// recordings.
     shaking_stored: shaking::Stored,
+    /// What is fed forward of the rig's imperfections. `None` if none is known, and in older
+    /// recordings.
+    compensation: Option<Compensator>,
 }
 
 impl Controller {
@@ -130,6 +135,7 @@ impl Controller {
             burst: rig.limits.energy.map(Burst::new),
             lead: Lead::new(&rig),
             falling: rig.lead.map(|_| Falling::NONE),
+            compensation: Compensator::new(&rig),
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             rig,
             orientation: Orientation::new(),
@@ -234,6 +240,9 @@ impl Controller {
         // Most ticks have no replies. To choose between two arrays of them would copy each byte.
         if let Some(replies) = replies {
             outputs.replies = replies;
+        }
+        if self.compensation.is_some() {
+            self.compensate(count, inputs.tick, dt, &mut outputs);
         }
         outputs
     }
