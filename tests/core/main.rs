@@ -6,6 +6,7 @@
 mod anew;
 mod bench;
 mod budgets;
+mod compensation;
 mod counted;
 mod designs;
 mod determinism;
