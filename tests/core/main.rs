@@ -25,6 +25,7 @@ mod lies;
 mod motion;
 mod motors;
 mod odometry;
+mod outside;
 mod passivity;
 mod rates;
 mod readings;
