@@ -6,6 +6,7 @@
 mod anew;
 mod bench;
 mod budgets;
+mod compensation;
 mod counted;
 mod designs;
 mod determinism;
@@ -24,6 +25,7 @@ mod lies;
 mod motion;
 mod motors;
 mod odometry;
+mod outside;
 mod passivity;
 mod rates;
 mod readings;

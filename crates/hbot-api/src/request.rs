@@ -7,7 +7,7 @@ mod table;
 pub(crate) use fields::Excerpt;
 pub use table::{Field, OpName, OpRow, Who};
 
-use crate::{Align, Encoding, HandCommand, Id, ReferenceCommand, TorqueCommand};
+use crate::{Align, AlignDirection, Encoding, HandCommand, Id, ReferenceCommand, TorqueCommand};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
@@ -92,6 +92,9 @@ pub enum Op {
     /// Moves the simulated hand. Only a simulated rig has one. Clients send it repeatedly. It is
     /// answered only if it has an id; the answer has no data.
     Hand(HandCommand),
+    /// Sends a direction of the sphere as measured, for example that of gravity. It is answered
+    /// only if it has an id. Answer: [`AlignOk`](crate::AlignOk).
+    AlignDirection(AlignDirection),
     /// Begins to render the scene. Answer: [`ModeOk`](crate::ModeOk).
     Enable,
     /// Ends rendering. Answer: [`ModeOk`](crate::ModeOk).
@@ -172,6 +175,7 @@ impl Op {
             Self::Reference(_) => OpName::Reference,
             Self::Align(_) => OpName::Align,
             Self::Hand(_) => OpName::Hand,
+            Self::AlignDirection(_) => OpName::AlignDirection,
             Self::Enable => OpName::Enable,
             Self::Disable => OpName::Disable,
             Self::Reset => OpName::Reset,

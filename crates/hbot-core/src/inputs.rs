@@ -196,6 +196,33 @@ pub enum Command {
     /// Reports that a client no longer holds the lease, for example because its connection ended.
     /// The value says how the rig reacts.
     ClientLost(OnClientLost),
+    /// Corrects the sphere's orientation with one that was measured independently, as far as its
+    /// uncertainty and that of the rig's own estimate say. A measurement that is too far from the
+    /// estimate is not used.
+    AlignBySigma {
+        /// Measured orientation of the sphere in frame N, a unit quaternion.
+        q: Quat,
+        /// Standard deviations of its error about the axes of frame N, rad, each 1e-5 to pi.
+        sigma: Vec3,
+        /// Weight of the measurement, 0 to 1: its variances are divided by it. With 0, the
+        /// difference is only reported.
+        weight: Real,
+        /// The tick at which the orientation was measured. It must be one of the last
+        /// [`ALIGN_HISTORY`](crate::controller::ALIGN_HISTORY) ticks.
+        tick: u64,
+    },
+    /// Corrects the sphere's orientation with a direction that was measured independently, for
+    /// example that of gravity by a sensor in the sphere. It says nothing about the turn around it.
+    AlignDirection {
+        /// The direction in the sphere's axes, a unit vector.
+        body: Vec3,
+        /// The same direction in frame N, a unit vector.
+        world: Vec3,
+        /// Standard deviation of the error about each axis across the direction, rad, 1e-5 to pi.
+        sigma: Real,
+        /// The tick at which the direction was measured, as in `AlignBySigma`.
+        tick: u64,
+    },
 }
 
 /// Labels that a client gives to a message of a stream: a sequence number, and the tick of the

@@ -15,12 +15,12 @@ use crate::messages::hbot::{Exact as Message, Tick};
 
 /// Number of the private topic's format and of the control law that it records. It is raised when
 /// the types of hbot-core change, or when the same inputs give other outputs.
-pub const FORMAT: u32 = 4;
-/// The oldest format that replays. The state of the control law has fields at its end that a
-/// recording of this format lacks. With all of their bits zero the law is that of the recording.
+pub const FORMAT: u32 = 5;
+/// The oldest format that replays. The state of the control law and the outputs of a tick have
+/// fields at their ends that a recording of this format lacks. With all of their bits zero the law is that of the recording.
 pub const OLDEST: u32 = 3;
 
-/// More bytes than the fields take that the state of the control law has gained since [`OLDEST`].
+/// More bytes than the fields take that a type has gained since [`OLDEST`].
 const GAINED: usize = 4096;
 
 /// One record of the private topic.
@@ -71,8 +71,8 @@ fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Error> {
     if rest.is_empty() { Ok(value) } else { Err(postcard::Error::SerdeDeCustom) }
 }
 
-/// Reads a state of the control law to whose end fields were added after it was stored.
-fn read_older(bytes: &[u8]) -> Result<Controller, postcard::Error> {
+/// Reads a value to whose end fields were added after it was stored.
+fn read_older<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Error> {
     let padded = [bytes, &[0; GAINED]].concat();
     let (value, rest) = postcard::take_from_bytes(&padded)?;
     if rest.len() <= GAINED { Ok(value) } else { Err(postcard::Error::SerdeDeCustom) }
@@ -131,7 +131,10 @@ impl Exact {
     /// Fails if the record is not one of that format.
     pub fn read_from(format: u32, data: &[u8]) -> Result<Self, Unreadable> {
         Ok(match Message::decode(data)?.record.ok_or(Unreadable::Unknown)? {
-            Record::Run(Tick { inputs, outputs }) => Self::Tick(Box::new((read(&inputs)?, read(&outputs)?))),
+            Record::Run(Tick { inputs, outputs }) => {
+                let outputs = if format == FORMAT { read(&outputs)? } else { read_older(&outputs)? };
+                Self::Tick(Box::new((read(&inputs)?, outputs)))
+            }
             Record::Scene(scene) => {
                 let Scene { revision, effects, numbers } = read(&scene)?;
                 Self::Scene(Box::new(CompiledScene::with_numbers(revision, &effects, &numbers)?))

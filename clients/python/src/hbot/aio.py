@@ -242,12 +242,33 @@ class Rig:
         """Move the reference of an effect."""
         await self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
 
-    async def align(self, q: Iterable[float], weight: float, *, t: float | None = None) -> float:
+    async def align(
+        self,
+        q: Iterable[float],
+        weight: float | None = None,
+        *,
+        sigma: Iterable[float] | None = None,
+        t: float | None = None,
+    ) -> float:
         """Correct the server's orientation by a measured one.
 
         Returns the difference before, rad.
         """
-        return await self._call(ops.align(q, weight, t))
+        return await self._call(ops.align(q, weight, t, sigma))
+
+    async def align_direction(
+        self,
+        body: Iterable[float],
+        world: Iterable[float],
+        sigma: float,
+        *,
+        t: float | None = None,
+    ) -> float:
+        """Correct the server's orientation by a measured direction, such as that of gravity.
+
+        Returns the angle before, rad.
+        """
+        return await self._call(ops.align_direction(body, world, sigma, t))
 
     async def enable(self) -> Mode:
         """Begin to render, with a soft start of 0.5 s. Returns the mode."""

@@ -198,18 +198,51 @@ class Rig:
         """
         self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
 
-    def align(self, q: Iterable[float], weight: float, *, t: float | None = None) -> float:
+    def align(
+        self,
+        q: Iterable[float],
+        weight: float | None = None,
+        *,
+        sigma: Iterable[float] | None = None,
+        t: float | None = None,
+    ) -> float:
         """Correct the server's orientation by one that was measured from outside.
 
         Args:
             q: the measured orientation `(w, x, y, z)`.
-            weight: fraction of the difference that the server takes over, 0 to 1.
+            weight: fraction of the difference that the server takes over, 0 to 1. Required without
+                `sigma`. With `sigma`, its variances are divided by the weight, which is 1 by
+                default.
+            sigma: standard deviations of the error about the axes of frame N, rad. The server
+                then weighs the measurement by its own uncertainty, and ignores one that is too far
+                away.
             t: time of the measurement since the loop began, s. None: the time of arrival.
 
         Returns:
             The difference before the correction, rad.
         """
-        return self._call(ops.align(q, weight, t))
+        return self._call(ops.align(q, weight, t, sigma))
+
+    def align_direction(
+        self,
+        body: Iterable[float],
+        world: Iterable[float],
+        sigma: float,
+        *,
+        t: float | None = None,
+    ) -> float:
+        """Correct the server's orientation by a measured direction, such as that of gravity.
+
+        Args:
+            body: the direction in the sphere's axes.
+            world: the same direction in frame N. Gravity is `(0, 0, -1)`.
+            sigma: standard deviation of the error about each axis across the direction, rad.
+            t: time of the measurement since the loop began, s. None: the time of arrival.
+
+        Returns:
+            The angle between the direction and the server's own before the correction, rad.
+        """
+        return self._call(ops.align_direction(body, world, sigma, t))
 
     def enable(self) -> Mode:
         """Begin to render, with a soft start of 0.5 s. Returns the mode.

@@ -231,7 +231,7 @@ impl Controller {
         let now = crate::safety::shaking::Moment {
             tick,
             omega: self.joints.omega,
-            energy: self.observer.energy(),
+            energy: self.observer.energy() - self.compensation.as_ref().map_or(0.0, |stage| stage.given()),
             period: self.rig.timing.period_s(),
             inertia: self.rig.device.sphere_inertia(),
         };
@@ -425,7 +425,7 @@ impl Controller {
 
 /// Returns the largest t from 0 to 1 for which the length of `from + t * way` is at most `reach`.
 /// If there is none, returns the t for which the length is smallest.
-fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
+pub(super) fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
     let (a, b) = (way.length_squared(), from.dot(way));
     if !(a > 0.0) {
         return 1.0;

@@ -1,8 +1,9 @@
 //! The execution of requests.
 
 use hbot_api::{
-    Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, OpName, PingOk,
-    ReferenceCommand, Request, RequestRefusal, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
+    Align, AlignDirection, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op,
+    OpName, PingOk, ReferenceCommand, Request, RequestRefusal, Response, SubscribeOk, TorqueCommand, Who,
+    may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
@@ -134,6 +135,12 @@ impl Hub {
                     self.respond(session, &Response::done(id));
                 }
             }
+            Op::AlignDirection(direction) => {
+                let AlignDirection { body, world, sigma, t } = direction;
+                let (body, world) = (convert::vector(body), convert::vector(world));
+                let command = Command::AlignDirection { body, world, sigma, tick: self.tick_at(t) };
+                self.order(session, id, name, command)?;
+            }
             Op::Enable => self.order(session, id, name, Command::Enable)?,
             Op::Reset => self.order(session, id, name, Command::Reset)?,
             Op::Disable => self.order(session, id, name, Command::Disable)?,
@@ -235,14 +242,22 @@ impl Hub {
     }
 
     fn align(&self, align: &Align) -> Command {
+        let (q, weight, tick) = (convert::quaternion(align.q), align.weight, self.tick_at(align.t));
+        match align.sigma {
+            None => Command::Align { q, weight, tick },
+            Some(sigma) => Command::AlignBySigma { q, sigma: convert::vector(sigma), weight, tick },
+        }
+    }
+
+    /// Returns the tick at the time `t` (s), or the present one if there is none.
+    fn tick_at(&self, t: Option<f64>) -> u64 {
         let period_ns = self.rig.rig.timing.period_ns;
-        let tick = match align.t {
+        match t {
             // Round to the nearest tick. A time beyond all ticks becomes the largest tick, which is
             // not in the history and is refused.
             Some(t) => (t * 1.0e9 / period_ns as f64).round() as u64,
             None => self.end.tick(),
-        };
-        Command::Align { q: convert::quaternion(align.q), weight: align.weight, tick }
+        }
     }
 
     /// Converts milliseconds to ticks of the loop, rounded up, at least one.

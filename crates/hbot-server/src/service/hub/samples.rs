@@ -95,7 +95,8 @@ impl Hub {
             }
             // A stream message without an id gets no answer.
             _ if op.row().stream && id.is_none() => {}
-            Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle }),
+            Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle, used: true }),
+            Some(Reply::Measured { angle, used }) => self.answer(session, id, AlignOk { angle, used }),
             Some(Reply::Done) if op.row().stream => self.respond(session, &Response::done(id)),
             Some(Reply::Done) => {
                 if op == OpName::Reset {

@@ -18,7 +18,7 @@ fn reference(effect: &str) -> ReferenceCommand {
 }
 
 fn align(q: [f64; 4], weight: f64, t: Option<f64>) -> Op {
-    Op::Align(Align { q, weight, t })
+    Op::Align(Align { q, weight, sigma: None, t })
 }
 
 fn mode(result: Result<Value, ClientError>) -> String {
