@@ -21,6 +21,7 @@ mod inputs;
 mod laws;
 mod lead;
 mod lies;
+mod models;
 mod motion;
 mod motors;
 mod odometry;

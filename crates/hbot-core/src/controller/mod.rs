@@ -23,6 +23,7 @@ use crate::render::Renderer;
 use crate::render::effects::Motion;
 use crate::render::fades::Fades;
 use crate::render::lead::Lead;
+use crate::render::model::Modelled;
 use crate::render::scene::CompiledScene;
 use crate::safety::burst::Burst;
 use crate::safety::falling::Falling;
@@ -108,6 +109,8 @@ pub struct Controller {
     /// What the guard against shaking knows of stored energy. All bits zero: nothing, as in older
     /// recordings.
     shaking_stored: shaking::Stored,
+    /// The local model that a client streams. All bits zero: none, as in older recordings.
+    model: Modelled,
 }
 
 impl Controller {
@@ -157,6 +160,7 @@ impl Controller {
             shaking: shaking::Guard::OFF,
             ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
             shaking_stored: shaking::Stored::OFF,
+            model: Modelled::NONE,
         }
     }
 

@@ -7,6 +7,7 @@
 //! | [`Lease`] | which client may command |
 //! | [`Orders`] | orders to the loop that are not answered yet, and who asked for them |
 //! | [`Scenes`] | the running scene, and scenes that are being loaded |
+//! | [`Models`] | which local models of clients the rig keeps stable |
 //! | [`Incidents`] | faults and stops, as seen in samples |
 //! | [`Flights`] | flight logs |
 //! | [`Stats`] | histograms and counters |
@@ -32,6 +33,7 @@ use super::flights::Flights;
 use super::incidents::Incidents;
 use super::info::{Clock, Info};
 use super::lease::Lease;
+use super::models::Models;
 use super::orders::{Asker, Orders};
 use super::peer::Peer;
 use super::publisher::Publisher;
@@ -42,7 +44,7 @@ use super::strangers::WrongTokens;
 use super::{Bounds, ServiceSetup, Status};
 use crate::tls::Encryption;
 use hbot_core::MAX_JOINTS;
-use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
+use hbot_host::bridge::{Bell, Busy, EmergencyStop, ServiceEnd};
 use hbot_host::bus::Telemetry;
 use hbot_host::controllers::Controllers;
 use hbot_host::sample::Sample;
@@ -85,6 +87,7 @@ pub(super) struct Hub {
     lease: Lease,
     orders: Orders,
     scenes: Scenes,
+    models: Models,
     incidents: Incidents,
     shakes: Shakes,
     flights: Flights,
@@ -140,6 +143,7 @@ impl Hub {
             lease: Lease::default(),
             orders: Orders::default(),
             scenes: Scenes::new(scene, phenomena, &rig, notes.clone(), Arc::clone(&changed)),
+            models: Models::new(&rig),
             incidents,
             shakes: Shakes::default(),
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
@@ -321,7 +325,13 @@ impl Hub {
     /// # Errors
     /// Fails if too many orders are pending.
     fn order(&mut self, session: u64, id: Option<Id>, op: OpName, command: Command) -> Result<(), ErrorBody> {
-        self.orders.place(&mut self.end, session, id, op, command).map_err(|_| {
+        let placed = self.orders.place(&mut self.end, session, id, op, command);
+        self.placed(session, op, placed)
+    }
+
+    /// Notes that an order of a client waits for its answer.
+    fn placed(&mut self, session: u64, op: OpName, placed: Result<(), Busy>) -> Result<(), ErrorBody> {
+        placed.map_err(|_| {
             ErrorBody::new(
                 ErrorCode::Busy,
                 format!("op {op}: the loop has not yet taken what it was given before"),
