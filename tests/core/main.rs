@@ -36,5 +36,6 @@ mod shaking;
 mod shaping;
 mod shelf;
 mod singularity;
+mod slow_clients;
 mod states;
 mod streams;

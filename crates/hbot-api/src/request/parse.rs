@@ -3,9 +3,9 @@
 use super::fields::{Excerpt, Fields, Shown, bad, illegal};
 use super::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, Request};
 use crate::{
-    Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_SHORT_REQUEST_BYTES,
-    MAX_BLEND_MS, MAX_VALID_MS, ModelCommand, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal, TorqueCommand,
-    asks_estop, untyped,
+    Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_BLEND_MS, MAX_DEPTH,
+    MAX_SHORT_REQUEST_BYTES, MAX_VALID_MS, ModelCommand, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal,
+    TorqueCommand, asks_estop, untyped,
 };
 use serde_json::{Map, Value};
 use std::borrow::Cow;

@@ -89,7 +89,8 @@ impl ModelBound {
             }
             let sum = stiffness - damping * slope;
             let excess = largest_eigenvalue(&sum) - most;
-            let scale = 1.0e-9 * (most.abs() + sum.x_axis.length() + sum.y_axis.length() + sum.z_axis.length());
+            let scale =
+                1.0e-9 * (most.abs() + sum.x_axis.length() + sum.y_axis.length() + sum.z_axis.length());
             if excess > scale && worst.as_ref().is_none_or(|(before, _)| excess > *before) {
                 let axis = eigenvector(&sum, excess + most);
                 let damping = axis.dot(damping * axis);
@@ -210,7 +211,8 @@ pub fn smallest_eigenvalue(m: &Mat3) -> f64 {
 fn largest_eigenvalue(m: &Mat3) -> f64 {
     let mean = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
     let rest = *m - Mat3::IDENTITY * mean;
-    let square = [rest.x_axis, rest.y_axis, rest.z_axis].iter().map(|v| v.length_squared()).sum::<f64>() / 6.0;
+    let square =
+        [rest.x_axis, rest.y_axis, rest.z_axis].iter().map(|v| v.length_squared()).sum::<f64>() / 6.0;
     if !(square > 0.0) {
         return mean;
     }
@@ -224,7 +226,8 @@ fn eigenvector(m: &Mat3, value: f64) -> Vec3 {
     let rest = *m - Mat3::IDENTITY * value;
     let rows = [rest.x_axis, rest.y_axis, rest.z_axis];
     let crosses = [rows[0].cross(rows[1]), rows[1].cross(rows[2]), rows[2].cross(rows[0])];
-    let longest = |all: [Vec3; 3]| all.into_iter().max_by(|a, b| a.length().total_cmp(&b.length())).unwrap_or_default();
+    let longest =
+        |all: [Vec3; 3]| all.into_iter().max_by(|a, b| a.length().total_cmp(&b.length())).unwrap_or_default();
     let (cross, row) = (longest(crosses), longest(rows));
     let scale = row.length();
     if cross.length() > 1.0e-9 * scale * scale {

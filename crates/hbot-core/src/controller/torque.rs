@@ -232,7 +232,10 @@ impl Controller {
             period: self.rig.timing.period_s(),
             inertia: self.rig.device.sphere_inertia(),
         };
-        let reason = !self.stream.is_over() || !self.model.is_over() || self.renderer.is_led(scene) || self.machine.mode == Mode::Idle;
+        let reason = !self.stream.is_over()
+            || !self.model.is_over()
+            || self.renderer.is_led(scene)
+            || self.machine.mode == Mode::Idle;
         let gives = scene.effects().iter().filter(|effect| effect.kind.gives());
         let on_purpose = gives.fold(0, |bits, effect| bits | 1 << effect.slot);
         let (renderer, q) = (&self.renderer, self.orientation.q);

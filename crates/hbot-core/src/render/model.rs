@@ -275,11 +275,8 @@ mod tests {
     use crate::rotation;
 
     fn skewed() -> LocalModel {
-        let stiffness = Mat3::from_cols(
-            Vec3::new(5.0, 1.0, 0.5),
-            Vec3::new(1.0, 2.0, -0.25),
-            Vec3::new(0.5, -0.25, 1.0),
-        );
+        let stiffness =
+            Mat3::from_cols(Vec3::new(5.0, 1.0, 0.5), Vec3::new(1.0, 2.0, -0.25), Vec3::new(0.5, -0.25, 1.0));
         let pose = rotation::exp(Vec3::new(0.2, -0.4, 0.1));
         let mut model = LocalModel::new(Vec3::ZERO, stiffness, Mat3::ZERO, Some(pose));
         let plane = HalfSpace { normal: Vec3::Y, offset: -0.1, stiffness: 7.0, damping: 0.0 };
