@@ -60,6 +60,7 @@ mod finite;
 mod frame;
 mod id;
 mod info;
+mod model;
 mod names;
 mod request;
 mod state;
@@ -93,6 +94,9 @@ pub use id::{Id, MAX_ID_BYTES};
 pub use info::{
     ClientLostPolicy, ClockInfo, EnergyInfo, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
     LoopInfo, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, TractionInfo, WheelInfo,
+};
+pub use model::{
+    Impedance, MAX_ASYMMETRY, MAX_BLEND_MS, MAX_OFFSET, MAX_PLANES, ModelCommand, ModelOk, PlaneCommand,
 };
 pub use names::Name;
 pub use request::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, OpRow, Request, Token, Who};

@@ -18,12 +18,13 @@ from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
+from .models import Model
 from .rendering import Rendered, Rendering
 from .scenes import Scene
 
 T = TypeVar("T")
-Torque = Callable[[State], Sequence[float] | None]
-"""Computes a torque on the sphere (three numbers in frame N, N m) from a state.
+Torque = Callable[[State], Sequence[float] | Model | None]
+"""Computes a torque on the sphere (three numbers in frame N, N m) or a local model from a state.
 
 None: send no torque this time.
 """
@@ -174,6 +175,38 @@ class Rig:
         """
         self._stream(ops.torque(torque, valid_ms, tick, seq), wait)
 
+    def model(
+        self,
+        model: Model,
+        valid_ms: int,
+        *,
+        tick: int | None = None,
+        seq: int | None = None,
+        wait: bool = True,
+    ) -> float | None:
+        """Send one local model: a torque, and how it changes as the sphere turns.
+
+        Args:
+            model: the model.
+            valid_ms: time from its arrival until it ends, 1 to 1000 ms. Then it ramps to zero over
+                20 ms.
+            tick: the tick of the state from which it was computed. Without a `pose` in the model,
+                its stiffness acts about the orientation of that state.
+            seq: a number of your choice. States return it as `state.client.seq`.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+
+        Returns the fraction of the stiffness that is rendered: 1, or less if the model allows the
+        server to soften it. Without `wait`, None.
+
+        Raises:
+            OutOfRange: the loop does not keep the model stable, or `tick` is too old.
+        """
+        request = ops.model(model, valid_ms, tick, seq)
+        if wait:
+            return self._call(request)
+        self._connection.post(request.op, request.fields)
+        return None
+
     def reference(
         self,
         effect: str,
@@ -308,8 +341,8 @@ class Rig:
         whatever happens to this program.
 
         Args:
-            torque: computes the torque on the sphere in frame N, N m, from a state. None: send
-                nothing this time.
+            torque: computes the torque on the sphere in frame N, N m, or a `Model`, from a state.
+                None: send nothing this time.
             every: ticks from one state to the next, 1 to 1000000.
             valid_ms: how long each torque is valid, 1 to 1000 ms. Choose several periods of
                 `every`.

@@ -4,8 +4,8 @@ use super::fields::{Excerpt, Fields, Shown, bad, illegal};
 use super::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, Request};
 use crate::{
     Align, AlignDirection, DEFAULT_OVER_MS, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, HandCommand,
-    HandHold, Id, MAX_DEPTH, MAX_OVER_MS, MAX_SHORT_REQUEST_BYTES, MAX_VALID_MS, MIN_SIGMA, PROTOCOL_VERSION,
-    ReferenceCommand, RequestRefusal, TorqueCommand, asks_estop, untyped,
+    HandHold, Id, MAX_BLEND_MS, MAX_DEPTH, MAX_OVER_MS, MAX_SHORT_REQUEST_BYTES, MAX_VALID_MS, MIN_SIGMA,
+    ModelCommand, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal, TorqueCommand, asks_estop, untyped,
 };
 use serde_json::{Map, Value};
 use std::borrow::Cow;
@@ -160,6 +160,7 @@ fn op(
         OpName::Set => fields.set(),
         OpName::Torque => fields.torque(),
         OpName::Reference => fields.reference(),
+        OpName::Model => fields.model(),
         OpName::Align => fields.align(),
         OpName::Hand => fields.hand(),
         OpName::AlignDirection => fields.align_direction(),
@@ -218,6 +219,21 @@ impl Fields<'_> {
             tick: self.optional_integer("tick", 0, u64::MAX)?,
             seq: self.optional_integer("seq", 0, u64::MAX)?,
         }))
+    }
+
+    pub(super) fn model(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Model(Box::new(ModelCommand {
+            torque: self.optional_vector("torque")?.unwrap_or([0.0; 3]),
+            stiffness: self.impedance("stiffness")?,
+            damping: self.impedance("damping")?,
+            pose: self.optional_quaternion("pose")?,
+            planes: self.planes("planes")?,
+            valid_ms: self.integer("valid_ms", 1, MAX_VALID_MS)?,
+            blend_ms: self.optional_integer("blend_ms", 0, MAX_BLEND_MS)?,
+            soften: self.flag("soften")?,
+            tick: self.optional_integer("tick", 0, u64::MAX)?,
+            seq: self.optional_integer("seq", 0, u64::MAX)?,
+        })))
     }
 
     pub(super) fn align(&mut self) -> Result<Op, ErrorBody> {

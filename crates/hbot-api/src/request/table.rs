@@ -144,6 +144,25 @@ ops! {
             &[must("effect"), must("q"), may("omega"), may("valid_ms"), may("tick"), may("seq")],
         )
         .stream(),
+    /// The op [`Op::Model`](crate::Op::Model), with which a client sends a local model of the
+    /// torque.
+    Model = "model":
+        OpRow::new(
+            Who::Holder,
+            &[
+                may("torque"),
+                may("stiffness"),
+                may("damping"),
+                may("pose"),
+                may("planes"),
+                must("valid_ms"),
+                may("blend_ms"),
+                may("soften"),
+                may("tick"),
+                may("seq"),
+            ],
+        )
+        .stream(),
     /// The op [`Op::Align`](crate::Op::Align), with which a client sends an orientation measured
     /// from outside.
     Align = "align":

@@ -52,6 +52,35 @@ pub(super) fn requests() -> Vec<Request> {
         ),
         Request {
             id: None,
+            op: Op::Model(Box::new(ModelCommand {
+                torque: [0.0, -0.25, 0.0],
+                stiffness: 4.0.into(),
+                damping: [0.02, 0.02, 0.01].into(),
+                valid_ms: 50,
+                ..ModelCommand::default()
+            })),
+        },
+        request(
+            22,
+            Op::Model(Box::new(ModelCommand {
+                stiffness: [[5.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 0.5]].into(),
+                pose: Some([0.6, 0.0, 0.8, 0.0]),
+                planes: vec![PlaneCommand {
+                    normal: [0.0, 0.0, -1.0],
+                    offset: 0.125,
+                    stiffness: 20.0,
+                    damping: 0.03,
+                }],
+                valid_ms: 100,
+                blend_ms: Some(10),
+                soften: true,
+                tick: Some(70_000),
+                seq: Some(2),
+                ..ModelCommand::default()
+            })),
+        ),
+        Request {
+            id: None,
             op: Op::Hand(HandCommand::Hold(HandHold {
                 q: [0.6, 0.0, 0.8, 0.0],
                 over_ms: 50,
@@ -134,6 +163,7 @@ pub(super) fn answers() -> Vec<ServerMessage> {
         ok(10, SetOk { warnings: vec!["spring: too stiff".into()] }),
         ok(13, AlignOk { angle: 0.03125, used: true }),
         ok(18, AlignOk { angle: 0.5, used: false }),
+        ok(22, ModelOk { stiffness_scale: 0.75 }),
         ok(14, ModeOk { mode: Mode::Enabling }),
         ok("p", PingOk { data: json!({"n": 1}), tick: 1000, t: 1.0 }),
         refused(ErrorBody::new(ErrorCode::BadRequest, "field \"every\" is missing")),

@@ -11,7 +11,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering, fence};
 
 use hbot_core::CompiledScene;
-use hbot_core::inputs::{Command, OnClientLost};
+use hbot_core::inputs::{Command, ModelCommand, OnClientLost};
+use hbot_core::render::model::LocalModel;
 use hbot_core::safety::mode::{Cause, Mode};
 use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::event::{EventfdFlags, eventfd};
@@ -41,6 +42,8 @@ pub struct Order {
     pub ticket: u64,
     /// The command, which the control law of hbot-core carries out.
     pub command: Command,
+    /// The model of a [`Command::Model`].
+    pub model: Option<LocalModel>,
 }
 
 /// Error: an order or scene cannot be sent, because the ring to the loop is full.
@@ -230,8 +233,21 @@ impl ServiceEnd {
             self.emergency_stop().stop();
             return self.order(CONFIRMED);
         }
+        self.push(command, None)
+    }
+
+    /// Sends a local model of a client to the loop. Returns its ticket, as [`order`](Self::order)
+    /// does.
+    ///
+    /// # Errors
+    /// Fails if 256 orders wait already.
+    pub fn order_model(&mut self, command: ModelCommand, model: &LocalModel) -> Result<u64, Busy> {
+        self.push(Command::Model(command), Some(*model))
+    }
+
+    fn push(&mut self, command: Command, model: Option<LocalModel>) -> Result<u64, Busy> {
         let ticket = self.next_ticket;
-        self.orders.push(Order { ticket, command }).map_err(|_| Busy)?;
+        self.orders.push(Order { ticket, command, model }).map_err(|_| Busy)?;
         self.next_ticket += 1;
         Ok(ticket)
     }

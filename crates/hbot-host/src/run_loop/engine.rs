@@ -4,7 +4,7 @@
 use std::hint::black_box;
 use std::time::Duration;
 
-use hbot_core::inputs::Command::{Disable, Enable, Estop};
+use hbot_core::inputs::Command::{Disable, Enable, Estop, Model};
 use hbot_core::inputs::{Commands, Inputs, JointReadings, MAX_COMMANDS};
 use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, Outputs};
@@ -248,7 +248,10 @@ impl Engine {
             // A rig that a client has disabled must not enable itself.
             self.enable_when_idle &= order.command != Disable;
             // This cannot fail: there is one place for each ticket.
-            let _ = commands.push(order.command);
+            let _ = match (order.command, &order.model) {
+                (Model(command), Some(model)) => commands.push_model(command, model),
+                (command, _) => commands.push(command),
+            };
         }
         if self.bridge.take_estop() {
             let _ = commands.push(Estop);

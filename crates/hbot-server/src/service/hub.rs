@@ -8,6 +8,7 @@
 //! | [`Orders`] | orders to the loop that are not answered yet, and who asked for them |
 //! | [`SceneHand`] | the simulated hand |
 //! | [`Scenes`] | the running scene, and scenes that are being loaded |
+//! | [`Models`] | which local models of clients the rig keeps stable |
 //! | [`Incidents`] | faults and stops, as seen in samples |
 //! | [`Flights`] | flight logs |
 //! | [`Stats`] | histograms and counters |
@@ -34,6 +35,7 @@ use super::hand::SceneHand;
 use super::incidents::Incidents;
 use super::info::{Clock, Info};
 use super::lease::Lease;
+use super::models::Models;
 use super::orders::{Asker, Orders};
 use super::peer::{Peer, ServicePort};
 use super::publisher::Publisher;
@@ -46,7 +48,7 @@ use crate::tls::Encryption;
 use hbot_core::MAX_JOINTS;
 use hbot_host::bus::Telemetry;
 use hbot_host::rig::controllers::Controllers;
-use hbot_host::run_loop::bridge::{Bell, EmergencyStop, ServiceEnd};
+use hbot_host::run_loop::bridge::{Bell, Busy, EmergencyStop, ServiceEnd};
 use hbot_host::run_loop::sample::Sample;
 
 /// The reason why a connection has ended.
@@ -87,6 +89,7 @@ pub(super) struct Hub {
     lease: Lease,
     orders: Orders,
     scenes: Scenes,
+    models: Models,
     incidents: Incidents,
     shakes: Shakes,
     hand: SceneHand,
@@ -145,6 +148,7 @@ impl Hub {
             lease: Lease::default(),
             orders: Orders::default(),
             scenes: Scenes::new(scene, phenomena, &rig, notes.clone(), Arc::clone(&changed)),
+            models: Models::new(&rig),
             incidents,
             shakes: Shakes::default(),
             hand: SceneHand::new(hand),
@@ -337,7 +341,13 @@ impl Hub {
     /// # Errors
     /// Fails if too many orders are pending.
     fn order(&mut self, session: u64, id: Option<Id>, op: OpName, command: Command) -> Result<(), ErrorBody> {
-        self.orders.place(&mut self.end, session, id, op, command).map_err(|_| {
+        let placed = self.orders.place(&mut self.end, session, id, op, command);
+        self.placed(session, op, placed)
+    }
+
+    /// Notes that an order of a client waits for its answer.
+    fn placed(&mut self, session: u64, op: OpName, placed: Result<(), Busy>) -> Result<(), ErrorBody> {
+        placed.map_err(|_| {
             ErrorBody::new(
                 ErrorCode::Busy,
                 format!("op {op}: the loop has not yet taken what it was given before"),

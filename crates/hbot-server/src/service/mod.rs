@@ -43,6 +43,7 @@ mod hub;
 mod incidents;
 mod info;
 mod lease;
+mod models;
 mod orders;
 mod outbox;
 mod peer;

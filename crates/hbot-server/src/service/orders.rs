@@ -3,8 +3,9 @@
 use std::collections::VecDeque;
 
 use hbot_api::{Id, OpName, OpRow, Stop};
-use hbot_core::inputs::Command;
+use hbot_core::inputs::{Command, ModelCommand};
 use hbot_core::outputs::Reply;
+use hbot_core::render::model::LocalModel;
 
 use hbot_host::run_loop::bridge::{Busy, ServiceEnd};
 use hbot_host::run_loop::sample::Answer;
@@ -38,6 +39,8 @@ pub(super) enum Asker {
         session: u64,
         id: Option<Id>,
         op: OpName,
+        /// Fraction of the stiffness of a model that is rendered.
+        scale: f64,
     },
     /// The service itself, with a description of the order for the log.
     Service(&'static str),
@@ -72,7 +75,29 @@ impl Orders {
             return Err(Busy);
         }
         let ticket = end.order(command)?;
-        self.pending.push_back((ticket, Asker::Client { session, id, op }));
+        self.pending.push_back((ticket, Asker::Client { session, id, op, scale: 1.0 }));
+        self.newest = None;
+        Ok(())
+    }
+
+    /// Sends a client's model to the loop, whose stiffness is `scale` times what the client has
+    /// asked for. The answer arrives with a later sample.
+    ///
+    /// # Errors
+    /// Fails if too many orders are pending.
+    pub(super) fn place_model(
+        &mut self,
+        end: &mut ServiceEnd,
+        (session, id): (u64, Option<Id>),
+        command: ModelCommand,
+        (model, scale): (&LocalModel, f64),
+    ) -> Result<(), Busy> {
+        let op = OpName::Model;
+        if self.pending.len() >= places(op) {
+            return Err(Busy);
+        }
+        let ticket = end.order_model(command, model)?;
+        self.pending.push_back((ticket, Asker::Client { session, id, op, scale }));
         self.newest = None;
         Ok(())
     }

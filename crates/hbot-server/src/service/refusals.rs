@@ -71,6 +71,11 @@ pub(super) fn refusal<'a>(
                 "field \"tick\" is {ticks} ticks in the future; legal: the tick of a state that was sent"
             ),
         ),
+        Refusal::NotInHistory if op == OpName::Model.as_str() => (
+            ErrorCode::OutOfRange,
+            "field \"tick\" is not (or no longer) in the history; legal: one of the last 1024, or a model with \"pose\""
+                .to_owned(),
+        ),
         Refusal::NotInHistory => (
             ErrorCode::OutOfRange,
             "field \"t\" is not (or no longer) in the history; legal: a moment of about the last second"

@@ -1,12 +1,12 @@
 //! The execution of requests.
 
 use hbot_api::{
-    Align, AlignDirection, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op,
-    OpName, PingOk, ReferenceCommand, Request, RequestRefusal, Response, SubscribeOk, TorqueCommand, Who,
-    may_be_long,
+    Align, AlignDirection, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk,
+    ModelCommand as ModelRequest, Op, OpName, PingOk, ReferenceCommand, Request, RequestRefusal, Response,
+    SubscribeOk, TorqueCommand, Who, may_be_long,
 };
 use hbot_core::Vec3;
-use hbot_core::inputs::{Command, Stamp};
+use hbot_core::inputs::{Command, ModelCommand, Stamp};
 use serde_json::Value;
 
 use super::super::{controllers, convert};
@@ -124,6 +124,7 @@ impl Hub {
                 let command = self.reference(&reference)?;
                 self.order(session, id, name, command)?;
             }
+            Op::Model(model) => self.model(session, id, &model)?,
             Op::Align(align) => {
                 let command = self.align(&align);
                 self.order(session, id, name, command)?;
@@ -239,6 +240,18 @@ impl Hub {
             valid_ticks: self.ticks(reference.valid_ms),
             stamp: Stamp { seq: reference.seq, tick: reference.tick },
         })
+    }
+
+    #[inline(never)]
+    fn model(&mut self, session: u64, id: Option<Id>, request: &ModelRequest) -> Result<(), ErrorBody> {
+        let (model, scale) = self.models.checked(request)?;
+        let command = ModelCommand {
+            valid_ticks: self.ticks(request.valid_ms),
+            blend_ticks: request.blend_ms.map(|ms| if ms == 0 { 0 } else { self.ticks(ms) }),
+            stamp: Stamp { seq: request.seq, tick: request.tick },
+        };
+        let placed = self.orders.place_model(&mut self.end, (session, id), command, (&model, scale));
+        self.placed(session, OpName::Model, placed)
     }
 
     fn align(&self, align: &Align) -> Command {

@@ -2,7 +2,7 @@
 
 use std::task::{Context, Poll};
 
-use hbot_api::{AlignOk, ErrorBody, ErrorCode, Event, ModeOk, OpName, Response};
+use hbot_api::{AlignOk, ErrorBody, ErrorCode, Event, ModeOk, ModelOk, OpName, Response};
 use hbot_core::outputs::Reply;
 use tokio::task::JoinError;
 
@@ -69,8 +69,8 @@ impl Hub {
     /// Passes the loop's answer to one order on to the client that sent it, or logs it if the
     /// service sent the order. `reply` is `None` if the answer was lost with a dropped sample.
     fn pass_on(&mut self, asker: Asker, reply: Option<Reply>, sample: &Sample) {
-        let (session, id, op) = match asker {
-            Asker::Client { session, id, op } => (session, id, op),
+        let (session, id, (op, scale)) = match asker {
+            Asker::Client { session, id, op, scale } => (session, id, (op, scale)),
             Asker::Service(what) => {
                 match reply {
                     Some(Reply::Refused(refused)) => {
@@ -97,6 +97,9 @@ impl Hub {
             _ if op.row().stream && id.is_none() => {}
             Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle, used: true }),
             Some(Reply::Measured { angle, used }) => self.answer(session, id, AlignOk { angle, used }),
+            Some(Reply::Done) if op == OpName::Model => {
+                self.answer(session, id, ModelOk { stiffness_scale: scale });
+            }
             Some(Reply::Done) if op.row().stream => self.respond(session, &Response::done(id)),
             Some(Reply::Done) => {
                 if op == OpName::Reset {

@@ -2,8 +2,8 @@
 //! network.
 
 use hbot_api::{
-    Align, ClockInfo, ErrorCode, LeaseInfo, OpName, PassivityInfo, ReferenceCommand, TorqueCommand,
-    TractionInfo, Who,
+    Align, ClockInfo, ErrorCode, LeaseInfo, ModelCommand, OpName, PassivityInfo, ReferenceCommand,
+    TorqueCommand, TractionInfo, Who,
 };
 
 use super::*;
@@ -26,7 +26,7 @@ fn mode(result: Result<Value, ClientError>) -> String {
 }
 
 /// Waits until the client receives a state for which `found` returns true, and returns this state.
-fn state(
+pub(super) fn state(
     client: &mut Client,
     what: &str,
     found: impl Fn(&hbot_api::StateEvent) -> bool,
@@ -137,6 +137,7 @@ fn request(op: OpName) -> Op {
         }
         OpName::Torque => Op::Torque(torque([0.0; 3], 10)),
         OpName::Reference => Op::Reference(reference("spring")),
+        OpName::Model => Op::Model(Box::new(ModelCommand { valid_ms: 10, ..ModelCommand::default() })),
         OpName::Align => align([1.0, 0.0, 0.0, 0.0], 0.0, None),
         OpName::Enable => Op::Enable,
         OpName::Disable => Op::Disable,

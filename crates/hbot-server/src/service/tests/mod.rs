@@ -10,6 +10,7 @@ mod framing;
 mod hello;
 mod lease;
 mod metrics;
+mod models;
 mod overload;
 mod scenes;
 mod shakes;
