@@ -36,6 +36,7 @@ mod schema;
 mod text;
 mod validate;
 
+pub use document::decimal_point;
 pub use diagnostic::{Diagnostic, Diagnostics, LoadError};
 pub use rig::{Override, RigConfig};
 pub use scene::{RunningScene, SceneFile};

@@ -33,13 +33,15 @@ from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
-from .rendering import Rendered, Rendering
+from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 from .transport import Tls
 from .wire import Encoding
 
 T = TypeVar("T")
-Torque = Callable[[State], Sequence[float] | Awaitable[Sequence[float] | None] | None]
+Torque = Callable[
+    [State], Sequence[float] | Computed | Awaitable[Sequence[float] | Computed | None] | None
+]
 """Computes a torque from a state, as `hbot.rig.Torque` does. It can be a coroutine function."""
 
 
@@ -156,6 +158,10 @@ class Rig:
         self._callbacks = (
             None if on_event is None else asyncio.ensure_future(self._call_back(on_event))
         )
+
+    def __str__(self) -> str:
+        """Say what the last `refresh` told: name, SIMULATED or LIVE, mode and scene."""
+        return str(self.info)
 
     async def close(self) -> None:
         """Close the connection. The server frees the lease, and this client's torque ends."""

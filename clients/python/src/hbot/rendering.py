@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from .connection import Connection
 from .errors import Faulted
@@ -36,6 +36,15 @@ class Rendered:
     dropped: int
     """States that the server did not send because this program read too slowly, as far as the
     server has reported them."""
+
+
+class Computed(NamedTuple):
+    """A torque that was computed from an older state than the one that the function was given."""
+
+    torque: Sequence[float]
+    """The torque on the sphere in frame N, N m."""
+    tick: int
+    """The tick of the state from which it was computed."""
 
 
 class Rendering:
@@ -92,13 +101,14 @@ class Rendering:
             self._skipped += skipped
         return not over
 
-    def send(self, state: State, torque: Sequence[float] | None) -> None:
+    def send(self, state: State, torque: Sequence[float] | Computed | None) -> None:
         """Send the torque that was computed from `state`. None: send nothing."""
         self._calls += 1
         if torque is None:
             return
-        fields: dict[str, Any] = torque_request(
-            torque, self._valid_ms, state.tick, state.tick
-        ).fields
+        tick = state.tick
+        if isinstance(torque, Computed):
+            torque, tick = torque
+        fields: dict[str, Any] = torque_request(torque, self._valid_ms, tick, state.tick).fields
         if not self._connection.post("torque", fields):
             self._unsent += 1

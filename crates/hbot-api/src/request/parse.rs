@@ -252,9 +252,9 @@ impl Fields<'_> {
     }
 
     pub(super) fn load_scene(&mut self) -> Result<Op, ErrorBody> {
-        let legal = "a map of the shape of a scene file";
+        let legal = "a map of the shape of a scene file, or the name of a ready-made scene";
         match self.remove("scene") {
-            Some(scene @ Value::Object(_)) => Ok(Op::LoadScene { scene }),
+            Some(scene @ (Value::Object(_) | Value::String(_))) => Ok(Op::LoadScene { scene }),
             Some(other) => Err(illegal("scene", &other, legal)),
             None => Err(bad(format!("field \"scene\" is missing; legal: {legal}"))),
         }

@@ -214,6 +214,7 @@ pub(super) fn info() -> InfoOk {
         effects: vec![kind.clone()],
         phenomena: Some(vec![kind]),
         lease: Some(LeaseInfo::default()),
+        mode: Some(Mode::Idle),
         ..InfoOk::default()
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, Requester, SceneEvent, SetOk};
-use hbot_config::scene::{EffectPlace, SetError, Simulate};
+use hbot_config::scene::{EffectPlace, SHELF, SetError, ShelfScene, Simulate};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Rig;
 use serde_json::{Map, Value, json};
@@ -165,8 +165,7 @@ impl Scenes {
         if self.loading.len() >= MAX_LOADING || !end.can_install() {
             return Err(busy(OpName::LoadScene));
         }
-        let file = SceneFile::from_json(scene)
-            .map_err(|mistakes| ErrorBody::new(ErrorCode::BadRequest, shortened(mistakes.to_string())))?;
+        let file = read(scene).map_err(|message| ErrorBody::new(ErrorCode::BadRequest, message))?;
         let ignored = match (file.simulate(), &mut self.phenomena) {
             (None, _) => Vec::new(),
             (Some(simulate), None) => names(&json!(simulate)),
@@ -297,6 +296,26 @@ fn busy(op: OpName) -> ErrorBody {
         ErrorCode::Busy,
         format!("op {op}: the loop has not yet taken the scenes it was given before"),
     )
+}
+
+/// Reads the field `scene` of a request: the name of a ready-made scene, or a scene.
+///
+/// # Errors
+/// Fails with a message for people if no ready-made scene has this name, or if the scene is not
+/// legal.
+fn read(scene: Value) -> Result<SceneFile, String> {
+    let Value::String(name) = scene else {
+        return SceneFile::from_json(scene).map_err(|mistakes| shortened(mistakes.to_string()));
+    };
+    ShelfScene::named(&name).map(ShelfScene::scene).ok_or_else(|| {
+        let guess = ShelfScene::similar(&name).map(|name| format!(" (did you mean `{name}`?)"));
+        let all: Vec<_> = SHELF.iter().map(|scene| scene.file).collect();
+        shortened(format!(
+            "no ready-made scene is called {name:?}{}; legal: {}",
+            guess.unwrap_or_default(),
+            all.join(", ")
+        ))
+    })
 }
 
 /// Returns the error message for a `set` that is refused. It names the effect in every line.

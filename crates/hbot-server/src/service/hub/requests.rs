@@ -8,6 +8,7 @@ use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};
 use serde_json::Value;
 
+use super::super::info::Now;
 use super::super::{controllers, convert};
 use super::Hub;
 use hbot_host::bridge::CONFIRMED;
@@ -144,7 +145,13 @@ impl Hub {
     fn tell_info(&mut self, session: u64, id: Option<Id>) {
         self.drain();
         let scene = self.scenes.file().to_json();
-        let answer = self.info.answer(&self.rig, scene, self.latest.as_ref(), self.lease.info());
+        let now = Now {
+            scene,
+            sample: self.latest.as_ref(),
+            lease: self.lease.info(),
+            incident: self.incidents.present().cloned(),
+        };
+        let answer = self.info.answer(&self.rig, now);
         self.answer(session, id, answer);
     }
 

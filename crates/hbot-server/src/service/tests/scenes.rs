@@ -29,6 +29,18 @@ fn a_scene_is_loaded_answered_and_told_to_all() {
 }
 
 #[test]
+fn a_ready_made_scene_is_loaded_by_its_name() {
+    let bench = bench();
+    let mut client = bench.holder();
+    client.call(scene(json!("hinge"))).unwrap();
+    assert_eq!(client.info().unwrap().scene["name"], "Hinge");
+    let error = refused(client.call(scene(json!("hing"))));
+    assert_eq!(error.code, ErrorCode::BadRequest);
+    assert!(error.message.contains("did you mean `hinge`?") && error.message.contains("clay"), "{error}");
+    assert_eq!(client.info().unwrap().scene["name"], "Hinge");
+}
+
+#[test]
 fn a_scene_with_mistakes_changes_nothing_and_all_are_told() {
     let bench = bench();
     let mut client = bench.holder();

@@ -60,7 +60,8 @@ fn info_keeps_its_names_their_order_and_types() {
                 }},
                 accuracy: text, on_client_lost: text,
                 effects: [{{name: text, description: text, schema: map}}],
-                {phenomena} scene: map, capability: [real], lease: {{holder: null, session: null}}
+                {phenomena} scene: map, capability: [real], lease: {{holder: null, session: null}},
+                mode: text
             }}"
         ))
     };
