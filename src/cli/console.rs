@@ -17,7 +17,7 @@ use tokio::sync::watch;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::prelude::*;
 
-use super::{status, style};
+use super::{status, style, terminal};
 
 /// The environment variable that selects what is logged.
 const HBOT_LOG: &str = "HBOT_LOG";
@@ -253,6 +253,8 @@ impl Writer {
 
     fn out(&mut self, text: &str) {
         self.clear();
+        let text = terminal::columns(std::io::stdout())
+            .map_or_else(|| text.to_owned(), |columns| terminal::wrapped(text, columns));
         let mut out = anstream::stdout().lock();
         let Err(error) = writeln!(out, "{text}").and_then(|()| out.flush()) else { return };
         if !std::mem::replace(&mut self.failed, true) {
@@ -277,7 +279,9 @@ impl Writer {
 
     fn draw(&mut self, status: Option<&watch::Receiver<Status>>) {
         let Some(status) = status else { return };
-        let line = status::line(&status.borrow());
+        // A terminal that does not tell its width is taken to be as narrow as usual ones.
+        let columns = terminal::columns(std::io::stderr()).unwrap_or(80);
+        let line = status::line(&status.borrow(), columns);
         error_out(style::SAME_LINE.as_bytes());
         // A failure cannot be reported anywhere.
         let _ = write!(anstream::stderr(), "{line}");

@@ -34,13 +34,13 @@ from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
 from .models import Model
-from .rendering import Rendered, Rendering
+from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 from .transport import Tls
 from .wire import Encoding
 
 T = TypeVar("T")
-Made = Sequence[float] | Model
+Made = Sequence[float] | Model | Computed
 Torque = Callable[[State], Made | Awaitable[Made | None] | None]
 """Computes a torque from a state, as `hbot.rig.Torque` does. It can be a coroutine function."""
 
@@ -158,6 +158,10 @@ class Rig:
         self._callbacks = (
             None if on_event is None else asyncio.ensure_future(self._call_back(on_event))
         )
+
+    def __str__(self) -> str:
+        """Say what the last `refresh` told: name, SIMULATED or LIVE, mode and scene."""
+        return str(self.info)
 
     async def close(self) -> None:
         """Close the connection. The server frees the lease, and this client's torque ends."""

@@ -19,14 +19,14 @@ from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
 from .models import Model
-from .rendering import Rendered, Rendering
+from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 
 T = TypeVar("T")
-Torque = Callable[[State], Sequence[float] | Model | None]
+Torque = Callable[[State], Sequence[float] | Model | Computed | None]
 """Computes a torque on the sphere (three numbers in frame N, N m) or a local model from a state.
 
-None: send no torque this time.
+`Computed` also names the tick of an older state that it used. None: send no torque this time.
 """
 
 
@@ -67,6 +67,15 @@ class Rig:
     def __exit__(self, *_error: object) -> None:
         """Close the connection."""
         self.close()
+
+    def __str__(self) -> str:
+        """Say the rig's name, SIMULATED or LIVE, the mode and the scene. Asks the server for them.
+
+        After the connection has ended, it says what was last known.
+        """
+        with contextlib.suppress(HbotError):
+            self.refresh()
+        return str(self.info)
 
     def close(self) -> None:
         """Close the connection. The server frees the lease, and this client's torque ends."""
@@ -132,7 +141,8 @@ class Rig:
         """Replace the scene. The change is blended in. `info.scene` is that of before.
 
         Args:
-            scene: path of a scene file (TOML), or a map of the same structure. Recorded paths
+            scene: path of a scene file (TOML), or the name of a ready-made scene such as `"hinge"`,
+                which the server knows; or a map of the structure of a scene file. Recorded paths
                 (CSV) that a scene file names are read from this machine.
 
         Raises:
@@ -341,8 +351,10 @@ class Rig:
         whatever happens to this program.
 
         Args:
-            torque: computes the torque on the sphere in frame N, N m, or a `Model`, from a state.
-                None: send nothing this time.
+            torque: computes the torque on the sphere in frame N, N m, or a `Model`, from a state. A
+                function that returns the torque of an older state returns
+                `hbot.Computed(torque, tick)` with that state's tick, so that `state.client.age_ticks`
+                is true. None: send nothing this time.
             every: ticks from one state to the next, 1 to 1000000.
             valid_ms: how long each torque is valid, 1 to 1000 ms. Choose several periods of
                 `every`.

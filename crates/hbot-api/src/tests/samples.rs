@@ -294,6 +294,7 @@ pub(super) fn info() -> InfoOk {
         modes: vec![ModeWords::default()],
         faults: vec![FaultWords::default()],
         lease: Some(LeaseInfo::default()),
+        mode: Some(Mode::Idle),
         ..InfoOk::default()
     }
 }

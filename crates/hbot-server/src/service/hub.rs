@@ -51,6 +51,12 @@ use hbot_host::rig::controllers::Controllers;
 use hbot_host::run_loop::bridge::{Bell, Busy, EmergencyStop, ServiceEnd};
 use hbot_host::run_loop::sample::Sample;
 
+/// The service's own orders when a client loses the lease, as the log names them.
+const CLIENT_LOST: &str = "client lost";
+const LEASE_STOLEN: &str = "lease stolen";
+const LEASE_RELEASED: &str = "lease released";
+const LEASE_LOST: [&str; 3] = [CLIENT_LOST, LEASE_STOLEN, LEASE_RELEASED];
+
 /// The reason why a connection has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Gone {
@@ -317,7 +323,7 @@ impl Hub {
         }
         if self.lease.is_held_by(session) {
             let policy = self.rig.api.on_client_lost;
-            self.order_internally("client lost", Command::ClientLost(policy));
+            self.order_internally(CLIENT_LOST, Command::ClientLost(policy));
             self.lease.free(session);
             self.incidents.lost(by.clone());
             self.lease_changed(LeaseCause::Disconnected, by);
@@ -370,10 +376,10 @@ impl Hub {
         }
         match cause {
             LeaseCause::Stolen => {
-                self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));
+                self.order_internally(LEASE_STOLEN, Command::ClientLost(OnClientLost::Ramp));
             }
             LeaseCause::Released => {
-                self.order_internally("lease released", Command::ClientLost(OnClientLost::Ramp));
+                self.order_internally(LEASE_RELEASED, Command::ClientLost(OnClientLost::Ramp));
             }
             // For a lost client, the policy of the rig file has been ordered already.
             LeaseCause::Acquired | LeaseCause::Disconnected => {}

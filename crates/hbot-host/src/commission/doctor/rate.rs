@@ -54,10 +54,12 @@ pub fn highest_rate(config: &RigConfig, measured: &Punctuality) -> Finding {
     let machine = machine_rate(measured);
     let line = slowest_line(config);
     let together = line.map_or(machine, |(_, line)| line.min(machine)).min(MOST_HZ);
-    let rate = rounded(together);
+    // The machine's rate is measured and varies, that of a line is computed: `hbot rig check` and
+    // `hbot rig new` say the same number.
+    let rate = line.map_or(f64::INFINITY, |(_, line)| line.floor()).min(rounded(machine.min(MOST_HZ)));
     let lines = line.map_or_else(
         || "a simulated line has no limit".to_owned(),
-        |(name, rate)| format!("{name} up to {:.0} Hz", rounded(rate)),
+        |(name, rate)| format!("{name} up to {:.0} Hz", rate.floor()),
     );
     let mut found = format!(
         "this machine holds up to {:.0} Hz with at most one late tick in 100, {lines}: together {rate:.0} Hz",

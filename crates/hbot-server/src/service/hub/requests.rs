@@ -9,6 +9,7 @@ use hbot_core::Vec3;
 use hbot_core::inputs::{Command, ModelCommand, Stamp};
 use serde_json::Value;
 
+use super::super::info::Now;
 use super::super::{controllers, convert};
 use super::Hub;
 use hbot_host::run_loop::bridge::CONFIRMED;
@@ -158,8 +159,14 @@ impl Hub {
     #[inline(never)]
     fn tell_info(&mut self, session: u64, id: Option<Id>) {
         self.drain();
-        let running = (self.scenes.file().to_json(), self.scenes.warnings().to_vec());
-        let answer = self.info.answer(&self.rig, running, self.latest.as_ref(), self.lease.info());
+        let now = Now {
+            scene: self.scenes.file().to_json(),
+            warnings: self.scenes.warnings().to_vec(),
+            sample: self.latest.as_ref(),
+            lease: self.lease.info(),
+            incident: self.incidents.present().cloned(),
+        };
+        let answer = self.info.answer(&self.rig, now);
         self.answer(session, id, answer);
     }
 

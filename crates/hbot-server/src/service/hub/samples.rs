@@ -11,7 +11,7 @@ use super::super::flights::Written;
 use super::super::orders::Asker;
 use super::super::refusals::refusal;
 use super::super::scenes::{Loaded, Measured};
-use super::Hub;
+use super::{Hub, LEASE_LOST};
 use hbot_host::run_loop::sample::Sample;
 
 /// Largest number of samples that are processed before other tasks get a turn.
@@ -72,6 +72,10 @@ impl Hub {
         let (session, id, (op, scale)) = match asker {
             Asker::Client { session, id, op, scale } => (session, id, (op, scale)),
             Asker::Service(what) => {
+                // What the loop has accepted until here is the earlier holder's.
+                if LEASE_LOST.contains(&what) {
+                    self.publisher.forget_stream(sample);
+                }
                 match reply {
                     Some(Reply::Refused(refused)) => {
                         let effect = |slot| self.scenes.id_at(slot);
