@@ -18,8 +18,8 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 
 use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
-use tokio_tungstenite::tungstenite::handshake::server::Request;
-use tokio_tungstenite::tungstenite::http::{HeaderName, HeaderValue, Response, StatusCode};
+use tungstenite::handshake::server::Request;
+use tungstenite::http::{HeaderName, HeaderValue, Response, StatusCode};
 
 pub use self::allowed::AllowedHosts;
 use self::allowed::Door;
