@@ -1,6 +1,6 @@
 //! Measurements from outside with a sigma: a filter decides how far they correct the orientation.
 
-use crate::bench::{Bench, FirstReply, TORQUE_RATE, DT, altered, rig, spring_scene};
+use crate::bench::{Bench, DT, FirstReply, TORQUE_RATE, altered, rig, spring_scene};
 use crate::rng::Rng;
 use hbot_core::inputs::Command;
 use hbot_core::outputs::{Refusal, Reply};
@@ -38,9 +38,9 @@ fn a_noisy_and_late_camera_helps_and_never_kicks() {
         bench.sphere.turn(omega, DT);
         truth.push_back((bench.tick, before * off));
         let late = (truth.len() > 50).then(|| truth.pop_front()).flatten();
-        let measured = late.filter(|_| k % 33 == 0).map(|(tick, q)| {
-            by_sigma(rotation::exp(noise(&mut rng, DEGREE)) * q, DEGREE, tick)
-        });
+        let measured = late
+            .filter(|_| k % 33 == 0)
+            .map(|(tick, q)| by_sigma(rotation::exp(noise(&mut rng, DEGREE)) * q, DEGREE, tick));
         let out = bench.step_with(|inputs| {
             inputs.feedback = Some(reading);
             measured.into_iter().for_each(|command| inputs.commands.push(command).unwrap());

@@ -17,7 +17,8 @@ use crate::messages::hbot::{Exact as Message, Tick};
 /// the types of hbot-core change, or when the same inputs give other outputs.
 pub const FORMAT: u32 = 5;
 /// The oldest format that replays. The state of the control law and the outputs of a tick have
-/// fields at their ends that a recording of this format lacks. With all of their bits zero the law is that of the recording.
+/// fields at their ends that a recording of this format lacks. With all of their bits zero the law
+/// is that of the recording.
 pub const OLDEST: u32 = 3;
 
 /// More bytes than the fields take that a type has gained since [`OLDEST`].

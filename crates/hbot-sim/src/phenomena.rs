@@ -18,8 +18,8 @@
 //! Random numbers come from a seed. Equal parameters and equal input bytes give equal output bytes.
 
 pub use hbot_config::scene::{
-    CageFriction, Cogging, Compliance, Eccentric, Encoder, Gear, Hand, Imbalance, JointFriction, Link,
-    Motor, Pivoting, Simulate as Phenomena, Slip, TorqueConstants, WheelModules,
+    CageFriction, Cogging, Compliance, Eccentric, Encoder, Gear, Hand, Imbalance, JointFriction, Link, Motor,
+    Pivoting, Simulate as Phenomena, Slip, TorqueConstants, WheelModules,
 };
 
 /// Returns a copy of `phenomena` that keeps only those that act in the plant, such as friction and

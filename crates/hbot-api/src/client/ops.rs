@@ -3,8 +3,8 @@
 use super::connect::typed;
 use super::{Client, ClientError};
 use crate::{
-    Align, AlignDirection, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk, Op, PingOk,
-    ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
+    Align, AlignDirection, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk, Op,
+    PingOk, ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
 };
 use serde_json::{Map, Value};
 

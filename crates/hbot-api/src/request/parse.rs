@@ -3,8 +3,9 @@
 use super::fields::{Excerpt, Fields, Shown, bad, illegal};
 use super::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, Request};
 use crate::{
-    Align, AlignDirection, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_SHORT_REQUEST_BYTES,
-    MAX_VALID_MS, MIN_SIGMA, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal, TorqueCommand, asks_estop, untyped,
+    Align, AlignDirection, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH,
+    MAX_SHORT_REQUEST_BYTES, MAX_VALID_MS, MIN_SIGMA, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal,
+    TorqueCommand, asks_estop, untyped,
 };
 use serde_json::{Map, Value};
 use std::borrow::Cow;

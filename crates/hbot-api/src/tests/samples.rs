@@ -51,7 +51,10 @@ pub(super) fn requests() -> Vec<Request> {
             }),
         ),
         request(13, Op::Align(Align { q: [0.0, 0.0, 0.0, -1.0], weight: 0.1, sigma: None, t: Some(12.5) })),
-        Request { id: None, op: Op::Align(Align { q: [1.0, 0.0, 0.0, 0.0], weight: 0.0, sigma: None, t: None }) },
+        Request {
+            id: None,
+            op: Op::Align(Align { q: [1.0, 0.0, 0.0, 0.0], weight: 0.0, sigma: None, t: None }),
+        },
         request(
             18,
             Op::Align(Align {

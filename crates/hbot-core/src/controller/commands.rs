@@ -2,8 +2,8 @@
 
 use super::Controller;
 use crate::inputs::{Command, Inputs, MAX_COMMANDS, OnClientLost, Stamp};
-use crate::outputs::{Refusal, Reply};
 use crate::motion::reference::{Fused, Uncertainty};
+use crate::outputs::{Refusal, Reply};
 use crate::real::{PI, Quat, Real, Vec3, fabs, sqrt};
 use crate::render::scene::CompiledScene;
 use crate::rotation;

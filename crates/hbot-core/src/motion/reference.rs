@@ -48,8 +48,7 @@ pub(crate) struct Fused {
 
 impl Uncertainty {
     /// An orientation of which nothing is known.
-    pub(crate) const NOTHING_KNOWN: Self =
-        Self { covariance: Mat3::from_diagonal(Vec3::splat(UNKNOWN)) };
+    pub(crate) const NOTHING_KNOWN: Self = Self { covariance: Mat3::from_diagonal(Vec3::splat(UNKNOWN)) };
 
     /// Lets the uncertainty grow over `dt` seconds, in which the sphere made `turn` (rotation
     /// vector, rad).
@@ -230,7 +229,7 @@ mod tests {
             let fused = filter.take_direction((body, Vec3::Z), 0.01, then, 0.0);
             assert_eq!(fused.used, used, "{angle}");
         }
-        // Whoever repeats himself is believed in the end.
+        // Measurements that agree with each other are taken in the end.
         let mut filter = known(0.01);
         let refused = (0..200)
             .take_while(|_| !filter.take_orientation(far(0.5), Vec3::splat(0.01), then, 0.0).used)

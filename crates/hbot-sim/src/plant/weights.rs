@@ -32,9 +32,7 @@ impl Weight {
         let eccentric = phenomena.eccentric.map(|eccentric| Vec3::from_array(eccentric.offset));
         let offset = match phenomena.imbalance {
             None => eccentric?,
-            Some(imbalance) => {
-                Vec3::from_array(imbalance.torque) / weight + eccentric.unwrap_or(Vec3::ZERO)
-            }
+            Some(imbalance) => Vec3::from_array(imbalance.torque) / weight + eccentric.unwrap_or(Vec3::ZERO),
         };
         Some(Self { offset, weight })
     }

@@ -157,13 +157,7 @@ impl Window {
         let from_outside = (now.kinetic - self.kinetic[0]) - (now.given - self.given[0]);
         let margin = UNSURE * (self.kinetic[1] + self.moved) + UNSURE_LOSS * self.lost + LEAST_J;
         let shown = from_outside > margin || from_outside < -(self.lost + margin);
-        *self = Self {
-            time_s: 0.0,
-            kinetic: [now.kinetic; 2],
-            given: [now.given; 2],
-            moved: 0.0,
-            lost: 0.0,
-        };
+        *self = Self { time_s: 0.0, kinetic: [now.kinetic; 2], given: [now.given; 2], moved: 0.0, lost: 0.0 };
         shown
     }
 }

@@ -69,7 +69,11 @@ pub struct Harmonic {
 impl Default for Imperfect {
     /// Returns a joint without friction and cogging, whose motor makes the commanded torque.
     fn default() -> Self {
-        Self { friction: Friction::default(), torque_scale: 1.0, cogging: [Harmonic::default(); MAX_HARMONICS] }
+        Self {
+            friction: Friction::default(),
+            torque_scale: 1.0,
+            cogging: [Harmonic::default(); MAX_HARMONICS],
+        }
     }
 }
 

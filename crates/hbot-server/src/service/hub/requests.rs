@@ -1,8 +1,9 @@
 //! The execution of requests.
 
 use hbot_api::{
-    Align, AlignDirection, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, OpName, PingOk,
-    ReferenceCommand, Request, RequestRefusal, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
+    Align, AlignDirection, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op,
+    OpName, PingOk, ReferenceCommand, Request, RequestRefusal, Response, SubscribeOk, TorqueCommand, Who,
+    may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, Stamp};

@@ -58,7 +58,8 @@ fn torque_constants_scale_the_torque_of_each_motor() {
     assert_eq!(same.shaft_torque(), *same.joint_torque());
 }
 
-const COGS: Cogging = Cogging { per_turn: [7, 12], steer: [3.0e-3, 1.0e-3], drive: [2.0e-4, 1.0e-4], seed: 3 };
+const COGS: Cogging =
+    Cogging { per_turn: [7, 12], steer: [3.0e-3, 1.0e-3], drive: [2.0e-4, 1.0e-4], seed: 3 };
 
 /// Returns the phase of harmonic `k` of joint `j`: the draws are in this order.
 fn phase(j: usize, k: usize) -> f64 {
@@ -122,7 +123,8 @@ fn an_imbalance_is_a_weight_and_nothing_else() {
     let device = rig().device;
     let (ideal, plant) = (Plant::new(&device).unwrap(), Plant::with(&device, &unbalanced).unwrap());
     for axis in [Vec3::X, Vec3::Y, Vec3::new(0.5, -1.0, 2.0)] {
-        let state = PlantState { q: rotation::exp(axis), omega: axis, steer: [0.4; 8], ..PlantState::default() };
+        let state =
+            PlantState { q: rotation::exp(axis), omega: axis, steer: [0.4; 8], ..PlantState::default() };
         let weight = (state.q * Vec3::from_array(torque)).cross(-Vec3::Z);
         let want = ideal.acceleration(&state, weight, &[0.0; 16]);
         let got = plant.acceleration(&state, Vec3::ZERO, &[0.0; 16]);
