@@ -22,7 +22,8 @@ fn a_loan_lasts_a_turn_and_fades_over_the_next() {
     turned(&mut loan, TURNING, ticks(0.99), &mut given);
     assert_eq!(loan.gain(), 1.0);
     turned(&mut loan, TURNING, ticks(0.51), &mut given);
-    assert!((loan.gain() - 0.5).abs() < 0.01, "{}", loan.gain());
+    // The gain follows within 0.1 s, in which the sphere turns by 0.016 turns.
+    assert!((loan.gain() - 0.5).abs() < 0.02, "{}", loan.gain());
     turned(&mut loan, TURNING, ticks(0.6), &mut given);
     assert_eq!(loan.gain(), 0.0);
     // A rest renews it: within 20 ms if the scene is quiet, else within 0.25 s.
