@@ -33,13 +33,15 @@ from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
-from .rendering import Rendered, Rendering
+from .models import Model
+from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 from .transport import Tls
 from .wire import Encoding
 
 T = TypeVar("T")
-Torque = Callable[[State], Sequence[float] | Awaitable[Sequence[float] | None] | None]
+Made = Sequence[float] | Model | Computed
+Torque = Callable[[State], Made | Awaitable[Made | None] | None]
 """Computes a torque from a state, as `hbot.rig.Torque` does. It can be a coroutine function."""
 
 
@@ -157,6 +159,10 @@ class Rig:
             None if on_event is None else asyncio.ensure_future(self._call_back(on_event))
         )
 
+    def __str__(self) -> str:
+        """Say what the last `refresh` told: name, SIMULATED or LIVE, mode and scene."""
+        return str(self.info)
+
     async def close(self) -> None:
         """Close the connection. The server frees the lease, and this client's torque ends."""
         if self._callbacks is not None:
@@ -227,6 +233,22 @@ class Rig:
     ) -> None:
         """Send one torque (frame N, N m), which is added to that of the scene."""
         await self._stream(ops.torque(torque, valid_ms, tick, seq), wait)
+
+    async def model(
+        self,
+        model: Model,
+        valid_ms: int,
+        *,
+        tick: int | None = None,
+        seq: int | None = None,
+        wait: bool = True,
+    ) -> float | None:
+        """Send one local model. Returns the fraction of its stiffness that is rendered."""
+        request = ops.model(model, valid_ms, tick, seq)
+        if wait:
+            return await self._call(request)
+        self._connection.post(request.op, request.fields)
+        return None
 
     async def reference(
         self,

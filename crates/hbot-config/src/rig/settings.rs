@@ -66,7 +66,7 @@ impl Default for Loop {
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
             passivity: Passivity::Switch(true),
             shaking_guard: true,
-            lead: Lead::Switch(false),
+            lead: Lead::Switch(true),
             compensation: Compensation::Switch(true),
             early_us: 200,
             wake_us: 0,

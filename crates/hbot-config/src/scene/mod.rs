@@ -147,6 +147,11 @@ impl SceneFile {
         if let Some(simulate) = tree.get_mut("simulate") {
             to_radians(&simulate::SCHEMA, simulate, "simulate", &mut report);
         }
+        if tree["effect"].is_object() {
+            let legal = "[[effect]] with two brackets, once for each effect".to_owned();
+            report.push_key("effect", "this is one table, and a scene has a list of effects", legal);
+            return report.finish(None);
+        }
         validate(&TOP_SCHEMA, &tree, "", &mut report);
         let mut effects: Vec<SceneEffect> = Vec::new();
         let mut ids: Vec<Option<&str>> = Vec::new();
@@ -372,6 +377,7 @@ impl SceneEffect {
         let schema = entry.map_or(&*EFFECT_SCHEMA, |e| &e.effect_schema);
         let mut value = value.clone();
         to_radians(schema, &mut value, path, report);
+        kinds::to_matrices(schema, &mut value);
         validate(schema, &value, path, report);
         let id = table.get("id").and_then(Value::as_str).unwrap_or_default();
         let at = join(path, "id");

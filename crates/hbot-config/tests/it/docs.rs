@@ -149,7 +149,8 @@ fn effects() -> Vec<(String, String)> {
         let is_own = |(at, line): &(usize, &str)| *at < 2 || !in_all(line);
         let rows: String =
             table.lines().enumerate().filter(is_own).map(|(_, line)| format!("{line}\n")).collect();
-        (kind.name.to_owned(), format!("{}\n\n{rows}", kind.description))
+        let copy = format!("\nTo copy:\n\n```toml\n{}```\n", kind.snippet());
+        (kind.name.to_owned(), format!("{}\n\n{rows}{copy}", kind.description))
     };
     let mut all = vec![("every kind".to_owned(), alike)];
     all.extend(kinds().into_iter().zip(&tables).map(own));

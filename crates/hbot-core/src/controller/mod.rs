@@ -25,6 +25,7 @@ use crate::render::Renderer;
 use crate::render::effects::Motion;
 use crate::render::fades::Fades;
 use crate::render::lead::Lead;
+use crate::render::model::Modelled;
 use crate::render::scene::CompiledScene;
 use crate::safety::burst::Burst;
 use crate::safety::falling::Falling;
@@ -117,6 +118,8 @@ pub struct Controller {
     /// The uncertainty of the orientation. `None` until a measurement with a sigma has been taken,
     /// and in older recordings.
     uncertainty: Option<Uncertainty>,
+    /// The local model that a client streams. All bits zero: none, as in older recordings.
+    model: Modelled,
 }
 
 impl Controller {
@@ -168,6 +171,7 @@ impl Controller {
             shaking: shaking::Guard::OFF,
             ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
             shaking_stored: shaking::Stored::OFF,
+            model: Modelled::NONE,
         }
     }
 
