@@ -113,7 +113,9 @@ class Hand:
         if self._kind == mujoco.mjtJoint.mjJNT_SLIDE:
             raise ValueError(f"the body {body!r} slides; legal: a hinge, a ball or a free joint")
         render = rig.info.render
-        stable, damping = (5.0, 0.02) if render is None else (render.stiffness_stable, render.damping)
+        stable, damping = (
+            (5.0, 0.02) if render is None else (render.stiffness_stable, render.damping)
+        )
         self.stiffness = stiffness if stiffness is not None else 0.5 * stable
         # Damping for each stiffness with which a spring is stable, and a third more, s.
         self._relaxation = 1.33 * damping / stable
@@ -219,13 +221,15 @@ class Hand:
         turn = _log(_times(state.q, _conjugate(last.q)))
         omega = np.array(state.omega)
         for step in range(max(steps, 0)):
+            # The body's pose and rate are those of this step only after its first half.
+            mujoco.mj_step1(self.model, data)
             pull, _ = self._pull(data, last.q, turn * (step / steps), omega, turned)
             data.xfrc_applied[self._body, 3:] = pull
             if self._kind == mujoco.mjtJoint.mjJNT_FREE:
                 data.xfrc_applied[self._body, :3] = self._hold(data)
-            mujoco.mj_step(self.model, data)
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
+            mujoco.mj_step2(self.model, data)
+        # Poses and contacts are those before the last step until they are computed anew.
+        mujoco.mj_fwdPosition(self.model, data)
         mujoco.mj_comVel(self.model, data)
         return self._pull(data, last.q, turn, omega, turned)
 
@@ -244,7 +248,7 @@ class Hand:
         """Return the force that holds a free body in its place, as stiff as the steps allow."""
         mass = float(self.model.body_mass[self._body])
         pace = float(np.sqrt(EXPLICIT)) / self.model.opt.timestep
-        velocity = data.qvel[self.model.jnt_dofadr[self._joint]:][:3]
+        velocity = data.qvel[self.model.jnt_dofadr[self._joint] :][:3]
         way = self._place - data.xpos[self._body]
         return mass * (pace**2 * way - pace * velocity - self.model.opt.gravity)
 
@@ -255,7 +259,10 @@ class Hand:
         gain, most = self._gain, self.stiffness
         free = axes.T @ axes
         found = sum(
-            (np.outer(gain * (copy - pull) / PROBE, axis) for axis, copy in zip(axes, copies, strict=True)),
+            (
+                np.outer(gain * (copy - pull) / PROBE, axis)
+                for axis, copy in zip(axes, copies, strict=True)
+            ),
             np.zeros((3, 3)),
         )
         found = free @ (0.5 * (found + found.T)) @ free
@@ -304,7 +311,7 @@ class Hand:
         for gap, normal in sorted(found, key=lambda item: item[0]):
             if len(kept) < 8 and all(float(normal @ other) < 0.95 for other in kept):
                 kept.append(normal)
-                offset = max(float(gap), 0.0) - float(error @ normal)
+                offset = float(gap) - float(error @ normal)
                 if abs(offset) < 3.0:
                     planes.append(
                         Plane(normal, offset, self.stiffness, self._relaxation * self.stiffness)

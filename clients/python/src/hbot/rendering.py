@@ -104,7 +104,9 @@ class Rendering:
             self._unsent += 1
 
 
-def _message(torque: Sequence[float] | Model, valid_ms: int, tick: int) -> tuple[str, dict[str, Any]]:
+def _message(
+    torque: Sequence[float] | Model, valid_ms: int, tick: int
+) -> tuple[str, dict[str, Any]]:
     """Return the op and the fields of the message that sends a torque or a model."""
     if isinstance(torque, Model):
         return "model", model_request(torque, valid_ms, tick, tick).fields
