@@ -30,6 +30,8 @@ from .models import Model, Plane
 try:
     import mujoco
     import numpy as np
+
+    from . import turns
 except ImportError as error:
     raise MissingExtra("hbot.mujoco needs MuJoCo: pip install 'hbot[mujoco]'") from error
 
@@ -218,7 +220,7 @@ class Hand:
         Returns the pull on the body and its error, N m and rad, in the world.
         """
         assert self._anchor is not None
-        turn = _log(_times(state.q, _conjugate(last.q)))
+        turn = turns.log(turns.times(state.q, turns.conjugate(last.q)))
         omega = np.array(state.omega)
         for step in range(max(steps, 0)):
             # The body's pose and rate are those of this step only after its first half.
@@ -238,9 +240,9 @@ class Hand:
     ) -> tuple[Array, Array]:
         assert self._anchor is not None
         sphere, body = self._anchor
-        now = _times(_exp(turn if turned is None else turn + turned), q)
-        target = _times(_times(now, _conjugate(sphere)), body)
-        error = _log(_times(target, _conjugate(data.xquat[self._body])))
+        now = turns.times(turns.exp(turn if turned is None else turn + turned), q)
+        target = turns.times(turns.times(now, turns.conjugate(sphere)), body)
+        error = turns.log(turns.times(target, turns.conjugate(data.xquat[self._body])))
         rate = omega - data.cvel[self._body, :3]
         return self._spring * error + self._damper * rate, error
 
@@ -378,27 +380,3 @@ def run(
         hand.work,
         first.energy - newest.energy,
     )
-
-
-def _conjugate(q: Any) -> Array:
-    return np.array([q[0], -q[1], -q[2], -q[3]])
-
-
-def _times(a: Any, b: Any) -> Array:
-    result = np.zeros(4)
-    mujoco.mju_mulQuat(result, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
-    return result
-
-
-def _exp(turn: Array) -> Array:
-    angle = float(np.linalg.norm(turn))
-    result = np.zeros(4)
-    mujoco.mju_axisAngle2Quat(result, turn / angle if angle > 0.0 else np.array([1.0, 0, 0]), angle)
-    return result
-
-
-def _log(q: Array) -> Array:
-    """Return the shortest turn, a rotation vector, rad."""
-    result = np.zeros(3)
-    mujoco.mju_quat2Vel(result, q if q[0] >= 0.0 else -q, 1.0)
-    return result
