@@ -33,7 +33,7 @@ try:
 
     from . import turns
 except ImportError as error:
-    raise MissingExtra("hbot.mujoco needs MuJoCo: pip install 'hbot[mujoco]'") from error
+    raise MissingExtra.of("hbot.mujoco", "mujoco", error) from error
 
 if TYPE_CHECKING:
     from .events import State
