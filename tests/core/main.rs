@@ -6,6 +6,7 @@
 mod anew;
 mod bench;
 mod budgets;
+mod compensation;
 mod counted;
 mod designs;
 mod determinism;
@@ -25,6 +26,7 @@ mod models;
 mod motion;
 mod motors;
 mod odometry;
+mod outside;
 mod passivity;
 mod rates;
 mod readings;

@@ -229,7 +229,8 @@ pub unsafe extern "C" fn hbot_align(
     // SAFETY: the contract of all functions, stated at the crate.
     unsafe {
         with(client, |inner| {
-            let difference = inner.client.align(Align { q: *input(q.cast(), "q")?, weight, t: None })?;
+            let difference =
+                inner.client.align(Align { q: *input(q.cast(), "q")?, weight, sigma: None, t: None })?;
             if let Ok(out) = Out::new(angle, "angle") {
                 out.write(difference);
             }

@@ -189,11 +189,12 @@ pub enum Command {
     },
     /// Moves the reference orientation of an effect.
     Reference {
-        /// Index of the effect's memory (see [`Effect::slot`](crate::render::effects::Effect::slot)).
+        /// Index of the effect's memory (see
+        /// [`Effect::slot`](crate::render::effects::Effect::slot)).
         slot: u8,
         /// Number that identifies the effect (see
-        /// [`Effect::epoch`](crate::render::effects::Effect::epoch)). The command is refused if the scene
-        /// no longer contains this effect.
+        /// [`Effect::epoch`](crate::render::effects::Effect::epoch)). The command is refused if the
+        /// scene no longer contains this effect.
         epoch: u32,
         /// New reference orientation in frame N, a unit quaternion.
         q: Quat,
@@ -220,6 +221,33 @@ pub enum Command {
     /// Reports that a client no longer holds the lease, for example because its connection ended.
     /// The value says how the rig reacts.
     ClientLost(OnClientLost),
+    /// Corrects the sphere's orientation with one that was measured independently, as far as its
+    /// uncertainty and that of the rig's own estimate say. A measurement that is too far from the
+    /// estimate is not used.
+    AlignBySigma {
+        /// Measured orientation of the sphere in frame N, a unit quaternion.
+        q: Quat,
+        /// Standard deviations of its error about the axes of frame N, rad, each 1e-5 to pi.
+        sigma: Vec3,
+        /// Weight of the measurement, 0 to 1: its variances are divided by it. With 0, the
+        /// difference is only reported.
+        weight: Real,
+        /// The tick at which the orientation was measured. It must be one of the last
+        /// [`ALIGN_HISTORY`](crate::controller::ALIGN_HISTORY) ticks.
+        tick: u64,
+    },
+    /// Corrects the sphere's orientation with a direction that was measured independently, for
+    /// example that of gravity by a sensor in the sphere. It says nothing about the turn around it.
+    AlignDirection {
+        /// The direction in the sphere's axes, a unit vector.
+        body: Vec3,
+        /// The same direction in frame N, a unit vector.
+        world: Vec3,
+        /// Standard deviation of the error about each axis across the direction, rad, 1e-5 to pi.
+        sigma: Real,
+        /// The tick at which the direction was measured, as in `AlignBySigma`.
+        tick: u64,
+    },
     /// A local model that a client streams (see [`render::model`](crate::render::model)). Its torque
     /// is added to the scene's torque. [`Commands::push_model`] adds it together with the model.
     Model(ModelCommand),

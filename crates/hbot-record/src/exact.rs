@@ -16,13 +16,12 @@ use crate::messages::hbot::{Exact as Message, Tick};
 /// Number of the private topic's format and of the control law that it records. It is raised when
 /// the types of hbot-core change, or when the same inputs give other outputs.
 pub const FORMAT: u32 = 5;
-/// The oldest format that replays. The state of the control law and the inputs have fields at their
-/// end that a recording of this format lacks. With all of their bits zero the law is that of the
-/// recording.
+/// The oldest format that replays. The state of the control law, the inputs and the outputs of a
+/// tick have fields at their ends that a recording of this format lacks. With all of their bits
+/// zero the law is that of the recording.
 pub const OLDEST: u32 = 3;
 
-/// More bytes than the fields take that the state of the control law or the inputs have gained since
-/// [`OLDEST`].
+/// More bytes than the fields take that a type has gained since [`OLDEST`].
 const GAINED: usize = 4096;
 
 /// One record of the private topic.
@@ -133,10 +132,10 @@ impl Exact {
     /// Fails if the record is not one of that format.
     pub fn read_from(format: u32, data: &[u8]) -> Result<Self, Unreadable> {
         Ok(match Message::decode(data)?.record.ok_or(Unreadable::Unknown)? {
-            Record::Run(Tick { inputs, outputs }) => {
-                let inputs = if format == FORMAT { read(&inputs)? } else { read_older(&inputs)? };
-                Self::Tick(Box::new((inputs, read(&outputs)?)))
-            }
+            Record::Run(Tick { inputs, outputs }) => Self::Tick(Box::new(match format {
+                FORMAT => (read(&inputs)?, read(&outputs)?),
+                _ => (read_older(&inputs)?, read_older(&outputs)?),
+            })),
             Record::Scene(scene) => {
                 let Scene { revision, effects, numbers } = read(&scene)?;
                 Self::Scene(Box::new(CompiledScene::with_numbers(revision, &effects, &numbers)?))

@@ -34,13 +34,13 @@ from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
 from .models import Impedance, Model, Plane
-from .rendering import Rendered, Rendering
+from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 from .transport import Tls
 from .wire import Encoding
 
 T = TypeVar("T")
-Made = Sequence[float] | Model
+Made = Sequence[float] | Model | Computed
 Torque = Callable[[State], Made | Awaitable[Made | None] | None]
 """Computes a torque from a state, as `hbot.rig.Torque` does. It can be a coroutine function."""
 
@@ -159,6 +159,10 @@ class Rig:
             None if on_event is None else asyncio.ensure_future(self._call_back(on_event))
         )
 
+    def __str__(self) -> str:
+        """Say what the last `refresh` told: name, SIMULATED or LIVE, mode and scene."""
+        return str(self.info)
+
     async def close(self) -> None:
         """Close the connection. The server frees the lease, and this client's torque ends."""
         if self._callbacks is not None:
@@ -267,12 +271,33 @@ class Rig:
         """Move the reference of an effect."""
         await self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
 
-    async def align(self, q: Iterable[float], weight: float, *, t: float | None = None) -> float:
+    async def align(
+        self,
+        q: Iterable[float],
+        weight: float | None = None,
+        *,
+        sigma: Iterable[float] | None = None,
+        t: float | None = None,
+    ) -> float:
         """Correct the server's orientation by a measured one.
 
         Returns the difference before, rad.
         """
-        return await self._call(ops.align(q, weight, t))
+        return await self._call(ops.align(q, weight, t, sigma))
+
+    async def align_direction(
+        self,
+        body: Iterable[float],
+        world: Iterable[float],
+        sigma: float,
+        *,
+        t: float | None = None,
+    ) -> float:
+        """Correct the server's orientation by a measured direction, such as that of gravity.
+
+        Returns the angle before, rad.
+        """
+        return await self._call(ops.align_direction(body, world, sigma, t))
 
     async def enable(self) -> Mode:
         """Begin to render, with a soft start of 0.5 s. Returns the mode."""

@@ -134,11 +134,30 @@ def model(
     return Request("model", fields, lambda body: float(body["stiffness_scale"]))
 
 
-def align(q: Iterable[float], weight: float, t: float | None = None) -> Request[float]:
+def align(
+    q: Iterable[float],
+    weight: float | None = None,
+    t: float | None = None,
+    sigma: Iterable[float] | None = None,
+) -> Request[float]:
     """Correct the server's orientation by a measured one."""
-    return Request(
-        "align", _given(q=finite("q", q), weight=weight, t=t), lambda body: float(body["angle"])
+    fields = _given(
+        q=finite("q", q),
+        weight=weight,
+        sigma=None if sigma is None else finite("sigma", sigma),
+        t=t,
     )
+    return Request("align", fields, lambda body: float(body["angle"]))
+
+
+def align_direction(
+    body: Iterable[float], world: Iterable[float], sigma: float, t: float | None = None
+) -> Request[float]:
+    """Correct the server's orientation by a measured direction."""
+    fields = _given(
+        body=finite("body", body), world=finite("world", world), sigma=sigma, t=t
+    )
+    return Request("align_direction", fields, lambda answer: float(answer["angle"]))
 
 
 def enable() -> Request[Mode]:

@@ -3,8 +3,8 @@
 use super::connect::typed;
 use super::{Client, ClientError};
 use crate::{
-    Align, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk, ModelCommand, ModelOk,
-    Op, PingOk, ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
+    Align, AlignDirection, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk,
+    ModelCommand, ModelOk, Op, PingOk, ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
 };
 use serde_json::{Map, Value};
 
@@ -53,7 +53,7 @@ impl Client {
     }
 
     /// Loads another scene and starts to render it. `scene` is a map with the structure of a scene
-    /// file.
+    /// file, or the name of a ready-made scene.
     pub fn load_scene(&mut self, scene: Value) -> Result<LoadSceneOk, ClientError> {
         self.call(Op::LoadScene { scene }).and_then(typed)
     }
@@ -90,7 +90,13 @@ impl Client {
     /// Sends the sphere's orientation as measured from outside, for example by a camera. Returns
     /// the angle between it and the server's own orientation, rad.
     pub fn align(&mut self, align: Align) -> Result<f64, ClientError> {
-        self.call(Op::Align(align)).and_then(typed).map(|AlignOk { angle }| angle)
+        self.call(Op::Align(align)).and_then(typed).map(|AlignOk { angle, .. }| angle)
+    }
+
+    /// Sends a direction of the sphere as measured, for example that of gravity. Returns the angle
+    /// between it and the server's own, and whether it is used.
+    pub fn align_direction(&mut self, direction: AlignDirection) -> Result<AlignOk, ClientError> {
+        self.call(Op::AlignDirection(direction)).and_then(typed)
     }
 
     /// Begins to render the scene; the torque rises gradually. Returns the mode from the next tick

@@ -3,7 +3,7 @@
 use crate::untyped::Named;
 use crate::{
     ErrorBody, ErrorCode, Impedance, MAX_ASYMMETRY, MAX_MAGNITUDE, MAX_OFFSET, MAX_PLANES,
-    MIN_QUATERNION_NORM, PlaneCommand, is_plain,
+    MIN_QUATERNION_NORM, MIN_SIGMA, PlaneCommand, is_plain,
 };
 use serde_json::Value;
 use std::borrow::Cow;
@@ -72,6 +72,30 @@ impl Fields<'_> {
 
     pub(crate) fn optional_vector(&mut self, name: &str) -> Result<Option<[f64; 3]>, ErrorBody> {
         self.take(name).map(|value| array(name, &value, LEGAL_VECTOR, MAX_MAGNITUDE)).transpose()
+    }
+
+    /// Removes a required field that is a direction, and returns it scaled to unit length.
+    pub(crate) fn direction(&mut self, name: &str) -> Result<[f64; 3], ErrorBody> {
+        let value = self.required(name, LEGAL_DIRECTION)?;
+        let v: [f64; 3] = array(name, &value, LEGAL_DIRECTION, MAX_MAGNITUDE)?;
+        let norm2: f64 = v.iter().map(|x| x * x).sum();
+        let norm = norm2.sqrt();
+        if norm < MIN_QUATERNION_NORM {
+            return Err(bad(format!("field {name:?} has length {norm}; legal: {LEGAL_DIRECTION}")));
+        }
+        // As for quaternions: a message that is written and read again does not change.
+        let is_unit = (norm2 - 1.0).abs() <= 8.0 * f64::EPSILON;
+        Ok(if is_unit { v } else { v.map(|x| x / norm) })
+    }
+
+    /// Removes an optional field with three standard deviations of angles, rad.
+    pub(crate) fn optional_sigmas(&mut self, name: &str) -> Result<Option<[f64; 3]>, ErrorBody> {
+        let Some(value) = self.take(name) else { return Ok(None) };
+        let sigma: [f64; 3] = array(name, &value, LEGAL_SIGMA, std::f64::consts::PI)?;
+        if sigma.iter().any(|x| *x < MIN_SIGMA) {
+            return Err(illegal(name, &value, LEGAL_SIGMA));
+        }
+        Ok(Some(sigma))
     }
 
     /// Removes a required field that is a quaternion, and returns the quaternion scaled to unit
@@ -188,6 +212,8 @@ fn number(name: impl fmt::Display, value: &Value, from: f64, to: f64) -> Result<
 }
 
 const LEGAL_VECTOR: &str = "a list of 3 numbers, each from -1e6 to 1e6";
+const LEGAL_DIRECTION: &str = "a list of 3 numbers, not all zero";
+const LEGAL_SIGMA: &str = "a list of 3 numbers, each from 1e-5 to 3.141592653589793";
 const LEGAL_QUATERNION: &str = "a list of 4 numbers [w, x, y, z] of norm 1";
 const LEGAL_NORMAL: &str = "a list of 3 numbers of norm 1";
 const LEGAL_IMPEDANCE: &str = "a number from 0, 3 of them, or the 3 rows of a symmetric matrix";

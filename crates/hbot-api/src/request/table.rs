@@ -165,7 +165,19 @@ ops! {
         .stream(),
     /// The op [`Op::Align`](crate::Op::Align), with which a client sends an orientation measured
     /// from outside.
-    Align = "align": OpRow::new(Who::Holder, &[must("q"), must("weight"), may("t")]).stream(),
+    Align = "align":
+        OpRow::new(Who::Holder, &[must("q"), may("weight"), may("sigma"), may("t")]).stream(),
+    /// The op [`Op::AlignDirection`](crate::Op::AlignDirection), with which a client sends a
+    /// direction measured from outside.
+    AlignDirection = "align_direction":
+        OpRow::new(Who::Holder, &[must("body"), must("world"), must("sigma"), may("t")]).stream(),
+    /// The op [`Op::Hand`](crate::Op::Hand), which moves the hand of a simulated rig.
+    Hand = "hand":
+        OpRow::new(
+            Who::Holder,
+            &[may("q"), may("over_ms"), may("stiffness"), may("damping"), may("inertia"), may("release")],
+        )
+        .stream(),
     /// The op [`Op::Enable`](crate::Op::Enable), which begins to render the scene.
     Enable = "enable": OpRow::new(Who::Holder, &[]).rearming(),
     /// The op [`Op::Disable`](crate::Op::Disable), which ends rendering.

@@ -27,7 +27,7 @@ fn messages_name_field_and_what_is_legal() {
         ("enable", r#""now":true"#, r#"unknown field "now" of op enable; legal: id, op"#),
         ("acquire", r#""steal":1"#, r#"field "steal" is 1; legal: true or false"#),
         ("load_scene", r#""id":1"#, r#"field "scene" is missing; legal: a map"#),
-        ("load_scene", r#""scene":"dial.toml""#, r#"field "scene" is the text "dial.toml"; legal: a map"#),
+        ("load_scene", r#""scene":7"#, r#"field "scene" is 7; legal: a map"#),
         ("set", r#""stiffness":1"#, r#"field "effect" is missing; legal: text of 1 to 128 bytes"#),
         ("set", r#""effect":"a""#, "op set names no parameter"),
         ("set", r#""effect":"a","kind":"wall""#, r#"field "kind" cannot be set"#),

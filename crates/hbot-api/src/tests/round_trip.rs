@@ -103,7 +103,13 @@ fn op() -> impl Strategy<Value = Op> {
         ),
         model().prop_map(|model| Op::Model(Box::new(model))),
         (quaternion(), 0.0..=1.0_f64, prop::option::of(0.0..1e9_f64))
-            .prop_map(|(q, weight, t)| Op::Align(Align { q, weight, t })),
+            .prop_map(|(q, weight, t)| Op::Align(Align { q, weight, sigma: None, t })),
+        (quaternion(), prop::array::uniform3(1e-5..3.0_f64), prop::option::of(0.0..1e9_f64))
+            .prop_map(|(q, sigma, t)| Op::Align(Align { q, weight: 1.0, sigma: Some(sigma), t })),
+        (1e-5..3.0_f64, prop::option::of(0.0..1e9_f64)).prop_map(|(sigma, t)| {
+            let (body, world) = ([0.0, 0.6, 0.8], [0.0, 0.0, -1.0]);
+            Op::AlignDirection(AlignDirection { body, world, sigma, t })
+        }),
         json().prop_map(|data| Op::Ping { data }),
         prop::sample::select(vec![
             Op::Info,

@@ -2,8 +2,9 @@
 
 use super::Controller;
 use crate::inputs::{Command, Inputs, MAX_COMMANDS, ModelCommand, OnClientLost, Stamp};
+use crate::motion::reference::{Fused, Uncertainty};
 use crate::outputs::{Refusal, Reply};
-use crate::real::{Quat, Real, fabs};
+use crate::real::{PI, Quat, Real, Vec3, fabs, sqrt};
 use crate::render::model::LocalModel;
 use crate::render::scene::CompiledScene;
 use crate::rotation;
@@ -74,6 +75,12 @@ impl Controller {
                 })
             }
             Command::Align { q, weight, tick: seen } => self.align(q, weight, seen),
+            Command::AlignBySigma { q, sigma, weight, tick: seen } => {
+                self.align_by_sigma(q, sigma, weight, seen)
+            }
+            Command::AlignDirection { body, world, sigma, tick: seen } => {
+                self.align_direction(body, world, sigma, seen)
+            }
             // It has no meaning without its model.
             Command::Model(_) => Reply::Done,
             Command::ClientLost(policy) => {
@@ -182,7 +189,50 @@ impl Controller {
         }
         Reply::Aligned { angle: delta.length() }
     }
+
+    fn align_by_sigma(&mut self, q: Quat, sigma: Vec3, weight: Real, seen: u64) -> Reply {
+        let legal = sigma.to_array().iter().all(|x| SIGMA.contains(x));
+        if !(is_unit(q) && legal && (0.0..=1.0).contains(&weight)) {
+            return Reply::Refused(Refusal::NotFinite);
+        }
+        let q = rotation::renormalized(q);
+        if weight == 0.0 {
+            let Some(then) = self.orientation.at(seen) else {
+                return Reply::Refused(Refusal::NotInHistory);
+            };
+            return Reply::Measured { angle: rotation::difference(q, then).length(), used: false };
+        }
+        let sigma = sigma / sqrt(weight);
+        self.fuse(seen, |filter, then, since| filter.take_orientation(q, sigma, then, since))
+    }
+
+    fn align_direction(&mut self, body: Vec3, world: Vec3, sigma: Real, seen: u64) -> Reply {
+        let unit = |v: Vec3| fabs(v.length_squared() - 1.0) < 1.0e-3;
+        if !(unit(body) && unit(world) && SIGMA.contains(&sigma)) {
+            return Reply::Refused(Refusal::NotFinite);
+        }
+        let pair = (body / sqrt(body.length_squared()), world / sqrt(world.length_squared()));
+        self.fuse(seen, |filter, then, since| filter.take_direction(pair, sigma, then, since))
+    }
+
+    /// Gives the filter of the orientation a measurement of the tick `seen`, and corrects the
+    /// orientation by what it finds.
+    fn fuse(&mut self, seen: u64, take: impl FnOnce(&mut Uncertainty, Quat, Real) -> Fused) -> Reply {
+        let Some(then) = self.orientation.corrected_at(seen) else {
+            return Reply::Refused(Refusal::NotInHistory);
+        };
+        let since = rotation::angle_between(self.orientation.corrected(), then);
+        let filter = self.uncertainty.get_or_insert(Uncertainty::NOTHING_KNOWN);
+        let Fused { correction, angle, used } = take(filter, rotation::renormalized(then), since);
+        if used {
+            self.orientation.correct_further(correction);
+        }
+        Reply::Measured { angle, used }
+    }
 }
+
+/// Range of the standard deviation of a measured angle, rad. The filter divides by its square.
+const SIGMA: core::ops::RangeInclusive<Real> = 1.0e-5..=PI;
 
 fn is_unit(q: Quat) -> bool {
     // A client that normalises its quaternions passes this check. The core does not guess the

@@ -113,8 +113,10 @@ impl Controller {
         let ramped = self.machine.gain != 0.0;
         // Needs the motion and the stream of the last tick, which are replaced next.
         let before = (changed && ramped).then(|| self.rendered_anew(scene, tick));
-        let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
-        let motion = if self.lead.is_some() { self.led(motion, tick) } else { motion };
+        let mut motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        if let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) {
+            motion = lead.of(motion, (tick as u32).wrapping_sub(answered));
+        }
         self.rendered_motion = motion;
         self.rendered_stream = self.stream;
         self.stream.advance(tick, dt);
@@ -165,7 +167,14 @@ impl Controller {
             };
             let (rendered, elastic) =
                 if self.model.is_over() { (rendered, elastic) } else { self.modelled(rendered, elastic, dt) };
-            let most = if self.falling.is_some() { self.falls_to(rendered, reach) } else { limits.torque };
+            let most = match &mut self.falling {
+                Some(falling) => {
+                    let stream = &self.stream;
+                    let sum = if stream.is_over() { rendered } else { rendered + stream.torque() };
+                    falling.most(sum, reach, limits.torque)
+                }
+                None => limits.torque,
+            };
             let (torque, share) = self.stream.added_to(rendered, most);
             let offset = if self.fades == Fades::Over {
                 let offset = self.blend.added(torque * gain, before, limits.torque);
@@ -228,7 +237,7 @@ impl Controller {
         let now = crate::safety::shaking::Moment {
             tick,
             omega: self.joints.omega,
-            energy: self.observer.energy(),
+            energy: self.observer.energy() - self.compensation.as_ref().map_or(0.0, |stage| stage.given()),
             period: self.rig.timing.period_s(),
             inertia: self.rig.device.sphere_inertia(),
         };
@@ -311,23 +320,6 @@ impl Controller {
         let step = (before - self.last_asked).length_squared();
         let steps = step > (SOFT_STEP * limits.torque) * (SOFT_STEP * limits.torque);
         self.renderer.is_far(scene, self.orientation.q, limits.enable_max_angle, steps)
-    }
-
-    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick
-    /// acts. It is a separate function, so that it costs nothing if the rig has no lead.
-    #[inline(never)]
-    fn led(&mut self, measured: Motion, tick: u64) -> Motion {
-        let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };
-        lead.of(measured, (tick as u32).wrapping_sub(answered))
-    }
-
-    /// Returns the largest torque from which the torque can fall with that of the scene, N m.
-    /// `rendered` is the torque of the scene, and `reach` the slew limit, N m in a tick.
-    #[inline(never)]
-    fn falls_to(&mut self, rendered: Vec3, reach: Real) -> Real {
-        let limit = self.rig.limits.torque;
-        let sum = rendered + self.stream.torque();
-        self.falling.as_mut().map_or(limit, |falling| falling.most(sum, reach, limit))
     }
 
     /// Returns what the effects need to know of the time, if they advance by `dt` seconds.
@@ -458,7 +450,7 @@ impl Controller {
 
 /// Returns the largest t from 0 to 1 for which the length of `from + t * way` is at most `reach`.
 /// If there is none, returns the t for which the length is smallest.
-fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
+pub(super) fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
     let (a, b) = (way.length_squared(), from.dot(way));
     if !(a > 0.0) {
         return 1.0;

@@ -7,8 +7,8 @@ use hbot_core::inputs::{Command, ModelCommand};
 use hbot_core::outputs::Reply;
 use hbot_core::render::model::LocalModel;
 
-use hbot_host::bridge::{Busy, ServiceEnd};
-use hbot_host::sample::Answer;
+use hbot_host::run_loop::bridge::{Busy, ServiceEnd};
+use hbot_host::run_loop::sample::Answer;
 
 /// If at least this many orders are pending, stream messages are refused. The loop executes 7
 /// orders per tick, in sequence.
@@ -157,7 +157,7 @@ mod tests {
     use hbot_core::inputs::OnClientLost;
 
     use super::*;
-    use hbot_host::bridge::bridge;
+    use hbot_host::run_loop::bridge::bridge;
 
     #[tokio::test]
     async fn what_the_service_orders_again_and_again_waits_once() {
@@ -216,6 +216,6 @@ mod tests {
         assert_eq!(place(OpName::Torque, Command::Reset), 0);
         assert_eq!(place(OpName::Enable, Command::Enable), MAX_ORDERS - MAX_STREAMS);
         assert_eq!(place(OpName::Disable, Command::Disable), MAX_DISABLES - MAX_ORDERS);
-        assert!(place(OpName::Estop, hbot_host::bridge::CONFIRMED) > 0);
+        assert!(place(OpName::Estop, hbot_host::run_loop::bridge::CONFIRMED) > 0);
     }
 }

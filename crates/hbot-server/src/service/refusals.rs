@@ -6,7 +6,7 @@ use hbot_core::outputs::Refusal;
 use hbot_core::safety::mode::{Cause, Obstacle};
 
 use super::convert;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// Returns the error message for a client whose request `op` the loop has refused in the tick of
 /// `sample`. `simulated` says whether the rig is simulated. `effect` returns the id of the effect

@@ -11,8 +11,8 @@ use super::super::flights::Written;
 use super::super::orders::Asker;
 use super::super::refusals::refusal;
 use super::super::scenes::{Loaded, Measured};
-use super::Hub;
-use hbot_host::sample::Sample;
+use super::{Hub, LEASE_LOST};
+use hbot_host::run_loop::sample::Sample;
 
 /// Largest number of samples that are processed before other tasks get a turn.
 const SAMPLES_A_TURN: usize = 512;
@@ -52,7 +52,7 @@ impl Hub {
             self.publisher.broadcast(&Event::Shaking(event));
         }
         if self.publisher.is_watched() {
-            self.stats.counts.dropped_states += self.publisher.publish(sample);
+            self.stats.counts.dropped_states += self.publisher.publish(sample, || self.hand.torque());
         }
     }
 
@@ -72,6 +72,10 @@ impl Hub {
         let (session, id, (op, scale)) = match asker {
             Asker::Client { session, id, op, scale } => (session, id, (op, scale)),
             Asker::Service(what) => {
+                // What the loop has accepted until here is the earlier holder's.
+                if LEASE_LOST.contains(&what) {
+                    self.publisher.forget_stream(sample);
+                }
                 match reply {
                     Some(Reply::Refused(refused)) => {
                         let effect = |slot| self.scenes.id_at(slot);
@@ -95,7 +99,8 @@ impl Hub {
             }
             // A stream message without an id gets no answer.
             _ if op.row().stream && id.is_none() => {}
-            Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle }),
+            Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle, used: true }),
+            Some(Reply::Measured { angle, used }) => self.answer(session, id, AlignOk { angle, used }),
             Some(Reply::Done) if op == OpName::Model => {
                 self.answer(session, id, ModelOk { stiffness_scale: scale });
             }

@@ -40,7 +40,9 @@ fn a_model_is_rendered_and_ends() {
     // It rests 5 mrad within the wall, where its push equals the torque.
     let depth = 2.0 * newest.q[1].asin() - 0.05;
     assert!((depth - 0.005).abs() < 1e-3, "{depth} rad");
-    state(&mut client, "end of the model", |state| state.tick > newest.tick + 1100 && state.torque == [0.0; 3]);
+    state(&mut client, "end of the model", |state| {
+        state.tick > newest.tick + 1100 && state.torque == [0.0; 3]
+    });
 }
 
 #[test]
@@ -55,7 +57,12 @@ fn what_the_loop_does_not_keep_stable_is_refused_or_softened() {
         model([0.1, 0.1, stable], 0.02),
         model([[stable, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], 0.02),
         ModelCommand {
-            planes: vec![PlaneCommand { normal: [0.6, 0.0, 0.8], offset: 0.1, stiffness: 0.5 * stable, damping: 0.0 }],
+            planes: vec![PlaneCommand {
+                normal: [0.6, 0.0, 0.8],
+                offset: 0.1,
+                stiffness: 0.5 * stable,
+                damping: 0.0,
+            }],
             ..model(0.5 * stable, 0.02)
         },
     ] {
@@ -112,7 +119,12 @@ fn of_eight_models_at_once_the_newest_counts_and_none_is_lost() {
     let mut raw = greeted(&bench);
     raw.ask(r#"{"id": 1, "op": "acquire", "steal": true}"#);
     let lines: Vec<String> = (1..=8)
-        .map(|k| format!(r#"{{"id": {k}, "op": "model", "torque": [{}, 0, 0], "valid_ms": 1000, "seq": {k}}}"#, 0.001 * f64::from(k)))
+        .map(|k| {
+            format!(
+                r#"{{"id": {k}, "op": "model", "torque": [{}, 0, 0], "valid_ms": 1000, "seq": {k}}}"#,
+                0.001 * f64::from(k)
+            )
+        })
         .collect();
     for line in &lines {
         raw.send(line);
