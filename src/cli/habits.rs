@@ -7,15 +7,24 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 /// Words that are no commands of hbot, and the command that does what they ask for.
 const HABITS: [(&[&str], &str); 12] = [
     (&["start", "run", "serve", "up", "sim", "simulate"], "`hbot server` runs the rig, or a simulated one"),
-    (&["load", "open"], "`hbot scene load NAME` loads a scene, and `hbot scene list` lists the ready-made ones"),
+    (
+        &["load", "open"],
+        "`hbot scene load NAME` loads a scene, and `hbot scene list` lists the ready-made ones",
+    ),
     (&["list", "ls", "scenes"], "`hbot scene list` lists the ready-made scenes"),
     (&["kinds", "effects"], "`hbot scene kinds` lists the kinds of effects"),
-    (&["status", "state", "ps"], "`hbot info` shows the mode and the scene, and `hbot watch` the state, live"),
+    (
+        &["status", "state", "ps"],
+        "`hbot info` shows the mode and the scene, and `hbot watch` the state, live",
+    ),
     (&["show", "get"], "`hbot info` shows the rig, and `hbot scene show` the running scene"),
     (&["check", "validate"], "`hbot scene check FILE` checks a scene, and `hbot rig check FILE` a rig"),
     (&["plot", "draw"], "`hbot scene plot FILE|NAME` draws a scene"),
     (&["new", "init"], "`hbot rig new FILE` writes a rig file, and `hbot scene new FILE` a scene"),
-    (&["scan", "test", "calibrate"], "`hbot rig scan`, `hbot rig test` and `hbot rig calibrate` bring a rig up"),
+    (
+        &["scan", "test", "calibrate"],
+        "`hbot rig scan`, `hbot rig test` and `hbot rig calibrate` bring a rig up",
+    ),
     (&["off", "pause"], "`hbot disable` ramps the torque down, and `hbot estop` stops at once"),
     (&["panel", "gui", "ui"], "the panel is a program by itself: `hbot-gui`, or `cargo run -p hbot-gui`"),
 ];

@@ -167,7 +167,9 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
         note!("there is no terminal, so nothing is asked: what no option gives has its default");
     }
     if somebody_is_there() {
-        note!("An answer can have a unit (60 mm). Enter takes the value in brackets, ? explains the question.");
+        note!(
+            "An answer can have a unit (60 mm). Enter takes the value in brackets, ? explains the question."
+        );
     }
     let answers = questions::answers(&args, &mut at_terminal)?;
     let text = file::text(&answers)?;

@@ -67,7 +67,9 @@ pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
 fn shown(value: &Value, typed: &Value) -> String {
     let degrees = match typed {
         Value::String(text) => ["deg", "°"].iter().any(|unit| text.trim_end().ends_with(unit)),
-        Value::Array(elements) => return elements.first().map_or_else(|| value.to_string(), |first| shown(value, first)),
+        Value::Array(elements) => {
+            return elements.first().map_or_else(|| value.to_string(), |first| shown(value, first));
+        }
         _ => false,
     };
     match value {

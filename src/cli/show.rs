@@ -39,8 +39,9 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     )?;
     tell!("  mode       {}", mode(newest_state(&mut client)?.as_ref(), info.limits.speed))?;
     if let Some(incident) = &info.incident {
-        let cause = incident.message.trim_end_matches("; reset, then enable, to go on");
-        tell!("  cause      {} at {:.1} s", foreign(cause), incident.t)?;
+        // What comes next stands behind the mode.
+        let cause = incident.message.replace("; reset, then enable, to go on", "");
+        tell!("  cause      at {:.1} s: {}", incident.t, foreign(&cause))?;
     }
     let limits = &info.limits;
     tell!(
@@ -122,12 +123,8 @@ fn newest_state(client: &mut Client) -> anyhow::Result<Option<StateEvent>> {
 /// mode.
 pub(crate) const fn next(mode: Mode) -> &'static str {
     match mode {
-        Mode::Fault => {
-            ": the torque is off. When the cause is gone: `hbot reset`, then `hbot enable`"
-        }
-        Mode::Estop => {
-            ": the rig is stopped. When it is safe: `hbot reset`, then `hbot enable`"
-        }
+        Mode::Fault => ": the torque is off. When the cause is gone: `hbot reset`, then `hbot enable`",
+        Mode::Estop => ": the rig is stopped. When it is safe: `hbot reset`, then `hbot enable`",
         Mode::Idle => ": the torque is off. `hbot enable` switches it on",
         Mode::Unreferenced => {
             ": the zero of a steering angle is not known, so there is no torque. What to do depends on `zero` in the rig file:\n  \

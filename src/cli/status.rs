@@ -139,9 +139,13 @@ mod tests {
     #[test]
     fn the_status_line_ends_at_the_terminal_s_width() {
         let mut sample = Status { sample: Some(still()), clients: 1, ..Status::default() };
-        let shown = |status: &Status, columns| anstream::adapter::strip_str(&line(status, columns)).to_string();
+        let shown =
+            |status: &Status, columns| anstream::adapter::strip_str(&line(status, columns)).to_string();
         let short = shown(&sample, 80);
-        assert!(short.ends_with("late 0 skipped 0 missed 0  1 client") && !short.contains("turned"), "{short}");
+        assert!(
+            short.ends_with("late 0 skipped 0 missed 0  1 client") && !short.contains("turned"),
+            "{short}"
+        );
         assert!(shown(&sample, FULL).contains("turned   0.0 deg  torque 0.000 N m"));
         sample.holder = Some("the panel of somebody on a machine with a long name".to_owned());
         for columns in [40, 80, 100] {

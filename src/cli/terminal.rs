@@ -92,7 +92,8 @@ fn wrapped_line(line: &str, columns: usize) -> String {
 
 /// Returns the column under which the continuation of a line stands.
 fn hang(line: &str, columns: usize) -> usize {
-    let seen: String = pieces(line).filter_map(|piece| if let Piece::Seen(c) = piece { Some(c) } else { None }).collect();
+    let seen: String =
+        pieces(line).filter_map(|piece| if let Piece::Seen(c) = piece { Some(c) } else { None }).collect();
     let indent = seen.chars().take_while(|c| *c == ' ').count();
     let body: Vec<char> = seen.chars().skip(indent).collect();
     let gap = body.windows(2).position(|pair| pair == [' ', ' ']).filter(|_| indent > 0);

@@ -66,9 +66,9 @@ fn info_shows_the_limits_of_energy_rounded_for_people() {
 fn set_changes_the_running_scene_and_show_prints_it() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(state.path());
-    run(&server, &["set", "spring", "stiffness=2", "deadband=5 deg"])
-        .success()
-        .stdout(contains("spring: stiffness = 2.0 (before: 1.0)").and(contains("deadband = 5 deg (before: 0 deg)")));
+    run(&server, &["set", "spring", "stiffness=2", "deadband=5 deg"]).success().stdout(
+        contains("spring: stiffness = 2.0 (before: 1.0)").and(contains("deadband = 5 deg (before: 0 deg)")),
+    );
     let shown = run(&server, &["scene", "show"]).success();
     let text = String::from_utf8(shown.get_output().stdout.clone()).expect("UTF-8");
     let scene = SceneFile::from_toml(&text, "shown").unwrap_or_else(|error| panic!("{error}\n{text}"));
@@ -98,11 +98,13 @@ fn info_says_after_a_stop_how_torque_comes_back() {
     run(&server, &["estop"]).success().stdout(format!("estop: {back}\n"));
     run(&server, &["enable"]).failure().stderr(contains("`hbot info` shows the cause"));
     let stopped = contains(format!("mode       estop: {back}\n"));
-    let by = contains("cause      stopped by client \"hbot ");
+    let by = contains("  cause      at ").and(contains(": stopped by client \"hbot "));
     run(&server, &["info"]).success().stdout(stopped.and(by));
     let idle = "idle: the torque is off. `hbot enable` switches it on\n";
     run(&server, &["reset"]).success().stdout(idle);
-    run(&server, &["info"]).success().stdout(contains(format!("mode       {idle}")).and(contains("cause").not()));
+    run(&server, &["info"])
+        .success()
+        .stdout(contains(format!("mode       {idle}")).and(contains("cause").not()));
     let on = "enabling: the torque rises over half a second. `hbot estop` stops the rig at once\n";
     run(&server, &["enable"]).success().stdout(on);
 }

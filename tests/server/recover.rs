@@ -19,9 +19,8 @@ fn a_recording_that_was_cut_off_becomes_a_whole_one() {
     let bytes = std::fs::read(&run).expect("a recording");
     std::fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).expect("written");
     std::fs::write(&text, "no recording").expect("written");
-    let command = |args: &[&std::path::Path]| {
-        assert_cmd::Command::from_std(hbot()).arg("recover").args(args).assert()
-    };
+    let command =
+        |args: &[&std::path::Path]| assert_cmd::Command::from_std(hbot()).arg("recover").args(args).assert();
     command(&[&cut, &out]).success().stdout(contains("had no end").and(contains("which is whole")));
     command(&[&cut, &out]).failure().stderr(contains("exists already"));
     let replayed = assert_cmd::Command::from_std(hbot()).arg("replay").arg(&out).assert();
@@ -33,7 +32,9 @@ fn a_recording_that_was_cut_off_becomes_a_whole_one() {
 
 #[test]
 fn simulated_controllers_answer_a_scan_until_their_input_ends() {
-    for (protocol, rig) in [("moteus", "rigs/prototype-moteus.toml"), ("odrive", "rigs/prototype-odrive.toml")] {
+    for (protocol, rig) in
+        [("moteus", "rigs/prototype-moteus.toml"), ("odrive", "rigs/prototype-odrive.toml")]
+    {
         let mut command = hbot();
         command.args(["controllers", "--protocol", protocol]).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut controllers = command.stderr(Stdio::null()).spawn().expect("it runs");

@@ -22,7 +22,8 @@ struct Terminal {
 
 impl Terminal {
     fn open() -> Self {
-        let near = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
+        let near =
+            openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
         grantpt(&near).expect("granted");
         unlockpt(&near).expect("unlocked");
         let path = ptsname(&near, Vec::new()).expect("a name");

@@ -4,8 +4,8 @@
 //! types thus also serve clients of older servers.
 
 use crate::finite;
-use crate::{FaultEvent, Mode};
 use crate::names::names;
+use crate::{FaultEvent, Mode};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

@@ -65,7 +65,8 @@ impl Document {
             for error in errors.iter().take(MOST_SYNTAX_ERRORS) {
                 let (line, column) = error.span().map(|span| report.position(span.start)).unzip();
                 let hint = line.and_then(|line| decimal_point(text.lines().nth(line - 1)?));
-                let hint = hint.map_or_else(String::new, |right| format!(" (write a decimal point: {right})"));
+                let hint =
+                    hint.map_or_else(String::new, |right| format!(" (write a decimal point: {right})"));
                 let message = format!("not TOML: {}{hint}", error.message().replace('\n', ", "));
                 let file = report.file.clone();
                 let mistake = Diagnostic { file, line, column, path: String::new(), message, legal: None };

@@ -36,8 +36,8 @@ mod schema;
 mod text;
 mod validate;
 
-pub use document::decimal_point;
 pub use diagnostic::{Diagnostic, Diagnostics, LoadError};
+pub use document::decimal_point;
 pub use rig::{Override, RigConfig};
 pub use scene::{RunningScene, SceneFile};
 pub use text::{MAX_TEXT, read_text};

@@ -147,7 +147,13 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
             answers.name = text.to_owned();
             Ok(())
         };
-        settle(ask, &mut answers, ("name of the rig", "My Hbot", "Any text. Panel, recordings and messages show it."), &["--name"], &take)?;
+        settle(
+            ask,
+            &mut answers,
+            ("name of the rig", "My Hbot", "Any text. Panel, recordings and messages show it."),
+            &["--name"],
+            &take,
+        )?;
     }
     if args.port.is_none() {
         let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
@@ -349,8 +355,8 @@ mod tests {
     #[test]
     fn a_wrong_answer_is_asked_for_again_and_the_others_stay() {
         let typed = [
-            "canopen", "moteus", "Ball", "ttyACM0", "", "9", "3", "0", "?", "100 mm", "x", "0,5", "0.5", "", "200",
-            "12", "", "-1", "2", "", "", "", "20 N",
+            "canopen", "moteus", "Ball", "ttyACM0", "", "9", "3", "0", "?", "100 mm", "x", "0,5", "0.5", "",
+            "200", "12", "", "-1", "2", "", "", "", "20 N",
         ];
         let (answers, prompts) = asked(&[], &typed);
         let usual = Answers::usual();

@@ -66,7 +66,7 @@ fn degrees(text: &str) -> Result<f64, String> {
 
 /// Parses the name of the picture. Other formats are refused, because the picture would still be
 /// SVG.
-fn svg(text: &str) -> Result<PathBuf, String> {
+pub(crate) fn svg(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
         Ok(path)
@@ -96,7 +96,7 @@ fn here(scene: &Path) -> PathBuf {
     Path::new(scene.file_name().unwrap_or_default()).with_extension("svg")
 }
 
-pub(super) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
+pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
     refuse_folder(path, "a file for the picture")?;
     std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
 }

@@ -1,7 +1,7 @@
 //! Tests of scene files: what loads, and one case for each kind of mistake.
 
-use hbot_config::{RunningScene, SceneFile};
 use hbot_config::scene::{Hand, kinds, phenomena};
+use hbot_config::{RunningScene, SceneFile};
 use hbot_core::render::effects::{Anchor, Damper, Kind, Spring, SpringLaw};
 use hbot_core::{Mat3, Quat};
 use serde_json::json;

@@ -1,8 +1,8 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    ClockInfo, EnergyInfo, FaultEvent, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, PassivityInfo, RenderInfo,
-    RigInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClockInfo, EnergyInfo, FaultEvent, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, PassivityInfo,
+    RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::Listed;
