@@ -37,7 +37,8 @@ pub(crate) struct ExplainArgs {
     /// Draw the time before the fault into this file; its name ends in .svg
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]
     plot: Option<PathBuf>,
-    /// Rig file (TOML), if the recording does not hold it [default: the recorded one, or the prototype]
+    /// Rig file (TOML), if the recording does not hold it [default: the recorded one, or the
+    /// prototype]
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
 }

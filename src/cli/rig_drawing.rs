@@ -1,4 +1,5 @@
-//! `hbot rig check --drawing`: a drawing of a rig with its sphere, wheels, cones and contact frames.
+//! `hbot rig check --drawing`: a drawing of a rig with its sphere, wheels, cones and contact
+//! frames.
 
 use hbot_config::RigConfig;
 use hbot_core::design::kinematics::{ContactFrame, Posture};

@@ -66,8 +66,8 @@ pub enum Op {
     Release,
     /// Loads another scene and starts to render it. Answer: [`LoadSceneOk`](crate::LoadSceneOk).
     LoadScene {
-        /// The scene: a map with the structure of a scene file, or the name of a ready-made scene as
-        /// a text. The content has not been checked.
+        /// The scene: a map with the structure of a scene file, or the name of a ready-made scene
+        /// as a text. The content has not been checked.
         scene: Value,
     },
     /// Changes parameters of an effect in the running scene. The torque changes gradually. The

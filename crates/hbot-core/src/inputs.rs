@@ -164,11 +164,12 @@ pub enum Command {
     },
     /// Moves the reference orientation of an effect.
     Reference {
-        /// Index of the effect's memory (see [`Effect::slot`](crate::render::effects::Effect::slot)).
+        /// Index of the effect's memory (see
+        /// [`Effect::slot`](crate::render::effects::Effect::slot)).
         slot: u8,
         /// Number that identifies the effect (see
-        /// [`Effect::epoch`](crate::render::effects::Effect::epoch)). The command is refused if the scene
-        /// no longer contains this effect.
+        /// [`Effect::epoch`](crate::render::effects::Effect::epoch)). The command is refused if the
+        /// scene no longer contains this effect.
         epoch: u32,
         /// New reference orientation in frame N, a unit quaternion.
         q: Quat,

@@ -53,7 +53,8 @@ pub enum Refusal {
     Mode(Obstacle),
     /// The sphere is too far from an orientation at which an effect rests, so `enable` is refused.
     TooFar {
-        /// Index of the effect's memory (see [`Effect::slot`](crate::render::effects::Effect::slot)).
+        /// Index of the effect's memory (see
+        /// [`Effect::slot`](crate::render::effects::Effect::slot)).
         slot: u8,
         /// Distance between the sphere's orientation and the nearest one at which the effect rests,
         /// rad.

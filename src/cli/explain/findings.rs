@@ -20,8 +20,8 @@ const SWING_S: f64 = 0.5;
 /// Below this rate, rad/s, a swing is noise.
 const NOISE: f64 = 0.05;
 
-/// Returns the findings about the states before a fault of `rig`. The last state is the first of the
-/// fault.
+/// Returns the findings about the states before a fault of `rig`. The last state is the first of
+/// the fault.
 pub(super) fn of(states: &[State], rig: &RigConfig) -> Vec<Finding> {
     let Some((last, before)) = states.split_last() else { return Vec::new() };
     let found = [

@@ -90,8 +90,8 @@ pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
     warn(&abilities.warnings(&scene))
 }
 
-/// Returns the file for the picture of a scene if the user names none: in this folder, with the name
-/// of the scene's file.
+/// Returns the file for the picture of a scene if the user names none: in this folder, with the
+/// name of the scene's file.
 fn here(scene: &Path) -> PathBuf {
     Path::new(scene.file_name().unwrap_or_default()).with_extension("svg")
 }
@@ -104,8 +104,8 @@ pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
 /// The angles of a whole turn, degrees.
 pub(super) const WHOLE_TURN: Range<f64> = -180.0..180.0;
 
-/// Returns the picture of a scene as SVG, for angles in the range `angles`, degrees. A torque beyond
-/// the limit of the rig is hatched.
+/// Returns the picture of a scene as SVG, for angles in the range `angles`, degrees. A torque
+/// beyond the limit of the rig is hatched.
 pub(super) fn draw(scene: &SceneFile, axes: &[Axis], angles: Range<f64>, abilities: &Abilities) -> String {
     let probe = Probe::new(scene);
     let parts = probe.parts();

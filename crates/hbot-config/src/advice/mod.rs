@@ -3,9 +3,8 @@
 //! ```text
 //! RigConfig ──> inertia ──> sampled: the loop of three axes ──> bound: springs about one axis
 //!                                │
-//! RigConfig ──> rates: noise and lag of each rate estimate, and which one is picked
-//! SceneFile ──> the laws around their places (hbot_core::render::around) ──> judge ──> abilities: warnings
-//! ```
+//! RigConfig ──> rates: noise and lag of each rate estimate, and which one is picked SceneFile ──>
+//! the laws around their places (hbot_core::render::around) ──> judge ──> abilities: warnings ```
 
 mod abilities;
 mod axis;
