@@ -123,7 +123,8 @@ def test_printing_a_rig_says_what_it_is_and_does(rig: hbot.Rig) -> None:
         rig.estop()
         assert str(rig) == "Hbot prototype (SIMULATED): estop, scene 'Clay'"
         incident = rig.info.incident
-        assert incident is not None and incident.by is not None
+        assert incident is not None
+        assert incident.by is not None
         assert incident.by.name == "me"
         rig.reset()
         assert rig.refresh().incident is None
