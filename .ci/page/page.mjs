@@ -196,7 +196,7 @@ await page.waitForTimeout(200);
 assert.equal(watcher.state.mode, "estop", "Space is no press of a button");
 await page.keyboard.press("Enter");
 await watcher.mode("active");
-await page.tap ? page.click("#stop") : page.click("#stop");
+await page.click("#stop");
 await watcher.mode("estop");
 
 // Who has stopped the rig.
