@@ -205,6 +205,9 @@ async fn serve(
     let live = sockets::bind_if(args.foxglove, "--foxglove").await?;
     let (live, live_at) = live.unzip();
     let hosts = Arc::new(AllowedHosts::new(args.allowed_host.clone()));
+    let port = |listener: TcpListener| {
+        listener.into_std().map(|listener| WebOptions { listener, hosts: Arc::clone(&hosts) })
+    };
     let simulated = rig.link.port.is_simulated();
     let (web, no_web) = sockets::bind_web(args.web, simulated, &rig.api).await?;
     let (web, web_at) = web.unzip();
@@ -233,11 +236,8 @@ async fn serve(
         flight_dir,
         recorder: None,
         recording,
-        live: live.map(TcpListener::into_std).transpose()?,
-        web: match web {
-            Some(listener) => Some(WebOptions { listener: listener.into_std()?, hosts }),
-            None => None,
-        },
+        live: live.map(&port).transpose()?,
+        web: web.map(&port).transpose()?,
     })?;
     stop_signal.obey(server.emergency_stop())?;
     if let Some((_, at)) = &metrics {

@@ -100,8 +100,8 @@ pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
 pub use stats::{Distribution, StatsOk};
 pub use stop::{Stop, StopFinder, asks_estop, may_be_long};
 pub use stream::{
-    Align, DEFAULT_VALID_MS, MAX_MAGNITUDE, MAX_VALID_MS, MIN_QUATERNION_NORM, ReferenceCommand,
-    TorqueCommand,
+    Align, DEFAULT_OVER_MS, DEFAULT_VALID_MS, HandCommand, HandHold, MAX_MAGNITUDE, MAX_OVER_MS,
+    MAX_VALID_MS, MIN_QUATERNION_NORM, ReferenceCommand, TorqueCommand,
 };
 pub use text::{Plain, is_plain};
 

@@ -7,7 +7,7 @@ mod table;
 pub(crate) use fields::Excerpt;
 pub use table::{Field, OpName, OpRow, Who};
 
-use crate::{Align, Encoding, Id, ReferenceCommand, TorqueCommand};
+use crate::{Align, Encoding, HandCommand, Id, ReferenceCommand, TorqueCommand};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
@@ -89,6 +89,9 @@ pub enum Op {
     /// Sends the sphere's orientation as measured from outside, for example by a camera. It is
     /// answered only if it has an id. Answer: [`AlignOk`](crate::AlignOk).
     Align(Align),
+    /// Moves the simulated hand. Only a simulated rig has one. Clients send it repeatedly. It is
+    /// answered only if it has an id; the answer has no data.
+    Hand(HandCommand),
     /// Begins to render the scene. Answer: [`ModeOk`](crate::ModeOk).
     Enable,
     /// Ends rendering. Answer: [`ModeOk`](crate::ModeOk).
@@ -168,6 +171,7 @@ impl Op {
             Self::Torque(_) => OpName::Torque,
             Self::Reference(_) => OpName::Reference,
             Self::Align(_) => OpName::Align,
+            Self::Hand(_) => OpName::Hand,
             Self::Enable => OpName::Enable,
             Self::Disable => OpName::Disable,
             Self::Reset => OpName::Reset,

@@ -1,5 +1,5 @@
 //! Stream messages, which a client sends repeatedly: torques and references that it computes
-//! itself, and orientations that it measures from outside.
+//! itself, orientations that it measures from outside, and the simulated hand.
 
 use crate::finite;
 use serde::{Deserialize, Serialize};
@@ -61,6 +61,50 @@ pub struct ReferenceCommand {
     /// accepted command.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seq: Option<u64>,
+}
+
+/// Longest time in which the simulated hand turns to an orientation, ms.
+pub const MAX_OVER_MS: u64 = 60_000;
+
+/// Default time in which the simulated hand turns to an orientation, ms.
+pub const DEFAULT_OVER_MS: u64 = 50;
+
+/// What the simulated hand does. Only a simulated rig has one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum HandCommand {
+    /// The hand holds the sphere and turns it.
+    Hold(HandHold),
+    /// The hand lets go of the sphere.
+    Release {
+        /// Always true.
+        release: bool,
+    },
+}
+
+impl HandCommand {
+    /// The hand lets go of the sphere.
+    pub const RELEASE: Self = Self::Release { release: true };
+}
+
+/// The orientation to which the simulated hand turns the sphere, and how firm its grip is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HandHold {
+    /// The orientation as a unit quaternion `[w, x, y, z]`.
+    #[serde(serialize_with = "finite::array")]
+    pub q: [f64; 4],
+    /// Time in which the hand's target turns there at a constant rate, ms, 0 to [`MAX_OVER_MS`].
+    pub over_ms: u64,
+    /// Spring stiffness of the grip, N m/rad, 0 to 100. `None`: that of a usual hand, 3.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "finite::optional")]
+    pub stiffness: Option<f64>,
+    /// Damping of the grip, N m s/rad, 0 to 10. `None`: that of a usual hand, 0.05.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "finite::optional")]
+    pub damping: Option<f64>,
+    /// Moment of inertia that the hand adds to the sphere, kg m², 0 to 1. `None`: that of a usual
+    /// hand, 0.002.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "finite::optional")]
+    pub inertia: Option<f64>,
 }
 
 /// The sphere's orientation as measured from outside, for example by a camera. The server uses it

@@ -19,6 +19,7 @@ use hbot_host::host::{self, Host};
 use hbot_host::last_word::Program;
 use hbot_host::run_loop::Ended;
 pub use hbot_host::run_loop::Time;
+use hbot_sim::hand::{Guide, HandTorque};
 use hbot_sim::phenomena::{Hand, Phenomena};
 use thiserror::Error;
 use tokio::net::TcpListener;
@@ -26,7 +27,7 @@ use tokio::sync::{mpsc as async_mpsc, watch};
 
 use crate::flight;
 use crate::recording::{self, FilesWritten, RecordOptions, Recorded, Recording, SceneNote};
-use crate::service::{self, Control, ServiceSetup, SetPhenomena, Status, Summary};
+use crate::service::{self, Control, ServiceSetup, SetPhenomena, SimulatedHand, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
 use crate::web::WebOptions;
 
@@ -58,9 +59,9 @@ pub struct ServerOptions {
     pub recorder: Option<Recorder>,
     /// What is recorded, and where.
     pub recording: RecordOptions,
-    /// The socket on which the public topics of a recording are served to live viewers, without
+    /// The port at which the public topics of a recording are served to live viewers, without
     /// authorization. With `None` none are served.
-    pub live: Option<std::net::TcpListener>,
+    pub live: Option<WebOptions>,
     /// The page and the API over WebSocket. With `None` they are not served.
     pub web: Option<WebOptions>,
 }
@@ -177,6 +178,7 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let accuracy = rig.accuracy.to_owned();
         let phenomena = host.simulator().cloned().map(replace_phenomena);
+        let hand = host.simulator().cloned().map(simulated_hand);
         let controllers = host.controllers().clone();
         let origin = host.origin();
         let recording = prepared.map(|prepared| prepared.start(&rig, origin)).transpose();
@@ -186,6 +188,7 @@ impl Server {
             rig,
             scene: running,
             phenomena,
+            hand,
             token,
             encryption,
             flight_dir,
@@ -319,4 +322,18 @@ fn notices(flight_dir: Option<&Path>) -> Vec<String> {
 /// Returns a function that gives the simulated rig the phenomena of a scene.
 fn replace_phenomena(simulator: Simulator) -> SetPhenomena {
     Box::new(move |simulate: &Simulate| simulator.show(*simulate))
+}
+
+/// Returns the hand of the simulated rig, for clients that move it.
+fn simulated_hand(simulator: Simulator) -> SimulatedHand {
+    let torque = HandTorque::default();
+    let told = torque.clone();
+    simulator.post(Box::new(move |rig| rig.tell_hand_torque(told)));
+    let order = move |guide: Option<Guide>| {
+        simulator.post(Box::new(move |rig| match guide {
+            Some(guide) => rig.guide_hand(&guide),
+            None => rig.set_hand(None),
+        }));
+    };
+    SimulatedHand { order: Box::new(order), torque }
 }

@@ -3,8 +3,9 @@
 use super::fields::{Excerpt, Fields, Shown, bad, illegal};
 use super::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, Request};
 use crate::{
-    Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_SHORT_REQUEST_BYTES,
-    MAX_VALID_MS, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal, TorqueCommand, asks_estop, untyped,
+    Align, DEFAULT_OVER_MS, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, HandCommand, HandHold, Id,
+    MAX_DEPTH, MAX_OVER_MS, MAX_SHORT_REQUEST_BYTES, MAX_VALID_MS, PROTOCOL_VERSION, ReferenceCommand,
+    RequestRefusal, TorqueCommand, asks_estop, untyped,
 };
 use serde_json::{Map, Value};
 use std::borrow::Cow;
@@ -160,6 +161,7 @@ fn op(
         OpName::Torque => fields.torque(),
         OpName::Reference => fields.reference(),
         OpName::Align => fields.align(),
+        OpName::Hand => fields.hand(),
         OpName::Enable => Ok(Op::Enable),
         OpName::Disable => Ok(Op::Disable),
         OpName::Reset => Ok(Op::Reset),
@@ -223,6 +225,24 @@ impl Fields<'_> {
             weight: self.number("weight", 0.0, 1.0)?,
             t: self.optional_number("t", 0.0, f64::MAX)?,
         }))
+    }
+
+    pub(super) fn hand(&mut self) -> Result<Op, ErrorBody> {
+        if self.flag("release")? {
+            return match self.0.iter().find(|(_, value)| !value.is_null()) {
+                None => Ok(Op::Hand(HandCommand::RELEASE)),
+                Some((field, _)) => Err(bad(format!(
+                    "field {field:?} goes with \"q\"; legal with \"release\": no other field"
+                ))),
+            };
+        }
+        Ok(Op::Hand(HandCommand::Hold(HandHold {
+            q: self.quaternion("q")?,
+            over_ms: self.optional_integer("over_ms", 0, MAX_OVER_MS)?.unwrap_or(DEFAULT_OVER_MS),
+            stiffness: self.optional_number("stiffness", 0.0, 100.0)?,
+            damping: self.optional_number("damping", 0.0, 10.0)?,
+            inertia: self.optional_number("inertia", 0.0, 1.0)?,
+        })))
     }
 
     pub(super) fn ping(&mut self) -> Result<Op, ErrorBody> {

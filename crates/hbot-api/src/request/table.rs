@@ -147,6 +147,13 @@ ops! {
     /// The op [`Op::Align`](crate::Op::Align), with which a client sends an orientation measured
     /// from outside.
     Align = "align": OpRow::new(Who::Holder, &[must("q"), must("weight"), may("t")]).stream(),
+    /// The op [`Op::Hand`](crate::Op::Hand), which moves the hand of a simulated rig.
+    Hand = "hand":
+        OpRow::new(
+            Who::Holder,
+            &[may("q"), may("over_ms"), may("stiffness"), may("damping"), may("inertia"), may("release")],
+        )
+        .stream(),
     /// The op [`Op::Enable`](crate::Op::Enable), which begins to render the scene.
     Enable = "enable": OpRow::new(Who::Holder, &[]).rearming(),
     /// The op [`Op::Disable`](crate::Op::Disable), which ends rendering.

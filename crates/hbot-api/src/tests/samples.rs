@@ -52,6 +52,27 @@ pub(super) fn requests() -> Vec<Request> {
         ),
         request(13, Op::Align(Align { q: [0.0, 0.0, 0.0, -1.0], weight: 0.1, t: Some(12.5) })),
         Request { id: None, op: Op::Align(Align { q: [1.0, 0.0, 0.0, 0.0], weight: 0.0, t: None }) },
+        Request {
+            id: None,
+            op: Op::Hand(HandCommand::Hold(HandHold {
+                q: [0.6, 0.0, 0.8, 0.0],
+                over_ms: 50,
+                stiffness: None,
+                damping: None,
+                inertia: None,
+            })),
+        },
+        request(
+            19,
+            Op::Hand(HandCommand::Hold(HandHold {
+                q: [1.0, 0.0, 0.0, 0.0],
+                over_ms: 2000,
+                stiffness: Some(20.0),
+                damping: Some(0.5),
+                inertia: Some(0.002),
+            })),
+        ),
+        request(20, Op::Hand(HandCommand::RELEASE)),
         request(14, Op::Enable),
         request(15, Op::Disable),
         request(16, Op::Reset),
@@ -132,6 +153,7 @@ pub(super) fn state() -> StateEvent {
         traction: 0.375,
         energy: -0.0125,
         client: Some(ClientStream { seq: Some(9), age_ticks: 2 }),
+        hand: None,
         timing: StateTiming {
             lateness_us: 12.5,
             compute_us: 8.25,
@@ -167,6 +189,7 @@ pub(super) fn events() -> Vec<ServerMessage> {
             fault: Some(Fault::ImplausibleFeedback),
             joints: vec![],
             client: None,
+            hand: Some([0.0, -1.5, 0.25]),
             ..state()
         }),
         Event::Fault(fault.clone()),

@@ -20,7 +20,6 @@ mod tests;
 mod thread;
 
 use std::collections::BTreeMap;
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -36,6 +35,7 @@ use hbot_host::engine::Recorder;
 use hbot_record::About;
 
 use crate::live;
+use crate::web::WebOptions;
 
 pub use self::file::{is_file, is_folder, unsuitable};
 pub use self::limit::Limit;
@@ -228,7 +228,7 @@ fn unpoisoned<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 pub(crate) struct Prepared {
     options: RecordOptions,
     flights: bool,
-    live: Option<TcpListener>,
+    live: Option<WebOptions>,
     retry_after: Duration,
     drain: Drain,
     scene: SceneNote,
@@ -253,7 +253,7 @@ pub(crate) struct Recording {
 pub(crate) fn prepare(
     options: RecordOptions,
     flights: bool,
-    live: Option<TcpListener>,
+    live: Option<WebOptions>,
     scene: SceneNote,
     waits: bool,
 ) -> (Recorder, Prepared) {

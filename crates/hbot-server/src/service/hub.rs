@@ -6,6 +6,7 @@
 //! | [`Publisher`] | clients, their subscriptions, messages that are queued for them |
 //! | [`Lease`] | which client may command |
 //! | [`Orders`] | orders to the loop that are not answered yet, and who asked for them |
+//! | [`SceneHand`] | the simulated hand |
 //! | [`Scenes`] | the running scene, and scenes that are being loaded |
 //! | [`Incidents`] | faults and stops, as seen in samples |
 //! | [`Flights`] | flight logs |
@@ -29,6 +30,7 @@ use tokio::time::Instant;
 
 use super::bucket::LongMessages;
 use super::flights::Flights;
+use super::hand::SceneHand;
 use super::incidents::Incidents;
 use super::info::{Clock, Info};
 use super::lease::Lease;
@@ -87,6 +89,7 @@ pub(super) struct Hub {
     scenes: Scenes,
     incidents: Incidents,
     shakes: Shakes,
+    hand: SceneHand,
     flights: Flights,
     latest: Option<Sample>,
     /// What the controller of each joint last reported about itself.
@@ -113,6 +116,7 @@ impl Hub {
             rig,
             scene,
             phenomena,
+            hand,
             token,
             encryption,
             flight_dir,
@@ -143,6 +147,7 @@ impl Hub {
             scenes: Scenes::new(scene, phenomena, &rig, notes.clone(), Arc::clone(&changed)),
             incidents,
             shakes: Shakes::default(),
+            hand: SceneHand::new(hand),
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
             latest: None,
             telemetry: [Telemetry::default(); MAX_JOINTS],
@@ -349,7 +354,10 @@ impl Hub {
     /// Announces a change of the lease, caused by the client `by`, to all clients. If the lease was
     /// stolen or released, also ramps down the torque stream of the old holder.
     fn lease_changed(&mut self, cause: LeaseCause, by: Option<Requester>) {
-        // A stream must not continue under the next holder, or without a holder.
+        // A stream or a moving hand must not continue under the next holder, or without a holder.
+        if cause != LeaseCause::Acquired {
+            self.hand.let_go();
+        }
         match cause {
             LeaseCause::Stolen => {
                 self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));

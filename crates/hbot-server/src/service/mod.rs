@@ -38,6 +38,7 @@ pub(crate) mod convert;
 mod cost;
 mod desk;
 mod flights;
+mod hand;
 mod hub;
 mod incidents;
 mod info;
@@ -71,6 +72,7 @@ use hbot_config::{RigConfig, RunningScene};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
+pub use self::hand::{MoveHand, SimulatedHand};
 pub use self::scenes::set_refusal;
 pub(crate) use self::strangers::too_few_descriptors;
 use crate::recording::Notes;
@@ -93,6 +95,8 @@ pub struct ServiceSetup {
     /// The function that receives the phenomena that a newly loaded scene names. `None` with a real
     /// rig, which ignores phenomena.
     pub phenomena: Option<SetPhenomena>,
+    /// The simulated hand. `None` with a real rig.
+    pub hand: Option<SimulatedHand>,
     /// The token that clients must send. With `None` no token is required.
     pub token: Option<String>,
     /// The TLS encryption of connections. With `None` connections are plain TCP.

@@ -133,9 +133,10 @@ impl Publisher {
         self.subscribers > 0
     }
 
-    /// Sends a state to the clients that are subscribed to this tick. Returns how many of them did
-    /// not get it because they read too slowly.
-    pub(super) fn publish(&mut self, sample: &Sample) -> u64 {
+    /// Sends a state to the clients that are subscribed to this tick. `hand` returns the torque of
+    /// the simulated hand, N m, if there is one. Returns how many clients did not get the state
+    /// because they read too slowly.
+    pub(super) fn publish(&mut self, sample: &Sample, hand: impl Fn() -> Option<[f64; 3]>) -> u64 {
         let (mut filled, mut dropped) = (false, 0);
         let Self { peers, state, frames, .. } = self;
         frames.clear();
@@ -149,6 +150,7 @@ impl Publisher {
                 filled = true;
                 if let Event::State(event) = state {
                     convert::fill(event, sample);
+                    event.hand = hand();
                 }
             }
             if let Some(event) = peer.dropped_event() {
@@ -325,10 +327,11 @@ mod tests {
         publisher.subscribe(2, 1);
         assert!(publisher.is_watched());
         // The second client has room for two messages and reads none.
-        let dropped: Vec<u64> = (1..=3).map(|tick| publisher.publish(&crate::still::still(tick))).collect();
+        let dropped: Vec<u64> =
+            (1..=3).map(|tick| publisher.publish(&crate::still::still(tick), || None)).collect();
         assert_eq!(dropped, [0, 0, 1]);
         publisher.subscribe(2, 0);
-        assert_eq!(publisher.publish(&crate::still::still(4)), 0);
+        assert_eq!(publisher.publish(&crate::still::still(4), || None), 0);
         let mut sent = Vec::new();
         assert!(first.poll_take(&Context::from_waker(Waker::noop()), &mut sent).is_ready());
         let states =

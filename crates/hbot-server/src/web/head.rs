@@ -68,19 +68,11 @@ fn parse(bytes: &[u8]) -> Result<Head, Refusal> {
     }
 }
 
-/// Returns the bytes of the answer that accepts an upgrade to WebSocket. It accepts no extension, so
-/// frames are never compressed.
+/// Returns the answer that accepts an upgrade to WebSocket. It accepts no extension, so frames are
+/// never compressed.
 ///
 /// # Errors
 /// Fails if the request asks for no upgrade or for an illegal one.
-pub(crate) fn upgrade(request: &Request) -> Result<Vec<u8>, Refusal> {
-    Ok(bytes_of(&accept(request)?))
-}
-
-/// Returns the answer that accepts an upgrade to WebSocket.
-///
-/// # Errors
-/// Fails like [`upgrade`].
 pub(crate) fn accept(request: &Request) -> Result<server::Response, Refusal> {
     create_response(request).map_err(|error| Refusal::new(StatusCode::UPGRADE_REQUIRED, error.to_string()))
 }
@@ -98,13 +90,7 @@ mod tests {
     use super::*;
 
     async fn read_from(bytes: &[u8]) -> Result<Head, Refusal> {
-        // A reader that gives one byte at a time.
-        let mut slow = tokio_test_reader(bytes);
-        read(&mut slow).await.unwrap()
-    }
-
-    fn tokio_test_reader(bytes: &[u8]) -> impl AsyncRead + Unpin + '_ {
-        bytes
+        read(&mut &bytes[..]).await.unwrap()
     }
 
     #[tokio::test]

@@ -18,11 +18,12 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 
 use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
-use tokio_tungstenite::tungstenite::http::{Response, StatusCode};
+use tokio_tungstenite::tungstenite::handshake::server::Request;
+use tokio_tungstenite::tungstenite::http::{HeaderName, HeaderValue, Response, StatusCode};
 
 pub use self::allowed::AllowedHosts;
 use self::allowed::Door;
-use self::head::Head;
+use self::head::{Head, Refusal};
 pub(crate) use self::socket::WebSocket;
 
 /// Default port of the page, on loopback.
@@ -63,32 +64,51 @@ pub(crate) async fn visit<S: AsyncRead + AsyncWrite + Unpin>(
     if let Err(refusal) = door.check(&request) {
         return refuse(stream, &refusal).await;
     }
-    let answer = match request.uri().path() {
-        "/ws" => {
-            if let Err(refusal) = door.check_origin(&request) {
-                return refuse(stream, &refusal).await;
+    let path = request.uri().path();
+    if path == "/ws" {
+        return match door.check_origin(&request).and_then(|()| head::accept(&request)) {
+            Ok(response) => {
+                send(stream, &response, "").await?;
+                Ok(Visit::Upgraded { rest })
             }
-            return match head::upgrade(&request) {
-                Ok(response) => {
-                    stream.write_all(&response).await?;
-                    stream.flush().await?;
-                    Ok(Visit::Upgraded { rest })
-                }
-                Err(refusal) => refuse(stream, &refusal).await,
-            };
-        }
-        path => page::part(path),
-    };
-    match answer {
+            Err(refusal) => refuse(stream, &refusal).await,
+        };
+    }
+    match page::part(path) {
         Some(part) => {
             respond(stream, StatusCode::OK, part.kind, part.body).await?;
             Ok(Visit::Answered)
         }
-        None => refuse(stream, &head::Refusal::new(StatusCode::NOT_FOUND, "the page is at /")).await,
+        None => refuse(stream, &Refusal::new(StatusCode::NOT_FOUND, "the page is at /")).await,
     }
 }
 
-async fn refuse<S: AsyncWrite + Unpin>(stream: &mut S, refusal: &head::Refusal) -> std::io::Result<Visit> {
+/// Reads one HTTP request from `stream` and makes the connection a WebSocket, unless `check` refuses
+/// the request. `check` can add a header to the answer. Returns the bytes that came after the
+/// request, or `None` if it was refused.
+///
+/// # Errors
+/// Fails if the connection fails, or ends before the request does.
+pub(crate) async fn upgrade<S: AsyncRead + AsyncWrite + Unpin>(
+    stream: &mut S,
+    check: impl FnOnce(&Request) -> Result<Option<(HeaderName, HeaderValue)>, Refusal>,
+) -> std::io::Result<Option<Vec<u8>>> {
+    let judged = head::read(stream).await?.and_then(|Head { request, rest }| {
+        let more = check(&request)?;
+        let mut response = head::accept(&request)?;
+        response.headers_mut().extend(more);
+        Ok((response, rest))
+    });
+    match judged {
+        Ok((response, rest)) => {
+            send(stream, &response, "").await?;
+            Ok(Some(rest))
+        }
+        Err(refusal) => refuse(stream, &refusal).await.map(|_| None),
+    }
+}
+
+async fn refuse<S: AsyncWrite + Unpin>(stream: &mut S, refusal: &Refusal) -> std::io::Result<Visit> {
     respond(stream, refusal.status, "text/plain; charset=utf-8", &format!("{}\n", refusal.why)).await?;
     Ok(Visit::Refused)
 }
@@ -113,7 +133,15 @@ async fn respond<S: AsyncWrite + Unpin>(
         .header("Connection", "close")
         .body(());
     let Ok(response) = response else { return Err(std::io::ErrorKind::InvalidData.into()) };
-    let mut bytes = head::bytes_of(&response);
+    send(stream, &response, body).await
+}
+
+async fn send<S: AsyncWrite + Unpin>(
+    stream: &mut S,
+    response: &Response<()>,
+    body: &str,
+) -> std::io::Result<()> {
+    let mut bytes = head::bytes_of(response);
     bytes.extend_from_slice(body.as_bytes());
     stream.write_all(&bytes).await?;
     stream.flush().await

@@ -12,10 +12,11 @@ use hbot_core::design::device::MAX_JOINTS;
 
 pub use self::config::{SimulatedConfig, SimulatedRigError};
 use crate::controller::{InjectedFault, SimulatedControllers, Truth, frame_end};
-use crate::hand::Grip;
+use crate::hand::{Grip, Guide, HandTorque};
 pub use crate::impairment::FrameCounts;
 use crate::impairment::Impairment;
 use crate::phenomena::{Hand, Link, Phenomena, of_plant};
+use crate::plant::Load as _;
 use crate::plant::{Dynamics, JointTorques, PlantState};
 
 /// Longest step of a nonsmooth plant (one that sticks, slips or has play), ns.
@@ -39,6 +40,8 @@ pub struct SimulatedRig {
     state: PlantState,
     phenomena: Phenomena,
     grip: Option<Grip>,
+    /// Where the hand's torque is told to other threads, if any of them asks.
+    hand_torque: Option<HandTorque>,
     line: Option<Box<Impairment>>,
     external: Vec3,
     controllers: SimulatedControllers,
@@ -78,6 +81,7 @@ impl SimulatedRig {
             state: config.start,
             phenomena: Phenomena::default(),
             grip: None,
+            hand_torque: None,
             line: None,
             external: Vec3::ZERO,
             controllers,
@@ -102,6 +106,9 @@ impl SimulatedRig {
     /// each message of hbot's own link.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
+        if let Some(told) = &self.hand_torque {
+            told.set(self.hand_torque());
+        }
         reply.append(&mut self.unasked);
         let Some(mut line) = self.line.take() else { return self.hear(bytes, reply) };
         line.command(self.now_ns, bytes);
@@ -335,6 +342,32 @@ impl SimulatedRig {
         self.phenomena.hand = hand;
         self.grip = hand.map(|hand| Grip::new(hand, self.simulated_s(), self.state.q));
         self.dynamics.set_sphere_inertia(self.sphere_inertia + hand.map_or(0.0, |hand| hand.inertia));
+    }
+
+    /// Lets a simulated hand turn the sphere to an orientation. A hand that is guided already goes
+    /// on from where its target is, another one takes hold of the sphere at its present
+    /// orientation.
+    pub fn guide_hand(&mut self, guide: &Guide) {
+        let t = self.simulated_s();
+        let guided = self.grip.as_ref().filter(|grip| grip.is_guided());
+        let from = guided.map_or(self.state.q, |grip| grip.target(t).q);
+        let grip = Grip::guided(guide, t, from);
+        self.phenomena.hand = Some(*grip.hand());
+        self.grip = Some(grip);
+        self.dynamics.set_sphere_inertia(self.sphere_inertia + guide.inertia);
+    }
+
+    /// Returns the torque of the simulated hand on the sphere in frame N, N m. `None` if no hand
+    /// holds it.
+    #[must_use]
+    pub fn hand_torque(&self) -> Option<Vec3> {
+        let target = |grip: &Grip| grip.at(self.simulated_s());
+        self.grip.as_ref().map(|grip| grip.torque(&target(grip), self.state.q, self.state.omega))
+    }
+
+    /// Stores the hand's torque in `told` from now on, whenever a command arrives.
+    pub fn tell_hand_torque(&mut self, told: HandTorque) {
+        self.hand_torque = Some(told);
     }
 
     /// Sets a constant torque on the sphere in frame N, in N m. It is added to the torques of the

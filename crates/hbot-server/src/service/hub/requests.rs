@@ -127,6 +127,13 @@ impl Hub {
                 let command = self.align(&align);
                 self.order(session, id, name, command)?;
             }
+            Op::Hand(command) => {
+                self.hand.obey(&command)?;
+                // Like every stream message, it is answered only if it has an id.
+                if id.is_some() {
+                    self.respond(session, &Response::done(id));
+                }
+            }
             Op::Enable => self.order(session, id, name, Command::Enable)?,
             Op::Reset => self.order(session, id, name, Command::Reset)?,
             Op::Disable => self.order(session, id, name, Command::Disable)?,
@@ -185,6 +192,7 @@ impl Hub {
         self.scenes.load(&mut self.end, session, id, scene, by)?;
         if let Some(simulate) = self.scenes.file().simulate() {
             self.incidents.show(simulate);
+            self.hand.replaced();
         }
         self.publisher.owe(session);
         self.tell_status();

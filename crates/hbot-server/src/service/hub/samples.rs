@@ -52,7 +52,7 @@ impl Hub {
             self.publisher.broadcast(&Event::Shaking(event));
         }
         if self.publisher.is_watched() {
-            self.stats.counts.dropped_states += self.publisher.publish(sample);
+            self.stats.counts.dropped_states += self.publisher.publish(sample, || self.hand.torque());
         }
     }
 

@@ -35,6 +35,7 @@ pub(super) fn still() -> (LoopEnd, Desk) {
         time_waits: false,
         notes: crate::recording::Notes::default(),
         web: None,
+        hand: None,
     };
     let bounds = Bounds { stuck: Duration::from_millis(50), ..Bounds::default() };
     (loop_end, Desk::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))

@@ -184,6 +184,7 @@ impl TestService {
                     time_waits: false,
                     notes: crate::recording::Notes::default(),
                     web: None,
+                    hand: None,
                 };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
