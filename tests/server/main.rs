@@ -7,6 +7,7 @@ mod commands;
 mod controllers;
 mod design;
 mod drivers;
+mod identify;
 mod last_word;
 mod log;
 mod odrive;

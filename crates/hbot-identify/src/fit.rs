@@ -20,7 +20,7 @@ use crate::parameter::{OF_SPHERE, Quantity, all};
 /// Largest number of improvements.
 const MOST_STEPS: usize = 40;
 /// The fit ends when no unknown changes by more than this fraction of its usual deviation.
-const ENOUGH: f64 = 1.0e-5;
+const ENOUGH: f64 = 1.0e-4;
 /// Distance, in standard deviations, from which on a window gets no weight.
 const REJECTED: f64 = 4.7;
 /// Distance, in standard deviations, from which on a window gets less weight in the first steps,
@@ -90,6 +90,15 @@ pub struct Fitted {
     pub scale: f64,
 }
 
+/// Where a fit begins, and what it expects of the steering zeros.
+#[derive(Debug, Clone, Copy)]
+pub struct Begin<'a> {
+    /// The unknowns of another fit, or `None` for the drawing.
+    pub from: Option<&'a [f64]>,
+    /// Usual deviation of a steering zero, rad.
+    pub zero: f64,
+}
+
 /// Fits the unknowns of `free` to the motion `motion` of `rig`, a rig as drawn. Calls `progress`
 /// before each improvement with its number and the largest number that there can be.
 ///
@@ -98,24 +107,32 @@ pub fn fit(
     rig: &Rig,
     motion: &Motion,
     free: Free,
+    begin: Begin<'_>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Option<Fitted> {
+    let Begin { from, zero } = begin;
     let quantities: Vec<(Option<usize>, Quantity)> = all(rig.device.wheels().len()).collect();
     let n = quantities.len();
     let chosen: Vec<usize> = (0..n).filter(|k| free.has(quantities[*k].1)).collect();
-    let usual: Vec<f64> = quantities.iter().map(|(_, it)| it.usual()).collect();
+    let usual = |quantity: &Quantity| if *quantity == Quantity::Zero { zero } else { quantity.usual() };
+    let usual: Vec<f64> = quantities.iter().map(|(_, it)| usual(it)).collect();
     let moving = motion.moving();
     let count = moving.iter().filter(|moving| **moving).count();
     if count == 0 {
         return None;
     }
     let mut fitting = Fitting { rig, motion, moving, usual, chosen, unknowns: vec![0.0; n] };
+    if let Some(from) = from {
+        fitting.unknowns.copy_from_slice(from);
+    }
+    // From the result of another fit on, most windows fit well.
+    let first = if from.is_some() { 0 } else { FIRST };
     let mut windows = fitting.windows(&fitting.unknowns, true);
     let (mut damping, mut step) = (1.0e-6, 0);
     while step < MOST_STEPS {
         progress(step, MOST_STEPS);
         let scale = fitting.scale(&windows);
-        let weights = fitting.weights(&windows, scale, step < FIRST);
+        let weights = fitting.weights(&windows, scale, step < first);
         let (normal, slope) = fitting.normal(&windows, &weights, scale);
         let here = fitting.cost(&windows, &weights, scale, &fitting.unknowns);
         let mut better = None;
@@ -137,11 +154,11 @@ pub fn fit(
         let Some((next, then, most)) = better else { break };
         (fitting.unknowns, windows) = (next, then);
         step += 1;
-        if most < ENOUGH && step > FIRST {
+        if most < ENOUGH && step > first {
             break;
         }
     }
-    fitting.finish(&windows)
+    fitting.finish(free, &windows)
 }
 
 /// A fit that runs.
@@ -311,7 +328,7 @@ impl Fitting<'_> {
         larger
     }
 
-    fn finish(self, windows: &Windows) -> Option<Fitted> {
+    fn finish(self, free: Free, windows: &Windows) -> Option<Fitted> {
         let scale = self.scale(windows);
         let weights = self.weights(windows, scale, false);
         let (normal, _) = self.normal(windows, &weights, scale);
@@ -323,8 +340,10 @@ impl Fitting<'_> {
         let covariance = inverse.product(&middle).product(&inverse);
         // The turns of the whole frame count as known.
         let mut pinned = normal.clone();
-        for turn in self.turns_of_the_frame() {
-            pinned.add_outer(&turn, 1.0e8 * crate::parameter::ANGLE.powi(-2));
+        if free != Free::Zeros {
+            for turn in self.turns_of_the_frame() {
+                pinned.add_outer(&turn, 1.0e8 * crate::parameter::ANGLE.powi(-2));
+            }
         }
         let relative = pinned.factor()?.inverse();
         let n = self.unknowns.len();
@@ -366,8 +385,7 @@ impl Fitting<'_> {
             let length = turn.iter().map(|x| x * x).sum::<f64>().sqrt();
             turns.push(turn.iter().map(|x| x / length.max(1.0e-12)).collect());
         }
-        // The steering zeros alone cannot turn the frame.
-        if self.chosen.len() < 3 * device.wheels().len() { Vec::new() } else { turns }
+        turns
     }
 }
 

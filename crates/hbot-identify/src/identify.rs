@@ -5,7 +5,7 @@ use std::fmt;
 use hbot_core::design::device::WheelSpec;
 use hbot_core::{Device, Mat3, Rig, Vec3};
 
-use crate::fit::{Fitted, Free, fit};
+use crate::fit::{Begin, Fitted, Free, fit};
 use crate::model::frame_at_zero;
 use crate::motion::Motion;
 use crate::parameter::{ANGLE, CENTRE, OF_WHEEL, Quantity, RADIUS, ZERO, all};
@@ -17,7 +17,7 @@ const LEAST_S: f64 = 10.0;
 const LEAST_ZEROS_S: f64 = 1.0;
 /// Largest ratio of slip to rolling that bearings, rubber and encoders cause if the geometry is
 /// right.
-const ORDINARY: f64 = 5.0e-3;
+const ORDINARY: f64 = 0.01;
 /// Largest fraction of windows that fit to no geometry.
 const MOST_LEFT_OUT: f64 = 0.5;
 /// A parameter that is further from the drawing than so many usual deviations is no tolerance of
@@ -44,6 +44,8 @@ pub enum What {
 /// The geometry that a motion shows.
 #[derive(Debug, Clone)]
 pub struct Identified {
+    /// What was found: the zeros alone if the motion is too short for the geometry.
+    pub what: What,
     /// The wheels for the rig file, with inertias as drawn.
     pub wheels: Vec<WheelSpec>,
     /// Difference of each wheel's `zero_offset` from that of the rig file, rad.
@@ -185,6 +187,9 @@ fn listed(joints: &[usize]) -> String {
 /// Finds the geometry of the rig `rig`, as drawn, in recordings of the same rig. Calls `progress`
 /// with the number of the present step of the fit and the largest number of steps.
 ///
+/// If the motion is too short to show a geometry, but that of `rig` explains it, only the steering
+/// zeros are found.
+///
 /// # Errors
 /// Fails if the recordings show no geometry: too short, no motion, motors that push, or joints that
 /// contradict each other.
@@ -205,6 +210,11 @@ pub fn identify(
     }
     let step_s = motion.step_s * motion.hop() as f64;
     let moving_s = motion.moving().iter().filter(|moving| **moving).count() as f64 * step_s;
+    if what == What::Geometry && moving_s < least_s && moving_s >= LEAST_ZEROS_S {
+        // The geometry counts as right if it explains the motion.
+        let zeros = identify(rig, recordings, What::Zeros, progress);
+        return zeros.map_err(|_| Refusal::Short { moving_s, least_s });
+    }
     if moving_s < least_s {
         return Err(Refusal::Short { moving_s, least_s });
     }
@@ -214,15 +224,22 @@ pub fn identify(
     }
     let impossible = || Refusal::Illegal("the fit does not converge".to_owned());
     let free = if what == What::Zeros { Free::Zeros } else { Free::Geometry };
-    let fitted = fit(rig, &motion, free, progress).ok_or_else(impossible)?;
+    let begin = Begin { from: None, zero: ZERO };
+    let mut fitted = fit(rig, &motion, free, begin, progress).ok_or_else(impossible)?;
     check(rig, &fitted)?;
+    if what == What::Geometry && (0..rig.device.wheels().len()).all(|i| set_well(&fitted, i)) {
+        // Zeros that were set well say how the whole frame is turned, as the axes do.
+        let begin = Begin { from: Some(&fitted.unknowns), zero: ANGLE };
+        fitted = fit(rig, &motion, free, begin, progress).ok_or_else(impossible)?;
+    }
     let found = Built::new(rig, &fitted.unknowns)?;
     let mut values = values(rig, &fitted, &found, what)?;
     if what == What::Geometry {
-        values.extend(centre(rig, &motion, progress));
+        values.extend(centre(rig, &motion, &fitted, progress));
     }
     let drawn = crate::fit::share_as_drawn(rig, &motion);
     Ok(Identified {
+        what,
         wheels: found.wheels,
         zeros: found.zeros,
         values,
@@ -239,7 +256,7 @@ impl Identified {
     /// were seen. If it turned about all axes, returns all of them: it did not turn enough.
     #[must_use]
     pub fn missing(&self) -> Vec<usize> {
-        if self.values.iter().all(|value| value.seen || matches!(value.name, Name::Centre(_))) {
+        if self.what == What::Zeros || self.values.iter().all(|value| value.seen || matches!(value.name, Name::Centre(_))) {
             return Vec::new();
         }
         let most = self.turned.max_element();
@@ -282,6 +299,11 @@ fn check(rig: &Rig, fitted: &Fitted) -> Result<(), Refusal> {
         }
     }
     Ok(())
+}
+
+/// Returns whether the zero of a wheel is within usual tolerances of the drawing.
+fn set_well(fitted: &Fitted, wheel: usize) -> bool {
+    fitted.unknowns[OF_WHEEL * wheel + 2].abs() < 4.0 * ANGLE
 }
 
 fn turned(of: &[f64]) -> Mat3 {
@@ -404,8 +426,15 @@ fn values(rig: &Rig, fitted: &Fitted, found: &Built, what: What) -> Result<Vec<V
 
 /// Returns the offset of the sphere's centre. A rig file has no such key, and the loop computes
 /// without it, so the other parameters are those that fit best without it.
-fn centre(rig: &Rig, motion: &Motion, progress: &mut dyn FnMut(usize, usize)) -> Vec<Value> {
-    let Some(fitted) = fit(rig, motion, Free::GeometryAndCentre, progress) else { return Vec::new() };
+fn centre(
+    rig: &Rig,
+    motion: &Motion,
+    without: &Fitted,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Vec<Value> {
+    let free = Free::GeometryAndCentre;
+    let begin = Begin { from: Some(&without.unknowns), zero: ZERO };
+    let Some(fitted) = fit(rig, motion, free, begin, progress) else { return Vec::new() };
     all(rig.device.wheels().len())
         .enumerate()
         .filter_map(|(k, (wheel, quantity))| {

@@ -52,8 +52,16 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     let mut fitting = |step, most| news.tell(|| format!("fitting: step {step} of at most {most}"));
     let found = identify(&rig.rig, &recordings, what, &mut fitting)?;
     report(&rig, &recordings, &found)?;
+    if what != found.what {
+        let (warn, off) = (style::WARN, style::OFF);
+        say!(
+            "\n{warn}only the zeros are seen{off}: {:.1} s of motion are too short for the geometry. Turn for at least 10 s, better a \
+             minute, about n1, n2 and n3",
+            found.moving_s
+        )?;
+    }
     if let Some(file) = &args.out {
-        write(args.rig.as_deref(), &rig, &found, what, file)?;
+        write(args.rig.as_deref(), &rig, &found, file)?;
         say!("{}: written", file.display())?;
     }
     Ok(ExitCode::SUCCESS)
@@ -174,14 +182,13 @@ fn write(
     drawing: Option<&Path>,
     rig: &RigConfig,
     found: &Identified,
-    what: What,
     file: &Path,
 ) -> anyhow::Result<()> {
     let mut document = edit::open(drawing)?;
     for (i, wheel) in found.wheels.iter().enumerate() {
         let table = &mut document["wheel"][i];
         let zero = rig.zero_offsets[2 * i] + found.zeros[i];
-        if what == What::Geometry {
+        if found.what == What::Geometry {
             let length = axis_length(&table["axis"]);
             let axis: toml_edit::Array =
                 wheel.axis.to_array().iter().map(|x| rounded(length * x, 9)).collect();
