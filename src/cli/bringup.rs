@@ -1,7 +1,9 @@
 //! `hbot rig scan`, `hbot rig test` and `hbot rig calibrate`: a rig before any loop is closed over
-//! it. No server may hold its port meanwhile.
+//! it. No server may hold its port meanwhile. `hbot rig identify` evaluates recordings.
 
 mod calibrate;
+mod edit;
+mod identify;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -20,6 +22,7 @@ use serde_json::json;
 use super::out::{note, say};
 use super::style;
 pub(crate) use calibrate::{CalibrateArgs, run_calibrate};
+pub(crate) use identify::{IdentifyArgs, run_identify};
 
 /// The rig to work on.
 #[derive(Debug, Args)]

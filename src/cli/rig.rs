@@ -51,6 +51,9 @@ pub(crate) enum RigCommand {
     /// Find signs, steering zeros, wheel radii and cones while a person turns the sphere, with
     /// motors off
     Calibrate(bringup::CalibrateArgs),
+    /// Find the true axes, cones, toes, radii and zeros in recordings of a person who turns the
+    /// sphere, with motors off
+    Identify(bringup::IdentifyArgs),
 }
 
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
@@ -60,6 +63,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         RigCommand::Scan(args) => return bringup::run_scan(&args),
         RigCommand::Test(args) => return bringup::test(&args),
         RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
+        RigCommand::Identify(args) => return bringup::run_identify(&args),
     };
     let config = RigConfig::load(file.as_deref(), &[])?;
     if let Some(out) = &drawing {
