@@ -30,8 +30,10 @@ from .models import Model, Plane
 try:
     import mujoco
     import numpy as np
+
+    from . import turns
 except ImportError as error:
-    raise MissingExtra("hbot.mujoco needs MuJoCo: pip install 'hbot[mujoco]'") from error
+    raise MissingExtra.of("hbot.mujoco", "mujoco", error) from error
 
 if TYPE_CHECKING:
     from .events import State
@@ -113,7 +115,9 @@ class Hand:
         if self._kind == mujoco.mjtJoint.mjJNT_SLIDE:
             raise ValueError(f"the body {body!r} slides; legal: a hinge, a ball or a free joint")
         render = rig.info.render
-        stable, damping = (5.0, 0.02) if render is None else (render.stiffness_stable, render.damping)
+        stable, damping = (
+            (5.0, 0.02) if render is None else (render.stiffness_stable, render.damping)
+        )
         self.stiffness = stiffness if stiffness is not None else 0.5 * stable
         # Damping for each stiffness with which a spring is stable, and a third more, s.
         self._relaxation = 1.33 * damping / stable
@@ -216,16 +220,18 @@ class Hand:
         Returns the pull on the body and its error, N m and rad, in the world.
         """
         assert self._anchor is not None
-        turn = _log(_times(state.q, _conjugate(last.q)))
+        turn = turns.log(turns.times(state.q, turns.conjugate(last.q)))
         omega = np.array(state.omega)
         for step in range(max(steps, 0)):
+            # The body's pose and rate are those of this step only after its first half.
+            mujoco.mj_step1(self.model, data)
             pull, _ = self._pull(data, last.q, turn * (step / steps), omega, turned)
             data.xfrc_applied[self._body, 3:] = pull
             if self._kind == mujoco.mjtJoint.mjJNT_FREE:
                 data.xfrc_applied[self._body, :3] = self._hold(data)
-            mujoco.mj_step(self.model, data)
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
+            mujoco.mj_step2(self.model, data)
+        # Poses and contacts are those before the last step until they are computed anew.
+        mujoco.mj_fwdPosition(self.model, data)
         mujoco.mj_comVel(self.model, data)
         return self._pull(data, last.q, turn, omega, turned)
 
@@ -234,9 +240,9 @@ class Hand:
     ) -> tuple[Array, Array]:
         assert self._anchor is not None
         sphere, body = self._anchor
-        now = _times(_exp(turn if turned is None else turn + turned), q)
-        target = _times(_times(now, _conjugate(sphere)), body)
-        error = _log(_times(target, _conjugate(data.xquat[self._body])))
+        now = turns.times(turns.exp(turn if turned is None else turn + turned), q)
+        target = turns.times(turns.times(now, turns.conjugate(sphere)), body)
+        error = turns.log(turns.times(target, turns.conjugate(data.xquat[self._body])))
         rate = omega - data.cvel[self._body, :3]
         return self._spring * error + self._damper * rate, error
 
@@ -244,7 +250,7 @@ class Hand:
         """Return the force that holds a free body in its place, as stiff as the steps allow."""
         mass = float(self.model.body_mass[self._body])
         pace = float(np.sqrt(EXPLICIT)) / self.model.opt.timestep
-        velocity = data.qvel[self.model.jnt_dofadr[self._joint]:][:3]
+        velocity = data.qvel[self.model.jnt_dofadr[self._joint] :][:3]
         way = self._place - data.xpos[self._body]
         return mass * (pace**2 * way - pace * velocity - self.model.opt.gravity)
 
@@ -255,7 +261,10 @@ class Hand:
         gain, most = self._gain, self.stiffness
         free = axes.T @ axes
         found = sum(
-            (np.outer(gain * (copy - pull) / PROBE, axis) for axis, copy in zip(axes, copies, strict=True)),
+            (
+                np.outer(gain * (copy - pull) / PROBE, axis)
+                for axis, copy in zip(axes, copies, strict=True)
+            ),
             np.zeros((3, 3)),
         )
         found = free @ (0.5 * (found + found.T)) @ free
@@ -304,7 +313,7 @@ class Hand:
         for gap, normal in sorted(found, key=lambda item: item[0]):
             if len(kept) < 8 and all(float(normal @ other) < 0.95 for other in kept):
                 kept.append(normal)
-                offset = max(float(gap), 0.0) - float(error @ normal)
+                offset = float(gap) - float(error @ normal)
                 if abs(offset) < 3.0:
                     planes.append(
                         Plane(normal, offset, self.stiffness, self._relaxation * self.stiffness)
@@ -371,27 +380,3 @@ def run(
         hand.work,
         first.energy - newest.energy,
     )
-
-
-def _conjugate(q: Any) -> Array:
-    return np.array([q[0], -q[1], -q[2], -q[3]])
-
-
-def _times(a: Any, b: Any) -> Array:
-    result = np.zeros(4)
-    mujoco.mju_mulQuat(result, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
-    return result
-
-
-def _exp(turn: Array) -> Array:
-    angle = float(np.linalg.norm(turn))
-    result = np.zeros(4)
-    mujoco.mju_axisAngle2Quat(result, turn / angle if angle > 0.0 else np.array([1.0, 0, 0]), angle)
-    return result
-
-
-def _log(q: Array) -> Array:
-    """Return the shortest turn, a rotation vector, rad."""
-    result = np.zeros(3)
-    mujoco.mju_quat2Vel(result, q if q[0] >= 0.0 else -q, 1.0)
-    return result
