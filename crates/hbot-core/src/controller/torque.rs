@@ -120,10 +120,14 @@ impl Controller {
         self.rendered_motion = motion;
         self.rendered_stream = self.stream;
         self.stream.advance(tick, dt);
+        if !self.model.is_over() {
+            self.model.advance(tick, dt);
+        }
         let limits = self.rig.limits;
         let reach = limits.torque_rate * dt;
         if !ramped {
             self.blend = Blend::DONE;
+            self.model.rest();
             if let Some(lead) = &mut self.lead {
                 lead.rest();
             }
@@ -161,6 +165,8 @@ impl Controller {
             } else {
                 (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
             };
+            let (rendered, elastic) =
+                if self.model.is_over() { (rendered, elastic) } else { self.modelled(rendered, elastic, dt) };
             let most = match &mut self.falling {
                 Some(falling) => {
                     let stream = &self.stream;
@@ -231,11 +237,14 @@ impl Controller {
         let now = crate::safety::shaking::Moment {
             tick,
             omega: self.joints.omega,
-            energy: self.observer.energy(),
+            energy: self.observer.energy() - self.compensation.as_ref().map_or(0.0, |stage| stage.given()),
             period: self.rig.timing.period_s(),
             inertia: self.rig.device.sphere_inertia(),
         };
-        let reason = !self.stream.is_over() || self.renderer.is_led(scene) || self.machine.mode == Mode::Idle;
+        let reason = !self.stream.is_over()
+            || !self.model.is_over()
+            || self.renderer.is_led(scene)
+            || self.machine.mode == Mode::Idle;
         let gives = scene.effects().iter().filter(|effect| effect.kind.gives());
         let on_purpose = gives.fold(0, |bits, effect| bits | 1 << effect.slot);
         let (renderer, q) = (&self.renderer, self.orientation.q);
@@ -254,7 +263,8 @@ impl Controller {
     fn rendered_fading(&mut self, scene: &CompiledScene, tick: u64, dt: Real, before: Option<Vec3>) -> Asked {
         let (limits, stream) = (self.rig.limits, self.stream);
         let gain = self.machine.gain * self.shaking.gain();
-        let limit = |sum| stream.added_to(sum, limits.torque);
+        let modelled = (!self.model.is_over()).then(|| self.modelled(Vec3::ZERO, Vec3::ZERO, dt));
+        let limit = |sum| stream.added_to(modelled.map_or(sum, |(model, _)| sum + model), limits.torque);
         let moment = self.moment(tick, dt);
         let parts = self.renderer.parts(scene, &self.rendered_motion, moment, dt);
         let (torque, share) = parts.torque(0.0, limit);
@@ -266,7 +276,15 @@ impl Controller {
         if parts.is_over() {
             self.fades = Fades::Over;
         }
-        Asked { torque, share, offset, elastic: parts.elastic }
+        let elastic = modelled.map_or(parts.elastic, |(_, own)| parts.elastic + own);
+        Asked { torque, share, offset, elastic }
+    }
+
+    /// Returns `torque` and `elastic` plus those of the client's model in this tick, N m.
+    #[inline(never)]
+    fn modelled(&mut self, torque: Vec3, elastic: Vec3, dt: Real) -> (Vec3, Vec3) {
+        let (model, own) = self.model.render(self.rendered_motion, dt, self.rig.limits.torque);
+        (torque + model, elastic + own)
     }
 
     /// Returns the torque that `scene` would have made in the last tick, N m: at the motion of the
@@ -275,7 +293,11 @@ impl Controller {
     #[inline(never)]
     fn rendered_anew(&self, scene: &CompiledScene, tick: u64) -> Vec3 {
         let (mut renderer, motion) = (self.renderer.clone(), &self.rendered_motion);
-        let limit = |sum| self.rendered_stream.added_to(sum, self.rig.limits.torque);
+        let model = (!self.model.is_over()).then(|| self.model.last());
+        let limit = |sum| {
+            let sum = model.map_or(sum, |model| sum + model);
+            self.rendered_stream.added_to(sum, self.rig.limits.torque)
+        };
         let moment = self.moment(tick, 0.0);
         if self.fades == Fades::Unlimited {
             return limit(renderer.render_in_tick(scene, *motion, moment, |_, _| {})).0;
@@ -318,7 +340,10 @@ impl Controller {
     #[inline(never)]
     fn count(&mut self, scene: &CompiledScene, asked: &Asked, gain: Real, bound: Real, driving: Vec3) {
         let (Some(ledger), Some(guard)) = (&mut self.ledger, &mut self.guard) else { return };
-        let law = self.renderer.elastic_at(scene, self.orientation.q);
+        let mut law = self.renderer.elastic_at(scene, self.orientation.q);
+        if !self.model.is_over() {
+            law += self.model.elastic_at(self.orientation.q);
+        }
         let others = asked.torque / asked.share - asked.elastic;
         let (sum, share) = shortened(others + law, self.rig.limits.torque);
         let (_, kept) = shortened(sum * gain + asked.offset, bound);
@@ -425,7 +450,7 @@ impl Controller {
 
 /// Returns the largest t from 0 to 1 for which the length of `from + t * way` is at most `reach`.
 /// If there is none, returns the t for which the length is smallest.
-fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
+pub(super) fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
     let (a, b) = (way.length_squared(), from.dot(way));
     if !(a > 0.0) {
         return 1.0;
