@@ -1,9 +1,9 @@
 //! `hbot scene list`, `kinds`, `show`, `check`, `load` and `plot`.
 
 mod kinds;
-mod plot;
+pub(super) mod plot;
 mod shelf;
-mod sweep;
+pub(super) mod sweep;
 
 use std::ffi::OsStr;
 use std::io::ErrorKind;

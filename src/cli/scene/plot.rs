@@ -52,7 +52,7 @@ fn axis(text: &str) -> Result<Axis, String> {
 
 /// Parses the name of the picture. Other formats are refused, because the picture would still be
 /// SVG.
-fn svg(text: &str) -> Result<PathBuf, String> {
+pub(crate) fn svg(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
         Ok(path)
@@ -74,7 +74,7 @@ pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
     warn(&abilities.warnings(&scene))
 }
 
-pub(super) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
+pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
     refuse_folder(path, "a file for the picture")?;
     std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
 }

@@ -106,6 +106,8 @@ class State:
     """The last stream message that was accepted. None before the first."""
     timing: Timing
     """How long the parts of the tick took."""
+    hand: Vector | None = None
+    """Torque of the simulated hand on the sphere, N m. None if no hand holds it, or it is real."""
 
 
 @dataclass(frozen=True, slots=True)
