@@ -8,7 +8,7 @@ target="$PWD/${CARGO_TARGET_DIR:-target}"
 case ${CARGO_TARGET_DIR:-} in /*) target="$CARGO_TARGET_DIR" ;; esac
 export HBOT_PROGRAM="${HBOT_PROGRAM:-$target/debug/hbot}"
 if [ ! -x "$HBOT_PROGRAM" ]; then
-    cargo build --quiet --locked --workspace --bin hbot
+    cargo build --quiet --locked --workspace --features full --bin hbot
 fi
 python3 -c 'import ensurepip' 2>/dev/null || .ci/install.sh python3-venv
 command -v openssl >/dev/null || .ci/install.sh openssl

@@ -9,12 +9,12 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use hbot_config::{Override, RigConfig};
-use hbot_host::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
-use hbot_host::bringup::scan::scan;
-use hbot_host::bringup::{Bench, Interrupted, open};
 use hbot_host::bus::{Lag, field};
-use hbot_host::last_word::Program;
-use hbot_host::signals;
+use hbot_host::commission::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
+use hbot_host::commission::bringup::scan::scan;
+use hbot_host::commission::bringup::{Bench, Interrupted, open};
+use hbot_host::rig::last_word::Program;
+use hbot_host::run_loop::signals;
 use serde_json::json;
 
 use super::out::{note, say};

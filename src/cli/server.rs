@@ -9,16 +9,16 @@ use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::{Args, ValueEnum};
 use hbot_config::advice::Abilities;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig, SceneFile};
-use hbot_host::expectation::{self, Expectation};
-use hbot_host::last_word::Program;
-use hbot_host::signals;
-use hbot_host::stop_signal::StopSignal;
+use hbot_host::commission::expectation::{self, Expectation};
+use hbot_host::rig::last_word::Program;
+use hbot_host::run_loop::signals;
+use hbot_host::run_loop::stop_signal::StopSignal;
 use hbot_server::recording::{Limit, RecordOptions, is_file, unsuitable};
 use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
@@ -180,6 +180,12 @@ fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
         Some(path) => super::scene::scene(path)?,
         None => SceneFile::default_scene(),
     };
+    if args.metrics.is_some() {
+        hbot_server::metrics::built().context("--metrics")?;
+    }
+    if args.foxglove.is_some() {
+        hbot_server::live::built().context("--foxglove")?;
+    }
     let token = secrets::token(&rig)?;
     let metrics_token = match args.metrics {
         None => None,

@@ -116,7 +116,10 @@ fn a_web_port_for_other_machines_needs_a_token_and_encryption() {
     }
     run(&["server", "--web", "4269"]).failure().code(2).stderr(contains("such as 127.0.0.1:4269, or off"));
     for name in ["http://rig.local", "rig.local:4269", "", "a b", "*"] {
-        run(&["server", "--allowed-host", name]).failure().code(2).stderr(contains("without a scheme and a port"));
+        run(&["server", "--allowed-host", name])
+            .failure()
+            .code(2)
+            .stderr(contains("without a scheme and a port"));
     }
 }
 
@@ -246,6 +249,30 @@ fn an_accuracy_that_nothing_reaches_names_the_best() {
     run(&["server", "--accuracy-target", "1e-3", "--accuracy", "fast"])
         .failure()
         .stderr(contains("cannot be used with"));
+}
+
+#[test]
+fn a_command_that_hbot_calls_otherwise_is_named() {
+    for (words, command) in [
+        (&["load", "hinge"][..], "`hbot scene load NAME`"),
+        (&["list"], "`hbot scene list`"),
+        (&["start", "--port", "sim"], "`hbot server`"),
+        (&["status"], "`hbot info`"),
+        (&["check", "x.toml"], "`hbot rig check FILE`"),
+        (&["study", "accuracy", "--quick"], "`cargo run --release -p hbot-study -- accuracy --quick`"),
+    ] {
+        run(words).code(2).stderr(contains(command).and(contains("similar").not()));
+    }
+    // A mistyped word still gets the most similar command, and so does one after another command.
+    run(&["serer"]).code(2).stderr(contains("'server'"));
+    run(&["scene", "lod"]).code(2).stderr(contains("'load'"));
+}
+
+/// `cargo run server -- --help` passes the two dashes on.
+#[test]
+fn dashes_that_cargo_passes_on_are_skipped() {
+    run(&["server", "--", "--help"]).success().stdout(contains("--rig <FILE>"));
+    run(&["scene", "check", "--", "-nothing-"]).code(1).stderr(contains("-nothing-"));
 }
 
 #[test]

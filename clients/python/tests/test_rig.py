@@ -105,6 +105,21 @@ def test_states_become_arrays(rig: hbot.Rig) -> None:
     assert arrays["joint_angle"][-1, 3] == states[-1].joints[3].angle
 
 
+def test_printing_a_rig_says_what_it_is_and_does(rig: hbot.Rig) -> None:
+    assert str(rig) == "Hbot prototype (SIMULATED): idle, scene 'Spring'"
+    with rig.lease():
+        rig.load_scene("clay")
+        rig.estop()
+        assert str(rig) == "Hbot prototype (SIMULATED): estop, scene 'Clay'"
+        incident = rig.info.incident
+        assert incident is not None and incident.by is not None
+        assert incident.by.name == "me"
+        rig.reset()
+        assert rig.refresh().incident is None
+    rig.close()
+    assert str(rig) == "Hbot prototype (SIMULATED): idle, scene 'Clay'"
+
+
 def test_info_is_a_snapshot_until_it_is_refreshed(rig: hbot.Rig) -> None:
     before = rig.info
     with rig.lease():

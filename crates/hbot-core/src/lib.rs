@@ -16,8 +16,8 @@
 //! 4. [`allocation`]: finds joint torques within their limits for a torque on the sphere, and keeps
 //!    its direction.
 //! 5. [`motion`]: computes orientation and rates of the sphere from encoder counts.
-//! 6. [`design`]: the device and its rig, kinematics, margins to singularities. A design that exists
-//!    has been checked over all steer angles.
+//! 6. [`design`]: the device and its rig, kinematics, margins to singularities. A design that
+//!    exists has been checked over all steer angles.
 //! 7. [`rotation`]: exponential, logarithm and differences of unit quaternions.
 //!
 //! # Conventions

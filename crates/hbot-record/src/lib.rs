@@ -15,6 +15,7 @@ mod index;
 pub mod messages;
 pub mod public;
 pub mod reader;
+pub mod recover;
 pub mod replay;
 pub mod topic;
 pub mod writer;

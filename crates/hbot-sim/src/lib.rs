@@ -30,4 +30,5 @@ pub mod plant;
 pub mod pty;
 pub mod rig;
 pub mod served;
+mod shafts;
 pub mod socket;

@@ -32,8 +32,23 @@ impl Falling {
 
     /// Returns the largest torque of this tick, N m, at most `limit`. `sum` is the torque of scene
     /// and stream before the torque limit, and `reach` the largest change of torque in a tick.
-    #[inline(never)]
+    #[inline(always)]
     pub(crate) fn most(&mut self, sum: Vec3, reach: Real, limit: Real) -> Real {
+        let change = sum - self.last;
+        // The size of the torque times its fall in this tick.
+        let falls = -change.dot(sum);
+        if falls <= 0.5 * reach * reach {
+            // The torque is below the reach, or the fall below half of it. In the second case the
+            // bound below is more than the torque: the fall is at most as large again.
+            (self.last, self.change) = (sum, change);
+            return limit;
+        }
+        self.bound(sum, reach, limit)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn bound(&mut self, sum: Vec3, reach: Real, limit: Real) -> Real {
         let change = sum - self.last;
         let before = core::mem::replace(&mut self.change, change);
         self.last = sum;
@@ -44,9 +59,6 @@ impl Falling {
         }
         let size = sqrt(size2);
         let fall = -change.dot(sum) / size;
-        if !(fall > 0.0) {
-            return limit;
-        }
         // The change of the fall in a tick. It is no more than the fall itself, so that the end of
         // a step is not taken for the top of a parabola.
         let more = ((before - change).dot(sum) / size).clamp(0.0, fall);
