@@ -1,4 +1,5 @@
-//! `hbot hand`: lets the hand of a simulated rig turn the sphere, and shows the torque that it feels.
+//! `hbot hand`: lets the hand of a simulated rig turn the sphere, and shows the torque that it
+//! feels.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

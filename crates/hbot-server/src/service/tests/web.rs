@@ -1,5 +1,5 @@
-//! Tests of the web port: the page, and the API over WebSocket, with the clients that a browser or an
-//! attacker can be.
+//! Tests of the web port: the page, and the API over WebSocket, with the clients that a browser or
+//! an attacker can be.
 
 use hbot_api::Encoding;
 use tokio_tungstenite::tungstenite::client::{IntoClientRequest as _, client};
