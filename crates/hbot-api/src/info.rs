@@ -5,6 +5,7 @@
 
 use crate::finite;
 use crate::names::names;
+use crate::{FaultEvent, Mode};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -48,6 +49,13 @@ pub struct InfoOk {
     pub capability: Option<[f64; 3]>,
     /// The client that holds the lease. `None` if the server does not send this field.
     pub lease: Option<LeaseInfo>,
+    /// Mode of the rig in the newest tick. `None` before the first tick, or if the server does not
+    /// send this field.
+    pub mode: Option<Mode>,
+    /// The event of the fault or the emergency stop in which the rig is now: its cause in words,
+    /// and who stopped it. `None` in other modes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub incident: Option<FaultEvent>,
 }
 
 /// Description of the rig: its sphere, wheels and tick rate.

@@ -58,6 +58,11 @@ pub struct StateEvent {
     pub hand: Option<[f64; 3]>,
     /// Lateness, computing time and other times of the tick.
     pub timing: StateTiming,
+    /// Standard deviations of the error of `q` about the axes of frame N (fixed in space), rad, as
+    /// the server estimates them. `None` until a measurement with a sigma has been taken (op
+    /// `align` or `align_direction`).
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional_array")]
+    pub orientation_sigma: Option<[f64; 3]>,
 }
 
 /// Creates the state of a rig about which nothing is known: unreferenced, at the identity
@@ -81,6 +86,7 @@ impl Default for StateEvent {
             client: None,
             hand: None,
             timing: StateTiming::default(),
+            orientation_sigma: None,
         }
     }
 }

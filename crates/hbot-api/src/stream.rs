@@ -106,6 +106,8 @@ pub struct HandHold {
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "finite::optional")]
     pub inertia: Option<f64>,
 }
+/// Smallest standard deviation of a measured angle, rad.
+pub const MIN_SIGMA: f64 = 1.0e-5;
 
 /// The sphere's orientation as measured from outside, for example by a camera. The server uses it
 /// to correct the drift of the orientation that it computes from the joints.
@@ -114,9 +116,35 @@ pub struct Align {
     /// Measured orientation as a unit quaternion `[w, x, y, z]`.
     #[serde(serialize_with = "finite::array")]
     pub q: [f64; 4],
-    /// Fraction of the difference to correct: from 0, which only records the measurement, to 1.
+    /// Fraction of the difference to correct: from 0, which only records the measurement, to 1. With
+    /// `sigma`, its variances are divided by the weight.
     #[serde(serialize_with = "finite::scalar")]
     pub weight: f64,
+    /// Standard deviations of the error of `q` about the axes of frame N (fixed in space), rad, each
+    /// [`MIN_SIGMA`] to pi. The server then weighs the measurement by them and by its own
+    /// uncertainty, and does not use one that is too far away. `None`: `weight` alone decides.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional_array")]
+    pub sigma: Option<[f64; 3]>,
+    /// Time of the measurement, s, on the same clock as the `t` of state messages. Default: the
+    /// time of arrival at the server.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional")]
+    pub t: Option<f64>,
+}
+
+/// A direction of the sphere as measured from outside or by a sensor in the sphere, for example
+/// that of gravity. It corrects the orientation except for the turn around the direction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AlignDirection {
+    /// The direction in the sphere's axes, a unit vector.
+    #[serde(serialize_with = "finite::array")]
+    pub body: [f64; 3],
+    /// The same direction in frame N (fixed in space), a unit vector.
+    #[serde(serialize_with = "finite::array")]
+    pub world: [f64; 3],
+    /// Standard deviation of the error about each axis across the direction, rad, [`MIN_SIGMA`] to
+    /// pi.
+    #[serde(serialize_with = "finite::scalar")]
+    pub sigma: f64,
     /// Time of the measurement, s, on the same clock as the `t` of state messages. Default: the
     /// time of arrival at the server.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional")]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from .events import Vector
+from .events import FaultEvent, Mode
+from .vectors import Vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,3 +295,13 @@ class Info:
     """What each fault means, and what to do about it."""
     warnings: tuple[str, ...] = ()
     """Warnings about the running scene, as in the answer to `load_scene`."""
+    mode: Mode | None = None
+    """Mode of the rig in the newest tick. None before the first."""
+    incident: FaultEvent | None = None
+    """The fault or the emergency stop in which the rig is now. None in other modes."""
+
+    def __str__(self) -> str:
+        """Say the rig's name, whether its motors can push, its mode and its scene."""
+        kind = "SIMULATED" if self.rig.simulated else "LIVE"
+        scene = self.scene.get("name")
+        return f"{self.rig.name} ({kind}): {self.mode or 'mode not known'}, scene {scene!r}"

@@ -27,6 +27,7 @@ use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 
 use crate::background;
+use crate::not_built::NotBuilt;
 use crate::recording::{Counts, SceneNote};
 use crate::web::{AllowedHosts, WebOptions};
 
@@ -72,6 +73,14 @@ pub(crate) struct Feed {
     messages: broadcast::Sender<Message>,
     scene: watch::Sender<Option<Message>>,
     encoder: Encoder,
+}
+
+/// Succeeds, because this build has live viewers.
+///
+/// # Errors
+/// Fails in a build without the feature `live`.
+pub const fn built() -> Result<(), NotBuilt> {
+    Ok(())
 }
 
 /// Starts the thread that serves viewers at `port`. `joints` are the names of the joints, in

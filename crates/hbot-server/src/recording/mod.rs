@@ -30,8 +30,8 @@ use std::time::Duration;
 use hbot_api::Event;
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Controller};
-use hbot_host::clock::Origin;
-use hbot_host::engine::Recorder;
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::engine::Recorder;
 use hbot_record::About;
 
 use crate::live;
@@ -74,6 +74,7 @@ pub(crate) struct Counts {
 
 impl Counts {
     /// Counts messages that a live viewer did not get.
+    #[cfg(feature = "live")]
     pub(crate) fn drop_for_viewer(&self, messages: u64) {
         self.viewers_dropped.fetch_add(messages, Ordering::Relaxed);
     }

@@ -8,6 +8,7 @@
 //! | [`Orders`] | orders to the loop that are not answered yet, and who asked for them |
 //! | [`SceneHand`] | the simulated hand |
 //! | [`Scenes`] | the running scene, and scenes that are being loaded |
+//! | [`Models`] | which local models of clients the rig keeps stable |
 //! | [`Incidents`] | faults and stops, as seen in samples |
 //! | [`Flights`] | flight logs |
 //! | [`Stats`] | histograms and counters |
@@ -34,6 +35,7 @@ use super::hand::SceneHand;
 use super::incidents::Incidents;
 use super::info::{Clock, Info};
 use super::lease::Lease;
+use super::models::Models;
 use super::orders::{Asker, Orders};
 use super::peer::{Peer, ServicePort};
 use super::publisher::Publisher;
@@ -44,10 +46,16 @@ use super::strangers::WrongTokens;
 use super::{Bounds, ServiceSetup, Status};
 use crate::tls::Encryption;
 use hbot_core::MAX_JOINTS;
-use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
 use hbot_host::bus::Telemetry;
-use hbot_host::controllers::Controllers;
-use hbot_host::sample::Sample;
+use hbot_host::rig::controllers::Controllers;
+use hbot_host::run_loop::bridge::{Bell, Busy, EmergencyStop, ServiceEnd};
+use hbot_host::run_loop::sample::Sample;
+
+/// The service's own orders when a client loses the lease, as the log names them.
+const CLIENT_LOST: &str = "client lost";
+const LEASE_STOLEN: &str = "lease stolen";
+const LEASE_RELEASED: &str = "lease released";
+const LEASE_LOST: [&str; 3] = [CLIENT_LOST, LEASE_STOLEN, LEASE_RELEASED];
 
 /// The reason why a connection has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,6 +95,7 @@ pub(super) struct Hub {
     lease: Lease,
     orders: Orders,
     scenes: Scenes,
+    models: Models,
     incidents: Incidents,
     shakes: Shakes,
     hand: SceneHand,
@@ -145,6 +154,7 @@ impl Hub {
             lease: Lease::default(),
             orders: Orders::default(),
             scenes: Scenes::new(scene, phenomena, &rig, notes.clone(), Arc::clone(&changed)),
+            models: Models::new(&rig),
             incidents,
             shakes: Shakes::default(),
             hand: SceneHand::new(hand),
@@ -313,7 +323,7 @@ impl Hub {
         }
         if self.lease.is_held_by(session) {
             let policy = self.rig.api.on_client_lost;
-            self.order_internally("client lost", Command::ClientLost(policy));
+            self.order_internally(CLIENT_LOST, Command::ClientLost(policy));
             self.lease.free(session);
             self.incidents.lost(by.clone());
             self.lease_changed(LeaseCause::Disconnected, by);
@@ -337,7 +347,13 @@ impl Hub {
     /// # Errors
     /// Fails if too many orders are pending.
     fn order(&mut self, session: u64, id: Option<Id>, op: OpName, command: Command) -> Result<(), ErrorBody> {
-        self.orders.place(&mut self.end, session, id, op, command).map_err(|_| {
+        let placed = self.orders.place(&mut self.end, session, id, op, command);
+        self.placed(session, op, placed)
+    }
+
+    /// Notes that an order of a client waits for its answer.
+    fn placed(&mut self, session: u64, op: OpName, placed: Result<(), Busy>) -> Result<(), ErrorBody> {
+        placed.map_err(|_| {
             ErrorBody::new(
                 ErrorCode::Busy,
                 format!("op {op}: the loop has not yet taken what it was given before"),
@@ -360,10 +376,10 @@ impl Hub {
         }
         match cause {
             LeaseCause::Stolen => {
-                self.order_internally("lease stolen", Command::ClientLost(OnClientLost::Ramp));
+                self.order_internally(LEASE_STOLEN, Command::ClientLost(OnClientLost::Ramp));
             }
             LeaseCause::Released => {
-                self.order_internally("lease released", Command::ClientLost(OnClientLost::Ramp));
+                self.order_internally(LEASE_RELEASED, Command::ClientLost(OnClientLost::Ramp));
             }
             // For a lost client, the policy of the rig file has been ordered already.
             LeaseCause::Acquired | LeaseCause::Disconnected => {}

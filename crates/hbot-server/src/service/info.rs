@@ -1,8 +1,8 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    ClockInfo, EnergyInfo, Fault, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, Mode,
-    ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClockInfo, EnergyInfo, Fault, FaultEvent, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
+    Mode, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::{Listed, SHELF};
@@ -13,14 +13,28 @@ use serde_json::Value;
 
 use super::convert;
 use hbot_config::advice::{RatePick, StiffnessBound, ToldLoop, USUAL_DAMPING};
-use hbot_host::clock::Origin;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::sample::Sample;
 
 /// The parts of the answer to `info` that do not change while the server runs.
 pub(super) struct Info {
     fixed: InfoOk,
     limits: JointLimits,
     clock: Clock,
+}
+
+/// The parts of the answer to `info` that change while the server runs.
+pub(super) struct Now<'a> {
+    /// The running scene.
+    pub(super) scene: Value,
+    /// The warnings about it.
+    pub(super) warnings: Vec<String>,
+    /// The newest sample of the loop, if there is one.
+    pub(super) sample: Option<&'a Sample>,
+    /// The lease and its holder.
+    pub(super) lease: LeaseInfo,
+    /// The fault or stop in which the rig is now.
+    pub(super) incident: Option<FaultEvent>,
 }
 
 /// How the time of the loop relates to the clocks of the system.
@@ -63,15 +77,9 @@ impl Info {
     }
 
     /// Returns the complete answer to `info`. The largest torque about each axis is computed for
-    /// the posture in `sample`, and is absent without a sample. The running scene comes with the
-    /// warnings about it.
-    pub(super) fn answer(
-        &self,
-        config: &RigConfig,
-        (scene, warnings): (Value, Vec<String>),
-        sample: Option<&Sample>,
-        lease: LeaseInfo,
-    ) -> InfoOk {
+    /// the posture in the sample, and is absent without a sample.
+    pub(super) fn answer(&self, config: &RigConfig, now: Now<'_>) -> InfoOk {
+        let Now { scene, warnings, sample, lease, incident } = now;
         let capability = sample.map(|sample| {
             let device = &config.rig.device;
             let mut steering = [0.0; MAX_WHEELS];
@@ -82,7 +90,17 @@ impl Info {
             Vec3::AXES.map(|axis| capability(posture.rows(), &self.limits, axis))
         });
         let clock = Some(self.clock.at(sample, config.rig.timing.period_ns));
-        InfoOk { clock, scene, warnings, capability, lease: Some(lease), ..self.fixed.clone() }
+        let mode = sample.map(|sample| convert::mode(sample.state.mode));
+        InfoOk {
+            clock,
+            scene,
+            warnings,
+            capability,
+            lease: Some(lease),
+            mode,
+            incident,
+            ..self.fixed.clone()
+        }
     }
 }
 
@@ -207,7 +225,7 @@ fn joint_limits(config: &RigConfig) -> JointLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_host::sample::Counters;
+    use hbot_host::run_loop::sample::Counters;
 
     #[test]
     fn the_origin_moves_by_the_ticks_for_which_the_time_has_waited() {

@@ -43,6 +43,7 @@ mod hub;
 mod incidents;
 mod info;
 mod lease;
+mod models;
 mod orders;
 mod outbox;
 mod peer;
@@ -78,10 +79,10 @@ pub(crate) use self::strangers::too_few_descriptors;
 use crate::recording::Notes;
 use crate::tls::Encryption;
 use crate::web::WebOptions;
-use hbot_host::bridge::ServiceEnd;
-use hbot_host::clock::Origin;
-use hbot_host::controllers::Controllers;
-use hbot_host::sample::Sample;
+use hbot_host::rig::controllers::Controllers;
+use hbot_host::run_loop::bridge::ServiceEnd;
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::sample::Sample;
 
 /// A function that gives the simulated rig the phenomena of a scene.
 pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;
@@ -111,7 +112,7 @@ pub struct ServiceSetup {
     pub origin: Origin,
     /// Whether the loop's time waits instead of skipping ticks ([`Host::time_waits`]).
     ///
-    /// [`Host::time_waits`]: hbot_host::host::Host::time_waits
+    /// [`Host::time_waits`]: hbot_host::rig::host::Host::time_waits
     pub time_waits: bool,
     /// Passes scenes and events to the recorder.
     pub(crate) notes: Notes,

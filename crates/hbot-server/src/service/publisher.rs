@@ -12,7 +12,8 @@ use tokio::time::Instant;
 use super::convert;
 use super::peer::{Frames, Peer, ServicePort};
 use crate::recording::Notes;
-use hbot_host::sample::Sample;
+use hbot_core::outputs::TakenStream;
+use hbot_host::run_loop::sample::Sample;
 
 /// All connected clients, and the messages to them.
 pub(super) struct Publisher {
@@ -23,12 +24,22 @@ pub(super) struct Publisher {
     /// for its messages.
     state: Event,
     frames: Frames,
+    /// The last stream message of an earlier holder of the lease: its number, and the tick from
+    /// which its age counts. States do not report it.
+    foreign_stream: Option<(Option<u64>, u64)>,
     /// Clients that must be disconnected, because their queue had no room for a message.
     doomed: Vec<u64>,
     /// Wakes the service's task when the number of subscribers may have changed.
     changed: Arc<Notify>,
     /// Passes events to the recorder.
     notes: Notes,
+}
+
+/// Returns what tells the last stream message that the loop has accepted from any other: its
+/// number, and the tick from which its age counts.
+fn stream(sample: &Sample) -> Option<(Option<u64>, u64)> {
+    let TakenStream { seq, age_ticks } = sample.state.client?;
+    Some((seq, sample.state.tick.wrapping_sub(age_ticks)))
 }
 
 impl Publisher {
@@ -38,6 +49,7 @@ impl Publisher {
             subscribers: 0,
             state: Event::State(StateEvent::default()),
             frames: Frames::default(),
+            foreign_stream: None,
             doomed: Vec::new(),
             changed,
             notes,
@@ -133,12 +145,18 @@ impl Publisher {
         self.subscribers > 0
     }
 
+    /// Leaves the last stream message that the loop has accepted until `sample` out of all states,
+    /// because its client has lost the lease.
+    pub(super) fn forget_stream(&mut self, sample: &Sample) {
+        self.foreign_stream = stream(sample);
+    }
+
     /// Sends a state to the clients that are subscribed to this tick. `hand` returns the torque of
     /// the simulated hand, N m, if there is one. Returns how many clients did not get the state
     /// because they read too slowly.
     pub(super) fn publish(&mut self, sample: &Sample, hand: impl Fn() -> Option<[f64; 3]>) -> u64 {
         let (mut filled, mut dropped) = (false, 0);
-        let Self { peers, state, frames, .. } = self;
+        let Self { peers, state, frames, foreign_stream, .. } = self;
         frames.clear();
         for peer in peers.values_mut().filter(|peer| peer.wants(sample.state.tick)) {
             if !peer.outbox.takes_samples() {
@@ -151,6 +169,9 @@ impl Publisher {
                 if let Event::State(event) = state {
                     convert::fill(event, sample);
                     event.hand = hand();
+                    if foreign_stream.is_some() && stream(sample) == *foreign_stream {
+                        event.client = None;
+                    }
                 }
             }
             if let Some(event) = peer.dropped_event() {

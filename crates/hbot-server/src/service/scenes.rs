@@ -15,8 +15,8 @@ use tokio::task::{JoinError, JoinSet};
 use super::{SetPhenomena, cost};
 use crate::recording::Notes;
 use hbot_config::advice::Abilities;
-use hbot_host::bridge::ServiceEnd;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::bridge::ServiceEnd;
+use hbot_host::run_loop::sample::Sample;
 
 /// Largest number of scenes that are being loaded at a time.
 const MAX_LOADING: usize = 4;
@@ -370,7 +370,7 @@ fn shortened(mut message: String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_host::bridge::bridge;
+    use hbot_host::run_loop::bridge::bridge;
 
     #[tokio::test]
     async fn a_scene_is_answered_once_it_is_rendered_and_measured() {

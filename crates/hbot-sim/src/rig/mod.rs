@@ -18,6 +18,7 @@ use crate::impairment::Impairment;
 use crate::phenomena::{Hand, Link, Phenomena, of_plant};
 use crate::plant::Load as _;
 use crate::plant::{Dynamics, JointTorques, PlantState};
+use crate::shafts::{MAX_COGGING_STEP_NS, Shafts};
 
 /// Longest step of a nonsmooth plant (one that sticks, slips or has play), ns.
 ///
@@ -43,6 +44,11 @@ pub struct SimulatedRig {
     /// Where the hand's torque is told to other threads, if any of them asks.
     hand_torque: Option<HandTorque>,
     line: Option<Box<Impairment>>,
+    /// What torque constants and cogging make of the controllers' torques. `None` if motors are
+    /// ideal in this respect.
+    shafts: Option<Box<Shafts>>,
+    /// Gear ratio of each joint.
+    gears: [f64; MAX_JOINTS],
     external: Vec3,
     controllers: SimulatedControllers,
     /// The byte that ends a frame on the line.
@@ -83,6 +89,8 @@ impl SimulatedRig {
             grip: None,
             hand_torque: None,
             line: None,
+            shafts: None,
+            gears: core::array::from_fn(|j| config.joints.get(j).map_or(1.0, |joint| joint.gear)),
             external: Vec3::ZERO,
             controllers,
             frame_end: frame_end(config.line.protocol),
@@ -222,13 +230,19 @@ impl SimulatedRig {
         if ns == 0 {
             return;
         }
-        let longest = if self.dynamics.is_nonsmooth() { MAX_NONSMOOTH_STEP_NS } else { u64::MAX };
+        let mut longest = if self.dynamics.is_nonsmooth() { MAX_NONSMOOTH_STEP_NS } else { u64::MAX };
+        if self.shafts.as_ref().is_some_and(|shafts| shafts.cog()) {
+            longest = longest.min(MAX_COGGING_STEP_NS);
+        }
         let steps = ns.div_ceil(self.max_step_ns.min(longest));
         let h = ns as f64 / 1.0e9 / steps as f64;
         let start = self.simulated_s();
         for i in 0..steps {
-            let Self { dynamics, state, controllers, grip, .. } = self;
-            let tau = controllers.drive(h, || dynamics.encoder_rates(state));
+            let Self { dynamics, state, controllers, grip, shafts, .. } = self;
+            let mut tau = controllers.drive(h, || dynamics.encoder_rates(state));
+            if let Some(shafts) = shafts {
+                tau = shafts.act(&tau, h, &dynamics.encoder_angles(state), &dynamics.encoder_rates(state));
+            }
             let motion = |state| (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
             let before = controllers.filters().then(|| motion(state));
             dynamics.step(state, start + i as f64 * h, h, &tau, self.external, grip.as_ref());
@@ -270,11 +284,21 @@ impl SimulatedRig {
         self.dynamics.encoder_rates(&self.state)
     }
 
-    /// Returns the torques that the motors give now, in N m. A positive torque acts in the joint's
-    /// positive direction.
+    /// Returns the torques that the motors give now, in N m, without those of cogging and of torque
+    /// constants that differ. A positive torque acts in the joint's positive direction.
     #[must_use]
     pub fn joint_torque(&self) -> &JointTorques {
         self.controllers.torque()
+    }
+
+    /// Returns the torques that the motors give now, in N m, with those of cogging and of torque
+    /// constants that differ. A positive torque acts in the joint's positive direction.
+    #[must_use]
+    pub fn shaft_torque(&self) -> JointTorques {
+        let tau = self.controllers.torque();
+        let Some(shafts) = &self.shafts else { return *tau };
+        let angles = self.dynamics.encoder_angles(&self.state);
+        shafts.act(tau, 0.0, &angles, &[0.0; MAX_JOINTS])
     }
 
     /// Returns the plant, including the hand's inertia if a hand holds the sphere.
@@ -310,6 +334,7 @@ impl SimulatedRig {
             self.dynamics.set_phenomena(&phenomena, &self.state);
         }
         self.controllers.set_motor(phenomena.motor);
+        self.shafts = Shafts::new(&phenomena, &self.gears);
         self.set_link(phenomena.link);
         self.set_hand(phenomena.hand);
     }

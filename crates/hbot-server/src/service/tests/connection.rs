@@ -12,8 +12,8 @@ use super::super::hub::Hub;
 use super::super::outbox::outbox;
 use super::super::peer::Peer;
 use super::*;
-use hbot_host::bridge::LoopEnd;
-use hbot_host::clock::Origin;
+use hbot_host::run_loop::bridge::LoopEnd;
+use hbot_host::run_loop::clock::Origin;
 
 /// Capacity of the pipe between a client and the service, bytes.
 const PIPE: usize = 128 * 1024;
