@@ -18,7 +18,7 @@ export class Server {
   static async start(hbot, ports = { listen: "127.0.0.1:0", web: "127.0.0.1:0" }) {
     const server = new Server();
     server.process = spawn(hbot, ["server", "--port", "sim", "--listen", ports.listen, "--web", ports.web], {
-      stdio: ["ignore", "pipe", "inherit"],
+      stdio: ["ignore", "pipe", "ignore"],
     });
     // Also if a check fails, and while the server is held.
     process.on("exit", () => server.kill());
