@@ -2,7 +2,7 @@
 
 mod kinds;
 mod new;
-mod plot;
+pub(super) mod plot;
 mod shelf;
 mod sweep;
 

@@ -1,4 +1,5 @@
-//! What a terminal of 80 columns and 24 lines shows: no line is wider than it, and no word is broken.
+//! What a terminal of 80 columns and 24 lines shows: no line is wider than it, and no word is
+//! broken.
 
 use std::fs::File;
 use std::io::Read as _;

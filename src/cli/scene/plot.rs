@@ -66,7 +66,7 @@ fn degrees(text: &str) -> Result<f64, String> {
 
 /// Parses the name of the picture. Other formats are refused, because the picture would still be
 /// SVG.
-fn svg(text: &str) -> Result<PathBuf, String> {
+pub(crate) fn svg(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
         Ok(path)
@@ -90,13 +90,13 @@ pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
     warn(&abilities.warnings(&scene))
 }
 
-/// Returns the file for the picture of a scene if the user names none: in this folder, with the name
-/// of the scene's file.
+/// Returns the file for the picture of a scene if the user names none: in this folder, with the
+/// name of the scene's file.
 fn here(scene: &Path) -> PathBuf {
     Path::new(scene.file_name().unwrap_or_default()).with_extension("svg")
 }
 
-pub(super) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
+pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
     refuse_folder(path, "a file for the picture")?;
     std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
 }
@@ -104,8 +104,8 @@ pub(super) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
 /// The angles of a whole turn, degrees.
 pub(super) const WHOLE_TURN: Range<f64> = -180.0..180.0;
 
-/// Returns the picture of a scene as SVG, for angles in the range `angles`, degrees. A torque beyond
-/// the limit of the rig is hatched.
+/// Returns the picture of a scene as SVG, for angles in the range `angles`, degrees. A torque
+/// beyond the limit of the rig is hatched.
 pub(super) fn draw(scene: &SceneFile, axes: &[Axis], angles: Range<f64>, abilities: &Abilities) -> String {
     let probe = Probe::new(scene);
     let parts = probe.parts();

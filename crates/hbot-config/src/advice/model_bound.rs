@@ -281,7 +281,9 @@ mod tests {
                 let part = bound.softened(&at(2.0)).expect("softer");
                 assert!((part - 0.5).abs() < 1e-3, "{part}");
             }
-            assert!(bound.check(&model(Mat3::ZERO, Mat3::IDENTITY * (1.1 * springs.most_damping()))).is_err());
+            assert!(
+                bound.check(&model(Mat3::ZERO, Mat3::IDENTITY * (1.1 * springs.most_damping()))).is_err()
+            );
             assert_eq!(bound.check(&LocalModel::NONE), Ok(()));
         }
     }
@@ -328,7 +330,8 @@ mod tests {
 
     #[test]
     fn eigenvalues_and_eigenvectors_are_those_of_the_matrix() {
-        for values in [[1.0, 2.0, 3.0], [5.0, 5.0, 1.0], [2.0, 2.0, 2.0], [1.0, 0.0, 0.0], [-1.0, -2.0, 4.0]] {
+        for values in [[1.0, 2.0, 3.0], [5.0, 5.0, 1.0], [2.0, 2.0, 2.0], [1.0, 0.0, 0.0], [-1.0, -2.0, 4.0]]
+        {
             let m = diagonal(Vec3::new(0.4, -1.0, 0.7), values);
             let largest = values.into_iter().fold(f64::MIN, f64::max);
             assert!((largest_eigenvalue(&m) - largest).abs() < 1e-12, "{values:?}");

@@ -18,8 +18,8 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 
 use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
-use tokio_tungstenite::tungstenite::handshake::server::Request;
-use tokio_tungstenite::tungstenite::http::{HeaderName, HeaderValue, Response, StatusCode};
+use tungstenite::handshake::server::Request;
+use tungstenite::http::{HeaderName, HeaderValue, Response, StatusCode};
 
 pub use self::allowed::AllowedHosts;
 use self::allowed::Door;
@@ -89,6 +89,7 @@ pub(crate) async fn visit<S: AsyncRead + AsyncWrite + Unpin>(
 ///
 /// # Errors
 /// Fails if the connection fails, or ends before the request does.
+#[cfg_attr(not(feature = "live"), allow(dead_code, reason = "only live viewers call it"))]
 pub(crate) async fn upgrade<S: AsyncRead + AsyncWrite + Unpin>(
     stream: &mut S,
     check: impl FnOnce(&Request) -> Result<Option<(HeaderName, HeaderValue)>, Refusal>,
