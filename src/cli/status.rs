@@ -116,7 +116,8 @@ fn pair(d: &Distribution) -> String {
 
 #[cfg(test)]
 mod tests {
-    use hbot_core::{CompiledScene, Controller, Inputs, MAX_COMMANDS};
+    use hbot_core::inputs::MAX_COMMANDS;
+    use hbot_core::{CompiledScene, Controller, Inputs};
     use hbot_host::sample::{Counters, Sample, TickTiming};
 
     use super::*;
