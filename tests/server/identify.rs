@@ -17,7 +17,8 @@ use predicates::str::contains;
 use crate::process::hbot;
 
 /// A hand that turns the sphere about all axes, and no effect: the motors rest.
-const HAND: &str = "name = \"a hand\"\n[simulate.hand]\nstiffness = 30\ndamping = 0.3\namplitude = 2.0\nrate = 0.3\n";
+const HAND: &str =
+    "name = \"a hand\"\n[simulate.hand]\nstiffness = 30\ndamping = 0.3\namplitude = 2.0\nrate = 0.3\n";
 const DRAWING: &str = include_str!("../../rigs/prototype.toml");
 
 /// The prototype as it came out of the workshop.
@@ -33,10 +34,13 @@ fn built() -> String {
         ("radius = 0.0155    #", "radius = 0.01541   #"),
     ]
     .into_iter()
-    .fold(DRAWING.replace("zero = \"assume\" ", "zero_offset = 0.0083\nzero = \"assume\" "), |text, (old, new)| {
-        assert!(text.contains(old), "the prototype's file has no {old:?}");
-        text.replacen(old, new, 1)
-    })
+    .fold(
+        DRAWING.replace("zero = \"assume\" ", "zero_offset = 0.0083\nzero = \"assume\" "),
+        |text, (old, new)| {
+            assert!(text.contains(old), "the prototype's file has no {old:?}");
+            text.replacen(old, new, 1)
+        },
+    )
 }
 
 fn run(folder: &Path, args: &str) -> Assert {
@@ -93,7 +97,9 @@ fn a_rig_that_is_not_as_drawn_is_identified_and_then_drifts_less() {
     std::fs::write(folder.join("hand.toml"), HAND).expect("written");
     record(folder, "drawing.toml", 60, "run.mcap");
     run(folder, "rig identify --rig drawing.toml run.mcap --out fitted.toml").success().stdout(
-        contains("wheel A cone rad").and(contains("fitted.toml: written")).and(contains("not everything").not()),
+        contains("wheel A cone rad")
+            .and(contains("fitted.toml: written"))
+            .and(contains("not everything").not()),
     );
     let text = std::fs::read_to_string(folder.join("fitted.toml")).expect("written");
     assert!(text.contains("# rad, table I (10 degrees)"), "comments stay:\n{text}");
@@ -128,7 +134,10 @@ fn a_rig_that_cannot_be_built_is_refused() {
     };
     refused("--built true.toml --port /dev/ttyACM9", "/dev/ttyACM9 is a real rig, which is built as it is");
     refused("--built three.toml", "the rig has 2 wheels, the one that it is built as has 3");
-    refused("--built coarse.toml", "wheel[0].steer: the rig counts 16384 a turn, the one that it is built as 4096");
+    refused(
+        "--built coarse.toml",
+        "wheel[0].steer: the rig counts 16384 a turn, the one that it is built as 4096",
+    );
     refused("--built nowhere.toml", "nowhere.toml");
     // In wall-clock time, too, and with an own pseudo-terminal.
     run(folder, "server --listen 127.0.0.1:0 --duration 0.2 --built true.toml").success();

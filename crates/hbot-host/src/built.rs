@@ -1,5 +1,5 @@
-//! A simulated rig that is not as its drawing: the plant is built from another rig file than the one
-//! that the loop believes.
+//! A simulated rig that is not as its drawing: the plant is built from another rig file than the
+//! one that the loop believes.
 
 use hbot_config::RigConfig;
 use hbot_sim::controller::{Lags, SimulatedJoint};
@@ -21,7 +21,9 @@ pub enum Mismatch {
         port: String,
     },
     /// The two files have different numbers of wheels.
-    #[error("the rig has {believed} wheels, the one that it is built as has {built}: both need the same wheels")]
+    #[error(
+        "the rig has {believed} wheels, the one that it is built as has {built}: both need the same wheels"
+    )]
     Wheels {
         /// Number of wheels in the rig file that the loop believes.
         believed: usize,

@@ -11,8 +11,8 @@ use hbot_sim::phenomena::Phenomena;
 use thiserror::Error;
 
 use crate::attach::{AttachError, Simulator, serial, simulated};
-use crate::built;
 use crate::bridge::{ServiceEnd, bridge};
+use crate::built;
 use crate::bus::{MotorBus, late_rates};
 use crate::clock::{Origin, now_ns};
 use crate::controllers::Controllers;

@@ -15,9 +15,9 @@
 //!    the program. [`sample`] defines what a tick publishes.
 //! 5. [`run_loop`] is the thread that ticks, in wall-clock time ([`pace`], `early`, [`realtime`],
 //!    [`processor`], [`clock`]) or in virtual time.
-//! 6. [`attach`] turns a rig file into motor buses; [`built`] simulates a rig that is not as its file
-//!    says. [`controllers`] says which motor controllers
-//!    they lead to. [`host`] starts and stops all of these parts together.
+//! 6. [`attach`] turns a rig file into motor buses; [`built`] simulates a rig that is not as its
+//!    file says. [`controllers`] says which motor controllers they lead to. [`host`] starts and
+//!    stops all of these parts together.
 //! 7. [`bringup`] moves one joint at a time and calibrates the rig. [`signals`] lists the signals
 //!    that end a program. [`stop_signal`] is an emergency stop by signal. [`doctor`] checks whether
 //!    a machine can keep the loop's deadlines. [`expectation`] measures what a rig's methods cost

@@ -72,9 +72,8 @@ impl Geometry {
     #[must_use]
     pub fn drift(&self, truth: &Self, found: &[Quat], real: &[Quat]) -> Vec<f64> {
         let turn = self.turn_from(truth);
-        let off = |(found, real): (&Quat, &Quat)| {
-            rotation::angle_between(*found, turn * *real * turn.conjugate())
-        };
+        let off =
+            |(found, real): (&Quat, &Quat)| rotation::angle_between(*found, turn * *real * turn.conjugate());
         found.iter().zip(real).map(off).collect()
     }
 

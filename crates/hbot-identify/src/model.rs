@@ -1,14 +1,14 @@
 //! The joint motion that no turn of the sphere explains, and its derivatives.
 //!
-//! Without slip the joints of all wheels move by G w if the sphere turns by w (docs/internals/physics.md,
-//! section 2). The rest of their motion, after the best turn w, is the *residual*. It is measured in
-//! standard deviations of the rounding of a count, so that a coarse steer encoder does not outweigh
-//! a fine drive encoder. Therefore the best turn here is not that of the control law, which
-//! minimises the slip in m/s.
+//! Without slip the joints of all wheels move by G w if the sphere turns by w
+//! (docs/internals/physics.md, section 2). The rest of their motion, after the best turn w, is the
+//! *residual*. It is measured in standard deviations of the rounding of a count, so that a coarse
+//! steer encoder does not outweigh a fine drive encoder. Therefore the best turn here is not that
+//! of the control law, which minimises the slip in m/s.
 //!
-//! The residual is a projection: e = (1 - G (GᵀG)⁻¹ Gᵀ) z with the scaled joint motion z. That makes
-//! the sum of squares of e that of total least squares: the rounding does not pull the parameters
-//! to one side, as it would in a regression on measured steer angles.
+//! The residual is a projection: e = (1 - G (GᵀG)⁻¹ Gᵀ) z with the scaled joint motion z. That
+//! makes the sum of squares of e that of total least squares: the rounding does not pull the
+//! parameters to one side, as it would in a regression on measured steer angles.
 
 use hbot_core::design::kinematics::{ContactFrame, Posture};
 use hbot_core::{Device, MAX_JOINTS, MAX_WHEELS, Mat3, Rig, Vec3};
@@ -157,8 +157,7 @@ impl Model {
         let (sin, cos) = (mid - error(at)).sin_cos();
         let turn = |x: f64, y: f64, z: f64| wheel.frame * Vec3::new(cos * x - sin * y, sin * x + cos * y, z);
         let Wheel { sin_cone: sa, cos_cone: ca, sin_toe: sb, cos_toe: cb, ratio, .. } = *wheel;
-        let (c1, c2, c3) =
-            (turn(cb, ca * sb, sa * sb), turn(-sb, ca * cb, sa * cb), turn(0.0, -sa, ca));
+        let (c1, c2, c3) = (turn(cb, ca * sb, sa * sb), turn(-sb, ca * cb, sa * cb), turn(0.0, -sa, ca));
         let steers = 1.0 / (sa * cb);
         let reach = 1.0 / (1.0 + self.centre.dot(c3));
         let drive = (c2 * (sb / cb) - c1) / ratio;
@@ -364,7 +363,8 @@ mod tests {
             let n = count(joints / 2);
             let mut random = oorandom::Rand64::new(7);
             let mut next = |size: f64| size * (2.0 * random.rand_float() - 1.0);
-            let at: Vec<f64> = crate::parameter::all(joints / 2).map(|(_, it)| next(2.0 * it.usual())).collect();
+            let at: Vec<f64> =
+                crate::parameter::all(joints / 2).map(|(_, it)| next(2.0 * it.usual())).collect();
             let begin: Vec<f64> = (0..joints).map(|_| next(3.0)).collect();
             let end: Vec<f64> = begin.iter().map(|angle| angle + next(0.02)).collect();
             let step = Step { ends: [&begin, &end] };
@@ -389,7 +389,10 @@ mod tests {
                     let found = (up[j] - down[j]) / (2.0 * h);
                     // Central differences err by h² times a third derivative, and by rounding.
                     let off = (found - out.by[k][j]).abs();
-                    assert!(off < 1e-6 * (1.0 + found.abs()), "{file}, unknown {k}, joint {j}: {found}, {off:e}");
+                    assert!(
+                        off < 1e-6 * (1.0 + found.abs()),
+                        "{file}, unknown {k}, joint {j}: {found}, {off:e}"
+                    );
                 }
             }
         }

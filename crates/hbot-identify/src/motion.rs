@@ -52,8 +52,7 @@ impl Motion {
         let step_s = every as f64 * period_s;
         // An even number, so that windows overlap by half.
         let steps = 2 * (0.5 * WINDOW_S / step_s).round().max(2.0) as usize;
-        let bump =
-            (0..steps).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / steps as f64).cos()).collect();
+        let bump = (0..steps).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / steps as f64).cos()).collect();
         let angle = |part: &Vec<Counts>| {
             let mut whole = part.first().map_or([0_i64; MAX_JOINTS], |first| first.map(i64::from));
             let mut last = part.first().copied().unwrap_or_default();

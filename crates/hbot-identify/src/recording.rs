@@ -125,9 +125,8 @@ impl Recorded {
 
 /// Checks that the encoders of two rigs count alike.
 fn same_joints(recorded: &Rig, ours: &Rig) -> Result<(), RecordedError> {
-    let other = |what: String, recorded: String, ours: String| {
-        Err(RecordedError::OtherRig { what, recorded, ours })
-    };
+    let other =
+        |what: String, recorded: String, ours: String| Err(RecordedError::OtherRig { what, recorded, ours });
     let joints = [recorded, ours].map(|rig| rig.device.joints());
     if joints[0] != joints[1] {
         let [recorded, ours] = joints.map(|joints| (joints / 2).to_string());
@@ -168,7 +167,8 @@ struct Taken {
 impl Taken {
     fn new(rig: &RigConfig, recorded: Option<&RigConfig>, period_s: f64) -> Self {
         let joints = rig.rig.device.joints();
-        let whole = |of: &RigConfig, j: usize| of.rig.joints[j].whole_counts(of.zero_offsets[j]) as i64 as i32;
+        let whole =
+            |of: &RigConfig, j: usize| of.rig.joints[j].whole_counts(of.zero_offsets[j]) as i64 as i32;
         let mut more = [0; MAX_JOINTS];
         let mut indexed = 0;
         for j in (0..joints).step_by(2) {

@@ -19,7 +19,8 @@ pub(super) fn open(rig: Option<&Path>) -> anyhow::Result<DocumentMut> {
 
 /// Writes a changed rig file.
 pub(super) fn save(document: &DocumentMut, file: &Path) -> anyhow::Result<()> {
-    std::fs::write(file, document.to_string()).with_context(|| format!("{}: cannot be written", file.display()))
+    std::fs::write(file, document.to_string())
+        .with_context(|| format!("{}: cannot be written", file.display()))
 }
 
 /// Sets `key` in `table`. The comment behind the old value stays.

@@ -166,9 +166,12 @@ fn row(rig: &RigConfig, value: &Value) -> String {
 fn more(missing: &[usize], found: &Identified) -> String {
     let (warn, off) = (style::WARN, style::OFF);
     if missing.len() == 3 {
-        return format!("{warn}not everything is seen{off}: turn longer about all axes, with large turns both ways");
+        return format!(
+            "{warn}not everything is seen{off}: turn longer about all axes, with large turns both ways"
+        );
     }
-    let axes = |of: &dyn Fn(usize) -> String| missing.iter().map(|k| of(*k)).collect::<Vec<_>>().join(" and ");
+    let axes =
+        |of: &dyn Fn(usize) -> String| missing.iter().map(|k| of(*k)).collect::<Vec<_>>().join(" and ");
     format!(
         "{warn}not everything is seen{off}: turn about {} as well (so far {} turns). What is not seen stays near the drawing; \
          give all recordings together",
@@ -178,12 +181,7 @@ fn more(missing: &[usize], found: &Identified) -> String {
 }
 
 /// Writes the rig file with the values found. Comments and the order of the keys stay.
-fn write(
-    drawing: Option<&Path>,
-    rig: &RigConfig,
-    found: &Identified,
-    file: &Path,
-) -> anyhow::Result<()> {
+fn write(drawing: Option<&Path>, rig: &RigConfig, found: &Identified, file: &Path) -> anyhow::Result<()> {
     let mut document = edit::open(drawing)?;
     for (i, wheel) in found.wheels.iter().enumerate() {
         let table = &mut document["wheel"][i];
