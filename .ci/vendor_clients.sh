@@ -19,13 +19,13 @@ cmp "$folder/moteus.json" tests/vendor/moteus.json
 cmp "$folder/odrive.json" tests/vendor/odrive.json
 
 # Built with the whole workspace, whose features the tests have built already.
-cargo build --quiet --locked --workspace --example virtual_controllers
-controllers="${CARGO_TARGET_DIR:-target}/debug/examples/virtual_controllers"
+cargo build --quiet --locked --workspace --features full
+hbot="${CARGO_TARGET_DIR:-target}/debug/hbot"
 
 # Serves virtual controllers that speak $1 and has the client $2 drive them.
 drive() {
     mkfifo "$folder/$1.in"
-    "$controllers" "$1" <"$folder/$1.in" >"$folder/$1.out" &
+    "$hbot" controllers --protocol "$1" <"$folder/$1.in" >"$folder/$1.out" &
     served=$!
     exec 3>"$folder/$1.in"
     while [ ! -s "$folder/$1.out" ]; do

@@ -2,7 +2,7 @@
 
 use hbot_api::{Client, ClientError, ControllerInfo, ErrorCode, InfoOk};
 
-use super::out::{foreign, say};
+use super::out::{foreign, tell};
 use super::{orders, style};
 
 /// Asks what the motor controllers report about themselves. Returns an empty list if the server is
@@ -19,7 +19,7 @@ pub(super) fn print(info: &InfoOk, controllers: &[ControllerInfo]) -> anyhow::Re
     if controllers.is_empty() {
         return Ok(());
     }
-    say!("  motor controllers")?;
+    tell!("  motor controllers")?;
     for controller in controllers {
         let complaints = match controller.flags.as_slice() {
             [] => String::new(),
@@ -27,7 +27,7 @@ pub(super) fn print(info: &InfoOk, controllers: &[ControllerInfo]) -> anyhow::Re
                 format!("; {}complains of {}{}", style::WARN, foreign(&flags.join(", ")), style::OFF)
             }
         };
-        say!("    {:16} {}{complaints}", name(info, controller.joint), report(controller))?;
+        tell!("    {:16} {}{complaints}", name(info, controller.joint), report(controller))?;
     }
     Ok(())
 }

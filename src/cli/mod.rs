@@ -1,16 +1,22 @@
 //! The command line of `hbot`.
 
+mod ask;
 mod bringup;
 mod completions;
 mod console;
 mod controllers;
 mod doctor;
+mod explain;
+pub(crate) mod habits;
 mod man;
 mod orders;
 pub(crate) mod out;
 mod record;
+mod recover;
+mod rehearse;
 mod replay;
 mod rig;
+mod rig_drawing;
 mod rig_new;
 mod scene;
 mod secrets;
@@ -20,6 +26,7 @@ mod show;
 mod sockets;
 mod status;
 mod style;
+mod terminal;
 mod watch;
 
 use std::path::{Path, PathBuf};
@@ -31,7 +38,7 @@ use clap::{Args, Parser, Subcommand};
 /// The server address that commands use by default.
 const SERVER: &str = "127.0.0.1:4268";
 /// The hidden command with which this program starts itself as the helper that switches motors off
-/// (see `hbot_host::last_word`).
+/// (see `hbot_host::rig::last_word`).
 const LAST_WORD: &str = "last-word";
 
 /// Drives an Hbot, a haptic sphere turned by steered and driven wheels.
@@ -61,16 +68,23 @@ enum Command {
     Record(record::RecordArgs),
     /// Run a recording through the control law again and compare every bit
     Replay(replay::ReplayArgs),
+    /// Say what happened before a fault in a recording or flight log
+    Explain(explain::ExplainArgs),
+    /// Make a whole file of a recording that was cut off or damaged
+    Recover(recover::RecoverArgs),
     /// List, check, load and draw scenes
     #[command(subcommand)]
     Scene(scene::SceneCommand),
     /// Write and check rig files, and bring a rig up
     #[command(subcommand)]
     Rig(rig::RigCommand),
+    /// Run simulated motor controllers behind a pseudo-terminal, for vendors' tools and rehearsals
+    Controllers(rehearse::ControllersArgs),
     /// Check this machine for real-time use and serial access, and say how to correct what is
     /// missing
     Doctor(doctor::DoctorArgs),
     /// Stop a running server's motors at once (until `hbot reset`)
+    #[command(aliases = ["stop", "halt", "e-stop", "emergency-stop"])]
     Estop(ServerAddress),
     /// Ramp down the torque of a running server
     Disable(ServerAddress),
@@ -86,13 +100,6 @@ enum Command {
     /// Switch motors off if `hbot server` or `hbot rig` dies (started by them)
     #[command(name = LAST_WORD, hide = true)]
     LastWord,
-    /// Show the command that runs the studies
-    #[command(hide = true, disable_help_flag = true, disable_version_flag = true)]
-    Study {
-        /// Arguments for the study.
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        words: Vec<String>,
-    },
 }
 
 /// The server to connect to, with the files that authenticate both sides.
@@ -140,6 +147,9 @@ impl Cli {
             Command::Watch(args) => watch::run(&args),
             Command::Record(args) => record::run(&args),
             Command::Replay(args) => replay::run(&args),
+            Command::Explain(args) => explain::run(&args),
+            Command::Recover(args) => recover::run(&args),
+            Command::Controllers(args) => rehearse::run(&args),
             Command::Scene(command) => scene::run(command),
             Command::Rig(command) => rig::run(command),
             Command::Doctor(args) => doctor::run(args),
@@ -154,20 +164,10 @@ impl Cli {
             Command::Man(args) => man::run(&args),
             Command::LastWord => {
                 // An error cannot be reported: the program that started this one is gone.
-                let _ = hbot_host::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
+                let _ =
+                    hbot_host::rig::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
                 Ok(ExitCode::SUCCESS)
             }
-            Command::Study { words } => Ok(studies_are_elsewhere(&words)),
         }
     }
-}
-
-/// Tells the user which command runs the study named by `words`. Returns the exit code of a wrong
-/// command line.
-fn studies_are_elsewhere(words: &[String]) -> ExitCode {
-    let words = if words.is_empty() { "--help".to_owned() } else { words.join(" ") };
-    out::error(&format!(
-        "studies are a program by themselves; run `cargo run --release -p hbot-study -- {words}`"
-    ));
-    ExitCode::from(2)
 }

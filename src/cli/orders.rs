@@ -6,11 +6,12 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Token, Trust, client_name};
 
-use super::out::say;
-use super::{Commanding, ServerAddress};
+use super::out::tell;
+use super::{Commanding, ServerAddress, show, style};
 
-/// Stops the rig, and prints the mode that follows. The stop is sent without waiting for an answer
-/// of the server. If the server does not confirm it, the error says so before anything else.
+/// Stops the rig, and prints the mode that follows and what comes next. The stop is sent without
+/// waiting for an answer of the server. If the server does not confirm it, the error says so before
+/// anything else.
 ///
 /// If the file with the token cannot be read, the stop is sent without a token, because the server
 /// may need none.
@@ -51,7 +52,7 @@ pub(crate) fn held(
 }
 
 fn print(mode: Mode) -> anyhow::Result<ExitCode> {
-    say!("{}{mode}{}", super::style::of_mode(mode.as_str()), super::style::OFF)?;
+    tell!("{}{mode}{}{}", style::of_mode(mode.as_str()), style::OFF, show::next(mode))?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -11,6 +11,7 @@
 //! `hbot server` never waits for a reader and does not end without one. It writes through
 //! `console.rs`.
 
+use std::ffi::OsString;
 use std::fmt::{Arguments, Display};
 use std::fs::File;
 use std::io::{ErrorKind, Result, Write as _};
@@ -20,13 +21,20 @@ use std::process::ExitCode;
 use anyhow::{Context as _, anyhow, ensure};
 use hbot_api::Plain;
 
-use super::style;
+use super::{habits, style, terminal};
 
 /// Writes a line to standard output like `println!`, but returns an error instead of panicking.
 macro_rules! say {
     ($($text:tt)*) => { $crate::cli::out::line(format_args!($($text)*)) };
 }
 pub(crate) use say;
+
+/// Writes text for people to standard output like `say!`, with its lines broken at the width of the
+/// terminal, if it is one.
+macro_rules! tell {
+    ($($text:tt)*) => { $crate::cli::out::prose(format_args!($($text)*)) };
+}
+pub(crate) use tell;
 
 /// Writes a line to standard error. Failures are ignored.
 macro_rules! note {
@@ -57,10 +65,21 @@ pub(crate) fn line(text: Arguments<'_>) -> anyhow::Result<()> {
     written(writeln!(out, "{text}").and_then(|()| out.flush())).map(|_| ())
 }
 
-/// Writes a line to standard error, for `note!`.
+/// Writes text to standard output, for `tell!`.
+pub(crate) fn prose(text: Arguments<'_>) -> anyhow::Result<()> {
+    line(format_args!("{}", fitted(text, std::io::stdout())))
+}
+
+/// Writes text to standard error, for `note!`.
 pub(crate) fn aside(text: Arguments<'_>) {
     // A failure cannot be reported anywhere.
-    let _ = writeln!(anstream::stderr(), "{text}");
+    let _ = writeln!(anstream::stderr(), "{}", fitted(text, std::io::stderr()));
+}
+
+/// Returns a text whose lines fit the terminal that `output` writes to, if it is one.
+fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> String {
+    let text = text.to_string();
+    terminal::columns(output).map_or_else(|| text.clone(), |columns| terminal::wrapped(&text, columns))
 }
 
 /// Prints the error that ended a command. Its text can contain text from a server.
@@ -98,9 +117,16 @@ pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
     })
 }
 
-/// Prints clap's answer to the command line: an error, the help or the version.
-pub(crate) fn answer(answer: &clap::Error) -> anyhow::Result<ExitCode> {
-    let printed = answer.print();
+/// Prints clap's answer to the command line `arguments`: an error, the help or the version. A
+/// command that hbot calls by another name is named.
+pub(crate) fn answer(answer: &clap::Error, arguments: &[OsString]) -> anyhow::Result<ExitCode> {
+    let printed = match habits::meant(answer, arguments) {
+        Some(meant) => {
+            error(&meant);
+            Ok(())
+        }
+        None => answer.print(),
+    };
     if !answer.use_stderr() {
         written(printed)?;
     }

@@ -17,10 +17,11 @@ use hbot_core::design::singularity::{
 };
 use hbot_core::{Device, Vec3};
 use hbot_host::bus::{BusTraffic, driver, late_rates};
-use hbot_host::doctor::{MOST_LOAD, highest_rate, punctuality};
+use hbot_host::commission::doctor::{MOST_LOAD, highest_rate, punctuality};
 
-use super::out::say;
-use super::{bringup, rig_new, style};
+use super::out::tell;
+use super::scene::plot::{svg, write};
+use super::{bringup, rig_drawing, rig_new, style};
 
 /// Number of postures that are examined.
 const SAMPLES: usize = 4096;
@@ -37,6 +38,9 @@ pub(crate) enum RigCommand {
     Check {
         /// The rig file (TOML) [default: the prototype, built in]
         file: Option<PathBuf>,
+        /// Draw the sphere, the wheels, their cones and contact frames; the name ends in .svg
+        #[arg(long, value_name = "OUT.svg", value_parser = svg)]
+        drawing: Option<PathBuf>,
     },
     /// List the controllers that answer on each line, and each setting that is not as it must be;
     /// changes nothing
@@ -53,8 +57,8 @@ pub(crate) enum RigCommand {
 }
 
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
-    let file = match command {
-        RigCommand::Check { file } => file,
+    let (file, drawing) = match command {
+        RigCommand::Check { file, drawing } => (file, drawing),
         RigCommand::New(args) => return rig_new::run(args),
         RigCommand::Scan(args) => return bringup::run_scan(&args),
         RigCommand::Test(args) => return bringup::test(&args),
@@ -62,16 +66,19 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         RigCommand::Identify(args) => return bringup::run_identify(&args),
     };
     let config = RigConfig::load(file.as_deref(), &[])?;
+    if let Some(out) = &drawing {
+        write(out, &rig_drawing::svg(&config))?;
+    }
     let warnings = Warnings::of(&config);
-    say!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
+    tell!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
     if let Some(pick) = &config.rate_pick {
-        say!("  {}rates:{} {}", style::NAME, style::OFF, pick.sentence())?;
+        tell!("  {}rates:{} {}", style::NAME, style::OFF, pick.sentence())?;
     }
     if let Some(advice) = late_rates(&config) {
-        say!("  {}advice:{} {advice}", style::NAME, style::OFF)?;
+        tell!("  {}advice:{} {advice}", style::NAME, style::OFF)?;
     }
     for wheel in &warnings.uncalibrated {
-        say!(
+        tell!(
             "  {}warning:{} {} leaves its steering zero to a calibration: the rig stays unreferenced until \
              `hbot rig calibrate` has measured zero_offset and `zero` has another value (docs/files.md)",
             style::WARN,
@@ -84,6 +91,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     stiffness(&config)?;
     let fits = line(&config)?;
     rate(&config)?;
+    if let Some(out) = &drawing {
+        tell!("\ndrawing {}", out.display())?;
+    }
     Ok(if fits { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -95,6 +105,9 @@ struct Warnings {
     colliding: Vec<[usize; 2]>,
     /// The least spectral index of the driven joints over all postures.
     actuation: f64,
+    /// The largest tangential force that a drive motor can make at its contact, N, if nothing says
+    /// what friction holds.
+    unlimited: Option<f64>,
 }
 
 impl Warnings {
@@ -110,6 +123,7 @@ impl Warnings {
             uncalibrated: (0..wheels.len()).filter(|i| joints[2 * i].zero == Zero::Calibrate).collect(),
             colliding: pairs.filter(can_collide).collect(),
             actuation: margins.fold(f64::INFINITY, f64::min),
+            unlimited: config.rig.limits.traction.is_none().then(|| largest_push(config)),
         }
     }
 
@@ -120,7 +134,8 @@ impl Warnings {
 
     /// Returns the number of warnings as the end of the headline. Empty if there is none.
     fn in_words(&self) -> String {
-        match self.uncalibrated.len() + self.colliding.len() + usize::from(self.is_weak()) {
+        let others = usize::from(self.is_weak()) + usize::from(self.unlimited.is_some());
+        match self.uncalibrated.len() + self.colliding.len() + others {
             0 => String::new(),
             1 => ", 1 warning".to_owned(),
             count => format!(", {count} warnings"),
@@ -128,11 +143,18 @@ impl Warnings {
     }
 }
 
+/// Returns the largest tangential force that a drive motor can make at its contact, N.
+fn largest_push(config: &RigConfig) -> f64 {
+    let wheels = config.rig.device.wheels().iter().enumerate();
+    let pushes = wheels.map(|(i, wheel)| config.rig.joints[2 * i + 1].peak / wheel.spec().radius);
+    pushes.fold(0.0, f64::max)
+}
+
 fn geometry(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
     let device = &config.rig.device;
-    say!("\nmargins over all steering angles")?;
+    tell!("\nmargins over all steering angles")?;
     for (wheel, name) in device.wheels().iter().zip(&config.wheels) {
-        say!(
+        tell!(
             "  boundary   {name}: det H = {:.3e} m², sin(cone) cos(toe) = {:.4} (0 is singular)",
             boundary_determinant(device, wheel),
             wheel.axis_along_roll()
@@ -144,13 +166,13 @@ fn geometry(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
                 ([&config.wheels[i], &config.wheels[j]], closest_approach(a, b, Meeting::Collocated));
             let opposite = closest_approach(a, b, Meeting::Antipodal);
             let [first, second] = names;
-            say!(
+            tell!(
                 "  contacts   {first} and {second}: at least {:.2} deg apart, {:.2} deg from opposite",
                 near.to_degrees(),
                 opposite.to_degrees()
             )?;
             if warnings.colliding.contains(&[i, j]) {
-                say!(
+                tell!(
                     "             {}warning:{} these wheels can collide; other wheels keep the sphere controlled",
                     style::WARN,
                     style::OFF
@@ -159,7 +181,7 @@ fn geometry(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
         }
     }
     let bound = if device.wheels().len() == 2 { "" } else { "at least " };
-    say!("  interior   sigma_min(Z)/R = {bound}{:.4} (0 is singular)", interior_margin_over_all(device))
+    tell!("  interior   sigma_min(Z)/R = {bound}{:.4} (0 is singular)", interior_margin_over_all(device))
 }
 
 fn abilities(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
@@ -182,35 +204,51 @@ fn abilities(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
         }
     }
     let actuation = warnings.actuation;
-    say!("  actuation  least spectral index of the driven joints = {actuation:.3} (0 is singular)")?;
+    tell!("  actuation  least spectral index of the driven joints = {actuation:.3} (0 is singular)")?;
     if warnings.is_weak() {
-        say!(
+        tell!(
             "             {}warning:{} at some steering angles the motors can hardly make some torques",
             style::WARN,
             style::OFF
         )?;
     }
-    say!("\nover {SAMPLES} postures spread evenly over all steering angles")?;
-    say!("  spectral index, all joints: mean {mean:.3}, least {least:.3}")?;
+    tell!("\nover {SAMPLES} postures spread evenly over all steering angles")?;
+    tell!("  spectral index, all joints: mean {mean:.3}, least {least:.3}")?;
     for (name, [a, b, c]) in ["peak", "continuous"].iter().zip(capable) {
-        say!("  {name} torque, least about n1 n2 n3: {a:.3} {b:.3} {c:.3} N m")?;
+        tell!("  {name} torque, least about n1 n2 n3: {a:.3} {b:.3} {c:.3} N m")?;
     }
-    Ok(())
+    traction(config, warnings)
+}
+
+/// Says what friction holds at a contact, or warns that nothing says it.
+fn traction(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
+    if let Some(push) = warnings.unlimited {
+        return tell!(
+            "  traction   {}warning:{} limits.traction is absent: a motor can push with {push:.0} N at its contact, and nothing says \
+             what friction holds. A wheel that slips is not felt: write traction = {{ mu = .., normal_force = .. }}",
+            style::WARN,
+            style::OFF
+        );
+    }
+    let Some(traction) = config.rig.limits.traction else { return Ok(()) };
+    let (push, holds) = (largest_push(config), traction.mu * traction.normal_force);
+    let less = if push <= holds { "friction holds it" } else { "friction limits the torque" };
+    tell!("  traction   a contact holds {holds:.1} N, and a motor pushes with up to {push:.1} N: {less}")
 }
 
 /// Measures the lateness of this machine for a moment, and prints the highest rate that it holds
 /// together with the lines of the rig.
 fn rate(config: &RigConfig) -> anyhow::Result<()> {
     let measured = punctuality(config.rate_hz, config.cpu, MEASURED);
-    say!("\nhighest rate, measured for 1 s (`hbot doctor` measures longer)")?;
-    say!("  {}", highest_rate(config, &measured).found)
+    tell!("\nhighest rate, measured for 1 s (`hbot doctor` measures longer)")?;
+    tell!("  {}", highest_rate(config, &measured).found)
 }
 
 /// Prints the stiffness that the rig can render, and the assumptions behind it.
 fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     let Some(expected) = StiffnessBound::of(config) else { return Ok(()) };
     let [most, with] = expected.most();
-    say!(
+    tell!(
         "\nstiffness to expect at {} Hz, from a reading to its torque D = {} tick, lag of the motors {} ms (torque_lag), \
          least apparent inertia J = {:.2e} kg m²",
         config.rate_hz,
@@ -220,20 +258,30 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     )?;
     let examples = [USUAL_DAMPING / 2.0, USUAL_DAMPING, 2.5 * USUAL_DAMPING];
     let examples = examples.map(|damping| format!("{:.3} at {damping}", expected.stable(damping)));
-    say!(
-        "  stable     up to about (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {} N m s/rad",
-        examples.join(", ").replacen(" at", " N m/rad at", 1)
-    )?;
-    say!(
-        "             whatever the damping, up to {most:.0} N m/rad, with B = {with:.2} (J / (4 h²) without the lag)"
-    )?;
-    say!(
+    let examples = examples.join(", ").replacen(" at", " N m/rad at", 1);
+    let lead = expected.sampled().lead;
+    if lead > 0.0 {
+        tell!(
+            "  lead       {:.2} ms (loop.lead): a scene is rendered where the sphere will be when the torque acts",
+            1.0e3 * lead
+        )?;
+        tell!("  stable     up to {examples} N m s/rad of damping, the device's and the spring's together")?;
+        tell!("             whatever the damping, up to {most:.0} N m/rad, with {with:.2} N m s/rad")?;
+    } else {
+        tell!(
+            "  stable     up to about (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {examples} N m s/rad"
+        )?;
+        tell!(
+            "             whatever the damping, up to {most:.0} N m/rad, with B = {with:.2} (J / (4 h²) without the lag)"
+        )?;
+    }
+    tell!(
         "  counts     one turns the sphere by up to {:.1e} rad: passive up to 2 c/d = {:.3} N m/rad for each mN m of Coulomb friction c",
         expected.count(),
         expected.quiet(1.0e-3)
     )?;
     let stage = if config.rig.methods.passivity.is_some() { "on" } else { "off" };
-    say!(
+    tell!(
         "  passivity  the stage is {stage} (loop.passivity); what it holds beyond the stable stiffness: docs/stability.md"
     )
 }
@@ -267,15 +315,15 @@ fn line(config: &RigConfig) -> anyhow::Result<bool> {
 fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<bool> {
     let traffic = driver(config.link.protocol).traffic(joints);
     if let Some(bus) = &traffic.bus {
-        say!("\nline {name}, {} Hz, {joints} joints", config.rate_hz)?;
-        say!(
+        tell!("\nline {name}, {} Hz, {joints} joints", config.rate_hz)?;
+        tell!(
             "  text: at most {} bytes a tick to the adapter and {} back",
             traffic.commands,
             traffic.feedback
         )?;
         return bus_line(config, bus);
     }
-    say!("\nserial line {name} at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz)?;
+    tell!("\nserial line {name} at {} baud, {} Hz, {joints} joints", config.link.baud, config.rate_hz)?;
     let mut fits = true;
     // The controllers' own processing time lies between a command and its answer.
     let turnaround = f64::from(traffic.turnaround_us) * 1e-6 * f64::from(config.rate_hz);
@@ -286,7 +334,10 @@ fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<boo
         let (fitting, verdict) = verdict(config, load);
         fits &= fitting;
         let remedy = if fitting { "" } else { ": raise link.baud or lower loop.rate_hz" };
-        say!("  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}{remedy}", 100.0 * load)?;
+        tell!(
+            "  {name}: at most {bytes} bytes a tick, {:.0} % of the line, {verdict}{remedy}",
+            100.0 * load
+        )?;
     }
     Ok(fits)
 }
@@ -311,7 +362,7 @@ fn bus_line(config: &RigConfig, bus: &BusTraffic) -> anyhow::Result<bool> {
     let period_ns = config.rig.timing.period_ns as f64;
     let load = bus.most_ns as f64 / period_ns;
     let (fits, verdict) = verdict(config, load);
-    say!(
+    tell!(
         "  {}: {:.0} to {:.0} us a tick of {:.0} us, at most {:.0} % of the bus, {verdict}",
         bus.name,
         bus.least_ns as f64 / 1000.0,
@@ -323,13 +374,13 @@ fn bus_line(config: &RigConfig, bus: &BusTraffic) -> anyhow::Result<bool> {
         return Ok(fits);
     }
     let rate = (MOST_LOAD * 1e9 / bus.most_ns as f64).floor();
-    say!(
+    tell!(
         "    spread the joints over {} lines (link.port a list, `port` of each joint), or lower loop.rate_hz to {rate}",
         (load / MOST_LOAD).ceil()
     )?;
     if let Some(expected) = StiffnessBound::of(config) {
         let slower = expected.at_rate(rate);
-        say!(
+        tell!(
             "    at {rate} Hz a spring is stable up to {:.3} N m/rad with a damping of {USUAL_DAMPING} N m s/rad, at {} Hz up to {:.3}",
             slower.stable(USUAL_DAMPING),
             config.rate_hz,

@@ -2,14 +2,17 @@
 
 mod file;
 mod questions;
+mod units;
 
-use std::io::{BufRead as _, IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
+use hbot_config::rig::Protocol;
 
+use self::units::Quantity;
+use super::ask::{at_terminal, somebody_is_there};
 use super::out::{note, say};
 
 /// Options of `hbot rig new`. On a terminal, the command asks for each number that is not given.
@@ -31,30 +34,60 @@ pub(crate) struct NewArgs {
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..=8))]
     wheels: Option<u32>,
     /// Radius of the sphere, m, 0.001 to 10
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = length)]
     radius: Option<f64>,
     /// Mass of the sphere, kg, 0.001 to 1000
-    #[arg(long, value_name = "KG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "KG", allow_negative_numbers = true, value_parser = mass)]
     mass: Option<f64>,
     /// Radius of the wheels, m, 0.0001 to 10
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = length)]
     wheel_radius: Option<f64>,
     /// Angle between a wheel's steering axis and the line to its contact, degrees, above 0 and
     /// below 180
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = angle)]
     cone: Option<f64>,
     /// Turns of the motor per turn of the wheel about its steering axis, 0.001 to 10000
-    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
+    #[arg(long, value_name = "RATIO", allow_negative_numbers = true, value_parser = ratio)]
     steer_gear: Option<f64>,
     /// Turns of the motor per turn of the rolling wheel, 0.001 to 10000
-    #[arg(long, value_name = "RATIO", allow_negative_numbers = true)]
+    #[arg(long, value_name = "RATIO", allow_negative_numbers = true, value_parser = ratio)]
     drive_gear: Option<f64>,
     /// Largest torque of a steer joint after its gear, N m, above 0 and at most 1000
-    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true, value_parser = torque)]
     steer_peak: Option<f64>,
     /// Largest torque of a drive joint after its gear, N m, above 0 and at most 1000
-    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true, value_parser = torque)]
     drive_peak: Option<f64>,
+    /// Friction coefficient between wheel and sphere, above 0.001 and at most 10
+    #[arg(long, value_name = "MU", allow_negative_numbers = true, value_parser = ratio)]
+    friction: Option<f64>,
+    /// Force with which each wheel presses on the sphere, N, above 0.001 and at most 10000
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = force)]
+    normal_force: Option<f64>,
+}
+
+fn length(text: &str) -> Result<f64, String> {
+    Quantity::Length.read(text)
+}
+
+fn mass(text: &str) -> Result<f64, String> {
+    Quantity::Mass.read(text)
+}
+
+fn angle(text: &str) -> Result<f64, String> {
+    Quantity::Angle.read(text)
+}
+
+fn torque(text: &str) -> Result<f64, String> {
+    Quantity::Torque.read(text)
+}
+
+fn force(text: &str) -> Result<f64, String> {
+    Quantity::Force.read(text)
+}
+
+fn ratio(text: &str) -> Result<f64, String> {
+    Quantity::Ratio.read(text)
 }
 
 /// A protocol of motor controllers.
@@ -66,6 +99,16 @@ enum Controllers {
     Moteus,
     /// ODrives on a serial CAN adapter
     Odrive,
+}
+
+impl From<Controllers> for Protocol {
+    fn from(controllers: Controllers) -> Self {
+        match controllers {
+            Controllers::Hbot => Self::Hbot,
+            Controllers::Moteus => Self::Moteus,
+            Controllers::Odrive => Self::Odrive,
+        }
+    }
 }
 
 /// The answers from which a rig file is written.
@@ -81,6 +124,10 @@ struct Answers {
     cone_deg: f64,
     steer: Motor,
     drive: Motor,
+    /// Friction coefficient between wheel and sphere.
+    friction: f64,
+    /// Force of each wheel on the sphere, N.
+    normal_force: f64,
 }
 
 impl Answers {
@@ -97,6 +144,8 @@ impl Answers {
             cone_deg: 10.0,
             steer: Motor { gear: 1.0, peak: 0.93, inertia: 2.7e-5 },
             drive: Motor { gear: 17.0, peak: 0.14, inertia: 3.5e-6 },
+            friction: 0.8,
+            normal_force: 10.0,
         }
     }
 }
@@ -117,6 +166,11 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
     if !somebody_is_there() {
         note!("there is no terminal, so nothing is asked: what no option gives has its default");
     }
+    if somebody_is_there() {
+        note!(
+            "An answer can have a unit (60 mm). Enter takes the value in brackets, ? explains the question."
+        );
+    }
     let answers = questions::answers(&args, &mut at_terminal)?;
     let text = file::text(&answers)?;
     std::fs::write(&args.file, text)
@@ -125,23 +179,4 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
     say!("  hbot rig check {0}\n  hbot server --rig {0} --port sim", args.file.display())?;
     say!("docs/first-torque.md leads from here to the first torque")?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Returns whether a person at a terminal can be asked.
-fn somebody_is_there() -> bool {
-    std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
-}
-
-/// Asks a person at the terminal, if there is one.
-fn at_terminal(prompt: &str) -> anyhow::Result<Option<String>> {
-    if !somebody_is_there() {
-        return Ok(None);
-    }
-    write!(anstream::stderr(), "{prompt}")?;
-    std::io::stderr().flush()?;
-    let mut line = String::new();
-    if std::io::stdin().lock().read_line(&mut line)? == 0 {
-        bail!("the input has ended: no file is written");
-    }
-    Ok(Some(line.trim().to_owned()))
 }

@@ -1,7 +1,8 @@
 //! `hbot scene list`, `kinds`, `show`, `check`, `load` and `plot`.
 
 mod kinds;
-mod plot;
+mod new;
+pub(super) mod plot;
 mod shelf;
 mod sweep;
 
@@ -16,7 +17,7 @@ use hbot_config::advice::{Abilities, in_vain};
 use hbot_config::scene::ShelfScene;
 use hbot_config::{LoadError, RigConfig, SceneFile};
 
-use super::out::{foreign, say};
+use super::out::{foreign, say, tell};
 use super::{Commanding, ServerAddress, orders, style};
 
 /// The subcommands of `hbot scene`.
@@ -37,6 +38,8 @@ pub(crate) enum SceneCommand {
         #[arg(long, conflicts_with = "kind")]
         json: bool,
     },
+    /// Write a commented scene file with the effects that you choose
+    New(new::NewArgs),
     /// Print the scene that a server renders, as a scene file
     Show {
         #[command(flatten)]
@@ -116,6 +119,7 @@ fn pointed_out(path: &Path, error: LoadError) -> anyhow::Error {
 pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
     match command {
         SceneCommand::List { json } => shelf::list(json)?,
+        SceneCommand::New(args) => new::run(&args)?,
         SceneCommand::Kinds { kind, json } => kinds::run(kind.as_deref(), json)?,
         SceneCommand::Show { address } => show(&address)?,
         SceneCommand::Check { which } => check(&which)?,
@@ -138,7 +142,7 @@ fn show(address: &ServerAddress) -> anyhow::Result<()> {
 
 fn check(which: &Which) -> anyhow::Result<()> {
     let (scene, abilities) = which.load()?;
-    say!(
+    tell!(
         "{}{}{}: {} effect{}, all legal",
         style::NAME,
         scene.name(),
@@ -147,7 +151,7 @@ fn check(which: &Which) -> anyhow::Result<()> {
         if scene.effects().len() == 1 { "" } else { "s" }
     )?;
     for effect in scene.effects() {
-        say!("  {:12} {}", effect.id(), effect.kind_name())?;
+        tell!("  {:12} {}", effect.id(), effect.kind_name())?;
     }
     warn(&abilities.warnings(&scene))
 }
@@ -155,17 +159,17 @@ fn check(which: &Which) -> anyhow::Result<()> {
 fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
     let mut client = orders::connect(&to.address, "hbot scene load")?;
     let loaded = orders::holding(&mut client, to.steal, |client| client.load_scene(scene.to_json()))?;
-    say!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
+    tell!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
     if !scene.description().is_empty() {
-        say!("  {}", scene.description())?;
+        tell!("  {}", scene.description())?;
     }
     for effect in &loaded.effects {
         let [id, kind] = [&effect.id, &effect.kind].map(|text| foreign(text).to_string());
-        say!("  {id:12} {kind:12} {:>5} ns a tick", effect.cost_ns)?;
+        tell!("  {id:12} {kind:12} {:>5} ns a tick", effect.cost_ns)?;
     }
     if !loaded.ignored.is_empty() {
         let ignored = loaded.ignored.join(", ");
-        say!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored))?;
+        tell!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored))?;
     }
     // The scene is sent with all parameters, so the server does not know which ones the file names.
     let own = in_vain(scene).filter(|warning| !loaded.warnings.contains(warning));
@@ -175,7 +179,7 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
 /// Prints the warnings about a scene.
 pub(super) fn warn(warnings: &[String]) -> anyhow::Result<()> {
     for warning in warnings {
-        say!("  {}warning:{} {}", style::WARN, style::OFF, foreign(warning))?;
+        tell!("  {}warning:{} {}", style::WARN, style::OFF, foreign(warning))?;
     }
     Ok(())
 }

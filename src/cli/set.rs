@@ -7,12 +7,12 @@ use clap::Args;
 use hbot_api::InfoOk;
 use hbot_config::advice::{Abilities, Told};
 use hbot_config::scene::SetError;
-use hbot_config::{RunningScene, SceneFile};
+use hbot_config::{RunningScene, SceneFile, decimal_point};
 use hbot_server::service::set_refusal;
 use serde_json::{Map, Value};
 
-use super::out::{foreign, say};
-use super::{Commanding, orders, style};
+use super::out::{foreign, tell};
+use super::{Commanding, orders, show, style};
 
 /// Options of `hbot set`.
 #[derive(Debug, Args)]
@@ -33,6 +33,9 @@ fn assignment(text: &str) -> Result<(String, Value), String> {
     if key.is_empty() || value.is_empty() {
         return Err("KEY=VALUE, such as stiffness=2".to_owned());
     }
+    if let Some(right) = decimal_point(value) {
+        return Err(format!("write a decimal point: {key}={right}"));
+    }
     let value = serde_json::from_str(value).unwrap_or_else(|_| Value::from(value));
     Ok((key.to_owned(), value))
 }
@@ -45,19 +48,40 @@ pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
     orders::holding(&mut client, args.to.steal, |client| client.set(&args.effect, parameters.clone()))?;
     let after = client.info().map_err(orders::remedied)?;
     let [old, new] = [&before, &after].map(|info| effect(info, &args.effect));
-    for key in parameters.keys() {
-        say!(
+    for (key, typed) in &parameters {
+        tell!(
             "{}{}{}: {} = {} (before: {})",
             style::NAME,
             args.effect,
             style::OFF,
             key,
-            foreign(&new[key].to_string()),
-            foreign(&old[key].to_string())
+            foreign(&shown(&new[key], typed)),
+            foreign(&shown(&old[key], typed))
         )?;
     }
     super::scene::warn(&warnings(&after))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns a value of the running scene for people, in degrees if the user has typed degrees.
+fn shown(value: &Value, typed: &Value) -> String {
+    let degrees = match typed {
+        Value::String(text) => ["deg", "°"].iter().any(|unit| text.trim_end().ends_with(unit)),
+        Value::Array(elements) => {
+            return elements.first().map_or_else(|| value.to_string(), |first| shown(value, first));
+        }
+        _ => false,
+    };
+    match value {
+        Value::Number(number) if degrees => {
+            format!("{} deg", show::number(number.as_f64().unwrap_or_default().to_degrees()))
+        }
+        Value::Array(elements) if degrees => {
+            let shown: Vec<_> = elements.iter().map(|element| shown(element, typed)).collect();
+            format!("[{}]", shown.join(", "))
+        }
+        _ => value.to_string(),
+    }
 }
 
 /// Checks a change as the server does, before the lease is taken from another client for a change
@@ -170,6 +194,22 @@ mod tests {
     }
 
     #[test]
+    fn an_angle_is_shown_in_the_unit_in_which_it_was_typed() {
+        let five = 5.0_f64.to_radians();
+        for (value, typed, text) in [
+            (json!(five), json!("5deg"), "5 deg"),
+            (json!(five), json!("5°"), "5 deg"),
+            (json!(0.5), json!("0.5 rad"), "0.5"),
+            (json!(0.5), json!(0.5), "0.5"),
+            (json!([five, 0.0]), json!(["5 deg", 0]), "[5 deg, 0 deg]"),
+            (json!("geodesic"), json!("geodesic"), "\"geodesic\""),
+            (json!(null), json!("5 deg"), "null"),
+        ] {
+            assert_eq!(shown(&value, &typed), text, "{typed}");
+        }
+    }
+
+    #[test]
     fn a_value_is_json_or_a_text() {
         for (text, key, value) in [
             ("stiffness=2", "stiffness", json!(2)),
@@ -182,6 +222,7 @@ mod tests {
         ] {
             assert_eq!(assignment(text), Ok((key.to_owned(), value)), "{text}");
         }
+        assert_eq!(assignment("stiffness=2,5").unwrap_err(), "write a decimal point: stiffness=2.5");
         for wrong in ["stiffness", "=2", "stiffness="] {
             assert!(assignment(wrong).unwrap_err().contains("KEY=VALUE"), "{wrong}");
         }

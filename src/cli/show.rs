@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use hbot_api::{Client, Event, Fault, InfoOk, Mode, RenderInfo, StateEvent, StatsOk};
 
-use super::out::{foreign, say};
+use super::out::{foreign, say, tell};
 use super::{ServerAddress, controllers, orders, style};
 
 /// Options of `hbot info` and `hbot stats`.
@@ -30,16 +30,21 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let hello = client.hello();
-    say!("{} {} on {}", live_or_simulated(&info), foreign(&hello.rig), args.address.server)?;
-    say!(
+    tell!("{} {} on {}", live_or_simulated(&info), foreign(&hello.rig), args.address.server)?;
+    tell!(
         "  server     {}, {} Hz, accuracy {}",
         foreign(&hello.server),
         info.rig.rate_hz,
         foreign(&info.accuracy)
     )?;
-    say!("  mode       {}", mode(newest_state(&mut client)?.as_ref(), info.limits.speed))?;
+    tell!("  mode       {}", mode(newest_state(&mut client)?.as_ref(), info.limits.speed))?;
+    if let Some(incident) = &info.incident {
+        // What comes next stands behind the mode.
+        let cause = incident.message.replace("; reset, then enable, to go on", "");
+        tell!("  cause      at {:.1} s: {}", incident.t, foreign(&cause))?;
+    }
     let limits = &info.limits;
-    say!(
+    tell!(
         "  limits     {} N m, {} N m/s, {} rad/s, slip {} m/s",
         number(limits.torque),
         number(limits.torque_rate),
@@ -47,7 +52,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         number(limits.slip)
     )?;
     if let Some(passivity) = limits.passivity {
-        say!(
+        tell!(
             "  passivity  damps what delay creates beyond {} J, with a store of {} J, by up to {} N m s/rad",
             number(passivity.allowance),
             number(passivity.store),
@@ -55,30 +60,30 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         )?;
     }
     if let Some([a, b, c]) = info.capability {
-        say!("  torque     at these steering angles up to {a:.2} {b:.2} {c:.2} N m about n1 n2 n3")?;
+        tell!("  torque     at these steering angles up to {a:.2} {b:.2} {c:.2} N m about n1 n2 n3")?;
     }
     if let Some(render) = &info.render {
-        say!("{}", stable(render))?;
+        tell!("{}", stable(render))?;
         if let Some(pick) = &render.rate_pick {
-            say!("  rates      {}", foreign(pick))?;
+            tell!("  rates      {}", foreign(pick))?;
         }
     }
     let holder = info.lease.as_ref().and_then(|lease| lease.holder.as_deref());
-    say!(
+    tell!(
         "  lease      {}",
         holder.map_or_else(|| "free".to_owned(), |name| format!("held by {}", foreign(name)))
     )?;
     match controllers {
         Ok(controllers) => controllers::print(&info, &controllers)?,
-        Err(error) => say!("  motor controllers: no answer ({error:#})")?,
+        Err(error) => tell!("  motor controllers: no answer ({error:#})")?,
     }
     let text = |value: &serde_json::Value| foreign(value.as_str().unwrap_or("?")).to_string();
-    say!("  scene      {}", text(&info.scene["name"]))?;
+    tell!("  scene      {}", text(&info.scene["name"]))?;
     if !info.scene["description"].is_null() {
-        say!("             {}", text(&info.scene["description"]))?;
+        tell!("             {}", text(&info.scene["description"]))?;
     }
     for effect in info.scene["effect"].as_array().into_iter().flatten() {
-        say!("    {:12} {}", text(&effect["id"]), text(&effect["kind"]))?;
+        tell!("    {:12} {}", text(&effect["id"]), text(&effect["kind"]))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -114,19 +119,12 @@ fn newest_state(client: &mut Client) -> anyhow::Result<Option<StateEvent>> {
     Ok(None)
 }
 
-/// Says in which mode the rig is, why, and how torque comes back. `speed_limit` is that of the
-/// sphere, rad/s.
-fn mode(state: Option<&StateEvent>, speed_limit: f64) -> String {
-    let Some(state) = state else {
-        return format!("unknown: no state has arrived for {} s", STATE_WITHIN.as_secs());
-    };
-    let next = match state.mode {
-        Mode::Fault => {
-            "; the server's log has its values. When the cause is gone: `hbot reset`, then `hbot enable`"
-        }
-        Mode::Estop => {
-            ": the rig was stopped; the server's log says by whom. When it is safe: `hbot reset`, then `hbot enable`"
-        }
+/// Says what a mode means and which command comes next: the end of a sentence that begins with the
+/// mode.
+pub(crate) const fn next(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Fault => ": the torque is off. When the cause is gone: `hbot reset`, then `hbot enable`",
+        Mode::Estop => ": the rig is stopped. When it is safe: `hbot reset`, then `hbot enable`",
         Mode::Idle => ": the torque is off. `hbot enable` switches it on",
         Mode::Unreferenced => {
             ": the zero of a steering angle is not known, so there is no torque. What to do depends on `zero` in the rig file:\n  \
@@ -134,8 +132,18 @@ fn mode(state: Option<&StateEvent>, speed_limit: f64) -> String {
              assume     set the wheels to zero, switch the controllers off and on, and start the server again\n  \
              calibrate  run `hbot rig calibrate`"
         }
-        Mode::Enabling | Mode::Active => "",
+        Mode::Enabling => ": the torque rises over half a second. `hbot estop` stops the rig at once",
+        Mode::Active => ": the torque is on. `hbot estop` stops the rig at once",
+    }
+}
+
+/// Says in which mode the rig is, why, and how torque comes back. `speed_limit` is that of the
+/// sphere, rad/s.
+fn mode(state: Option<&StateEvent>, speed_limit: f64) -> String {
+    let Some(state) = state else {
+        return format!("unknown: no state has arrived for {} s", STATE_WITHIN.as_secs());
     };
+    let next = next(state.mode);
     let fault = match state.fault.filter(|_| state.mode == Mode::Fault) {
         None => String::new(),
         Some(fault @ Fault::Overspeed) => {
@@ -149,7 +157,7 @@ fn mode(state: Option<&StateEvent>, speed_limit: f64) -> String {
 }
 
 /// Returns a number for people: with six significant digits at most, and no zeros at its end.
-fn number(x: f64) -> String {
+pub(crate) fn number(x: f64) -> String {
     let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
     rounded.to_string()
 }
@@ -173,7 +181,7 @@ pub(crate) fn stats(args: &ShowArgs) -> anyhow::Result<ExitCode> {
 
 /// Prints the statistics of a running server's loop.
 pub(crate) fn print(stats: &StatsOk) -> anyhow::Result<()> {
-    say!(
+    tell!(
         "the running server after {} ticks: {} late, {} skipped, {} missed; {} damaged frames, {} commands not sent",
         stats.ticks,
         stats.late_ticks,
@@ -190,7 +198,7 @@ pub(crate) fn print(stats: &StatsOk) -> anyhow::Result<()> {
         ("age_us", stats.age_us),
     ];
     for (name, d) in times {
-        say!(
+        tell!(
             "  {name:<12} median {:.1}, 99 % {:.1}, 99.9 % {:.1}, 99.99 % {:.1}, most {:.1}",
             d.p50,
             d.p99,
@@ -246,13 +254,13 @@ mod tests {
         assert!(said(Mode::Unreferenced, None).contains("`hbot rig calibrate`"));
         let fault = said(Mode::Fault, Some(Fault::Thermal));
         assert!(
-            fault.starts_with("fault thermal; the server's log") && fault.contains("`hbot reset`"),
+            fault.starts_with("fault thermal: the torque is off") && fault.contains("`hbot reset`"),
             "{fault}"
         );
         let fast = said(Mode::Fault, Some(Fault::Overspeed));
-        let values = "fault overspeed (now the sphere turns at 5 rad/s, the limit is 2.5); the server's log";
+        let values = "fault overspeed (now the sphere turns at 5 rad/s, the limit is 2.5): the torque is off";
         assert!(fast.starts_with(values), "{fast}");
-        assert!(said(Mode::Estop, None).contains("log says by whom. When it is safe: `hbot reset`"));
-        assert_eq!(said(Mode::Active, None), "active");
+        assert!(said(Mode::Estop, None).contains("stopped. When it is safe: `hbot reset`"));
+        assert!(said(Mode::Active, None).contains("`hbot estop` stops"));
     }
 }

@@ -9,34 +9,37 @@ use hbot_server::server::Finished;
 use hbot_server::service::Status;
 
 use super::out::foreign;
-use super::style;
+use super::{style, terminal};
 
-/// Returns the status line: time, mode, orientation, torque, late ticks, clients and holder of the
-/// lease.
-pub(crate) fn line(status: &Status) -> String {
+/// Below this width of the terminal, columns, the status line has its short form.
+const FULL: usize = 100;
+
+/// Returns the status line: time, mode, orientation, torque, ticks that were late, skipped or
+/// missed, clients and holder of the lease. It takes at most `columns` columns.
+pub(crate) fn line(status: &Status, columns: usize) -> String {
     let Some(sample) = &status.sample else { return "waiting for the first tick".to_owned() };
     let (state, counters) = (&sample.state, &sample.counters);
     let mode = status.mode();
     let mut line = String::new();
-    let angle = 2.0 * state.q.w.abs().min(1.0).acos();
-    let _ = write!(
-        line,
-        "{:8.1} s  {}{mode}{}  turned {:5.1} deg  torque {:.3} N m  late {} skipped {} missed {}  {} client{}",
-        sample.t_ns as f64 * 1e-9,
-        style::of_mode(mode),
-        style::OFF,
-        angle.to_degrees(),
-        state.torque.length(),
-        counters.late,
-        counters.skipped,
-        counters.missed,
-        status.clients,
-        if status.clients == 1 { "" } else { "s" },
-    );
+    let angle = (2.0 * state.q.w.abs().min(1.0).acos()).to_degrees();
+    let torque = state.torque.length();
+    let (colour, off) = (style::of_mode(mode), style::OFF);
+    let _ = write!(line, "{:8.1} s  {colour}{mode}{off}  ", sample.t_ns as f64 * 1e-9);
+    let (late, skipped, missed) = (counters.late, counters.skipped, counters.missed);
+    let _ = if columns < FULL {
+        write!(line, "{angle:5.1} deg  {torque:.3} N m  late {late} skipped {skipped} missed {missed}")
+    } else {
+        write!(
+            line,
+            "turned {angle:5.1} deg  torque {torque:.3} N m  late {late} skipped {skipped} missed {missed}"
+        )
+    };
+    let plural = if status.clients == 1 { "" } else { "s" };
+    let _ = write!(line, "  {} client{plural}", status.clients);
     if let Some(holder) = &status.holder {
         let _ = write!(line, ", held by {}", foreign(holder));
     }
-    line
+    terminal::cut(&line, columns)
 }
 
 /// Returns the statistics that are printed when the server ends.
@@ -113,7 +116,43 @@ fn pair(d: &Distribution) -> String {
 
 #[cfg(test)]
 mod tests {
+    use hbot_core::{CompiledScene, Controller, Inputs, MAX_COMMANDS};
+    use hbot_host::run_loop::sample::{Counters, Sample, TickTiming};
+
     use super::*;
+
+    /// Returns what the loop says of its first tick.
+    fn still() -> Sample {
+        let mut controller = Controller::new(hbot_config::RigConfig::prototype().rig);
+        let state = controller.tick(&CompiledScene::empty(), &Inputs::quiet(0)).state;
+        Sample {
+            state,
+            t_ns: 0,
+            scene: 0,
+            timing: TickTiming::default(),
+            counters: Counters::default(),
+            answers: [None; MAX_COMMANDS],
+            telemetry: Default::default(),
+        }
+    }
+
+    #[test]
+    fn the_status_line_ends_at_the_terminal_s_width() {
+        let mut sample = Status { sample: Some(still()), clients: 1, ..Status::default() };
+        let shown =
+            |status: &Status, columns| anstream::adapter::strip_str(&line(status, columns)).to_string();
+        let short = shown(&sample, 80);
+        assert!(
+            short.ends_with("late 0 skipped 0 missed 0  1 client") && !short.contains("turned"),
+            "{short}"
+        );
+        assert!(shown(&sample, FULL).contains("turned   0.0 deg  torque 0.000 N m"));
+        sample.holder = Some("the panel of somebody on a machine with a long name".to_owned());
+        for columns in [40, 80, 100] {
+            let cut = shown(&sample, columns);
+            assert!(cut.chars().count() == columns && cut.ends_with('…'), "{cut}");
+        }
+    }
 
     #[test]
     fn a_recording_that_was_cut_short_is_told_apart_from_one_that_is_complete() {

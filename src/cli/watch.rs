@@ -8,7 +8,7 @@ use clap::Args;
 use hbot_api::{Event, StateEvent, time_of_day};
 
 use super::out::{Reader, foreign, note, say, written};
-use super::{ServerAddress, orders, show, style};
+use super::{ServerAddress, orders, show, style, terminal};
 
 /// Time without a state after which the user is told, unless states are further apart.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
@@ -33,7 +33,9 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let every = args.every.unwrap_or(((hello.rate_hz / 10.0) as u64).max(1));
     client.subscribe(every)?;
     let screen = std::io::stdout().is_terminal() && !args.json;
-    let form = if screen { Form::fitting(columns()) } else { Form::Wide };
+    // A terminal that does not tell its width is taken to be wide.
+    let columns = terminal::columns(std::io::stdout()).filter(|_| screen);
+    let form = columns.map_or(Form::Wide, Form::fitting);
     if !args.json {
         let info = client.info().map_err(orders::remedied)?;
         say!(
@@ -46,8 +48,7 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             hello.rate_hz
         )?;
         say!("{}{LEGEND}{}", style::DIM, style::OFF)?;
-        // A terminal cuts the header at its right edge, like the rows below it.
-        print(&form.header(), screen, screen)?;
+        print(&fitted(&form.header(), columns, true), screen, screen)?;
         if screen {
             say!("")?;
         }
@@ -97,7 +98,8 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             }
             _ => continue,
         };
-        if print(&line, screen, screen && matches!(event, Event::State(_)))? == Reader::Gone {
+        let state = matches!(event, Event::State(_));
+        if print(&fitted(&line, columns, state), screen, screen && state)? == Reader::Gone {
             return Ok(ExitCode::SUCCESS);
         }
     }
@@ -108,6 +110,15 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
 fn silent_after(every: u64, rate_hz: f64) -> Duration {
     let two_states = Duration::try_from_secs_f64((2.0 * every as f64 / rate_hz).ceil());
     two_states.map_or(SILENT_AFTER, |two| two.max(SILENT_AFTER))
+}
+
+/// Returns a line that fits a terminal of `columns` columns: a row is cut, other text is wrapped.
+fn fitted(line: &str, columns: Option<usize>, row: bool) -> String {
+    match columns {
+        Some(columns) if row => terminal::cut(line, columns),
+        Some(columns) => terminal::wrapped(line, columns),
+        None => line.to_owned(),
+    }
 }
 
 /// Prints a line. On a terminal, a state replaces the previous state.
@@ -132,12 +143,6 @@ fn raw(write: impl FnOnce(&mut Stdout) -> std::io::Result<()>) -> anyhow::Result
     written(write(&mut out).and_then(|()| out.flush()))
 }
 
-/// Returns the width of the terminal, in columns. If it does not say, assumes that it is wide.
-fn columns() -> usize {
-    let size = rustix::termios::tcgetwinsize(std::io::stdout());
-    size.map_or(WIDE, |size| if size.ws_col == 0 { WIDE } else { usize::from(size.ws_col) })
-}
-
 /// Width of a row with all components of all vectors, columns.
 const WIDE: usize = 128;
 
@@ -150,9 +155,11 @@ const COLUMNS: &str = "\
 Columns:
   t s          time since the start of the loop, s
   mode         mode of the rig, or its fault
-  orientation  of the sphere in frame N, a quaternion (narrow terminals: its angle, degrees)
-  torque N m   torque on the sphere about n1 n2 n3, and its length (narrow terminals: the length)
-  rate rad/s   angular velocity of the sphere about n1 n2 n3 (narrow terminals: its length)
+  orientation  of the sphere in frame N, a quaternion (terminals below 128 columns: `deg`, its
+               angle in degrees)
+  torque N m   torque on the sphere about n1 n2 n3, and its length
+  rate rad/s   angular velocity of the sphere about n1 n2 n3 (terminals below 128 columns: its
+               length)
   scale        part of the wanted torque that is applied after all limits: 1 is all of it
   late us      time from the deadline of the tick to its start, microseconds";
 
@@ -161,7 +168,8 @@ Columns:
 enum Form {
     /// The components of the vectors, as [`WIDE`] columns.
     Wide,
-    /// The lengths of the vectors, within 80 columns.
+    /// The components of the torque, and the lengths of the other vectors, within 80
+    /// columns.
     Narrow,
 }
 
@@ -185,8 +193,8 @@ impl Form {
                 "late us",
             ),
             Self::Narrow => format!(
-                "{dim}{:>8}  {:12} {:>10}  {:>10}  {:>10}  {:>5}  {:>8}{off}",
-                "t s", "mode", "turned deg", "torque N m", "rate rad/s", "scale", "late us",
+                "{dim}{:>8}  {:12} {:>6} {:^21} {:>6} {:>7} {:>5} {:>7}{off}",
+                "t s", "mode", "deg", "torque N m n1 n2 n3", "length", "rad/s", "scale", "late us",
             ),
         }
     }
@@ -207,7 +215,7 @@ impl Form {
             Self::Narrow => {
                 let turned = (2.0 * length([x, y, z]).atan2(w.abs())).to_degrees();
                 format!(
-                    "{t:8.2}  {mode} {turned:10.1}  {torque:10.4}  {:10.3}  {scale:5.2}  {late:8.1}",
+                    "{t:8.2}  {mode} {turned:6.1} {t1:6.3} {t2:6.3} {t3:6.3}  {torque:6.3} {:7.3} {scale:5.2} {late:7.0}",
                     length(s.omega)
                 )
             }
@@ -236,8 +244,18 @@ mod tests {
         assert_eq!((Form::fitting(80), Form::fitting(WIDE)), (Form::Narrow, Form::Wide));
         let [wide, narrow] = [Form::Wide, Form::Narrow].map(|form| plain(&form.header()).chars().count());
         assert_eq!(wide, WIDE);
-        assert!(narrow <= 80, "{narrow}");
+        assert_eq!(narrow, 80);
         assert!(LEGEND.chars().count() <= 80);
+    }
+
+    #[test]
+    fn a_row_of_80_columns_has_the_three_torques_under_their_header() {
+        let state = StateEvent { torque: [0.3, 0.0, -0.4], ..StateEvent::default() };
+        let [header, row] = [Form::Narrow.header(), Form::Narrow.row(&state)].map(|line| plain(&line));
+        assert_eq!(row.chars().count(), 80);
+        let at = header.find("length").expect("a column") + "length".len();
+        assert!(row[..at].ends_with(" 0.300  0.000 -0.400   0.500"), "{header}\n{row}");
+        assert!(header.contains("n1 n2 n3"), "{header}");
     }
 
     #[test]

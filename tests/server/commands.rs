@@ -66,9 +66,9 @@ fn info_shows_the_limits_of_energy_rounded_for_people() {
 fn set_changes_the_running_scene_and_show_prints_it() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(state.path());
-    run(&server, &["set", "spring", "stiffness=2", "deadband=5 deg"])
-        .success()
-        .stdout(contains("spring: stiffness = 2.0 (before: 1.0)").and(contains("deadband = 0.0872")));
+    run(&server, &["set", "spring", "stiffness=2", "deadband=5 deg"]).success().stdout(
+        contains("spring: stiffness = 2.0 (before: 1.0)").and(contains("deadband = 5 deg (before: 0 deg)")),
+    );
     let shown = run(&server, &["scene", "show"]).success();
     let text = String::from_utf8(shown.get_output().stdout.clone()).expect("UTF-8");
     let scene = SceneFile::from_toml(&text, "shown").unwrap_or_else(|error| panic!("{error}\n{text}"));
@@ -81,7 +81,8 @@ fn set_changes_the_running_scene_and_show_prints_it() {
         let unstable = said.contains("the scene has 500 N m/rad") && said.contains("with any damping");
         assert_eq!(unstable, warned, "{stiffness}: {said}");
     }
-    run(&server, &["set", "spring", "stiffness=30"])
+    // With the lead, 258 N m/rad are stable with the spring's 0.02 N m s/rad.
+    run(&server, &["set", "spring", "stiffness=300"])
         .success()
         .stdout(contains("warning: spring: may shake the sphere"));
     run(&server, &["set", "sprung", "stiffness=2"]).failure().stderr(contains("legal: spring"));
@@ -94,15 +95,29 @@ fn set_changes_the_running_scene_and_show_prints_it() {
 fn info_says_after_a_stop_how_torque_comes_back() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(state.path());
-    run(&server, &["estop"]).success();
+    let back = "the rig is stopped. When it is safe: `hbot reset`, then `hbot enable`";
+    run(&server, &["estop"]).success().stdout(format!("estop: {back}\n"));
     run(&server, &["enable"]).failure().stderr(contains("`hbot info` shows the cause"));
-    let stopped = "mode       estop: the rig was stopped; the server's log says by whom. When it is safe: `hbot reset`, then \
-                   `hbot enable`";
-    run(&server, &["info"]).success().stdout(contains(stopped));
-    run(&server, &["reset"]).success();
+    let stopped = contains(format!("mode       estop: {back}\n"));
+    let by = contains("  cause      at ").and(contains(": stopped by client \"hbot "));
+    run(&server, &["info"]).success().stdout(stopped.and(by));
+    let idle = "idle: the torque is off. `hbot enable` switches it on\n";
+    run(&server, &["reset"]).success().stdout(idle);
     run(&server, &["info"])
         .success()
-        .stdout(contains("mode       idle: the torque is off. `hbot enable` switches it on\n"));
+        .stdout(contains(format!("mode       {idle}")).and(contains("cause").not()));
+    let on = "enabling: the torque rises over half a second. `hbot estop` stops the rig at once\n";
+    run(&server, &["enable"]).success().stdout(on);
+}
+
+#[test]
+fn words_of_panic_stop_the_rig() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    for word in ["stop", "halt", "e-stop", "emergency-stop"] {
+        run(&server, &[word]).success().stdout(starts_with("estop: "));
+        run(&server, &["reset"]).success().stdout(starts_with("idle: "));
+    }
 }
 
 /// A stop that a suspended server has not confirmed still stops the rig when the server runs again.

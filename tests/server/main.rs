@@ -1,12 +1,15 @@
 //! Tests of the program as users see it: the binary, its serial line, its TCP port, its files.
 
 mod accuracy;
+mod any_language;
 mod bringup;
 mod by_hand;
 mod commands;
 mod controllers;
 mod design;
+mod drawing;
 mod drivers;
+mod explain;
 mod identify;
 mod last_word;
 mod log;
@@ -16,11 +19,13 @@ mod pages;
 mod phenomena;
 mod process;
 mod protocols;
+mod recover;
 mod refusals;
 mod replay;
 mod safety;
 mod scenes;
 mod start;
 mod stop;
+mod terminal;
 mod tls;
 mod wall;

@@ -233,6 +233,30 @@ fn an_accuracy_that_nothing_reaches_names_the_best() {
 }
 
 #[test]
+fn a_command_that_hbot_calls_otherwise_is_named() {
+    for (words, command) in [
+        (&["load", "hinge"][..], "`hbot scene load NAME`"),
+        (&["list"], "`hbot scene list`"),
+        (&["start", "--port", "sim"], "`hbot server`"),
+        (&["status"], "`hbot info`"),
+        (&["check", "x.toml"], "`hbot rig check FILE`"),
+        (&["study", "accuracy", "--quick"], "`cargo run --release -p hbot-study -- accuracy --quick`"),
+    ] {
+        run(words).code(2).stderr(contains(command).and(contains("similar").not()));
+    }
+    // A mistyped word still gets the most similar command, and so does one after another command.
+    run(&["serer"]).code(2).stderr(contains("'server'"));
+    run(&["scene", "lod"]).code(2).stderr(contains("'load'"));
+}
+
+/// `cargo run server -- --help` passes the two dashes on.
+#[test]
+fn dashes_that_cargo_passes_on_are_skipped() {
+    run(&["server", "--", "--help"]).success().stdout(contains("--rig <FILE>"));
+    run(&["scene", "check", "--", "-nothing-"]).code(1).stderr(contains("-nothing-"));
+}
+
+#[test]
 fn a_client_command_without_a_server_says_how_to_start_one() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
     for command in ["watch", "disable", "enable"] {

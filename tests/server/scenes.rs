@@ -68,6 +68,45 @@ fn a_plot_says_what_the_black_and_the_dashed_line_are() {
 }
 
 #[test]
+fn a_plot_shows_a_range_of_angles_and_is_named_after_its_scene() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let command = |args: &[&str]| {
+        let output = hbot().args(["scene", "plot"]).args(args).current_dir(temporary.path()).output();
+        let output = output.expect("the binary runs");
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.success(), text + &String::from_utf8_lossy(&output.stderr))
+    };
+    let (ok, said) = command(&["notched-dial", "--axis", "z", "--from", "-20deg", "--to", "20"]);
+    assert!(ok && said.starts_with("notched-dial.svg\n"), "{said}");
+    let near = std::fs::read_to_string(temporary.path().join("notched-dial.svg")).expect("a picture");
+    // The axis is labelled in steps of some degrees, and curves have tenths of a pixel.
+    assert!(near.contains("\n-20\n") && near.contains("\n20\n") && !near.contains("\n100\n"), "{near}");
+    let curve = near.split("points=\"").filter(|part| part.contains('.')).count();
+    assert!(curve >= 1, "{near}");
+    let (ok, said) = command(&["notched-dial", "--from", "20", "--to", "-20"]);
+    assert!(!ok && said.contains("--from 20 is not below --to -20"), "{said}");
+}
+
+#[test]
+fn a_new_scene_is_written_from_options_checked_and_drawn() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let scene = |args: &[&str]| {
+        let output = hbot().arg("scene").args(args).current_dir(temporary.path()).output();
+        let output = output.expect("the binary runs");
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.success(), text + &String::from_utf8_lossy(&output.stderr))
+    };
+    let (ok, said) = scene(&["new", "mine.toml", "--name", "Mine", "--effect", "spring,detents"]);
+    assert!(ok && said.contains("hbot scene load mine.toml"), "{said}");
+    let (ok, said) = scene(&["check", "mine.toml"]);
+    assert!(ok && said.starts_with("Mine: 2 effects, all legal\n"), "{said}");
+    let (ok, said) = scene(&["new", "mine.toml"]);
+    assert!(!ok && said.contains("mine.toml exists already"), "{said}");
+    let (ok, said) = scene(&["new", "other.toml", "--effect", "sprng"]);
+    assert!(!ok && said.contains("\"sprng\" is no kind of effect; legal: constant, spring"), "{said}");
+}
+
+#[test]
 fn what_cannot_be_drawn_is_told() {
     let spring = folder("scenes/spring.toml");
     let spring = spring.to_str().expect("UTF-8");

@@ -65,10 +65,8 @@ def test_without_the_variables_the_defaults_count(monkeypatch: pytest.MonkeyPatc
     assert arguments(["other.local"]).address == "other.local"
 
 
-@pytest.mark.parametrize("name", ["HBOT_SERVER", "HBOT_TOKEN_FILE"])
-def test_a_variable_that_is_empty_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(name, "")
-    with pytest.raises(ValueError, match=f"{name} is empty"):
-        hbot.connect()
-    with pytest.raises(ValueError, match=f"{name} is empty"):
-        hbot.aio.connect()
+def test_a_variable_that_is_empty_is_as_if_unset(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HBOT_SERVER", "")
+    monkeypatch.setenv("HBOT_TOKEN_FILE", "")
+    assert (server_address(None), server_token(None)) == (DEFAULT_ADDRESS, None)
+    assert arguments([]).address == DEFAULT_ADDRESS

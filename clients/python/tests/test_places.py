@@ -213,24 +213,21 @@ def test_a_file_that_is_no_text_is_named(tmp_path: Path) -> None:
         read_scene(tmp_path / "wrong.toml")
 
 
-def test_a_name_that_is_no_file_says_how_to_get_the_scene(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_ready_made_scene_is_loaded_by_its_name(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(FileNotFoundError, match=r"`hbot scene load spring`.*> spring\.toml`"):
-        read_scene("spring")
+    with hbot.connect(server.address, name="me") as rig, rig.lease():
+        rig.load_scene("hinge")
+        assert rig.refresh().scene["name"] == "Hinge"
+        with pytest.raises(hbot.BadRequest, match=r"did you mean `hinge`"):
+            rig.load_scene("hing")
+        # A file of this name counts more, and one that is nearly called so is named.
+        (tmp_path / "mine").write_text('name = "Mine"\n')
+        rig.load_scene("mine")
+        assert rig.refresh().scene["name"] == "Mine"
+        (tmp_path / "yours.toml").write_text('name = "Yours"\n')
+        with pytest.raises(hbot.BadRequest, match=r"or is 'yours\.toml' meant"):
+            rig.load_scene("yours")
     with pytest.raises(FileNotFoundError, match=r"No such file or directory: 'spring\.toml'"):
         read_scene("spring.toml")
-    monkeypatch.chdir(REPOSITORY)
-    with pytest.raises(FileNotFoundError, match=r"did you mean 'scenes/spring\.toml'"):
-        read_scene("spring")
-
-
-def test_the_commands_that_the_message_names_make_the_file(server: Server, tmp_path: Path) -> None:
-    for words in (["load", "compass"], ["show"]):
-        command = [str(program()), "scene", *words, "--server", server.address]
-        done = subprocess.run(command, capture_output=True, timeout=PATIENCE_S, check=True)
-    (tmp_path / "compass.toml").write_bytes(done.stdout)
-    with hbot.connect(server.address, name="me") as rig, rig.lease():
-        loaded = rig.load_scene(tmp_path / "compass.toml")
-        assert loaded.effects

@@ -17,9 +17,9 @@ from hbot.wire import Encoding
 DAMPING = 0.01  # N m s/rad
 
 
-def damper(state: hbot.State) -> list[float]:
+def damper(state: hbot.State) -> hbot.Vector:
     """Return the torque of a damper, N m."""
-    return [-DAMPING * rate for rate in state.omega]
+    return -DAMPING * state.omega
 
 
 @pytest.fixture
@@ -45,6 +45,27 @@ def test_the_age_of_a_torque_is_counted_from_the_state_it_was_computed_from(rig:
         assert stream.seq == tick - stream.age_ticks, "render numbers a torque by its state's tick"
         # A torque cannot be in force in the tick from which it was computed.
         assert stream.age_ticks >= 1
+
+
+def test_a_torque_of_an_older_state_is_as_old_as_that_state(rig: hbot.Rig) -> None:
+    """A function that answers with the torque of the state before, as a worker in a thread does."""
+    before: list[hbot.State] = []
+    ages = []
+
+    def late(state: hbot.State) -> hbot.Computed | None:
+        if state.client is not None and state.client.seq is not None:
+            ages.append(state.client.age_ticks)
+        before.append(state)
+        if len(before) <= 10:
+            return None
+        old = before[-11]
+        return hbot.Computed(-DAMPING * old.omega, old.tick)
+
+    with rig.lease():
+        rig.enable()
+        rig.render(late, duration=0.5)
+    assert len(ages) > 10
+    assert min(ages) >= 11
 
 
 def test_a_rig_that_is_not_enabled_is_one_warning(

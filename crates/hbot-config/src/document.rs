@@ -64,7 +64,10 @@ impl Document {
         if !errors.is_empty() {
             for error in errors.iter().take(MOST_SYNTAX_ERRORS) {
                 let (line, column) = error.span().map(|span| report.position(span.start)).unzip();
-                let message = format!("not TOML: {}", error.message().replace('\n', ", "));
+                let hint = line.and_then(|line| decimal_point(text.lines().nth(line - 1)?));
+                let hint =
+                    hint.map_or_else(String::new, |right| format!(" (write a decimal point: {right})"));
+                let message = format!("not TOML: {}{hint}", error.message().replace('\n', ", "));
                 let file = report.file.clone();
                 let mistake = Diagnostic { file, line, column, path: String::new(), message, legal: None };
                 if !report.found.contains(&mistake) {
@@ -208,6 +211,17 @@ pub(crate) fn join(path: &str, key: &str) -> String {
     let bare = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     let key = if bare { key.to_owned() } else { format!("{key:?}") };
     if path.is_empty() { key } else { format!("{path}.{key}") }
+}
+
+/// Returns the number of a line such as `width = 2,5`, or of its value alone, with a decimal point.
+/// Returns `None` if the line is something else.
+#[must_use]
+pub fn decimal_point(line: &str) -> Option<String> {
+    let value = line.split_once('=').map_or(line, |(_, value)| value);
+    let value = value.split('#').next().unwrap_or_default().trim();
+    let (whole, part) = value.split_once(',')?;
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    (digits(whole.trim_start_matches('-')) && digits(part)).then(|| format!("{whole}.{part}"))
 }
 
 fn is_under(path: &str, ancestor: &str) -> bool {

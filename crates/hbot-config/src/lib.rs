@@ -37,6 +37,7 @@ mod text;
 mod validate;
 
 pub use diagnostic::{Diagnostic, Diagnostics, LoadError};
+pub use document::decimal_point;
 pub use rig::{Override, RigConfig};
 pub use scene::{RunningScene, SceneFile};
 pub use text::{MAX_TEXT, read_text};

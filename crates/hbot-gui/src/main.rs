@@ -12,12 +12,20 @@ use eframe::egui;
 use hbot_api::Trust;
 use hbot_gui::{DEFAULT_SAMPLES_PER_S, Folders, Panel, PanelOptions, Picture};
 
+/// The address of the server if none is given.
+const SERVER: &str = "127.0.0.1:4268";
+
+/// Returns the address that a text names. An empty variable is as if it was not set.
+fn server_or_default(text: &str) -> Result<String, std::convert::Infallible> {
+    Ok(if text.is_empty() { SERVER } else { text }.to_owned())
+}
+
 /// The panel of an Hbot: shows the sphere, sets its stiffness, stops it
 #[derive(Debug, Parser)]
 #[command(name = "hbot-gui", version)]
 struct Args {
     /// Address of the server
-    #[arg(long, value_name = "HOST[:PORT]", env = "HBOT_SERVER", default_value = "127.0.0.1:4268")]
+    #[arg(long, value_name = "HOST[:PORT]", env = "HBOT_SERVER", default_value = SERVER, value_parser = server_or_default)]
     server: String,
     /// File with the token that the server requires
     #[arg(long, value_name = "FILE", env = "HBOT_TOKEN_FILE")]
@@ -236,5 +244,7 @@ mod tests {
             let argument = command.get_arguments().find(|argument| argument.get_id() == option);
             assert_eq!(argument.expect(option).get_env(), Some(variable.as_ref()), "{option}");
         }
+        // As for commands, an empty variable counts as none.
+        assert_eq!(Args::try_parse_from(["hbot-gui", "--server", ""]).unwrap().server, SERVER);
     }
 }

@@ -52,18 +52,21 @@ pub struct PlotPanel {
 pub fn sheet(title: &str, panels: &[PlotPanel], below: Option<&Hemispheres>) -> String {
     let height = TITLE + PANEL * panels.len() as u32 + below.map_or(0, |_| hemispheres::HEIGHT);
     let names: Vec<&str> = panels.iter().flat_map(PlotPanel::names).collect();
-    let mut out = String::new();
+    let (mut out, mut curves) = (String::new(), String::new());
     drawn(&mut out, (WIDTH, height), |area| {
         let (head, mut rest) = area.split_vertically(TITLE);
         let font = ("sans-serif", 20).into_font();
         head.draw(&Text::new(title.to_owned(), (14, 12), font)).map_err(failed)?;
         for panel in panels {
             let (place, under) = rest.split_vertically(PANEL);
-            panel.draw(&place, &names)?;
+            panel.draw(&place, &names, &mut curves)?;
             rest = under;
         }
         below.map_or(Ok(()), |discs| discs.draw(&rest))
     });
+    // plotters knows whole pixels only, which makes stairs of a smooth curve.
+    let end = out.rfind("</svg>").unwrap_or(out.len());
+    out.insert_str(end, &curves);
     out
 }
 
@@ -72,9 +75,9 @@ impl PlotPanel {
         self.curves.iter().filter_map(|curve| curve.name.as_deref())
     }
 
-    /// Draws the panel. `names` are the curve names of all panels, so that all legends get equal
-    /// widths.
-    fn draw(&self, place: &Surface<'_>, names: &[&str]) -> Result<(), Failed> {
+    /// Draws the panel, and adds its curves to `curves` as SVG. `names` are the curve names of all
+    /// panels, so that all legends get equal widths.
+    fn draw(&self, place: &Surface<'_>, names: &[&str], curves: &mut String) -> Result<(), Failed> {
         let mut area = place.clone();
         if !names.is_empty() {
             let (left, right) = rooms(place, names.iter().copied());
@@ -87,13 +90,9 @@ impl PlotPanel {
         for strokes in self.limit.map(|limit| self.beyond(limit)).into_iter().flatten() {
             chart.draw_series(LineSeries::new(strokes, BLACK.mix(0.3).stroke_width(1))).map_err(failed)?;
         }
+        let (columns, rows) = chart.plotting_area().get_pixel_range();
         for curve in &self.curves {
-            let (points, style) = (curve.points.iter().copied(), curve.style());
-            if curve.dashed {
-                chart.draw_series(DashedLineSeries::new(points, 4, 4, style)).map_err(failed)?;
-            } else {
-                chart.draw_series(LineSeries::new(points, style)).map_err(failed)?;
-            }
+            curves.push_str(&curve.svg(self, columns.clone(), rows.clone()));
         }
         Ok(())
     }
@@ -136,6 +135,29 @@ impl PlotPanel {
 }
 
 impl Curve {
+    /// Returns the curve as SVG, in tenths of a pixel. The axes of `panel` take the pixels
+    /// `columns` and `rows` of the picture.
+    fn svg(&self, panel: &PlotPanel, columns: Range<i32>, rows: Range<i32>) -> String {
+        let (x, y) = (&panel.x_range.0, &panel.y_range);
+        let share = |value: f64, range: &Range<f64>| (value - range.start) / (range.end - range.start);
+        let along = |share: f64, pixels: &Range<i32>| {
+            let pixel = f64::from(pixels.start) + share * f64::from(pixels.end - 1 - pixels.start);
+            (10.0 * pixel).round() / 10.0
+        };
+        let points = self.points.iter().map(|point| {
+            let (x, y) = (along(share(point.0, x), &columns), along(1.0 - share(point.1, y), &rows));
+            format!("{x},{y}")
+        });
+        let points = points.collect::<Vec<_>>().join(" ");
+        let style = self.style();
+        let RGBAColor(r, g, b, _) = style.color;
+        let dashes = if self.dashed { r#" stroke-dasharray="4 4""# } else { "" };
+        format!(
+            "<polyline fill=\"none\" stroke=\"#{r:02X}{g:02X}{b:02X}\" stroke-width=\"{}\"{dashes} points=\"{points}\"/>\n",
+            style.stroke_width
+        )
+    }
+
     fn style(&self) -> ShapeStyle {
         match self.colour {
             Some(colour) => COLOURS[colour % COLOURS.len()].stroke_width(1),
@@ -185,6 +207,27 @@ mod tests {
             sheet("A scene", std::slice::from_ref(&alone), Some(&discs))
                 .starts_with(r#"<svg width="840" height="730""#)
         );
+    }
+
+    #[test]
+    fn curves_have_tenths_of_a_pixel_and_lie_on_their_axes() {
+        let points = vec![(0.0, -2.0), (0.01, 0.0), (2.0, 2.0)];
+        let curve = Curve { name: None, points, colour: None, dashed: true };
+        let panel = PlotPanel {
+            x: String::new(),
+            y: String::new(),
+            x_range: (0.0..2.0, 8),
+            y_range: -2.0..2.0,
+            limit: None,
+            curves: vec![curve.clone()],
+        };
+        // The first and the last column, and the first and the last row, of 201 x 101 pixels.
+        let svg = curve.svg(&panel, 10..211, 20..121);
+        assert!(svg.contains(r#"points="10,120 11,70 210,20""#), "{svg}");
+        assert!(svg.contains(r##"stroke="#000000" stroke-width="1" stroke-dasharray="4 4""##), "{svg}");
+        let svg = curve.svg(&panel, 0..102, 0..102);
+        assert!(svg.contains(r#"points="0,101 0.5,50.5 101,0""#), "{svg}");
+        assert!(sheet("", &[panel], None).contains("stroke-dasharray"));
     }
 
     #[test]

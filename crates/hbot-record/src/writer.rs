@@ -43,6 +43,22 @@ impl<W: Write + Seek> Writer<W> {
     /// # Errors
     /// Fails if `into` cannot be written.
     pub fn new(into: W, about: &About) -> Result<Self, McapError> {
+        let mut metadata = about.entries.clone();
+        metadata.insert("format".to_owned(), exact::FORMAT.to_string());
+        metadata.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+        metadata.insert("joints".to_owned(), about.joints.join(" "));
+        Self::begin(into, metadata, about.joints.clone())
+    }
+
+    /// Begins a recording with the messages and the metadata of another one.
+    ///
+    /// # Errors
+    /// Fails if `into` cannot be written.
+    pub(crate) fn again(into: W, metadata: BTreeMap<String, String>) -> Result<Self, McapError> {
+        Self::begin(into, metadata, Vec::new())
+    }
+
+    fn begin(into: W, metadata: BTreeMap<String, String>, joints: Vec<String>) -> Result<Self, McapError> {
         // A chunk is written only when it is complete, so that a file that ends anywhere has at
         // most one chunk that cannot be read.
         let options = WriteOptions::new()
@@ -52,13 +68,17 @@ impl<W: Write + Seek> Writer<W> {
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true);
         let mut mcap = options.create(into)?;
-        let mut metadata = about.entries.clone();
-        metadata.insert("format".to_owned(), exact::FORMAT.to_string());
-        metadata.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
-        metadata.insert("joints".to_owned(), about.joints.join(" "));
         mcap.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
         mcap.flush()?;
-        Ok(Self { mcap, channels: [None; _], encoder: Encoder::new(about.joints.clone()) })
+        Ok(Self { mcap, channels: [None; _], encoder: Encoder::new(joints) })
+    }
+
+    /// Writes a message of another recording as it is.
+    ///
+    /// # Errors
+    /// Fails if the recording cannot be written. It is unusable then.
+    pub(crate) fn copy(&mut self, topic: Topic, unix_ns: u64, data: &[u8]) -> Result<(), McapError> {
+        self.put(topic, unix_ns, data)
     }
 
     /// Writes the state of a tick to the public topics of every tick. `unix_ns` is the Unix time of

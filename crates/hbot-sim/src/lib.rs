@@ -31,5 +31,6 @@ pub mod plant;
 pub mod pty;
 pub mod rig;
 pub mod served;
+mod shafts;
 pub mod socket;
 pub mod wander;

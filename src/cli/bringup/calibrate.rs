@@ -11,8 +11,8 @@ use anyhow::Context as _;
 use clap::Args;
 use hbot_config::RigConfig;
 use hbot_core::design::rig::Zero;
-use hbot_host::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
-use hbot_host::bringup::{Bench, Interrupted};
+use hbot_host::commission::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
+use hbot_host::commission::bringup::{Bench, Interrupted};
 
 use super::super::out::{refuse_folder, say};
 use super::super::style;

@@ -3,12 +3,18 @@
 use std::fmt::Write as _;
 
 use clap::ValueEnum as _;
+use hbot_config::rig::Protocol;
+use hbot_host::bus::driver;
+use hbot_host::commission::doctor::line_rate;
 
 use super::{Answers, Controllers};
 
+/// Baud rate of a line whose rig file names none.
+const BAUD: u32 = 3_000_000;
+
 /// Returns the text of the rig file.
 pub(super) fn text(answers: &Answers) -> anyhow::Result<String> {
-    let Answers { name, radius, mass, port, .. } = answers;
+    let Answers { name, radius, mass, port, friction, normal_force, .. } = answers;
     let protocol =
         answers.protocol.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
     let mut text = format!(
@@ -35,16 +41,61 @@ pub(super) fn text(answers: &Answers) -> anyhow::Result<String> {
         joint(&mut text, answers, 2 * wheel)?;
         joint(&mut text, answers, 2 * wheel + 1)?;
     }
+    let (rate, why) = rate(answers);
+    let (torque, from) = torque(answers);
     write!(
         text,
-        "\n[loop]\nrate_hz = 1000 # `hbot doctor --rig FILE` says how high it can be\n\n\
+        "\n[loop]\nrate_hz = {rate} # {why}\n\n\
          [link]\nport = {} # \"sim\", or a device such as \"/dev/ttyACM0\"\nprotocol = {protocol:?} # docs/controllers.md\n\n\
-         [limits]\ntorque = {} # N m on the sphere: begin low\ntorque_rate = 20 # N m/s: begin low\nspeed = 10 # rad/s\n",
+         [limits]\n# {from}\ntorque = {torque} # N m on the sphere: begin low\ntorque_rate = 20 # N m/s: begin low\n\
+         speed = 10 # rad/s\ntraction = {{ mu = {}, normal_force = {} }} # N, on each wheel\n",
         quoted(port),
-        rounded(0.2 * answers.drive.peak.min(answers.steer.peak) * answers.radius / answers.wheel_radius)
-            .min(1000.0),
+        real(*friction),
+        real(*normal_force),
     )?;
     Ok(text)
+}
+
+/// The rate of the loop where the line carries it, Hz.
+const USUAL_RATE: f64 = 1000.0;
+
+/// Returns the rate of the loop, Hz, and why it is that: the usual one, or what the line carries
+/// with all joints on it.
+fn rate(answers: &Answers) -> (u32, String) {
+    let protocol = Protocol::from(answers.protocol);
+    let most = |joints: u32| line_rate(&driver(protocol).traffic(joints as usize), BAUD).floor();
+    let joints = 2 * answers.wheels;
+    if most(joints) >= USUAL_RATE {
+        return (USUAL_RATE as u32, "`hbot doctor --rig FILE` says how high it can be".to_owned());
+    }
+    let lines = (2..=joints).find(|lines| most(joints.div_ceil(*lines)) >= USUAL_RATE);
+    let more = lines.map_or_else(String::new, |lines| {
+        format!("; {lines} lines (`port` a list, and a `port` of each joint) carry {USUAL_RATE:.0} Hz")
+    });
+    (most(joints) as u32, format!("the most that one line carries with {joints} joints{more}"))
+}
+
+/// Returns a largest torque on the sphere to begin with, N m, and how it was found: a fifth of what
+/// one wheel makes with the weaker of its motors, or of what friction holds, if that is less.
+fn torque(answers: &Answers) -> (f64, String) {
+    let Answers { radius, wheel_radius, friction, normal_force, .. } = answers;
+    let peak = answers.drive.peak.min(answers.steer.peak);
+    let [motors, grip] = [peak * radius / wheel_radius, friction * normal_force * radius];
+    let torque = rounded(0.2 * motors.min(grip)).min(1000.0);
+    let from = if motors <= grip {
+        format!(
+            "A fifth of {} N m: the smaller peak, {peak} N m, times radius of the sphere / radius of the wheel.",
+            rounded(motors)
+        )
+    } else {
+        format!(
+            "A fifth of {} N m: friction {friction} times normal force {normal_force} N times radius of the sphere; the motors \
+             could make {} N m.",
+            rounded(grip),
+            rounded(motors)
+        )
+    };
+    (torque, from)
 }
 
 /// Returns a text as it stands in a TOML file.
@@ -106,6 +157,18 @@ mod tests {
     }
 
     #[test]
+    fn the_first_limit_says_whether_motors_or_friction_set_it() {
+        let (torque_of_motors, from) = torque(&Answers { normal_force: 100.0, ..Answers::usual() });
+        // 0.14 N m * 0.102 m / 0.0155 m = 0.921 N m.
+        assert_eq!(torque_of_motors, 0.184);
+        assert!(from.contains("A fifth of 0.921 N m: the smaller peak"), "{from}");
+        let (torque_of_grip, from) = torque(&Answers::usual());
+        // 0.8 * 10 N * 0.102 m = 0.816 N m.
+        assert_eq!(torque_of_grip, 0.163);
+        assert!(from.contains("A fifth of 0.816 N m: friction 0.8"), "{from}");
+    }
+
+    #[test]
     fn every_answer_is_in_the_rig_that_is_read_back() {
         for wheels in 2..=8 {
             for protocol in [Controllers::Hbot, Controllers::Moteus, Controllers::Odrive] {
@@ -118,6 +181,13 @@ mod tests {
                 let spec = rig.rig.device.wheels()[0].spec();
                 assert!((spec.cone - 10_f64.to_radians()).abs() < 1.0e-12, "{}", spec.cone);
                 assert_eq!((spec.radius, rig.rig.joints[1].peak), (0.0155, 0.14));
+                assert_eq!(rig.link.baud, BAUD);
+                // `hbot rig check` accepts the line, and a faster loop would not fit.
+                let most = line_rate(&driver(rig.link.protocol).traffic(2 * wheels as usize), BAUD);
+                let rate = f64::from(rig.rate_hz);
+                assert!(rate <= most && (rate == USUAL_RATE || rate + 1.0 > most), "{rate} of {most}");
+                let traction = rig.rig.limits.traction.expect("it was asked for");
+                assert_eq!((traction.mu, traction.normal_force), (0.8, 10.0));
                 assert_eq!(rig.link.protocol.name(), format!("{protocol:?}").to_lowercase());
             }
         }

@@ -4,6 +4,7 @@ use anyhow::bail;
 use clap::ValueEnum as _;
 use hbot_config::{Diagnostic, RigConfig};
 
+use super::units::Quantity;
 use super::{Answers, Controllers, NewArgs, file};
 
 /// A number that the command asks for.
@@ -13,16 +14,21 @@ struct Number {
     words: &'static str,
     /// The unit in words.
     unit: &'static str,
+    quantity: Quantity,
+    /// What `?` answers.
+    help: &'static str,
     given: fn(&NewArgs) -> Option<f64>,
     place: fn(&mut Answers) -> &mut f64,
 }
 
 /// The numbers, in the order in which the command asks for them.
-const NUMBERS: [Number; 8] = [
+const NUMBERS: [Number; 10] = [
     Number {
         option: "--radius",
         words: "radius of the sphere, m",
         unit: "metres",
+        quantity: Quantity::Length,
+        help: "Half the sphere's diameter.",
         given: |args| args.radius,
         place: |answers| &mut answers.radius,
     },
@@ -30,6 +36,8 @@ const NUMBERS: [Number; 8] = [
         option: "--mass",
         words: "mass of the sphere, kg",
         unit: "kilograms",
+        quantity: Quantity::Mass,
+        help: "Of the sphere alone. A hollow sphere is assumed: `inertia` in the file says otherwise.",
         given: |args| args.mass,
         place: |answers| &mut answers.mass,
     },
@@ -37,6 +45,8 @@ const NUMBERS: [Number; 8] = [
         option: "--wheel-radius",
         words: "radius of the wheels, m",
         unit: "metres",
+        quantity: Quantity::Length,
+        help: "From the wheel's axle to the point that touches the sphere, tyre included.",
         given: |args| args.wheel_radius,
         place: |answers| &mut answers.wheel_radius,
     },
@@ -44,6 +54,8 @@ const NUMBERS: [Number; 8] = [
         option: "--cone",
         words: "angle between steering axis and contact, degrees",
         unit: "degrees",
+        quantity: Quantity::Angle,
+        help: "Seen from the centre of the sphere: the angle between a wheel's steering axis and the line to the point that it touches. The wheel stands off its axis by it, so that steering moves the contact on a small circle; 0 would be singular. `cone` in the drawing of docs/build-one.md.",
         given: |args| args.cone,
         place: |answers| &mut answers.cone_deg,
     },
@@ -51,6 +63,8 @@ const NUMBERS: [Number; 8] = [
         option: "--steer-gear",
         words: "gear of the steer joints, turns of the motor per turn of the joint",
         unit: "turns of the motor",
+        quantity: Quantity::Ratio,
+        help: "1 if the motor steers directly.",
         given: |args| args.steer_gear,
         place: |answers| &mut answers.steer.gear,
     },
@@ -58,6 +72,8 @@ const NUMBERS: [Number; 8] = [
         option: "--steer-peak",
         words: "largest torque of a steer joint after its gear, N m",
         unit: "newton metres",
+        quantity: Quantity::Torque,
+        help: "Torque constant times the largest current, times the gear. The motor's data sheet calls it peak or stall torque.",
         given: |args| args.steer_peak,
         place: |answers| &mut answers.steer.peak,
     },
@@ -65,6 +81,8 @@ const NUMBERS: [Number; 8] = [
         option: "--drive-gear",
         words: "gear of the drive joints, turns of the motor per turn of the joint",
         unit: "turns of the motor",
+        quantity: Quantity::Ratio,
+        help: "1 if the wheel is on the motor's shaft.",
         given: |args| args.drive_gear,
         place: |answers| &mut answers.drive.gear,
     },
@@ -72,8 +90,28 @@ const NUMBERS: [Number; 8] = [
         option: "--drive-peak",
         words: "largest torque of a drive joint after its gear, N m",
         unit: "newton metres",
+        quantity: Quantity::Torque,
+        help: "Torque constant times the largest current, times the gear. The motor's data sheet calls it peak or stall torque.",
         given: |args| args.drive_peak,
         place: |answers| &mut answers.drive.peak,
+    },
+    Number {
+        option: "--friction",
+        words: "friction coefficient between wheel and sphere",
+        unit: "friction",
+        quantity: Quantity::Ratio,
+        help: "Lay the tyre on a plate of the sphere's material and tilt it: the tangent of the angle at which it slides. Usual are 0.8 for rubber on a smooth plastic and 0.3 for a hard wheel. With the next answer it limits the torque, because a wheel that slips is no longer felt.",
+        given: |args| args.friction,
+        place: |answers| &mut answers.friction,
+    },
+    Number {
+        option: "--normal-force",
+        words: "force with which each wheel presses on the sphere, N",
+        unit: "newtons",
+        quantity: Quantity::Force,
+        help: "What the spring of the wheel's holder, or the cage, presses with: pull the wheel off by a spring scale. `N` in the drawing of docs/build-one.md.",
+        given: |args| args.normal_force,
+        place: |answers| &mut answers.normal_force,
     },
 ];
 
@@ -101,14 +139,21 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
             Ok(())
         };
         let question = "protocol of the motor controllers (hbot, moteus, odrive)";
-        settle(ask, &mut answers, (question, "hbot"), &["--protocol"], &take)?;
+        let help = "What the motor controllers speak: moteus servos and ODrives their vendor's protocol, and firmware of your own hbot's. docs/controllers.md, docs/firmware.md.";
+        settle(ask, &mut answers, (question, "hbot", help), &["--protocol"], &take)?;
     }
     if args.name.is_none() {
         let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
             answers.name = text.to_owned();
             Ok(())
         };
-        settle(ask, &mut answers, ("name of the rig", "My Hbot"), &["--name"], &take)?;
+        settle(
+            ask,
+            &mut answers,
+            ("name of the rig", "My Hbot", "Any text. Panel, recordings and messages show it."),
+            &["--name"],
+            &take,
+        )?;
     }
     if args.port.is_none() {
         let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
@@ -119,7 +164,8 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
             answers.port = text.to_owned();
             Ok(())
         };
-        settle(ask, &mut answers, ("serial device, or sim", "sim"), &["--port"], &take)?;
+        let help = "The path of the adapter, such as /dev/ttyACM0 (`ls /dev/serial/by-id` lists them). sim is the simulated rig; `--port` of each command replaces it.";
+        settle(ask, &mut answers, ("serial device, or sim", "sim", help), &["--port"], &take)?;
     }
     if args.wheels.is_none() {
         let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
@@ -130,7 +176,8 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
         // The cone decides with the number of wheels whether they meet. It may still be asked for.
         let options = ["--wheels", WHEELS_AND_CONE];
         let options = if args.cone.is_some() { &options[..] } else { &options[..1] };
-        settle(ask, &mut answers, ("number of wheels", "2"), options, &take)?;
+        let help = "The wheels that motors steer and drive. The file arranges them evenly around n3; correct `axis` there. docs/build-one.md has a drawing.";
+        settle(ask, &mut answers, ("number of wheels", "2", help), options, &take)?;
     }
     for number in NUMBERS {
         if (number.given)(args).is_some() {
@@ -138,14 +185,17 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
         }
         let default = (number.place)(&mut answers).to_string();
         let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
-            let value = text.parse().ok().filter(|value: &f64| value.is_finite());
-            *(number.place)(answers) =
-                value.ok_or_else(|| format!("it must be a number of {}, such as {default}", number.unit))?;
+            let value = number.quantity.read(text).and_then(|value| {
+                value.is_finite().then_some(value).ok_or_else(|| "it is not finite".to_owned())
+            });
+            *(number.place)(answers) = value.map_err(|why| {
+                format!("it must be a number of {}, such as {default} ({why})", number.unit)
+            })?;
             Ok(())
         };
         let options = [number.option, WHEELS_AND_CONE];
         let options = if number.option == "--cone" { &options[..] } else { &options[..1] };
-        settle(ask, &mut answers, (number.words, &default), options, &take)?;
+        settle(ask, &mut answers, (number.words, &default, number.help), options, &take)?;
     }
     refuse(&mistakes(&answers)?)?;
     Ok(answers)
@@ -199,12 +249,13 @@ fn refuse(mistakes: &[Mistake]) -> anyhow::Result<()> {
     bail!(lines.collect::<Vec<_>>().join("\n"))
 }
 
-/// Asks a question until the answer is legal. `question` has the words and the default. The answer
-/// is legal if `take` takes it, and if none of `options` has a mistake then.
+/// Asks a question until the answer is legal. The question has its words, the default, and what the
+/// answer `?` explains. The answer is legal if `take` takes it, and if none of `options` has a
+/// mistake then.
 fn settle(
     ask: Ask<'_>,
     answers: &mut Answers,
-    (words, default): (&str, &str),
+    (words, default, help): (&str, &str, &str),
     options: &[&str],
     take: &dyn Fn(&mut Answers, &str) -> Result<(), String>,
 ) -> anyhow::Result<()> {
@@ -212,6 +263,10 @@ fn settle(
     let mut prompt = question.clone();
     // If nobody is there, the usual answer stays.
     while let Some(answer) = ask(&prompt)? {
+        if answer == "?" {
+            prompt = format!("  {help}\n{question}");
+            continue;
+        }
         let text = if answer.is_empty() { default } else { answer.as_str() };
         let mut with = answers.clone();
         let why = match take(&mut with, text) {
@@ -258,6 +313,8 @@ fn mistake(answers: &Answers, diagnostic: &Diagnostic) -> Mistake {
         "steer.peak" | "steer.continuous" => "--steer-peak",
         "drive.gear" => "--drive-gear",
         "drive.peak" | "drive.continuous" => "--drive-peak",
+        "limits.traction.mu" => "--friction",
+        "limits.traction.normal_force" => "--normal-force",
         _ => return Mistake { option: "the answers", why: diagnostic.to_string() },
     };
     let why = match &diagnostic.legal {
@@ -299,8 +356,8 @@ mod tests {
     #[test]
     fn a_wrong_answer_is_asked_for_again_and_the_others_stay() {
         let typed = [
-            "canopen", "moteus", "Ball", "ttyACM0", "", "9", "3", "0", "0.1", "x", "0.5", "", "200", "12",
-            "", "-1", "2",
+            "canopen", "moteus", "Ball", "ttyACM0", "", "9", "3", "0", "?", "100 mm", "x", "0,5", "0.5", "",
+            "200", "12", "", "-1", "2", "", "", "", "20 N",
         ];
         let (answers, prompts) = asked(&[], &typed);
         let usual = Answers::usual();
@@ -308,6 +365,7 @@ mod tests {
         let (name, protocol) = ("Ball".to_owned(), Controllers::Moteus);
         let wanted =
             Answers { name, protocol, wheels: 3, radius: 0.1, mass: 0.5, cone_deg: 12.0, steer, ..usual };
+        let wanted = Answers { normal_force: 20.0, ..wanted };
         assert_eq!(answers.unwrap(), wanted, "{prompts:#?}");
         let again = |text: &str, why: &str| {
             let begin = format!("  {text:?} is not possible: ");
@@ -319,6 +377,8 @@ mod tests {
         again("9", "2 to 8");
         again("0", "out of range; legal: 0.001");
         again("x", "it must be a number of kilograms, such as 0.467");
+        again("0,5", "write a decimal point: 0.5");
+        assert!(prompts.iter().any(|prompt| prompt.starts_with("  Half the sphere's diameter.\nradius")));
         again("ttyACM0", "it must be sim, or the path of a device, such as /dev/ttyACM0");
         again("200", "200 is out of range; legal: above 0 and below 180 degrees");
         again("-1", "-1 is out of range");

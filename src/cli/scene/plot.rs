@@ -1,8 +1,9 @@
 //! `hbot scene plot`: draws the torque of a scene, so that a user sees it before feeling it.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, anyhow, ensure};
 use clap::Args;
 use hbot_config::SceneFile;
 use hbot_config::advice::Abilities;
@@ -10,7 +11,7 @@ use hbot_core::Vec3;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
 use super::super::out::refuse_folder;
-use super::sweep::Probe;
+use super::sweep::{Curves, Probe};
 use super::{Which, say, warn};
 
 /// Options of `hbot scene plot`.
@@ -18,9 +19,15 @@ use super::{Which, say, warn};
 pub(crate) struct PlotArgs {
     #[command(flatten)]
     which: Which,
-    /// File for the picture; its name ends in .svg
+    /// File for the picture; its name ends in .svg [default: the name of the scene's file, here]
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]
-    out: PathBuf,
+    out: Option<PathBuf>,
+    /// Draw from this angle on, degrees, -180 to 180
+    #[arg(long, value_name = "DEG", default_value_t = -180.0, value_parser = degrees, allow_negative_numbers = true)]
+    from: f64,
+    /// Draw up to this angle, degrees, -180 to 180
+    #[arg(long, value_name = "DEG", default_value_t = 180.0, value_parser = degrees, allow_negative_numbers = true)]
+    to: f64,
     /// Axis to turn about: x, y, z, or three numbers such as 1,0,-1; can be given several times
     /// [default: x y z]
     #[arg(long, value_name = "AXIS", value_parser = axis, allow_hyphen_values = true)]
@@ -50,9 +57,16 @@ fn axis(text: &str) -> Result<Axis, String> {
     Ok(Axis { name: text.to_owned(), unit })
 }
 
+fn degrees(text: &str) -> Result<f64, String> {
+    match text.trim_end_matches("deg").trim_end_matches('°').trim().parse::<f64>() {
+        Ok(angle) if (-180.0..=180.0).contains(&angle) => Ok(angle),
+        _ => Err("an angle, -180 to 180 degrees".to_owned()),
+    }
+}
+
 /// Parses the name of the picture. Other formats are refused, because the picture would still be
 /// SVG.
-fn svg(text: &str) -> Result<PathBuf, String> {
+pub(crate) fn svg(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
         Ok(path)
@@ -69,21 +83,34 @@ pub(super) fn usual_axes() -> anyhow::Result<Vec<Axis>> {
 pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
     let (scene, abilities) = args.which.load()?;
     let axes = if args.axis.is_empty() { usual_axes()? } else { args.axis.clone() };
-    write(&args.out, &draw(&scene, &axes, &abilities))?;
-    say!("{}", args.out.display())?;
+    ensure!(args.from < args.to, "--from {} is not below --to {}", args.from, args.to);
+    let out = args.out.clone().unwrap_or_else(|| here(&args.which.scene));
+    write(&out, &draw(&scene, &axes, args.from..args.to, &abilities))?;
+    say!("{}", out.display())?;
     warn(&abilities.warnings(&scene))
 }
 
-pub(super) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
+/// Returns the file for the picture of a scene if the user names none: in this folder, with the
+/// name of the scene's file.
+fn here(scene: &Path) -> PathBuf {
+    Path::new(scene.file_name().unwrap_or_default()).with_extension("svg")
+}
+
+pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
     refuse_folder(path, "a file for the picture")?;
     std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
 }
 
-/// Returns the picture of a scene as SVG. A torque beyond the limit of the rig is hatched.
-pub(super) fn draw(scene: &SceneFile, axes: &[Axis], abilities: &Abilities) -> String {
+/// The angles of a whole turn, degrees.
+pub(super) const WHOLE_TURN: Range<f64> = -180.0..180.0;
+
+/// Returns the picture of a scene as SVG, for angles in the range `angles`, degrees. A torque
+/// beyond the limit of the rig is hatched.
+pub(super) fn draw(scene: &SceneFile, axes: &[Axis], angles: Range<f64>, abilities: &Abilities) -> String {
     let probe = Probe::new(scene);
     let parts = probe.parts();
-    let mut panels: Vec<PlotPanel> = axes.iter().map(|axis| swing(&probe, &parts, axis)).collect();
+    let swung = |axis| swing(&probe, &parts, axis, &angles);
+    let mut panels: Vec<PlotPanel> = axes.iter().map(swung).collect();
     panels.extend(still(&probe));
     for panel in &mut panels {
         panel.limit = Some(abilities.torque).filter(|limit| panel.y_range.end > *limit);
@@ -135,45 +162,49 @@ fn span<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> f64 {
     1.1 * points.map(|(_, y)| y.abs()).fold(1.0e-3, f64::max)
 }
 
-/// Plots torque against angle while the sphere turns about `axis` and back. The torque of the scene
-/// is black. The way back is dashed, and is drawn only if it differs. If there are several effects,
-/// each has its own curve.
-fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis) -> PlotPanel {
-    let whole = probe.swing(axis.unit);
-    let each: Vec<_> = parts.iter().map(|(name, part)| (name, part.swing(axis.unit))).collect();
-    let all = each.iter().flat_map(|(_, c)| c.forth.iter().chain(&c.back));
-    let most = span(whole.forth.iter().chain(&whole.back).chain(all));
-    let degrees = |curve: &[(f64, f64)]| curve.iter().map(|(x, y)| (x.to_degrees(), *y)).collect();
-    let mut curves: Vec<Curve> = each
-        .iter()
-        .enumerate()
-        .map(|(i, (name, part))| Curve {
-            name: Some((*name).clone()),
-            points: degrees(&part.forth),
-            colour: Some(i),
-            dashed: false,
-        })
-        .collect();
-    let black = |name: &str, curve, dashed| Curve {
-        name: Some(name.to_owned()),
-        points: degrees(curve),
-        colour: None,
-        dashed,
+/// Plots torque against angle while the sphere turns about `axis` and back, for angles in the range
+/// `angles`, degrees. The torque of the scene is black, behind the effects. The way back is dashed,
+/// and is drawn only if it differs. If there are several effects, each has its own curve.
+fn swing(probe: &Probe, parts: &[(String, Probe)], axis: &Axis, angles: &Range<f64>) -> PlotPanel {
+    let fine = angles.end - angles.start < FINE;
+    let degrees = |curve: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
+        let degrees = curve.into_iter().map(|(x, y)| (x.to_degrees(), y));
+        degrees.filter(|(x, _)| *x >= angles.start - 1.0e-9 && *x <= angles.end + 1.0e-9).collect()
     };
-    curves.push(black("whole scene", &whole.forth, false));
-    let mut pairs = whole.forth.iter().zip(whole.back.iter().rev());
-    if pairs.any(|(a, b)| (a.1 - b.1).abs() > 1.0e-3 * most) {
-        curves.push(black("on the way back", &whole.back, true));
+    let both = |probe: &Probe| {
+        let Curves { forth, back } = probe.swing(axis.unit, if fine { 1 } else { 5 });
+        [degrees(forth), degrees(back)]
+    };
+    let whole = both(probe);
+    let each: Vec<_> = parts.iter().map(|(name, part)| (name, both(part))).collect();
+    let most = span(each.iter().flat_map(|(_, part)| part).chain(&whole).flatten());
+    let mut pairs = whole[0].iter().zip(whole[1].iter().rev());
+    let returns_otherwise = pairs.any(|(a, b)| (a.1 - b.1).abs() > 1.0e-3 * most);
+    let [forth, back] = whole;
+    let black =
+        |name: &str, points, dashed| Curve { name: Some(name.to_owned()), points, colour: None, dashed };
+    let mut curves = vec![black("whole scene", forth, false)];
+    if returns_otherwise {
+        curves.push(black("on the way back", back, true));
     }
+    curves.extend(each.into_iter().enumerate().map(|(i, (name, [points, _]))| Curve {
+        name: Some(name.clone()),
+        points,
+        colour: Some(i),
+        dashed: false,
+    }));
     PlotPanel {
         x: format!("angle about {}, degrees", axis.name),
         y: "torque about it, N m".to_owned(),
-        x_range: (-180.0..180.0, 13),
+        x_range: (angles.clone(), 13),
         y_range: -most..most,
         limit: None,
         curves,
     }
 }
+
+/// Below this range of angles, degrees, a curve has a point in every tick of the swing.
+const FINE: f64 = 120.0;
 
 /// Plots torque against time while the sphere is held still. Returns `None` if the torque stays as
 /// it is.

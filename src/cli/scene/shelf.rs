@@ -55,7 +55,7 @@ pub(super) fn page(folder: &Path) -> anyhow::Result<()> {
         let axes = plot::usual_axes()?;
         plot::write(
             &plots.join(format!("{}.svg", entry.file)),
-            &plot::draw(&entry.scene(), &axes, &abilities),
+            &plot::draw(&entry.scene(), &axes, plot::WHOLE_TURN, &abilities),
         )?;
     }
     let path = folder.join("scenes.md");

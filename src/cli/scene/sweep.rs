@@ -73,8 +73,8 @@ impl Probe {
         renderer
     }
 
-    /// Swings the sphere about the unit vector `axis` in frame N. Returns every fifth tick.
-    pub(super) fn swing(&self, axis: Vec3) -> Curves {
+    /// Swings the sphere about the unit vector `axis` in frame N. Returns every `every`-th tick.
+    pub(super) fn swing(&self, axis: Vec3, every: u64) -> Curves {
         let mut renderer = self.fresh();
         let mut curves = Curves { forth: Vec::new(), back: Vec::new() };
         let ticks = |time: f64| (time / DT).round() as u64;
@@ -92,7 +92,7 @@ impl Probe {
             };
             let motion = Motion { q: rotation::exp(axis * angle), omega: axis * rate };
             let torque = renderer.render(&self.scene, &motion, tick, DT, 1.0).dot(axis);
-            if tick >= lead && tick % 5 == 0 {
+            if tick >= lead && tick % every == 0 {
                 let point = (angle, torque);
                 if tick <= lead + swing / 2 {
                     curves.forth.push(point);

@@ -4,7 +4,7 @@
 
     with hbot.connect("127.0.0.1:4268", name="me") as rig:
         with rig.lease():
-            rig.load_scene("scenes/spring.toml")
+            rig.load_scene("hinge")
             rig.enable()
             for state in rig.states(every=100, duration=5.0):
                 print(state.t, state.q)
@@ -56,16 +56,19 @@ from .events import (
     Timing,
 )
 from .info import Clock, Hello, Info
+from .models import Model, Plane
 from .opening import connect
 from .program import one_line_errors
-from .rendering import Rendered
+from .rendering import Computed, Rendered
 from .rig import Rig
+from .vectors import Vector
 
 __all__ = [
     "BadRequest",
     "Busy",
     "Changed",
     "Clock",
+    "Computed",
     "ConnectionLost",
     "Controller",
     "Distribution",
@@ -83,10 +86,12 @@ __all__ = [
     "Loaded",
     "LostEvent",
     "MissingExtra",
+    "Model",
     "NoServer",
     "NotHolder",
     "NotTrusted",
     "OutOfRange",
+    "Plane",
     "Pong",
     "ProtocolError",
     "Refused",
@@ -107,6 +112,7 @@ __all__ = [
     "Unauthorized",
     "UnknownEffect",
     "UnsupportedVersion",
+    "Vector",
     "aio",
     "connect",
     "one_line_errors",

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum
 
-from .events import Quaternion, Vector
+from .events import Quaternion
+from .vectors import Vector
 
 
 class Axes(Enum):
@@ -27,14 +28,14 @@ class Axes(Enum):
     def vector(self, n: Sequence[float]) -> Vector:
         """Convert a direction, a force or a linear velocity from frame N. Does not change units."""
         (x, a), (y, b), (z, c) = _XYZ[self]
-        return (a * n[x], b * n[y], c * n[z])
+        return Vector((a * n[x], b * n[y], c * n[z]))
 
     def vector_to_n(self, v: Sequence[float]) -> Vector:
         """Convert a direction, a force or a linear velocity to frame N."""
         n = [0.0, 0.0, 0.0]
         for (index, sign), component in zip(_XYZ[self], v, strict=True):
             n[index] = sign * component
-        return (n[0], n[1], n[2])
+        return Vector(n)
 
     def axial(self, n: Sequence[float]) -> Vector:
         """Convert a torque, an angular velocity or a rotation vector from frame N.
@@ -42,13 +43,13 @@ class Axes(Enum):
         In left-handed axes such a vector also changes its sign, because a positive turn about an
         axis goes the other way there.
         """
-        x, y, z = self.vector(n)
-        return (-x, -y, -z) if self in _LEFT_HANDED else (x, y, z)
+        v = self.vector(n)
+        return -v if self in _LEFT_HANDED else v
 
     def axial_to_n(self, v: Sequence[float]) -> Vector:
         """Convert a torque, an angular velocity or a rotation vector to frame N."""
-        x, y, z = self.vector_to_n(v)
-        return (-x, -y, -z) if self in _LEFT_HANDED else (x, y, z)
+        n = self.vector_to_n(v)
+        return -n if self in _LEFT_HANDED else n
 
     def quaternion(self, q: Sequence[float]) -> Quaternion:
         """Convert an orientation `(w, x, y, z)` of the sphere in frame N.

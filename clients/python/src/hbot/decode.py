@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar, Union, get_args, get_origin
 
 from .errors import ProtocolError
+from .vectors import Vector
 
 T = TypeVar("T")
 Convert = Callable[[Any], Any]
@@ -68,6 +69,8 @@ def _of_hint(hint: Any) -> Convert | None:
     if get_origin(hint) is tuple:
         item = _of_hint(get_args(hint)[0])
         return tuple if item is None else lambda values: tuple([item(value) for value in values])
+    if hint is Vector:
+        return Vector
     if dataclasses.is_dataclass(hint):
         return _of_dataclass(typing.cast("type[Any]", hint))
     return None

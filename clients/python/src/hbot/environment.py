@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from .errors import IllegalInput
-
 DEFAULT_ADDRESS = "127.0.0.1:4268"
 """Address of a server that nobody has configured."""
 SERVER = "HBOT_SERVER"
@@ -18,27 +16,17 @@ TOKEN_FILE = "HBOT_TOKEN_FILE"
 def server_address(given: str | None) -> str:
     """Return the address that the program gives, else that of `HBOT_SERVER`, else the default.
 
-    Raises:
-        IllegalInput: the variable is needed and empty.
+    An empty variable is as if it was not set.
     """
-    return given if given is not None else _variable(SERVER, "HOST:PORT") or DEFAULT_ADDRESS
+    return given if given is not None else os.environ.get(SERVER) or DEFAULT_ADDRESS
 
 
 def server_token(given: str | Path | None) -> str | Path | None:
     """Return the token that the program gives, else the path of `HBOT_TOKEN_FILE`, else None.
 
-    Raises:
-        IllegalInput: the variable is needed and empty.
+    An empty variable is as if it was not set.
     """
     if given is not None:
         return given
-    file = _variable(TOKEN_FILE, "the path of a file")
-    return None if file is None else Path(file)
-
-
-def _variable(name: str, legal: str) -> str | None:
-    """Return the value of a variable, or None if it is not set."""
-    value = os.environ.get(name)
-    if value == "":
-        raise IllegalInput(f"the environment variable {name} is empty; legal: {legal}, or unset it")
-    return value
+    file = os.environ.get(TOKEN_FILE)
+    return Path(file) if file else None

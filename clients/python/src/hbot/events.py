@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from .decode import decode
+from .vectors import Vector
 
-Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
 Mode: TypeAlias = Literal["unreferenced", "idle", "enabling", "active", "fault", "estop"]
@@ -103,9 +103,14 @@ class State:
     energy: float
     """Energy given to the hand since the start, J. Negative if more energy came in."""
     client: Stream | None
-    """The last stream message that was accepted. None before the first."""
+    """The last stream message that was accepted since the lease changed hands. None before it."""
     timing: Timing
     """How long the parts of the tick took."""
+    orientation_sigma: Vector | None = None
+    """Standard deviations of the error of `q` about the axes of frame N, rad.
+
+    None until a measurement with a sigma has been taken.
+    """
 
 
 @dataclass(frozen=True, slots=True)

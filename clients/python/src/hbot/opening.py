@@ -27,7 +27,7 @@ def connect(
 
     Args:
         address: `HOST:PORT` or `HOST`. The default port is 4268. None: the address in the
-            environment variable `HBOT_SERVER`, or `127.0.0.1:4268` if it is not set.
+            environment variable `HBOT_SERVER`, or `127.0.0.1:4268` if it is not set or empty.
         name: name of this client, shown to people, 1 to 64 bytes.
         token: the server's token, or the path of the file that holds it. Required if the server has
             one. None: the file that the environment variable `HBOT_TOKEN_FILE` names, if it is set.
@@ -42,7 +42,7 @@ def connect(
         NoServer: no program listens at the address.
         NotTrusted: the server's certificate is not trusted, or only one side encrypts.
         Refused: the server refused the hello, for example `Unauthorized`.
-        IllegalInput: the address has no legal port, or a variable is set and empty.
+        IllegalInput: the address has no legal port.
         OSError: the file of the token cannot be read.
     """
     options = Options(name, server_token(token), tls, encoding, timeout)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import datetime
-import errno
 import importlib
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,7 +16,8 @@ from .errors import BadRequest, IllegalInput, MissingExtra, OutOfRange
 from .places import PATH, Places, join
 
 Scene: TypeAlias = str | os.PathLike[str] | Mapping[str, Any]
-"""A scene: the path of a scene file (TOML), or a map of the same structure (docs/files.md)."""
+"""A scene: the path of a scene file (TOML), the name of a ready-made scene (docs/scenes.md), or a
+map of the structure of a scene file (docs/files.md)."""
 
 PATH_COLUMNS = ["t", "w", "x", "y", "z"]
 """First line of a recorded path: time, s, and orientation as a quaternion."""
@@ -39,13 +40,33 @@ def read_scene(scene: Scene) -> dict[str, Any]:
         IllegalInput: the file is no TOML, or the CSV file is no path; the message names the place.
         MissingExtra: Python 3.10 has no reader of TOML, and the package `tomli` is not installed.
     """
-    return open_scene(scene)[0]
+    return dict(scene) if isinstance(scene, Mapping) else _open_file(scene)[0]
 
 
-def open_scene(scene: Scene) -> tuple[dict[str, Any], Explain]:
-    """Return the scene as `read_scene` does, and what names the lines of the server's refusal."""
+def open_scene(scene: Scene) -> tuple[dict[str, Any] | str, Explain]:
+    """Return the scene as `read_scene` does, and what names the lines of the server's refusal.
+
+    A name without a folder and without an ending, which is no file here, stays a name: the server
+    knows the ready-made scenes.
+    """
     if isinstance(scene, Mapping):
         return dict(scene), lambda error: error
+    if isinstance(scene, str) and not Path(scene).is_file() and Path(scene).stem == scene:
+        return scene, partial(_named, scene)
+    return _open_file(scene)
+
+
+def _named(name: str, error: Exception) -> Exception:
+    """Return the server's refusal of a scene's name with what else the name could be."""
+    files = (Path(f"{name}.toml"), Path("scenes", f"{name}.toml"))
+    near = [path for path in files if path.exists()]
+    if near and isinstance(error, BadRequest):
+        return error.with_message(f"{error.message}; or is {str(near[0])!r} meant, a file here?")
+    return error
+
+
+def _open_file(scene: str | os.PathLike[str]) -> tuple[dict[str, Any], Explain]:
+    """Return the scene in a file, and what names the lines of the server's refusal."""
     text = _text(scene)
     name = os.fspath(scene)
     loads, error = _toml()
@@ -77,8 +98,7 @@ def _text(scene: str | os.PathLike[str]) -> str:
     """Return the text of a scene file.
 
     Raises:
-        OSError: it cannot be read. If a name without a folder is no file, the message says how to
-            get a ready-made scene.
+        OSError: it cannot be read.
         IllegalInput: it is no text.
     """
     path = Path(scene)
@@ -86,20 +106,6 @@ def _text(scene: str | os.PathLike[str]) -> str:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as wrong:
         raise IllegalInput(f"{path}: it is not text (UTF-8): {wrong}") from wrong
-    except FileNotFoundError as missing:
-        if path.suffix or path.name != os.fspath(scene):
-            raise
-        near = (Path(f"{path}.toml"), Path("scenes", f"{path}.toml"))
-        found = [f"{str(other)!r}" for other in near if other.exists()]
-        remedy = (
-            f"did you mean {found[0]}?"
-            if found
-            else "only the program hbot knows the ready-made scenes by name: "
-            f"`hbot scene load {path}` loads one into the server while no client holds the lease, "
-            f"and then `hbot scene show > {path}.toml` writes it to a file for load_scene"
-        )
-        message = f"no such scene file; {remedy}"
-        raise FileNotFoundError(errno.ENOENT, message, os.fspath(scene)) from missing
 
 
 def _located(message: str, name: str, places: Places) -> str:

@@ -8,6 +8,7 @@ use hbot_core::Vec3;
 use hbot_core::design::device::{Device, DeviceError, MAX_JOINTS, WheelSpec};
 use hbot_core::design::rig as core;
 
+use super::compensation;
 use super::file::{self, RigFile};
 use super::settings::{self, Protocol};
 use super::{ApiConfig, LineConfig, Port, RigConfig, TlsFiles};
@@ -28,6 +29,8 @@ fn place(mistake: &core::RigError) -> String {
         "counts" => "gear",
         "lead.factor" => "loop.lead.factor",
         "lead.longest" => "loop.lead.longest_ms",
+        "compensation.friction" => "loop.compensation.friction",
+        "compensation.smoothing" => "loop.compensation.smoothing",
         field => field,
     };
     match mistake.joint {
@@ -64,7 +67,8 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     };
     let lead = file.r#loop.lead.compile();
     let limits = limits(&file.limits);
-    let parts = core::RigParts { device, joints, limits, timing, methods, torque_lag, lead };
+    let compensation = compensation::compile(&file);
+    let parts = core::RigParts { device, joints, limits, timing, methods, torque_lag, lead, compensation };
     for mistake in parts.mistakes() {
         report.push(
             &place(&mistake),

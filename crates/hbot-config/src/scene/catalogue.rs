@@ -22,6 +22,9 @@ pub struct Listed {
     pub schema: Value,
 }
 
+/// The parameters that every kind has.
+const COMMON: [&str; 3] = ["gain", "fade_s", "fade_out_s"];
+
 /// Returns a description of every kind of effect that a scene can contain.
 #[must_use]
 pub fn kinds() -> Vec<Listed> {
@@ -62,6 +65,23 @@ impl Listed {
             default: crate::legal::short(&schema["default"]),
         });
         words.collect()
+    }
+
+    /// Returns the text of an effect of this kind for a scene file, with all parameters of the kind
+    /// at their defaults, each with its unit. Parameters that are absent by default are left out.
+    #[must_use]
+    pub fn snippet(&self) -> String {
+        let mut text = format!("[[effect]]\nid = \"{0}\"\nkind = \"{0}\"\n", self.name);
+        for (key, property) in crate::schema::properties(&self.schema) {
+            let default = &property["default"];
+            let common = COMMON.contains(&key.as_str());
+            if common || default.is_null() || default.as_array().is_some_and(Vec::is_empty) {
+                continue;
+            }
+            let unit = property["unit"].as_str().map_or_else(String::new, |unit| format!(" # {unit}"));
+            text.push_str(&format!("{key} = {}{unit}\n", crate::legal::short(default)));
+        }
+        text
     }
 
     fn new(name: &'static str, schema: &Value) -> Self {

@@ -23,8 +23,8 @@ use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KindEntry};
 pub use self::running::{EffectPlace, RunningScene, SetError};
 pub use self::shelf::{SHELF, ShelfScene};
 pub use self::simulate::{
-    CageFriction, Compliance, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting, Simulate,
-    Slip, WheelModules,
+    CageFriction, Cogging, Compliance, Eccentric, Encoder, Gear, Hand, Imbalance, JointFriction, Link, Motor,
+    Pivoting, Simulate, Slip, TorqueConstants, WheelModules,
 };
 use crate::angle::to_radians;
 use crate::decode::decode;
@@ -146,6 +146,11 @@ impl SceneFile {
         }
         if let Some(simulate) = tree.get_mut("simulate") {
             to_radians(&simulate::SCHEMA, simulate, "simulate", &mut report);
+        }
+        if tree["effect"].is_object() {
+            let legal = "[[effect]] with two brackets, once for each effect".to_owned();
+            report.push_key("effect", "this is one table, and a scene has a list of effects", legal);
+            return report.finish(None);
         }
         validate(&TOP_SCHEMA, &tree, "", &mut report);
         let mut effects: Vec<SceneEffect> = Vec::new();
@@ -372,6 +377,7 @@ impl SceneEffect {
         let schema = entry.map_or(&*EFFECT_SCHEMA, |e| &e.effect_schema);
         let mut value = value.clone();
         to_radians(schema, &mut value, path, report);
+        kinds::to_matrices(schema, &mut value);
         validate(schema, &value, path, report);
         let id = table.get("id").and_then(Value::as_str).unwrap_or_default();
         let at = join(path, "id");

@@ -5,6 +5,7 @@ use hbot_core::render::effects::{Effect, Span};
 use hbot_core::render::scene::{CompiledScene, MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value};
 
+use super::kinds::to_matrices;
 use super::{KindEntry, SceneEffect, SceneFile, check_numbers};
 use crate::angle::to_radians;
 use crate::diagnostic::Diagnostics;
@@ -231,6 +232,7 @@ impl SceneEffect {
         let entry = KindEntry::named(self.kind_name)
             .unwrap_or_else(|| unreachable!("effects are made of listed kinds alone"));
         to_radians(&entry.schema, &mut all, "", &mut report);
+        to_matrices(&entry.schema, &mut all);
         validate(&entry.schema, &all, "", &mut report);
         let properties = &entry.schema["properties"];
         let are_typed = parameters

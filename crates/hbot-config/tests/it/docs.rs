@@ -42,7 +42,10 @@ fn tables(page: &str) -> Vec<(String, String)> {
     all.push(("energy".to_owned(), rows(&section("limits")["properties"]["energy"])));
     all.push(("traction".to_owned(), rows(&section("limits")["properties"]["traction"])));
     all.push(("tls".to_owned(), rows(&section("api")["properties"]["tls"])));
-    for name in ["accuracy", "rate_estimate", "passivity", "lead"] {
+    let joint = &section("wheel")["items"]["properties"]["steer"]["properties"];
+    all.push(("friction".to_owned(), rows(&joint["friction"])));
+    all.push(("cogging".to_owned(), rows(&joint["cogging"]["items"])));
+    for name in ["accuracy", "rate_estimate", "passivity", "lead", "compensation"] {
         let choices = section("loop")["properties"][name]["anyOf"].as_array().unwrap();
         let table = choices.iter().find(|choice| choice["type"] == "object").unwrap();
         all.push((name.to_owned(), rows(table)));
@@ -146,7 +149,8 @@ fn effects() -> Vec<(String, String)> {
         let is_own = |(at, line): &(usize, &str)| *at < 2 || !in_all(line);
         let rows: String =
             table.lines().enumerate().filter(is_own).map(|(_, line)| format!("{line}\n")).collect();
-        (kind.name.to_owned(), format!("{}\n\n{rows}", kind.description))
+        let copy = format!("\nTo copy:\n\n```toml\n{}```\n", kind.snippet());
+        (kind.name.to_owned(), format!("{}\n\n{rows}{copy}", kind.description))
     };
     let mut all = vec![("every kind".to_owned(), alike)];
     all.extend(kinds().into_iter().zip(&tables).map(own));

@@ -377,3 +377,14 @@ fn knocks_are_compiled_and_change_no_warning() {
         assert_eq!(names, ["knock_frequency"], "{kind}");
     }
 }
+
+#[test]
+fn the_text_to_copy_of_each_kind_is_a_scene_with_its_defaults() {
+    for kind in hbot_config::scene::kinds() {
+        let scene =
+            SceneFile::from_toml(&kind.snippet(), kind.name).unwrap_or_else(|error| panic!("{error}"));
+        let least = format!("[[effect]]\nid = '{0}'\nkind = '{0}'\n", kind.name);
+        assert_eq!(scene, SceneFile::from_toml(&least, kind.name).unwrap(), "{}", kind.snippet());
+        assert!(scene.effects()[0].in_vain().is_empty(), "{}", kind.snippet());
+    }
+}

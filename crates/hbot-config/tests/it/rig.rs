@@ -7,7 +7,7 @@ mod mistakes;
 use hbot_config::rig::{Port, Protocol};
 use hbot_config::{LoadError, Override, RigConfig};
 use hbot_core::design::rig::{
-    AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Zero,
+    AllocationMethod, LeadTime, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Zero,
 };
 use hbot_core::inputs::OnClientLost;
 use serde_json::json;
@@ -204,6 +204,17 @@ fn passivity_is_off_on_or_a_table() {
     let slow = with_loop("rate_hz = 250\npassivity = true").rig;
     let want = slow.device.sphere_inertia() / 4.0 / 4e-3;
     assert!((slow.methods.passivity.unwrap().damping - want).abs() < 1e-12);
+}
+
+#[test]
+fn the_lead_is_off_on_or_a_table() {
+    let lead = |said: &str| with_loop(&format!("lead = {said}")).rig.lead;
+    let usual = LeadTime::default();
+    assert_eq!(lead("false"), None);
+    assert_eq!(lead("true"), Some(usual));
+    assert_eq!(lead("{}"), Some(usual));
+    assert_eq!(lead("{ factor = 1.2, longest_ms = 4 }"), Some(LeadTime { factor: 1.2, longest: 4e-3 }));
+    assert_eq!(with_loop("").rig.lead, Some(usual), "on unless the file says otherwise");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Tests of scene files: what loads, and one case for each kind of mistake.
 
-use hbot_config::SceneFile;
 use hbot_config::scene::{Hand, kinds, phenomena};
+use hbot_config::{RunningScene, SceneFile};
 use hbot_core::render::effects::{Anchor, Damper, Kind, Spring, SpringLaw};
 use hbot_core::{Mat3, Quat};
 use serde_json::json;
@@ -172,20 +172,54 @@ fn keys_and_types() {
 }
 
 #[test]
+fn three_numbers_are_a_value_for_each_axis() {
+    let loaded = |keys: &str| {
+        let text = format!("[[effect]]\nid = 'a'\nkind = 'spring'\n{keys}\n");
+        hbot_config::SceneFile::from_toml(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"))
+    };
+    let rows = loaded("stiffness = [[1, 0, 0], [0, 2, 0], [0, 0, 3]]");
+    assert_eq!(loaded("stiffness = [1, 2, 3]"), rows);
+    let mut running = RunningScene::new();
+    let _ = running.load(loaded("stiffness = 4"));
+    let three = serde_json::json!({"stiffness": [1, 2, 3]});
+    let _ = running.set("a", three.as_object().unwrap()).unwrap();
+    assert_eq!(running.file().effects()[0].to_json()["stiffness"], rows.effects()[0].to_json()["stiffness"]);
+    assert_eq!(
+        said_of_spring("stiffness = [1, 2, 2000]"),
+        "x.toml:4:20: effect[0].stiffness[2][2]: 2000 is out of range; legal: -1000 to 1000 N m/rad"
+    );
+    let negative = said_of_spring("damping = [1, -2, 3]");
+    assert!(negative.contains("not positive semidefinite"), "{negative}");
+}
+
+#[test]
+fn one_bracket_and_a_decimal_comma_are_told_what_to_write() {
+    let said = |text: &str| hbot_config::SceneFile::from_toml(text, "x.toml").unwrap_err().to_string();
+    assert_eq!(
+        said("[effect]\nid = 'a'\nkind = 'spring'\n"),
+        "x.toml:1:2: effect: this is one table, and a scene has a list of effects; legal: [[effect]] with two brackets, once \
+         for each effect"
+    );
+    let comma = said("[[effect]]\nid = 'a'\nkind = 'spring'\nstiffness = 2,5 # N m/rad\n");
+    assert!(comma.contains("x.toml:4:") && comma.contains("(write a decimal point: 2.5)"), "{comma}");
+    assert!(!said("a = [1, 2\n").contains("decimal"));
+}
+
+#[test]
 fn matrices_and_quaternions() {
     assert_eq!(
         said_of_spring("stiffness = [[1, 0.5, 0], [0.4, 1, 0], [0, 0, 1]]"),
         "x.toml:4:13: effect[0].stiffness: the matrix is not symmetric: row 1, column 2 is 0.5 and row 2, column 1 is 0.4; \
-         legal: a symmetric positive semidefinite 3x3 matrix"
+         legal: three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix"
     );
     assert_eq!(
         said_of_spring("damping = [[1, 2, 0], [2, 1, 0], [0, 0, 1]]"),
         "x.toml:4:11: effect[0].damping: the matrix is not positive semidefinite: it would push away in some direction; \
-         legal: a symmetric positive semidefinite 3x3 matrix"
+         legal: three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix"
     );
     assert_eq!(
         said_of_spring("stiffness = [[1, 0, 0], [0, 1, 0]]"),
-        "x.toml:4:13: effect[0].stiffness: found an array of 2 elements; legal: a symmetric positive semidefinite 3x3 matrix"
+        "x.toml:4:13: effect[0].stiffness: found an array of 2 elements; legal: three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix"
     );
     assert_eq!(
         said_of_spring("stiffness = [[1, 0, 0], [0, nan, 0], [0, 0, 2000]]"),
@@ -216,7 +250,8 @@ fn phenomena_are_there_where_they_are_named() {
     assert_eq!(
         said("[simulate]\nhands = {}"),
         "x.toml:2:1: simulate.hands: unknown key (did you mean `hand`?); legal: joint_friction, \
-         cage_friction, slip, pivoting, eccentric, wheel_modules, gear, compliance, encoder, motor, link, hand"
+         cage_friction, slip, pivoting, eccentric, imbalance, wheel_modules, gear, compliance, encoder, motor, \
+         torque_constants, cogging, link, hand"
     );
     assert_eq!(said("[simulate]\nhand = true"), "x.toml:2:8: simulate.hand: found true; legal: a table");
 }
@@ -254,8 +289,8 @@ fn what_there_is_to_choose_from_is_listed_with_what_a_panel_needs() {
     assert_eq!(stiffness["anyOf"][0]["maximum"], 1000.0);
     assert_eq!(stiffness["unit"], "N m/rad");
     let names: Vec<_> = phenomena().iter().map(|listed| listed.name).collect();
-    assert_eq!(names.len(), 12);
-    assert_eq!((names[0], names[11]), ("joint_friction", "hand"));
+    assert_eq!(names.len(), 15);
+    assert_eq!((names[0], names[14]), ("joint_friction", "hand"));
 }
 
 #[test]

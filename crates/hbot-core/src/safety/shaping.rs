@@ -36,8 +36,9 @@ pub(crate) struct Blend {
     last: Vec3,
 }
 
-/// Rate at which the added torque of a blend of [`Fades::Unlimited`](crate::render::fades::Fades) fades,
-/// 1/s. That fade is critically damped. After [`BLEND_S`] the last 0.05 % of the step is removed.
+/// Rate at which the added torque of a blend of [`Fades::Unlimited`](crate::render::fades::Fades)
+/// fades, 1/s. That fade is critically damped. After [`BLEND_S`] the last 0.05 % of the step is
+/// removed.
 const BLEND_RATE: Real = 10.0 / BLEND_S;
 
 impl Blend {

@@ -4,5 +4,6 @@ mod definitions;
 mod flaws;
 mod kept;
 mod made;
+mod recovered;
 mod runs;
 mod snapshots;

@@ -10,8 +10,8 @@ use hbot_core::safety::mode::{Cause, Mode};
 
 use super::convert;
 use super::flights::Flights;
-use hbot_host::bridge::ServiceEnd;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::bridge::ServiceEnd;
+use hbot_host::run_loop::sample::Sample;
 
 /// Detects faults, emergency stops and resets in the samples of the loop.
 pub(super) struct Incidents {
@@ -32,6 +32,8 @@ pub(super) struct Incidents {
     resetter: Option<Requester>,
     /// The last lease holder whose connection ended.
     lost: Option<Requester>,
+    /// The event of the fault or stop in which the rig is now.
+    present: Option<FaultEvent>,
 }
 
 impl Incidents {
@@ -46,7 +48,14 @@ impl Incidents {
             stopper: None,
             resetter: None,
             lost: None,
+            present: None,
         }
+    }
+
+    /// Returns the event of the fault or stop in which the rig is now. Returns `None` in other
+    /// modes.
+    pub(super) const fn present(&self) -> Option<&FaultEvent> {
+        self.present.as_ref()
     }
 
     /// Returns whether the rig is simulated.
@@ -98,8 +107,12 @@ impl Incidents {
         let before = self.situation.replace(situation).map(|(mode, _)| mode);
         let stopped_before = matches!(before, Some(Mode::Fault | Mode::Estop));
         match (sample.state.mode, sample.state.cause) {
-            (Mode::Fault | Mode::Estop, _) => Some(self.stopped(sample, end, flights, counts)),
+            (Mode::Fault | Mode::Estop, _) => {
+                self.present = Some(self.stopped(sample, end, flights, counts));
+                self.present.clone()
+            }
             (mode, _) if stopped_before => {
+                self.present = None;
                 tracing::info!(tick = sample.state.tick, mode = %convert::mode(mode), "reset");
                 // Discard a signal that found the rig already stopped.
                 let _ = end.take_signalled();
@@ -186,7 +199,7 @@ mod tests {
     use hbot_config::RigConfig;
 
     use super::*;
-    use hbot_host::bridge::bridge;
+    use hbot_host::run_loop::bridge::bridge;
 
     #[test]
     fn a_fault_of_a_simulated_rig_says_that_nothing_is_broken() {

@@ -1,8 +1,8 @@
 //! Tests of the messages of `hbot rig calibrate` for rigs with an error.
 
-use hbot_host::bringup::open;
 use hbot_host::bus::field;
-use hbot_host::last_word::Program;
+use hbot_host::commission::bringup::open;
+use hbot_host::rig::last_word::Program;
 use hbot_host::run_loop::StopFlag;
 
 use super::*;

@@ -4,8 +4,27 @@ use hbot_core::Mat3;
 use hbot_core::render::impedance::is_impedance;
 use schemars::{Schema, json_schema};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use crate::document::Report;
+
+/// The legal values of a matrix in words. It also marks a matrix in a schema.
+const MATRIX: &str = "three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix";
+
+/// Replaces three numbers, one for each axis, by the matrix with them on its diagonal, in each key
+/// of `table` that `schema` allows to be a matrix.
+pub(in crate::scene) fn to_matrices(schema: &Value, table: &mut Value) {
+    for (key, value) in table.as_object_mut().into_iter().flatten() {
+        let branches = schema["properties"][key]["anyOf"].as_array().into_iter().flatten();
+        let Value::Array(elements) = &*value else { continue };
+        if let [a, b, c] = &elements[..]
+            && elements.iter().all(Value::is_number)
+            && branches.into_iter().any(|branch| branch["legal"] == MATRIX)
+        {
+            *value = json!([[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]]);
+        }
+    }
+}
 
 /// A stiffness, damping or virtual mass: one number for all directions, or the rows of a symmetric
 /// positive semidefinite 3x3 matrix.
@@ -48,7 +67,7 @@ impl Impedance {
                 "the matrix is not positive semidefinite: it would push away in some direction".to_owned()
             }
         };
-        report.push(path, message, "a symmetric positive semidefinite 3x3 matrix".to_owned());
+        report.push(path, message, MATRIX.to_owned());
         None
     }
 }
@@ -61,7 +80,7 @@ fn schema(most: f64, unit: &str) -> Schema {
             { "type": "number", "minimum": 0.0, "maximum": most, "unit": unit },
             {
                 "type": "array", "minItems": 3, "maxItems": 3,
-                "legal": "a symmetric positive semidefinite 3x3 matrix",
+                "legal": MATRIX,
                 "items": {
                     "type": "array", "minItems": 3, "maxItems": 3,
                     "items": { "type": "number", "minimum": -most, "maximum": most, "unit": unit }

@@ -32,6 +32,7 @@ use crate::decode::decode;
 use crate::document::Report;
 use crate::schema;
 
+pub(in crate::scene) use impedance::to_matrices;
 pub(in crate::scene) use target::check_directions;
 pub(in crate::scene) use track::MAX_POINTS;
 

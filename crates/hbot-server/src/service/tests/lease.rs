@@ -46,6 +46,29 @@ fn the_lease_has_one_holder_and_everybody_knows() {
     bench.wait_until("a free lease", |status| status.holder.is_none());
 }
 
+#[test]
+fn the_next_holder_is_not_told_of_the_stream_of_the_one_before() {
+    let bench = bench();
+    let mut a = bench.active();
+    let mut b = bench.client("b");
+    b.subscribe(1).unwrap();
+    let stream = |seq| TorqueCommand { torque: [0.0; 3], valid_ms: 1000, tick: None, seq: Some(seq) };
+    let told = |client: &mut Client, what: &str, seq: Option<u64>| {
+        event(client, what, |event| match event {
+            Event::State(state) => (state.client.map(|client| client.seq) == seq.map(Some)).then_some(()),
+            _ => None,
+        });
+    };
+    a.call(Op::Torque(stream(7))).unwrap();
+    told(&mut b, "a's stream", Some(7));
+    b.call(Op::Acquire { steal: true }).unwrap();
+    told(&mut b, "no stream", None);
+    b.call(Op::Torque(stream(8))).unwrap();
+    told(&mut b, "b's stream", Some(8));
+    b.call(Op::Release).unwrap();
+    told(&mut b, "no stream", None);
+}
+
 /// Starts a service with the given policy for a lost client. The lease holder commands a torque for
 /// one second and then disconnects. Returns the service and a client that is subscribed to states.
 fn lost(policy: OnClientLost) -> (TestService, Client) {

@@ -1,0 +1,86 @@
+//! Makes a whole file of a recording that was cut off or damaged.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Seek, Write};
+
+use mcap::McapError;
+
+use crate::reader::{Item, ReadError, Reader};
+use crate::topic::Topic;
+use crate::writer::Writer;
+
+/// What was found in a recording and copied.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Recovered {
+    /// Number of messages that were copied.
+    pub messages: u64,
+    /// Unix times of the earliest and the latest message, ns. `None` without messages.
+    pub range: Option<(u64, u64)>,
+    /// Whether the file ended before the end of the recording.
+    pub cut: bool,
+    /// Parts that could not be read, each with the reason. Their messages are lost.
+    pub damaged: Vec<String>,
+}
+
+/// The reason why a recording cannot be recovered.
+#[derive(Debug, thiserror::Error)]
+pub enum RecoverError {
+    /// The recording cannot be read at all.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The new recording cannot be written.
+    #[error("the new recording cannot be written: {0}")]
+    Write(#[from] McapError),
+    /// The file has no message and no metadata of hbot.
+    #[error("nothing of a recording of hbot is in it")]
+    Empty,
+}
+
+/// Copies everything of the recording `from` that can be read to a new one with an index and an
+/// end. Messages, their times and the metadata keep their bytes, so the new recording replays as
+/// far as the old one.
+///
+/// # Errors
+/// Fails if `from` is no MCAP file or has nothing of a recording of hbot, or if `into` cannot be
+/// written.
+pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recovered, RecoverError> {
+    let mut reader = Reader::new(from)?;
+    let mut found = Recovered::default();
+    // The metadata come first, unless they are damaged.
+    let mut waiting = Some(into);
+    let mut writer = None;
+    loop {
+        let item = match reader.next() {
+            Ok(Some(item)) => item,
+            Ok(None) => break,
+            Err(error @ ReadError::System(_)) => return Err(error.into()),
+            // The rest of the file cannot be read.
+            Err(error) => Item::Damaged(error.to_string()),
+        };
+        match item {
+            Item::Cut => found.cut = true,
+            Item::Damaged(why) => found.damaged.push(why),
+            Item::About(about) => {
+                if let Some(into) = waiting.take() {
+                    writer = Some(Writer::again(into, about)?);
+                }
+            }
+            Item::Message { topic, log_time, data } => {
+                let Some(topic) = Topic::ALL.into_iter().find(|known| known.name() == topic) else {
+                    found.damaged.push(format!("a message of the unknown topic {topic:?}"));
+                    continue;
+                };
+                if let Some(into) = waiting.take() {
+                    writer = Some(Writer::again(into, BTreeMap::new())?);
+                }
+                let Some(writer) = &mut writer else { continue };
+                writer.copy(topic, log_time, &data)?;
+                found.messages += 1;
+                let (first, last) = found.range.unwrap_or((log_time, log_time));
+                found.range = Some((first.min(log_time), last.max(log_time)));
+            }
+        }
+    }
+    writer.ok_or(RecoverError::Empty)?.finish()?;
+    Ok(found)
+}

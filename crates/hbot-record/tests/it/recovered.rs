@@ -1,0 +1,56 @@
+//! Recordings that were cut off or damaged, and what can be saved of them.
+
+use std::io::Cursor;
+
+use hbot_config::SceneFile;
+use hbot_record::recover::{RecoverError, Recovered, recover};
+use hbot_record::replay::Flaw;
+
+use crate::made::{exact, record, replay};
+
+/// Recovers a recording. Returns the new file, and what was found.
+fn recovered(recording: &[u8]) -> (Vec<u8>, Recovered) {
+    let mut into = Cursor::new(Vec::new());
+    let found = recover(Cursor::new(recording), &mut into).unwrap();
+    (into.into_inner(), found)
+}
+
+#[test]
+fn a_cut_recording_becomes_a_whole_one_that_replays_and_that_every_reader_opens() {
+    let (whole, _) = record(SceneFile::default_scene(), 2, |_| ());
+    let cut = &whole[..whole.len() * 2 / 3];
+    assert!(mcap::Summary::read(cut).is_err(), "a reader that looks for the index refuses it");
+    let before = replay(cut).unwrap();
+    assert!(before.flaws.contains(&Flaw::Cut) && before.ticks > 500, "{before:?}");
+
+    let (file, found) = recovered(cut);
+    assert!(found.cut && found.damaged.is_empty(), "{found:?}");
+    let summary = mcap::Summary::read(&file).unwrap().expect("an index");
+    assert_eq!(summary.stats.expect("statistics").message_count, found.messages);
+    assert_eq!(mcap::MessageStream::new(&file).unwrap().count() as u64, found.messages);
+    let after = replay(&file).unwrap();
+    assert_eq!((after.ticks, after.range, after.flaws.len()), (before.ticks, before.range, 0));
+    assert!(after.is_exact());
+    assert_eq!(format!("{:?}", exact(&file)), format!("{:?}", exact(cut)), "records and their times");
+}
+
+#[test]
+fn a_whole_recording_is_copied_and_what_is_none_is_refused() {
+    let (whole, _) = record(SceneFile::default_scene(), 1, |_| ());
+    let (file, found) = recovered(&whole);
+    assert!(!found.cut && found.damaged.is_empty());
+    assert_eq!(replay(&file).unwrap(), replay(&whole).unwrap());
+    let refused = |bytes: &[u8]| recover(Cursor::new(bytes), Cursor::new(Vec::new())).unwrap_err();
+    assert!(matches!(refused(b"t,w,x,y,z\n"), RecoverError::Read(_)));
+    assert!(matches!(refused(&whole[..8]), RecoverError::Empty));
+}
+
+#[test]
+fn a_damaged_chunk_is_named_and_the_rest_is_kept() {
+    let (mut recording, _) = record(SceneFile::default_scene(), 2, |_| ());
+    let place = recording.len() / 2;
+    recording[place] ^= 1;
+    let (file, found) = recovered(&recording);
+    assert_eq!(found.damaged.len(), 1, "{found:?}");
+    assert!(replay(&file).unwrap().ticks > 500);
+}

@@ -1,0 +1,69 @@
+//! Command lines that people type out of habit, and what they mean in hbot.
+
+use std::ffi::OsString;
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+
+/// Words that are no commands of hbot, and the command that does what they ask for.
+const HABITS: [(&[&str], &str); 12] = [
+    (&["start", "run", "serve", "up", "sim", "simulate"], "`hbot server` runs the rig, or a simulated one"),
+    (
+        &["load", "open"],
+        "`hbot scene load NAME` loads a scene, and `hbot scene list` lists the ready-made ones",
+    ),
+    (&["list", "ls", "scenes"], "`hbot scene list` lists the ready-made scenes"),
+    (&["kinds", "effects"], "`hbot scene kinds` lists the kinds of effects"),
+    (
+        &["status", "state", "ps"],
+        "`hbot info` shows the mode and the scene, and `hbot watch` the state, live",
+    ),
+    (&["show", "get"], "`hbot info` shows the rig, and `hbot scene show` the running scene"),
+    (&["check", "validate"], "`hbot scene check FILE` checks a scene, and `hbot rig check FILE` a rig"),
+    (&["plot", "draw"], "`hbot scene plot FILE|NAME` draws a scene"),
+    (&["new", "init"], "`hbot rig new FILE` writes a rig file, and `hbot scene new FILE` a scene"),
+    (
+        &["scan", "test", "calibrate"],
+        "`hbot rig scan`, `hbot rig test` and `hbot rig calibrate` bring a rig up",
+    ),
+    (&["off", "pause"], "`hbot disable` ramps the torque down, and `hbot estop` stops at once"),
+    (&["panel", "gui", "ui"], "the panel is a program by itself: `hbot-gui`, or `cargo run -p hbot-gui`"),
+];
+
+/// Words that ask for the studies, which are another program.
+const STUDIES: [&str; 2] = ["study", "studies"];
+
+/// Returns the arguments without the first `--` if an option follows it. `cargo run server --
+/// --help` passes it on, because cargo takes only a first `--` for its own.
+pub(crate) fn without_cargo_s_dashes(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut arguments: Vec<OsString> = arguments.collect();
+    let at = arguments.iter().position(|argument| argument == "--");
+    if let Some(at) = at {
+        let next = arguments.get(at + 1).and_then(|argument| argument.to_str());
+        if next.is_some_and(|next| next.starts_with("--") || ["-h", "-V"].contains(&next)) {
+            arguments.remove(at);
+        }
+    }
+    arguments
+}
+
+/// Returns what a user who typed an unknown command means. Returns `None` if `answer` is another
+/// error, or if the word is not known either. `arguments` is the whole command line.
+pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
+    if answer.kind() != ErrorKind::InvalidSubcommand {
+        return None;
+    }
+    let Some(ContextValue::String(word)) = answer.get(ContextKind::InvalidSubcommand) else { return None };
+    // The commands of `hbot scene` and `hbot rig` have other names.
+    if arguments.get(1).is_none_or(|first| first != word.as_str()) {
+        return None;
+    }
+    if STUDIES.contains(&word.as_str()) {
+        let words: Vec<_> = arguments[2..].iter().map(|word| word.to_string_lossy()).collect();
+        let words = if words.is_empty() { "--help".to_owned() } else { words.join(" ") };
+        return Some(format!(
+            "studies are a program by themselves; run `cargo run --release -p hbot-study -- {words}`"
+        ));
+    }
+    let (_, meaning) = HABITS.iter().find(|(words, _)| words.contains(&word.as_str()))?;
+    Some(format!("{word:?} is no command: {meaning}"))
+}
