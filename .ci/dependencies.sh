@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# The program of the rig PC links nothing that only the studies need, and what touches motors links
-# nothing that only clients need. No program links what is for tests.
+# The program of the rig PC links nothing that only the studies need, and without features nothing that only features
+# need; what touches motors links nothing that only clients need. No program links what is for tests.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 studies_only=(hbot-study hbot-core-f32 cdshealpix indicatif pulldown-cmark)
 
-# The crates that the program of a package links, one a line.
+# The crates that the program of a package links, one a line. The other arguments are options of cargo.
 linked() {
-    cargo tree --locked --package "$1" --edges normal --prefix none --format '{p}' | awk '{print $1}' | sort -u
+    cargo tree --locked --package "$@" --edges normal --prefix none --format '{p}' | awk '{print $1}' | sort -u
 }
 
 # Prints those of the studies' crates that stand in a list.
@@ -24,6 +24,19 @@ if [ -n "$wrong" ]; then
 fi
 echo "hbot links $(wc -l <<<"$hbot") crates, and none of: ${studies_only[*]}"
 
+features_only=(tokio-rustls rustls ring prometheus-client)
+wrong=$(grep -Fx "$(printf '%s\n' "${features_only[@]}")" <<<"$hbot" || true)
+if [ -n "$wrong" ]; then
+    echo "hbot without features links what only features need:" >&2
+    echo "$wrong" >&2
+    exit 1
+fi
+echo "hbot without features links none of: ${features_only[*]}"
+
+hbot=$(linked hbot --features full)
+for name in "${features_only[@]}"; do
+    grep -qFx "$name" <<<"$hbot" || { echo "hbot with all features does not link $name: the check looks for a wrong name" >&2; exit 1; }
+done
 clients_only=(tokio tokio-rustls rustls prometheus-client hdrhistogram)
 host=$(linked hbot-host)
 grep -qFx hbot-core <<<"$host" || { echo "hbot-host does not link hbot-core: is this list its own?" >&2; exit 1; }

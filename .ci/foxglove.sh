@@ -3,12 +3,12 @@
 #
 # The argument is the number of seconds, 3 by default. A study over a minute: .ci/foxglove.sh 60
 #
-# Needs target/debug/hbot and node. Installs the client library from npm into target/ci.
+# Needs target/debug/hbot with the feature live, and node. Installs the client library from npm into target/ci.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 hbot=$PWD/${HBOT:-target/debug/hbot}
-[ -x "$hbot" ] || { echo "$hbot is missing: cargo build" >&2; exit 1; }
+[ -x "$hbot" ] || { echo "$hbot is missing: cargo build --features full" >&2; exit 1; }
 command -v npm >/dev/null || .ci/install.sh --no-install-recommends nodejs npm
 home=target/ci/foxglove
 mkdir -p "$home"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The metrics page, checked by promtool; a Prometheus that scrapes a server; every query of the Grafana dashboard
+# The metrics page, checked by promtool and asked for in both formats; a Prometheus that scrapes a server; every query of the Grafana dashboard
 # answered by it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -43,20 +43,20 @@ def free():
 print(free(), free())')
 XDG_STATE_HOME=$work "$hbot" server --listen 127.0.0.1:0 --metrics "127.0.0.1:$page" >"$work/hbot.log" 2>&1 &
 processes+=($!)
-scrape() { curl --silent --fail "http://127.0.0.1:$page/metrics" >"$work/page"; }
-eventually scrape
+scrape() { curl --silent --fail "$@" "http://127.0.0.1:$page/metrics"; }
+save() { scrape >"$work/page"; }
+eventually save
+test "$(tail -n 1 "$work/page")" = "# EOF"
 
 echo "-- promtool"
-# promtool reads the format before OpenMetrics, in which the name of a counter ends in _total in its comments too.
-awk '$1 == "#" && $2 == "HELP" { help = $0; name = $3; next }
-    $1 == "#" && $2 == "UNIT" { next }
-    $1 == "#" && $2 == "TYPE" {
-        if ($4 == "counter") { sub(name, name "_total", help); $3 = name "_total" }
-        print help; print; next
-    }
-    $0 != "# EOF"' "$work/page" >"$work/older"
+# promtool reads the text format before OpenMetrics.
+scrape --header 'Accept: text/plain;version=0.0.4' --dump-header "$work/head" >"$work/older"
+grep -qi '^content-type: text/plain; version=0.0.4' "$work/head"
 test "$(grep -c '^# TYPE' "$work/older")" -ge 20
 promtool check metrics <"$work/older"
+# Both formats have the same samples by name.
+names() { grep -v '^#' "$1" | cut -d ' ' -f 1; }
+diff <(names "$work/page") <(names "$work/older")
 
 echo "-- Prometheus and the dashboard's queries"
 cat >"$work/prometheus.yml" <<END

@@ -17,7 +17,7 @@ packages=(lintian dpkg-dev groff-base)
 export PATH=$PATH:$target/tools/bin
 command -v cargo-deb >/dev/null || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=$target/tools/build \
     cargo install cargo-deb --version 3.8.0 --locked --debug --no-default-features --quiet --root "$target/tools"
-[ -n "${HBOT_BUILT:-}" ] || cargo build --workspace --locked --quiet
+[ -n "${HBOT_BUILT:-}" ] || cargo build --workspace --features full --locked --quiet
 
 echo "-- packages"
 contrib/package.sh "$built"

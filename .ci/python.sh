@@ -8,7 +8,7 @@ target="$PWD/${CARGO_TARGET_DIR:-target}"
 case ${CARGO_TARGET_DIR:-} in /*) target="$CARGO_TARGET_DIR" ;; esac
 export HBOT_PROGRAM="${HBOT_PROGRAM:-$target/debug/hbot}"
 if [ ! -x "$HBOT_PROGRAM" ]; then
-    cargo build --quiet --locked --workspace --bin hbot
+    cargo build --quiet --locked --workspace --features full --bin hbot
 fi
 python3 -c 'import ensurepip' 2>/dev/null || .ci/install.sh python3-venv
 command -v openssl >/dev/null || .ci/install.sh openssl
@@ -21,6 +21,14 @@ fi
 cd clients/python
 "$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[numpy,msgpack,lsl,mcap,toml]' \
     matplotlib pytest==9.* pytest-timeout==2.* mypy==2.* ruff==0.* build==1.* hatchling==1.*
+
+# MuJoCo has no packages for every Python. What it is needed for is left out then, but never in silence.
+if "$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[mujoco]' 2>/dev/null &&
+    "$venv/bin/python" -c 'import mujoco' 2>/dev/null; then
+    export HBOT_MUJOCO=1
+else
+    echo "** MUJOCO CANNOT BE INSTALLED HERE: hbot.mujoco and its examples are NOT TESTED **" >&2
+fi
 
 echo "-- style and types"
 "$venv/bin/ruff" format --quiet --check .

@@ -8,7 +8,7 @@ cd "$(dirname "$0")/.."
 
 hbot=$PWD/target/debug/hbot
 venv=target/ci/recordings
-[ -x "$hbot" ] || { echo "$hbot is missing: cargo build" >&2; exit 1; }
+[ -x "$hbot" ] || { echo "$hbot is missing: cargo build --features full" >&2; exit 1; }
 [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
 "$venv/bin/python" -c 'import mcap, mcap_protobuf' 2>/dev/null ||
     "$venv/bin/pip" install --quiet 'mcap==1.*' 'mcap-protobuf-support<1'

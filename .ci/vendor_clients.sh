@@ -19,7 +19,7 @@ cmp "$folder/moteus.json" tests/vendor/moteus.json
 cmp "$folder/odrive.json" tests/vendor/odrive.json
 
 # Built with the whole workspace, whose features the tests have built already.
-cargo build --quiet --locked --workspace
+cargo build --quiet --locked --workspace --features full
 hbot="${CARGO_TARGET_DIR:-target}/debug/hbot"
 
 # Serves virtual controllers that speak $1 and has the client $2 drive them.

@@ -65,6 +65,7 @@ fn state() -> Event {
         traction: 0.234_5,
         energy: -0.012_34,
         client: Some(ClientStream { seq: Some(77), age_ticks: 2 }),
+        hand: None,
         timing: StateTiming {
             lateness_us: 12.3,
             compute_us: 0.9,

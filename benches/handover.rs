@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use criterion::{Criterion, criterion_group, criterion_main};
 use hbot_config::RigConfig;
 use hbot_core::{CompiledScene, Controller, Inputs};
-use hbot_host::sample::{Counters, Sample, TickTiming};
+use hbot_host::run_loop::sample::{Counters, Sample, TickTiming};
 use rtrb::RingBuffer;
 
 fn sample() -> Sample {

@@ -7,9 +7,9 @@
 use std::time::Duration;
 
 use hbot_config::{Override, RigConfig, SceneFile};
-use hbot_host::clock::{now_ns, sleep_until_ns};
-use hbot_host::pace::Pace;
-use hbot_host::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
+use hbot_host::run_loop::clock::{now_ns, sleep_until_ns};
+use hbot_host::run_loop::pace::Pace;
+use hbot_host::run_loop::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
 use hbot_server::server::{ServerOptions, Time};
 use hbot_server::service::Summary;
 use hbot_testing::server::{any_port, options, serve};

@@ -3,8 +3,9 @@
 //!
 //! `cargo bench --bench tick`
 //!
-//! `cargo bench --bench tick -- --peer REPETITIONS TICKS` measures only the balanced tick in f64
-//! with 2 wheels, in the same way as benches/peer/tick.c, and prints the same line.
+//! `cargo bench --bench tick -- --peer REPETITIONS TICKS [lead] [passivity]` measures only the
+//! balanced tick in f64 with 2 wheels, in the same way as benches/peer/tick.c, and prints the same
+//! line. The words switch on what a rig file has by default.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -18,8 +19,8 @@ macro_rules! width {
             use $core::allocation::{JointLimits, allocate};
             use $core::design::kinematics::Posture;
             use $core::design::rig::{
-                EnergyLimit, Joint, Methods, OdometryMethod, PassivityLimit, PathFit, Rig, RigParts,
-                Traction, Zero,
+                EnergyLimit, Joint, LeadTime, Methods, OdometryMethod, PassivityLimit, PathFit, Rig,
+                RigParts, Traction, Zero,
             };
             use $core::inputs::{Command, Complaints, Inputs, JointReadings};
             use $core::motion::path::Trail;
@@ -144,10 +145,19 @@ macro_rules! width {
                 group.finish();
             }
 
-            /// Measures a tick of the rig with balanced methods for different limits: without any,
-            /// with each alone, and with all. The limits are checked in every tick, but their
-            /// values are never reached. The passivity stage has the settings of `passivity = true`
-            /// in a rig file.
+            /// Switches on the lead, as `lead = true` in a rig file does.
+            pub(super) fn lead(rig: &mut RigParts) {
+                rig.lead = Some(LeadTime::default());
+            }
+
+            /// Switches on the passivity stage, as `passivity = true` in a rig file does.
+            pub(super) fn passivity(rig: &mut RigParts) {
+                rig.methods.passivity = Some(PassivityLimit::of(&rig.device, rig.timing.period_s()));
+            }
+
+            /// Measures a tick of the rig with balanced methods for different limits and stages:
+            /// without any, with each alone, and with all. The limits are checked in every tick,
+            /// but their values are never reached.
             pub(super) fn limits(c: &mut Criterion, label: &str) {
                 let mut group = c.benchmark_group(format!("limits/{label}"));
                 for wheels in [2, 4] {
@@ -160,17 +170,14 @@ macro_rules! width {
                     let energy = |rig: &mut RigParts| {
                         rig.limits.energy = Some(EnergyLimit { burst: 1000.0, power: 1000.0 });
                     };
-                    let passivity = |rig: &mut RigParts| {
-                        let limit = PassivityLimit::of(&rig.device, rig.timing.period_s());
-                        rig.methods.passivity = Some(limit);
-                    };
-                    let each: [(&str, &[&dyn Fn(&mut RigParts)]); 6] = [
+                    let each: [(&str, &[&dyn Fn(&mut RigParts)]); 7] = [
                         ("none", &[]),
                         ("traction", &[&traction]),
                         ("thermal_time", &[&heat]),
                         ("energy", &[&energy]),
                         ("passivity", &[&passivity]),
-                        ("all", &[&traction, &heat, &energy, &passivity]),
+                        ("lead", &[&lead]),
+                        ("all", &[&traction, &heat, &energy, &passivity, &lead]),
                     ];
                     for (name, on) in each {
                         let rig = none.with(|rig| on.iter().for_each(|on| on(rig)));
@@ -276,8 +283,18 @@ fn stages(c: &mut Criterion) {
 criterion_group!(benches, whole, limits, stages);
 
 /// Returns the mean time of a tick in each of `repetitions` series of `ticks` ticks, ns, sorted.
-fn means(repetitions: usize, ticks: u32) -> Vec<f64> {
-    let mut run = double::active(double::rig(2, hbot_core::design::rig::Methods::BALANCED));
+/// The rig has the stages that `stages` names.
+fn means(repetitions: usize, ticks: u32, stages: &[String]) -> Vec<f64> {
+    let has = |name: &str| stages.iter().any(|stage| stage == name);
+    let rig = double::rig(2, hbot_core::design::rig::Methods::BALANCED).with(|rig| {
+        if has("lead") {
+            double::lead(rig);
+        }
+        if has("passivity") {
+            double::passivity(rig);
+        }
+    });
+    let mut run = double::active(rig.expect("a legal rig"));
     let mut means: Vec<f64> = (0..repetitions)
         .map(|_| {
             let start = Instant::now();
@@ -293,11 +310,11 @@ fn means(repetitions: usize, ticks: u32) -> Vec<f64> {
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|arg| arg != "--bench").collect();
-    if let [peer, repetitions, ticks] = &args[..]
+    if let [peer, repetitions, ticks, stages @ ..] = &args[..]
         && peer == "--peer"
     {
         let repetitions = repetitions.parse().expect("a number of repetitions");
-        let means = means(repetitions, ticks.parse().expect("a number of ticks"));
+        let means = means(repetitions, ticks.parse().expect("a number of ticks"), stages);
         let (least, median, most) = (means[0], means[repetitions / 2], means[repetitions - 1]);
         println!("ns/tick min {least:.1} median {median:.1} max {most:.1}");
         return;

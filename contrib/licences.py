@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prints the licences of all libraries from crates.io that a program of the workspace contains.
+"""Prints the licences of all libraries from crates.io that a program of the workspace with all features contains.
 
     contrib/licences.py hbot
 
@@ -19,7 +19,7 @@ def cargo(*arguments):
 
 
 def main(package):
-    tree = cargo("tree", "--locked", "--package", package, "--edges", "normal", "--prefix", "none", "--format", "{p}")
+    tree = cargo("tree", "--locked", "--package", package, "--features", "full", "--edges", "normal", "--prefix", "none", "--format", "{p}")
     linked = {tuple(line.split()[:2]) for line in tree.splitlines()}
     metadata = json.loads(cargo("metadata", "--locked", "--format-version", "1"))
     crates = [crate for crate in metadata["packages"]

@@ -4,7 +4,7 @@
 # every change. CONTRIBUTING.md explains how to read the result.
 #
 #     contrib/mutants.sh CRATE [OPTIONS OF CARGO-MUTANTS...]
-#     contrib/mutants.sh hbot-host --file crates/hbot-host/src/motors.rs
+#     contrib/mutants.sh hbot-host --file crates/hbot-host/src/rig/motors.rs
 #     contrib/mutants.sh hbot-core --shard 0/8
 #
 # A whole crate takes hours: one build and one run of the tests for each mutant. --shard K/N runs every N-th mutant, so

@@ -2,15 +2,15 @@
 # Makes the Debian packages hbot and hbot-panel in target/debian. It needs cargo-deb (`cargo install cargo-deb`), dpkg-dev
 # and Python. docs/install.md describes the packages.
 #
-#     contrib/package.sh               builds both programs with all optimisation first
-#     contrib/package.sh target/debug  takes the programs from this folder
+#     contrib/package.sh               builds both programs with all features and all optimisation first
+#     contrib/package.sh target/debug  takes the programs from this folder; build them with `--features full`
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 if [ $# -gt 0 ]; then
     built=$(realpath "$1")
 else
-    cargo build --release --locked --package hbot --package hbot-gui
+    cargo build --release --locked --package hbot --package hbot-gui --features full
     built=$(realpath "${CARGO_TARGET_DIR:-target}")/release
 fi
 

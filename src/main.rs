@@ -13,7 +13,9 @@ use clap::Parser as _;
 fn main() -> ExitCode {
     let arguments = cli::habits::without_cargo_s_dashes(std::env::args_os());
     let done = match cli::Cli::try_parse_from(&arguments) {
-        Ok(cli) => hbot_host::signals::outlive_file_limits().map_err(Into::into).and_then(|()| cli.run()),
+        Ok(cli) => {
+            hbot_host::run_loop::signals::outlive_file_limits().map_err(Into::into).and_then(|()| cli.run())
+        }
         Err(answer) => cli::out::answer(&answer, &arguments),
     };
     done.unwrap_or_else(|error| {

@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 
 use hbot_server::service::Status;
 use tokio::sync::watch;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::prelude::*;
 
 use super::{status, style, terminal};
 
@@ -100,13 +100,13 @@ impl Console {
             drop(done);
         })?;
         let log = lines.clone();
-        tracing_subscriber::fmt()
-            .with_env_filter(asked.unwrap_or_else(|| EnvFilter::new("warn")))
+        let lines_of_log = tracing_subscriber::fmt::layer()
             .with_writer(move || Log(log.clone()))
             .with_ansi(std::io::stderr().is_terminal())
             // Otherwise it would report errors directly on standard error, and panic if that fails.
-            .log_internal_errors(false)
-            .init();
+            .log_internal_errors(false);
+        let asked = asked.unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));
+        tracing_subscriber::registry().with(asked).with(lines_of_log).init();
         tell_panics(lines.clone());
         if let Some(mistake) = mistake {
             tracing::warn!("{HBOT_LOG}: {mistake}; warnings and errors are logged");
@@ -142,21 +142,32 @@ impl Console {
 }
 
 /// Parses the value of `HBOT_LOG`. Returns `None` if it is empty.
-fn filter(text: &OsStr) -> std::result::Result<Option<EnvFilter>, String> {
+fn filter(text: &OsStr) -> std::result::Result<Option<Targets>, String> {
     let Some(text) = text.to_str() else { return Err("it is not UTF-8".to_owned()) };
     if text.trim().is_empty() {
         return Ok(None);
     }
-    // `EnvFilter` would take any other word as the name of a module, and would log everything of
-    // this module and nothing of others.
-    let word = |part: &&str| part.chars().all(|c| c.is_ascii_alphanumeric() || "_:-".contains(c));
-    let level = |part: &&str| part.is_empty() || part.parse::<LevelFilter>().is_ok();
-    if let Some(part) = text.split(',').map(str::trim).filter(word).find(|part| !level(part)) {
-        return Err(format!(
-            "{part:?} is no level (off, error, warn, info, debug, trace) and no MODULE=LEVEL"
-        ));
+    let mut targets = Targets::new();
+    for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
+        let (module, level) =
+            part.split_once('=').map_or((None, part), |(module, level)| (Some(module), level));
+        let level = level.parse::<LevelFilter>().ok();
+        targets = match (module, level) {
+            (None, Some(level)) => targets.with_default(level),
+            (Some(module), Some(level)) if is_module(module) => targets.with_target(module, level),
+            _ => {
+                return Err(format!(
+                    "{part:?} is no level (off, error, warn, info, debug, trace) and no MODULE=LEVEL"
+                ));
+            }
+        };
     }
-    EnvFilter::builder().parse(text).map(Some).map_err(|error| format!("{text:?}: {error}"))
+    Ok(Some(targets))
+}
+
+/// Returns whether a text can be the name of a module or of a part of one.
+fn is_module(text: &str) -> bool {
+    !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || "_:".contains(c))
 }
 
 /// Sends panic messages through the queue as well. A loop that panics must not wait for a terminal
@@ -301,9 +312,7 @@ mod tests {
         assert_eq!(read(""), Ok(None));
         assert_eq!(read("info"), Ok(Some("info".to_owned())));
         assert_eq!(read("WARN").unwrap().unwrap(), "warn");
-        for legal in
-            ["hbot_server=debug", "warn,hbot_server::service=trace", "off", "info,", "[{request}]=info"]
-        {
+        for legal in ["hbot_server=debug", "warn,hbot_server::service=trace", "off", "info,"] {
             assert!(read(legal).is_ok_and(|asked| asked.is_some()), "{legal}");
         }
         for (wrong, why) in [
@@ -311,8 +320,10 @@ mod tests {
             ("inof", "\"inof\" is no level"),
             ("hbot_server", "\"hbot_server\" is no level"),
             ("warn,loud", "\"loud\" is no level"),
-            ("hbot_server=loud", "hbot_server=loud"),
+            ("hbot_server=loud", "\"hbot_server=loud\" is no level"),
+            ("=debug", "\"=debug\" is no level"),
             ("a=b=c", "a=b=c"),
+            ("info,[{request}]=info", "\"[{request}]=info\" is no level"),
         ] {
             let mistake = read(wrong).unwrap_err();
             assert!(mistake.contains(why), "{wrong}: {mistake}");

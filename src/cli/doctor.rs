@@ -8,7 +8,7 @@ use std::time::Duration;
 use clap::Args;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig};
-use hbot_host::doctor::{
+use hbot_host::commission::doctor::{
     Finding, Machine, Mark, highest_rate, lead, processor, punctuality, rights, serial, verdict, wake_latency,
 };
 use serde_json::{Value, json};

@@ -38,7 +38,7 @@ use clap::{Args, Parser, Subcommand};
 /// The server address that commands use by default.
 const SERVER: &str = "127.0.0.1:4268";
 /// The hidden command with which this program starts itself as the helper that switches motors off
-/// (see `hbot_host::last_word`).
+/// (see `hbot_host::rig::last_word`).
 const LAST_WORD: &str = "last-word";
 
 /// Drives an Hbot, a haptic sphere turned by steered and driven wheels.
@@ -164,7 +164,8 @@ impl Cli {
             Command::Man(args) => man::run(&args),
             Command::LastWord => {
                 // An error cannot be reported: the program that started this one is gone.
-                let _ = hbot_host::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
+                let _ =
+                    hbot_host::rig::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());
                 Ok(ExitCode::SUCCESS)
             }
         }

@@ -11,7 +11,7 @@ use anyhow::Context as _;
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_api::{ClientError, Event, InfoOk};
-use hbot_host::signals;
+use hbot_host::run_loop::signals;
 use hbot_record::{About, Writer};
 use hbot_server::recording::is_folder;
 

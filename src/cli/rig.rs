@@ -17,7 +17,7 @@ use hbot_core::design::singularity::{
 };
 use hbot_core::{Device, Vec3};
 use hbot_host::bus::{BusTraffic, driver, late_rates};
-use hbot_host::doctor::{MOST_LOAD, highest_rate, punctuality};
+use hbot_host::commission::doctor::{MOST_LOAD, highest_rate, punctuality};
 
 use super::out::tell;
 use super::scene::plot::{svg, write};
@@ -51,6 +51,9 @@ pub(crate) enum RigCommand {
     /// Find signs, steering zeros, wheel radii and cones while a person turns the sphere, with
     /// motors off
     Calibrate(bringup::CalibrateArgs),
+    /// Find the true axes, cones, toes, radii and zeros in recordings of a person who turns the
+    /// sphere, with motors off
+    Identify(bringup::IdentifyArgs),
 }
 
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
@@ -60,6 +63,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         RigCommand::Scan(args) => return bringup::run_scan(&args),
         RigCommand::Test(args) => return bringup::test(&args),
         RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
+        RigCommand::Identify(args) => return bringup::run_identify(&args),
     };
     let config = RigConfig::load(file.as_deref(), &[])?;
     if let Some(out) = &drawing {
@@ -254,13 +258,23 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     )?;
     let examples = [USUAL_DAMPING / 2.0, USUAL_DAMPING, 2.5 * USUAL_DAMPING];
     let examples = examples.map(|damping| format!("{:.3} at {damping}", expected.stable(damping)));
-    tell!(
-        "  stable     up to about (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {} N m s/rad",
-        examples.join(", ").replacen(" at", " N m/rad at", 1)
-    )?;
-    tell!(
-        "             whatever the damping, up to {most:.0} N m/rad, with B = {with:.2} (J / (4 h²) without the lag)"
-    )?;
+    let examples = examples.join(", ").replacen(" at", " N m/rad at", 1);
+    let lead = expected.sampled().lead;
+    if lead > 0.0 {
+        tell!(
+            "  lead       {:.2} ms (loop.lead): a scene is rendered where the sphere will be when the torque acts",
+            1.0e3 * lead
+        )?;
+        tell!("  stable     up to {examples} N m s/rad of damping, the device's and the spring's together")?;
+        tell!("             whatever the damping, up to {most:.0} N m/rad, with {with:.2} N m s/rad")?;
+    } else {
+        tell!(
+            "  stable     up to about (b + B) / (h (1/2 + D) + lag), b the device's damping and B the spring's: {examples} N m s/rad"
+        )?;
+        tell!(
+            "             whatever the damping, up to {most:.0} N m/rad, with B = {with:.2} (J / (4 h²) without the lag)"
+        )?;
+    }
     tell!(
         "  counts     one turns the sphere by up to {:.1e} rad: passive up to 2 c/d = {:.3} N m/rad for each mN m of Coulomb friction c",
         expected.count(),

@@ -5,28 +5,31 @@ use std::future::poll_fn;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use clap::{Args, ValueEnum};
 use hbot_config::advice::Abilities;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig, SceneFile};
-use hbot_host::expectation::{self, Expectation};
-use hbot_host::last_word::Program;
-use hbot_host::signals;
-use hbot_host::stop_signal::StopSignal;
+use hbot_host::commission::expectation::{self, Expectation};
+use hbot_host::rig::last_word::Program;
+use hbot_host::run_loop::signals;
+use hbot_host::run_loop::stop_signal::StopSignal;
 use hbot_server::recording::{Limit, RecordOptions, is_file, unsuitable};
 use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
+use hbot_server::web::{AllowedHosts, WebOptions, url};
 use serde_json::json;
 use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
 use super::record::file_or_folder;
+use super::sockets::Web;
 use super::{secrets, sockets, status, style};
 
 /// Exit code of a server whose run was good and whose recording was not: a file could not be
@@ -48,6 +51,10 @@ pub(crate) struct ServerArgs {
     /// Rig file (TOML) [default: the prototype, built in]
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
+    /// Build the simulated rig as this rig file says, while the loop believes --rig: a device that is
+    /// not as drawn (simulated rig only)
+    #[arg(long, value_name = "FILE")]
+    built: Option<PathBuf>,
     /// Scene file (TOML), or the name of a ready-made scene [default: spring]
     #[arg(long, value_name = "FILE|NAME")]
     scene: Option<PathBuf>,
@@ -88,6 +95,15 @@ pub(crate) struct ServerArgs {
     /// 127.0.0.1:8765]; without a token, and nothing can be commanded there
     #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address, num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     foxglove: Option<SocketAddr>,
+    /// Serve the page for browsers and the API over WebSocket at http://ADDR:PORT, or not [default:
+    /// 127.0.0.1:4269 with a simulated rig, otherwise off]; addresses other than loopback need a
+    /// token and encryption
+    #[arg(long, value_name = "ADDR:PORT|off", value_parser = sockets::web)]
+    web: Option<Web>,
+    /// Name of this machine that a browser may use, besides `localhost` and its address; can be
+    /// given several times
+    #[arg(long, value_name = "NAME", value_parser = sockets::host_name)]
+    allowed_host: Vec<String>,
     /// File with the token that clients must present
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
@@ -164,10 +180,17 @@ pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
 
 fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
     let mut rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
+    let built = built(&args, &rig)?;
     let scene = match &args.scene {
         Some(path) => super::scene::scene(path)?,
         None => SceneFile::default_scene(),
     };
+    if args.metrics.is_some() {
+        hbot_server::metrics::built().context("--metrics")?;
+    }
+    if args.foxglove.is_some() {
+        hbot_server::live::built().context("--foxglove")?;
+    }
     let token = secrets::token(&rig)?;
     let metrics_token = match args.metrics {
         None => None,
@@ -175,12 +198,20 @@ fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
     };
     let expected = expected(&mut rig, args.accuracy_target)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(serve(args, rig, scene, [token, metrics_token], &expected, console))
+    runtime.block_on(serve(args, (rig, built), scene, [token, metrics_token], &expected, console))
+}
+
+/// Returns the rig file from which the simulated rig is built, if the command line names one.
+fn built(args: &ServerArgs, rig: &RigConfig) -> anyhow::Result<Option<RigConfig>> {
+    let Some(path) = &args.built else { return Ok(None) };
+    let built = RigConfig::load(Some(path), &[])?;
+    hbot_host::rig::built::check(rig, &built).with_context(|| format!("--built {}", path.display()))?;
+    Ok(Some(built))
 }
 
 async fn serve(
     args: ServerArgs,
-    rig: RigConfig,
+    (rig, built): (RigConfig, Option<RigConfig>),
     scene: SceneFile,
     [token, metrics_token]: [Option<String>; 2],
     expected: &Expectation,
@@ -192,6 +223,14 @@ async fn serve(
     let metrics = sockets::bind_if(args.metrics, "--metrics").await?;
     let live = sockets::bind_if(args.foxglove, "--foxglove").await?;
     let (live, live_at) = live.unzip();
+    let hosts = Arc::new(AllowedHosts::new(args.allowed_host.clone()));
+    let port = |listener: TcpListener| {
+        listener.into_std().map(|listener| WebOptions { listener, hosts: Arc::clone(&hosts) })
+    };
+    let simulated = rig.link.port.is_simulated();
+    let (web, no_web) = sockets::bind_web(args.web, simulated, &rig.api).await?;
+    let (web, web_at) = web.unzip();
+    let web_at = web_at.map(|at| url(at, rig.api.tls.is_some()));
     let mut stopping = Vec::new();
     for number in signals::STOPPING {
         stopping.push(signal(SignalKind::from_raw(number))?);
@@ -200,13 +239,14 @@ async fn serve(
     let time = if args.time == TimeArg::Virtual { Time::Virtual } else { Time::Wall };
     let mut secrets = secrets::notices(&rig, args.metrics_token_file.as_deref());
     secrets.extend(live_at.and_then(secrets::live_notice));
-    let banner = banner(&rig, scene.name(), address, time, expected);
+    let banner = banner(&rig, scene.name(), (address, web_at), time, expected);
     let warnings = Abilities::of(&rig).warnings(&scene);
     let recording = recording(&args)?;
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();
     let server = Server::start(ServerOptions {
         rig,
+        built,
         scene,
         time,
         duration: args.duration.map(Duration::from_secs_f64),
@@ -216,7 +256,8 @@ async fn serve(
         flight_dir,
         recorder: None,
         recording,
-        live: live.map(TcpListener::into_std).transpose()?,
+        live: live.map(&port).transpose()?,
+        web: web.map(&port).transpose()?,
     })?;
     stop_signal.obey(server.emergency_stop())?;
     if let Some((_, at)) = &metrics {
@@ -235,7 +276,7 @@ async fn serve(
     for warning in warnings {
         console.say(format!("  {}warning{}  {warning}", style::WARN, style::OFF));
     }
-    for notice in server.notices().iter().chain(&nowhere).chain(&secrets) {
+    for notice in server.notices().iter().chain(&nowhere).chain(&secrets).chain(&no_web) {
         console.say(format!("  {}note{}     {notice}", style::WARN, style::OFF));
     }
 
@@ -326,8 +367,14 @@ fn too_slow(rig: &RigConfig, expected: &Expectation) -> String {
 }
 
 /// Returns the text that the server prints at start: rig, port, rate, methods with their cost and
-/// error, scene, address.
-fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expected: &Expectation) -> String {
+/// error, scene, addresses.
+fn banner(
+    rig: &RigConfig,
+    scene: &str,
+    (address, web): (SocketAddr, Option<String>),
+    time: Time,
+    expected: &Expectation,
+) -> String {
     let (name, off) = (style::NAME, style::OFF);
     let how = match time {
         Time::Wall => "wall-clock time",
@@ -341,10 +388,11 @@ fn banner(rig: &RigConfig, scene: &str, address: SocketAddr, time: Time, expecte
         too_slow(rig, expected)
     };
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
+    let web = web.map_or_else(String::new, |at| format!("\n  web      {name}{at}{off}"));
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
     format!(
         "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}{cpu}, \
-         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here ({load:.2} %), {error}\n  scene    {scene}\n  listen{tls}   {name}{address}{off}",
+         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}",
         env!("CARGO_PKG_VERSION"),
         live_or_simulated(&rig.link.port),
         rig.name,

@@ -3,6 +3,9 @@
 use std::io::ErrorKind;
 use std::net::SocketAddr;
 
+use anyhow::bail;
+use hbot_config::rig::ApiConfig;
+use hbot_server::web::DEFAULT_WEB_PORT;
 use tokio::net::TcpListener;
 
 /// Parses an address with a port.
@@ -34,6 +37,70 @@ pub(crate) async fn bind_if(
     let listener = bind(at, option).await?;
     let at = listener.local_addr()?;
     Ok(Some((listener, at)))
+}
+
+/// Where the page for browsers is served.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Web {
+    Off,
+    At(SocketAddr),
+}
+
+/// Parses an address with a port, or `off`.
+pub(crate) fn web(text: &str) -> Result<Web, String> {
+    if text == "off" {
+        return Ok(Web::Off);
+    }
+    let guess =
+        text.parse::<u16>().map_or_else(|_| "127.0.0.1:4269".to_owned(), |port| format!("127.0.0.1:{port}"));
+    text.parse().map(Web::At).map_err(|_| format!("an address with a port, such as {guess}, or off"))
+}
+
+/// Parses a name of this machine.
+pub(crate) fn host_name(text: &str) -> Result<String, String> {
+    let legal = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:[]".contains(&byte);
+    let is_address = text.starts_with('[') && text.ends_with(']');
+    if text.is_empty() || !text.bytes().all(legal) || (text.contains([':', '[', ']']) && !is_address) {
+        return Err("a name without a scheme and a port, such as rig.local or [fd00::5]".to_owned());
+    }
+    Ok(text.to_owned())
+}
+
+/// Returns the socket of the web port and its address, if the page is served: at `wanted`, or
+/// otherwise at the default address if the rig is `simulated`. If the default address is in use,
+/// the page is not served, and a notice says so.
+///
+/// # Errors
+/// Fails if the address that was asked for cannot be used, or if other machines reach it without a
+/// token and encryption.
+pub(crate) async fn bind_web(
+    wanted: Option<Web>,
+    simulated: bool,
+    api: &ApiConfig,
+) -> anyhow::Result<(Option<(TcpListener, SocketAddr)>, Option<String>)> {
+    let default = SocketAddr::from(([127, 0, 0, 1], DEFAULT_WEB_PORT));
+    match wanted {
+        Some(Web::At(at)) => {
+            let open = api.token_file.is_none() || api.tls.is_none();
+            if open && !at.ip().to_canonical().is_loopback() {
+                bail!(
+                    "--web {at} lets other machines in: name a file with a token by --token-file and set api.tls in the \
+                     rig file (docs/websocket.md)"
+                );
+            }
+            Ok((bind_if(Some(at), "--web").await?, None))
+        }
+        None if simulated => match TcpListener::bind(default).await {
+            Ok(listener) => Ok((Some((listener, default)), None)),
+            Err(error) => {
+                let why = format!(
+                    "no page is served: {default} is not free ({error}); `--web 127.0.0.1:0` takes a free port"
+                );
+                Ok((None, Some(why)))
+            }
+        },
+        Some(Web::Off) | None => Ok((None, None)),
+    }
 }
 
 fn cannot_listen(at: SocketAddr, option: &str, kind: ErrorKind) -> String {

@@ -118,7 +118,7 @@ fn pair(d: &Distribution) -> String {
 mod tests {
     use hbot_core::inputs::MAX_COMMANDS;
     use hbot_core::{CompiledScene, Controller, Inputs};
-    use hbot_host::sample::{Counters, Sample, TickTiming};
+    use hbot_host::run_loop::sample::{Counters, Sample, TickTiming};
 
     use super::*;
 

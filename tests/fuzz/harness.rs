@@ -6,11 +6,11 @@ use std::sync::LazyLock;
 
 use hbot_api::{Encoding, MAX_REQUEST_BYTES, Request, Splitter};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_host::bus::moteus::Moteus;
-use hbot_host::bus::odrive::Odrive;
+use hbot_host::bus::drivers::moteus::Moteus;
+use hbot_host::bus::drivers::odrive::Odrive;
 use hbot_host::bus::{BusCommand, Expected, Protocol, Reading};
-use hbot_host::layout::Layout;
 use hbot_host::line::Line;
+use hbot_host::rig::layout::Layout;
 use hbot_link::{Decoder, FromController, Message, ToController, encode};
 
 /// Number of bytes read from a connection at once, as in the server.

@@ -3,7 +3,7 @@
 
 use hbot_config::RigConfig;
 use hbot_core::design::rig::OdometryMethod;
-use hbot_host::expectation;
+use hbot_host::commission::expectation;
 use hbot_study::{Interrupt, Study, StudyOptions};
 
 use crate::process::Process;

@@ -10,6 +10,7 @@ mod design;
 mod drawing;
 mod drivers;
 mod explain;
+mod identify;
 mod last_word;
 mod log;
 mod odrive;

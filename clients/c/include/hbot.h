@@ -296,6 +296,10 @@ typedef struct hbot_state {
   double age_us;
   // By how much the scene was rendered ahead of its reading, us. 0 without a lead.
   double lead_us;
+  // Whether a measurement with a sigma has been taken, and `orientation_sigma` is known.
+  bool has_orientation_sigma;
+  // Standard deviations of the error of `q` about the axes of frame N, rad.
+  double orientation_sigma[3];
 } hbot_state;
 
 // An event other than a state. Fields that do not belong to its kind are 0.

@@ -124,6 +124,15 @@ public:
     void torque(const Vec3& torque, const hbot_stream& stream = {}) {
         check(hbot_torque(client_, torque.data(), &stream));
     }
+    void model(const hbot_local_model& model, const hbot_stream& stream = {}) {
+        check(hbot_model(client_, &model, &stream, nullptr));
+    }
+    // Waits for the answer: the fraction of the stiffness that is rendered.
+    double try_model(const hbot_local_model& model, const hbot_stream& stream = {}) {
+        double scale = 0.0;
+        check(hbot_model(client_, &model, &stream, &scale));
+        return scale;
+    }
     void reference(const std::string& effect, const Quat& q, const std::optional<Vec3>& omega = {},
                    const hbot_stream& stream = {}) {
         check(hbot_reference(client_, effect.c_str(), q.data(), omega ? omega->data() : nullptr, &stream));

@@ -151,7 +151,7 @@ impl Inner {
     }
 }
 
-/// What hbot_torque() and hbot_reference() send with their values. Fields that are 0 are left out.
+/// What hbot_torque(), hbot_reference() and hbot_model() send with their values. Fields that are 0 are left out.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct HbotStream {
@@ -229,7 +229,8 @@ pub unsafe extern "C" fn hbot_align(
     // SAFETY: the contract of all functions, stated at the crate.
     unsafe {
         with(client, |inner| {
-            let difference = inner.client.align(Align { q: *input(q.cast(), "q")?, weight, t: None })?;
+            let difference =
+                inner.client.align(Align { q: *input(q.cast(), "q")?, weight, sigma: None, t: None })?;
             if let Ok(out) = Out::new(angle, "angle") {
                 out.write(difference);
             }
@@ -239,15 +240,15 @@ pub unsafe extern "C" fn hbot_align(
 }
 
 /// The options of a stream message as messages have them.
-struct Extras {
-    valid_ms: u64,
-    tick: Option<u64>,
-    seq: Option<u64>,
+pub(crate) struct Extras {
+    pub(crate) valid_ms: u64,
+    pub(crate) tick: Option<u64>,
+    pub(crate) seq: Option<u64>,
 }
 
 /// # Safety
 /// The contract of the crate holds for the pointer.
-unsafe fn extras(stream: *const HbotStream) -> Extras {
+pub(crate) unsafe fn extras(stream: *const HbotStream) -> Extras {
     // SAFETY: the caller promises that it is null or points to a stream.
     let given = unsafe { stream.as_ref() }.copied().unwrap_or(HbotStream { valid_ms: 0, tick: 0, seq: 0 });
     let some = |number: u64| (number > 0).then_some(number);

@@ -152,6 +152,10 @@ pub struct HbotState {
     pub age_us: f64,
     /// By how much the scene was rendered ahead of its reading, us. 0 without a lead.
     pub lead_us: f64,
+    /// Whether a measurement with a sigma has been taken, and `orientation_sigma` is known.
+    pub has_orientation_sigma: bool,
+    /// Standard deviations of the error of `q` about the axes of frame N, rad.
+    pub orientation_sigma: [f64; 3],
 }
 
 impl HbotState {
@@ -191,6 +195,8 @@ impl HbotState {
             link_us: state.timing.link_us,
             age_us: state.timing.age_us,
             lead_us: state.timing.lead_us,
+            has_orientation_sigma: state.orientation_sigma.is_some(),
+            orientation_sigma: state.orientation_sigma.unwrap_or_default(),
         })
     }
 }

@@ -62,6 +62,13 @@ void wrong_arguments_are_refused() {
     const double nan[3] = {0.0, std::nan(""), 0.0};
     CHECK(hbot_torque(client, nan, nullptr) == HBOT_STATUS_NOT_FINITE);
     CHECK(hbot_set(client, "spring", "stiffness", std::nan("")) == HBOT_STATUS_NOT_FINITE);
+    hbot_local_model model{};
+    CHECK(hbot_model(client, nullptr, nullptr, nullptr) == HBOT_STATUS_NULL_POINTER);
+    model.plane_count = HBOT_MAX_PLANES + 1;
+    CHECK(hbot_model(client, &model, nullptr, nullptr) == HBOT_STATUS_BAD_ARGUMENT);
+    model.plane_count = 0;
+    model.stiffness[1][2] = std::nan("");
+    CHECK(hbot_model(client, &model, nullptr, nullptr) == HBOT_STATUS_NOT_FINITE);
     CHECK(hbot_load_scene_toml(client, "effect = 3\n") == HBOT_STATUS_BAD_SCENE);
     CHECK(hbot_load_scene_file(client, "nowhere.toml") == HBOT_STATUS_BAD_SCENE);
     CHECK(std::strstr(hbot_last_error(), "nowhere.toml") != nullptr);
@@ -136,6 +143,27 @@ void scenes_and_references(hbot::Client& rig) {
     CHECK(state.joint_count == 4 && state.mode != HBOT_MODE_UNREFERENCED && state.fault == HBOT_FAULT_NONE);
     const auto oldest = rig.next_state(hbot::Milliseconds{5000});
     CHECK(oldest && oldest->tick > state.tick);
+
+    hbot_local_model model{};
+    for (int axis = 0; axis < 3; ++axis) model.stiffness[axis][axis] = 0.5, model.damping[axis][axis] = 0.02;
+    model.planes[0] = {{0.0, 0.0, 1.0}, 0.1, 1.0, 0.02};
+    model.plane_count = 1;
+    stream.seq = 78;
+    CHECK(rig.try_model(model, stream) == 1.0);
+    model.stiffness[0][0] = 1e5;
+    model.soften = true;
+    stream.seq = 79;
+    const double scale = rig.try_model(model, stream);
+    CHECK(scale > 0.0 && scale < 0.01);
+    model.soften = false;
+    CHECK(hbot_model(rig.get(), &model, &stream, &state.scale) == HBOT_STATUS_OUT_OF_RANGE);
+    model.stiffness[0][0] = 0.5;
+    stream.seq = 80;
+    rig.model(model, stream);
+    CHECK(eventually([&] {
+        const auto newest = rig.latest_state(hbot::Milliseconds{100});
+        return newest && newest->has_client_seq && newest->client_seq == 80;
+    }));
     rig.unsubscribe();
 }
 

@@ -85,6 +85,8 @@ def test_info() -> None:
         "`limits`": names(info.Limits, info.EnergyLimit, info.TractionLimit, info.PassivityLimit),
         "`render`": names(info.Render, info.Loop),
         "`effects`": names(info.Kind),
+        "`modes`": names(info.ModeWords),
+        "`faults`": names(info.FaultWords),
         "`lease`": names(info.Holder),
         "`clock`": names(info.Clock),
         "`on_client_lost`": choices(hbot.Info, "on_client_lost"),

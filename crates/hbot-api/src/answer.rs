@@ -166,13 +166,27 @@ pub struct ModeOk {
     pub mode: Mode,
 }
 
-/// The answer to the op `align`, with which a client sends an orientation measured from outside.
+/// The answer to the ops `align` and `align_direction`, with which a client sends an orientation or
+/// a direction measured from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlignOk {
     /// Angle between the measured orientation and the server's own at the time of the measurement,
     /// 0 to pi rad.
     #[serde(serialize_with = "crate::finite::scalar")]
     pub angle: f64,
+    /// False if a measurement with a sigma does not correct the orientation: it is too far from the
+    /// server's own, or its weight is 0.
+    #[serde(default = "yes", skip_serializing_if = "is_true")]
+    pub used: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
+fn is_true(used: &bool) -> bool {
+    *used
 }
 
 /// The answer to the op `ping`, with which a client tests the connection.

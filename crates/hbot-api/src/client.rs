@@ -6,6 +6,7 @@ mod name;
 mod ops;
 mod render;
 mod time;
+#[cfg_attr(not(feature = "tls"), path = "client/no_tls.rs")]
 mod tls;
 
 pub use connect::ConnectOptions;

@@ -33,8 +33,16 @@ pub struct InfoOk {
     /// rig is real.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub phenomena: Option<Vec<KindInfo>>,
+    /// The ready-made scenes, which the op `load_scene` accepts by their names.
+    pub scenes: Vec<SceneInfo>,
+    /// What each mode of the rig means, for people.
+    pub modes: Vec<ModeWords>,
+    /// What each fault means and what to do about it, for people.
+    pub faults: Vec<FaultWords>,
     /// The running scene, in the form that the op `load_scene` accepts.
     pub scene: Value,
+    /// Warnings about the running scene, as in the answer to `load_scene`.
+    pub warnings: Vec<String>,
     /// Largest torque on the sphere about each axis of frame N (n1, n2, n3) at the present steer
     /// angles, N m. `None` before the first tick.
     #[serde(serialize_with = "finite::optional_array")]
@@ -227,6 +235,10 @@ pub struct RenderInfo {
     /// send it.
     #[serde(serialize_with = "finite::scalar")]
     pub damping_most: f64,
+    /// The border of stability of one spring alone: pairs of its damping, N m s/rad, and the
+    /// largest stiffness that is stable with it, N m/rad, in the order of the damping. Between two
+    /// pairs the border is nearly straight. Empty if an older server does not send it.
+    pub border: Vec<[f64; 2]>,
     /// Which estimate of the joint rates the rig has picked by itself and why, as one sentence.
     /// `None` if the rig file names the estimate.
     pub rate_pick: Option<String>,
@@ -272,6 +284,40 @@ pub struct KindInfo {
     pub description: String,
     /// JSON schema of the parameters, with the `unit` of each.
     pub schema: Value,
+}
+
+/// A ready-made scene, which is a part of the server's program.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SceneInfo {
+    /// Name of the scene's file without `.toml`, which the op `load_scene` accepts.
+    pub file: String,
+    /// Name of the scene.
+    pub name: String,
+    /// One sentence on what the scene feels like.
+    pub description: String,
+}
+
+/// What a mode of the rig means, for the person who uses it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ModeWords {
+    /// Name of the mode in messages.
+    pub name: String,
+    /// What the mode means.
+    pub sentence: String,
+}
+
+/// What a fault means, for the person who uses the rig.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct FaultWords {
+    /// Name of the fault in messages.
+    pub name: String,
+    /// What happened.
+    pub sentence: String,
+    /// What to do about it.
+    pub remedy: String,
 }
 
 /// The client that holds the lease, which is the right to command.

@@ -60,6 +60,7 @@ mod finite;
 mod frame;
 mod id;
 mod info;
+mod model;
 mod names;
 mod request;
 mod state;
@@ -70,6 +71,7 @@ mod stream;
 mod tests;
 mod text;
 mod untyped;
+mod words;
 
 pub use answer::{
     AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SetOk, SubscribeOk,
@@ -90,8 +92,11 @@ pub use event::{
 pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
 pub use info::{
-    ClientLostPolicy, ClockInfo, EnergyInfo, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, LoopInfo,
-    PassivityInfo, RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClientLostPolicy, ClockInfo, EnergyInfo, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
+    LoopInfo, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, TractionInfo, WheelInfo,
+};
+pub use model::{
+    Impedance, MAX_ASYMMETRY, MAX_BLEND_MS, MAX_OFFSET, MAX_PLANES, ModelCommand, ModelOk, PlaneCommand,
 };
 pub use names::Name;
 pub use request::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, OpRow, Request, Token, Who};
@@ -99,8 +104,8 @@ pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
 pub use stats::{Distribution, StatsOk};
 pub use stop::{Stop, StopFinder, asks_estop, may_be_long};
 pub use stream::{
-    Align, DEFAULT_VALID_MS, MAX_MAGNITUDE, MAX_VALID_MS, MIN_QUATERNION_NORM, ReferenceCommand,
-    TorqueCommand,
+    Align, AlignDirection, DEFAULT_OVER_MS, DEFAULT_VALID_MS, HandCommand, HandHold, MAX_MAGNITUDE,
+    MAX_OVER_MS, MAX_VALID_MS, MIN_QUATERNION_NORM, MIN_SIGMA, ReferenceCommand, TorqueCommand,
 };
 pub use text::{Plain, is_plain};
 

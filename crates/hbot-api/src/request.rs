@@ -7,7 +7,9 @@ mod table;
 pub(crate) use fields::Excerpt;
 pub use table::{Field, OpName, OpRow, Who};
 
-use crate::{Align, Encoding, Id, ReferenceCommand, TorqueCommand};
+use crate::{
+    Align, AlignDirection, Encoding, HandCommand, Id, ModelCommand, ReferenceCommand, TorqueCommand,
+};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::fmt;
@@ -66,8 +68,8 @@ pub enum Op {
     Release,
     /// Loads another scene and starts to render it. Answer: [`LoadSceneOk`](crate::LoadSceneOk).
     LoadScene {
-        /// The scene: a map with the structure of a scene file, or the name of a ready-made scene
-        /// as a text. The content has not been checked.
+        /// The scene, a map with the structure of a scene file, or the name of a ready-made scene.
+        /// Neither the content of the map nor the name has been checked.
         scene: Value,
     },
     /// Changes parameters of an effect in the running scene. The torque changes gradually. The
@@ -86,9 +88,18 @@ pub enum Op {
     /// Sends a new reference orientation for an effect. Clients send it repeatedly. It is answered
     /// only if it has an id; the answer has no data.
     Reference(ReferenceCommand),
+    /// Sends a local model: a torque, and how it changes as the sphere turns. Clients send it
+    /// repeatedly. It is answered only if it has an id. Answer: [`ModelOk`](crate::ModelOk).
+    Model(Box<ModelCommand>),
     /// Sends the sphere's orientation as measured from outside, for example by a camera. It is
     /// answered only if it has an id. Answer: [`AlignOk`](crate::AlignOk).
     Align(Align),
+    /// Moves the simulated hand. Only a simulated rig has one. Clients send it repeatedly. It is
+    /// answered only if it has an id; the answer has no data.
+    Hand(HandCommand),
+    /// Sends a direction of the sphere as measured, for example that of gravity. It is answered
+    /// only if it has an id. Answer: [`AlignOk`](crate::AlignOk).
+    AlignDirection(AlignDirection),
     /// Begins to render the scene. Answer: [`ModeOk`](crate::ModeOk).
     Enable,
     /// Ends rendering. Answer: [`ModeOk`](crate::ModeOk).
@@ -167,7 +178,10 @@ impl Op {
             Self::Set { .. } => OpName::Set,
             Self::Torque(_) => OpName::Torque,
             Self::Reference(_) => OpName::Reference,
+            Self::Model(_) => OpName::Model,
             Self::Align(_) => OpName::Align,
+            Self::Hand(_) => OpName::Hand,
+            Self::AlignDirection(_) => OpName::AlignDirection,
             Self::Enable => OpName::Enable,
             Self::Disable => OpName::Disable,
             Self::Reset => OpName::Reset,

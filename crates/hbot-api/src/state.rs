@@ -52,8 +52,17 @@ pub struct StateEvent {
     /// Sequence number and age of the last stream message that the control loop has accepted.
     /// `None` before the first.
     pub client: Option<ClientStream>,
+    /// Torque of the simulated hand on the sphere in frame N, N m, at most two ticks older or newer
+    /// than the tick. `None` with a real rig, and while no hand holds the sphere.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional_array")]
+    pub hand: Option<[f64; 3]>,
     /// Lateness, computing time and other times of the tick.
     pub timing: StateTiming,
+    /// Standard deviations of the error of `q` about the axes of frame N (fixed in space), rad, as
+    /// the server estimates them. `None` until a measurement with a sigma has been taken (op
+    /// `align` or `align_direction`).
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional_array")]
+    pub orientation_sigma: Option<[f64; 3]>,
 }
 
 /// Creates the state of a rig about which nothing is known: unreferenced, at the identity
@@ -75,7 +84,9 @@ impl Default for StateEvent {
             traction: 0.0,
             energy: 0.0,
             client: None,
+            hand: None,
             timing: StateTiming::default(),
+            orientation_sigma: None,
         }
     }
 }

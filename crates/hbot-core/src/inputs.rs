@@ -3,6 +3,7 @@
 
 use crate::design::device::MAX_JOINTS;
 use crate::real::{Quat, Real, Vec3};
+use crate::render::model::LocalModel;
 
 /// Largest number of commands that one tick can take.
 pub const MAX_COMMANDS: usize = 8;
@@ -101,6 +102,10 @@ pub struct Commands {
     list: [Option<Command>; MAX_COMMANDS],
     #[cfg_attr(feature = "exact", serde(deserialize_with = "crate::exact::count::<_, 0, MAX_COMMANDS>"))]
     len: usize,
+    /// The body of the last [`Command::Model`] in the list. The commands before it have none, since
+    /// only the newest model of a tick counts. It is kept once, because it is as large as all other
+    /// commands of a tick.
+    model: Option<LocalModel>,
 }
 
 impl Commands {
@@ -117,6 +122,26 @@ impl Commands {
             }
             None => Err(command),
         }
+    }
+
+    /// Adds a command to the end of the list that replaces the client's model by `model`. Of
+    /// several models in one tick only the last acts.
+    ///
+    /// # Errors
+    /// Returns the command if the list is full, so that the next tick can take it.
+    pub fn push_model(&mut self, command: ModelCommand, model: &LocalModel) -> Result<(), Command> {
+        self.push(Command::Model(command))?;
+        self.model = Some(*model);
+        Ok(())
+    }
+
+    /// Returns the model of the command at the place `index` in the list. `None` if the command is
+    /// no [`Command::Model`], or if a later one has replaced its model.
+    #[must_use]
+    pub fn model(&self, index: usize) -> Option<&LocalModel> {
+        let is_model = |command: &Option<Command>| matches!(command, Some(Command::Model(_)));
+        let last = self.list[..self.len].iter().rposition(is_model);
+        self.model.as_ref().filter(|_| last == Some(index))
     }
 
     /// Returns the number of commands.
@@ -196,6 +221,50 @@ pub enum Command {
     /// Reports that a client no longer holds the lease, for example because its connection ended.
     /// The value says how the rig reacts.
     ClientLost(OnClientLost),
+    /// Corrects the sphere's orientation with one that was measured independently, as far as its
+    /// uncertainty and that of the rig's own estimate say. A measurement that is too far from the
+    /// estimate is not used.
+    AlignBySigma {
+        /// Measured orientation of the sphere in frame N, a unit quaternion.
+        q: Quat,
+        /// Standard deviations of its error about the axes of frame N, rad, each 1e-5 to pi.
+        sigma: Vec3,
+        /// Weight of the measurement, 0 to 1: its variances are divided by it. With 0, the
+        /// difference is only reported.
+        weight: Real,
+        /// The tick at which the orientation was measured. It must be one of the last
+        /// [`ALIGN_HISTORY`](crate::controller::ALIGN_HISTORY) ticks.
+        tick: u64,
+    },
+    /// Corrects the sphere's orientation with a direction that was measured independently, for
+    /// example that of gravity by a sensor in the sphere. It says nothing about the turn around it.
+    AlignDirection {
+        /// The direction in the sphere's axes, a unit vector.
+        body: Vec3,
+        /// The same direction in frame N, a unit vector.
+        world: Vec3,
+        /// Standard deviation of the error about each axis across the direction, rad, 1e-5 to pi.
+        sigma: Real,
+        /// The tick at which the direction was measured, as in `AlignBySigma`.
+        tick: u64,
+    },
+    /// A local model that a client streams (see [`render::model`](crate::render::model)). Its torque
+    /// is added to the scene's torque. [`Commands::push_model`] adds it together with the model.
+    Model(ModelCommand),
+}
+
+/// What a client says about a model that it streams.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+pub struct ModelCommand {
+    /// Number of ticks for which the model is valid, including this one.
+    pub valid_ticks: u32,
+    /// Number of ticks in which the torque blends into that of this model. `None` is the time since
+    /// the last model, at most 50 ms.
+    pub blend_ticks: Option<u32>,
+    /// Labels of the message from the client: its sequence number, and the tick of the state from
+    /// which it was computed.
+    pub stamp: Stamp,
 }
 
 /// Labels that a client gives to a message of a stream: a sequence number, and the tick of the

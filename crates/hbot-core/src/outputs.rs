@@ -43,6 +43,14 @@ pub enum Reply {
     },
     /// The command was refused, and nothing changed. The value gives the reason.
     Refused(Refusal),
+    /// An `AlignBySigma` or `AlignDirection` command was executed.
+    Measured {
+        /// Angle between the measurement and the rig's own estimate for the same tick, rad.
+        angle: Real,
+        /// False if the measurement was too far from the estimate, or its weight is 0. The
+        /// orientation is then not corrected.
+        used: bool,
+    },
 }
 
 /// The reason why a command was refused.
@@ -136,6 +144,9 @@ pub struct State {
     /// How far ahead of the reading the scene was rendered, us. 0 if it was rendered at the
     /// measured pose `q`, or not at all.
     pub lead_us: Real,
+    /// Standard deviations of the error of `q` about the axes of frame N, rad, by the rig's own
+    /// estimate. `None` until a measurement with a sigma has been taken.
+    pub sigma: Option<Vec3>,
 }
 
 /// Labels of the last message of a torque or reference stream that was accepted from a client.

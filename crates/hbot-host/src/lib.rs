@@ -4,56 +4,21 @@
 //! # Modules, from the line up
 //!
 //! 1. [`mod@line`] moves bytes to and from the motor controllers and never waits. A line is a
-//!    serial port, or the simulated rig in memory. [`last_word`] is a helper process that switches
-//!    the motors off if this process dies.
-//! 2. [`bus`] defines motor buses, the interface that drivers implement. [`conformance`] is the
-//!    test suite that every driver must pass.
-//! 3. [`layout`] maps each joint of the rig to its place on a bus. [`motors`] presents all buses as
-//!    one set of joints.
-//! 4. [`engine`] runs one tick: it takes readings in, calls `Controller::tick`, sends the command
-//!    and publishes a sample. [`bridge`] holds the wait-free rings between the loop and the rest of
-//!    the program. [`sample`] defines what a tick publishes.
-//! 5. [`run_loop`] is the thread that ticks, in wall-clock time ([`pace`], `early`, [`realtime`],
-//!    [`processor`], [`clock`]) or in virtual time.
-//! 6. [`attach`] turns a rig file into motor buses. [`controllers`] says which motor controllers
-//!    they lead to. [`host`] starts and stops all of these parts together.
-//! 7. [`bringup`] moves one joint at a time and calibrates the rig. [`signals`] lists the signals
-//!    that end a program. [`stop_signal`] is an emergency stop by signal. [`doctor`] checks whether
-//!    a machine can keep the loop's deadlines. [`expectation`] measures what a rig's methods cost
-//!    on this machine and how large their error is.
+//!    serial port, or the simulated rig in memory.
+//! 2. [`bus`] defines motor buses, the interface that drivers implement. [`bus::drivers`] has one
+//!    for each protocol, [`bus::conformance`] is the test suite that every driver must pass.
+//! 3. [`rig`] turns a rig file into motor buses, and presents all buses as one set of joints.
+//!    [`rig::last_word`] is a helper process that switches the motors off if this process dies.
+//! 4. [`run_loop`] is the thread that ticks, in wall-clock or in virtual time.
+//!    [`run_loop::engine`] runs one tick: it takes readings in, calls `Controller::tick`, sends the
+//!    command and publishes a [`run_loop::sample`] through the wait-free rings of
+//!    [`run_loop::bridge`].
+//! 5. [`commission`] prepares a rig and a machine: tests of joints, calibration, the doctor.
 
-pub mod attach;
-pub mod bridge;
-#[cfg(test)]
-mod bridge_tests;
-pub mod bringup;
 pub mod bus;
-pub mod clock;
-pub mod conformance;
-pub mod controllers;
-pub mod doctor;
-mod early;
-pub mod engine;
-#[cfg(test)]
-mod engine_tests;
-pub mod expectation;
-pub mod host;
-pub mod last_word;
-pub mod layout;
+pub mod commission;
 pub mod line;
-#[cfg(test)]
-mod line_tests;
-pub mod motors;
-#[cfg(test)]
-mod motors_tests;
-pub mod pace;
-pub mod processor;
-pub mod realtime;
-#[cfg(test)]
-mod report_tests;
+pub mod rig;
 pub mod run_loop;
-pub mod sample;
-pub mod signals;
-pub mod stop_signal;
 #[cfg(test)]
-mod tick_bench;
+mod tests;

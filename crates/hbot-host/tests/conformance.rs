@@ -8,9 +8,10 @@ use hbot_config::RigConfig;
 use hbot_config::rig::Protocol as Name;
 use hbot_core::Rig;
 use hbot_core::design::rig::RigParts;
-use hbot_host::bus::{Expected, Protocol, hbot::HbotLink, moteus::Moteus, odrive::Odrive};
-use hbot_host::conformance::{CASES, Controllers, Subject, assert_conforms};
-use hbot_host::layout::Layout;
+use hbot_host::bus::conformance::{CASES, Controllers, Subject, assert_conforms};
+use hbot_host::bus::drivers::{hbot::HbotLink, moteus::Moteus, odrive::Odrive};
+use hbot_host::bus::{Expected, Protocol};
+use hbot_host::rig::layout::Layout;
 use hbot_sim::controller::{InjectedFault, Line};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 

@@ -15,12 +15,13 @@ use crate::messages::hbot::{Exact as Message, Tick};
 
 /// Number of the private topic's format and of the control law that it records. It is raised when
 /// the types of hbot-core change, or when the same inputs give other outputs.
-pub const FORMAT: u32 = 4;
-/// The oldest format that replays. The state of the control law has fields at its end that a
-/// recording of this format lacks. With all of their bits zero the law is that of the recording.
+pub const FORMAT: u32 = 5;
+/// The oldest format that replays. The state of the control law, the inputs and the outputs of a
+/// tick have fields at their ends that a recording of this format lacks. With all of their bits
+/// zero the law is that of the recording.
 pub const OLDEST: u32 = 3;
 
-/// More bytes than the fields take that the state of the control law has gained since [`OLDEST`].
+/// More bytes than the fields take that a type has gained since [`OLDEST`].
 const GAINED: usize = 4096;
 
 /// One record of the private topic.
@@ -71,8 +72,8 @@ fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Error> {
     if rest.is_empty() { Ok(value) } else { Err(postcard::Error::SerdeDeCustom) }
 }
 
-/// Reads a state of the control law to whose end fields were added after it was stored.
-fn read_older(bytes: &[u8]) -> Result<Controller, postcard::Error> {
+/// Reads a value to whose end fields were added after it was stored.
+fn read_older<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Error> {
     let padded = [bytes, &[0; GAINED]].concat();
     let (value, rest) = postcard::take_from_bytes(&padded)?;
     if rest.len() <= GAINED { Ok(value) } else { Err(postcard::Error::SerdeDeCustom) }
@@ -131,7 +132,10 @@ impl Exact {
     /// Fails if the record is not one of that format.
     pub fn read_from(format: u32, data: &[u8]) -> Result<Self, Unreadable> {
         Ok(match Message::decode(data)?.record.ok_or(Unreadable::Unknown)? {
-            Record::Run(Tick { inputs, outputs }) => Self::Tick(Box::new((read(&inputs)?, read(&outputs)?))),
+            Record::Run(Tick { inputs, outputs }) => Self::Tick(Box::new(match format {
+                FORMAT => (read(&inputs)?, read(&outputs)?),
+                _ => (read_older(&inputs)?, read_older(&outputs)?),
+            })),
             Record::Scene(scene) => {
                 let Scene { revision, effects, numbers } = read(&scene)?;
                 Self::Scene(Box::new(CompiledScene::with_numbers(revision, &effects, &numbers)?))
@@ -155,6 +159,8 @@ pub fn same_bits(a: &Outputs, b: &Outputs) -> bool {
 #[cfg(test)]
 mod tests {
     use hbot_config::RigConfig;
+    use hbot_core::inputs::{ModelCommand, Stamp};
+    use hbot_core::render::model::LocalModel;
 
     use super::*;
 
@@ -162,11 +168,22 @@ mod tests {
     /// panic.
     #[test]
     fn a_count_that_is_larger_than_its_array_is_no_record() {
-        // The number of commands is the last byte of the inputs.
+        // The last byte of the inputs says that there is no model, the one before is the number of
+        // commands.
         let mut inputs = bytes(&Inputs::quiet(7));
         assert_eq!(read::<Inputs>(&inputs), Ok(Inputs::quiet(7)));
-        *inputs.last_mut().unwrap() = 9;
+        let len = inputs.len();
+        inputs[len - 2] = 9;
         assert!(read::<Inputs>(&inputs).is_err(), "9 commands of at most 8");
+
+        // The number of half-spaces is the last byte of a model.
+        let mut tick = Inputs::quiet(7);
+        let command = ModelCommand { valid_ticks: 1, blend_ticks: None, stamp: Stamp::default() };
+        tick.commands.push_model(command, &LocalModel::NONE).unwrap();
+        let mut inputs = bytes(&tick);
+        assert_eq!(read::<Inputs>(&inputs), Ok(tick));
+        *inputs.last_mut().unwrap() = 9;
+        assert!(read::<Inputs>(&inputs).is_err(), "9 half-spaces of at most 8");
 
         // The number of wheels follows the sphere's radius and mass, two reals, with which the
         // state of the control law begins.

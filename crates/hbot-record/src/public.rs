@@ -68,6 +68,7 @@ pub fn fill(event: &mut StateEvent, state: &State, t_ns: u64) {
     event.scale = state.scale;
     event.traction = state.traction;
     event.energy = state.energy;
+    event.orientation_sigma = state.sigma.map(|sigma| sigma.to_array());
     event.client = state.client.map(|client| ClientStream { seq: client.seq, age_ticks: client.age_ticks });
 }
 

@@ -6,8 +6,8 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Duration;
 
 use hbot_config::RigConfig;
-use hbot_host::clock::now_ns;
-use hbot_host::realtime::{SIMULATOR_PRIORITY, real_time};
+use hbot_host::run_loop::clock::now_ns;
+use hbot_host::run_loop::realtime::{SIMULATOR_PRIORITY, real_time};
 use hbot_link::{Command, Decoder, ToController};
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};

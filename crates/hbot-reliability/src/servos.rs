@@ -8,7 +8,7 @@ use std::time::Duration;
 use hbot_config::RigConfig;
 use hbot_config::rig::Protocol;
 use hbot_core::design::device::MAX_JOINTS;
-use hbot_host::clock::now_ns;
+use hbot_host::run_loop::clock::now_ns;
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::{Hand, Link};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use hbot_config::rig::Protocol;
 use hbot_core::MAX_JOINTS;
 use hbot_host::bus::{BusCommand, Expected, driver};
-use hbot_host::layout::Layout;
 use hbot_host::line::{Line, Memory};
+use hbot_host::rig::layout::Layout;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::Value;
 

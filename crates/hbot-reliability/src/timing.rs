@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use hbot_api::{Client, StatsOk};
 use hbot_config::rig::Protocol;
-use hbot_host::doctor::punctuality;
+use hbot_host::commission::doctor::punctuality;
 use serde_json::{Value, json};
 
 use crate::bench::{Helper, Other, WatchedServer};

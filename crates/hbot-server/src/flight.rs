@@ -19,7 +19,7 @@ use rustix::fs::{Access, access};
 use self::names::Name;
 pub use self::names::{MAX_FILES, prune};
 use crate::service::convert;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// How long before a fault its flight log begins.
 const BEFORE: Duration = Duration::from_secs(1);

@@ -10,15 +10,16 @@ use std::time::Duration;
 
 use hbot_config::scene::Simulate;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_host::attach::Simulator;
-use hbot_host::bridge::{EmergencyStop, ServiceEnd};
 use hbot_host::bus::MotorBus;
-use hbot_host::clock::now_ns;
-use hbot_host::engine::Recorder;
-use hbot_host::host::{self, Host};
-use hbot_host::last_word::Program;
+use hbot_host::rig::attach::Simulator;
+use hbot_host::rig::host::{self, Host};
+use hbot_host::rig::last_word::Program;
 use hbot_host::run_loop::Ended;
 pub use hbot_host::run_loop::Time;
+use hbot_host::run_loop::bridge::{EmergencyStop, ServiceEnd};
+use hbot_host::run_loop::clock::now_ns;
+use hbot_host::run_loop::engine::Recorder;
+use hbot_sim::hand::{Guide, HandTorque};
 use hbot_sim::phenomena::{Hand, Phenomena};
 use thiserror::Error;
 use tokio::net::TcpListener;
@@ -26,8 +27,9 @@ use tokio::sync::{mpsc as async_mpsc, watch};
 
 use crate::flight;
 use crate::recording::{self, FilesWritten, RecordOptions, Recorded, Recording, SceneNote};
-use crate::service::{self, Control, ServiceSetup, SetPhenomena, Status, Summary};
+use crate::service::{self, Control, ServiceSetup, SetPhenomena, SimulatedHand, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
+use crate::web::WebOptions;
 
 /// Time between two looks whether the thread of the simulated rig still runs.
 const LOOK_AT_SIMULATOR: Duration = Duration::from_millis(100);
@@ -36,6 +38,9 @@ const LOOK_AT_SIMULATOR: Duration = Duration::from_millis(100);
 pub struct ServerOptions {
     /// The configuration of the rig, including its ports and the settings of the service.
     pub rig: RigConfig,
+    /// The rig file from which the simulated rig is built, if it is another one than `rig`, which
+    /// the loop believes.
+    pub built: Option<RigConfig>,
     /// The scene that the loop renders first.
     pub scene: SceneFile,
     /// Whether the loop runs in wall-clock time or in virtual time.
@@ -57,9 +62,11 @@ pub struct ServerOptions {
     pub recorder: Option<Recorder>,
     /// What is recorded, and where.
     pub recording: RecordOptions,
-    /// The socket on which the public topics of a recording are served to live viewers, without
+    /// The port at which the public topics of a recording are served to live viewers, without
     /// authorization. With `None` none are served.
-    pub live: Option<std::net::TcpListener>,
+    pub live: Option<WebOptions>,
+    /// The page and the API over WebSocket. With `None` they are not served.
+    pub web: Option<WebOptions>,
 }
 
 /// The reason why a server did not start.
@@ -133,6 +140,7 @@ impl Server {
     pub fn start(options: ServerOptions) -> Result<Self, StartError> {
         let ServerOptions {
             rig,
+            built,
             scene,
             time,
             duration,
@@ -143,6 +151,7 @@ impl Server {
             recorder,
             recording,
             live,
+            web,
         } = options;
         let encryption = rig.api.tls.as_ref().map(Encryption::from_files).transpose()?;
         let phenomena = at_start(&scene);
@@ -161,6 +170,7 @@ impl Server {
         let ticks = duration.map(|d| (d.as_secs_f64() * f64::from(rig.rate_hz)).ceil() as u64);
         let (host, end) = Host::start(host::HostOptions {
             rig: rig.clone(),
+            built,
             scene,
             phenomena,
             time,
@@ -173,6 +183,7 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let accuracy = rig.accuracy.to_owned();
         let phenomena = host.simulator().cloned().map(replace_phenomena);
+        let hand = host.simulator().cloned().map(simulated_hand);
         let controllers = host.controllers().clone();
         let origin = host.origin();
         let recording = prepared.map(|prepared| prepared.start(&rig, origin)).transpose();
@@ -182,6 +193,7 @@ impl Server {
             rig,
             scene: running,
             phenomena,
+            hand,
             token,
             encryption,
             flight_dir,
@@ -190,6 +202,7 @@ impl Server {
             origin,
             time_waits: host.time_waits(),
             notes,
+            web,
         };
         Ok(Self { setup, end, host, notices, period_ns, time, started_ns: now_ns(), recording })
     }
@@ -314,4 +327,18 @@ fn notices(flight_dir: Option<&Path>) -> Vec<String> {
 /// Returns a function that gives the simulated rig the phenomena of a scene.
 fn replace_phenomena(simulator: Simulator) -> SetPhenomena {
     Box::new(move |simulate: &Simulate| simulator.show(*simulate))
+}
+
+/// Returns the hand of the simulated rig, for clients that move it.
+fn simulated_hand(simulator: Simulator) -> SimulatedHand {
+    let torque = HandTorque::default();
+    let told = torque.clone();
+    simulator.post(Box::new(move |rig| rig.tell_hand_torque(told)));
+    let order = move |guide: Option<Guide>| {
+        simulator.post(Box::new(move |rig| match guide {
+            Some(guide) => rig.guide_hand(&guide),
+            None => rig.set_hand(None),
+        }));
+    };
+    SimulatedHand { order: Box::new(order), torque }
 }

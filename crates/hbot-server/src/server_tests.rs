@@ -12,8 +12,8 @@ use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 use crate::recording::RecordOptions;
 use crate::server::{Finished, Part, Server, ServerOptions, Time};
 use crate::service::Status;
-use hbot_host::bridge::EmergencyStop;
-use hbot_host::engine::Recorder;
+use hbot_host::run_loop::bridge::EmergencyStop;
+use hbot_host::run_loop::engine::Recorder;
 use hbot_testing::far::Far;
 use hbot_testing::log::Listener;
 use hbot_testing::patience::{PATIENCE, eventually};
@@ -43,6 +43,7 @@ const PANICS: &str = "one that makes the log panic";
 fn options() -> ServerOptions {
     ServerOptions {
         rig: patient(),
+        built: None,
         scene: SceneFile::default_scene(),
         time: Time::Wall,
         duration: None,
@@ -53,6 +54,7 @@ fn options() -> ServerOptions {
         recorder: None,
         recording: RecordOptions::default(),
         live: None,
+        web: None,
     }
 }
 

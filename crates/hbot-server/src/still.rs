@@ -2,7 +2,7 @@
 
 use hbot_core::inputs::{Inputs, MAX_COMMANDS};
 use hbot_core::{CompiledScene, Controller};
-use hbot_host::sample::{Counters, Sample, TickTiming};
+use hbot_host::run_loop::sample::{Counters, Sample, TickTiming};
 
 /// Returns a sample for tests, with the tick number `tick`. Its state is that after one tick of the
 /// control law without a reading from the motor controllers.

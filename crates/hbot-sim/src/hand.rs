@@ -4,8 +4,11 @@
 //! orientation when the hand takes hold, at rest, so that taking hold causes no jerk. It then moves
 //! about all three axes along sines with incommensurate frequencies, so the motion never repeats
 //! exactly. The target depends on time alone: equal times give equal bits.
+//!
+//! A [`Guide`] tells the hand where to turn the sphere instead.
 
 use core::f64::consts::TAU;
+use std::sync::{Arc, Mutex};
 
 use hbot_core::{Quat, Vec3, rotation};
 
@@ -21,6 +24,62 @@ const RATIOS: [f64; 3] = [1.0, core::f64::consts::FRAC_1_SQRT_2, 0.618_033_988_7
 /// takes hold, s.
 const FADE_S: f64 = 1.0;
 
+/// An orientation to which a program tells the hand to turn the sphere, and how firm its grip is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Guide {
+    /// Orientation as a unit quaternion that maps sphere axes to frame N.
+    pub q: Quat,
+    /// Time in which the hand's target turns there at a constant rate, by the shorter way, s. 0:
+    /// at once.
+    pub over_s: f64,
+    /// Spring stiffness of the grip, N m/rad.
+    pub stiffness: f64,
+    /// Damping of the grip, N m s/rad.
+    pub damping: f64,
+    /// Moment of inertia that the hand adds to the sphere, kg m².
+    pub inertia: f64,
+}
+
+/// A turn of the hand's target at a constant rate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Turn {
+    to: Quat,
+    /// Angular velocity until the end, in frame N, rad/s.
+    omega: Vec3,
+    /// The time at which the target rests at `to`, s.
+    until: f64,
+}
+
+impl Turn {
+    fn target(&self, t: f64) -> HandTarget {
+        let left = self.until - t;
+        if !(left > 0.0) {
+            return HandTarget { q: self.to, omega: Vec3::ZERO };
+        }
+        HandTarget { q: rotation::exp(self.omega * -left) * self.to, omega: self.omega }
+    }
+}
+
+/// The torque of the simulated hand on the sphere, for other threads. Clones share one value.
+#[derive(Debug, Clone, Default)]
+pub struct HandTorque(Arc<Mutex<Option<Vec3>>>);
+
+impl HandTorque {
+    /// Returns the hand's torque on the sphere in frame N, N m, at the last command to the motors.
+    /// `None` if no hand holds the sphere.
+    #[must_use]
+    pub fn get(&self) -> Option<Vec3> {
+        self.0.lock().map_or(None, |torque| *torque)
+    }
+
+    /// Replaces the value. Never waits: while another thread reads it, the old value stays.
+    pub(crate) fn set(&self, torque: Option<Vec3>) {
+        if let Ok(mut place) = self.0.try_lock() {
+            *place = torque;
+        }
+    }
+}
+
 /// A simulated hand that holds the sphere. As a [`Load`] it gives the torque of the hand's spring
 /// and damper.
 ///
@@ -31,6 +90,8 @@ pub struct Grip {
     hand: Hand,
     since: f64,
     start: Quat,
+    /// Where a program tells the hand to turn. `None`: the hand moves by itself.
+    turn: Option<Turn>,
 }
 
 /// The orientation and angular velocity to which the hand's spring and damper pull the sphere, at
@@ -48,7 +109,24 @@ impl Grip {
     /// when the sphere's orientation is `q`.
     #[must_use]
     pub fn new(hand: Hand, since: f64, q: Quat) -> Self {
-        Self { hand, since, start: q }
+        Self { hand, since, start: q, turn: None }
+    }
+
+    /// Creates the grip of a hand that obeys `guide` from the time `since` (s) on. Its target is at
+    /// `q` then.
+    #[must_use]
+    pub fn guided(guide: &Guide, since: f64, q: Quat) -> Self {
+        let Guide { q: to, over_s, stiffness, damping, inertia } = *guide;
+        let hand = Hand { stiffness, damping, inertia, amplitude: 0.0, rate: 0.0 };
+        let omega = if over_s > 0.0 { rotation::difference(to, q) / over_s } else { Vec3::ZERO };
+        let turn = Turn { to, omega, until: since + over_s.max(0.0) };
+        Self { hand, since, start: q, turn: Some(turn) }
+    }
+
+    /// Returns whether the hand obeys a program.
+    #[must_use]
+    pub fn is_guided(&self) -> bool {
+        self.turn.is_some()
     }
 
     /// Returns the parameters of the simulated hand, such as its stiffness.
@@ -68,6 +146,9 @@ impl Grip {
     /// s. Before the hand takes hold, this is the orientation at which it will take hold, at rest.
     #[must_use]
     pub fn target(&self, t: f64) -> HandTarget {
+        if let Some(turn) = &self.turn {
+            return turn.target(t);
+        }
         let age = t - self.since;
         if !(age > 0.0) {
             return HandTarget { q: self.start, omega: Vec3::ZERO };
@@ -158,6 +239,25 @@ mod tests {
             assert!(turn.length() <= amplitude * 3.0f64.sqrt());
         }
         assert!(widest.min_element() > 0.75 * amplitude, "{widest}");
+    }
+
+    #[test]
+    fn a_guided_hand_turns_at_a_constant_rate_and_rests_at_the_end() {
+        let (from, axis) = (rotation::exp(Vec3::new(0.3, -0.2, 1.0)), Vec3::new(0.0, 0.6, 0.8));
+        let to = rotation::exp(axis * 0.7) * from;
+        let guide = Guide { q: to, over_s: 2.0, stiffness: 5.0, damping: 0.1, inertia: 1e-3 };
+        let grip = Grip::guided(&guide, 4.0, from);
+        assert!(grip.is_guided() && grip.hand().stiffness == 5.0);
+        // The tolerances are rounding.
+        for (t, part) in [(4.0, 0.0), (4.5, 0.25), (5.0, 0.5), (6.0, 1.0), (60.0, 1.0)] {
+            let target = grip.target(t);
+            let turned = rotation::difference(target.q, from);
+            assert!((turned - axis * (0.7 * part)).length() < 1e-14, "t = {t}: {turned}");
+            let rate = if t < 6.0 { axis * 0.35 } else { Vec3::ZERO };
+            assert!((target.omega - rate).length() < 1e-14, "t = {t}: {}", target.omega);
+        }
+        let at_once = Grip::guided(&Guide { over_s: 0.0, ..guide }, 4.0, from);
+        assert_eq!(at_once.target(4.0), HandTarget { q: to, omega: Vec3::ZERO });
     }
 
     #[test]

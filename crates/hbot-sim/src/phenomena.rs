@@ -8,21 +8,22 @@
 //! | where it acts | phenomena |
 //! |---|---|
 //! | the plant: friction | [`JointFriction`], [`CageFriction`], [`Slip`], [`Pivoting`] |
-//! | the plant: weight and play | [`Eccentric`], [`WheelModules`], [`Gear`] |
+//! | the plant: weight and play | [`Eccentric`], [`Imbalance`], [`WheelModules`], [`Gear`] |
 //! | the plant: parts that give way | [`Compliance`] |
 //! | the motor controllers | [`Encoder`], [`Motor`] |
+//! | the motors' shafts | [`TorqueConstants`], [`Cogging`] |
 //! | the line | [`Link`] |
 //! | the sphere | [`Hand`] |
 //!
 //! Random numbers come from a seed. Equal parameters and equal input bytes give equal output bytes.
 
 pub use hbot_config::scene::{
-    CageFriction, Compliance, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting,
-    Simulate as Phenomena, Slip, WheelModules,
+    CageFriction, Cogging, Compliance, Eccentric, Encoder, Gear, Hand, Imbalance, JointFriction, Link, Motor,
+    Pivoting, Simulate as Phenomena, Slip, TorqueConstants, WheelModules,
 };
 
 /// Returns a copy of `phenomena` that keeps only those that act in the plant, such as friction and
-/// slip. Encoder, motor, link and hand become `None`.
+/// slip. Those of encoders, motors, line and hand become `None`.
 #[must_use]
 pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
     // Fields are listed by name so that a new phenomenon fails to compile until it is assigned
@@ -33,11 +34,14 @@ pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
         slip,
         pivoting,
         eccentric,
+        imbalance,
         wheel_modules,
         gear,
         compliance,
         encoder: _,
         motor: _,
+        torque_constants: _,
+        cogging: _,
         link: _,
         hand: _,
     } = *phenomena;
@@ -47,6 +51,7 @@ pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
         slip,
         pivoting,
         eccentric,
+        imbalance,
         wheel_modules,
         gear,
         compliance,

@@ -15,13 +15,13 @@ use serde_json::Value;
 const ENABLE: u32 = 6;
 
 /// Returns the configuration of the prototype's rig, with the values in `with` for some of its
-/// keys. The passivity stage is off unless `with` says otherwise, because studies measure the laws
-/// themselves.
+/// keys. The lead and the passivity stage are off unless `with` says otherwise, because studies
+/// measure the laws themselves.
 pub(crate) fn prototype(with: &[(&'static str, Value)]) -> RigConfig {
     let each =
         |(path, value): &(&'static str, Value)| Override { path, value: value.clone(), from: "the study" };
-    let own = ("loop.passivity", Value::Bool(false));
-    let with: Vec<Override> = core::iter::once(&own).chain(with).map(each).collect();
+    let own = ["loop.passivity", "loop.lead"].map(|path| (path, Value::Bool(false)));
+    let with: Vec<Override> = own.iter().chain(with).map(each).collect();
     RigConfig::load(None, &with).unwrap_or_else(|error| unreachable!("a legal rig: {error}"))
 }
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Inputs, Outputs};
-use hbot_host::engine::Recorder;
+use hbot_host::run_loop::engine::Recorder;
 use hbot_server::recording::RecordOptions;
 use hbot_server::server::{Finished, Server, ServerOptions, Time};
 use hbot_server::service::Status;
@@ -22,6 +22,7 @@ use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
     ServerOptions {
         rig,
+        built: None,
         scene,
         time,
         duration: None,
@@ -32,6 +33,7 @@ pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
         recorder: None,
         recording: RecordOptions::default(),
         live: None,
+        web: None,
     }
 }
 

@@ -27,6 +27,7 @@ impl Hash {
         match *reply {
             Reply::Done => self.word(1),
             Reply::Aligned { angle } => self.reals(&[2.0, angle]),
+            Reply::Measured { angle, used } => self.reals(&[9.0, angle, Real::from(u8::from(used))]),
             Reply::Refused(Refusal::TooFar { slot, angle }) => self.reals(&[3.0, Real::from(slot), angle]),
             Reply::Refused(Refusal::TooOld { age_ticks }) => self.word(age_ticks),
             Reply::Refused(Refusal::Mode(_)) => self.word(4),

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use clap::ValueEnum as _;
 use hbot_config::rig::Protocol;
 use hbot_host::bus::driver;
-use hbot_host::doctor::line_rate;
+use hbot_host::commission::doctor::line_rate;
 
 use super::{Answers, Controllers};
 

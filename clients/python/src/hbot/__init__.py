@@ -56,6 +56,7 @@ from .events import (
     Timing,
 )
 from .info import Clock, Hello, Info
+from .models import Model, Plane
 from .opening import connect
 from .program import one_line_errors
 from .rendering import Computed, Rendered
@@ -85,10 +86,12 @@ __all__ = [
     "Loaded",
     "LostEvent",
     "MissingExtra",
+    "Model",
     "NoServer",
     "NotHolder",
     "NotTrusted",
     "OutOfRange",
+    "Plane",
     "Pong",
     "ProtocolError",
     "Refused",

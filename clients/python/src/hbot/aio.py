@@ -33,15 +33,15 @@ from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
+from .models import Impedance, Model, Plane
 from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 from .transport import Tls
 from .wire import Encoding
 
 T = TypeVar("T")
-Torque = Callable[
-    [State], Sequence[float] | Computed | Awaitable[Sequence[float] | Computed | None] | None
-]
+Made = Sequence[float] | Model | Computed
+Torque = Callable[[State], Made | Awaitable[Made | None] | None]
 """Computes a torque from a state, as `hbot.rig.Torque` does. It can be a coroutine function."""
 
 
@@ -234,6 +234,29 @@ class Rig:
         """Send one torque (frame N, N m), which is added to that of the scene."""
         await self._stream(ops.torque(torque, valid_ms, tick, seq), wait)
 
+    async def model(
+        self,
+        valid_ms: int,
+        *,
+        torque: Iterable[float] = (0.0, 0.0, 0.0),
+        stiffness: Impedance = 0.0,
+        damping: Impedance = 0.0,
+        pose: Iterable[float] | None = None,
+        planes: Sequence[Plane] = (),
+        blend_ms: int | None = None,
+        soften: bool = False,
+        tick: int | None = None,
+        seq: int | None = None,
+        wait: bool = True,
+    ) -> float | None:
+        """Send one local model. Returns the fraction of its stiffness that is rendered."""
+        model = Model(torque, stiffness, damping, pose, planes, blend_ms, soften)
+        request = ops.model(model, valid_ms, tick, seq)
+        if wait:
+            return await self._call(request)
+        self._connection.post(request.op, request.fields)
+        return None
+
     async def reference(
         self,
         effect: str,
@@ -248,12 +271,33 @@ class Rig:
         """Move the reference of an effect."""
         await self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
 
-    async def align(self, q: Iterable[float], weight: float, *, t: float | None = None) -> float:
+    async def align(
+        self,
+        q: Iterable[float],
+        weight: float | None = None,
+        *,
+        sigma: Iterable[float] | None = None,
+        t: float | None = None,
+    ) -> float:
         """Correct the server's orientation by a measured one.
 
         Returns the difference before, rad.
         """
-        return await self._call(ops.align(q, weight, t))
+        return await self._call(ops.align(q, weight, t, sigma))
+
+    async def align_direction(
+        self,
+        body: Iterable[float],
+        world: Iterable[float],
+        sigma: float,
+        *,
+        t: float | None = None,
+    ) -> float:
+        """Correct the server's orientation by a measured direction, such as that of gravity.
+
+        Returns the angle before, rad.
+        """
+        return await self._call(ops.align_direction(body, world, sigma, t))
 
     async def enable(self) -> Mode:
         """Begin to render, with a soft start of 0.5 s. Returns the mode."""

@@ -106,6 +106,11 @@ class State:
     """The last stream message that was accepted since the lease changed hands. None before it."""
     timing: Timing
     """How long the parts of the tick took."""
+    orientation_sigma: Vector | None = None
+    """Standard deviations of the error of `q` about the axes of frame N, rad.
+
+    None until a measurement with a sigma has been taken.
+    """
 
 
 @dataclass(frozen=True, slots=True)

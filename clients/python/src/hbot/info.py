@@ -178,6 +178,9 @@ class Render:
     """Damping above which the damping alone is unstable, N m s/rad. None with an older server."""
     loop: Loop | None = None
     """The loop from which these numbers follow. None with an older server."""
+    border: tuple[tuple[float, float], ...] = ()
+    """Pairs of the damping of one spring alone, N m s/rad, and the largest stiffness that is stable
+    with it, N m/rad. Empty with an older server."""
     rate_pick: str | None = None
     """Which estimate of the joint rates the rig has picked by itself and why. None if the rig file
     names the estimate."""
@@ -193,6 +196,40 @@ class Kind:
     """What it does, for people."""
     schema: dict[str, Any]
     """JSON schema of the parameters, extended by `unit`."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadyScene:
+    """A ready-made scene of the server."""
+
+    file: str
+    """Name that `load_scene` takes."""
+    name: str
+    """Name of the scene."""
+    description: str
+    """What it feels like, one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModeWords:
+    """What a mode of the rig means, for people."""
+
+    name: str
+    """Name of the mode."""
+    sentence: str
+    """What it means."""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultWords:
+    """What a fault means, for people."""
+
+    name: str
+    """Name of the fault."""
+    sentence: str
+    """What happened."""
+    remedy: str
+    """What to do about it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,6 +287,14 @@ class Info:
     """Phenomena of the simulated rig. None with a real rig."""
     clock: Clock | None = None
     """The time of tick 0. None from a server of version 0.1."""
+    scenes: tuple[ReadyScene, ...] = ()
+    """The ready-made scenes. Empty with an older server, as the next three."""
+    modes: tuple[ModeWords, ...] = ()
+    """What each mode means."""
+    faults: tuple[FaultWords, ...] = ()
+    """What each fault means, and what to do about it."""
+    warnings: tuple[str, ...] = ()
+    """Warnings about the running scene, as in the answer to `load_scene`."""
     mode: Mode | None = None
     """Mode of the rig in the newest tick. None before the first."""
     incident: FaultEvent | None = None

@@ -6,15 +6,16 @@ each.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from .answers import Changed, Controller, Controllers, Loaded, Pong, Stats
+from .checks import finite
 from .decode import decode
 from .events import Mode
 from .info import Info
+from .models import Model
 from .scenes import Explain, Scene, open_scene
 
 T = TypeVar("T")
@@ -45,21 +46,6 @@ def _mode(body: Any) -> Mode:
 def _given(**fields: Any) -> dict[str, Any]:
     """Return the fields that are not None."""
     return {name: value for name, value in fields.items() if value is not None}
-
-
-def _numbers(name: str, values: Iterable[float]) -> list[float]:
-    """Return the values of the parameter `name` as plain numbers, also those of an array.
-
-    Raises:
-        TypeError: the parameter is a text, whose digits would count as numbers.
-        ValueError: a value is not finite.
-    """
-    if isinstance(values, str):
-        raise TypeError(f"{name} is the text {values!r}; legal: a list of numbers")
-    numbers = [float(value) for value in values]
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{name} is {numbers}; every number must be finite")
-    return numbers
 
 
 def info() -> Request[Info]:
@@ -117,7 +103,7 @@ def torque(
     Raises:
         ValueError: the torque is not three finite numbers.
     """
-    numbers = _numbers("torque", torque)
+    numbers = finite("torque", torque)
     if len(numbers) != 3:
         raise ValueError(f"the torque has {len(numbers)} numbers; legal: 3")
     fields = _given(torque=numbers, valid_ms=valid_ms, tick=tick, seq=seq)
@@ -133,18 +119,45 @@ def reference(
     seq: int | None = None,
 ) -> Request[None]:
     """Move the reference of an effect."""
-    turning = None if omega is None else _numbers("omega", omega)
+    turning = None if omega is None else finite("omega", omega)
     fields = _given(
-        effect=effect, q=_numbers("q", q), omega=turning, valid_ms=valid_ms, tick=tick, seq=seq
+        effect=effect, q=finite("q", q), omega=turning, valid_ms=valid_ms, tick=tick, seq=seq
     )
     return Request("reference", fields, _none)
 
 
-def align(q: Iterable[float], weight: float, t: float | None = None) -> Request[float]:
+def model(
+    model: Model, valid_ms: int, tick: int | None = None, seq: int | None = None
+) -> Request[float]:
+    """Stream a local model."""
+    fields = {**model.fields(), **_given(valid_ms=valid_ms, tick=tick, seq=seq)}
+    return Request("model", fields, lambda body: float(body["stiffness_scale"]))
+
+
+def align(
+    q: Iterable[float],
+    weight: float | None = None,
+    t: float | None = None,
+    sigma: Iterable[float] | None = None,
+) -> Request[float]:
     """Correct the server's orientation by a measured one."""
-    return Request(
-        "align", _given(q=_numbers("q", q), weight=weight, t=t), lambda body: float(body["angle"])
+    fields = _given(
+        q=finite("q", q),
+        weight=weight,
+        sigma=None if sigma is None else finite("sigma", sigma),
+        t=t,
     )
+    return Request("align", fields, lambda body: float(body["angle"]))
+
+
+def align_direction(
+    body: Iterable[float], world: Iterable[float], sigma: float, t: float | None = None
+) -> Request[float]:
+    """Correct the server's orientation by a measured direction."""
+    fields = _given(
+        body=finite("body", body), world=finite("world", world), sigma=sigma, t=t
+    )
+    return Request("align_direction", fields, lambda answer: float(answer["angle"]))
 
 
 def enable() -> Request[Mode]:

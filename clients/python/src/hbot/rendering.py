@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 from .connection import Connection
 from .errors import Faulted
 from .events import State
+from .models import Model
+from .ops import model as model_request
 from .ops import torque as torque_request
 
 _LOG = logging.getLogger("hbot")
@@ -101,14 +103,23 @@ class Rendering:
             self._skipped += skipped
         return not over
 
-    def send(self, state: State, torque: Sequence[float] | Computed | None) -> None:
-        """Send the torque that was computed from `state`. None: send nothing."""
+    def send(self, state: State, torque: Sequence[float] | Model | Computed | None) -> None:
+        """Send the torque or model that was computed from `state`. None: send nothing."""
         self._calls += 1
         if torque is None:
             return
         tick = state.tick
         if isinstance(torque, Computed):
             torque, tick = torque
-        fields: dict[str, Any] = torque_request(torque, self._valid_ms, tick, state.tick).fields
-        if not self._connection.post("torque", fields):
+        op, fields = _message(torque, self._valid_ms, tick, state.tick)
+        if not self._connection.post(op, fields):
             self._unsent += 1
+
+
+def _message(
+    torque: Sequence[float] | Model, valid_ms: int, tick: int, seq: int
+) -> tuple[str, dict[str, Any]]:
+    """Return the op and the fields of the message that sends a torque or a model."""
+    if isinstance(torque, Model):
+        return "model", model_request(torque, valid_ms, tick, seq).fields
+    return "torque", torque_request(torque, valid_ms, tick, seq).fields

@@ -18,12 +18,13 @@ from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
+from .models import Impedance, Model, Plane
 from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 
 T = TypeVar("T")
-Torque = Callable[[State], Sequence[float] | Computed | None]
-"""Computes a torque on the sphere (three numbers in frame N, N m) from a state.
+Torque = Callable[[State], Sequence[float] | Model | Computed | None]
+"""Computes a torque on the sphere (three numbers in frame N, N m) or a local model from a state.
 
 `Computed` also names the tick of an older state that it used. None: send no torque this time.
 """
@@ -184,6 +185,54 @@ class Rig:
         """
         self._stream(ops.torque(torque, valid_ms, tick, seq), wait)
 
+    def model(
+        self,
+        valid_ms: int,
+        *,
+        torque: Iterable[float] = (0.0, 0.0, 0.0),
+        stiffness: Impedance = 0.0,
+        damping: Impedance = 0.0,
+        pose: Iterable[float] | None = None,
+        planes: Sequence[Plane] = (),
+        blend_ms: int | None = None,
+        soften: bool = False,
+        tick: int | None = None,
+        seq: int | None = None,
+        wait: bool = True,
+    ) -> float | None:
+        """Send one local model: a torque, and how it changes as the sphere turns.
+
+        `render` sends a stream of them if its function returns a `Model`, with the same fields.
+
+        Args:
+            torque: torque at the pose in frame N, N m.
+            stiffness: N m/rad: a number, one for each axis of frame N, or a symmetric 3x3 matrix.
+            damping: N m s/rad, as `stiffness`.
+            pose: quaternion about which the stiffness acts. None: that of the state with the number
+                `tick`, or that at arrival.
+            planes: at most eight half-spaces, such as contacts.
+            blend_ms: time in which the torque of before blends into this one, 0 to 200 ms. None:
+                the time since the last model, at most 50 ms.
+            soften: render what the loop does not keep stable with less stiffness, do not refuse it.
+            valid_ms: time from its arrival until it ends, 1 to 1000 ms. Then it ramps to zero over
+                20 ms.
+            tick: the tick of the state from which it was computed.
+            seq: a number of your choice. States return it as `state.client.seq`.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+
+        Returns the fraction of the stiffness that is rendered: 1, or less if the model allows the
+        server to soften it. Without `wait`, None.
+
+        Raises:
+            OutOfRange: the loop does not keep the model stable, or `tick` is too old.
+        """
+        model = Model(torque, stiffness, damping, pose, planes, blend_ms, soften)
+        request = ops.model(model, valid_ms, tick, seq)
+        if wait:
+            return self._call(request)
+        self._connection.post(request.op, request.fields)
+        return None
+
     def reference(
         self,
         effect: str,
@@ -208,18 +257,51 @@ class Rig:
         """
         self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
 
-    def align(self, q: Iterable[float], weight: float, *, t: float | None = None) -> float:
+    def align(
+        self,
+        q: Iterable[float],
+        weight: float | None = None,
+        *,
+        sigma: Iterable[float] | None = None,
+        t: float | None = None,
+    ) -> float:
         """Correct the server's orientation by one that was measured from outside.
 
         Args:
             q: the measured orientation `(w, x, y, z)`.
-            weight: fraction of the difference that the server takes over, 0 to 1.
+            weight: fraction of the difference that the server takes over, 0 to 1. Required without
+                `sigma`. With `sigma`, its variances are divided by the weight, which is 1 by
+                default.
+            sigma: standard deviations of the error about the axes of frame N, rad. The server
+                then weighs the measurement by its own uncertainty, and ignores one that is too far
+                away.
             t: time of the measurement since the loop began, s. None: the time of arrival.
 
         Returns:
             The difference before the correction, rad.
         """
-        return self._call(ops.align(q, weight, t))
+        return self._call(ops.align(q, weight, t, sigma))
+
+    def align_direction(
+        self,
+        body: Iterable[float],
+        world: Iterable[float],
+        sigma: float,
+        *,
+        t: float | None = None,
+    ) -> float:
+        """Correct the server's orientation by a measured direction, such as that of gravity.
+
+        Args:
+            body: the direction in the sphere's axes.
+            world: the same direction in frame N. Gravity is `(0, 0, -1)`.
+            sigma: standard deviation of the error about each axis across the direction, rad.
+            t: time of the measurement since the loop began, s. None: the time of arrival.
+
+        Returns:
+            The angle between the direction and the server's own before the correction, rad.
+        """
+        return self._call(ops.align_direction(body, world, sigma, t))
 
     def enable(self) -> Mode:
         """Begin to render, with a soft start of 0.5 s. Returns the mode.
@@ -285,9 +367,10 @@ class Rig:
         whatever happens to this program.
 
         Args:
-            torque: computes the torque on the sphere in frame N, N m, from a state. A function that
-                returns the torque of an older state returns `hbot.Computed(torque, tick)` with that
-                state's tick, so that `state.client.age_ticks` is true. None: send nothing.
+            torque: computes the torque on the sphere in frame N, N m, or a `Model`, from a state. A
+                function that returns the torque of an older state returns
+                `hbot.Computed(torque, tick)` with that state's tick, so that `state.client.age_ticks`
+                is true. None: send nothing this time.
             every: ticks from one state to the next, 1 to 1000000.
             valid_ms: how long each torque is valid, 1 to 1000 ms. Choose several periods of
                 `every`.

@@ -1,6 +1,5 @@
 //! Connects to a server and exchanges the hello.
 
-use super::tls::ALERT;
 use super::{Client, ClientError, Stream, Trust, new_splitter, read_piece};
 use crate::{
     DEFAULT_PORT, Encoding, Hello, HelloOk, Id, Mode, ModeOk, Op, OpName, PROTOCOL_VERSION, Request,
@@ -11,6 +10,10 @@ use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
+
+/// First byte of a TLS alert. A server that requires encryption sends an alert to a client that
+/// does not encrypt.
+const ALERT: u8 = 0x15;
 
 /// Options for connecting to a server.
 #[derive(Clone, Debug)]

@@ -3,14 +3,14 @@
 use super::connect::typed;
 use super::{Client, ClientError};
 use crate::{
-    Align, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk, Op, PingOk,
-    ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
+    Align, AlignDirection, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk,
+    ModelCommand, ModelOk, Op, PingOk, ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
 };
 use serde_json::{Map, Value};
 
 /// One method for each op. Each method waits for the answer and fails like [`Client::call`]. Only
-/// [`torque`](Client::torque) and [`reference`](Client::reference), which are called repeatedly, do
-/// not wait and fail like [`Client::send`].
+/// [`torque`](Client::torque), [`reference`](Client::reference) and [`model`](Client::model), which
+/// are called repeatedly, do not wait and fail like [`Client::send`].
 impl Client {
     /// Asks for the description of the rig, the kinds of effects with their parameters, and the
     /// running scene.
@@ -53,7 +53,7 @@ impl Client {
     }
 
     /// Loads another scene and starts to render it. `scene` is a map with the structure of a scene
-    /// file.
+    /// file, or the name of a ready-made scene.
     pub fn load_scene(&mut self, scene: Value) -> Result<LoadSceneOk, ClientError> {
         self.call(Op::LoadScene { scene }).and_then(typed)
     }
@@ -75,10 +75,28 @@ impl Client {
         self.send(Op::Reference(command))
     }
 
+    /// Sends a local model of the torque, without waiting for an answer. Call it again before the
+    /// model expires.
+    pub fn model(&mut self, command: ModelCommand) -> Result<(), ClientError> {
+        self.send(Op::Model(Box::new(command)))
+    }
+
+    /// Sends a local model of the torque, and waits for the answer. So a program that begins to
+    /// stream learns whether the server refuses its models or softens them.
+    pub fn try_model(&mut self, command: ModelCommand) -> Result<ModelOk, ClientError> {
+        self.call(Op::Model(Box::new(command))).and_then(typed)
+    }
+
     /// Sends the sphere's orientation as measured from outside, for example by a camera. Returns
     /// the angle between it and the server's own orientation, rad.
     pub fn align(&mut self, align: Align) -> Result<f64, ClientError> {
-        self.call(Op::Align(align)).and_then(typed).map(|AlignOk { angle }| angle)
+        self.call(Op::Align(align)).and_then(typed).map(|AlignOk { angle, .. }| angle)
+    }
+
+    /// Sends a direction of the sphere as measured, for example that of gravity. Returns the angle
+    /// between it and the server's own, and whether it is used.
+    pub fn align_direction(&mut self, direction: AlignDirection) -> Result<AlignOk, ClientError> {
+        self.call(Op::AlignDirection(direction)).and_then(typed)
     }
 
     /// Begins to render the scene; the torque rises gradually. Returns the mode from the next tick

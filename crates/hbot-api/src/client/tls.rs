@@ -19,10 +19,6 @@ use std::time::Instant;
 /// A TLS connection to a server.
 pub(super) type TlsStream = StreamOwned<ClientConnection, TcpStream>;
 
-/// First byte of a TLS alert. A server that requires encryption sends an alert to a client that
-/// does not encrypt.
-pub(super) const ALERT: u8 = 0x15;
-
 /// The certificates that a client trusts when it connects with TLS 1.3.
 ///
 /// A certificate is trusted in one of two ways. If it is the server's own certificate, it is

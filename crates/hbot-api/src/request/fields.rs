@@ -1,8 +1,12 @@
 //! Reads the fields of a request one by one. Errors name the field.
 
 use crate::untyped::Named;
-use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM, is_plain};
+use crate::{
+    ErrorBody, ErrorCode, Impedance, MAX_ASYMMETRY, MAX_MAGNITUDE, MAX_OFFSET, MAX_PLANES,
+    MIN_QUATERNION_NORM, MIN_SIGMA, PlaneCommand, is_plain,
+};
 use serde_json::Value;
+use std::borrow::Cow;
 use std::fmt;
 
 /// The fields of a request that have not been read yet. Reading a field removes it.
@@ -70,20 +74,104 @@ impl Fields<'_> {
         self.take(name).map(|value| array(name, &value, LEGAL_VECTOR, MAX_MAGNITUDE)).transpose()
     }
 
+    /// Removes a required field that is a direction, and returns it scaled to unit length.
+    pub(crate) fn direction(&mut self, name: &str) -> Result<[f64; 3], ErrorBody> {
+        let value = self.required(name, LEGAL_DIRECTION)?;
+        let v: [f64; 3] = array(name, &value, LEGAL_DIRECTION, MAX_MAGNITUDE)?;
+        let norm2: f64 = v.iter().map(|x| x * x).sum();
+        let norm = norm2.sqrt();
+        if norm < MIN_QUATERNION_NORM {
+            return Err(bad(format!("field {name:?} has length {norm}; legal: {LEGAL_DIRECTION}")));
+        }
+        // As for quaternions: a message that is written and read again does not change.
+        let is_unit = (norm2 - 1.0).abs() <= 8.0 * f64::EPSILON;
+        Ok(if is_unit { v } else { v.map(|x| x / norm) })
+    }
+
+    /// Removes an optional field with three standard deviations of angles, rad.
+    pub(crate) fn optional_sigmas(&mut self, name: &str) -> Result<Option<[f64; 3]>, ErrorBody> {
+        let Some(value) = self.take(name) else { return Ok(None) };
+        let sigma: [f64; 3] = array(name, &value, LEGAL_SIGMA, std::f64::consts::PI)?;
+        if sigma.iter().any(|x| *x < MIN_SIGMA) {
+            return Err(illegal(name, &value, LEGAL_SIGMA));
+        }
+        Ok(Some(sigma))
+    }
+
     /// Removes a required field that is a quaternion, and returns the quaternion scaled to unit
     /// norm.
     pub(crate) fn quaternion(&mut self, name: &str) -> Result<[f64; 4], ErrorBody> {
         let value = self.required(name, LEGAL_QUATERNION)?;
-        let q: [f64; 4] = array(name, &value, LEGAL_QUATERNION, MAX_MAGNITUDE)?;
-        let norm2: f64 = q.iter().map(|x| x * x).sum();
-        let norm = norm2.sqrt();
-        if norm < MIN_QUATERNION_NORM {
-            return Err(bad(format!("field {name:?} has norm {norm}; legal: {LEGAL_QUATERNION}")));
+        normalized(name, &value, LEGAL_QUATERNION)
+    }
+
+    pub(crate) fn optional_quaternion(&mut self, name: &str) -> Result<Option<[f64; 4]>, ErrorBody> {
+        self.take(name).map(|value| normalized(name, &value, LEGAL_QUATERNION)).transpose()
+    }
+
+    /// Removes an optional stiffness or damping. It is 0 if the field is absent. Fails if it is
+    /// negative about an axis of frame N, or not symmetric. Its other eigenvalues are not checked.
+    pub(crate) fn impedance(&mut self, name: &str) -> Result<Impedance, ErrorBody> {
+        let Some(value) = self.take(name) else { return Ok(Impedance::default()) };
+        let Value::Array(items) = &value else {
+            if !value.is_number() {
+                return Err(illegal(name, &value, LEGAL_IMPEDANCE));
+            }
+            return number(name, &value, 0.0, MAX_MAGNITUDE).map(Impedance::All);
+        };
+        if items.len() != 3 {
+            return Err(illegal(name, &value, LEGAL_IMPEDANCE));
         }
-        // A quaternion with unit norm within rounding stays bit-identical, so that a message that
-        // is written and read again does not change.
-        let is_unit = (norm2 - 1.0).abs() <= 8.0 * f64::EPSILON;
-        Ok(if is_unit { q } else { q.map(|x| x / norm) })
+        let mut rows = [[0.0; 3]; 3];
+        for (i, item) in items.iter().enumerate() {
+            if items.iter().any(Value::is_array) {
+                rows[i] = array(&format!("{name}[{i}]"), item, LEGAL_VECTOR, MAX_MAGNITUDE)?;
+            }
+            let own = if item.is_array() { &item[i] } else { item };
+            rows[i][i] = number(format_args!("{name}[{i}]"), own, 0.0, MAX_MAGNITUDE)?;
+        }
+        if !items.iter().any(Value::is_array) {
+            return Ok(Impedance::Axes([rows[0][0], rows[1][1], rows[2][2]]));
+        }
+        let largest = rows.as_flattened().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+            let [above, below] = [rows[i][j], rows[j][i]];
+            if (above - below).abs() > MAX_ASYMMETRY * largest {
+                return Err(bad(format!(
+                    "field \"{name}[{i}][{j}]\" is {above}, and \"{name}[{j}][{i}]\" is {below}; legal: a symmetric matrix"
+                )));
+            }
+        }
+        Ok(Impedance::Matrix(rows))
+    }
+
+    /// Removes an optional list of half-spaces.
+    pub(crate) fn planes(&mut self, name: &str) -> Result<Vec<PlaneCommand>, ErrorBody> {
+        let legal = format_args!("a list of at most {MAX_PLANES} maps");
+        let items = match self.take(name) {
+            None => return Ok(Vec::new()),
+            Some(Value::Array(items)) if items.len() <= MAX_PLANES => items,
+            Some(other) => return Err(illegal(name, &other, legal)),
+        };
+        let plane = |(i, item): (usize, Value)| {
+            let Value::Object(map) = item else {
+                return Err(illegal(format_args!("{name}[{i}]"), &item, "a map with \"normal\""));
+            };
+            let path = |key: &str| format!("{name}[{i}].{key}");
+            if let Some(key) = map.keys().find(|key| !PLANE.contains(&key.as_str())) {
+                let legal = PLANE.join(", ");
+                return Err(bad(format!("unknown field {:?}; legal: {legal}", Excerpt(&path(key)))));
+            }
+            let mut fields = Fields(map.into_iter().map(|(key, x)| (Cow::Owned(path(&key)), x)).collect());
+            let normal = fields.required(&path("normal"), LEGAL_NORMAL)?;
+            Ok(PlaneCommand {
+                normal: normalized(&path("normal"), &normal, LEGAL_NORMAL)?,
+                offset: fields.optional_number(&path("offset"), -MAX_OFFSET, MAX_OFFSET)?.unwrap_or(0.0),
+                stiffness: fields.number(&path("stiffness"), 0.0, MAX_MAGNITUDE)?,
+                damping: fields.optional_number(&path("damping"), 0.0, MAX_MAGNITUDE)?.unwrap_or(0.0),
+            })
+        };
+        items.into_iter().enumerate().map(plane).collect()
     }
 
     pub(crate) fn flag(&mut self, name: &str) -> Result<bool, ErrorBody> {
@@ -124,7 +212,14 @@ fn number(name: impl fmt::Display, value: &Value, from: f64, to: f64) -> Result<
 }
 
 const LEGAL_VECTOR: &str = "a list of 3 numbers, each from -1e6 to 1e6";
+const LEGAL_DIRECTION: &str = "a list of 3 numbers, not all zero";
+const LEGAL_SIGMA: &str = "a list of 3 numbers, each from 1e-5 to 3.141592653589793";
 const LEGAL_QUATERNION: &str = "a list of 4 numbers [w, x, y, z] of norm 1";
+const LEGAL_NORMAL: &str = "a list of 3 numbers of norm 1";
+const LEGAL_IMPEDANCE: &str = "a number from 0, 3 of them, or the 3 rows of a symmetric matrix";
+
+/// The fields of a half-space in a model.
+const PLANE: [&str; 4] = ["normal", "offset", "stiffness", "damping"];
 
 fn array<const N: usize>(
     name: &str,
@@ -141,6 +236,20 @@ fn array<const N: usize>(
         *slot = number(format_args!("{name}[{i}]"), item, -most, most)?;
     }
     Ok(numbers)
+}
+
+/// Returns a vector or quaternion scaled to unit norm.
+fn normalized<const N: usize>(name: &str, value: &Value, legal: &'static str) -> Result<[f64; N], ErrorBody> {
+    let q: [f64; N] = array(name, value, legal, MAX_MAGNITUDE)?;
+    let norm2: f64 = q.iter().map(|x| x * x).sum();
+    let norm = norm2.sqrt();
+    if norm < MIN_QUATERNION_NORM {
+        return Err(bad(format!("field {name:?} has norm {norm}; legal: {legal}")));
+    }
+    // What has unit norm within rounding stays bit-identical, so that a message that is written and
+    // read again does not change.
+    let is_unit = (norm2 - 1.0).abs() <= 8.0 * f64::EPSILON;
+    Ok(if is_unit { q } else { q.map(|x| x / norm) })
 }
 
 /// Creates an error with the code [`ErrorCode::BadRequest`] and this message.

@@ -3,8 +3,9 @@
 use super::fields::{Excerpt, Fields, Shown, bad, illegal};
 use super::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, Request};
 use crate::{
-    Align, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, Id, MAX_DEPTH, MAX_SHORT_REQUEST_BYTES,
-    MAX_VALID_MS, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal, TorqueCommand, asks_estop, untyped,
+    Align, AlignDirection, DEFAULT_OVER_MS, DEFAULT_VALID_MS, Encoding, ErrorBody, ErrorCode, HandCommand,
+    HandHold, Id, MAX_BLEND_MS, MAX_DEPTH, MAX_OVER_MS, MAX_SHORT_REQUEST_BYTES, MAX_VALID_MS, MIN_SIGMA,
+    ModelCommand, PROTOCOL_VERSION, ReferenceCommand, RequestRefusal, TorqueCommand, asks_estop, untyped,
 };
 use serde_json::{Map, Value};
 use std::borrow::Cow;
@@ -159,7 +160,10 @@ fn op(
         OpName::Set => fields.set(),
         OpName::Torque => fields.torque(),
         OpName::Reference => fields.reference(),
+        OpName::Model => fields.model(),
         OpName::Align => fields.align(),
+        OpName::Hand => fields.hand(),
+        OpName::AlignDirection => fields.align_direction(),
         OpName::Enable => Ok(Op::Enable),
         OpName::Disable => Ok(Op::Disable),
         OpName::Reset => Ok(Op::Reset),
@@ -217,12 +221,56 @@ impl Fields<'_> {
         }))
     }
 
+    pub(super) fn model(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Model(Box::new(ModelCommand {
+            torque: self.optional_vector("torque")?.unwrap_or([0.0; 3]),
+            stiffness: self.impedance("stiffness")?,
+            damping: self.impedance("damping")?,
+            pose: self.optional_quaternion("pose")?,
+            planes: self.planes("planes")?,
+            valid_ms: self.integer("valid_ms", 1, MAX_VALID_MS)?,
+            blend_ms: self.optional_integer("blend_ms", 0, MAX_BLEND_MS)?,
+            soften: self.flag("soften")?,
+            tick: self.optional_integer("tick", 0, u64::MAX)?,
+            seq: self.optional_integer("seq", 0, u64::MAX)?,
+        })))
+    }
+
     pub(super) fn align(&mut self) -> Result<Op, ErrorBody> {
-        Ok(Op::Align(Align {
-            q: self.quaternion("q")?,
-            weight: self.number("weight", 0.0, 1.0)?,
+        let q = self.quaternion("q")?;
+        let sigma = self.optional_sigmas("sigma")?;
+        let weight = match sigma {
+            None => self.number("weight", 0.0, 1.0)?,
+            Some(_) => self.optional_number("weight", 0.0, 1.0)?.unwrap_or(1.0),
+        };
+        Ok(Op::Align(Align { q, weight, sigma, t: self.optional_number("t", 0.0, f64::MAX)? }))
+    }
+
+    pub(super) fn align_direction(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::AlignDirection(AlignDirection {
+            body: self.direction("body")?,
+            world: self.direction("world")?,
+            sigma: self.number("sigma", MIN_SIGMA, std::f64::consts::PI)?,
             t: self.optional_number("t", 0.0, f64::MAX)?,
         }))
+    }
+
+    pub(super) fn hand(&mut self) -> Result<Op, ErrorBody> {
+        if self.flag("release")? {
+            return match self.0.iter().find(|(_, value)| !value.is_null()) {
+                None => Ok(Op::Hand(HandCommand::RELEASE)),
+                Some((field, _)) => Err(bad(format!(
+                    "field {field:?} goes with \"q\"; legal with \"release\": no other field"
+                ))),
+            };
+        }
+        Ok(Op::Hand(HandCommand::Hold(HandHold {
+            q: self.quaternion("q")?,
+            over_ms: self.optional_integer("over_ms", 0, MAX_OVER_MS)?.unwrap_or(DEFAULT_OVER_MS),
+            stiffness: self.optional_number("stiffness", 0.0, 100.0)?,
+            damping: self.optional_number("damping", 0.0, 10.0)?,
+            inertia: self.optional_number("inertia", 0.0, 1.0)?,
+        })))
     }
 
     pub(super) fn ping(&mut self) -> Result<Op, ErrorBody> {

@@ -144,9 +144,40 @@ ops! {
             &[must("effect"), must("q"), may("omega"), may("valid_ms"), may("tick"), may("seq")],
         )
         .stream(),
+    /// The op [`Op::Model`](crate::Op::Model), with which a client sends a local model of the
+    /// torque.
+    Model = "model":
+        OpRow::new(
+            Who::Holder,
+            &[
+                may("torque"),
+                may("stiffness"),
+                may("damping"),
+                may("pose"),
+                may("planes"),
+                must("valid_ms"),
+                may("blend_ms"),
+                may("soften"),
+                may("tick"),
+                may("seq"),
+            ],
+        )
+        .stream(),
     /// The op [`Op::Align`](crate::Op::Align), with which a client sends an orientation measured
     /// from outside.
-    Align = "align": OpRow::new(Who::Holder, &[must("q"), must("weight"), may("t")]).stream(),
+    Align = "align":
+        OpRow::new(Who::Holder, &[must("q"), may("weight"), may("sigma"), may("t")]).stream(),
+    /// The op [`Op::AlignDirection`](crate::Op::AlignDirection), with which a client sends a
+    /// direction measured from outside.
+    AlignDirection = "align_direction":
+        OpRow::new(Who::Holder, &[must("body"), must("world"), must("sigma"), may("t")]).stream(),
+    /// The op [`Op::Hand`](crate::Op::Hand), which moves the hand of a simulated rig.
+    Hand = "hand":
+        OpRow::new(
+            Who::Holder,
+            &[may("q"), may("over_ms"), may("stiffness"), may("damping"), may("inertia"), may("release")],
+        )
+        .stream(),
     /// The op [`Op::Enable`](crate::Op::Enable), which begins to render the scene.
     Enable = "enable": OpRow::new(Who::Holder, &[]).rearming(),
     /// The op [`Op::Disable`](crate::Op::Disable), which ends rendering.

@@ -71,7 +71,7 @@ fn body(op: &Op) -> Value {
         Op::LoadScene { .. } => json!({"effects": [{"id": "a", "kind": "b", "cost_ns": 1}], "ignored": []}),
         // An older server can send fewer fields, and a later one more.
         Op::Controllers => json!({"controllers": [{"joint": 0, "id": 3, "moons": 4}]}),
-        Op::Align(_) => json!({"angle": 0.25}),
+        Op::Align(_) | Op::AlignDirection(_) => json!({"angle": 0.25}),
         Op::Enable | Op::Disable | Op::Reset | Op::Estop => json!({"mode": "idle"}),
         Op::Ping { data } => json!({"data": data, "tick": 5, "t": 0.005}),
         _ => json!({}),
@@ -111,7 +111,11 @@ fn every_helper_asks_its_op_in_both_encodings() {
         client
             .reference(ReferenceCommand { effect, q, omega: None, valid_ms: 1, tick: None, seq: None })
             .unwrap();
-        assert_eq!(client.align(Align { q, weight: 0.0, t: None }).unwrap(), 0.25);
+        assert_eq!(client.align(Align { q, weight: 0.0, sigma: None, t: None }).unwrap(), 0.25);
+        let (body, world) = ([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]);
+        let direction = AlignDirection { body, world, sigma: 0.1, t: None };
+        let answer = client.align_direction(direction).unwrap();
+        assert!(answer.used && answer.angle == 0.25, "an older server uses all that it answers");
         assert_eq!(client.enable().unwrap(), Mode::Idle);
         client.disable().unwrap();
         client.reset().unwrap();

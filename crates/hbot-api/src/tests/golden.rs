@@ -151,6 +151,7 @@ fn nothing_that_is_not_finite_is_ever_sent() {
         |s, x| s.timing.link_us = x,
         |s, x| s.timing.age_us = x,
         |s, x| s.timing.lead_us = x,
+        |s, x| s.orientation_sigma = Some([0.0, x, 0.0]),
     ];
     for (i, spoil) in spoils.iter().enumerate() {
         for (encoding, value) in Encoding::ALL.into_iter().zip([f64::NAN, f64::NEG_INFINITY]) {
@@ -162,7 +163,7 @@ fn nothing_that_is_not_finite_is_ever_sent() {
         }
     }
     for encoding in Encoding::ALL {
-        let answer = Response::ok(None, crate::AlignOk { angle: f64::NAN });
+        let answer = Response::ok(None, crate::AlignOk { angle: f64::NAN, used: true });
         assert!(encoding.encode(&answer, &mut Vec::new()).is_err(), "{encoding}");
     }
 }

@@ -42,6 +42,39 @@ fn id() -> impl Strategy<Value = Option<Id>> {
     ]
 }
 
+fn impedance() -> impl Strategy<Value = Impedance> {
+    let size = || 0.0..=MAX_MAGNITUDE;
+    prop_oneof![
+        size().prop_map(Impedance::All),
+        prop::array::uniform3(size()).prop_map(Impedance::Axes),
+        (prop::array::uniform3(size()), prop::array::uniform3(number()))
+            .prop_map(|([a, b, c], [d, e, f])| Impedance::Matrix([[a, d, e], [d, b, f], [e, f, c]])),
+    ]
+}
+
+fn model() -> impl Strategy<Value = ModelCommand> {
+    let normal = prop::sample::select(vec![[1.0, 0.0, 0.0], [0.0, -0.6, 0.8], [0.0, 0.0, -1.0]]);
+    let size = || 0.0..=MAX_MAGNITUDE;
+    let plane = (normal, -MAX_OFFSET..=MAX_OFFSET, size(), size())
+        .prop_map(|(normal, offset, stiffness, damping)| PlaneCommand { normal, offset, stiffness, damping });
+    let extras = (prop::option::of(0..=MAX_BLEND_MS), any::<bool>(), any::<Option<u64>>(), 1..=MAX_VALID_MS);
+    let law = (prop::array::uniform3(number()), impedance(), impedance(), prop::option::of(quaternion()));
+    (law, vec(plane, 0..=MAX_PLANES), extras).prop_map(
+        |((torque, stiffness, damping, pose), planes, (blend_ms, soften, tick, valid_ms))| ModelCommand {
+            torque,
+            stiffness,
+            damping,
+            pose,
+            planes,
+            valid_ms,
+            blend_ms,
+            soften,
+            tick,
+            seq: tick,
+        },
+    )
+}
+
 fn op() -> impl Strategy<Value = Op> {
     let name = "[a-z][a-z0-9 _äß]{0,20}";
     let object =
@@ -68,8 +101,15 @@ fn op() -> impl Strategy<Value = Op> {
                 Op::Reference(ReferenceCommand { effect, q, omega, valid_ms, tick, seq })
             }
         ),
+        model().prop_map(|model| Op::Model(Box::new(model))),
         (quaternion(), 0.0..=1.0_f64, prop::option::of(0.0..1e9_f64))
-            .prop_map(|(q, weight, t)| Op::Align(Align { q, weight, t })),
+            .prop_map(|(q, weight, t)| Op::Align(Align { q, weight, sigma: None, t })),
+        (quaternion(), prop::array::uniform3(1e-5..3.0_f64), prop::option::of(0.0..1e9_f64))
+            .prop_map(|(q, sigma, t)| Op::Align(Align { q, weight: 1.0, sigma: Some(sigma), t })),
+        (1e-5..3.0_f64, prop::option::of(0.0..1e9_f64)).prop_map(|(sigma, t)| {
+            let (body, world) = ([0.0, 0.6, 0.8], [0.0, 0.0, -1.0]);
+            Op::AlignDirection(AlignDirection { body, world, sigma, t })
+        }),
         json().prop_map(|data| Op::Ping { data }),
         prop::sample::select(vec![
             Op::Info,

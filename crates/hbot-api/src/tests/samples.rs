@@ -50,8 +50,79 @@ pub(super) fn requests() -> Vec<Request> {
                 ..reference
             }),
         ),
-        request(13, Op::Align(Align { q: [0.0, 0.0, 0.0, -1.0], weight: 0.1, t: Some(12.5) })),
-        Request { id: None, op: Op::Align(Align { q: [1.0, 0.0, 0.0, 0.0], weight: 0.0, t: None }) },
+        Request {
+            id: None,
+            op: Op::Model(Box::new(ModelCommand {
+                torque: [0.0, -0.25, 0.0],
+                stiffness: 4.0.into(),
+                damping: [0.02, 0.02, 0.01].into(),
+                valid_ms: 50,
+                ..ModelCommand::default()
+            })),
+        },
+        request(
+            22,
+            Op::Model(Box::new(ModelCommand {
+                stiffness: [[5.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 0.5]].into(),
+                pose: Some([0.6, 0.0, 0.8, 0.0]),
+                planes: vec![PlaneCommand {
+                    normal: [0.0, 0.0, -1.0],
+                    offset: 0.125,
+                    stiffness: 20.0,
+                    damping: 0.03,
+                }],
+                valid_ms: 100,
+                blend_ms: Some(10),
+                soften: true,
+                tick: Some(70_000),
+                seq: Some(2),
+                ..ModelCommand::default()
+            })),
+        ),
+        Request {
+            id: None,
+            op: Op::Hand(HandCommand::Hold(HandHold {
+                q: [0.6, 0.0, 0.8, 0.0],
+                over_ms: 50,
+                stiffness: None,
+                damping: None,
+                inertia: None,
+            })),
+        },
+        request(
+            20,
+            Op::Hand(HandCommand::Hold(HandHold {
+                q: [1.0, 0.0, 0.0, 0.0],
+                over_ms: 2000,
+                stiffness: Some(20.0),
+                damping: Some(0.5),
+                inertia: Some(0.002),
+            })),
+        ),
+        request(21, Op::Hand(HandCommand::RELEASE)),
+        request(13, Op::Align(Align { q: [0.0, 0.0, 0.0, -1.0], weight: 0.1, sigma: None, t: Some(12.5) })),
+        Request {
+            id: None,
+            op: Op::Align(Align { q: [1.0, 0.0, 0.0, 0.0], weight: 0.0, sigma: None, t: None }),
+        },
+        request(
+            18,
+            Op::Align(Align {
+                q: [0.0, 0.6, 0.8, 0.0],
+                weight: 1.0,
+                sigma: Some([0.01, 0.02, 3.0]),
+                t: Some(0.25),
+            }),
+        ),
+        request(
+            19,
+            Op::AlignDirection(AlignDirection {
+                body: [0.6, 0.0, 0.8],
+                world: [0.0, 0.0, -1.0],
+                sigma: 0.02,
+                t: Some(0.25),
+            }),
+        ),
         request(14, Op::Enable),
         request(15, Op::Disable),
         request(16, Op::Reset),
@@ -90,7 +161,9 @@ pub(super) fn answers() -> Vec<ServerMessage> {
             },
         ),
         ok(10, SetOk { warnings: vec!["spring: too stiff".into()] }),
-        ok(13, AlignOk { angle: 0.03125 }),
+        ok(13, AlignOk { angle: 0.03125, used: true }),
+        ok(18, AlignOk { angle: 0.5, used: false }),
+        ok(22, ModelOk { stiffness_scale: 0.75 }),
         ok(14, ModeOk { mode: Mode::Enabling }),
         ok("p", PingOk { data: json!({"n": 1}), tick: 1000, t: 1.0 }),
         refused(ErrorBody::new(ErrorCode::BadRequest, "field \"every\" is missing")),
@@ -132,6 +205,7 @@ pub(super) fn state() -> StateEvent {
         traction: 0.375,
         energy: -0.0125,
         client: Some(ClientStream { seq: Some(9), age_ticks: 2 }),
+        hand: None,
         timing: StateTiming {
             lateness_us: 12.5,
             compute_us: 8.25,
@@ -139,6 +213,7 @@ pub(super) fn state() -> StateEvent {
             age_us: 1250.0,
             lead_us: 2200.0,
         },
+        orientation_sigma: None,
     }
 }
 
@@ -167,6 +242,8 @@ pub(super) fn events() -> Vec<ServerMessage> {
             fault: Some(Fault::ImplausibleFeedback),
             joints: vec![],
             client: None,
+            hand: Some([0.0, -1.5, 0.25]),
+            orientation_sigma: Some([0.125, 0.25, 3.0]),
             ..state()
         }),
         Event::Fault(fault.clone()),
@@ -213,6 +290,9 @@ pub(super) fn info() -> InfoOk {
         render: Some(RenderInfo::default()),
         effects: vec![kind.clone()],
         phenomena: Some(vec![kind]),
+        scenes: vec![SceneInfo::default()],
+        modes: vec![ModeWords::default()],
+        faults: vec![FaultWords::default()],
         lease: Some(LeaseInfo::default()),
         mode: Some(Mode::Idle),
         ..InfoOk::default()

@@ -2,9 +2,10 @@
 //!
 //! ```text
 //! RigConfig ──> inertia ──> sampled: the loop of three axes ──> bound: springs about one axis
-//!                                │
-//! RigConfig ──> rates: noise and lag of each rate estimate, and which one is picked SceneFile ──>
-//! the laws around their places (hbot_core::render::around) ──> judge ──> abilities: warnings ```
+//!                                │                                          └──> model_bound: local models of clients
+//! RigConfig ──> rates: noise and lag of each rate estimate, and which one is picked
+//! SceneFile ──> the laws around their places (render::around) ──> judge ──> abilities: warnings
+//! ```
 
 mod abilities;
 mod axis;
@@ -18,6 +19,7 @@ mod info;
 mod judge;
 mod lasting;
 mod limit;
+mod model_bound;
 mod places;
 mod rates;
 mod sampled;
@@ -27,6 +29,7 @@ pub use abilities::{Abilities, in_vain};
 pub use bound::{StiffnessBound, USUAL_DAMPING};
 pub use finding::{Cure, Finding, Why};
 pub use judge::Judge;
+pub use model_bound::{ModelBound, UnstableModel, smallest_eigenvalue};
 pub use rates::{RateAdvice, RatePick, RateQuality};
 pub use sampled::{HOLDS, Hold, Sampled, Scene};
 pub use told::{Told, ToldLoop};

@@ -8,6 +8,7 @@ use hbot_core::Vec3;
 use hbot_core::design::device::{Device, DeviceError, MAX_JOINTS, WheelSpec};
 use hbot_core::design::rig as core;
 
+use super::compensation;
 use super::file::{self, RigFile};
 use super::settings::{self, Protocol};
 use super::{ApiConfig, LineConfig, Port, RigConfig, TlsFiles};
@@ -28,6 +29,8 @@ fn place(mistake: &core::RigError) -> String {
         "counts" => "gear",
         "lead.factor" => "loop.lead.factor",
         "lead.longest" => "loop.lead.longest_ms",
+        "compensation.friction" => "loop.compensation.friction",
+        "compensation.smoothing" => "loop.compensation.smoothing",
         field => field,
     };
     match mistake.joint {
@@ -50,8 +53,8 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let (ports, controllers) = controllers(&file, &link.port, report);
     let api = api(&file, report);
     file.r#loop.rate_estimate.check(report);
-    let device = device(&file, report)?;
     let joints = joints(&file, link.protocol);
+    let device = exact_zeros(device(&file, report)?, &file, &joints);
     let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
     let driven = each_joint(&file).filter(|(_, settings)| settings.motor);
     let torque_lag = driven.map(|(_, settings)| settings.torque_lag).fold(0.0, f64::max);
@@ -64,7 +67,8 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     };
     let lead = file.r#loop.lead.compile();
     let limits = limits(&file.limits);
-    let parts = core::RigParts { device, joints, limits, timing, methods, torque_lag, lead };
+    let compensation = compensation::compile(&file);
+    let parts = core::RigParts { device, joints, limits, timing, methods, torque_lag, lead, compensation };
     for mistake in parts.mistakes() {
         report.push(
             &place(&mistake),
@@ -259,6 +263,18 @@ fn device(file: &RigFile, report: &mut Report) -> Option<Device> {
         report.push(&path, error.to_string(), None);
     }
     None
+}
+
+/// Turns each wheel of `device` by the part of its zero offset that is less than a count. The loop
+/// adds the whole counts to the readings ([`core::Joint::whole_counts`]).
+fn exact_zeros(device: Device, file: &RigFile, joints: &[core::Joint; MAX_JOINTS]) -> Device {
+    file.wheel.iter().enumerate().fold(device, |device, (i, wheel)| {
+        let (joint, offset) = (&joints[2 * i], wheel.steer.zero_offset);
+        match offset - joint.whole_counts(offset) * joint.radians_per_count() {
+            0.0 => device,
+            part => device.with_steering_zero(i, part),
+        }
+    })
 }
 
 fn joints(file: &RigFile, protocol: Protocol) -> [core::Joint; MAX_JOINTS] {

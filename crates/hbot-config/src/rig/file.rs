@@ -7,11 +7,12 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use hbot_core::design::rig::{self as core, legal};
+use hbot_core::design::rig::{self as core, MAX_HARMONICS, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::USUAL_LAG_S;
+use super::compensation::{Friction, Harmonic};
 use super::settings::{Api, Limits, Link, Loop, Protocol};
 
 /// The number of counts per turn that stands in for a missing one, so that other mistakes in the
@@ -60,6 +61,17 @@ pub(crate) struct Sphere {
     /// R² (R is the radius).
     #[schemars(range(min = 0.001, max = 1000.0), extend("unit" = "kg"))]
     pub(crate) mass: f64,
+    /// Measured friction of the sphere in its cage, against the sphere's motion. It is fed forward
+    /// (see `loop.compensation`). Absent: none is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Friction")]
+    pub(crate) friction: Option<Friction>,
+    /// Imbalance of the sphere: its weight times the position of its centre of mass relative to its
+    /// centre, in the sphere's axes. The torque of the weight is fed forward (see
+    /// `loop.compensation`).
+    #[serde(default)]
+    #[schemars(inner(range(min = legal::IMBALANCE.least, max = legal::IMBALANCE.most)), extend("unit" = legal::IMBALANCE.unit))]
+    pub(crate) imbalance: [f64; 3],
 }
 
 /// One wheel, with its steer joint and its drive joint.
@@ -159,6 +171,22 @@ pub(crate) struct Joint {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = 0.0, max = 0.1), extend("unit" = "s"))]
     pub(crate) rate_lag: Option<f64>,
+    /// Torque that the motor makes for each N m that its controller is commanded to make. Commands
+    /// are divided by it. Has no effect if the joint has no motor.
+    #[serde(default = "one")]
+    #[schemars(range(min = legal::TORQUE_SCALE.least, max = legal::TORQUE_SCALE.most))]
+    pub(crate) torque_scale: f64,
+    /// Measured friction of the joint with its motor and gear. It is fed forward (see
+    /// `loop.compensation`). Absent: none is. Has no effect if the joint has no motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Friction")]
+    pub(crate) friction: Option<Friction>,
+    /// Cogging of the motor: a torque that repeats with the angle of the encoder. Its harmonics are
+    /// fed forward (see `loop.compensation`). The encoder must have the same zero after each
+    /// power-up, and `gear` must be whole. Has no effect if the joint has no motor.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = MAX_HARMONICS))]
+    pub(crate) cogging: Vec<Harmonic>,
     /// Whether the joint has a motor. A joint without a motor has only an encoder.
     #[serde(default = "yes")]
     pub(crate) motor: bool,

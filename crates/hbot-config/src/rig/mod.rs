@@ -1,5 +1,6 @@
 //! The rig file: it describes the machine, its connection and its limits.
 
+mod compensation;
 mod compile;
 mod file;
 mod methods;

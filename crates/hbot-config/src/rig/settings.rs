@@ -9,6 +9,7 @@ use hbot_core::inputs::OnClientLost;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::compensation::Compensation;
 use super::methods::{Accuracy, Lead, Passivity, Preset, RateEstimate, RateMethod};
 
 /// The value of `wake_us` that sets no limit on the wake-up time of processors.
@@ -35,6 +36,10 @@ pub(crate) struct Loop {
     /// true, false, or a table of parameters. Such a lead takes the age of the reading, half a
     /// period and `torque_lag` out of the loop, so that it is stable with stiffer scenes.
     pub(crate) lead: Lead,
+    /// Whether the imperfections that this file says (`friction`, `cogging`, `torque_scale`,
+    /// `imbalance`) are fed forward: true, false, or a table of parameters. Nothing is if the file
+    /// says none.
+    pub(crate) compensation: Compensation,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick. Never
     /// more than a quarter of the period. The loop measures which lead this machine needs. Between
     /// wake-up and deadline it rehearses the tick, which keeps a processor busy. 0: the loop sleeps
@@ -61,7 +66,8 @@ impl Default for Loop {
             rate_estimate: RateEstimate::Method(RateMethod::Controller),
             passivity: Passivity::Switch(true),
             shaking_guard: true,
-            lead: Lead::Switch(false),
+            lead: Lead::Switch(true),
+            compensation: Compensation::Switch(true),
             early_us: 200,
             wake_us: 0,
             cpu: None,

@@ -36,6 +36,11 @@ pub(super) fn check_wheel(wheel: &file::Wheel, protocol: Option<Protocol>, path:
                 }
             }
         }
+        if !joint.cogging.is_empty() && joint.gear.fract() != 0.0 {
+            let message =
+                format!("cogging repeats with the turns of the encoder, and gear is {}", joint.gear);
+            report.push(&at("cogging"), message, "a whole gear, or no cogging".to_owned());
+        }
         // An absent `peak` counts as 0, which is legal for a joint without motor. For a joint with
         // a motor it was reported above.
         let peak = joint.peak.unwrap_or(0.0);

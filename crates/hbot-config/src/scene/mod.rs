@@ -23,8 +23,8 @@ use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KindEntry};
 pub use self::running::{EffectPlace, RunningScene, SetError};
 pub use self::shelf::{SHELF, ShelfScene};
 pub use self::simulate::{
-    CageFriction, Compliance, Eccentric, Encoder, Gear, Hand, JointFriction, Link, Motor, Pivoting, Simulate,
-    Slip, WheelModules,
+    CageFriction, Cogging, Compliance, Eccentric, Encoder, Gear, Hand, Imbalance, JointFriction, Link, Motor,
+    Pivoting, Simulate, Slip, TorqueConstants, WheelModules,
 };
 use crate::angle::to_radians;
 use crate::decode::decode;

@@ -5,9 +5,21 @@ use hbot_config::scene::kinds;
 use hbot_config::{RigConfig, SceneFile};
 use serde_json::{Value, json};
 
+/// Returns the prototype without a lead, whose borders have simple formulas.
+fn unled() -> RigConfig {
+    let mut config = RigConfig::prototype();
+    config.rig = config.rig.with(|parts| parts.lead = None).expect("legal");
+    config
+}
+
+/// Returns what is said of a scene on the prototype without a lead.
 fn warnings(text: &str) -> Vec<String> {
+    warnings_on(&unled(), text)
+}
+
+fn warnings_on(rig: &RigConfig, text: &str) -> Vec<String> {
     let scene = SceneFile::from_toml(text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
-    Abilities::of(&RigConfig::prototype()).warnings(&scene)
+    Abilities::of(rig).warnings(&scene)
 }
 
 #[test]
@@ -18,7 +30,9 @@ fn every_scene_of_the_shelf_is_within_the_prototype() {
         let path = entry.expect("readable").path();
         if path.extension().is_some_and(|e| e == "toml") {
             let text = std::fs::read_to_string(&path).expect("readable");
-            assert_eq!(warnings(&text), Vec::<String>::new(), "{}", path.display());
+            for rig in [unled(), RigConfig::prototype()] {
+                assert_eq!(warnings_on(&rig, &text), Vec::<String>::new(), "{}", path.display());
+            }
             seen += 1;
         }
     }
@@ -219,16 +233,34 @@ fn stiffness_is_judged_with_the_damping_of_the_whole_scene() {
     assert!(gain[0].contains("200 N m/rad"), "{gain:?}");
 }
 
+/// A guide holds two axes and leaves the third free. Its damping is so large that the delay takes
+/// less of it away than it is, so no axis has a negative damping.
+#[test]
+fn a_guide_that_damps_too_much_is_warned_of_about_an_axis_that_it_holds() {
+    let said = warnings(&effect("g", "guide", "stiffness = 192\ndamping = 1.92"));
+    assert!(said.len() == 1 && said[0].contains("the scene has 190 N m/rad"), "{said:?}");
+}
+
 /// A lead gives back the damping that the delay takes.
 #[test]
 fn a_lead_makes_stiff_scenes_stable() {
-    let mut abilities = Abilities::of(&RigConfig::prototype());
     let scene = effect("s", "spring", "stiffness = 60\ndamping = 0.02");
-    let scene = SceneFile::from_toml(&scene, "x.toml").unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(abilities.warnings(&scene).len(), 1);
-    let sampled = &mut abilities.judge.as_mut().expect("a plant").sampled;
-    sampled.lead = 1.1 * sampled.lateness();
-    assert_eq!(abilities.warnings(&scene), Vec::<String>::new());
+    assert_eq!(warnings(&scene).len(), 1);
+    assert_eq!(warnings_on(&RigConfig::prototype(), &scene), Vec::<String>::new(), "on by default");
+}
+
+/// The defaults of these kinds need no damping of the sphere's own.
+#[test]
+fn defaults_that_damp_are_not_warned_of_on_any_ready_made_rig() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../rigs");
+    for entry in std::fs::read_dir(folder).expect("rigs") {
+        let path = entry.expect("readable").path();
+        let rig = RigConfig::load(Some(&path), &[]).unwrap_or_else(|error| panic!("{error}"));
+        for kind in ["friction", "end_stop", "magnet", "texture", "snaps", "detents", "guide"] {
+            let said = warnings_on(&rig, &effect("e", kind, ""));
+            assert_eq!(said, Vec::<String>::new(), "{kind} on {}", path.display());
+        }
+    }
 }
 
 /// A stream of numbers from 0 to 1 (xorshift).
@@ -271,7 +303,7 @@ fn idle_effect(random: &mut Random) -> Value {
 /// The warning of an effect is the same with an effect that makes no torque before or after it.
 #[test]
 fn an_effect_at_random_without_torque_changes_no_warning() {
-    let abilities = Abilities::of(&RigConfig::prototype());
+    let abilities = Abilities::of(&unled());
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     let (mut warned, mut legal) = (0, 0);
     for seed in 0..105 {

@@ -42,7 +42,10 @@ fn tables(page: &str) -> Vec<(String, String)> {
     all.push(("energy".to_owned(), rows(&section("limits")["properties"]["energy"])));
     all.push(("traction".to_owned(), rows(&section("limits")["properties"]["traction"])));
     all.push(("tls".to_owned(), rows(&section("api")["properties"]["tls"])));
-    for name in ["accuracy", "rate_estimate", "passivity", "lead"] {
+    let joint = &section("wheel")["items"]["properties"]["steer"]["properties"];
+    all.push(("friction".to_owned(), rows(&joint["friction"])));
+    all.push(("cogging".to_owned(), rows(&joint["cogging"]["items"])));
+    for name in ["accuracy", "rate_estimate", "passivity", "lead", "compensation"] {
         let choices = section("loop")["properties"][name]["anyOf"].as_array().unwrap();
         let table = choices.iter().find(|choice| choice["type"] == "object").unwrap();
         all.push((name.to_owned(), rows(table)));

@@ -99,7 +99,7 @@ fn of_the_rig_file() {
     let mut file = toml::Value::Table(include_str!("../../../../rigs/prototype.toml").parse().unwrap());
     // Keys that accept a table have one here, so that its numbers are tested.
     file["loop"]["rate_estimate"] = toml::Value::Table("method = 'kalman'".parse().unwrap());
-    for key in ["passivity", "lead"] {
+    for key in ["passivity", "lead", "compensation"] {
         file["loop"].as_table_mut().unwrap().insert(key.to_owned(), toml::Table::new().into());
     }
     let energy = "burst = 0.5\npower = 1".parse::<toml::Table>().unwrap();

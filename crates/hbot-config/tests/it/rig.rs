@@ -7,7 +7,7 @@ mod mistakes;
 use hbot_config::rig::{Port, Protocol};
 use hbot_config::{LoadError, Override, RigConfig};
 use hbot_core::design::rig::{
-    AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Zero,
+    AllocationMethod, LeadTime, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Zero,
 };
 use hbot_core::inputs::OnClientLost;
 use serde_json::json;
@@ -207,6 +207,17 @@ fn passivity_is_off_on_or_a_table() {
 }
 
 #[test]
+fn the_lead_is_off_on_or_a_table() {
+    let lead = |said: &str| with_loop(&format!("lead = {said}")).rig.lead;
+    let usual = LeadTime::default();
+    assert_eq!(lead("false"), None);
+    assert_eq!(lead("true"), Some(usual));
+    assert_eq!(lead("{}"), Some(usual));
+    assert_eq!(lead("{ factor = 1.2, longest_ms = 4 }"), Some(LeadTime { factor: 1.2, longest: 4e-3 }));
+    assert_eq!(with_loop("").rig.lead, Some(usual), "on unless the file says otherwise");
+}
+
+#[test]
 fn the_command_line_overrides_and_is_named_in_messages() {
     let load = |path, value, from| RigConfig::load(None, &[Override { path, value, from }]);
     let config = load("link.port", json!("/dev/ttyACM0"), "--port").unwrap();
@@ -284,8 +295,9 @@ fn what_a_file_does_not_state_is_the_default_of_the_core() {
     parts.joints[..3].fill(joint);
     // The last joint of the shortest file has no motor.
     parts.joints[3] = hbot_core::design::rig::Joint::new(4096, 0.0);
-    // The core has no passivity controller unless it is asked for. A rig file has one.
+    // The core has no passivity controller and no lead unless it is asked for. A rig file has both.
     parts.methods.passivity = Some(PassivityLimit::of(&parts.device, 1e-3));
+    parts.lead = Some(LeadTime::default());
     // A program without a file knows no motors.
     parts.torque_lag = hbot_config::rig::USUAL_LAG_S;
     assert_eq!(*rig, parts);

@@ -250,7 +250,8 @@ fn phenomena_are_there_where_they_are_named() {
     assert_eq!(
         said("[simulate]\nhands = {}"),
         "x.toml:2:1: simulate.hands: unknown key (did you mean `hand`?); legal: joint_friction, \
-         cage_friction, slip, pivoting, eccentric, wheel_modules, gear, compliance, encoder, motor, link, hand"
+         cage_friction, slip, pivoting, eccentric, imbalance, wheel_modules, gear, compliance, encoder, motor, \
+         torque_constants, cogging, link, hand"
     );
     assert_eq!(said("[simulate]\nhand = true"), "x.toml:2:8: simulate.hand: found true; legal: a table");
 }
@@ -288,8 +289,8 @@ fn what_there_is_to_choose_from_is_listed_with_what_a_panel_needs() {
     assert_eq!(stiffness["anyOf"][0]["maximum"], 1000.0);
     assert_eq!(stiffness["unit"], "N m/rad");
     let names: Vec<_> = phenomena().iter().map(|listed| listed.name).collect();
-    assert_eq!(names.len(), 12);
-    assert_eq!((names[0], names[11]), ("joint_friction", "hand"));
+    assert_eq!(names.len(), 15);
+    assert_eq!((names[0], names[14]), ("joint_friction", "hand"));
 }
 
 #[test]

@@ -77,9 +77,15 @@ impl JointLimits {
 
     /// Returns the torque limits of the joints of `rig`, with the default cost weights. With these
     /// weights, the least-cost joint torques are those with the smallest contact forces.
+    ///
+    /// If the rig knows that a motor makes less torque than it is commanded to make, the limit is
+    /// what it makes at its largest command.
     #[must_use]
     pub fn of(rig: &Rig) -> Self {
-        Self::of_device(&rig.device, |joint| rig.joints[joint].peak)
+        Self::of_device(&rig.device, |joint| match &rig.compensation {
+            None => rig.joints[joint].peak,
+            Some(known) => rig.joints[joint].peak * known.joints[joint].torque_scale.min(1.0),
+        })
     }
 
     /// Returns the torque limits of the joints of `device`, with the default cost weights of

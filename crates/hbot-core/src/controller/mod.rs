@@ -3,10 +3,11 @@
 //! ```text
 //! reading -> Joints (angles, rates, posture, slip) -> Orientation -> faults and commands
 //!         -> Renderer (the scene) -> stream, gain, blend, passivity, limits
-//!         -> allocation -> Outputs
+//!         -> allocation -> compensation -> Outputs
 //! ```
 
 mod commands;
+mod compensation;
 mod faults;
 mod torque;
 
@@ -17,12 +18,14 @@ use crate::design::rig::Rig;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::motion::joints::Joints;
 use crate::motion::orientation::Orientation;
+use crate::motion::reference::Uncertainty;
 use crate::outputs::{Drive, Outputs, State, TakenStream};
 use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
 use crate::render::effects::Motion;
 use crate::render::fades::Fades;
 use crate::render::lead::Lead;
+use crate::render::model::Modelled;
 use crate::render::scene::CompiledScene;
 use crate::safety::burst::Burst;
 use crate::safety::falling::Falling;
@@ -32,6 +35,7 @@ use crate::safety::passivity::{Guard, Ledger, Observer};
 use crate::safety::shaking;
 use crate::safety::shaping::{Blend, Stream};
 
+use self::compensation::Compensator;
 use self::faults::Silence;
 pub use crate::motion::orientation::ALIGN_HISTORY;
 
@@ -108,6 +112,14 @@ pub struct Controller {
     /// What the guard against shaking knows of stored energy. All bits zero: nothing, as in older
     /// recordings.
     shaking_stored: shaking::Stored,
+    /// What is fed forward of the rig's imperfections. `None` if none is known, and in older
+    /// recordings.
+    compensation: Option<Compensator>,
+    /// The uncertainty of the orientation. `None` until a measurement with a sigma has been taken,
+    /// and in older recordings.
+    uncertainty: Option<Uncertainty>,
+    /// The local model that a client streams. All bits zero: none, as in older recordings.
+    model: Modelled,
 }
 
 impl Controller {
@@ -130,6 +142,8 @@ impl Controller {
             burst: rig.limits.energy.map(Burst::new),
             lead: Lead::new(&rig),
             falling: rig.lead.map(|_| Falling::NONE),
+            compensation: Compensator::new(&rig),
+            uncertainty: None,
             heat: rig.limits.thermal_time.map(|time_s| Heat::new(&rig, time_s)),
             rig,
             orientation: Orientation::new(),
@@ -157,6 +171,7 @@ impl Controller {
             shaking: shaking::Guard::OFF,
             ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
             shaking_stored: shaking::Stored::OFF,
+            model: Modelled::NONE,
         }
     }
 
@@ -235,6 +250,9 @@ impl Controller {
         if let Some(replies) = replies {
             outputs.replies = replies;
         }
+        if self.compensation.is_some() {
+            self.compensate(count, inputs.tick, dt, &mut outputs);
+        }
         outputs
     }
 
@@ -257,6 +275,9 @@ impl Controller {
         let late = (inputs.tick as u32).wrapping_sub(feedback.sequence).saturating_sub(elapsed.max(1) as u32);
         let step = self.joints.advance(count, &self.rig, feedback, late, judged)?;
         self.orientation.advance(step.turn);
+        if let Some(uncertainty) = &mut self.uncertainty {
+            uncertainty.grow(step.turn, elapsed as Real * self.rig.timing.period_s());
+        }
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
         if self.shaking.suspects() {
             let stored = &mut self.shaking_stored;
@@ -348,6 +369,7 @@ impl Controller {
             fresh,
             shaking: self.shaking.found(),
             lead_us: self.lead.as_ref().map_or(0.0, |lead| 1.0e6 * lead.time()),
+            sigma: self.uncertainty.as_ref().map(|known| known.sigma(self.orientation.q)),
         }
     }
 }

@@ -113,15 +113,21 @@ impl Controller {
         let ramped = self.machine.gain != 0.0;
         // Needs the motion and the stream of the last tick, which are replaced next.
         let before = (changed && ramped).then(|| self.rendered_anew(scene, tick));
-        let motion = Motion { q: self.orientation.q, omega: self.joints.omega };
-        let motion = if self.lead.is_some() { self.led(motion, tick) } else { motion };
+        let mut motion = Motion { q: self.orientation.q, omega: self.joints.omega };
+        if let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) {
+            motion = lead.of(motion, (tick as u32).wrapping_sub(answered));
+        }
         self.rendered_motion = motion;
         self.rendered_stream = self.stream;
         self.stream.advance(tick, dt);
+        if !self.model.is_over() {
+            self.model.advance(tick, dt);
+        }
         let limits = self.rig.limits;
         let reach = limits.torque_rate * dt;
         if !ramped {
             self.blend = Blend::DONE;
+            self.model.rest();
             if let Some(lead) = &mut self.lead {
                 lead.rest();
             }
@@ -159,7 +165,16 @@ impl Controller {
             } else {
                 (self.renderer.render_in_tick(scene, motion, moment, |_, _| {}), Vec3::ZERO)
             };
-            let most = if self.falling.is_some() { self.falls_to(rendered, reach) } else { limits.torque };
+            let (rendered, elastic) =
+                if self.model.is_over() { (rendered, elastic) } else { self.modelled(rendered, elastic, dt) };
+            let most = match &mut self.falling {
+                Some(falling) => {
+                    let stream = &self.stream;
+                    let sum = if stream.is_over() { rendered } else { rendered + stream.torque() };
+                    falling.most(sum, reach, limits.torque)
+                }
+                None => limits.torque,
+            };
             let (torque, share) = self.stream.added_to(rendered, most);
             let offset = if self.fades == Fades::Over {
                 let offset = self.blend.added(torque * gain, before, limits.torque);
@@ -222,11 +237,14 @@ impl Controller {
         let now = crate::safety::shaking::Moment {
             tick,
             omega: self.joints.omega,
-            energy: self.observer.energy(),
+            energy: self.observer.energy() - self.compensation.as_ref().map_or(0.0, |stage| stage.given()),
             period: self.rig.timing.period_s(),
             inertia: self.rig.device.sphere_inertia(),
         };
-        let reason = !self.stream.is_over() || self.renderer.is_led(scene) || self.machine.mode == Mode::Idle;
+        let reason = !self.stream.is_over()
+            || !self.model.is_over()
+            || self.renderer.is_led(scene)
+            || self.machine.mode == Mode::Idle;
         let gives = scene.effects().iter().filter(|effect| effect.kind.gives());
         let on_purpose = gives.fold(0, |bits, effect| bits | 1 << effect.slot);
         let (renderer, q) = (&self.renderer, self.orientation.q);
@@ -245,7 +263,8 @@ impl Controller {
     fn rendered_fading(&mut self, scene: &CompiledScene, tick: u64, dt: Real, before: Option<Vec3>) -> Asked {
         let (limits, stream) = (self.rig.limits, self.stream);
         let gain = self.machine.gain * self.shaking.gain();
-        let limit = |sum| stream.added_to(sum, limits.torque);
+        let modelled = (!self.model.is_over()).then(|| self.modelled(Vec3::ZERO, Vec3::ZERO, dt));
+        let limit = |sum| stream.added_to(modelled.map_or(sum, |(model, _)| sum + model), limits.torque);
         let moment = self.moment(tick, dt);
         let parts = self.renderer.parts(scene, &self.rendered_motion, moment, dt);
         let (torque, share) = parts.torque(0.0, limit);
@@ -257,7 +276,15 @@ impl Controller {
         if parts.is_over() {
             self.fades = Fades::Over;
         }
-        Asked { torque, share, offset, elastic: parts.elastic }
+        let elastic = modelled.map_or(parts.elastic, |(_, own)| parts.elastic + own);
+        Asked { torque, share, offset, elastic }
+    }
+
+    /// Returns `torque` and `elastic` plus those of the client's model in this tick, N m.
+    #[inline(never)]
+    fn modelled(&mut self, torque: Vec3, elastic: Vec3, dt: Real) -> (Vec3, Vec3) {
+        let (model, own) = self.model.render(self.rendered_motion, dt, self.rig.limits.torque);
+        (torque + model, elastic + own)
     }
 
     /// Returns the torque that `scene` would have made in the last tick, N m: at the motion of the
@@ -266,7 +293,11 @@ impl Controller {
     #[inline(never)]
     fn rendered_anew(&self, scene: &CompiledScene, tick: u64) -> Vec3 {
         let (mut renderer, motion) = (self.renderer.clone(), &self.rendered_motion);
-        let limit = |sum| self.rendered_stream.added_to(sum, self.rig.limits.torque);
+        let model = (!self.model.is_over()).then(|| self.model.last());
+        let limit = |sum| {
+            let sum = model.map_or(sum, |model| sum + model);
+            self.rendered_stream.added_to(sum, self.rig.limits.torque)
+        };
         let moment = self.moment(tick, 0.0);
         if self.fades == Fades::Unlimited {
             return limit(renderer.render_in_tick(scene, *motion, moment, |_, _| {})).0;
@@ -291,23 +322,6 @@ impl Controller {
         self.renderer.is_far(scene, self.orientation.q, limits.enable_max_angle, steps)
     }
 
-    /// Returns the motion `measured`, turned on to the moment at which the torque of this tick
-    /// acts. It is a separate function, so that it costs nothing if the rig has no lead.
-    #[inline(never)]
-    fn led(&mut self, measured: Motion, tick: u64) -> Motion {
-        let (Some(lead), Some(answered)) = (&mut self.lead, self.joints.answered()) else { return measured };
-        lead.of(measured, (tick as u32).wrapping_sub(answered))
-    }
-
-    /// Returns the largest torque from which the torque can fall with that of the scene, N m.
-    /// `rendered` is the torque of the scene, and `reach` the slew limit, N m in a tick.
-    #[inline(never)]
-    fn falls_to(&mut self, rendered: Vec3, reach: Real) -> Real {
-        let limit = self.rig.limits.torque;
-        let sum = rendered + self.stream.torque();
-        self.falling.as_mut().map_or(limit, |falling| falling.most(sum, reach, limit))
-    }
-
     /// Returns what the effects need to know of the time, if they advance by `dt` seconds.
     #[inline(always)]
     fn moment(&self, tick: u64, dt: Real) -> render::Moment {
@@ -326,7 +340,10 @@ impl Controller {
     #[inline(never)]
     fn count(&mut self, scene: &CompiledScene, asked: &Asked, gain: Real, bound: Real, driving: Vec3) {
         let (Some(ledger), Some(guard)) = (&mut self.ledger, &mut self.guard) else { return };
-        let law = self.renderer.elastic_at(scene, self.orientation.q);
+        let mut law = self.renderer.elastic_at(scene, self.orientation.q);
+        if !self.model.is_over() {
+            law += self.model.elastic_at(self.orientation.q);
+        }
         let others = asked.torque / asked.share - asked.elastic;
         let (sum, share) = shortened(others + law, self.rig.limits.torque);
         let (_, kept) = shortened(sum * gain + asked.offset, bound);
@@ -433,7 +450,7 @@ impl Controller {
 
 /// Returns the largest t from 0 to 1 for which the length of `from + t * way` is at most `reach`.
 /// If there is none, returns the t for which the length is smallest.
-fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
+pub(super) fn part_within(from: Vec3, way: Vec3, reach: Real) -> Real {
     let (a, b) = (way.length_squared(), from.dot(way));
     if !(a > 0.0) {
         return 1.0;

@@ -3,6 +3,7 @@
 
 use crate::linear::limited;
 use crate::motion::odometry;
+use crate::motion::reference::combined;
 use crate::real::{Quat, Real, Vec3};
 use crate::rotation::{exp, renormalized};
 
@@ -85,6 +86,23 @@ impl Orientation {
     pub(crate) fn at(&self, tick: u64) -> Option<Quat> {
         let (when, integral) = self.history[tick as usize % ALIGN_HISTORY];
         (when == tick).then(|| integral * self.correction)
+    }
+
+    /// Returns the orientation at tick `tick` as [`at`](Self::at) does, with the pending correction
+    /// too.
+    pub(crate) fn corrected_at(&self, tick: u64) -> Option<Quat> {
+        self.at(tick).map(|q| q * exp(self.pending))
+    }
+
+    /// Returns the present orientation with the pending correction.
+    pub(crate) fn corrected(&self) -> Quat {
+        self.integral * self.correction * exp(self.pending)
+    }
+
+    /// Adds `turn` (rotation vector in the sphere's axes, rad) to the pending correction.
+    pub(crate) fn correct_further(&mut self, turn: Vec3) {
+        self.pending = combined(self.pending, turn);
+        self.corrected = true;
     }
 
     /// Starts a correction of the orientation by the fraction `weight` of the turn `delta`

@@ -5,6 +5,7 @@ pub mod effects;
 pub(crate) mod fades;
 pub mod impedance;
 pub(crate) mod lead;
+pub mod model;
 pub mod outline;
 pub mod scene;
 

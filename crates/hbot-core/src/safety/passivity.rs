@@ -290,6 +290,13 @@ impl Ledger {
         self.sent[sequence as usize % SENT] = Parts { driving, damping: damping * kept };
     }
 
+    /// Adds `torque` (N m) to the torque of the last recorded command `sequence`. It moves the
+    /// sphere on purpose.
+    #[inline]
+    pub(crate) fn drive(&mut self, sequence: u32, torque: Vec3) {
+        self.sent[sequence as usize % SENT].driving += torque;
+    }
+
     /// Returns the energy that will count at the end of tick `tick`, J. `given` is the energy that
     /// the torques under way will give until then. `step` is the turn of the sphere in a tick, rad.
     /// P is assumed to change as it has changed in the last tick.

@@ -72,6 +72,17 @@ impl Model {
             Some(_) => person(&by.name).to_owned(),
         }
     }
+
+    /// Returns a message of the server about `by`, in which "you" stands for the user of this
+    /// panel.
+    pub(super) fn with_you(&self, message: &str, by: Option<&Requester>) -> String {
+        match by {
+            Some(by @ Requester { name, session: Some(session) }) if self.who(by) == "you" => {
+                message.replace(&format!("client {name:?} (session {session})"), "you")
+            }
+            _ => message.to_owned(),
+        }
+    }
 }
 
 /// Returns the user and machine in the name of a panel, and the whole name of any other client.

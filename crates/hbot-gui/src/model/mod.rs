@@ -293,7 +293,9 @@ impl Model {
                 let known = !self.info.scene.is_null();
                 if self.scene.take(&info.scene) && known {
                     self.marks.fades(self.scene.fading_s());
-                    if self.marks.is_foreign() {
+                    // A change that this delivery reports has no mark yet.
+                    let told = self.unmarked.iter().any(|(what, ..)| *what != What::Fault);
+                    if !told && self.marks.is_foreign() {
                         self.unmarked.push((What::Set, "changed by another client".to_owned(), None));
                     }
                 }
@@ -344,8 +346,9 @@ impl Model {
         let weight = if stopped { Weight::Bad } else { Weight::Good };
         // The server's message about a stop names the client. That about a reset does not.
         let by = fault.by.as_ref().filter(|_| !stopped).map(|by| format!(" by {}", self.who(by)));
+        let message = self.with_you(&fault.message, fault.by.as_ref());
         // The window shows this message below the mode while the fault lasts.
-        self.messages.add_told(weight, format!("{name}: {}{}", fault.message, by.unwrap_or_default()));
+        self.messages.add_told(weight, format!("{name}: {message}{}", by.unwrap_or_default()));
         if stopped {
             self.unmarked.push((What::Fault, name, Some(fault.tick)));
         }

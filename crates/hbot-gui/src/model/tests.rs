@@ -259,3 +259,36 @@ fn the_end_of_a_server_is_one_message() {
     assert_eq!(texts.len(), before + 1, "{texts:?}");
     assert_eq!(texts[0], "connection lost: the server stops");
 }
+
+#[test]
+fn a_scene_of_this_panel_is_no_change_by_another_client() {
+    let mut model = commanding(true);
+    let mut info = model.info.clone();
+    info.scene = json!({"name": "Two", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
+    let by = Some(Requester { name: ME.to_owned(), session: Some(3) });
+    let scene = SceneEvent { tick: 120, name: "Two".to_owned(), effects: Vec::new(), by };
+    // The event and the answer to the next `info` can arrive together.
+    let news = [News::Scene(scene), News::Info(Box::new(info.clone()))].into();
+    model.take(&mut Delivery { news, ..Delivery::default() });
+    let marks = |model: &Model| -> Vec<String> {
+        model.marks.between(0.0, 9.0).map(|mark| mark.text.clone()).collect()
+    };
+    assert_eq!(marks(&model), ["scene Two"]);
+    // A change that no event reports is that of another client.
+    let mut other = commanding(true);
+    hear(&mut other, News::Info(Box::new(info)));
+    assert_eq!(marks(&other), ["changed by another client"]);
+}
+
+#[test]
+fn the_messages_call_the_user_you() {
+    let mut model = commanding(true);
+    for (name, session, told) in
+        [(ME, 4, "stopped by you"), (ME, 9, "by client \"panel anna@lab2\" (session 9)")]
+    {
+        let message = format!("stopped by client {name:?} (session {session}); reset, then enable, to go on");
+        hear(&mut model, News::Fault(FaultEvent { message, ..stopped_by(name, Some(session)) }));
+        let newest = &model.messages.newest_first().next().expect("a message").text;
+        assert!(newest.contains(told), "{newest}");
+    }
+}

@@ -6,7 +6,7 @@ use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
 use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, weak};
-use crate::model::{Headline, Model, words};
+use crate::model::{Headline, Model};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
@@ -53,9 +53,15 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
 fn status(ui: &mut Ui, model: &Model, palette: Palette) {
     let headline = model.headline();
     let mut frame = egui::Frame::group(ui.style());
-    if headline == Headline::NotStopped {
-        frame = frame.fill(STOP);
-    }
+    // The box is as loud as the state.
+    frame = match headline {
+        Headline::NotStopped => frame.fill(STOP),
+        Headline::NoState => frame,
+        Headline::NoContact | Headline::Mode(Mode::Fault | Mode::Estop) => {
+            frame.fill(palette.bad.gamma_multiply(0.2)).stroke((2.0, palette.bad))
+        }
+        Headline::Mode(_) => frame.stroke((2.0, palette.headline(headline))),
+    };
     let height = if ui.ctx().content_rect().height() < TALL { STATUS[0] } else { STATUS[1] };
     frame.show(ui, |ui| {
         ui.set_width(ui.available_width());
@@ -95,7 +101,7 @@ fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
         (Headline::Mode(Mode::Fault), Some(state)) => fault(ui, model, state, palette),
         (Headline::Mode(Mode::Estop), _) => match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
             Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
-            None => stopped(ui, model, palette, words::mode(Mode::Estop)),
+            None => stopped(ui, model, palette, Mode::Estop.sentence()),
         },
         (Headline::Mode(mode), _) => match recover::refusal(model).filter(|_| mode == Mode::Idle) {
             Some(text) => drop(coloured(ui, palette.warn, format!("No torque. {text}"))),
@@ -103,7 +109,7 @@ fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
                 if let Some(shaking) = &model.shaking {
                     coloured(ui, palette.warn, shaken(shaking));
                 }
-                weak(ui, words::mode(mode));
+                weak(ui, mode.sentence());
             }
         },
         (Headline::NoState, _) => {
@@ -150,7 +156,7 @@ fn old(model: &Model) -> Option<String> {
 
 fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     let Some(fault) = state.fault else { return };
-    let (what, cure) = words::fault(fault);
+    let (what, cure) = fault.words();
     let by = model.fault.as_ref().and_then(|told| told.by.as_ref());
     let by = by.map(|by| format!(" It was {}.", model.who(by))).unwrap_or_default();
     coloured(ui, palette.bad, format!("{what}{by}"));

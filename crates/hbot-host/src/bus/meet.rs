@@ -10,8 +10,8 @@ use hbot_core::{MAX_JOINTS, Rig};
 use thiserror::Error;
 
 use super::Filtering;
-use crate::layout::{JointPlace, Layout};
 use crate::line::Line;
+use crate::rig::layout::{JointPlace, Layout};
 
 /// How many times a question is sent without an answer before the controllers count as silent.
 const TRIES: u32 = 10;

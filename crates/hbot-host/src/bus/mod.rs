@@ -3,20 +3,19 @@
 //! A driver implements two traits. [`MotorBus`] is called by the loop in every tick: it reads and
 //! writes, and never waits. [`Protocol`] is used outside the loop: it identifies the controllers on
 //! a serial line, switches their motors off, and states how much traffic a tick causes.
-//! `docs/drivers.md` explains how to write a driver, and [`conformance`](crate::conformance) tests
-//! it.
+//! `docs/drivers.md` explains how to write a driver, and [`conformance`](crate::bus::conformance)
+//! tests it.
 //!
 //! A bus knows neither the rig nor its geometry. It counts its joints from 0 in the order in which
-//! they stand on the line; [`Layout`](crate::layout::Layout) knows which joint of the rig each one
-//! is.
+//! they stand on the line; [`Layout`](crate::rig::layout::Layout) knows which joint of the rig each
+//! one is.
 
 mod can;
+pub mod conformance;
+pub mod drivers;
 mod filtering;
-pub mod hbot;
 mod meet;
-pub mod moteus;
 mod obedience;
-pub mod odrive;
 mod telemetry;
 
 use std::fmt;
@@ -204,8 +203,8 @@ pub struct BusTraffic {
 #[must_use]
 pub fn driver(protocol: config::Protocol) -> &'static dyn Protocol {
     match protocol {
-        config::Protocol::Hbot => &hbot::HbotLink,
-        config::Protocol::Moteus => &moteus::Moteus,
-        config::Protocol::Odrive => &odrive::Odrive,
+        config::Protocol::Hbot => &drivers::hbot::HbotLink,
+        config::Protocol::Moteus => &drivers::moteus::Moteus,
+        config::Protocol::Odrive => &drivers::odrive::Odrive,
     }
 }

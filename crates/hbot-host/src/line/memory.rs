@@ -90,10 +90,10 @@ mod tests {
     use hbot_testing::prototype::simulated;
 
     use super::*;
-    use crate::attach::simulated_rig;
-    use crate::bus::odrive::Odrive;
+    use crate::bus::drivers::odrive::Odrive;
     use crate::bus::{Expected, Protocol as _};
-    use crate::layout::Layout;
+    use crate::rig::attach::simulated_rig;
+    use crate::rig::layout::Layout;
 
     const MS: u64 = 1_000_000;
     /// An impaired line that neither delays, loses nor damages frames. Tests add a delay.

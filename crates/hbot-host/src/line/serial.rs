@@ -12,24 +12,21 @@ mod latency;
 mod tests;
 
 use std::fmt::Display;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use rustix::fs::{FlockOperation, Mode, OFlags, flock};
+use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
-use rustix::termios::{
-    ControlModes, OptionalActions, QueueSelector, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush, tcgetattr,
-    tcsetattr,
-};
+use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort as _, StopBits, TTYPort};
 use thiserror::Error;
 
 use self::keeper::{Kept, Reopening};
 pub use self::latency::LatencyTimer;
 use crate::bus::{Expected, Protocol};
-use crate::last_word::{LastWord, Program, Watched};
 use crate::line::{Line, Renewed};
+use crate::rig::last_word::{LastWord, Program, Watched};
 
 /// How often the thread that reopens a line checks whether the line is lost.
 const LOOK: Duration = Duration::from_millis(20);
@@ -50,9 +47,15 @@ pub struct Serial {
 /// An open serial port with its helper process.
 #[derive(Debug)]
 struct Held {
-    line: OwnedFd,
-    /// Helper process that switches the motors off if this process dies.
+    /// Helper process that switches the motors off if this process dies. The first field, because
+    /// it has to end before the exclusive use of the port does.
     last_word: Option<LastWord>,
+    /// What the loop reads and writes. Its calls return at once.
+    line: OwnedFd,
+    /// The port with its settings and its exclusive use, or `None` for a pair of sockets. It is not
+    /// read or written: its handle is one that waits, in `write` for room for all bytes, and every
+    /// call of it costs a second system call.
+    _port: Option<TTYPort>,
 }
 
 /// The motor controllers that must be on a line, and their protocol.
@@ -90,12 +93,12 @@ impl Serial {
     /// lists the ports of this machine.
     pub fn open(port: &str, baud: u32) -> Result<Self, OpenError> {
         let opened = open_patiently(Path::new(port), baud);
-        opened.map(Self::of).map_err(|errno| OpenError {
+        opened.map(Self::holding).map_err(|error| OpenError {
             port: port.to_owned(),
-            reason: match errno {
-                Errno::ACCESS => format!("{errno} (`hbot doctor` says how to get the right)"),
-                Errno::BUSY | Errno::AGAIN => "another program has it open".to_owned(),
-                _ => errno.to_string(),
+            reason: match error.kind() {
+                ErrorKind::PermissionDenied => format!("{error} (`hbot doctor` says how to get the right)"),
+                ErrorKind::ResourceBusy => "another program has it open".to_owned(),
+                _ => error.to_string(),
             },
             available: serialport::available_ports()
                 .map(|ports| ports.into_iter().map(|p| p.port_name).collect())
@@ -106,7 +109,11 @@ impl Serial {
     /// Returns the line of a descriptor that is already open and whose reads and writes return at
     /// once.
     pub(super) fn of(line: OwnedFd) -> Self {
-        Self { port: Some(Held { line, last_word: None }), reopening: None }
+        Self::holding(Held { last_word: None, line, _port: None })
+    }
+
+    fn holding(port: Held) -> Self {
+        Self { port: Some(port), reopening: None }
     }
 
     /// Starts a helper process. If this process dies, the helper writes the bytes `off` to the
@@ -199,37 +206,40 @@ pub fn unguarded(port: &impl Display, error: &io::Error) -> String {
 
 /// Opens a port as [`open`] does. If another program has it open, retries for the time
 /// [`PATIENCE`].
-fn open_patiently(path: &Path, baud: u32) -> Result<OwnedFd, Errno> {
+fn open_patiently(path: &Path, baud: u32) -> io::Result<Held> {
     let until = Instant::now() + PATIENCE;
     loop {
         match open(path, baud) {
-            Err(Errno::BUSY | Errno::AGAIN) if Instant::now() < until => std::thread::sleep(LOOK),
+            Err(error) if error.kind() == ErrorKind::ResourceBusy && Instant::now() < until => {
+                std::thread::sleep(LOOK);
+            }
             result => return result,
         }
     }
 }
 
-/// Opens a port in raw mode: 8 data bits, no parity, 1 stop bit, no flow control, non-blocking,
-/// locked against other programs, and with the shortest latency that its driver allows.
-fn open(path: &Path, baud: u32) -> Result<OwnedFd, Errno> {
+/// Opens a port in raw mode: 8 data bits, no parity, 1 stop bit, no flow control, for this program
+/// alone, and with the shortest latency that its driver allows. The loop's descriptor of it does
+/// not wait. An error of the kind [`ErrorKind::ResourceBusy`] says that another program has the
+/// port.
+fn open(path: &Path, baud: u32) -> io::Result<Held> {
+    // Opened first, because nobody can open the port after `TTYPort` has it exclusively.
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let port = rustix::fs::open(path, flags, Mode::empty())?;
-    ioctl_tiocexcl(&port)?;
-    if let Err(errno) = flock(&port, FlockOperation::NonBlockingLockExclusive) {
-        // Another program holds the lock. Undo the exclusive mode set above: otherwise it would
-        // stay set for as long as that program has the port open.
-        let _ = ioctl_tiocnxcl(&port);
-        return Err(errno);
-    }
-    let mut settings = tcgetattr(&port)?;
-    settings.make_raw();
-    settings.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL | ControlModes::CS8;
-    settings.control_modes -= ControlModes::CSTOPB | ControlModes::PARENB | ControlModes::CRTSCTS;
-    settings.set_speed(baud)?;
-    tcsetattr(&port, OptionalActions::Now, &settings)?;
-    tcflush(&port, QueueSelector::IOFlush)?;
+    let line = rustix::fs::open(path, flags, Mode::empty())?;
+    let port = serialport::new(path.to_string_lossy(), baud)
+        .data_bits(DataBits::Eight)
+        .parity(Parity::None)
+        .stop_bits(StopBits::One)
+        .flow_control(FlowControl::None)
+        .exclusive(true);
+    let port = TTYPort::open(&port).map_err(|error| match error.kind() {
+        // The device is there, since it was opened above: another program has locked it.
+        serialport::ErrorKind::NoDevice => Errno::BUSY.into(),
+        _ => io::Error::from(error),
+    })?;
+    port.clear(ClearBuffer::All)?;
     if let Some(timer) = LatencyTimer::of(path) {
         timer.shorten();
     }
-    Ok(port)
+    Ok(Held { last_word: None, line, _port: Some(port) })
 }

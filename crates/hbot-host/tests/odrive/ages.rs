@@ -5,13 +5,13 @@ use std::sync::mpsc::channel;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{Controller, MAX_JOINTS};
-use hbot_host::bridge::bridge;
-use hbot_host::bus::odrive::Odrive;
+use hbot_host::bus::drivers::odrive::Odrive;
 use hbot_host::bus::{BusCommand, Protocol as _};
-use hbot_host::engine::{Engine, Recorder, TickTime};
-use hbot_host::layout::Layout;
 use hbot_host::line::SimulatorCall;
-use hbot_host::motors::Motors;
+use hbot_host::rig::layout::Layout;
+use hbot_host::rig::motors::Motors;
+use hbot_host::run_loop::bridge::bridge;
+use hbot_host::run_loop::engine::{Engine, Recorder, TickTime};
 
 use super::{Lossy, RIG, line, link};
 

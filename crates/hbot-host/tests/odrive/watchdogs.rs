@@ -3,7 +3,7 @@
 use std::sync::mpsc::channel;
 
 use hbot_host::bus::Protocol as _;
-use hbot_host::bus::odrive::Odrive;
+use hbot_host::bus::drivers::odrive::Odrive;
 use hbot_host::line::{Line as _, SimulatorCall};
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::rig::SimulatedRig;

@@ -1,7 +1,7 @@
 //! Virtual motors that speak the toy protocol. Their shafts are held: they give torque but do not
 //! turn.
 
-use hbot_host::conformance::Controllers;
+use hbot_host::bus::conformance::Controllers;
 
 use super::{EXPIRED, Inbox, ON, STARTED, framed};
 

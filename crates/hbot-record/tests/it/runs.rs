@@ -44,6 +44,8 @@ fn meddle(address: SocketAddr) {
         r#"{"id": 4, "op": "load_scene", "scene": {"name": "two", "effect": [{"id": "a", "kind": "spring", "stiffness": 2, "fade_out_s": 0.2}, {"id": "b", "kind": "damper", "damping": 0.03}, {"id": "c", "kind": "snaps"}]}}"#,
         r#"{"id": 5, "op": "reference", "effect": "a", "q": [0.98, 0.2, 0, 0], "omega": [0.1, 0, 0], "valid_ms": 300}"#,
         r#"{"id": 6, "op": "align", "q": [1, 0.01, 0, 0], "weight": 0.5}"#,
+        r#"{"id": 13, "op": "model", "stiffness": 1, "damping": 0.02, "planes": [{"normal": [1, 0, 0], "offset": 0.02, "stiffness": 2, "damping": 0.02}], "valid_ms": 300}"#,
+        r#"{"id": 14, "op": "model", "torque": [0, 0, 0.05], "stiffness": [[1, 0.2, 0], [0.2, 1, 0], [0, 0, 2]], "damping": [0.01, 0.01, 0.02], "valid_ms": 500}"#,
         r#"{"id": 7, "op": "load_scene", "scene": {"name": "noisy", "simulate": {"link": {"latency_s": 0.0005, "jitter_s": 0, "loss": 0, "corrupt": 0.9}}}}"#,
     ] {
         assert!(first.ask(line)["ok"].is_object(), "{line}");
@@ -88,6 +90,7 @@ fn streams_changes_faults_stops_and_stolen_leases_replay_bit_for_bit() {
     assert!(has(|command| matches!(command, Command::Stream { .. })), "{commands:?}");
     assert!(has(|command| matches!(command, Command::Reference { .. })), "{commands:?}");
     assert!(has(|command| matches!(command, Command::ClientLost(_))), "{commands:?}");
+    assert!(has(|command| matches!(command, Command::Model(_))), "{commands:?}");
     // The first scene and four changes, and one scene and state of the law every ten seconds.
     assert!(scenes >= 5 && controllers >= 5, "{scenes} scenes, {controllers} states");
 }

@@ -5,7 +5,8 @@
 //! recorder's thread -> Feed -> bounded queue -> viewers' thread -> one task for each viewer
 //! ```
 //!
-//! Nothing can be commanded here: viewers choose topics, and everything else that they send is
+//! The first request, the upgrade and the check of Host and Origin are those of the web port. Nothing can
+//! be commanded here: viewers choose topics, and everything else that they send is
 //! ignored or ends their connection. A viewer that reads too slowly loses messages, which are
 //! counted. It delays neither the loop, nor the service, nor other viewers.
 
@@ -14,7 +15,6 @@ mod protocol;
 mod tests;
 mod viewer;
 
-use std::net::TcpListener;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -27,7 +27,9 @@ use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 
 use crate::background;
+use crate::not_built::NotBuilt;
 use crate::recording::{Counts, SceneNote};
+use crate::web::{AllowedHosts, WebOptions};
 
 /// Number of messages that wait for the slowest viewer: four seconds at 1 kHz.
 const QUEUE: usize = 16 * 1024;
@@ -59,6 +61,8 @@ struct Hall {
     /// The scene that is rendered now, which a viewer receives as soon as it subscribes.
     scene: watch::Receiver<Option<Message>>,
     counts: Arc<Counts>,
+    /// Which names of this machine a browser may use.
+    hosts: Arc<AllowedHosts>,
     /// Time after which a silent viewer is disconnected. It is sent three pings in this time.
     silence: Duration,
 }
@@ -71,23 +75,31 @@ pub(crate) struct Feed {
     encoder: Encoder,
 }
 
-/// Starts the thread that serves viewers on `listener`. `joints` are the names of the joints, in
+/// Succeeds, because this build has live viewers.
+///
+/// # Errors
+/// Fails in a build without the feature `live`.
+pub const fn built() -> Result<(), NotBuilt> {
+    Ok(())
+}
+
+/// Starts the thread that serves viewers at `port`. `joints` are the names of the joints, in
 /// the order steer, drive of each wheel. The thread ends after the feed has been dropped.
 ///
 /// # Errors
 /// Fails if the system refuses a thread or its resources.
 pub(crate) fn start(
-    listener: TcpListener,
+    port: WebOptions,
     rig: &str,
     joints: Vec<String>,
     counts: Arc<Counts>,
 ) -> std::io::Result<(Feed, JoinHandle<()>)> {
-    start_with(listener, rig, joints, counts, SILENCE)
+    start_with(port, rig, joints, counts, SILENCE)
 }
 
 /// Starts the thread as [`start`] does. A viewer that is silent for `silence` is disconnected.
 fn start_with(
-    listener: TcpListener,
+    port: WebOptions,
     rig: &str,
     joints: Vec<String>,
     counts: Arc<Counts>,
@@ -96,7 +108,8 @@ fn start_with(
     let (messages, _) = broadcast::channel(QUEUE);
     let (scene, present) = watch::channel(None);
     let greeting = [protocol::server_info(rig), protocol::advertise()];
-    let hall = Hall { greeting, messages: messages.downgrade(), scene: present, counts, silence };
+    let WebOptions { listener, hosts } = port;
+    let hall = Hall { greeting, messages: messages.downgrade(), scene: present, counts, hosts, silence };
     listener.set_nonblocking(true)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let thread = std::thread::Builder::new().name("hbot-live".to_owned()).spawn(move || {

@@ -1,6 +1,6 @@
 //! Tests of live viewers with a real WebSocket client.
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener as Listener};
 use std::time::Instant;
 
 use hbot_testing::patience::PATIENCE;
@@ -28,11 +28,18 @@ fn served() -> Served {
 }
 
 fn served_with(silence: Duration) -> Served {
-    let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+    let listener = Listener::bind(("127.0.0.1", 0)).unwrap();
     let address = listener.local_addr().unwrap();
     let counts = Arc::new(Counts::default());
     let names = ["steer", "drive"].map(str::to_owned).to_vec();
-    let (feed, thread) = start_with(listener, "a rig", names, Arc::clone(&counts), silence).unwrap();
+    let (feed, thread) = start_with(
+        WebOptions { listener, hosts: Arc::default() },
+        "a rig",
+        names,
+        Arc::clone(&counts),
+        silence,
+    )
+    .unwrap();
     Served { feed: Some(feed), thread: Some(thread), counts, address }
 }
 
@@ -217,6 +224,33 @@ async fn either_name_of_the_protocol_is_agreed_to_and_no_other() {
         Err(Error::Http(answer)) => assert_eq!(answer.status(), 400),
         other => panic!("{:?}", other.map(|_| "agreed")),
     }
+}
+
+/// Every web page could connect here. The page says from where it is, and by which name it came.
+#[tokio::test]
+async fn a_page_from_elsewhere_sees_nothing() {
+    let served = served();
+    let asked = async |host: &str, origin: Option<&str>| {
+        let mut request = format!("ws://{}", served.address).into_client_request().unwrap();
+        let headers = request.headers_mut();
+        headers.insert("sec-websocket-protocol", "foxglove.sdk.v1".parse().unwrap());
+        headers.insert("host", host.parse().unwrap());
+        origin.map(|origin| headers.insert("origin", origin.parse().unwrap()));
+        let stream = TcpStream::connect(served.address).await.unwrap();
+        match tokio_tungstenite::client_async(request, stream).await {
+            Ok(_) => 101,
+            Err(Error::Http(answer)) => answer.status().as_u16(),
+            Err(other) => panic!("{other}"),
+        }
+    };
+    let own = served.address.to_string();
+    assert_eq!(asked(&own, None).await, 101, "a viewer that is no browser");
+    assert_eq!(asked(&own, Some(&format!("http://{own}"))).await, 101);
+    assert_eq!(asked(&own, Some("https://evil.example")).await, 403);
+    assert_eq!(asked(&own, Some("null")).await, 403);
+    let rebound = format!("evil.example:{}", served.address.port());
+    assert_eq!(asked(&rebound, Some(&format!("http://{rebound}"))).await, 403);
+    assert_eq!(asked(&rebound, None).await, 403);
 }
 
 #[tokio::test]

@@ -9,15 +9,18 @@ use tokio::net::TcpStream;
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{Instant, interval_at, timeout};
-use tokio_tungstenite::tungstenite::handshake::server::{ErrorResponse, Request, Response};
+use tokio_tungstenite::WebSocketStream;
+use tokio_tungstenite::tungstenite::handshake::server::Request;
 use tokio_tungstenite::tungstenite::http::{HeaderValue, StatusCode, header};
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
-use tokio_tungstenite::tungstenite::protocol::{CloseFrame, WebSocketConfig};
+use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{self, Message as Frame};
-use tokio_tungstenite::{WebSocketStream, accept_hdr_async_with_config};
 
 use super::protocol::{self, Subscription};
 use super::{Hall, Message};
+use crate::web::allowed::Door;
+use crate::web::head::Refusal;
+use crate::web::upgrade;
 
 /// Time limit for the handshake.
 const HANDSHAKE: Duration = Duration::from_secs(5);
@@ -61,7 +64,7 @@ struct Viewer {
 }
 
 /// Serves one viewer until it leaves or the run is over.
-pub(super) async fn serve(stream: TcpStream, hall: Arc<Hall>) {
+pub(super) async fn serve(mut stream: TcpStream, hall: Arc<Hall>) {
     // Without it, some messages would wait for the acknowledgement of those before them.
     let _ = stream.set_nodelay(true);
     let config = WebSocketConfig::default()
@@ -69,8 +72,8 @@ pub(super) async fn serve(stream: TcpStream, hall: Arc<Hall>) {
         .write_buffer_size(COLLECT)
         .max_message_size(Some(REQUEST))
         .max_frame_size(Some(REQUEST));
-    let handshake = accept_hdr_async_with_config(stream, agree, Some(config));
-    let Ok(Ok(socket)) = timeout(HANDSHAKE, handshake).await else { return };
+    let Ok(Ok(Some(rest))) = timeout(HANDSHAKE, shake_hands(&mut stream, &hall)).await else { return };
+    let socket = WebSocketStream::from_partially_read(stream, rest, Role::Server, Some(config)).await;
     let Some(mut messages) = hall.messages.upgrade().map(|messages| messages.subscribe()) else { return };
     let mut viewer = Viewer { socket, hall, subscriptions: Vec::new(), dropped: 0 };
     let (code, reason) = match viewer.run(&mut messages).await {
@@ -85,28 +88,30 @@ pub(super) async fn serve(stream: TcpStream, hall: Arc<Hall>) {
     let _ = timeout(STALL, farewell).await;
 }
 
-/// Chooses the name of the protocol. Refuses a connection that offers none that is known, such as
-/// that of a browser which was led here.
-#[allow(clippy::result_large_err, reason = "the type is that of tungstenite's callback")]
-fn agree(request: &Request, mut response: Response) -> Result<Response, ErrorResponse> {
+/// Makes a connection a WebSocket. Returns the bytes that the viewer has sent after its request, or
+/// `None` if it was refused.
+async fn shake_hands(stream: &mut TcpStream, hall: &Hall) -> std::io::Result<Option<Vec<u8>>> {
+    // Viewers that are no browsers send no Origin. They can only watch.
+    let door = Door { hosts: &hall.hosts, at: stream.local_addr()?, encrypted: false, without_origin: true };
+    upgrade(stream, |request| {
+        door.check(request)?;
+        let name = agree(request)?;
+        Ok(Some((header::SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(name))))
+    })
+    .await
+}
+
+/// Chooses the name of the protocol. Refuses a connection that offers none that is known.
+fn agree(request: &Request) -> Result<&'static str, Refusal> {
     let offers = request.headers().get_all(header::SEC_WEBSOCKET_PROTOCOL).iter();
     let offered: Vec<&str> = offers
         .filter_map(|value| value.to_str().ok())
         .flat_map(|value| value.split(',').map(str::trim))
         .collect();
-    match protocol::NAMES.into_iter().find(|name| offered.contains(name)) {
-        Some(name) => {
-            let name = HeaderValue::from_static(name);
-            response.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, name);
-            Ok(response)
-        }
-        None => {
-            let what = format!("the WebSocket subprotocol must be {}\n", protocol::NAMES.join(" or "));
-            let mut refused = ErrorResponse::new(Some(what));
-            *refused.status_mut() = StatusCode::BAD_REQUEST;
-            Err(refused)
-        }
-    }
+    protocol::NAMES.into_iter().find(|name| offered.contains(name)).ok_or_else(|| {
+        let what = format!("the WebSocket subprotocol must be {}", protocol::NAMES.join(" or "));
+        Refusal::new(StatusCode::BAD_REQUEST, what)
+    })
 }
 
 impl Viewer {

@@ -20,7 +20,6 @@ mod tests;
 mod thread;
 
 use std::collections::BTreeMap;
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -31,11 +30,12 @@ use std::time::Duration;
 use hbot_api::Event;
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Controller};
-use hbot_host::clock::Origin;
-use hbot_host::engine::Recorder;
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::engine::Recorder;
 use hbot_record::About;
 
 use crate::live;
+use crate::web::WebOptions;
 
 pub use self::file::{is_file, is_folder, unsuitable};
 pub use self::limit::Limit;
@@ -74,6 +74,7 @@ pub(crate) struct Counts {
 
 impl Counts {
     /// Counts messages that a live viewer did not get.
+    #[cfg(feature = "live")]
     pub(crate) fn drop_for_viewer(&self, messages: u64) {
         self.viewers_dropped.fetch_add(messages, Ordering::Relaxed);
     }
@@ -228,7 +229,7 @@ fn unpoisoned<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 pub(crate) struct Prepared {
     options: RecordOptions,
     flights: bool,
-    live: Option<TcpListener>,
+    live: Option<WebOptions>,
     retry_after: Duration,
     drain: Drain,
     scene: SceneNote,
@@ -253,7 +254,7 @@ pub(crate) struct Recording {
 pub(crate) fn prepare(
     options: RecordOptions,
     flights: bool,
-    live: Option<TcpListener>,
+    live: Option<WebOptions>,
     scene: SceneNote,
     waits: bool,
 ) -> (Recorder, Prepared) {

@@ -1,8 +1,8 @@
 //! The loop's half of a recorder: it copies each tick into a ring, and never waits.
 
 use hbot_core::{Controller, Inputs, Outputs};
-use hbot_host::engine::Ticked;
-use hbot_host::sample::TickTiming;
+use hbot_host::run_loop::engine::Ticked;
+use hbot_host::run_loop::sample::TickTiming;
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
 /// Number of ticks that can wait for the recorder's thread: one second at 4 kHz.

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use hbot_config::RunningScene;
 use hbot_core::Inputs;
-use hbot_host::engine::Ticked;
-use hbot_host::sample::{Counters, Sample, TickTiming};
+use hbot_host::run_loop::engine::Ticked;
+use hbot_host::run_loop::sample::{Counters, Sample, TickTiming};
 use hbot_record::Replay;
 use hbot_record::replay::{Flaw, ReplayError, Report};
 use hbot_testing::patience::eventually;

@@ -3,7 +3,7 @@
 use std::io;
 use std::os::fd::OwnedFd;
 
-use hbot_host::bridge::Bell;
+use hbot_host::run_loop::bridge::Bell;
 use tokio::io::unix::AsyncFd;
 
 /// The loop's notification of new samples, in a form that async tasks can wait for. It belongs to

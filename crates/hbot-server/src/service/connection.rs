@@ -1,11 +1,12 @@
 //! One connection: runs its `reader` and its `writer`, from the TLS handshake to the end.
 
 use std::io;
+use std::sync::Arc;
 use std::time::Duration;
 
 use rustix::net::sockopt;
 
-use hbot_api::{Encoding, ErrorBody, Response};
+use hbot_api::{Encoding, ErrorBody, ErrorCode, Response};
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, split};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout, timeout_at};
@@ -17,6 +18,8 @@ use super::outbox::Inbox;
 use super::reader::{Ended, PIECE_BYTES, Reader};
 use super::writer::Writer;
 use crate::tls::Encryption;
+use crate::web::allowed::Door;
+use crate::web::{AllowedHosts, Visit, WebSocket, visit};
 
 /// Longest time for which a connection is still read after the server has ended it. Closing it with
 /// unread bytes would reset it, and the client could lose the answer that gives the reason.
@@ -50,6 +53,55 @@ pub(super) async fn serve(
     }
 }
 
+/// Serves one connection to the web port, including its TLS handshake: one request for a part of the
+/// page, or a WebSocket until either side ends it.
+pub(super) async fn serve_web(
+    stream: TcpStream,
+    hosts: Arc<AllowedHosts>,
+    session: u64,
+    desk: Desk,
+    inbox: Inbox,
+) {
+    let (bounds, encryption, has_token) = {
+        let hub = desk.hub();
+        (*hub.bounds(), hub.encryption().cloned(), hub.has_token())
+    };
+    let deadline = Instant::now() + bounds.hello;
+    let Ok(at) = stream.local_addr() else { return desk.gone(session, Gone::Ended) };
+    let door = Door { hosts: &hosts, at, encrypted: encryption.is_some(), without_origin: has_token };
+    let Some(encryption) = encryption else {
+        return enter(stream, &door, deadline, session, desk, inbox).await;
+    };
+    match timeout_at(deadline, encryption.shake_hands(stream)).await {
+        Ok(Ok(stream)) => enter(stream, &door, deadline, session, desk, inbox).await,
+        Ok(Err(_)) | Err(_) => desk.gone(session, Gone::NoHandshake),
+    }
+}
+
+/// Serves a connection to the web port after the TLS handshake, if any.
+async fn enter<S: AsyncRead + AsyncWrite + Unpin>(
+    mut stream: S,
+    door: &Door<'_>,
+    deadline: Instant,
+    session: u64,
+    desk: Desk,
+    inbox: Inbox,
+) {
+    let visit = timeout_at(deadline, visit(&mut stream, door)).await;
+    if let Ok(Ok(Visit::Upgraded { rest })) = visit {
+        let bounds = *desk.hub().bounds();
+        let agreed = desk.clone();
+        let encoding = move || agreed.hub().encoding(session);
+        let socket = WebSocket::new(stream, &rest, bounds.silence, encoding);
+        return converse(socket, deadline, session, desk, inbox, bounds).await;
+    }
+    if let Ok(Ok(Visit::Refused)) = visit {
+        desk.hub().refused(ErrorCode::BadRequest);
+    }
+    desk.gone(session, Gone::Ended);
+    linger(&mut stream).await;
+}
+
 /// Serves a connection after the TLS handshake, if any. Closes it if no hello arrives by
 /// `deadline`.
 pub(super) async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
@@ -80,7 +132,7 @@ pub(super) async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
         }
     };
     drop((reader, writer));
-    if ended == Ended::ByServer {
+    if ended != Ended::Broken {
         linger(&mut stream).await;
     }
 }
@@ -129,16 +181,31 @@ pub(super) fn watch_over(stream: &TcpStream) -> rustix::io::Result<()> {
 /// Refuses a new connection: sends an error message and closes it.
 pub(super) async fn turn_away(mut stream: TcpStream, error: ErrorBody) {
     let mut line = Vec::new();
-    if Encoding::Json.encode(&Response::error(None, error), &mut line).is_ok()
-        && matches!(timeout(LINGER, stream.write_all(&line)).await, Ok(Ok(())))
-    {
-        linger(&mut stream).await;
+    if Encoding::Json.encode(&Response::error(None, error), &mut line).is_ok() {
+        send_off(&mut stream, &line).await;
+    }
+}
+
+/// Refuses a new connection to the web port: sends an HTTP answer and closes it.
+pub(super) async fn turn_away_visitor(mut stream: TcpStream, error: ErrorBody) {
+    let why = error.message;
+    let answer = format!(
+        "HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nContent-Length: {}\r\nRetry-After: 1\r\n\
+         Connection: close\r\n\r\n{why}",
+        why.len()
+    );
+    send_off(&mut stream, answer.as_bytes()).await;
+}
+
+async fn send_off(stream: &mut TcpStream, bytes: &[u8]) {
+    if matches!(timeout(LINGER, stream.write_all(bytes)).await, Ok(Ok(()))) {
+        linger(stream).await;
     }
 }
 
 async fn linger<S: AsyncRead + AsyncWrite + Unpin>(stream: &mut S) {
     let deadline = Instant::now() + LINGER;
-    if stream.shutdown().await.is_err() {
+    if !matches!(timeout_at(deadline, stream.shutdown()).await, Ok(Ok(()))) {
         return;
     }
     let mut piece = vec![0; PIECE_BYTES];

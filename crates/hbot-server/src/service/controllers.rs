@@ -3,7 +3,7 @@
 use hbot_api::{ControllerFlag, ControllerInfo, ControllersOk};
 use hbot_core::{MAX_JOINTS, Rig};
 use hbot_host::bus::Telemetry;
-use hbot_host::controllers::{Controllers, JointController};
+use hbot_host::rig::controllers::{Controllers, JointController};
 
 /// Returns the answer. `telemetry` is what the controller of each joint last reported.
 pub(super) fn answer(

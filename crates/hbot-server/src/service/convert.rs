@@ -4,7 +4,7 @@ use hbot_api::{ClientLostPolicy, StateEvent, StateTiming};
 use hbot_core::inputs::OnClientLost;
 use hbot_core::outputs::State;
 use hbot_core::{Quat, Vec3};
-use hbot_host::sample::{Sample, TickTiming};
+use hbot_host::run_loop::sample::{Sample, TickTiming};
 pub(crate) use hbot_record::public::{fault, mode};
 
 pub(super) fn client_lost_policy(policy: OnClientLost) -> ClientLostPolicy {

@@ -11,7 +11,7 @@ use tokio::task::{JoinError, JoinSet};
 
 use crate::flight::{Failures, Flight, FlightRecorder};
 use crate::recording::{FlightNote, Notes};
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// Largest number of flight logs that are written at a time. A further log is discarded and counted
 /// as failed.

@@ -6,7 +6,9 @@
 //! | [`Publisher`] | clients, their subscriptions, messages that are queued for them |
 //! | [`Lease`] | which client may command |
 //! | [`Orders`] | orders to the loop that are not answered yet, and who asked for them |
+//! | [`SceneHand`] | the simulated hand |
 //! | [`Scenes`] | the running scene, and scenes that are being loaded |
+//! | [`Models`] | which local models of clients the rig keeps stable |
 //! | [`Incidents`] | faults and stops, as seen in samples |
 //! | [`Flights`] | flight logs |
 //! | [`Stats`] | histograms and counters |
@@ -29,11 +31,13 @@ use tokio::time::Instant;
 
 use super::bucket::LongMessages;
 use super::flights::Flights;
+use super::hand::SceneHand;
 use super::incidents::Incidents;
 use super::info::{Clock, Info};
 use super::lease::Lease;
+use super::models::Models;
 use super::orders::{Asker, Orders};
-use super::peer::Peer;
+use super::peer::{Peer, ServicePort};
 use super::publisher::Publisher;
 use super::scenes::Scenes;
 use super::shakes::Shakes;
@@ -42,10 +46,10 @@ use super::strangers::WrongTokens;
 use super::{Bounds, ServiceSetup, Status};
 use crate::tls::Encryption;
 use hbot_core::MAX_JOINTS;
-use hbot_host::bridge::{Bell, EmergencyStop, ServiceEnd};
 use hbot_host::bus::Telemetry;
-use hbot_host::controllers::Controllers;
-use hbot_host::sample::Sample;
+use hbot_host::rig::controllers::Controllers;
+use hbot_host::run_loop::bridge::{Bell, Busy, EmergencyStop, ServiceEnd};
+use hbot_host::run_loop::sample::Sample;
 
 /// The service's own orders when a client loses the lease, as the log names them.
 const CLIENT_LOST: &str = "client lost";
@@ -91,8 +95,10 @@ pub(super) struct Hub {
     lease: Lease,
     orders: Orders,
     scenes: Scenes,
+    models: Models,
     incidents: Incidents,
     shakes: Shakes,
+    hand: SceneHand,
     flights: Flights,
     latest: Option<Sample>,
     /// What the controller of each joint last reported about itself.
@@ -119,6 +125,7 @@ impl Hub {
             rig,
             scene,
             phenomena,
+            hand,
             token,
             encryption,
             flight_dir,
@@ -127,6 +134,7 @@ impl Hub {
             origin,
             time_waits,
             notes,
+            web: _,
         } = setup;
         let changed = Arc::new(Notify::new());
         let simulated = phenomena.is_some();
@@ -146,8 +154,10 @@ impl Hub {
             lease: Lease::default(),
             orders: Orders::default(),
             scenes: Scenes::new(scene, phenomena, &rig, notes.clone(), Arc::clone(&changed)),
+            models: Models::new(&rig),
             incidents,
             shakes: Shakes::default(),
+            hand: SceneHand::new(hand),
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
             latest: None,
             telemetry: [Telemetry::default(); MAX_JOINTS],
@@ -169,6 +179,16 @@ impl Hub {
 
     pub(super) fn encryption(&self) -> Option<&Encryption> {
         self.encryption.as_ref()
+    }
+
+    /// Returns whether clients must send a token.
+    pub(super) const fn has_token(&self) -> bool {
+        self.token.is_some()
+    }
+
+    /// Returns the encoding that a client has asked for in its hello.
+    pub(super) fn encoding(&self, session: u64) -> Encoding {
+        self.publisher.encoding(session)
     }
 
     /// Returns the notifier that wakes the service's task when it must change what it waits for.
@@ -204,9 +224,9 @@ impl Hub {
         &mut self.long_messages
     }
 
-    /// Returns the number of connected clients that have not sent their hello yet.
-    pub(super) fn strangers(&self) -> usize {
-        self.publisher.strangers()
+    /// Returns the number of clients connected to `port` that have not sent their hello yet.
+    pub(super) fn strangers(&self, port: ServicePort) -> usize {
+        self.publisher.strangers(port)
     }
 
     /// Counts a new connection and returns its session number.
@@ -231,10 +251,10 @@ impl Hub {
         self.stats.counts.refused.add(code);
     }
 
-    /// Closes the connection that has waited longest for the refusal of its wrong token, so that
-    /// another connection gets its place. Returns false if there is no such connection.
-    pub(super) fn cut_a_guess(&mut self) -> bool {
-        self.publisher.cut_a_guess()
+    /// Closes the connection to `port` that has waited longest for the refusal of its wrong token, so
+    /// that another connection gets its place. Returns false if there is no such connection.
+    pub(super) fn cut_a_guess(&mut self, port: ServicePort) -> bool {
+        self.publisher.cut_a_guess(port)
     }
 
     /// Processes the waiting samples and returns the statistics of the run so far.
@@ -327,7 +347,13 @@ impl Hub {
     /// # Errors
     /// Fails if too many orders are pending.
     fn order(&mut self, session: u64, id: Option<Id>, op: OpName, command: Command) -> Result<(), ErrorBody> {
-        self.orders.place(&mut self.end, session, id, op, command).map_err(|_| {
+        let placed = self.orders.place(&mut self.end, session, id, op, command);
+        self.placed(session, op, placed)
+    }
+
+    /// Notes that an order of a client waits for its answer.
+    fn placed(&mut self, session: u64, op: OpName, placed: Result<(), Busy>) -> Result<(), ErrorBody> {
+        placed.map_err(|_| {
             ErrorBody::new(
                 ErrorCode::Busy,
                 format!("op {op}: the loop has not yet taken what it was given before"),
@@ -344,7 +370,10 @@ impl Hub {
     /// Announces a change of the lease, caused by the client `by`, to all clients. If the lease was
     /// stolen or released, also ramps down the torque stream of the old holder.
     fn lease_changed(&mut self, cause: LeaseCause, by: Option<Requester>) {
-        // A stream must not continue under the next holder, or without a holder.
+        // A stream or a moving hand must not continue under the next holder, or without a holder.
+        if cause != LeaseCause::Acquired {
+            self.hand.let_go();
+        }
         match cause {
             LeaseCause::Stolen => {
                 self.order_internally(LEASE_STOLEN, Command::ClientLost(OnClientLost::Ramp));

@@ -10,8 +10,8 @@ use hbot_core::safety::mode::{Cause, Mode};
 
 use super::convert;
 use super::flights::Flights;
-use hbot_host::bridge::ServiceEnd;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::bridge::ServiceEnd;
+use hbot_host::run_loop::sample::Sample;
 
 /// Detects faults, emergency stops and resets in the samples of the loop.
 pub(super) struct Incidents {
@@ -199,7 +199,7 @@ mod tests {
     use hbot_config::RigConfig;
 
     use super::*;
-    use hbot_host::bridge::bridge;
+    use hbot_host::run_loop::bridge::bridge;
 
     #[test]
     fn a_fault_of_a_simulated_rig_says_that_nothing_is_broken() {

@@ -1,11 +1,11 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    ClockInfo, EnergyInfo, FaultEvent, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo, PassivityInfo,
-    RenderInfo, RigInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClockInfo, EnergyInfo, Fault, FaultEvent, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
+    Mode, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, TractionInfo, WheelInfo,
 };
 use hbot_config::RigConfig;
-use hbot_config::scene::Listed;
+use hbot_config::scene::{Listed, SHELF};
 use hbot_core::allocation::{ContactArms, JointLimits, capability};
 use hbot_core::design::kinematics::Posture;
 use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
@@ -13,8 +13,8 @@ use serde_json::Value;
 
 use super::convert;
 use hbot_config::advice::{RatePick, StiffnessBound, ToldLoop, USUAL_DAMPING};
-use hbot_host::clock::Origin;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::sample::Sample;
 
 /// The parts of the answer to `info` that do not change while the server runs.
 pub(super) struct Info {
@@ -27,6 +27,8 @@ pub(super) struct Info {
 pub(super) struct Now<'a> {
     /// The running scene.
     pub(super) scene: Value,
+    /// The warnings about it.
+    pub(super) warnings: Vec<String>,
     /// The newest sample of the loop, if there is one.
     pub(super) sample: Option<&'a Sample>,
     /// The lease and its holder.
@@ -66,6 +68,9 @@ impl Info {
             on_client_lost: convert::client_lost_policy(config.api.on_client_lost),
             effects: listed(hbot_config::scene::kinds()),
             phenomena: simulated.then(|| listed(hbot_config::scene::phenomena())),
+            scenes: scenes(),
+            modes: Mode::ALL.map(mode).into(),
+            faults: Fault::ALL.map(fault).into(),
             ..InfoOk::default()
         };
         Self { fixed, limits: joint_limits(config), clock }
@@ -74,7 +79,7 @@ impl Info {
     /// Returns the complete answer to `info`. The largest torque about each axis is computed for
     /// the posture in the sample, and is absent without a sample.
     pub(super) fn answer(&self, config: &RigConfig, now: Now<'_>) -> InfoOk {
-        let Now { scene, sample, lease, incident } = now;
+        let Now { scene, warnings, sample, lease, incident } = now;
         let capability = sample.map(|sample| {
             let device = &config.rig.device;
             let mut steering = [0.0; MAX_WHEELS];
@@ -86,7 +91,16 @@ impl Info {
         });
         let clock = Some(self.clock.at(sample, config.rig.timing.period_ns));
         let mode = sample.map(|sample| convert::mode(sample.state.mode));
-        InfoOk { clock, scene, capability, lease: Some(lease), mode, incident, ..self.fixed.clone() }
+        InfoOk {
+            clock,
+            scene,
+            warnings,
+            capability,
+            lease: Some(lease),
+            mode,
+            incident,
+            ..self.fixed.clone()
+        }
     }
 }
 
@@ -151,9 +165,40 @@ fn render(config: &RigConfig) -> Option<RenderInfo> {
         stiffness_stable: expected.stable(USUAL_DAMPING),
         stiffness_most,
         damping_most: expected.most_damping(),
+        border: border(&expected),
         rate_pick: config.rate_pick.as_ref().map(RatePick::sentence),
         sampled: Some(ToldLoop::of(expected.sampled()).into()),
     })
+}
+
+/// Returns pairs of a damping and the largest stiffness that is stable with it.
+fn border(expected: &StiffnessBound) -> Vec<[f64; 2]> {
+    /// Number of dampings, and the ratio of one to the next. The first is a 300th of the largest,
+    /// below which the border is straight.
+    const PAIRS: i32 = 32;
+    const STEP: f64 = 1.2;
+    let most = expected.most_damping();
+    let dampings = (0..PAIRS).rev().map(|k| most * STEP.powi(-k));
+    let pairs = std::iter::once(0.0).chain(dampings).map(|damping| [damping, expected.stable(damping)]);
+    pairs.filter(|pair| pair.iter().all(|x| x.is_finite())).collect()
+}
+
+fn scenes() -> Vec<SceneInfo> {
+    let told = SHELF.iter().map(|entry| {
+        let scene = entry.scene();
+        let (name, description) = (scene.name().to_owned(), scene.description().to_owned());
+        SceneInfo { file: entry.file.to_owned(), name, description }
+    });
+    told.collect()
+}
+
+fn mode(mode: Mode) -> ModeWords {
+    ModeWords { name: mode.to_string(), sentence: mode.sentence().to_owned() }
+}
+
+fn fault(fault: Fault) -> FaultWords {
+    let (sentence, remedy) = fault.words();
+    FaultWords { name: fault.to_string(), sentence: sentence.to_owned(), remedy: remedy.to_owned() }
 }
 
 fn listed(kinds: Vec<Listed>) -> Vec<KindInfo> {
@@ -180,7 +225,7 @@ fn joint_limits(config: &RigConfig) -> JointLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_host::sample::Counters;
+    use hbot_host::run_loop::sample::Counters;
 
     #[test]
     fn the_origin_moves_by_the_ticks_for_which_the_time_has_waited() {

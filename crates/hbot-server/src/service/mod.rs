@@ -38,10 +38,12 @@ pub(crate) mod convert;
 mod cost;
 mod desk;
 mod flights;
+mod hand;
 mod hub;
 mod incidents;
 mod info;
 mod lease;
+mod models;
 mod orders;
 mod outbox;
 mod peer;
@@ -71,14 +73,16 @@ use hbot_config::{RigConfig, RunningScene};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
+pub use self::hand::{MoveHand, SimulatedHand};
 pub use self::scenes::set_refusal;
 pub(crate) use self::strangers::too_few_descriptors;
 use crate::recording::Notes;
 use crate::tls::Encryption;
-use hbot_host::bridge::ServiceEnd;
-use hbot_host::clock::Origin;
-use hbot_host::controllers::Controllers;
-use hbot_host::sample::Sample;
+use crate::web::WebOptions;
+use hbot_host::rig::controllers::Controllers;
+use hbot_host::run_loop::bridge::ServiceEnd;
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::sample::Sample;
 
 /// A function that gives the simulated rig the phenomena of a scene.
 pub type SetPhenomena = Box<dyn FnMut(&Simulate) + Send>;
@@ -92,6 +96,8 @@ pub struct ServiceSetup {
     /// The function that receives the phenomena that a newly loaded scene names. `None` with a real
     /// rig, which ignores phenomena.
     pub phenomena: Option<SetPhenomena>,
+    /// The simulated hand. `None` with a real rig.
+    pub hand: Option<SimulatedHand>,
     /// The token that clients must send. With `None` no token is required.
     pub token: Option<String>,
     /// The TLS encryption of connections. With `None` connections are plain TCP.
@@ -106,10 +112,12 @@ pub struct ServiceSetup {
     pub origin: Origin,
     /// Whether the loop's time waits instead of skipping ticks ([`Host::time_waits`]).
     ///
-    /// [`Host::time_waits`]: hbot_host::host::Host::time_waits
+    /// [`Host::time_waits`]: hbot_host::rig::host::Host::time_waits
     pub time_waits: bool,
     /// Passes scenes and events to the recorder.
     pub(crate) notes: Notes,
+    /// The page and the API over WebSocket. With `None` they are not served.
+    pub web: Option<WebOptions>,
 }
 
 /// A request to the service from another part of the program, such as the metrics page.
@@ -163,6 +171,9 @@ struct Bounds {
     hello: Duration,
     /// Delay before the answer to a wrong token, which slows down guessing.
     wrong_token: Duration,
+    /// Time after which a client over WebSocket from which nothing comes, not even answers to pings,
+    /// is considered gone.
+    silence: Duration,
     /// Time without progress in sending to a client after which the client is considered gone.
     stuck: Duration,
     /// Largest number of messages that wait to be sent to one client.
@@ -180,6 +191,7 @@ impl Default for Bounds {
             strangers: 32,
             hello: Duration::from_secs(2),
             wrong_token: Duration::from_millis(500),
+            silence: Duration::from_secs(30),
             stuck: Duration::from_secs(5),
             outgoing: 256,
             requests_per_s: 100_000,
@@ -187,7 +199,7 @@ impl Default for Bounds {
     }
 }
 
-/// Serves the clients of `listener` until `shutdown` completes, or until the loop has ended and all
+/// Serves the clients of `listener`, and those of the web port, until `shutdown` completes, or until the loop has ended and all
 /// its samples are taken. Then notifies the clients, which takes at most 200 ms, finishes the
 /// flight logs and returns the statistics of the run. Needs a tokio runtime with I/O and time. One
 /// thread is enough.
@@ -212,6 +224,8 @@ async fn serve_within(
     status: watch::Sender<Status>,
     shutdown: impl Future<Output = ()>,
 ) -> Summary {
+    let mut setup = setup;
+    let listeners = run::Listeners::new(listener, setup.web.take());
     let desk = desk::Desk::new(hub::Hub::new(bounds, end, setup, status));
-    run::run(desk, listener, control, shutdown).await
+    run::run(desk, listeners, control, shutdown).await
 }

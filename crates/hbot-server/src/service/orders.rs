@@ -3,11 +3,12 @@
 use std::collections::VecDeque;
 
 use hbot_api::{Id, OpName, OpRow, Stop};
-use hbot_core::inputs::Command;
+use hbot_core::inputs::{Command, ModelCommand};
 use hbot_core::outputs::Reply;
+use hbot_core::render::model::LocalModel;
 
-use hbot_host::bridge::{Busy, ServiceEnd};
-use hbot_host::sample::Answer;
+use hbot_host::run_loop::bridge::{Busy, ServiceEnd};
+use hbot_host::run_loop::sample::Answer;
 
 /// If at least this many orders are pending, stream messages are refused. The loop executes 7
 /// orders per tick, in sequence.
@@ -38,6 +39,8 @@ pub(super) enum Asker {
         session: u64,
         id: Option<Id>,
         op: OpName,
+        /// Fraction of the stiffness of a model that is rendered.
+        scale: f64,
     },
     /// The service itself, with a description of the order for the log.
     Service(&'static str),
@@ -72,7 +75,29 @@ impl Orders {
             return Err(Busy);
         }
         let ticket = end.order(command)?;
-        self.pending.push_back((ticket, Asker::Client { session, id, op }));
+        self.pending.push_back((ticket, Asker::Client { session, id, op, scale: 1.0 }));
+        self.newest = None;
+        Ok(())
+    }
+
+    /// Sends a client's model to the loop, whose stiffness is `scale` times what the client has
+    /// asked for. The answer arrives with a later sample.
+    ///
+    /// # Errors
+    /// Fails if too many orders are pending.
+    pub(super) fn place_model(
+        &mut self,
+        end: &mut ServiceEnd,
+        (session, id): (u64, Option<Id>),
+        command: ModelCommand,
+        (model, scale): (&LocalModel, f64),
+    ) -> Result<(), Busy> {
+        let op = OpName::Model;
+        if self.pending.len() >= places(op) {
+            return Err(Busy);
+        }
+        let ticket = end.order_model(command, model)?;
+        self.pending.push_back((ticket, Asker::Client { session, id, op, scale }));
         self.newest = None;
         Ok(())
     }
@@ -132,7 +157,7 @@ mod tests {
     use hbot_core::inputs::OnClientLost;
 
     use super::*;
-    use hbot_host::bridge::bridge;
+    use hbot_host::run_loop::bridge::bridge;
 
     #[tokio::test]
     async fn what_the_service_orders_again_and_again_waits_once() {
@@ -191,6 +216,6 @@ mod tests {
         assert_eq!(place(OpName::Torque, Command::Reset), 0);
         assert_eq!(place(OpName::Enable, Command::Enable), MAX_ORDERS - MAX_STREAMS);
         assert_eq!(place(OpName::Disable, Command::Disable), MAX_DISABLES - MAX_ORDERS);
-        assert!(place(OpName::Estop, hbot_host::bridge::CONFIRMED) > 0);
+        assert!(place(OpName::Estop, hbot_host::run_loop::bridge::CONFIRMED) > 0);
     }
 }

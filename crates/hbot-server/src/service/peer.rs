@@ -13,12 +13,23 @@ use super::outbox::Outbox;
 /// Minimum time between two `refused` events to one client.
 const REFUSED_EVERY: Duration = Duration::from_secs(1);
 
+/// A port at which clients connect. Each has its own places for connections, so that one cannot be
+/// shut by connections to the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ServicePort {
+    /// Messages over TCP.
+    Tcp,
+    /// The page, and messages over WebSocket.
+    Web,
+}
+
 /// The state of one client, as the hub keeps it.
 pub(super) struct Peer {
     /// The name that the client gave in its hello. `None` before the hello.
     pub(super) name: Option<String>,
     /// The IP address of the client.
     pub(super) address: IpAddr,
+    pub(super) port: ServicePort,
     /// True if the client has sent a wrong token and its refusal is being delayed.
     pub(super) guessed: bool,
     pub(super) encoding: Encoding,
@@ -62,6 +73,7 @@ impl Peer {
         Self {
             name: None,
             address,
+            port: ServicePort::Tcp,
             guessed: false,
             encoding: Encoding::Json,
             outbox,
@@ -74,6 +86,11 @@ impl Peer {
             last_refused: None,
             refused_told: None,
         }
+    }
+
+    /// Returns the client as one that has connected to `port`.
+    pub(super) fn at(self, port: ServicePort) -> Self {
+        Self { port, ..self }
     }
 
     /// Returns whether the client has sent its hello and is still connected.

@@ -10,10 +10,10 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 
 use super::convert;
-use super::peer::{Frames, Peer};
+use super::peer::{Frames, Peer, ServicePort};
 use crate::recording::Notes;
 use hbot_core::outputs::TakenStream;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// All connected clients, and the messages to them.
 pub(super) struct Publisher {
@@ -88,10 +88,11 @@ impl Publisher {
         Some(peer.address)
     }
 
-    /// Closes the connection that has waited longest for the refusal of its wrong token. Returns
-    /// false if there is no such connection.
-    pub(super) fn cut_a_guess(&mut self) -> bool {
-        let guess = self.peers.iter().find(|(_, peer)| peer.guessed).map(|(session, _)| *session);
+    /// Closes the connection to `port` that has waited longest for the refusal of its wrong token.
+    /// Returns false if there is no such connection.
+    pub(super) fn cut_a_guess(&mut self, port: ServicePort) -> bool {
+        let mut guesses = self.peers.iter().filter(|(_, peer)| peer.guessed && peer.port == port);
+        let guess = guesses.next().map(|(session, _)| *session);
         let Some(peer) = guess.and_then(|session| self.peers.remove(&session)) else { return false };
         peer.task.abort();
         true
@@ -111,9 +112,14 @@ impl Publisher {
         self.name(session).map(|name| Requester { name: name.to_owned(), session: Some(session) })
     }
 
-    /// Returns the number of connected clients that have not sent their hello yet.
-    pub(super) fn strangers(&self) -> usize {
-        self.peers.values().filter(|peer| peer.name.is_none()).count()
+    /// Returns the encoding that a client has asked for in its hello. JSON before that.
+    pub(super) fn encoding(&self, session: u64) -> Encoding {
+        self.peers.get(&session).map_or(Encoding::Json, |peer| peer.encoding)
+    }
+
+    /// Returns the number of clients connected to `port` that have not sent their hello yet.
+    pub(super) fn strangers(&self, port: ServicePort) -> usize {
+        self.peers.values().filter(|peer| peer.name.is_none() && peer.port == port).count()
     }
 
     /// Returns the number of connected clients that have sent their hello.
@@ -145,9 +151,10 @@ impl Publisher {
         self.foreign_stream = stream(sample);
     }
 
-    /// Sends a state to the clients that are subscribed to this tick. Returns how many of them did
-    /// not get it because they read too slowly.
-    pub(super) fn publish(&mut self, sample: &Sample) -> u64 {
+    /// Sends a state to the clients that are subscribed to this tick. `hand` returns the torque of
+    /// the simulated hand, N m, if there is one. Returns how many clients did not get the state
+    /// because they read too slowly.
+    pub(super) fn publish(&mut self, sample: &Sample, hand: impl Fn() -> Option<[f64; 3]>) -> u64 {
         let (mut filled, mut dropped) = (false, 0);
         let Self { peers, state, frames, foreign_stream, .. } = self;
         frames.clear();
@@ -161,6 +168,7 @@ impl Publisher {
                 filled = true;
                 if let Event::State(event) = state {
                     convert::fill(event, sample);
+                    event.hand = hand();
                     if foreign_stream.is_some() && stream(sample) == *foreign_stream {
                         event.client = None;
                     }
@@ -340,10 +348,11 @@ mod tests {
         publisher.subscribe(2, 1);
         assert!(publisher.is_watched());
         // The second client has room for two messages and reads none.
-        let dropped: Vec<u64> = (1..=3).map(|tick| publisher.publish(&crate::still::still(tick))).collect();
+        let dropped: Vec<u64> =
+            (1..=3).map(|tick| publisher.publish(&crate::still::still(tick), || None)).collect();
         assert_eq!(dropped, [0, 0, 1]);
         publisher.subscribe(2, 0);
-        assert_eq!(publisher.publish(&crate::still::still(4)), 0);
+        assert_eq!(publisher.publish(&crate::still::still(4), || None), 0);
         let mut sent = Vec::new();
         assert!(first.poll_take(&Context::from_waker(Waker::noop()), &mut sent).is_ready());
         let states =
@@ -364,7 +373,10 @@ mod tests {
         let mut publisher = publisher();
         let _inboxes = [admit(&mut publisher, 1, 1), admit(&mut publisher, 2, 1)];
         assert!(publisher.greet(1, "ann".to_owned(), Encoding::Json));
-        assert_eq!((publisher.strangers(), publisher.listeners(), publisher.name(1)), (1, 1, Some("ann")));
+        assert_eq!(
+            (publisher.strangers(ServicePort::Tcp), publisher.listeners(), publisher.name(1)),
+            (1, 1, Some("ann"))
+        );
         let event = Event::Stopping(StoppingEvent { message: "x".to_owned() });
         publisher.broadcast(&event);
         assert_eq!(publisher.cut_next(), None);

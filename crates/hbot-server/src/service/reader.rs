@@ -23,7 +23,7 @@ use super::Bounds;
 use super::bucket::{Bucket, weight, weight_of};
 use super::desk::Desk;
 use super::hub::First;
-use hbot_host::bridge::EmergencyStop;
+use hbot_host::run_loop::bridge::EmergencyStop;
 
 /// Total weight of the requests that one client's task executes before other tasks get a turn. A
 /// request heavier than this ends the turn by itself.

@@ -6,7 +6,7 @@ use hbot_core::outputs::Refusal;
 use hbot_core::safety::mode::{Cause, Obstacle};
 
 use super::convert;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// Returns the error message for a client whose request `op` the loop has refused in the tick of
 /// `sample`. `simulated` says whether the rig is simulated. `effect` returns the id of the effect
@@ -70,6 +70,11 @@ pub(super) fn refusal<'a>(
             format!(
                 "field \"tick\" is {ticks} ticks in the future; legal: the tick of a state that was sent"
             ),
+        ),
+        Refusal::NotInHistory if op == OpName::Model.as_str() => (
+            ErrorCode::OutOfRange,
+            "field \"tick\" is not (or no longer) in the history; legal: one of the last 1024, or a model with \"pose\""
+                .to_owned(),
         ),
         Refusal::NotInHistory => (
             ErrorCode::OutOfRange,

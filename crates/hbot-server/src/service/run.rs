@@ -6,6 +6,7 @@ use std::future::{Future, poll_fn};
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -20,10 +21,11 @@ use super::desk::Desk;
 use super::flights::Written;
 use super::hub::Hub;
 use super::outbox::outbox;
-use super::peer::Peer;
+use super::peer::{Peer, ServicePort};
 use super::scenes::Measured;
 use super::strangers::Taken;
 use super::{Control, Summary, connection};
+use crate::web::{AllowedHosts, WebOptions};
 
 /// Period of the service's regular work, such as updating its status, which no event triggers.
 const HEARTBEAT: Duration = Duration::from_millis(50);
@@ -36,6 +38,59 @@ const FLUSH: Duration = Duration::from_millis(200);
 const LAST_SAMPLES: Duration = Duration::from_millis(60);
 /// Pause before the service looks again whether the loop has ended.
 const PAUSE: Duration = Duration::from_millis(1);
+
+/// The sockets at which clients connect.
+pub(super) struct Listeners {
+    tcp: TcpListener,
+    /// The web port, and the names by which browsers may reach it.
+    web: Option<(TcpListener, Arc<AllowedHosts>)>,
+}
+
+impl Listeners {
+    /// Needs a tokio runtime. A web port that cannot be used is logged and not served.
+    pub(super) fn new(tcp: TcpListener, web: Option<WebOptions>) -> Self {
+        let web = web.and_then(|WebOptions { listener, hosts }| {
+            let listener = listener.set_nonblocking(true).and_then(|()| TcpListener::from_std(listener));
+            match listener {
+                Ok(listener) => Some((listener, hosts)),
+                Err(error) => {
+                    tracing::warn!(%error, "the page is not served");
+                    None
+                }
+            }
+        });
+        Self { tcp, web }
+    }
+
+    /// Accepts the next connection, but not before `after`. Cancel safe.
+    async fn accept(&self, after: Option<Instant>) -> io::Result<Arrival> {
+        if let Some(after) = after {
+            sleep_until(after).await;
+        }
+        let (accepted, hosts) = match &self.web {
+            None => (self.tcp.accept().await, None),
+            Some((web, hosts)) => tokio::select! {
+                accepted = self.tcp.accept() => (accepted, None),
+                accepted = web.accept() => (accepted, Some(Arc::clone(hosts))),
+            },
+        };
+        accepted.map(|(stream, address)| Arrival { stream, address, hosts })
+    }
+}
+
+/// A new connection.
+struct Arrival {
+    stream: TcpStream,
+    address: SocketAddr,
+    /// The names by which browsers may reach this server. `None` at the TCP port.
+    hosts: Option<Arc<AllowedHosts>>,
+}
+
+impl Arrival {
+    const fn port(&self) -> ServicePort {
+        if self.hosts.is_some() { ServicePort::Web } else { ServicePort::Tcp }
+    }
+}
 
 /// The tasks of all connections.
 struct Connections {
@@ -51,13 +106,14 @@ struct Session {
     number: u64,
     /// True if the client runs on this machine.
     local: bool,
+    port: ServicePort,
 }
 
 /// An event that has woken the service's task.
 enum Wake {
     Shutdown,
     Control(Option<Control>),
-    Accepted(io::Result<(TcpStream, SocketAddr)>),
+    Accepted(io::Result<Arrival>),
     Ended(Option<Result<(Id, ()), JoinError>>),
     TurnedAway,
     Measured(Result<Measured, JoinError>),
@@ -71,7 +127,7 @@ enum Wake {
 /// run.
 pub(super) async fn run(
     desk: Desk,
-    listener: TcpListener,
+    listeners: Listeners,
     mut control: mpsc::Receiver<Control>,
     shutdown: impl Future<Output = ()>,
 ) -> Summary {
@@ -103,7 +159,7 @@ pub(super) async fn run(
         let wake = tokio::select! {
             () = &mut shutdown => Wake::Shutdown,
             wanted = control.recv(), if controlled => Wake::Control(wanted),
-            accepted = accept(&listener, accept_after) => Wake::Accepted(accepted),
+            accepted = listeners.accept(accept_after) => Wake::Accepted(accepted),
             ended = connections.serving.join_next_with_id(), if !connections.serving.is_empty() => Wake::Ended(ended),
             _ = connections.turned_away.join_next(), if !connections.turned_away.is_empty() => Wake::TurnedAway,
             measured = next_of(&desk, Hub::poll_measured) => Wake::Measured(measured),
@@ -121,9 +177,9 @@ pub(super) async fn run(
             }
             Wake::Control(Some(Control::Refused(code))) => desk.turn(|hub| hub.refused(code)),
             Wake::Control(None) => controlled = false,
-            Wake::Accepted(Ok((stream, address))) => {
+            Wake::Accepted(Ok(arrival)) => {
                 accept_after = None;
-                connections.accept(stream, address);
+                connections.accept(arrival);
             }
             Wake::Accepted(Err(error)) => {
                 // The system has run out of descriptors or memory. Retrying at once would only
@@ -165,14 +221,6 @@ async fn next_of<T>(desk: &Desk, poll: fn(&mut Hub, &mut Context<'_>) -> Poll<T>
     poll_fn(|context| poll(&mut desk.hub(), context)).await
 }
 
-/// Accepts the next connection, but not before `after`. Cancel safe.
-async fn accept(listener: &TcpListener, after: Option<Instant>) -> io::Result<(TcpStream, SocketAddr)> {
-    if let Some(after) = after {
-        sleep_until(after).await;
-    }
-    listener.accept().await
-}
-
 /// Informs the clients that the service ends, waits up to [`FLUSH`] for their messages to be sent,
 /// finishes the flight logs, takes the last samples of the loop, and returns the final statistics.
 async fn close(desk: Desk, mut connections: Connections, why: &str) -> Summary {
@@ -200,12 +248,14 @@ impl Connections {
     }
 
     /// Accepts a connection, or turns it away if there is no place for it.
-    fn accept(&mut self, stream: TcpStream, address: SocketAddr) {
+    fn accept(&mut self, arrival: Arrival) {
         let mut hub = self.desk.hub();
+        let (port, address) = (arrival.port(), arrival.address);
+        let Arrival { stream, hosts, .. } = arrival;
         let local = address.ip().to_canonical().is_loopback();
-        let mut placed = self.taken(&hub).place(hub.bounds(), local);
-        if placed.is_err() && hub.cut_a_guess() {
-            placed = self.taken(&hub).place(hub.bounds(), local);
+        let mut placed = self.taken(&hub, port).place(hub.bounds(), local);
+        if placed.is_err() && hub.cut_a_guess(port) {
+            placed = self.taken(&hub, port).place(hub.bounds(), local);
         }
         if let Err(full) = placed {
             hub.turned_away();
@@ -214,7 +264,10 @@ impl Connections {
             // encryption none gets one, because a client could not decrypt it.
             if hub.encryption().is_none() && self.turned_away.len() < hub.bounds().connections {
                 let error = ErrorBody::new(ErrorCode::Busy, format!("{full}; try again later"));
-                self.turned_away.spawn(connection::turn_away(stream, error));
+                match port {
+                    ServicePort::Tcp => self.turned_away.spawn(connection::turn_away(stream, error)),
+                    ServicePort::Web => self.turned_away.spawn(connection::turn_away_visitor(stream, error)),
+                };
             }
             return;
         }
@@ -229,27 +282,24 @@ impl Connections {
         let session = hub.next_session();
         tracing::debug!(session, %address, "connected");
         let (outbox, inbox) = outbox(hub.bounds().outgoing);
-        let task = self.serving.spawn(connection::serve(
-            stream,
-            hub.encryption().cloned(),
-            session,
-            self.desk.clone(),
-            inbox,
-            *hub.bounds(),
-        ));
-        self.sessions.insert(task.id(), Session { number: session, local });
-        hub.admit(session, Peer::new(outbox, task, address.ip()));
+        let desk = self.desk.clone();
+        let task = match hosts {
+            None => {
+                let (encryption, bounds) = (hub.encryption().cloned(), *hub.bounds());
+                self.serving.spawn(connection::serve(stream, encryption, session, desk, inbox, bounds))
+            }
+            Some(hosts) => self.serving.spawn(connection::serve_web(stream, hosts, session, desk, inbox)),
+        };
+        self.sessions.insert(task.id(), Session { number: session, local, port });
+        hub.admit(session, Peer::new(outbox, task, address.ip()).at(port));
     }
 
-    /// Returns how many of the places for connections are taken.
-    fn taken(&self, hub: &Hub) -> Taken {
-        Taken {
-            // Count tasks and not clients, because the task of a refused client can still be
-            // running.
-            all: self.serving.len(),
-            remote: self.sessions.values().filter(|session| !session.local).count(),
-            strangers: hub.strangers(),
-        }
+    /// Returns how many of the places for connections to `port` are taken.
+    fn taken(&self, hub: &Hub, port: ServicePort) -> Taken {
+        // Count tasks and not clients, because the task of a refused client can still be running.
+        let mut there = self.sessions.values().filter(|session| session.port == port);
+        let remote = there.clone().filter(|session| !session.local).count();
+        Taken { all: there.by_ref().count(), remote, strangers: hub.strangers(port) }
     }
 
     /// Handles the end of a connection's task. Unless the task has panicked, the hub already knows

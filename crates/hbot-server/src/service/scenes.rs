@@ -15,8 +15,8 @@ use tokio::task::{JoinError, JoinSet};
 use super::{SetPhenomena, cost};
 use crate::recording::Notes;
 use hbot_config::advice::Abilities;
-use hbot_host::bridge::ServiceEnd;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::bridge::ServiceEnd;
+use hbot_host::run_loop::sample::Sample;
 
 /// Largest number of scenes that are being loaded at a time.
 const MAX_LOADING: usize = 4;
@@ -36,6 +36,8 @@ pub(super) struct Scenes {
     rig: Rig,
     /// What the rig can make and keep stable.
     abilities: Abilities,
+    /// Warnings about the running scene.
+    warnings: Vec<String>,
     /// The scenes that are being loaded, in the order in which they were sent to the loop.
     loading: VecDeque<Loading>,
     measuring: JoinSet<Measured>,
@@ -85,6 +87,7 @@ impl Scenes {
         changed: Arc<Notify>,
     ) -> Self {
         let abilities = Abilities::of(rig);
+        let warnings = abilities.warnings(running.file());
         let rig = rig.rig;
         let mut scenes = Self {
             running,
@@ -92,6 +95,7 @@ impl Scenes {
             shown: None,
             rig,
             abilities,
+            warnings,
             loading: VecDeque::new(),
             measuring: JoinSet::new(),
             notes,
@@ -106,6 +110,11 @@ impl Scenes {
     /// Returns the scene that was loaded or changed last. The loop may not have adopted it yet.
     pub(super) fn file(&self) -> &SceneFile {
         self.running.file()
+    }
+
+    /// Returns the warnings about this scene, as in the answer to `load_scene` or `set`.
+    pub(super) fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// Returns the name of the earlier scene whose hand moves the simulated rig. Returns `None` if
@@ -165,7 +174,7 @@ impl Scenes {
         if self.loading.len() >= MAX_LOADING || !end.can_install() {
             return Err(busy(OpName::LoadScene));
         }
-        let file = read(scene).map_err(|message| ErrorBody::new(ErrorCode::BadRequest, message))?;
+        let file = read(scene)?;
         let ignored = match (file.simulate(), &mut self.phenomena) {
             (None, _) => Vec::new(),
             (Some(simulate), None) => names(&json!(simulate)),
@@ -181,6 +190,7 @@ impl Scenes {
         let (rig, parts) = (self.rig, compiled.clone());
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::LoadScene))?;
+        self.warnings.clone_from(&warnings);
 
         let (file, revision) = (self.running.file(), self.running.revision());
         let effects = file.effects().iter().map(|effect| EffectCost {
@@ -233,7 +243,8 @@ impl Scenes {
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))?;
-        Ok(SetOk { warnings: self.abilities.warnings(self.running.file()) })
+        self.warnings = self.abilities.warnings(self.running.file());
+        Ok(SetOk { warnings: self.warnings.clone() })
     }
 
     /// Returns whether a scene is being loaded.
@@ -298,26 +309,6 @@ fn busy(op: OpName) -> ErrorBody {
     )
 }
 
-/// Reads the field `scene` of a request: the name of a ready-made scene, or a scene.
-///
-/// # Errors
-/// Fails with a message for people if no ready-made scene has this name, or if the scene is not
-/// legal.
-fn read(scene: Value) -> Result<SceneFile, String> {
-    let Value::String(name) = scene else {
-        return SceneFile::from_json(scene).map_err(|mistakes| shortened(mistakes.to_string()));
-    };
-    ShelfScene::named(&name).map(ShelfScene::scene).ok_or_else(|| {
-        let guess = ShelfScene::similar(&name).map(|name| format!(" (did you mean `{name}`?)"));
-        let all: Vec<_> = SHELF.iter().map(|scene| scene.file).collect();
-        shortened(format!(
-            "no ready-made scene is called {name:?}{}; legal: {}",
-            guess.unwrap_or_default(),
-            all.join(", ")
-        ))
-    })
-}
-
 /// Returns the error message for a `set` that is refused. It names the effect in every line.
 #[must_use]
 pub fn set_refusal(effect: &str, error: &SetError) -> String {
@@ -347,6 +338,22 @@ fn keeps(name: &str, simulate: &Simulate) -> String {
     )
 }
 
+/// Reads a scene that a client has sent: a map with the structure of a scene file, or the name of a
+/// ready-made scene.
+fn read(scene: Value) -> Result<SceneFile, ErrorBody> {
+    let bad = |message: String| ErrorBody::new(ErrorCode::BadRequest, shortened(message));
+    let Value::String(name) = scene else {
+        return SceneFile::from_json(scene).map_err(|mistakes| bad(mistakes.to_string()));
+    };
+    let found = ShelfScene::named(&name).map(ShelfScene::scene);
+    found.ok_or_else(|| {
+        let hint =
+            ShelfScene::similar(&name).map(|name| format!("; did you mean {name:?}?")).unwrap_or_default();
+        let legal: Vec<&str> = SHELF.iter().map(|scene| scene.file).collect();
+        bad(format!("there is no ready-made scene {name:?}{hint}; legal: {}", legal.join(", ")))
+    })
+}
+
 fn names(table: &Value) -> Vec<String> {
     table.as_object().into_iter().flatten().map(|(name, _)| name.clone()).collect()
 }
@@ -363,7 +370,7 @@ fn shortened(mut message: String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_host::bridge::bridge;
+    use hbot_host::run_loop::bridge::bridge;
 
     #[tokio::test]
     async fn a_scene_is_answered_once_it_is_rendered_and_measured() {

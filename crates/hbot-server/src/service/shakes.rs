@@ -2,7 +2,7 @@
 
 use hbot_api::ShakingEvent;
 use hbot_core::safety::shaking::Shaking;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 use super::scenes::Scenes;
 

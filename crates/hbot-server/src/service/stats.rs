@@ -8,7 +8,7 @@ use hdrhistogram::Histogram;
 use super::convert;
 use super::flights::Flights;
 use crate::recording::{Counts, Recorded};
-use hbot_host::sample::{Counters, Sample};
+use hbot_host::run_loop::sample::{Counters, Sample};
 
 /// Longest time that the histograms can record, ns. Longer times are recorded as this one.
 const LONGEST_NS: u64 = 10_000_000_000;

@@ -12,6 +12,8 @@ use super::Bounds;
 /// Minimum time between two warnings about wrong tokens.
 const TOLD_EVERY: Duration = Duration::from_secs(60);
 
+/// Number of ports at which clients connect, each with its own places.
+const PORTS: u64 = 2;
 /// Number of file descriptors that the process can need in addition to those of its connections:
 /// for ports, logs, files, and connections that are being turned away.
 const OTHER_DESCRIPTORS: u64 = 128;
@@ -23,12 +25,12 @@ pub(crate) fn too_few_descriptors() -> Option<String> {
 }
 
 fn few_descriptors(limit: Option<u64>) -> Option<String> {
-    let needed = Bounds::default().connections as u64 + OTHER_DESCRIPTORS;
+    let needed = PORTS * Bounds::default().connections as u64 + OTHER_DESCRIPTORS;
     let limit = limit.filter(|limit| *limit < needed)?;
     Some(format!(
         "the system lets this process open {limit} files: too few for {} connections, so that one may be refused that would stop the \
          rig; ulimit -n {needed} or more",
-        Bounds::default().connections
+        needed - OTHER_DESCRIPTORS
     ))
 }
 

@@ -18,7 +18,7 @@
 
 use hbot_core::design::device::Device;
 
-use super::weights::{GRAVITY, Module};
+use super::weights::{Module, Weight};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
@@ -59,7 +59,7 @@ impl FastestRate {
         let modules = phenomena.wheel_modules.map(|modules| Module::all(device, modules.mass));
         let mut fastest = Self {
             damping: 0.0,
-            stiffness: device.sphere_mass() * GRAVITY * offset,
+            stiffness: Weight::of(device, phenomena).map_or(0.0, |weight| weight.curvature()),
             joints: 0.0,
             turn: 0.0,
             at_rest: 0.0,

@@ -12,7 +12,7 @@ use super::JointTorques;
 use super::load::Load;
 use super::model::{Flow, Model, Push, Rows, Symmetric};
 use super::pair::Pair;
-use super::weights::{GRAVITY, Module, Weight};
+use super::weights::{Module, Weight};
 use crate::phenomena::Phenomena;
 
 /// The accelerations and rates of a plant, as an integration method needs them. `P` is the number
@@ -85,14 +85,15 @@ impl Extras {
     /// Returns the smooth phenomena that `phenomena` ask for, or `None` if there are none.
     pub(super) fn new(device: &Device, phenomena: &Phenomena) -> Option<Self> {
         let viscous = phenomena.joint_friction.map_or(0.0, |friction| friction.viscous);
-        if phenomena.eccentric.is_none() && phenomena.wheel_modules.is_none() && viscous == 0.0 {
+        let weight = Weight::of(device, phenomena);
+        if weight.is_none() && phenomena.wheel_modules.is_none() && viscous == 0.0 {
             return None;
         }
         let offset = phenomena.eccentric.map_or(Vec3::ZERO, |eccentric| Vec3::from_array(eccentric.offset));
         Some(Self {
             device: *device,
             offset,
-            weight: phenomena.eccentric.map(|_| Weight { offset, weight: device.sphere_mass() * GRAVITY }),
+            weight,
             modules: phenomena.wheel_modules.map(|modules| Module::all(device, modules.mass)),
             viscous,
         })

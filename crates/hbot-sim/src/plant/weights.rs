@@ -10,6 +10,8 @@ use hbot_core::design::device::{Device, MAX_WHEELS};
 use hbot_core::design::kinematics::ContactFrame;
 use hbot_core::{Quat, Vec3, rotation};
 
+use crate::phenomena::Phenomena;
+
 /// Standard gravity, m/s². It acts along -n3.
 pub(crate) const GRAVITY: f64 = 9.806_65;
 
@@ -23,6 +25,18 @@ pub(crate) struct Weight {
 }
 
 impl Weight {
+    /// Returns the weight of the sphere of `device`. Returns `None` if its centre of mass is at the
+    /// centre of rotation, so that gravity does not turn it.
+    pub(crate) fn of(device: &Device, phenomena: &Phenomena) -> Option<Self> {
+        let weight = device.sphere_mass() * GRAVITY;
+        let eccentric = phenomena.eccentric.map(|eccentric| Vec3::from_array(eccentric.offset));
+        let offset = match phenomena.imbalance {
+            None => eccentric?,
+            Some(imbalance) => Vec3::from_array(imbalance.torque) / weight + eccentric.unwrap_or(Vec3::ZERO),
+        };
+        Some(Self { offset, weight })
+    }
+
     /// Returns the potential energy of the weight at the orientation `q`, J.
     pub(crate) fn energy(&self, q: Quat) -> f64 {
         self.weight * (q * self.offset).z

@@ -12,11 +12,13 @@ use hbot_core::design::device::MAX_JOINTS;
 
 pub use self::config::{SimulatedConfig, SimulatedRigError};
 use crate::controller::{InjectedFault, SimulatedControllers, Truth, frame_end};
-use crate::hand::Grip;
+use crate::hand::{Grip, Guide, HandTorque};
 pub use crate::impairment::FrameCounts;
 use crate::impairment::Impairment;
 use crate::phenomena::{Hand, Link, Phenomena, of_plant};
+use crate::plant::Load as _;
 use crate::plant::{Dynamics, JointTorques, PlantState};
+use crate::shafts::{MAX_COGGING_STEP_NS, Shafts};
 
 /// Longest step of a nonsmooth plant (one that sticks, slips or has play), ns.
 ///
@@ -39,7 +41,14 @@ pub struct SimulatedRig {
     state: PlantState,
     phenomena: Phenomena,
     grip: Option<Grip>,
+    /// Where the hand's torque is told to other threads, if any of them asks.
+    hand_torque: Option<HandTorque>,
     line: Option<Box<Impairment>>,
+    /// What torque constants and cogging make of the controllers' torques. `None` if motors are
+    /// ideal in this respect.
+    shafts: Option<Box<Shafts>>,
+    /// Gear ratio of each joint.
+    gears: [f64; MAX_JOINTS],
     external: Vec3,
     controllers: SimulatedControllers,
     /// The byte that ends a frame on the line.
@@ -78,7 +87,10 @@ impl SimulatedRig {
             state: config.start,
             phenomena: Phenomena::default(),
             grip: None,
+            hand_torque: None,
             line: None,
+            shafts: None,
+            gears: core::array::from_fn(|j| config.joints.get(j).map_or(1.0, |joint| joint.gear)),
             external: Vec3::ZERO,
             controllers,
             frame_end: frame_end(config.line.protocol),
@@ -102,6 +114,9 @@ impl SimulatedRig {
     /// each message of hbot's own link.
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8], reply: &mut Vec<u8>) {
         self.advance_to(now_ns);
+        if let Some(told) = &self.hand_torque {
+            told.set(self.hand_torque());
+        }
         reply.append(&mut self.unasked);
         let Some(mut line) = self.line.take() else { return self.hear(bytes, reply) };
         line.command(self.now_ns, bytes);
@@ -215,13 +230,19 @@ impl SimulatedRig {
         if ns == 0 {
             return;
         }
-        let longest = if self.dynamics.is_nonsmooth() { MAX_NONSMOOTH_STEP_NS } else { u64::MAX };
+        let mut longest = if self.dynamics.is_nonsmooth() { MAX_NONSMOOTH_STEP_NS } else { u64::MAX };
+        if self.shafts.as_ref().is_some_and(|shafts| shafts.cog()) {
+            longest = longest.min(MAX_COGGING_STEP_NS);
+        }
         let steps = ns.div_ceil(self.max_step_ns.min(longest));
         let h = ns as f64 / 1.0e9 / steps as f64;
         let start = self.simulated_s();
         for i in 0..steps {
-            let Self { dynamics, state, controllers, grip, .. } = self;
-            let tau = controllers.drive(h, || dynamics.encoder_rates(state));
+            let Self { dynamics, state, controllers, grip, shafts, .. } = self;
+            let mut tau = controllers.drive(h, || dynamics.encoder_rates(state));
+            if let Some(shafts) = shafts {
+                tau = shafts.act(&tau, h, &dynamics.encoder_angles(state), &dynamics.encoder_rates(state));
+            }
             let motion = |state| (dynamics.encoder_angles(state), dynamics.encoder_rates(state));
             let before = controllers.filters().then(|| motion(state));
             dynamics.step(state, start + i as f64 * h, h, &tau, self.external, grip.as_ref());
@@ -263,11 +284,21 @@ impl SimulatedRig {
         self.dynamics.encoder_rates(&self.state)
     }
 
-    /// Returns the torques that the motors give now, in N m. A positive torque acts in the joint's
-    /// positive direction.
+    /// Returns the torques that the motors give now, in N m, without those of cogging and of torque
+    /// constants that differ. A positive torque acts in the joint's positive direction.
     #[must_use]
     pub fn joint_torque(&self) -> &JointTorques {
         self.controllers.torque()
+    }
+
+    /// Returns the torques that the motors give now, in N m, with those of cogging and of torque
+    /// constants that differ. A positive torque acts in the joint's positive direction.
+    #[must_use]
+    pub fn shaft_torque(&self) -> JointTorques {
+        let tau = self.controllers.torque();
+        let Some(shafts) = &self.shafts else { return *tau };
+        let angles = self.dynamics.encoder_angles(&self.state);
+        shafts.act(tau, 0.0, &angles, &[0.0; MAX_JOINTS])
     }
 
     /// Returns the plant, including the hand's inertia if a hand holds the sphere.
@@ -303,6 +334,7 @@ impl SimulatedRig {
             self.dynamics.set_phenomena(&phenomena, &self.state);
         }
         self.controllers.set_motor(phenomena.motor);
+        self.shafts = Shafts::new(&phenomena, &self.gears);
         self.set_link(phenomena.link);
         self.set_hand(phenomena.hand);
     }
@@ -335,6 +367,32 @@ impl SimulatedRig {
         self.phenomena.hand = hand;
         self.grip = hand.map(|hand| Grip::new(hand, self.simulated_s(), self.state.q));
         self.dynamics.set_sphere_inertia(self.sphere_inertia + hand.map_or(0.0, |hand| hand.inertia));
+    }
+
+    /// Lets a simulated hand turn the sphere to an orientation. A hand that is guided already goes
+    /// on from where its target is, another one takes hold of the sphere at its present
+    /// orientation.
+    pub fn guide_hand(&mut self, guide: &Guide) {
+        let t = self.simulated_s();
+        let guided = self.grip.as_ref().filter(|grip| grip.is_guided());
+        let from = guided.map_or(self.state.q, |grip| grip.target(t).q);
+        let grip = Grip::guided(guide, t, from);
+        self.phenomena.hand = Some(*grip.hand());
+        self.grip = Some(grip);
+        self.dynamics.set_sphere_inertia(self.sphere_inertia + guide.inertia);
+    }
+
+    /// Returns the torque of the simulated hand on the sphere in frame N, N m. `None` if no hand
+    /// holds it.
+    #[must_use]
+    pub fn hand_torque(&self) -> Option<Vec3> {
+        let target = |grip: &Grip| grip.at(self.simulated_s());
+        self.grip.as_ref().map(|grip| grip.torque(&target(grip), self.state.q, self.state.omega))
+    }
+
+    /// Stores the hand's torque in `told` from now on, whenever a command arrives.
+    pub fn tell_hand_torque(&mut self, told: HandTorque) {
+        self.hand_torque = Some(told);
     }
 
     /// Sets a constant torque on the sphere in frame N, in N m. It is added to the torques of the

@@ -80,7 +80,7 @@ impl Default for Detents {
             positions: Vec::new(),
             ends: Ends::Open,
             end_stiffness: 2.0,
-            damping: 0.002,
+            damping: 0.003,
             knock: Knock::None,
             knock_amplitude: knock::AMPLITUDE,
             knock_frequency: knock::FREQUENCY,

@@ -73,7 +73,7 @@ impl Default for EndStop {
             cone: 0.6,
             twist: [-1.0, 1.0],
             stiffness: 3.0,
-            damping: 0.03,
+            damping: 0.05,
             knock: Knock::None,
             knock_amplitude: knock::AMPLITUDE,
             knock_frequency: knock::FREQUENCY,

@@ -20,6 +20,24 @@ impl Default for Eccentric {
     }
 }
 
+/// A sphere whose weight is off its centre, although the sphere is round and turns about its
+/// centre. Gravity turns it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Imbalance {
+    /// Weight of the sphere times the position of its centre of mass relative to its centre, in the
+    /// sphere's axes, N m. It adds to the weight of an eccentric sphere.
+    #[schemars(inner(range(min = -10.0, max = 10.0)), extend("unit" = "N m"))]
+    pub torque: [f64; 3],
+}
+
+impl Default for Imbalance {
+    fn default() -> Self {
+        // A mass of 10 g in the shell of the prototype's sphere; assumed.
+        Self { torque: [0.01, 0.0, 0.0] }
+    }
+}
+
 /// The weight of the parts that are steered with each wheel (its module). It acts on the steer
 /// joint.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -27,8 +27,8 @@ pub use self::friction::{CageFriction, JointFriction};
 pub use self::gear::Gear;
 pub use self::hand::Hand;
 pub use self::link::Link;
-pub use self::masses::{Eccentric, WheelModules};
-pub use self::motor::Motor;
+pub use self::masses::{Eccentric, Imbalance, WheelModules};
+pub use self::motor::{Cogging, Motor, TorqueConstants};
 use crate::schema;
 
 /// The table `[simulate]` of a scene file. It switches on phenomena of the simulated rig. Absent
@@ -60,6 +60,11 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Eccentric")]
     pub eccentric: Option<Eccentric>,
+    /// A sphere whose weight is off its centre, although the sphere is round and turns about its
+    /// centre. Gravity turns it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Imbalance")]
+    pub imbalance: Option<Imbalance>,
     /// The weight of the parts that are steered with each wheel (its module). It acts on the steer
     /// joint.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -86,6 +91,16 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Motor")]
     pub motor: Option<Motor>,
+    /// Motors whose torque constants differ from those that their controllers believe, each by
+    /// another fraction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "TorqueConstants")]
+    pub torque_constants: Option<TorqueConstants>,
+    /// Motors whose magnets pull the rotor towards some angles: a torque that repeats with the angle
+    /// of the encoder, in two harmonics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Cogging")]
+    pub cogging: Option<Cogging>,
     /// A serial line that delays, loses and corrupts frames in both directions, from the first tick
     /// on. Frames in the same direction keep their order.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -49,3 +49,57 @@ impl Default for Motor {
         }
     }
 }
+
+/// Motors whose torque constants differ from those that their controllers believe, each by another
+/// fraction.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct TorqueConstants {
+    /// Largest error of a motor's constant. A motor makes 1 + error times the torque that its
+    /// controller believes; the errors are uniformly distributed between plus and minus this.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub spread: f64,
+    /// Seed of the random numbers for the errors.
+    #[schemars(range(min = 0, max = u32::MAX))]
+    pub seed: u32,
+}
+
+impl Default for TorqueConstants {
+    fn default() -> Self {
+        // A usual tolerance of small motors in one batch; assumed.
+        Self { spread: 0.05, seed: 1 }
+    }
+}
+
+/// Motors whose magnets pull the rotor towards some angles: a torque that repeats with the angle of
+/// the encoder, in two harmonics.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Cogging {
+    /// Number of periods of each harmonic in one turn of the encoder.
+    #[schemars(inner(range(min = 1, max = 1000)))]
+    pub per_turn: [u32; 2],
+    /// Largest torque of each harmonic at a steer joint, N m.
+    #[schemars(inner(range(min = 0.0, max = 10.0)), extend("unit" = "N m"))]
+    pub steer: [f64; 2],
+    /// Largest torque of each harmonic at a drive joint, after the gear, N m.
+    #[schemars(inner(range(min = 0.0, max = 10.0)), extend("unit" = "N m"))]
+    pub drive: [f64; 2],
+    /// Seed of the random numbers for the phases, one for each harmonic of each motor.
+    #[schemars(range(min = 0, max = u32::MAX))]
+    pub seed: u32,
+}
+
+impl Default for Cogging {
+    fn default() -> Self {
+        Self {
+            // The pole pairs of a motor with 14 poles, and its 84 steps with 12 slots; assumed.
+            per_turn: [7, 84],
+            // 0.3 % and 0.1 % of the prototype's peak torque; assumed.
+            steer: [3.0e-3, 1.0e-3],
+            // A small motor with an iron-free rotor has almost none; assumed.
+            drive: [0.0, 0.0],
+            seed: 1,
+        }
+    }
+}

@@ -78,6 +78,25 @@ pub const LEAD_FACTOR: Range = Range::above(0.0, 2.0, "");
 /// Permitted range of the longest lead, s.
 pub const LEAD_LONGEST: Range = Range::above(0.0, 0.1, "s");
 
+/// Permitted range of a Coulomb friction, N m.
+pub const COULOMB: Range = Range::from(0.0, 10.0, "N m");
+/// Permitted range of a viscous friction, N m s/rad.
+pub const VISCOUS: Range = Range::from(0.0, 10.0, "N m s/rad");
+/// Permitted range of the torque that a motor makes for each N m of its command.
+pub const TORQUE_SCALE: Range = Range::from(0.5, 2.0, "");
+/// Permitted range of the amplitude of a harmonic of the cogging, N m at the joint.
+pub const COGGING: Range = Range::from(0.0, 10.0, "N m");
+/// Permitted range of the phase of a harmonic of the cogging, rad.
+pub const PHASE: Range = Range::from(-7.0, 7.0, "rad");
+/// Permitted range of the number of periods of a harmonic in a turn of the encoder.
+pub const PER_TURN: Range = Range::from(1.0, 1000.0, "");
+/// Permitted range of each component of the sphere's imbalance, N m.
+pub const IMBALANCE: Range = Range::from(-10.0, 10.0, "N m");
+/// Permitted range of the fraction of the friction that is fed forward.
+pub const COMPENSATED: Range = Range::from(0.0, 0.9, "");
+/// Permitted range of the rate below which the fed friction fades out, rad/s.
+pub const SMOOTHING: Range = Range::from(1.0e-4, 10.0, "rad/s");
+
 /// The permitted range of a number, with its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {

@@ -31,10 +31,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod compensation;
 pub mod legal;
 mod limits;
 mod methods;
 
+pub use self::compensation::{Compensation, Friction, Harmonic, Imperfect, MAX_HARMONICS};
 pub use self::legal::{Range, RigError};
 pub use self::limits::{EnergyLimit, Limits, Traction};
 pub use self::methods::{
@@ -108,6 +110,9 @@ pub struct RigParts {
     /// pose.
     #[cfg_attr(feature = "exact", serde(skip))]
     pub lead: Option<LeadTime>,
+    /// Imperfections of the rig that are fed forward. If `None`, none is.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub compensation: Option<Compensation>,
 }
 
 impl RigParts {
@@ -123,6 +128,7 @@ impl RigParts {
             methods: Methods::default(),
             torque_lag: 0.0,
             lead: None,
+            compensation: None,
         }
     }
 
@@ -146,6 +152,7 @@ impl RigParts {
             .chain(self.methods.checks().into_iter().flatten())
             .chain(legal::TORQUE_LAG.check("torque_lag", self.torque_lag))
             .chain(self.lead.iter().flat_map(LeadTime::checks).flatten())
+            .chain(self.compensation.iter().flat_map(|known| known.mistakes(self.device.joints())))
     }
 }
 
@@ -215,6 +222,13 @@ impl Joint {
     pub fn radians_per_count(&self) -> Real {
         let turn = TURN / self.counts() as Real;
         if self.reversed { -turn } else { turn }
+    }
+
+    /// Returns the whole number of encoder counts that is nearest to the joint angle `angle`, rad,
+    /// with the sign of the motor controller.
+    #[must_use]
+    pub fn whole_counts(&self, angle: Real) -> Real {
+        libm::round(real_to_f64(angle / self.radians_per_count())) as Real
     }
 }
 

@@ -1,7 +1,7 @@
 //! The axes that all plots share, with their grid lines.
 
 use eframe::egui::{TextStyle, Ui};
-use egui_plot::{AxisHints, Corner, GridInput, GridMark, Legend, Plot};
+use egui_plot::{AxisHints, GridInput, GridMark, Plot};
 
 use super::PlotDesk;
 use crate::view::round_up;
@@ -23,7 +23,6 @@ pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a>
     Plot::new(id)
         // Leaves room for the right half of the last number on the horizontal axis.
         .width(ui.available_width() - 12.0)
-        .legend(Legend::default().position(Corner::LeftTop))
         .y_axis_label(y)
         .custom_x_axes(vec![AxisHints::new_x().min_thickness(x_axis_height)])
         .y_axis_min_width(Y_AXIS_WIDTH)

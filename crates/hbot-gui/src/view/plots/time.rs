@@ -97,6 +97,15 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
     let (low, high) = lines.iter().flatten().fold((-quantity.least, quantity.least), |(low, high), point| {
         (low.min(point[1]), high.max(point[1]))
     });
+    // Above the plot, where the names cover no curve.
+    ui.horizontal_wrapped(|ui| {
+        for curve in &quantity.curves {
+            ui.colored_label(curve.color, curve.name);
+        }
+        if limit.is_some() {
+            ui.colored_label(palette.warn, "limit, dashed");
+        }
+    });
     let marks: Vec<&Mark> = model.marks.between(now - plots.window, now).collect();
     let shown = plot(ui, quantity.axis, plots, quantity.axis)
         .include_x(-plots.window)

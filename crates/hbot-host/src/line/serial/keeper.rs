@@ -9,8 +9,8 @@ use std::time::Duration;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Held, LOOK, Peer, Serial, open, unguarded};
-use crate::last_word::{LastWord, Program, Watched};
 use crate::line::Renewed;
+use crate::rig::last_word::{LastWord, Program, Watched};
 
 /// Pause before the first attempt to reopen a lost line.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
@@ -119,8 +119,8 @@ impl Keeper {
     /// they are asked to describe themselves, so a later attempt would not notice it.
     fn try_once(&self, rebooted: &mut bool) -> Result<Held, String> {
         let Kept { path, baud, peer: Peer { protocol, expected }, helper } = &self.kept;
-        let port = open(path, *baud).map_err(|errno| errno.to_string())?;
-        let mut line = Serial::of(port);
+        let port = open(path, *baud).map_err(|error| error.to_string())?;
+        let mut line = Serial::holding(port);
         // The motors are switched off before anything else.
         *rebooted |= protocol.switch_off(&mut line, expected).map_err(|error| error.to_string())?;
         protocol.meet(&mut line, expected).map_err(|error| error.to_string())?;
@@ -158,9 +158,9 @@ mod tests {
 
     use super::super::tests::port;
     use super::*;
-    use crate::bus::{Expected, Found, MeetError, MotorBus, Protocol, Traffic, hbot::HbotLink};
-    use crate::layout::Layout;
+    use crate::bus::{Expected, Found, MeetError, MotorBus, Protocol, Traffic, drivers::hbot::HbotLink};
     use crate::line::Line;
+    use crate::rig::layout::Layout;
 
     /// A protocol whose attempts to switch the motors off fail for the reasons that a test gives,
     /// one after the other.
@@ -346,7 +346,7 @@ mod tests {
         let over = Arc::new(AtomicBool::new(false));
         let mut reopening = keep(kept(&path, scripted(&path, &[], &over)), None).unwrap();
         let (dead, _) = UnixStream::pair().unwrap();
-        assert!(reopening.lost.push(Held { line: dead.into(), last_word: None }).is_ok());
+        assert!(reopening.lost.push(Held { last_word: None, line: dead.into(), _port: None }).is_ok());
         let (_, renewed) = until("the line is back", || reopening.back.pop().ok());
         assert_eq!(renewed, Renewed { rebooted: false });
         let lost = std::mem::replace(&mut reopening.lost, RingBuffer::new(1).0);

@@ -10,10 +10,11 @@ use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
 use hbot_testing::far::open_plainly;
 use hbot_testing::patience::{eventually, until};
 use hbot_testing::prototype::simulated;
+use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 
 use super::*;
-use crate::attach;
-use crate::layout::Layout;
+use crate::rig::attach;
+use crate::rig::layout::Layout;
 
 const BAUD: u32 = 115_200;
 

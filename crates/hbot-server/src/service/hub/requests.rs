@@ -1,17 +1,18 @@
 //! The execution of requests.
 
 use hbot_api::{
-    Align, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk, Op, OpName, PingOk,
-    ReferenceCommand, Request, RequestRefusal, Response, SubscribeOk, TorqueCommand, Who, may_be_long,
+    Align, AlignDirection, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk,
+    ModelCommand as ModelRequest, Op, OpName, PingOk, ReferenceCommand, Request, RequestRefusal, Response,
+    SubscribeOk, TorqueCommand, Who, may_be_long,
 };
 use hbot_core::Vec3;
-use hbot_core::inputs::{Command, Stamp};
+use hbot_core::inputs::{Command, ModelCommand, Stamp};
 use serde_json::Value;
 
 use super::super::info::Now;
 use super::super::{controllers, convert};
 use super::Hub;
-use hbot_host::bridge::CONFIRMED;
+use hbot_host::run_loop::bridge::CONFIRMED;
 
 impl Hub {
     /// Executes or refuses a message that a client has sent after its hello. Returns false if the
@@ -124,8 +125,22 @@ impl Hub {
                 let command = self.reference(&reference)?;
                 self.order(session, id, name, command)?;
             }
+            Op::Model(model) => self.model(session, id, &model)?,
             Op::Align(align) => {
                 let command = self.align(&align);
+                self.order(session, id, name, command)?;
+            }
+            Op::Hand(command) => {
+                self.hand.obey(&command)?;
+                // Like every stream message, it is answered only if it has an id.
+                if id.is_some() {
+                    self.respond(session, &Response::done(id));
+                }
+            }
+            Op::AlignDirection(direction) => {
+                let AlignDirection { body, world, sigma, t } = direction;
+                let (body, world) = (convert::vector(body), convert::vector(world));
+                let command = Command::AlignDirection { body, world, sigma, tick: self.tick_at(t) };
                 self.order(session, id, name, command)?;
             }
             Op::Enable => self.order(session, id, name, Command::Enable)?,
@@ -144,9 +159,9 @@ impl Hub {
     #[inline(never)]
     fn tell_info(&mut self, session: u64, id: Option<Id>) {
         self.drain();
-        let scene = self.scenes.file().to_json();
         let now = Now {
-            scene,
+            scene: self.scenes.file().to_json(),
+            warnings: self.scenes.warnings().to_vec(),
             sample: self.latest.as_ref(),
             lease: self.lease.info(),
             incident: self.incidents.present().cloned(),
@@ -192,6 +207,7 @@ impl Hub {
         self.scenes.load(&mut self.end, session, id, scene, by)?;
         if let Some(simulate) = self.scenes.file().simulate() {
             self.incidents.show(simulate);
+            self.hand.replaced();
         }
         self.publisher.owe(session);
         self.tell_status();
@@ -233,15 +249,35 @@ impl Hub {
         })
     }
 
+    #[inline(never)]
+    fn model(&mut self, session: u64, id: Option<Id>, request: &ModelRequest) -> Result<(), ErrorBody> {
+        let (model, scale) = self.models.checked(request)?;
+        let command = ModelCommand {
+            valid_ticks: self.ticks(request.valid_ms),
+            blend_ticks: request.blend_ms.map(|ms| if ms == 0 { 0 } else { self.ticks(ms) }),
+            stamp: Stamp { seq: request.seq, tick: request.tick },
+        };
+        let placed = self.orders.place_model(&mut self.end, (session, id), command, (&model, scale));
+        self.placed(session, OpName::Model, placed)
+    }
+
     fn align(&self, align: &Align) -> Command {
+        let (q, weight, tick) = (convert::quaternion(align.q), align.weight, self.tick_at(align.t));
+        match align.sigma {
+            None => Command::Align { q, weight, tick },
+            Some(sigma) => Command::AlignBySigma { q, sigma: convert::vector(sigma), weight, tick },
+        }
+    }
+
+    /// Returns the tick at the time `t` (s), or the present one if there is none.
+    fn tick_at(&self, t: Option<f64>) -> u64 {
         let period_ns = self.rig.rig.timing.period_ns;
-        let tick = match align.t {
+        match t {
             // Round to the nearest tick. A time beyond all ticks becomes the largest tick, which is
             // not in the history and is refused.
             Some(t) => (t * 1.0e9 / period_ns as f64).round() as u64,
             None => self.end.tick(),
-        };
-        Command::Align { q: convert::quaternion(align.q), weight: align.weight, tick }
+        }
     }
 
     /// Converts milliseconds to ticks of the loop, rounded up, at least one.

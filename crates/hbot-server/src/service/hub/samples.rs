@@ -2,7 +2,7 @@
 
 use std::task::{Context, Poll};
 
-use hbot_api::{AlignOk, ErrorBody, ErrorCode, Event, ModeOk, OpName, Response};
+use hbot_api::{AlignOk, ErrorBody, ErrorCode, Event, ModeOk, ModelOk, OpName, Response};
 use hbot_core::outputs::Reply;
 use tokio::task::JoinError;
 
@@ -12,7 +12,7 @@ use super::super::orders::Asker;
 use super::super::refusals::refusal;
 use super::super::scenes::{Loaded, Measured};
 use super::{Hub, LEASE_LOST};
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// Largest number of samples that are processed before other tasks get a turn.
 const SAMPLES_A_TURN: usize = 512;
@@ -52,7 +52,7 @@ impl Hub {
             self.publisher.broadcast(&Event::Shaking(event));
         }
         if self.publisher.is_watched() {
-            self.stats.counts.dropped_states += self.publisher.publish(sample);
+            self.stats.counts.dropped_states += self.publisher.publish(sample, || self.hand.torque());
         }
     }
 
@@ -69,8 +69,8 @@ impl Hub {
     /// Passes the loop's answer to one order on to the client that sent it, or logs it if the
     /// service sent the order. `reply` is `None` if the answer was lost with a dropped sample.
     fn pass_on(&mut self, asker: Asker, reply: Option<Reply>, sample: &Sample) {
-        let (session, id, op) = match asker {
-            Asker::Client { session, id, op } => (session, id, op),
+        let (session, id, (op, scale)) = match asker {
+            Asker::Client { session, id, op, scale } => (session, id, (op, scale)),
             Asker::Service(what) => {
                 // What the loop has accepted until here is the earlier holder's.
                 if LEASE_LOST.contains(&what) {
@@ -99,7 +99,11 @@ impl Hub {
             }
             // A stream message without an id gets no answer.
             _ if op.row().stream && id.is_none() => {}
-            Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle }),
+            Some(Reply::Aligned { angle }) => self.answer(session, id, AlignOk { angle, used: true }),
+            Some(Reply::Measured { angle, used }) => self.answer(session, id, AlignOk { angle, used }),
+            Some(Reply::Done) if op == OpName::Model => {
+                self.answer(session, id, ModelOk { stiffness_scale: scale });
+            }
             Some(Reply::Done) if op.row().stream => self.respond(session, &Response::done(id)),
             Some(Reply::Done) => {
                 if op == OpName::Reset {

@@ -6,7 +6,7 @@ use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
 use hbot_core::safety::mode::Cause;
 
 use super::super::convert;
-use hbot_host::sample::Sample;
+use hbot_host::run_loop::sample::Sample;
 
 /// Returns the message that explains a fault of a simulated rig to clients. It says that the rig is
 /// simulated, and names causes that a simulated rig can have. `line` has the errors of its serial

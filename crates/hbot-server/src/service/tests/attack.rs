@@ -171,8 +171,17 @@ fn the_system_looks_whether_clients_are_still_there() {
 #[test]
 fn the_page_has_the_bounds() {
     let page = include_str!("../../../../../docs/api.md");
-    let Bounds { connections, local, strangers, hello, wrong_token, stuck, outgoing, requests_per_s } =
-        Bounds::default();
+    let Bounds {
+        connections,
+        local,
+        strangers,
+        hello,
+        wrong_token,
+        silence,
+        stuck,
+        outgoing,
+        requests_per_s,
+    } = Bounds::default();
     for row in [
         format!(
             "| connections at a time | {connections}, of them {} from other machines |",

@@ -5,8 +5,8 @@ use hbot_core::outputs::Reply;
 
 use super::*;
 use crate::service::bell::Ringing;
-use hbot_host::bridge::{LoopEnd, ServiceEnd};
-use hbot_host::sample::{Answer, Sample};
+use hbot_host::run_loop::bridge::{LoopEnd, ServiceEnd};
+use hbot_host::run_loop::sample::{Answer, Sample};
 
 /// Returns both ends of a bridge and its notification of new samples. One sample has been published
 /// and taken.

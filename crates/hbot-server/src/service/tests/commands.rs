@@ -2,8 +2,8 @@
 //! network.
 
 use hbot_api::{
-    Align, ClockInfo, ErrorCode, LeaseInfo, OpName, PassivityInfo, ReferenceCommand, TorqueCommand,
-    TractionInfo, Who,
+    Align, AlignDirection, ClockInfo, ErrorCode, LeaseInfo, ModelCommand, OpName, PassivityInfo,
+    ReferenceCommand, TorqueCommand, TractionInfo, Who,
 };
 
 use super::*;
@@ -18,7 +18,7 @@ fn reference(effect: &str) -> ReferenceCommand {
 }
 
 fn align(q: [f64; 4], weight: f64, t: Option<f64>) -> Op {
-    Op::Align(Align { q, weight, t })
+    Op::Align(Align { q, weight, sigma: None, t })
 }
 
 fn mode(result: Result<Value, ClientError>) -> String {
@@ -26,7 +26,7 @@ fn mode(result: Result<Value, ClientError>) -> String {
 }
 
 /// Waits until the client receives a state for which `found` returns true, and returns this state.
-fn state(
+pub(super) fn state(
     client: &mut Client,
     what: &str,
     found: impl Fn(&hbot_api::StateEvent) -> bool,
@@ -137,7 +137,12 @@ fn request(op: OpName) -> Op {
         }
         OpName::Torque => Op::Torque(torque([0.0; 3], 10)),
         OpName::Reference => Op::Reference(reference("spring")),
+        OpName::Model => Op::Model(Box::new(ModelCommand { valid_ms: 10, ..ModelCommand::default() })),
         OpName::Align => align([1.0, 0.0, 0.0, 0.0], 0.0, None),
+        OpName::AlignDirection => {
+            let (body, world) = ([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]);
+            Op::AlignDirection(AlignDirection { body, world, sigma: 1.0, t: None })
+        }
         OpName::Enable => Op::Enable,
         OpName::Disable => Op::Disable,
         OpName::Reset => Op::Reset,
@@ -301,6 +306,31 @@ fn align_records_corrects_and_refuses() {
 }
 
 #[test]
+fn a_measurement_with_a_sigma_is_weighed_and_its_uncertainty_is_in_the_state() {
+    let bench = bench();
+    let mut client = bench.holder();
+    bench.wait_for(Mode::Idle);
+    bench.wait_ticks(20);
+    let measured = |angle: f64, sigma: f64| {
+        let q = [(0.5 * angle).cos(), (0.5 * angle).sin(), 0.0, 0.0];
+        Op::Align(Align { q, weight: 1.0, sigma: Some([sigma; 3]), t: None })
+    };
+    // The first one is taken as it is. `used` is absent unless it is false.
+    assert!(client.call(measured(0.2, 0.01)).unwrap()["used"].is_null());
+    let far = client.call(measured(1.0, 0.01)).unwrap();
+    assert!((far["angle"].as_f64().unwrap() - 0.8).abs() < 1e-3 && far["used"] == false, "{far}");
+    client.call(Op::Subscribe { every: 1 }).unwrap();
+    let known = state(&mut client, "a sigma", |state| state.orientation_sigma.is_some());
+    let sigma = known.orientation_sigma.unwrap();
+    assert!(sigma.iter().all(|x| (0.009..0.012).contains(x)), "{sigma:?}");
+    // Gravity agrees with an orientation that is turned by 0.2 rad about n1.
+    let (body, world) = ([0.0, -0.2_f64.sin(), -0.2_f64.cos()], [0.0, 0.0, -1.0]);
+    let answer =
+        client.call(Op::AlignDirection(AlignDirection { body, world, sigma: 0.1, t: None })).unwrap();
+    assert!(answer["angle"].as_f64().unwrap() < 1e-3, "{answer}");
+}
+
+#[test]
 fn enable_far_from_a_reference_says_which_and_how_far() {
     let bench = bench();
     let mut client = bench.holder();
@@ -336,6 +366,13 @@ fn info_tells_the_limit_of_the_passivity_controller() {
     assert_eq!(info.limits.passivity, Some(told));
 }
 
+/// Returns the prototype without a lead.
+fn unled() -> RigConfig {
+    let mut rig = RigConfig::prototype();
+    rig.rig = rig.rig.with(|parts| parts.lead = None).unwrap();
+    rig
+}
+
 #[test]
 fn info_and_stats_have_their_shape() {
     let bench = bench();
@@ -352,18 +389,32 @@ fn info_and_stats_have_their_shape() {
     let told = PassivityInfo { allowance: limit.allowance, store: limit.store, damping: limit.damping };
     assert_eq!(info.limits.passivity, Some(told));
     assert!(info.capability.unwrap().iter().all(|t| *t > 0.0), "{info:?}");
-    // To first order `stiffness_stable` is the damping of 0.02 N m s/rad divided by 1.5 ticks of 1
-    // ms and the lag of the motors, 0.5 ms. The border of the sampled loop is less than 1 % below.
+    // `stiffness_stable` is the border with the lead and 0.02 N m s/rad, which docs/stability.md
+    // quotes.
+    let render = info.render.clone().unwrap();
+    assert!((render.stiffness_stable - 258.0).abs() < 0.5, "{render:?}");
+    // Without a lead it is, to first order, this damping divided by 1.5 ticks of 1 ms and the lag
+    // of the motors, 0.5 ms. The border of the sampled loop is less than 1 % below. Then
     // `stiffness_most` is 0.146457 times the smallest apparent inertia divided by the square of a
     // tick (docs/internals/physics.md, section 9, to six digits).
-    let render = info.render.clone().unwrap();
-    let part = render.stiffness_stable / (render.damping / 2.0e-3);
-    assert!(0.99 < part && part < 1.0, "{render:?}");
-    let most = 0.146_457e6 * render.inertia;
-    assert!((render.stiffness_most / most - 1.0).abs() < 1e-5, "{render:?}");
+    let unled = TestService::start(TestOptions { rig: unled(), ..TestOptions::default() });
+    let plain = unled.client("c").info().unwrap().render.unwrap();
+    let part = plain.stiffness_stable / (plain.damping / 2.0e-3);
+    assert!(0.99 < part && part < 1.0, "{plain:?}");
+    let most = 0.146_457e6 * plain.inertia;
+    assert!((plain.stiffness_most / most - 1.0).abs() < 1e-5, "{plain:?}");
     // The damping that a torque one tick late, with this lag, can have at most is 0.880 J/h.
     let most = 0.8800e3 * render.inertia;
     assert!((render.damping_most / most - 1.0).abs() < 1e-3, "{render:?}");
+    // Between two pairs the border is nearly straight: 1 % is far less than what a person feels.
+    let after = render.border.iter().position(|[damping, _]| *damping >= render.damping).unwrap();
+    let [[b0, k0], [b1, k1]] = [render.border[after - 1], render.border[after]];
+    let between = k0 + (k1 - k0) * (render.damping - b0) / (b1 - b0);
+    assert!((between / render.stiffness_stable - 1.0).abs() < 0.01, "{render:?}");
+    assert!(
+        render.border[0] == [0.0, 0.0] && render.border.is_sorted_by(|[a, _], [b, _]| a < b),
+        "{render:?}"
+    );
     assert!(info.kind("spring").is_some() && info.phenomena.is_none());
     assert_eq!(info.scene["name"], "Spring");
     assert_eq!(info.lease, Some(LeaseInfo::default()));

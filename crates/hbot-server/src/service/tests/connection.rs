@@ -12,8 +12,8 @@ use super::super::hub::Hub;
 use super::super::outbox::outbox;
 use super::super::peer::Peer;
 use super::*;
-use hbot_host::bridge::LoopEnd;
-use hbot_host::clock::Origin;
+use hbot_host::run_loop::bridge::LoopEnd;
+use hbot_host::run_loop::clock::Origin;
 
 /// Capacity of the pipe between a client and the service, bytes.
 const PIPE: usize = 128 * 1024;
@@ -34,6 +34,8 @@ pub(super) fn still() -> (LoopEnd, Desk) {
         origin: Origin::at(0),
         time_waits: false,
         notes: crate::recording::Notes::default(),
+        web: None,
+        hand: None,
     };
     let bounds = Bounds { stuck: Duration::from_millis(50), ..Bounds::default() };
     (loop_end, Desk::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))

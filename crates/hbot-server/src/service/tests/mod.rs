@@ -10,6 +10,7 @@ mod framing;
 mod hello;
 mod lease;
 mod metrics;
+mod models;
 mod overload;
 mod scenes;
 mod shakes;
@@ -37,15 +38,15 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{Bounds, Control, ServiceSetup, SetPhenomena, Status, Summary, serve_within};
-use hbot_host::bridge::{EmergencyStop, bridge};
-use hbot_host::bus::hbot::HbotLink;
+use hbot_host::bus::drivers::hbot::HbotLink;
 use hbot_host::bus::{Expected, Protocol as _};
-use hbot_host::clock::Origin;
-use hbot_host::controllers::Controllers;
-use hbot_host::engine::Engine;
-use hbot_host::layout::Layout;
 use hbot_host::line::{Line, Memory, SimulatorCall};
-use hbot_host::motors::Motors;
+use hbot_host::rig::controllers::Controllers;
+use hbot_host::rig::layout::Layout;
+use hbot_host::rig::motors::Motors;
+use hbot_host::run_loop::bridge::{EmergencyStop, bridge};
+use hbot_host::run_loop::clock::Origin;
+use hbot_host::run_loop::engine::Engine;
 use hbot_host::run_loop::{StopFlag, lockstep};
 
 /// The time of tick 0 that the service of a test is given. The Unix time is larger than 2^53, so
@@ -183,6 +184,8 @@ impl TestService {
                     origin: ORIGIN,
                     time_waits: false,
                     notes: crate::recording::Notes::default(),
+                    web: None,
+                    hand: None,
                 };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;

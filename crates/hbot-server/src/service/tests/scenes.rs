@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use hbot_api::{ErrorCode, LoadSceneOk};
+use hbot_api::{ErrorCode, LoadSceneOk, SetOk};
 
 use super::*;
 
@@ -29,15 +29,33 @@ fn a_scene_is_loaded_answered_and_told_to_all() {
 }
 
 #[test]
-fn a_ready_made_scene_is_loaded_by_its_name() {
+fn a_ready_made_scene_is_loaded_by_the_name_that_info_gives() {
     let bench = bench();
     let mut client = bench.holder();
+    let told = client.info().unwrap().scenes;
+    let hinge = told.iter().find(|scene| scene.file == "hinge").expect("a ready-made scene");
     client.call(scene(json!("hinge"))).unwrap();
-    assert_eq!(client.info().unwrap().scene["name"], "Hinge");
+    let running = client.info().unwrap().scene;
+    assert_eq!((&running["name"], &running["description"]), (&json!(hinge.name), &json!(hinge.description)));
     let error = refused(client.call(scene(json!("hing"))));
     assert_eq!(error.code, ErrorCode::BadRequest);
-    assert!(error.message.contains("did you mean `hinge`?") && error.message.contains("clay"), "{error}");
-    assert_eq!(client.info().unwrap().scene["name"], "Hinge");
+    for part in ["\"hing\"", "did you mean \"hinge\"", "legal: spring, "] {
+        assert!(error.message.contains(part), "{part}: {error}");
+    }
+    assert_eq!(client.info().unwrap().scene, running);
+}
+
+#[test]
+fn info_has_the_warnings_of_the_running_scene() {
+    let bench = bench();
+    let mut client = bench.holder();
+    assert_eq!(client.info().unwrap().warnings, Vec::<String>::new());
+    let answer: SetOk =
+        serde_json::from_value(client.call(set("spring", json!({"stiffness": 500}))).unwrap()).unwrap();
+    assert_eq!(bench.client("watcher").info().unwrap().warnings, answer.warnings);
+    assert!(answer.warnings[0].contains("may shake"), "{answer:?}");
+    client.call(scene(json!("clay"))).unwrap();
+    assert_eq!(client.info().unwrap().warnings, Vec::<String>::new());
 }
 
 #[test]

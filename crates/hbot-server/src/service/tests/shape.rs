@@ -54,13 +54,14 @@ fn info_keeps_its_names_their_order_and_types() {
                     torque: real, torque_rate: real, speed: real, slip: real, energy: null, traction: {traction}, passivity: {{allowance: real, store: real, damping: real}},
                     enable_max_angle: real, align_rate: real, reference_rate: real, max_age_ticks: whole
                 }},
-                render: {{inertia: real, damping: real, stiffness_stable: real, stiffness_most: real, damping_most: real, rate_pick: null,
+                render: {{inertia: real, damping: real, stiffness_stable: real, stiffness_most: real, damping_most: real, border: [[real]], rate_pick: null,
                     loop: {{delay_ticks: whole, lag_s: real, lead_s: real, rate_lag_s: real, rate_weights: [],
                         inertia: [real], axes: [[real]]}}
                 }},
                 accuracy: text, on_client_lost: text,
                 effects: [{{name: text, description: text, schema: map}}],
-                {phenomena} scene: map, capability: [real], lease: {{holder: null, session: null}},
+                {phenomena} scenes: [{{file: text, name: text, description: text}}], modes: [{{name: text, sentence: text}}],
+                faults: [{{name: text, sentence: text, remedy: text}}], scene: map, warnings: [], capability: [real], lease: {{holder: null, session: null}},
                 mode: text
             }}"
         ))

@@ -9,7 +9,7 @@ use tokio::task::yield_now;
 use super::super::desk::Desk;
 use super::connection::{greeted_in_json, still};
 use super::*;
-use hbot_host::bridge::LoopEnd;
+use hbot_host::run_loop::bridge::LoopEnd;
 
 const SET: &str = "{\"op\":\"set\",\"effect\":\"spring\",\"stiffness\":1}\n";
 const ESTOP: &[u8] = b"{\"id\":\"stop\",\"op\":\"estop\"}\n";

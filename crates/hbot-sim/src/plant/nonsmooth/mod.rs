@@ -29,7 +29,7 @@ use self::compliance::Bent;
 use self::law::Element;
 pub use self::solver::Effort;
 use self::solver::{StepProblem, Workspace};
-use super::weights::{GRAVITY, Module, Spring, Weight};
+use super::weights::{Module, Spring, Weight};
 use super::{JointTorques, PlantState};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
@@ -295,10 +295,7 @@ impl Nonsmooth {
     /// Returns the sphere's weight if its centre of mass is off centre, so that gravity turns the
     /// sphere. Otherwise returns `None`.
     fn weight(&self) -> Option<Weight> {
-        self.body.phenomena.eccentric.map(|eccentric| Weight {
-            offset: Vec3::from_array(eccentric.offset),
-            weight: self.body.device.sphere_mass() * GRAVITY,
-        })
+        Weight::of(&self.body.device, &self.body.phenomena)
     }
 }
 

@@ -4,3 +4,4 @@ mod encoder;
 mod link;
 mod motor;
 mod none;
+mod shafts;

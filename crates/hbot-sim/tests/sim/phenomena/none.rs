@@ -3,7 +3,7 @@
 use hbot_core::Vec3;
 use hbot_link::ToController;
 use hbot_sim::controller::{EncoderKind, InjectedFault};
-use hbot_sim::phenomena::{Encoder, Hand, Link, Motor, Phenomena};
+use hbot_sim::phenomena::{Cogging, Encoder, Hand, Link, Motor, Phenomena, TorqueConstants};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
 use crate::devices::{brisk, rig};
@@ -81,6 +81,7 @@ fn phenomena_of_nothing_change_no_byte() {
         Phenomena { link: Some(link), ..none },
         Phenomena { encoder: Some(encoder), ..none },
         Phenomena { motor: Some(motor), ..none },
+        Phenomena { torque_constants: Some(TorqueConstants { spread: 0.0, seed: 3 }), ..none },
     ] {
         assert!(eventful(phenomena) == ideal, "{phenomena:?}");
     }
@@ -101,6 +102,8 @@ fn a_tick_with_phenomena_allocates_nothing() {
         }),
         encoder: Some(Encoder::default()),
         motor: Some(Motor::default()),
+        torque_constants: Some(TorqueConstants::default()),
+        cogging: Some(Cogging::default()),
         hand: Some(Hand::default()),
         ..Phenomena::default()
     };

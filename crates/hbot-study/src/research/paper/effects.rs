@@ -92,6 +92,9 @@ pub(super) fn together() -> Phenomena {
         gear: Some(Gear::default()),
         // Nobody has measured the prototype's.
         compliance: None,
+        torque_constants: None,
+        cogging: None,
+        imbalance: None,
         encoder: Some(Encoder::default()),
         motor: Some(Motor::default()),
         link: Some(Link::default()),

@@ -48,9 +48,11 @@ const STARTED: usize = 600;
 fn rig(choice: usize) -> RigConfig {
     let (_, preset, odometry, path) = CHOICES[choice];
     let preset = preset.unwrap_or("balanced");
-    let with = Override { path: "loop.accuracy", value: json!(preset), from: "the study" };
-    let config = RigConfig::load(None, &[with]);
-    let mut config = config.unwrap_or_else(|error| unreachable!("a preset of the prototype: {error}"));
+    // Without a lead, because the reference renders the scene at the measured pose.
+    let with = [("loop.accuracy", json!(preset)), ("loop.lead", json!(false))]
+        .map(|(path, value)| Override { path, value, from: "the study" });
+    let mut config = RigConfig::load(None, &with)
+        .unwrap_or_else(|error| unreachable!("a preset of the prototype: {error}"));
     let rig = config.rig.with(|rig| (rig.methods.odometry, rig.methods.path) = (odometry, path));
     config.rig = rig.unwrap_or_else(|error| unreachable!("methods of the core: {error}"));
     config

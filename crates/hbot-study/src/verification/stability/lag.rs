@@ -42,8 +42,9 @@ impl Case {
     fn all() -> impl Iterator<Item = Self> {
         FILES.into_iter().flat_map(|(name, text)| {
             SETTINGS.map(|(rate, lag)| {
-                let rate = Override { path: "loop.rate_hz", value: json!(rate), from: "the study" };
-                let config = RigConfig::from_toml_with(text, name, &[rate])
+                let with = [("loop.rate_hz", json!(rate)), ("loop.lead", json!(false))]
+                    .map(|(path, value)| Override { path, value, from: "the study" });
+                let config = RigConfig::from_toml_with(text, name, &with)
                     .unwrap_or_else(|mistakes| unreachable!("a legal rig: {mistakes}"));
                 Self { name, config, lag }
             })

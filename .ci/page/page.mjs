@@ -1,0 +1,266 @@
+// Uses the page in a browser as a person would. Arguments: the program hbot, and a folder for pictures.
+//
+// Prints times beside a reference of this machine. The exit code is 0 only if the page shows, sends and forgets what it
+// should: no time decides.
+import { strict as assert } from "node:assert";
+import { chromium } from "playwright-core";
+import { Client, Server, angle, length, quantile, until } from "./rig.mjs";
+import { watch } from "./watch.mjs";
+
+const [hbot, pictures] = process.argv.slice(2);
+const SIZES = { desk: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };
+
+let server = await Server.start(hbot);
+const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"] });
+const context = await browser.newContext({ viewport: SIZES.desk, colorScheme: "light" });
+const page = await context.newPage();
+const complaints = [];
+page.on("pageerror", (error) => complaints.push(error.stack));
+page.on("console", (line) => line.type() === "error" && complaints.push(line.text()));
+await page.addInitScript(watch);
+
+/** Takes a picture of the present state at both sizes, in light and dark. */
+async function picture(name) {
+  for (const [size, viewport] of Object.entries(SIZES)) {
+    await page.setViewportSize(viewport);
+    await page.emulateMedia({ colorScheme: name.endsWith("dark") ? "dark" : "light" });
+    await page.waitForTimeout(300);
+    await page.screenshot({ path: `${pictures}/${name}-${size}.png` });
+  }
+  await page.setViewportSize(SIZES.desk);
+  await page.emulateMedia({ colorScheme: "light" });
+}
+const text = (selector) => page.locator(selector).innerText();
+const shows = (selector, part, seconds) =>
+  until(`${selector} shows ${part}`, async () => (await text(selector)).includes(part), seconds);
+const ms = (x) => `${x.toFixed(1)} ms`;
+
+// The first picture.
+await page.goto(server.page);
+await until("a first state", () => page.evaluate(() => document.querySelector("#sphere").dataset.tick));
+const first = await page.evaluate(() => performance.getEntriesByName("first-contentful-paint")[0]?.startTime);
+const state = await page.evaluate(() => window.firstTick);
+console.log(`first picture ${ms(first)} after the request (wanted: 1000), with a state after ${ms(state)}`);
+
+// It observes until somebody takes command.
+const watcher = await Client.connect(server.listen, "watcher");
+await shows("#headline", "ACTIVE");
+assert.equal(await text("#badge"), "SIMULATED");
+assert.equal(await text("#who"), "nobody commands");
+assert.equal((await watcher.ask("info")).lease.holder, null, "a page that is opened takes nothing");
+await shows("#effects", "stiffness");
+assert(await page.locator("#effects").evaluate((it) => it.inert), "an observer changes nothing");
+await page.waitForTimeout(3000);
+await picture("observing");
+
+// Every control has a name, and nothing is wider than a small telephone.
+const nameless = await page.$$eval("button, input, select, textarea, canvas, summary", (all) => all
+  .filter((it) => it.offsetParent && !(it.getAttribute("aria-label") || it.innerText || it.labels?.length))
+  .map((it) => it.outerHTML));
+assert.deepEqual(nameless, []);
+await page.setViewportSize({ width: 360, height: 640 });
+await page.waitForTimeout(200);
+const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+assert(wide <= 360, `${wide} px at a width of 360`);
+await page.setViewportSize(SIZES.desk);
+
+// How old a state is when its picture is there.
+const { ages, states, pictures: drawn } = await page.evaluate(() => window.measure(4000));
+console.log(`state to picture: median ${ms(quantile(ages, 0.5))}, 90 % ${ms(quantile(ages, 0.9))} (wanted: 35; `
+  + `a frame lasts 16.7); ${(states / 4).toFixed(0)} states and ${(drawn / 4).toFixed(0)} pictures a second`);
+assert(states <= 4 * 75, `${states} states in 4 s: the page asks for about 60 a second`);
+
+// States that came while the page could not draw are not drawn later.
+const late = await page.evaluate(() => window.block(1500));
+// About 94 came.
+assert(late.drawn <= 10, `${late.drawn} pictures of states from before the end of a pause`);
+
+await page.click("#lease");
+await shows("#who", "you command");
+await until("the lease", async () => (await watcher.ask("info")).lease.holder === "page");
+
+// The hand turns the sphere, and the spring turns the hand.
+const middle = await page.locator("#sphere").boundingBox().then((box) => ({
+  x: box.x + box.width / 2, y: box.y + box.height / 2, radius: Math.min(box.width, box.height) / 2 / 1.62 }));
+async function settled() {
+  let still = 0;
+  await until("the sphere rests", () => {
+    still = length(watcher.state.omega) < 2e-3 ? still + 1 : 0;
+    return still > 10;
+  });
+  return watcher.state;
+}
+async function drag(part, steps = 12) {
+  await page.mouse.move(middle.x, middle.y);
+  await page.mouse.down();
+  await page.mouse.move(middle.x + part * middle.radius, middle.y, { steps });
+}
+await drag(0.6);
+await shows("#grip", "pushes your hand");
+const held = await settled();
+const stiffness = (await watcher.ask("info")).scene.effect[0].stiffness;
+const turned = angle(held.q, held.reference);
+const ratio = length(held.torque) / (stiffness * turned);
+console.log(`a drag by 0.6 of the radius: ${turned.toFixed(3)} rad and ${length(held.torque).toFixed(3)} N m, `
+  + `${((ratio - 1) * 100).toFixed(2)} % from the spring's ${stiffness} N m/rad`);
+assert(turned > 0.1, "the sphere turns with the pointer");
+assert(Math.abs(ratio - 1) < 0.02, `the spring is felt: ${ratio}`);
+const shown = parseFloat((await text("#grip")).match(/([\d.]+) N m/)[1]);
+assert(Math.abs(shown - length(held.torque)) < 0.005, `the page shows ${shown} N m`);
+await picture("hand");
+await picture("hand-dark");
+await page.mouse.up();
+await until("the sphere turns back", () => angle(watcher.state.q, watcher.state.reference) < 0.5 * turned);
+
+// With Shift, a drag turns the view and not the sphere.
+const rest = (await settled()).q;
+await page.keyboard.down("Shift");
+await drag(0.5);
+await page.mouse.up();
+await page.keyboard.up("Shift");
+assert(angle((await settled()).q, rest) < 0.02, "Shift turns the view");
+await page.locator("#sphere").dblclick({ position: { x: 5, y: 5 } });
+
+// The arrow keys turn the sphere too, and let go when they are released.
+await page.focus("#sphere");
+await page.keyboard.down("ArrowRight");
+await until("the key turns the sphere", () => angle(watcher.state.q, watcher.state.reference) > 0.1);
+await page.keyboard.up("ArrowRight");
+await until("it turns back", () => angle(watcher.state.q, watcher.state.reference) < 0.05);
+
+// Sliders: the server has the new value, and the mark of stability follows the damping.
+const slider = page.getByRole("slider", { name: "spring stiffness" });
+const mark = () => page.locator("#effects .mark").first().evaluate((it) => it.style.left);
+const marked = await mark();
+await slider.focus();
+for (let k = 0; k < 8; k += 1) await page.keyboard.press("ArrowRight");
+await until("a stiffer spring", async () => (await watcher.ask("info")).scene.effect[0].stiffness > stiffness);
+const damping = page.getByRole("spinbutton", { name: "spring damping value" });
+await damping.fill("0.05");
+await damping.press("Enter");
+await until("more damping", async () => (await watcher.ask("info")).scene.effect[0].damping === 0.05);
+await until("the mark follows", async () => (await mark()) !== marked);
+const number = page.getByRole("spinbutton", { name: "spring stiffness value" });
+await number.fill("200");
+await number.press("Enter");
+await shows("#warnings", "spring: may shake");
+await picture("warned");
+await number.fill("2");
+await number.press("Enter");
+await until("no warning", async () => (await text("#warnings")) === "");
+
+// Another scene, by its name and as text.
+await page.selectOption("#shelf", "hinge");
+await page.click("#load");
+await shows("#scene", "Hinge");
+const load = async (scene) => {
+  await page.locator("#astext").evaluate((it) => (it.open = true));
+  await page.fill("#text", JSON.stringify(scene));
+  await page.click("#loadtext");
+  await shows("#scene", scene.name);
+  await page.locator("#astext").evaluate((it) => (it.open = false));
+};
+const spring = { id: "spring", kind: "spring", law: "geodesic", stiffness: 1, damping: 0.02, anchor: "here" };
+await load({ name: "As text", effect: [spring] });
+await watcher.mode("active");
+
+// Esc, from the key to zero torque.
+await drag(0.4);
+await settled();
+watcher.keep = [];
+const pressed = performance.now();
+await page.keyboard.press("Escape");
+await shows("#headline", "ESTOP");
+const stopped = watcher.keep.find((state) => state.mode === "estop");
+const arrived = await page.evaluate(() => window.stopTick);
+console.log(`Esc to zero torque: ${stopped.tick - arrived} ticks after the frame arrived (wanted: 3), `
+  + `${ms(stopped.came - pressed)} in all (wanted: 50)`);
+assert(length(stopped.torque) === 0, "the first state of the stop has no torque");
+assert(watcher.keep.filter((state) => state.tick >= stopped.tick).every((state) => state.mode === "estop"));
+watcher.keep = null;
+await page.mouse.up();
+await shows("#details", "Stopped by you");
+await picture("stopped");
+await picture("stopped-dark");
+await page.click("#recover");
+await watcher.mode("active");
+
+// Space stops in a text field too, and presses no button.
+await page.locator("#astext").evaluate((it) => (it.open = true));
+await page.focus("#text");
+await page.keyboard.press("Space");
+await watcher.mode("estop");
+await page.focus("#recover");
+await page.keyboard.press("Space");
+await page.waitForTimeout(200);
+assert.equal(watcher.state.mode, "estop", "Space is no press of a button");
+await page.keyboard.press("Enter");
+await watcher.mode("active");
+await page.click("#stop");
+await watcher.mode("estop");
+
+// Who has stopped the rig.
+await page.click("#recover");
+await watcher.mode("active");
+await watcher.ask("estop");
+await shows("#details", "Stopped by watcher");
+await page.click("#recover");
+await watcher.mode("active");
+
+// A fault, in the words of the server.
+await load({ name: "A bad line", effect: [spring], simulate: { link: { corrupt: 0.4 } } });
+await shows("#headline", "FAULT");
+const words = (await watcher.ask("info")).faults.find((fault) => fault.name === watcher.state.fault);
+assert((await text("#details")).includes(words.remedy), `the remedy of ${watcher.state.fault}`);
+await picture("fault");
+await load({ name: "A good line", effect: [spring], simulate: {} });
+await page.click("#recover");
+await watcher.mode("active");
+
+// Another client takes over, and the page takes it back after a question.
+await watcher.ask("acquire", { steal: true });
+await shows("#who", "observer: watcher commands");
+await page.click("#lease");
+await shows("#asked", "Take over from watcher?");
+await picture("asked");
+await page.click("#yes");
+await shows("#who", "you command");
+
+// A server that hangs: nothing is known, and a stop is not a stop until a state proves it.
+server.kill("SIGSTOP");
+await shows("#headline", "NO CONTACT");
+await picture("silent");
+await page.keyboard.press("Escape");
+await shows("#headline", "NOT STOPPED");
+await picture("not-stopped");
+server.kill("SIGCONT");
+await shows("#headline", "ESTOP");
+
+// A server that is gone, and comes back.
+const { ports } = server;
+await server.end();
+await shows("#headline", "NO CONTACT");
+await shows("#details", "Not connected");
+await picture("gone");
+server = await Server.start(hbot, ports);
+await shows("#headline", "ACTIVE");
+await shows("#who", "nobody commands");
+
+// How a real rig looks: the same server, which says that its rig is real.
+await page.routeWebSocket(/ws$/, (socket) => {
+  const far = socket.connectToServer();
+  far.onMessage((line) => socket.send(String(line).replace('"simulated":true', '"simulated":false')));
+});
+await page.reload();
+await shows("#badge", "LIVE");
+await page.click("#lease");
+await shows("#who", "you command");
+await shows("#hint", "Drag to turn the view");
+await page.waitForTimeout(1500);
+await picture("live");
+
+// The browser complains of lost connections, which are meant here, and of nothing else.
+assert.deepEqual(complaints.filter((text) => !/WebSocket connection to|ERR_CONNECTION/.test(text)), []);
+await browser.close();
+watcher.end();
+await server.end();

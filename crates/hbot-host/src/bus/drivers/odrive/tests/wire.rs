@@ -1,0 +1,264 @@
+//! Tests of the bus and of bring-up with bytes that are written by hand.
+
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use hbot_config::RigConfig;
+use hbot_core::MAX_JOINTS;
+
+use super::super::Odrive;
+use super::super::message::{decode, error, state};
+use super::super::slcan::Frame;
+use super::super::talk::{Met, Talk};
+use super::{Canned, expected};
+use crate::bus::{BusCommand, BusTraffic, Expected, MotorBus, Protocol as _, Traffic};
+use crate::line::Line;
+use crate::rig::layout::Layout;
+
+/// What has happened on a line.
+#[derive(Default)]
+struct Ends {
+    /// Bytes from the adapter that have not been read yet.
+    arrived: Vec<u8>,
+    written: Vec<u8>,
+    reads: u32,
+    released: bool,
+}
+
+/// A line of which the test keeps the other end.
+#[derive(Clone, Default)]
+struct Wire(Arc<Mutex<Ends>>);
+
+impl Wire {
+    fn ends(&self) -> MutexGuard<'_, Ends> {
+        self.0.lock().expect("no test has failed with it")
+    }
+
+    /// Makes `text` arrive `times` times.
+    fn arrives(&self, text: &str, times: usize) {
+        self.ends().arrived.extend(text.repeat(times).bytes());
+    }
+
+    /// Returns the bus of the prototype's axes on this line.
+    fn bus(&self) -> Box<dyn MotorBus> {
+        Odrive.bus(Box::new(self.clone()), expected())
+    }
+}
+
+impl Line for Wire {
+    fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
+        let mut ends = self.ends();
+        ends.reads += 1;
+        let n = ends.arrived.len().min(buffer.len());
+        buffer[..n].copy_from_slice(&ends.arrived[..n]);
+        ends.arrived.drain(..n);
+        Ok(n)
+    }
+
+    fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
+        self.ends().written.extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn pause(&mut self) {}
+
+    fn release(&mut self) {
+        self.ends().released = true;
+    }
+}
+
+/// A heartbeat of axis 4, which the rig does not have.
+const FOREIGN: &str = "t08180000000001000000\r";
+/// A heartbeat of axis 0: idle and without an error.
+const HEARTBEAT: &str = "t00180000000001000000\r";
+
+#[test]
+fn frames_of_others_are_foreign_and_not_damaged() {
+    let wire = Wire::default();
+    let mut bus = wire.bus();
+    wire.arrives(HEARTBEAT, 1);
+    wire.arrives(FOREIGN, 2);
+    // A frame whose id has 29 bits is not from an axis, whatever its id.
+    wire.arrives("T0000000180000000001000000\r", 1);
+    let heard = bus.receive(0, 0);
+    assert_eq!((heard.foreign, heard.damaged, heard.zeros_lost), (3, 0, false));
+    assert_eq!(bus.receive(0, 0).foreign, 0);
+}
+
+/// 13200 bytes are more than three times 4096 bytes, and less than four times.
+#[test]
+fn a_tick_reads_everything_that_has_arrived_and_reads_a_silent_line_once() {
+    let wire = Wire::default();
+    let mut bus = wire.bus();
+    wire.arrives(FOREIGN, 600);
+    assert_eq!((bus.receive(0, 0).foreign, wire.ends().reads), (600, 4));
+    assert_eq!((bus.receive(0, 1).foreign, wire.ends().reads), (0, 5));
+}
+
+/// Runs 401 ticks and returns each question with its tick. If `answered` is true, every question is
+/// answered before the next tick.
+fn questions(answered: bool) -> Vec<(u32, String)> {
+    let wire = Wire::default();
+    let mut bus = wire.bus();
+    let mut asked = Vec::new();
+    for tick in 0..=400 {
+        bus.receive(u64::from(tick) * 1_000_000, tick);
+        let command = BusCommand { tick, enable: false, watchdog_ms: 20, torque: [0.0; MAX_JOINTS] };
+        assert!(bus.command(u64::from(tick) * 1_000_000, &command));
+        let written = String::from_utf8(std::mem::take(&mut wire.ends().written)).expect("text");
+        for line in written.split('\r').filter(|line| line.starts_with('r')) {
+            asked.push((tick, line.to_owned()));
+            if answered {
+                wire.arrives(&format!("t{}0000000000000000\r", &line[1..]), 1);
+            }
+        }
+    }
+    asked
+}
+
+/// Temperatures are message 0x15, currents 0x14.
+#[test]
+fn every_50_ms_one_axis_is_asked_for_one_value() {
+    let first = ["r0158", "r0358", "r0558", "r0758"].map(|line| (0, line));
+    let later = ["r0348", "r0548", "r0748", "r0148", "r0358", "r0558", "r0758", "r0158"];
+    let right: Vec<_> = first.into_iter().chain((50..).step_by(50).zip(later)).collect();
+    let right: Vec<_> = right.into_iter().map(|(tick, line)| (tick, line.to_owned())).collect();
+    assert_eq!(questions(true), right);
+}
+
+/// Until an axis has answered, the age of its positions is unknown.
+#[test]
+fn axes_that_do_not_answer_are_asked_every_5_ms_in_turn() {
+    let asked = questions(false);
+    let ticks: Vec<u32> = asked[4..].iter().map(|(tick, _)| *tick).collect();
+    assert_eq!(ticks, (5..=400).step_by(5).collect::<Vec<u32>>());
+    let axes: Vec<&str> = asked.iter().map(|(_, line)| &line[..3]).collect();
+    for four in axes[4..].chunks_exact(4) {
+        let mut four = four.to_vec();
+        four.sort_unstable();
+        assert_eq!(four, ["r01", "r03", "r05", "r07"]);
+    }
+}
+
+#[test]
+fn the_line_learns_that_its_motors_are_off_for_good() {
+    let wire = Wire::default();
+    let mut bus = wire.bus();
+    assert!(!wire.ends().released);
+    bus.release();
+    assert!(wire.ends().released);
+}
+
+/// A carriage return ends a half line. Message 7 with state 1 switches an axis off.
+#[test]
+fn the_last_word_ends_a_half_line_and_makes_every_axis_idle() {
+    let right =
+        "\rt00780100000000000000\rt02780100000000000000\rt04780100000000000000\rt06780100000000000000\r";
+    assert_eq!(String::from_utf8(Odrive.off_bytes(&expected())).expect("text"), right);
+}
+
+/// A frame takes 22 bytes, 111 to 135 us, and an answer of the adapter of at most 2 bytes. `n` axes
+/// get `n + 1` frames and send `2 n + 1` in a tick. In ten ticks, each axis causes 21 frames.
+#[test]
+fn the_traffic_of_a_tick_is_that_of_its_frames() {
+    let traffic = |commands, feedback, least_ns, most_ns| Traffic {
+        commands,
+        feedback,
+        turnaround_us: 0,
+        bus: Some(BusTraffic { name: "CAN at 1 Mbit/s", least_ns, most_ns }),
+    };
+    assert_eq!(Odrive.traffic(2), traffic(67, 116, 466_200, 567_000));
+    assert_eq!(Odrive.traffic(4), traffic(111, 208, 932_400, 1_134_000));
+}
+
+#[test]
+fn a_request_a_long_id_or_another_length_is_no_message() {
+    let heartbeat = Frame::new(0x021, &[0; 8]);
+    assert!(decode(&heartbeat).is_some());
+    assert_eq!(decode(&Frame::request(0x021)), None);
+    assert_eq!(decode(&Frame { extended: true, ..heartbeat }), None);
+    assert_eq!(decode(&Frame::new(0x021, &[0; 7])), None);
+    assert_eq!(decode(&Frame { remote: true, ..Frame::new(0x021, &[]) }), None);
+}
+
+#[test]
+fn an_axis_is_there_after_any_message() {
+    assert!(!Met::default().is_there());
+    for heartbeats in [0, 2] {
+        for estimates in [0, 2] {
+            for answered in [0, 2] {
+                let met = Met { heartbeats, estimates, answered, ..Met::default() };
+                assert_eq!(met.is_there(), heartbeats + estimates + answered > 0, "{met:?}");
+            }
+        }
+    }
+}
+
+/// 200 heartbeats are 4400 bytes, more than eight reads.
+#[test]
+fn bring_up_reads_everything_that_has_arrived_within_a_millisecond() {
+    let (mut wire, expected) = (Wire::default(), expected());
+    wire.arrives(HEARTBEAT, 200);
+    let reads = wire.clone();
+    let mut talk = Talk::open(&mut wire, &expected).expect("the line is there");
+    talk.listen(1).expect("the line is there");
+    assert_eq!((talk.of(0).heartbeats, talk.now_ms, reads.ends().reads), (200, 1, 9));
+}
+
+/// Switches the motors off on a line on which every millisecond brings `bytes`. Returns whether an
+/// axis may have restarted, or the error, and how many milliseconds it took.
+fn switched_off(bytes: &str) -> (Result<bool, String>, usize) {
+    let mut line = Canned { bytes: bytes.as_bytes().to_vec(), reads: 0 };
+    let off = Odrive.switch_off(&mut line, &expected()).map_err(|error| error.to_string());
+    (off, line.reads)
+}
+
+/// Returns a heartbeat and a position of each of the four axes. `positions` are bits of an `f32`.
+fn reports(state: u8, error: u32, positions: [u32; 4]) -> [String; 2] {
+    let frame = |id: usize, message: usize, low: u32, high: u32| {
+        format!("t{:03X}8{:08X}{:08X}\r", id << 5 | message, low.swap_bytes(), high.swap_bytes())
+    };
+    let heartbeats = (0..4).map(|id| frame(id, 1, error, u32::from(state))).collect();
+    [heartbeats, (0..4).map(|id| frame(id, 9, positions[id], 0)).collect()]
+}
+
+/// Motors count as off only if every axis has reported that it is not in closed loop. Its position
+/// tells whether it may have restarted.
+#[test]
+fn motors_count_as_off_only_if_each_axis_has_reported_it() {
+    const MARKED: [u32; 4] = [0x4040_0000, 0x4208_0000, 0x4040_0000, 0x4208_0000];
+    let silent = "no answer from the motor controllers on test";
+    let [off, positions] = reports(state::IDLE, 0, MARKED);
+    let [on, _] = reports(state::CLOSED_LOOP, 0, MARKED);
+    // The last axis is still on.
+    let one_on = off[..66].to_owned() + &on[66..];
+    for (bytes, what) in [
+        (positions.clone(), "no heartbeats"),
+        (off.clone(), "no positions"),
+        (on + &positions, "motors are on"),
+        (one_on + &positions, "one motor is on"),
+        (String::new(), "nothing"),
+    ] {
+        let (off, ms) = switched_off(&bytes);
+        assert!(off.as_ref().is_err_and(|error| error.contains(silent)), "{what}: {off:?}");
+        assert_eq!(ms, 1000, "{what}");
+    }
+    assert_eq!(switched_off(&(off + &positions)), (Ok(false), 1));
+    // A position of 0.5 turns, and a firmware that has not started.
+    let [off, positions] = reports(state::IDLE, 0, [0x4040_0000, 0x3f00_0000, 0x4040_0000, 0x4208_0000]);
+    assert_eq!(switched_off(&(off + &positions)), (Ok(true), 1));
+    let starting = reports(state::IDLE, error::INITIALIZING, MARKED).concat();
+    assert_eq!(switched_off(&starting), (Ok(true), 1));
+}
+
+/// With twelve axes, the last word would exceed 255 bytes.
+#[test]
+fn twelve_odrives_on_one_line_are_refused_and_eleven_are_not() {
+    let rig = RigConfig::prototype().rig;
+    for joints in [10, 11, 12, 13] {
+        let expected = Expected::new("test", &rig, &Layout::single(0..joints), 0);
+        let said = Odrive.meet(&mut Wire::default(), &expected).expect_err("nobody is there").to_string();
+        let refused = said.contains("ODrives are too many for one line: at most 11");
+        assert_eq!((refused, Odrive.off_bytes(&expected).len() > 255), (joints > 11, joints > 11), "{said}");
+    }
+}

@@ -1,0 +1,201 @@
+//! Bringing a rig up, before any loop is closed over it: who answers on its lines ([`scan`]), one
+//! joint at a time under a small torque ([`joint`]), and what the joints say of each other while a
+//! person turns the sphere ([`calibrate`]). A wrong sign or zero in a closed loop is a runaway.
+
+pub mod calibrate;
+pub mod joint;
+pub mod scan;
+
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use hbot_config::{RigConfig, rig as config};
+use hbot_core::inputs::{Complaints, JointReadings};
+use hbot_core::outputs::Drive;
+use hbot_core::{MAX_JOINTS, Rig};
+use hbot_sim::phenomena::Hand;
+use thiserror::Error;
+
+use crate::rig::attach::{self, AttachError, Attached};
+use crate::rig::last_word::Program;
+use crate::rig::layout::Layout;
+use crate::rig::motors::{Motors, OFF};
+use crate::run_loop::{StopFlag, Time};
+
+/// Least watchdog time of the commands, ms: how long a motor controller holds a torque if no other
+/// command follows. A slow rig has a longer one in its rig file.
+const WATCHDOG_MS: u16 = 20;
+/// Number of consecutive commands without an answer after which the line counts as silent.
+const PATIENCE: u32 = 50;
+
+/// How many times the command to switch the motors off is sent at the end, in case a frame is lost.
+const STOPS: u32 = 3;
+
+/// The reason why an exchange with the motor controllers gave no reading.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Interrupted {
+    /// The motor controllers no longer answer.
+    #[error(
+        "the motor controllers have stopped answering; their watchdogs should have switched the motors off: check that no wheel pushes"
+    )]
+    Silent,
+    /// A signal asked the program to stop.
+    #[error("stopped by a signal: motors are off")]
+    Stopped,
+}
+
+/// Access to the motors of a rig without a control loop, for the first tests of a new rig. Each
+/// exchange sends one command and receives one reading. The motors are switched off when this value
+/// is dropped.
+pub struct Bench {
+    motors: Motors,
+    rig: Rig,
+    tick: u32,
+    period: Duration,
+    /// True if the motors are simulated. Their time advances with each command, independently of
+    /// the clock.
+    simulated: bool,
+    /// If this flag is set, no further command with torque is sent.
+    stop: StopFlag,
+    notices: Vec<String>,
+}
+
+/// Connects to the motors of `rig`. After `stop` is set, no further torque is sent. `helper` is the
+/// program that switches the motors off if this process dies. If the rig is simulated and `turned`
+/// is true, a simulated hand turns the sphere widely; otherwise the sphere is free.
+///
+/// # Errors
+/// Fails if a port cannot be opened, or if its controllers are not those of the rig.
+pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> Result<Bench, AttachError> {
+    let layout = Layout::of(rig);
+    let mut notices = Vec::new();
+    let (buses, simulated) = match &rig.link.port {
+        config::Port::Sim | config::Port::SimPty => {
+            let Attached { bus, simulator, .. } =
+                attach::simulated(rig, None, &layout, Default::default(), Time::Virtual)?;
+            let hand = turned.then(|| Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() });
+            simulator.post(Box::new(move |rig| rig.set_hand(hand)));
+            (vec![bus], true)
+        }
+        config::Port::Devices(devices) => {
+            let met = attach::serial(rig, devices, &layout, Some(helper), false, &mut notices)?;
+            (met.into_iter().map(|(_, bus)| bus).collect(), false)
+        }
+    };
+    let motors = Motors::new(buses, &layout, WATCHDOG_MS.max(rig.link.watchdog_ms));
+    let mut bench = Bench::new(&rig.rig, motors, simulated);
+    (bench.stop, bench.notices) = (stop, notices);
+    Ok(bench)
+}
+
+impl Bench {
+    /// Creates a bench for motors whose controllers have already been checked.
+    #[must_use]
+    pub fn new(rig: &Rig, motors: Motors, simulated: bool) -> Self {
+        Self {
+            motors,
+            rig: *rig,
+            tick: 0,
+            period: Duration::from_nanos(rig.timing.period_ns),
+            simulated,
+            stop: StopFlag::default(),
+            notices: Vec::new(),
+        }
+    }
+
+    /// Returns notices for the user, such as a missing helper process.
+    #[must_use]
+    pub fn notices(&self) -> &[String] {
+        &self.notices
+    }
+
+    /// Returns the properties of the rig that its file describes.
+    #[must_use]
+    pub fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// Returns the time between two exchanges, s.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        self.rig.timing.period_s()
+    }
+
+    /// Sends one command, waits one period, and returns the reading that answers the command.
+    /// `torque` has the sign of the motor controllers, N m; `None` switches the motors off.
+    ///
+    /// # Errors
+    /// Fails if no reading arrives for many periods, or if a stop was requested. In the second case
+    /// the command was not written.
+    pub fn exchange(&mut self, torque: Option<&[f64; MAX_JOINTS]>) -> Result<JointReadings, Interrupted> {
+        let drive = Drive { enable: torque.is_some(), torque: torque.copied().unwrap_or([0.0; MAX_JOINTS]) };
+        let stop = self.stop.clone();
+        self.converse(&drive, || stop.is_set())
+    }
+
+    /// Switches the motors off with three commands, and waits for the answer to each.
+    ///
+    /// # Errors
+    /// Fails if no reading arrives for many periods.
+    pub fn switch_off(&mut self) -> Result<(), Interrupted> {
+        (0..STOPS).try_for_each(|_| self.converse(&OFF, || false).map(drop))
+    }
+
+    /// Sends `drive` in every period until each line has answered, at most [`PATIENCE`] times.
+    /// Gives up if `stop` returns true.
+    fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointReadings, Interrupted> {
+        let mut complaints = Complaints::default();
+        for _ in 0..PATIENCE {
+            if stop() {
+                return Err(Interrupted::Stopped);
+            }
+            let now_ns = self.now_ns();
+            // The result is ignored: if a command is not accepted, its reading does not arrive,
+            // which is noticed.
+            let _ = self.motors.command(now_ns, self.tick, drive);
+            self.tick += 1;
+            if !self.simulated {
+                std::thread::sleep(self.period);
+            }
+            let news = self.motors.receive(now_ns, self.tick);
+            complaints = complaints.or(news.feedback.map_or(complaints, |feedback| feedback.complaints));
+            // A controller that has lost power counts from another zero.
+            complaints.fault |= news.zeros_lost;
+            if let Some(feedback) = news.feedback.filter(|_| news.buses_with_reading == self.motors.buses()) {
+                return Ok(JointReadings { complaints, ..feedback });
+            }
+        }
+        Err(Interrupted::Silent)
+    }
+
+    /// Returns the nominal time of the next command since the first one, ns.
+    fn now_ns(&self) -> u64 {
+        u64::from(self.tick) * self.rig.timing.period_ns
+    }
+
+    /// Converts a difference of encoder counts of a joint to its turn, rad, with the sign of its
+    /// motor controller.
+    #[must_use]
+    pub fn turned(&self, joint: usize, counts: i32) -> f64 {
+        f64::from(counts) * self.rig.joints[joint].radians_per_count().abs()
+    }
+}
+
+/// Switches the motors off when the bench is dropped, even after an error, a signal or a panic. The
+/// command is written several times, whether it is answered or not.
+impl Drop for Bench {
+    fn drop(&mut self) {
+        for k in 0..STOPS {
+            if k > 0 && !self.simulated {
+                std::thread::sleep(self.period);
+            }
+            // If a line does not accept the command, the helper process or the watchdog switches
+            // the motors off.
+            self.motors.switch_off(self.now_ns(), self.tick);
+            self.tick = self.tick.wrapping_add(1);
+        }
+        self.motors.release();
+    }
+}

@@ -1,0 +1,7 @@
+//! Before a rig is used: [`bringup`] moves one joint at a time and calibrates the rig, [`doctor`]
+//! checks whether a machine can keep the loop's deadlines, [`expectation`] measures what a rig's
+//! methods cost on this machine and how large their error is.
+
+pub mod bringup;
+pub mod doctor;
+pub mod expectation;

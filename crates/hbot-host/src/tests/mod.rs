@@ -1,0 +1,8 @@
+//! Tests of several modules together.
+
+mod bridge;
+mod engine;
+mod line;
+mod motors;
+mod report;
+pub(crate) mod tick_bench;

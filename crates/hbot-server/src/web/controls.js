@@ -1,0 +1,256 @@
+// The controls of the scene's effects, drawn from the schemas that the server gives.
+
+import { put } from './state.js';
+import { roundUp } from './plot.js';
+import { converted, explain, fits, mayBeAbsent, shape } from './schema.js';
+
+/** The slider of a stiffness reaches the rig's torque limit at this deflection, rad. */
+const STIFFEST_AT = 0.1;
+/** The largest damping on a slider for each N m/rad of the largest stiffness, s. */
+const DAMPING_SHARE = 0.02;
+
+function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key in element && key !== 'list') element[key] = value;
+    else element.setAttribute(key, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/** Returns a number as it stands in a field: six digits, without a tail of zeros. */
+const plain = (x) => `${+x.toPrecision(6)}`;
+
+/** Describes the types in a value. Two values of one description share their controls. */
+const form = (value) => (Array.isArray(value) ? `[${value.map(form)}]`
+  : value === null ? '0' : typeof value === 'object' ? `{${Object.values(value).map(form)}}` : typeof value);
+
+export class Controls {
+  /** `set(effect, key, value)` asks for a value, and returns the promise of its answer. */
+  constructor(root, rig, set) {
+    Object.assign(this, { root, rig, ask: set, built: '', updates: [] });
+    this.next = new Map();
+  }
+
+  /** Draws the effects of the running scene, with new controls if their form has changed. */
+  show() {
+    const effects = this.rig.info?.scene?.effect ?? [];
+    const key = JSON.stringify(effects.map((effect) => [effect.id, effect.kind,
+      Object.keys(effect).map((key) => form(this.rig.value(effect, key)))]));
+    if (key !== this.built) {
+      const opened = new Set([...this.root.querySelectorAll('details[open]')].map((it) => it.dataset.id));
+      const first = this.built === '' || opened.size === 0;
+      this.built = key;
+      this.updates = [];
+      const parts = effects.map((effect, k) => this.effect(effect.id, k,
+        opened.has(effect.id) || (first && (effects.length <= 2 || k === 0))));
+      this.root.replaceChildren(...parts);
+    }
+    for (const update of this.updates) update();
+  }
+
+  effect(id, k, open) {
+    const of = () => this.rig.info.scene.effect[k] ?? {};
+    const kind = this.rig.kind(of().kind);
+    const summary = make('summary', { title: kind?.description ?? '' },
+      make('strong', {}, id), make('span', { className: 'weak' }, ` ${of().kind}`));
+    const box = make('details', { open }, summary);
+    box.dataset.id = id;
+    if (!kind) {
+      box.append(make('p', { className: 'weak' }, 'The server has told no parameters of this kind.'));
+      return box;
+    }
+    for (const [key, schema] of Object.entries(kind.schema.properties ?? {})) {
+      const get = () => this.rig.value(of(), key) ?? schema.default ?? null;
+      const set = (value) => this.want(id, key, value);
+      const label = make('span', { className: 'key', title: explain(schema) }, key.replaceAll('_', '_\u200b'));
+      if (schema.unit && schema.unit !== '1') label.append(make('small', {}, schema.unit));
+      const row = make('div', { className: 'parameter' }, label);
+      const reach = this.reach(key);
+      const border = key === 'stiffness' ? () => this.border(of()) : null;
+      row.append(this.edit(`${id} ${key}`, schema, get, set, { reach, border }));
+      box.append(row);
+      if (border) box.append(this.stability(of, get));
+    }
+    return box;
+  }
+
+  /** Returns the end of the slider of a stiffness or damping, or null for other parameters. */
+  reach(key) {
+    const { limits, render } = this.rig.info;
+    const torque = limits.torque > 0 ? limits.torque / STIFFEST_AT : 10;
+    const stiffest = roundUp(Math.max(torque, 1.5 * (render?.stiffness_stable ?? 0)));
+    return { stiffness: stiffest, damping: stiffest * DAMPING_SHARE }[key] ?? null;
+  }
+
+  /** Returns the stiffness up to which the loop keeps one spring with this damping stable. */
+  border(effect) {
+    const told = this.rig.info?.render?.border ?? [];
+    const gain = this.rig.value(effect, 'gain') ?? 1;
+    const damping = this.rig.value(effect, 'damping');
+    if (told.length === 0 || !(gain > 0) || typeof damping !== 'number') return null;
+    const b = damping * gain;
+    const after = told.findIndex(([x]) => x >= b);
+    if (after === 0) return told[0][1] / gain;
+    if (after < 0) return told.at(-1)[1] / gain;
+    const [[x0, y0], [x1, y1]] = [told[after - 1], told[after]];
+    return (y0 + ((y1 - y0) * (b - x0)) / (x1 - x0)) / gain;
+  }
+
+  stability(of, get) {
+    const text = make('p', { className: 'weak' });
+    this.updates.push(() => {
+      const border = this.border(of());
+      text.hidden = border === null;
+      if (border === null) return;
+      const shakes = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: may shake`));
+      text.className = shakes || get() > border ? 'warn' : 'weak';
+      put(text, `alone with this damping expected to be stable up to ${border.toFixed(2)} N m/rad (mark)`);
+    });
+    return text;
+  }
+
+  /** Notes a wish and sends it. While one is on its way, the newest waits for its answer. */
+  want(id, key, value) {
+    const place = `${id} ${key}`;
+    this.rig.wishes.set(place, value);
+    if (this.next.has(place)) this.next.set(place, { value });
+    else {
+      this.next.set(place, null);
+      this.send(id, key, value);
+    }
+    this.show();
+  }
+
+  async send(id, key, value) {
+    const place = `${id} ${key}`;
+    const done = await this.ask(id, key, value);
+    const next = this.next.get(place);
+    if (next) {
+      this.next.set(place, null);
+      this.send(id, key, next.value);
+      return;
+    }
+    this.next.delete(place);
+    const effect = this.rig.info?.scene.effect.find((effect) => effect.id === id);
+    if (done && effect) effect[key] = value;
+    this.rig.wishes.delete(place);
+    this.show();
+  }
+
+  /** Makes the control of a value. `get` returns it and `set` asks for another. */
+  edit(name, schema, get, set, more = {}) {
+    if (!mayBeAbsent(schema)) return this.present(name, schema, get, set, more);
+    const button = (text, value) => make('button', {
+      type: 'button', className: 'small', 'aria-label': `${name}: ${text}`, onclick: () => set(value()) }, text);
+    if (get() === null) return button('set', () => converted(schema, null));
+    return make('div', { className: 'optional' },
+      this.present(name, schema, get, set, more), button('none', () => null));
+  }
+
+  present(name, schema, get, set, more) {
+    const s = shape(schema);
+    switch (s.kind) {
+      case 'number': return this.number(name, schema, s, get, set, more);
+      case 'flag': {
+        const box = make('input', { type: 'checkbox', 'aria-label': name, onchange: () => set(box.checked) });
+        this.updates.push(() => { box.checked = Boolean(get()); });
+        return box;
+      }
+      case 'choice': {
+        const text = (value) => (typeof value === 'string' ? value : JSON.stringify(value));
+        const select = make('select', {
+          'aria-label': name, title: explain(schema), onchange: () => set(s.values[select.selectedIndex]) },
+        ...s.values.map((value) => make('option', {}, text(value))));
+        this.updates.push(() => { select.selectedIndex = s.values.indexOf(get()); });
+        return select;
+      }
+      case 'list': return this.list(name, s, get, set, more);
+      case 'group': return make('div', { className: 'group' },
+        ...Object.entries(s.properties).map(([key, part]) => make('div', { className: 'parameter' },
+          make('span', { className: 'key', title: explain(part) }, key),
+          this.edit(`${name} ${key}`, part, () => get()?.[key] ?? null,
+            (value) => set({ ...get(), [key]: value })))));
+      case 'variants': return this.variants(name, s.variants, get, set, more);
+      case 'text': {
+        const field = make('input', { 'aria-label': name, onchange: () => set(field.value) });
+        this.updates.push(() => { if (document.activeElement !== field) field.value = get() ?? ''; });
+        return field;
+      }
+      default: return make('span', { className: 'weak' }, JSON.stringify(get()));
+    }
+  }
+
+  number(name, schema, s, get, set, { reach, border, bare } = {}) {
+    const unit = schema.unit ?? '';
+    const field = make('input', {
+      type: 'number', step: s.whole ? 1 : 'any', 'aria-label': bare ? name : `${name} value${unit && `, ${unit}`}`,
+      title: explain(schema) });
+    if (Number.isFinite(s.least)) field.min = s.least;
+    if (Number.isFinite(s.most)) field.max = s.most;
+    // A rig must not get the 1 while the person types 15.
+    field.onchange = () => {
+      if (field.value !== '' && Number.isFinite(+field.value)) set(s.whole ? Math.round(field.value) : +field.value);
+    };
+    const update = (slider) => {
+      const x = get();
+      if (typeof x !== 'number') return;
+      if (document.activeElement !== field) field.value = plain(x);
+      if (slider) slider.value = x;
+    };
+    if (bare) {
+      this.updates.push(() => update());
+      return field;
+    }
+    const usual = Math.max(Math.abs(get() ?? 0), Math.abs(schema.default ?? 0));
+    const end = Math.min(s.most, Math.max(reach ?? roundUp(2 * usual || 1), get() ?? 0));
+    const start = Math.max(s.least, s.least < 0 ? -end : 0);
+    const slider = make('input', {
+      type: 'range', min: start, max: end, step: s.whole ? 1 : (end - start) / 400, 'aria-label': name });
+    slider.oninput = () => set(+(+slider.value).toPrecision(6));
+    const mark = make('div', { className: 'mark', hidden: true });
+    this.updates.push(() => {
+      if (get() > slider.max) slider.max = get();
+      update(slider);
+      slider.setAttribute('aria-valuetext', `${plain(get() ?? 0)} ${unit}`);
+      const share = border && typeof border() === 'number' ? border() / slider.max : 1;
+      mark.hidden = !(share < 1);
+      // The handle stays half its width of 1 rem away from the ends.
+      mark.style.left = `calc(0.5rem + ${share} * (100% - 1rem))`;
+    });
+    return make('div', { className: 'number' }, make('div', { className: 'slider' }, slider, mark), field);
+  }
+
+  list(name, s, get, set, { reach, border } = {}) {
+    const parts = get() ?? [];
+    const nested = ['list', 'group'].includes(shape(s.item).kind);
+    const put = (k, part) => set(get().map((old, i) => (i === k ? part : old)));
+    const box = make('div', { className: nested ? 'rows' : 'cells' }, ...parts.map((_, k) => this.edit(
+      `${name} ${k + 1}`, s.item, () => get()?.[k] ?? null, (part) => put(k, part), { bare: true, reach, border })));
+    if (s.least !== s.most) {
+      const button = (text, label, enabled, act) => make('button', {
+        type: 'button', className: 'small', 'aria-label': `${name}: ${label}`, disabled: !enabled, onclick: act }, text);
+      box.append(
+        button('+', 'one more', parts.length < s.most, () => set([...get(), get().at(-1) ?? converted(s.item, null)])),
+        button('\u2212', 'one fewer', parts.length > s.least, () => set(get().slice(0, -1))));
+    }
+    return box;
+  }
+
+  variants(name, variants, get, set, more) {
+    const present = variants.findIndex((variant) => fits(variant, get()));
+    const title = (variant) => {
+      const s = shape(variant);
+      if (s.kind === 'list') return shape(s.item).kind === 'list' ? 'matrix' : 'list';
+      return { number: 'number', choice: 'choice', null: 'none' }[s.kind] ?? 'other';
+    };
+    const select = make('select', {
+      className: 'form', title: 'one number for all directions, or a matrix', 'aria-label': `${name}: form`, onchange: () => set(converted(variants[select.selectedIndex], get())) },
+    ...variants.map((variant) => make('option', {}, title(variant))));
+    this.updates.push(() => { select.selectedIndex = present; });
+    const control = present < 0 ? make('span', { className: 'weak' }, JSON.stringify(get()))
+      : this.edit(name, variants[present], get, set, more);
+    return make('div', { className: 'variants' }, control, select);
+  }
+}

@@ -1,0 +1,285 @@
+// The page: a client of the server like any other. It holds no rule of its own, draws the newest
+// state in each frame of the screen, and asks for about as many states as it can draw.
+
+import { Controls } from './controls.js';
+import { Hand } from './hand.js';
+import { Link } from './link.js';
+import { length, rotation } from './maths.js';
+import { plot } from './plot.js';
+import { Rig, hasTorque, person } from './rig.js';
+import { Camera, draw } from './sphere.js';
+import { put, showMessages, showState } from './state.js';
+
+/** States per second that the page asks for. */
+const STATES = 60;
+/** No event reports what other clients `set`, so `info` is asked for again after this time, ms. */
+const INFO_EVERY = 2000;
+/** A connection over which no state comes for this time is replaced, ms. */
+const RENEW_AFTER = 4000;
+/** Figures in words change at most this often, ms. */
+const WORDS_EVERY = 100;
+/** The hand that turns the simulated sphere: N m/rad, N m s/rad, kg m². */
+const HAND = { stiffness: 3, damping: 0.05, inertia: 0.002 };
+
+const $ = (id) => document.getElementById(id);
+const rig = new Rig();
+const camera = new Camera();
+let token = null;
+
+const scheme = location.protocol === 'https:' ? 'wss:' : 'ws:';
+const link = new Link(`${scheme}//${location.host}/ws`, 'page', {
+  token: () => token,
+  opened(hello) {
+    rig.opened(hello);
+    $('token').hidden = true;
+    link.request('subscribe', { every: Math.max(1, Math.round(hello.rate_hz / STATES)) }).catch(tell('states'));
+    askInfo();
+  },
+  closed(closed) {
+    rig.lost(closed);
+    hand.drop();
+    if (closed.code === 'unauthorized') {
+      $('token').hidden = false;
+      $('secret').focus();
+    }
+    changed();
+  },
+  refused: (error) => tell('refused')(error),
+  event(message) {
+    const loaded = rig.event(message);
+    if (message.event === 'lease' && !rig.commands) hand.drop();
+    if (loaded) askInfo();
+    changed();
+  },
+});
+
+function tell(what) {
+  return (error) => {
+    rig.say(`${what}: ${error.message}`, true);
+    changed();
+  };
+}
+
+/** Sends a request. Returns whether it was carried out; if not, the person reads why. */
+async function ask(op, fields, what = op) {
+  try {
+    const ok = await link.request(op, fields);
+    if (ok.warnings) rig.warnings = ok.warnings;
+    changed();
+    return true;
+  } catch (error) {
+    tell(what)(error);
+    return false;
+  }
+}
+
+let infoTimer;
+async function askInfo() {
+  clearTimeout(infoTimer);
+  infoTimer = setTimeout(() => link.isOpen && askInfo(), INFO_EVERY);
+  try {
+    const info = await link.request('info');
+    rig.take(info);
+    rig.warnings = info.warnings ?? rig.warnings;
+    showScene();
+  } catch (error) {
+    if (link.isOpen) tell('info')(error);
+  }
+}
+
+const hand = new Hand($('sphere'), rig, camera, {
+  may: () => rig.commands && rig.isSimulated,
+  move: (q) => link.request('hand', q ? { q, ...HAND } : { release: true }).catch((error) => {
+    tell('hand')(error);
+    throw error;
+  }),
+  changed,
+});
+const controls = new Controls($('effects'), rig, (effect, key, value) => (
+  ask('set', { effect, [key]: value }, `${effect} ${key}`)));
+
+/** Stops the rig. If nothing comes over the usual connection, the stop also goes over another. */
+function stop() {
+  rig.asksStop();
+  hand.drop();
+  const ways = link.isOpen ? [link.request('estop')] : [];
+  if (!link.isOpen || rig.silentFor !== null) ways.push(link.stopApart((session) => rig.own.add(session)));
+  Promise.any(ways).catch((failed) => rig.stopFailed(failed.errors.at(-1).message)).finally(changed);
+  changed();
+}
+
+// The keys stop the rig everywhere in the page, also in a field. Enter presses the focused button.
+window.addEventListener('keydown', (event) => {
+  if (event.key !== 'Escape' && event.key !== ' ') return;
+  event.preventDefault();
+  event.stopImmediatePropagation();
+  if (!event.repeat) stop();
+}, true);
+// A browser presses the focused button when Space is released.
+window.addEventListener('keyup', (event) => event.key === ' ' && event.preventDefault(), true);
+$('stop').addEventListener('pointerdown', stop);
+$('stop').addEventListener('click', (event) => event.detail === 0 && stop());
+
+for (const op of ['enable', 'disable', 'reset']) $(op).onclick = () => ask(op);
+// A stop between the two makes the server refuse the second.
+$('recover').onclick = async () => await ask('reset', {}, 'recover') && ask('enable', {}, 'recover');
+
+$('lease').onclick = async () => {
+  const { who, holder } = rig.lease;
+  if (who === 'mine') {
+    hand.letGo();
+    if (await ask('release')) rig.lease = { who: 'free' };
+  } else if (who === 'other' && hasTorque(rig.state?.mode)) {
+    const name = person(holder);
+    put($('asked'), `Take over from ${name}?`);
+    put($('consequence'), `The sphere pushes, and ${name} commands it. The scene goes on when you take `
+      + `over. If the program of ${name} streams torques, they end.`);
+    $('question').hidden = false;
+    $('yes').focus();
+  } else acquire(who === 'other');
+};
+async function acquire(steal) {
+  $('question').hidden = true;
+  if (await ask('acquire', { steal }, 'take over')) rig.lease = { who: 'mine' };
+  changed();
+}
+$('yes').onclick = () => acquire(true);
+$('no').onclick = () => {
+  $('question').hidden = true;
+  $('lease').focus();
+};
+$('token').onsubmit = (event) => {
+  event.preventDefault();
+  token = $('secret').value;
+  $('secret').value = '';
+  link.connect();
+};
+
+$('shelf').onchange = showScene;
+$('load').onclick = () => ask('load_scene', { scene: $('shelf').value }, 'load');
+$('show').onclick = () => { $('text').value = JSON.stringify(rig.info?.scene ?? {}, null, 1); };
+$('loadtext').onclick = () => {
+  try {
+    ask('load_scene', { scene: JSON.parse($('text').value) }, 'load');
+  } catch (error) {
+    tell('load')(error);
+  }
+};
+$('astext').ontoggle = () => $('text').value || $('show').click();
+
+/** Draws what changes with `info`: the scene, its controls and the ready-made scenes. */
+function showScene() {
+  const { info } = rig;
+  if (!info) return;
+  put($('scene'), info.scene?.name ?? 'Scene');
+  put($('about'), info.scene?.effect?.length === 0
+    ? 'This scene has no effects: nothing is rendered.' : info.scene?.description ?? '');
+  const scenes = info.scenes ?? [];
+  if ($('shelf').options.length !== scenes.length) {
+    $('shelf').replaceChildren(...scenes.map(({ file }) => new Option(file, file)));
+  }
+  put($('feels'), scenes.find(({ file }) => file === $('shelf').value)?.description ?? '');
+  showRights();
+  controls.show();
+}
+
+function showRights() {
+  const may = rig.commands;
+  for (const id of ['load', 'loadtext']) $(id).disabled = !may;
+  $('effects').toggleAttribute('inert', !may);
+  $('observer').hidden = may || !rig.isLive;
+  put($('observer'), rig.lease.who === 'other' ? 'Take over to change' : 'Take command to change');
+  if (rig.lease.who !== 'other' || !rig.isLive) $('question').hidden = true;
+  const list = $('warnings');
+  if (list.dataset.shown !== rig.warnings.join('\n')) {
+    list.dataset.shown = rig.warnings.join('\n');
+    list.replaceChildren(...rig.warnings.map((text) => Object.assign(document.createElement('li'), { textContent: text })));
+  }
+  put($('hint'), !rig.isLive || hand.held ? '' : hand.may()
+    ? 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.'
+    : rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
+      : 'Drag to turn the view, double click to turn it back.');
+  put($('keys'), document.hasFocus() ? 'Esc or Space, anywhere in this page'
+    : 'The keys go to another window: press STOP, or click here first');
+}
+
+const dark = matchMedia('(prefers-color-scheme: dark)');
+let colours = palette();
+function palette() {
+  const style = getComputedStyle(document.documentElement);
+  const of = (name) => style.getPropertyValue(`--${name}`).trim();
+  return {
+    axes: [of('axis1'), of('axis2'), of('axis3')], sphere: [of('sphere'), of('edge')],
+    ...Object.fromEntries(['torque', 'ghost', 'grid', 'wheel', 'weak', 'hand', 'line', 'text'].map((k) => [k, of(k)])),
+  };
+}
+dark.onchange = () => {
+  colours = palette();
+  changed();
+};
+
+/** Writes the figures of the picture. */
+function words() {
+  const { state } = rig;
+  const legend = $('legend');
+  legend.hidden = !state;
+  if (!state) return;
+  const turned = rotation(state.q);
+  const angle = length(turned);
+  const figure = (x) => x.toFixed(3).padStart(7);
+  if (legend.children.length === 0) {
+    for (const name of ['torque', 'ghost', 'weak', 'weak']) {
+      legend.append(Object.assign(document.createElement('p'), { className: name }));
+    }
+  }
+  put(legend.children[0], `torque ${length(state.torque).toFixed(3)} N m`);
+  put(legend.children[1], state.reference ? 'reference, dashed' : 'no reference');
+  put(legend.children[2], `turned ${turned.map(figure).join(' ')} rad`);
+  put(legend.children[3], `angle ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
+  const away = rig.away;
+  $('sphere').setAttribute('aria-label', `Sphere: turned ${angle.toFixed(2)} rad, torque `
+    + `${length(state.torque).toFixed(2)} N m${away === null ? '' : `, ${away.toFixed(2)} rad from its reference`}`);
+  const { force } = hand;
+  $('grip').hidden = !force;
+  if (force) put($('grip'), `The scene pushes your hand: ${force.newtons.toFixed(2)} N, ${force.torque.toFixed(3)} N m`);
+}
+
+let [asked, last, worded, odd] = [false, 0, 0, false];
+function changed() {
+  if (asked) return;
+  asked = true;
+  requestAnimationFrame(frame);
+}
+
+let head = '';
+function frame(now) {
+  asked = false;
+  if (hand.step((now - last) / 1000)) changed();
+  last = now;
+  draw($('sphere'), rig, camera, colours, hand.held);
+  // For whoever measures: the tick that the picture shows.
+  $('sphere').dataset.tick = rig.state?.tick ?? '';
+  odd = !odd;
+  const { samples } = rig;
+  if (odd) {
+    plot($('torque'), samples, colours, { name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true });
+  } else {
+    plot($('angle'), samples, colours, { name: 'angle from reference, rad', of: (s) => s.angle, least: 0.02 });
+  }
+  if (now - worded > WORDS_EVERY || head !== rig.headline || rig.spoke) {
+    worded = now;
+    head = rig.headline;
+    showState(rig);
+    showRights();
+    words();
+    if (rig.spoke) showMessages(rig);
+    rig.spoke = false;
+  }
+}
+
+// Silence is no event, and it must show also while nothing else changes.
+setInterval(() => {
+  if (rig.hello && performance.now() - rig.heard > RENEW_AFTER) link.renew('the server has said nothing');
+  changed();
+}, 250);
+new ResizeObserver(changed).observe($('picture'));

@@ -1,0 +1,86 @@
+// A quantity of three components against the time before now, with its legend above the curves.
+
+import { length } from './maths.js';
+import { SPAN } from './rig.js';
+
+/** Room around the curves, CSS pixels: top, right, bottom, left. */
+const ROOM = [20, 8, 16, 44];
+
+/** Prepares a canvas for its present size and resolution. Returns its context and CSS size. */
+export function prepare(canvas) {
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  const ratio = Math.min(window.devicePixelRatio || 1, 2);
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const context = canvas.getContext('2d');
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  return { context, width, height };
+}
+
+/** Returns 1, 2 or 5 times a power of ten that is at least `x`. */
+export function roundUp(x) {
+  const decade = 10 ** Math.floor(Math.log10(x));
+  return [1, 2, 5, 10].map((k) => k * decade).find((y) => y >= x * (1 - 1e-9)) ?? x;
+}
+
+/**
+ * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
+ * With `total`, the length of the vector is a fourth curve.
+ */
+export function plot(canvas, samples, colours, { name, of, least, total }) {
+  const { context: c, width, height } = prepare(canvas);
+  const [top, right, bottom, left] = ROOM;
+  const now = samples.at(-1)?.t ?? 0;
+  const curves = ['n1', 'n2', 'n3'].map((label, k) => (
+    { label, colour: colours.axes[k], at: (sample) => of(sample)[k] }));
+  if (total) {
+    curves.push({ label: 'length', colour: colours.torque, at: (sample) => length(of(sample)) });
+  }
+  let most = least;
+  for (const sample of samples) {
+    for (const curve of curves) most = Math.max(most, Math.abs(curve.at(sample)));
+  }
+  const end = roundUp(most);
+  const x = (t) => left + (width - left - right) * (1 + (t - now) / SPAN);
+  const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
+  c.font = '11px system-ui, sans-serif';
+  c.textBaseline = 'middle';
+  c.lineWidth = 1;
+  for (const v of [-end, 0, end]) {
+    c.strokeStyle = colours.line;
+    c.globalAlpha = v === 0 ? 0.9 : 0.45;
+    c.beginPath();
+    c.moveTo(left, y(v));
+    c.lineTo(width - right, y(v));
+    c.stroke();
+    c.globalAlpha = 1;
+    c.fillStyle = colours.weak;
+    c.textAlign = 'right';
+    c.fillText(`${+v.toPrecision(2)}`, left - 5, y(v));
+  }
+  c.textAlign = 'center';
+  for (const t of [-SPAN, -SPAN / 2, 0]) {
+    c.textAlign = t === 0 ? 'right' : t === -SPAN ? 'left' : 'center';
+    c.fillText(t === 0 ? 'now' : `${t} s`, x(now + t), height - 6);
+  }
+  c.textAlign = 'left';
+  c.fillStyle = colours.text;
+  c.fillText(name, left, 9);
+  let at = left + c.measureText(name).width + 14;
+  for (const curve of curves) {
+    c.fillStyle = curve.colour;
+    c.fillText(curve.label, at, 9);
+    at += c.measureText(curve.label).width + 10;
+    c.strokeStyle = curve.colour;
+    c.lineWidth = 1.5;
+    c.beginPath();
+    for (const sample of samples) {
+      if (sample.t >= now - SPAN) c.lineTo(x(sample.t), y(curve.at(sample)));
+    }
+    c.stroke();
+  }
+  return end;
+}

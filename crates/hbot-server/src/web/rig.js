@@ -1,0 +1,220 @@
+// What the page knows of the rig. It changes with what arrives from the server and with what the
+// person asks, and it draws nothing. The rules are those of the panel (docs/panel.md).
+
+import { conjugate, length, product, rotation } from './maths.js';
+
+/** If no state arrives for this time, the server is silent, ms. */
+const SILENT_AFTER = 1500;
+/** A stop that is not confirmed after this time is reported, ms. */
+const CONFIRMED_WITHIN = 1000;
+/** Samples are kept for this time, s. */
+export const SPAN = 10;
+const MOST_MESSAGES = 100;
+const MOST_SAMPLES = 4000;
+
+const TORQUE = new Set(['enabling', 'active']);
+/** Returns whether the motors can have torque in this mode. */
+export const hasTorque = (mode) => TORQUE.has(mode);
+
+/** Returns the user and machine in the name of a panel, and the whole name of other clients. */
+export const person = (name) => name.replace(/^panel /, '');
+
+export class Rig {
+  constructor() {
+    this.hello = null;
+    this.info = null;
+    this.lease = { who: 'unknown' };
+    /** Numbers of this page's connections, to recognise what it has done itself. */
+    this.own = new Set();
+    this.messages = [];
+    this.closed = null;
+    this.stop = null;
+    this.wishes = new Map();
+    this.warnings = [];
+    this.forget();
+  }
+
+  /** Forgets what a server has said of its present run. */
+  forget() {
+    this.state = null;
+    this.samples = [];
+    this.fault = null;
+    this.shaking = null;
+    this.heard = performance.now();
+    this.wishes.clear();
+  }
+
+  opened(hello) {
+    // A server gives each connection a higher number. If not, it has started again.
+    if ([...this.own].some((number) => number >= hello.session)) this.own.clear();
+    this.own.add(hello.session);
+    this.forget();
+    this.hello = hello;
+    this.closed = null;
+    this.info = null;
+    this.lease = { who: 'unknown' };
+    // The ticks can begin again at 0, and all states of this connection come after the stop.
+    if (this.stop) this.stop.after = null;
+    this.say(`connected to ${hello.server}, ${hello.rig}`);
+  }
+
+  lost(closed) {
+    if (this.hello) this.say(`connection lost: ${closed.why}`, true);
+    this.hello = null;
+    this.closed = closed;
+    this.state = null;
+    this.lease = { who: 'unknown' };
+    this.wishes.clear();
+  }
+
+  say(text, bad = false) {
+    const last = this.messages[0];
+    if (last?.text === text) {
+      last.times += 1;
+      last.at = new Date();
+    } else {
+      this.messages.unshift({ text, bad, at: new Date(), times: 1 });
+      this.messages.length = Math.min(this.messages.length, MOST_MESSAGES);
+    }
+    this.spoke = true;
+  }
+
+  take(info) {
+    this.info = info;
+    if (this.lease.who === 'unknown' && info.lease) {
+      this.leased(info.lease.holder, info.lease.session);
+    }
+  }
+
+  leased(holder, session) {
+    if (session === null) this.lease = { who: 'free' };
+    else if (session === this.hello?.session) this.lease = { who: 'mine' };
+    else this.lease = { who: 'other', holder };
+  }
+
+  /** Takes an event. Returns whether `info` has changed with it. */
+  event(message) {
+    switch (message.event) {
+      case 'state':
+        this.sample(message);
+        return false;
+      case 'fault': {
+        const stopped = message.mode === 'fault' || message.mode === 'estop';
+        const by = message.by && !stopped ? ` by ${this.name(message.by)}` : '';
+        const said = this.own.has(message.by?.session) ? message.message.replace(
+          `client ${JSON.stringify(message.by.name)} (session ${message.by.session})`, 'you') : message.message;
+        this.say(`${message.fault ?? message.mode}: ${said}${by}`, stopped);
+        this.fault = stopped ? message : null;
+        return false;
+      }
+      case 'lease':
+        if (this.lease.who === 'mine' && message.cause === 'stolen') {
+          this.say(`${person(message.holder)} has taken over command`, true);
+        }
+        this.leased(message.holder, message.session);
+        return false;
+      case 'scene':
+        this.say(`scene: ${message.name}${message.by ? `, loaded by ${this.name(message.by)}` : ''}`);
+        this.wishes.clear();
+        return true;
+      case 'shaking':
+        this.say(message.message, message.shaking);
+        this.shaking = message.shaking ? message : null;
+        return false;
+      case 'stopping':
+        this.say(message.message, true);
+        return false;
+      default:
+        return false;
+    }
+  }
+
+  sample(state) {
+    // The message about a stop can overtake the states before it.
+    const stopped = state.mode === 'fault' || state.mode === 'estop';
+    if (this.fault && state.tick > this.fault.tick && !stopped) this.fault = null;
+    const stop = this.stop;
+    if (stop && (stop.after === null || state.tick > stop.after) && !hasTorque(state.mode)) {
+      this.stop = null;
+    }
+    this.state = state;
+    this.heard = performance.now();
+    this.samples.push({ t: state.t, torque: state.torque, angle: this.deflection(state) });
+    const old = state.t - SPAN - 1;
+    if (this.samples.length > MOST_SAMPLES || this.samples[0].t < old - 1) {
+      this.samples = this.samples.filter((sample) => sample.t >= old).slice(-MOST_SAMPLES);
+    }
+  }
+
+  /** Returns the rotation vector from the reference, or from frame N without one, rad. */
+  deflection(state) {
+    return rotation(product(conjugate(state.reference ?? [1, 0, 0, 0]), state.q));
+  }
+
+  /** Returns who asked for something, as the person at this page would say it. */
+  name(by) {
+    if (by.session === null) return `the signal ${by.name}`;
+    return this.own.has(by.session) ? 'you' : person(by.name);
+  }
+
+  /** Notes that the person has asked for a stop. The time limit begins with the first request. */
+  asksStop() {
+    this.stop ??= { asked: performance.now(), after: this.state?.tick ?? null, why: null };
+  }
+
+  stopFailed(why) {
+    if (this.stop) this.stop.why ??= why;
+    this.say(`${why}: cut the motors' power`, true);
+  }
+
+  get unconfirmedStop() {
+    const stop = this.stop;
+    const late = stop && performance.now() - stop.asked > CONFIRMED_WITHIN;
+    return stop && (stop.why !== null || late) ? stop : null;
+  }
+
+  /** Returns the time since the last state if it is too long, s. Otherwise null. */
+  get silentFor() {
+    const silent = performance.now() - this.heard;
+    return this.hello && silent > SILENT_AFTER ? silent / 1000 : null;
+  }
+
+  get isLive() {
+    return this.hello !== null && this.state !== null && this.silentFor === null;
+  }
+
+  get isCertain() {
+    return this.isLive && !this.unconfirmedStop;
+  }
+
+  get commands() {
+    return this.isLive && this.lease.who === 'mine';
+  }
+
+  get isSimulated() {
+    return this.info?.rig.simulated ?? null;
+  }
+
+  /** Returns what the person must know first: a word of the panel. */
+  get headline() {
+    if (this.unconfirmedStop) return 'NOT STOPPED';
+    if (!this.hello) return this.closed ? 'NO CONTACT' : 'CONNECTING';
+    if (this.silentFor !== null) return 'NO CONTACT';
+    return this.state ? this.state.mode.toUpperCase() : 'NO STATE';
+  }
+
+  /** Returns the angle between the sphere and the scene's reference, rad. Null without one. */
+  get away() {
+    return this.state?.reference ? length(this.deflection(this.state)) : null;
+  }
+
+  kind(name) {
+    return this.info?.effects.find((kind) => kind.name === name);
+  }
+
+  /** Returns the value of a parameter: a wish that is not answered yet, or else what is used. */
+  value(effect, key) {
+    const wish = this.wishes.get(`${effect.id} ${key}`);
+    return wish === undefined ? effect[key] : wish;
+  }
+}

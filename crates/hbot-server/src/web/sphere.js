@@ -1,0 +1,297 @@
+// The picture of the sphere: its axes and grid, the reference, the wheels and the torque. Lengths
+// are in units of the sphere's radius. The projection is parallel, with n3 upwards.
+
+import { AXES, across, add, cross, dot, fromN3, length, product, rotated, scaled, turn, unit } from './maths.js';
+import { prepare } from './plot.js';
+
+/** Everything in the picture is within this distance from the centre. */
+const REACH = 1.62;
+/** Length of the torque's arrow: the least, and what the rig's limit adds. */
+const TORQUE = [0.2, 0.32];
+const CIRCLE = 48;
+
+const angles = (n, span = 2 * Math.PI) => Array.from({ length: n + 1 }, (_, k) => (span * k) / n);
+const segment = (a, b) => angles(12, 1).map((k) => add(scaled(a, 1 - k), scaled(b, k)));
+
+function circle(normal) {
+  const [a, b] = across(normal);
+  return angles(CIRCLE).map((t) => add(scaled(a, Math.cos(t)), scaled(b, Math.sin(t))));
+}
+
+/** The equator, four parallels and twelve meridians; whether each is drawn more strongly. */
+const GRID = [0, -60, -30, 30, 60].map((degrees) => {
+  const [s, c] = [Math.sin((degrees * Math.PI) / 180), Math.cos((degrees * Math.PI) / 180)];
+  return { strong: degrees === 0, line: circle(AXES[2]).map((p) => add(scaled(p, c), [0, 0, s])) };
+}).concat(angles(12).slice(0, 12).map((azimuth, k) => ({
+  strong: k % 3 === 0,
+  line: angles(20, 1).map((part) => {
+    const latitude = ((120 * part - 60) * Math.PI) / 180;
+    return rotated(turn([0, 0, azimuth]), [Math.cos(latitude), 0, Math.sin(latitude)]);
+  }),
+})));
+
+export class Camera {
+  constructor() {
+    this.home();
+  }
+
+  /** Looks along n2, slightly from the side of n1 and from above. */
+  home() {
+    this.azimuth = -1.25;
+    this.elevation = 0.22;
+  }
+
+  /** Turns the view so that the surface follows the pointer. `radius` is the sphere's, px. */
+  orbit(dx, dy, radius) {
+    this.azimuth -= dx / radius;
+    this.elevation = Math.min(1.5, Math.max(-1.5, this.elevation + dy / radius));
+  }
+
+  /** Returns the directions to the right, up and towards the viewer, in frame N. */
+  get frame() {
+    const [sa, ca] = [Math.sin(this.azimuth), Math.cos(this.azimuth)];
+    const [se, ce] = [Math.sin(this.elevation), Math.cos(this.elevation)];
+    return { right: [-sa, ca, 0], up: [-se * ca, -se * sa, ce], eye: [ce * ca, ce * sa, se] };
+  }
+}
+
+/** The middle and radius of the sphere in a picture of this size, px. */
+export function place(width, height) {
+  return { x: width / 2, y: height / 2, radius: Math.max(10, Math.min(width, height) / 2 / REACH) };
+}
+
+class Drawing {
+  constructor(context, frame, at, colours) {
+    Object.assign(this, { c: context, frame, at, colours });
+  }
+
+  point(p) {
+    return [this.at.x + this.at.radius * dot(p, this.frame.right),
+      this.at.y - this.at.radius * dot(p, this.frame.up)];
+  }
+
+  /** Returns whether the unit sphere hides a point: it is inside the sphere or behind it. */
+  hides(p) {
+    const near = dot(p, this.frame.eye);
+    const beside = dot(p, p) - near * near;
+    return beside < 1 && near < Math.sqrt(1 - beside) - 1e-3;
+  }
+
+  /** Draws the visible parts of a line, the hidden parts, or both, which `alpha` fades. */
+  line(points, colour, width, alpha, { dashed = false } = {}) {
+    const { c } = this;
+    c.strokeStyle = colour;
+    c.lineWidth = width;
+    c.setLineDash(dashed ? [5, 4] : []);
+    for (const hidden of [true, false]) {
+      c.globalAlpha = alpha[hidden ? 1 : 0];
+      if (c.globalAlpha === 0 || alpha[hidden ? 1 : 0] === 0) continue;
+      c.beginPath();
+      let pen = false;
+      for (const p of points) {
+        const [x, y] = this.point(p);
+        if (this.hides(p) !== hidden) pen = false;
+        else if (pen) c.lineTo(x, y);
+        else {
+          c.moveTo(x, y);
+          pen = true;
+        }
+      }
+      c.stroke();
+    }
+    c.globalAlpha = 1;
+    c.setLineDash([]);
+  }
+
+  head([x0, y0], [x1, y1], size, colour, alpha) {
+    const { c } = this;
+    const run = Math.hypot(x1 - x0, y1 - y0);
+    c.fillStyle = colour;
+    c.globalAlpha = alpha;
+    c.beginPath();
+    if (run < 1) c.arc(x1, y1, size / 2, 0, 2 * Math.PI);
+    else {
+      const [ux, uy] = [(x1 - x0) / run, (y1 - y0) / run];
+      const [bx, by] = [x1 - ux * size, y1 - uy * size];
+      c.moveTo(x1 + 2 * ux, y1 + 2 * uy);
+      c.lineTo(bx - uy * size * 0.45, by + ux * size * 0.45);
+      c.lineTo(bx + uy * size * 0.45, by - ux * size * 0.45);
+    }
+    c.fill();
+    c.globalAlpha = 1;
+  }
+
+  arrow(from, to, colour, width) {
+    this.line(segment(from, to), colour, width, [1, 0.3]);
+    this.head(this.point(from), this.point(to), 5 + 2 * width, colour, this.hides(to) ? 0.35 : 1);
+  }
+
+  text(p, text, colour) {
+    const { c } = this;
+    const [x, y] = this.point(p);
+    c.globalAlpha = this.hides(p) ? 0.5 : 1;
+    c.fillStyle = colour;
+    c.textAlign = 'center';
+    c.textBaseline = 'middle';
+    c.fillText(text, x, y);
+    c.globalAlpha = 1;
+  }
+
+  dot(p, radius, colour, filled = true) {
+    const { c } = this;
+    const [x, y] = this.point(p);
+    c.beginPath();
+    c.arc(x, y, radius, 0, 2 * Math.PI);
+    c.fillStyle = c.strokeStyle = colour;
+    c.lineWidth = 1.2;
+    if (filled) c.fill();
+    else c.stroke();
+  }
+
+  sphere(q) {
+    const { c, at, colours } = this;
+    const grid = GRID.map(({ line, strong }) => ({ strong, line: line.map((p) => rotated(q, p)) }));
+    for (const { line } of grid) this.line(line, colours.grid, 1, [0, 0.16]);
+    const [x, y] = [at.x - 0.3 * at.radius, at.y - 0.35 * at.radius];
+    const light = c.createRadialGradient(x, y, 0, at.x, at.y, at.radius);
+    light.addColorStop(0, colours.sphere[0]);
+    light.addColorStop(1, colours.sphere[1]);
+    c.globalAlpha = 0.84;
+    c.fillStyle = light;
+    c.beginPath();
+    c.arc(at.x, at.y, at.radius, 0, 2 * Math.PI);
+    c.fill();
+    c.globalAlpha = 0.7;
+    c.strokeStyle = colours.grid;
+    c.lineWidth = 1.5;
+    c.stroke();
+    c.globalAlpha = 1;
+    for (const { line, strong } of grid) {
+      this.line(line, colours.grid, 1, [strong ? 0.75 : 0.32, 0]);
+    }
+  }
+
+  reference(q) {
+    const colour = this.colours.ghost;
+    for (const normal of AXES) {
+      const line = circle(normal).map((p) => rotated(q, p));
+      this.line(line, colour, 1.2, [0.8, 0.24], { dashed: true });
+    }
+    for (const axis of AXES.map((axis) => rotated(q, axis))) {
+      this.line(segment(axis, scaled(axis, 1.16)), colour, 1.5, [1, 0.3], { dashed: true });
+      this.dot(scaled(axis, 1.16), 4, colour, false);
+    }
+  }
+
+  axes(q) {
+    AXES.forEach((axis, k) => {
+      const [tip, colour] = [rotated(q, axis), this.colours.axes[k]];
+      this.arrow([0, 0, 0], scaled(tip, 1.3), colour, 2.5);
+      this.text(scaled(tip, 1.42), `s${k + 1}`, colour);
+      if (!this.hides(tip)) this.dot(tip, 3.5, colour);
+    });
+  }
+
+  /** Draws a wheel at its contact: C = A0 Rz(steer) Rx(cone) Rz(toe), contact point c3. */
+  wheel(wheel, radius, steer, drive) {
+    const axis = unit(wheel.axis);
+    if (!axis || !(radius > 0)) return;
+    const a = product(product(fromN3(axis), turn([0, 0, steer])), turn([wheel.cone, 0, 0]));
+    const c = product(a, turn([0, 0, wheel.toe]));
+    const [rolling, normal] = [rotated(c, AXES[1]), rotated(c, AXES[2])];
+    const r = wheel.radius / radius;
+    const centre = scaled(normal, 1 + r);
+    const rim = (t) => add(centre, add(scaled(rolling, r * Math.cos(t)), scaled(normal, r * Math.sin(t))));
+    const colour = this.colours.wheel;
+    const alpha = this.hides(centre) ? 0.35 : 1;
+    const ctx = this.c;
+    this.line(segment(axis, scaled(axis, 1.5)), colour, 1, [0.7, 0.2], { dashed: true });
+    ctx.beginPath();
+    for (const t of angles(CIRCLE)) ctx.lineTo(...this.point(rim(t)));
+    ctx.moveTo(...this.point(centre));
+    ctx.lineTo(...this.point(rim(-drive)));
+    ctx.fillStyle = ctx.strokeStyle = colour;
+    ctx.globalAlpha = 0.35 * alpha;
+    ctx.fill();
+    ctx.globalAlpha = alpha;
+    ctx.lineWidth = 2.5;
+    ctx.stroke();
+    ctx.globalAlpha = 1;
+    this.arrow(add(centre, scaled(rolling, -0.3)), add(centre, scaled(rolling, 0.3)), colour, 1.5);
+    this.text(scaled(axis, 1.56), wheel.name ?? '?', colour);
+  }
+
+  torque(torque, limit) {
+    const direction = unit(torque);
+    const share = limit > 0 ? length(torque) / limit : 1;
+    // Below one hundredth of the limit the direction is not meaningful.
+    if (!direction || share < 0.01) return;
+    const colour = this.colours.torque;
+    const tip = 1 + TORQUE[0] + TORQUE[1] * Math.min(share, 1);
+    this.arrow(direction, scaled(direction, tip), colour, 5);
+    // An arc about the arrow shows the sense of rotation, by the right-hand rule.
+    const [a, b] = across(direction);
+    const arc = angles(20, 4.6).map((t) => add(
+      scaled(direction, 1.08), add(scaled(a, 0.17 * Math.cos(t)), scaled(b, 0.17 * Math.sin(t)))));
+    this.line(arc, colour, 2, [1, 0.3]);
+    if (!this.hides(arc[20])) this.head(this.point(arc[18]), this.point(arc[20]), 7, colour, 1);
+  }
+
+  /** Draws where the hand holds the sphere, and the force with which the scene pushes it. */
+  grip(grip, pointer, torque, limit) {
+    if (pointer) {
+      const { c } = this;
+      c.strokeStyle = this.colours.hand;
+      c.lineWidth = 1.5;
+      c.setLineDash([2, 3]);
+      c.beginPath();
+      c.moveTo(...this.point(grip));
+      c.lineTo(...pointer);
+      c.stroke();
+      c.setLineDash([]);
+    }
+    this.dot(grip, 7, this.colours.hand);
+    const force = scaled(cross(torque, grip), limit > 0 ? 1 / limit : 1);
+    const share = length(force);
+    if (share < 0.01) return;
+    const run = scaled(force, (0.15 + 0.6 * Math.min(share, 1)) / share);
+    const [from, to] = [this.point(grip), this.point(add(grip, run))];
+    const { c } = this;
+    c.strokeStyle = this.colours.hand;
+    c.lineWidth = 5;
+    c.beginPath();
+    c.moveTo(...from);
+    c.lineTo(...to);
+    c.stroke();
+    this.head(from, to, 16, this.colours.hand, 1);
+  }
+}
+
+/** Draws the picture. `held` is where a hand holds the sphere, or null. */
+export function draw(canvas, rig, camera, colours, held) {
+  const { context, width, height } = prepare(canvas);
+  const drawing = new Drawing(context, camera.frame, place(width, height), colours);
+  const { state, info } = rig;
+  const limit = info?.limits.torque ?? 0;
+  const q = state?.q ?? [1, 0, 0, 0];
+  context.font = '13px system-ui, sans-serif';
+  drawing.sphere(q);
+  if (state?.reference) drawing.reference(state.reference);
+  drawing.axes(q);
+  if (!state) return;
+  info?.rig.wheels.forEach((wheel, k) => drawing.wheel(wheel, info.rig.sphere.radius,
+    state.joints[2 * k]?.angle ?? 0, state.joints[2 * k + 1]?.angle ?? 0));
+  drawing.torque(state.torque, limit);
+  if (held) drawing.grip(rotated(q, held.grip), held.pointer, state.torque, limit);
+  const corner = new Drawing(context, camera.frame, { x: width - 40, y: 44, radius: 24 }, colours);
+  AXES.forEach((axis, k) => {
+    const colour = colours.axes[k];
+    context.strokeStyle = context.fillStyle = colour;
+    context.lineWidth = 2;
+    context.beginPath();
+    context.moveTo(...corner.point([0, 0, 0]));
+    context.lineTo(...corner.point(axis));
+    context.stroke();
+    context.fillText(`n${k + 1}`, ...corner.point(scaled(axis, 1.4)));
+  });
+}

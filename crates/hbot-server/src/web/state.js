@@ -1,0 +1,183 @@
+// The state of the rig in words: badge, headline, what to do, the buttons' rights and the bars.
+
+import { hasTorque, person } from './rig.js';
+import { length } from './maths.js';
+
+const $ = (id) => document.getElementById(id);
+
+/** Sets the text of an element, if it has changed. */
+export function put(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+const METERS = [
+  ['Torque', "of the sphere / the rig's limit"],
+  ['Speed', "how fast the sphere turns / the rig's limit"],
+  ['Traction', 'part of the friction between wheel and sphere that is in use'],
+  ['Slip', "how fast a wheel slides on the sphere / the rig's limit"],
+  ['Saturation', "part of the scene's torque that the rig's limits cut off"],
+].map(([name, title]) => {
+  const row = document.createElement('div');
+  row.title = title;
+  const label = document.createElement('span');
+  label.textContent = name;
+  const meter = document.createElement('meter');
+  meter.setAttribute('aria-label', name);
+  Object.assign(meter, { min: 0, max: 1, low: 0.7, high: 0.9, optimum: 0 });
+  const figures = document.createElement('span');
+  row.append(label, meter, figures);
+  return { row, meter, figures, name };
+});
+$('meters').append(...METERS.map(({ row }) => row));
+
+/** Returns the paragraphs below the headline: `[weight, text]`. */
+function details(rig) {
+  const head = rig.headline;
+  const stop = rig.unconfirmedStop;
+  const state = rig.state;
+  const mode = rig.info?.modes?.find((mode) => mode.name === state?.mode)?.sentence ?? '';
+  const old = rig.silentFor !== null && state
+    ? [['', `What is shown is old. The last mode was ${state.mode}.`]] : [];
+  if (stop) {
+    return [
+      ['strong', "Cut the motors' power."],
+      ['', 'STOP or Esc tries again. This message ends when a state shows no torque.'],
+      ['', `${stop.why ?? 'the server has not confirmed the stop'}.`],
+      ...old];
+  }
+  if (head === 'NO CONTACT') {
+    const why = rig.silentFor === null
+      ? `Not connected: ${rig.closed?.why ?? ''}. The page tries again by itself.`
+      : `The server has said nothing for ${rig.silentFor.toFixed(0)} s.`;
+    return [
+      ['bad', why],
+      ['', "What the rig does now is not known. If in doubt, cut the motors' power."],
+      ...old];
+  }
+  if (!state) return [['weak', rig.hello ? 'Waiting for the first state.' : 'Not connected.']];
+  const by = rig.fault?.by;
+  if (state.mode === 'fault') {
+    const words = rig.info?.faults?.find((fault) => fault.name === state.fault);
+    const who = by ? ` It was ${rig.name(by)}.` : '';
+    const told = rig.fault ? `: ${rig.fault.message.split('; flight log:')[0]}` : '';
+    return [
+      ['bad', `${words?.sentence ?? state.fault}${who}`],
+      ['', words?.remedy ?? ''],
+      ['weak', `${state.fault}${told}`]];
+  }
+  if (state.mode === 'estop') {
+    return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['', wayOn(rig)]];
+  }
+  const shaken = rig.shaking
+    ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
+      + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
+  return [...shaken, ['weak', mode]];
+}
+
+function wayOn(rig) {
+  switch (rig.lease.who) {
+    case 'mine': return 'No torque. To go on, press Recover.';
+    case 'other': return 'No torque. To go on, press Take over, then Recover.';
+    default: return 'No torque. To go on, press Take command, then Recover.';
+  }
+}
+
+let shown = '';
+/** Draws everything that is text, without the scene. */
+export function showState(rig) {
+  const head = rig.headline;
+  const box = $('box');
+  const lines = details(rig).filter(([, text]) => text);
+  const key = JSON.stringify([head, lines]);
+  if (key !== shown) {
+    shown = key;
+    box.dataset.head = head.toLowerCase().replace(' ', '-');
+    put($('headline'), head);
+    $('details').replaceChildren(...lines.map(([weight, text]) => {
+      const line = document.createElement('p');
+      line.className = weight;
+      line.textContent = text;
+      return line;
+    }));
+  }
+  document.body.classList.toggle('old', !rig.isCertain);
+  bar(rig);
+  orders(rig);
+  meters(rig);
+}
+
+function bar(rig) {
+  const simulated = rig.isSimulated;
+  const [kind, word, title] = simulated === null
+    ? ['unknown', 'UNKNOWN', 'no server has said yet whether its rig is simulated']
+    : simulated ? ['simulated', 'SIMULATED', 'a simulated rig: there are no motors']
+      : ['live', 'LIVE', 'a real rig: its motors can push'];
+  const badge = $('badge');
+  badge.dataset.kind = kind;
+  badge.title = title;
+  put(badge, word);
+  const name = rig.info?.rig.name ?? rig.hello?.rig;
+  put($('rig'), rig.hello ? `${name}  ${rig.hello.rate_hz} Hz` : 'not connected');
+  const title_ = simulated === null ? 'hbot page' : `${word}: ${name} - hbot page`;
+  if (document.title !== title_) document.title = title_;
+  const [button, said] = {
+    mine: ['Release', 'you command'],
+    free: ['Take command', 'nobody commands'],
+    unknown: ['Take command', rig.hello ? 'watching' : ''],
+    other: ['Take over', `observer: ${person(rig.lease.holder ?? '')} commands`],
+  }[rig.lease.who];
+  put($('who'), said);
+  $('who').dataset.lease = rig.lease.who;
+  put($('lease'), button);
+  $('lease').disabled = !rig.isLive;
+}
+
+function orders(rig) {
+  const mode = rig.state?.mode;
+  const stopped = mode === 'fault' || mode === 'estop';
+  $('enable').disabled = !(rig.commands && mode === 'idle');
+  $('disable').disabled = !(rig.hello && hasTorque(mode));
+  $('reset').disabled = !(rig.commands && stopped);
+  $('recover').disabled = !(rig.commands && stopped);
+  const allowed = rig.info?.limits.enable_max_angle;
+  const away = rig.away;
+  put($('distance'), !rig.state ? 'Distance: not known.'
+    : away === null ? 'No reference: nothing pulls at once.'
+      : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
+}
+
+function meters(rig) {
+  const { state, info } = rig;
+  const limits = info?.limits;
+  const share = (value, limit) => (limit > 0 ? value / limit : 0);
+  const values = !state || !limits ? METERS.map(() => [0, '-']) : [
+    [share(length(state.torque), limits.torque),
+      `${length(state.torque).toFixed(2)} / ${limits.torque.toFixed(2)} N m`],
+    [share(length(state.omega), limits.speed),
+      `${length(state.omega).toFixed(2)} / ${limits.speed} rad/s`],
+    [state.traction, `${(100 * state.traction).toFixed(0)} % of friction`],
+    [share(state.slip, limits.slip),
+      `${(1e3 * state.slip).toFixed(1)} / ${(1e3 * limits.slip).toFixed(0)} mm/s`],
+    1 - state.scale > 0.0005
+      ? [1, `${(100 * (1 - state.scale)).toFixed(0)} % cut off`] : [0, 'none'],
+  ];
+  METERS.forEach(({ meter, figures, name }, k) => {
+    const [value, text] = values[k];
+    meter.value = Math.min(value, 1);
+    meter.setAttribute('aria-valuetext', `${name}: ${text}`);
+    put(figures, text);
+  });
+}
+
+/** Draws the list of messages, newest first. */
+export function showMessages(rig) {
+  $('messages').replaceChildren(...rig.messages.slice(0, 20).map((message) => {
+    const item = document.createElement('li');
+    const time = document.createElement('time');
+    time.textContent = message.at.toTimeString().slice(0, 8)
+      + (message.times > 1 ? `, ${message.times} times` : '');
+    item.append(time, ` ${message.text}`);
+    item.className = message.bad ? 'bad' : '';
+    return item;
+  }));
+}
