@@ -22,6 +22,14 @@ cd clients/python
 "$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[numpy,msgpack,lsl,mcap,toml]' \
     matplotlib pytest==9.* pytest-timeout==2.* mypy==2.* ruff==0.* build==1.* hatchling==1.*
 
+# MuJoCo has no packages for every Python. What it is needed for is left out then, but never in silence.
+if "$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[mujoco]' 2>/dev/null &&
+    "$venv/bin/python" -c 'import mujoco' 2>/dev/null; then
+    export HBOT_MUJOCO=1
+else
+    echo "** MUJOCO CANNOT BE INSTALLED HERE: hbot.mujoco and its examples are NOT TESTED **" >&2
+fi
+
 echo "-- style and types"
 "$venv/bin/ruff" format --quiet --check .
 "$venv/bin/ruff" check --quiet .

@@ -1,4 +1,6 @@
-"""A valve in the hand: friction, and a stop at each end. Needs `pip install 'hbot[mujoco]'` and a server.
+"""A valve in the hand: friction, and a stop at each end.
+
+Needs `pip install 'hbot[mujoco]'` and a server.
 
 `--viewer` shows it on a screen, `--seconds 20` ends it.
 """
@@ -13,6 +15,7 @@ import hbot.mujoco
 VALVE = """
 <mujoco>
   <option timestep="0.002"/>
+  <default><joint solreflimit="0.004 1"/></default>
   <worldbody>
     <light pos="0 0 1"/>
     <geom type="cylinder" size="0.02 0.1" pos="0 0 0.1"/>
@@ -34,7 +37,5 @@ if __name__ == "__main__":
     with hbot.one_line_errors(), hbot.connect(name="valve") as rig, rig.lease():
         rig.load_scene({"name": "A valve in MuJoCo", "effect": []})
         rig.enable()
-        felt = hbot.mujoco.run(
-            rig, model, "valve", duration=options.seconds, viewer=options.viewer
-        )
+        felt = hbot.mujoco.run(rig, model, "valve", duration=options.seconds, viewer=options.viewer)
     print(felt)

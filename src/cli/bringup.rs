@@ -1,7 +1,9 @@
 //! `hbot rig scan`, `hbot rig test` and `hbot rig calibrate`: a rig before any loop is closed over
-//! it. No server may hold its port meanwhile.
+//! it. No server may hold its port meanwhile. `hbot rig identify` evaluates recordings.
 
 mod calibrate;
+mod edit;
+mod identify;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -20,6 +22,7 @@ use serde_json::json;
 use super::out::{note, say};
 use super::style;
 pub(crate) use calibrate::{CalibrateArgs, run_calibrate};
+pub(crate) use identify::{IdentifyArgs, run_identify};
 
 /// The rig to work on.
 #[derive(Debug, Args)]
@@ -56,12 +59,33 @@ pub(crate) struct TestArgs {
     #[arg(long, value_name = "N")]
     joint: usize,
     /// Torque at the joint with its controller's own sign, N m, up to its peak and not 0; begin
-    /// with a hundredth of its peak
-    #[arg(long, value_name = "T", allow_negative_numbers = true)]
-    torque: f64,
+    /// with a hundredth of its peak. `auto`: rises slowly to the joint's continuous torque at most,
+    /// and ends when the joint has turned by 0.05 rad
+    #[arg(long, value_name = "T|auto", allow_negative_numbers = true)]
+    torque: TestTorque,
     /// Stop if any joint turns faster than this, rad/s, above 0
     #[arg(long, value_name = "RATE", default_value_t = 5.0)]
     speed: f64,
+}
+
+/// The torque of a test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum TestTorque {
+    /// It rises until the joint moves.
+    Auto,
+    /// This torque, N m.
+    Fixed(f64),
+}
+
+impl std::str::FromStr for TestTorque {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            text => text.parse().map(Self::Fixed).map_err(|_| "a number or `auto`".to_owned()),
+        }
+    }
 }
 
 fn joint_name(rig: &RigConfig, joint: usize) -> String {
@@ -153,14 +177,24 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     }
     let number = args.joint - 1;
     let peak = rig.rig.joints[number].peak;
-    if !(args.torque != 0.0 && args.torque.abs() <= peak) {
-        bail!("--torque {} is out of range; legal: up to {peak} N m either way, and not 0", args.torque);
+    match args.torque {
+        TestTorque::Fixed(torque) if !(torque != 0.0 && torque.abs() <= peak) => {
+            bail!(
+                "--torque {torque} is out of range; legal: up to {peak} N m either way, and not 0; or auto"
+            );
+        }
+        TestTorque::Auto if !(peak > 0.0) => bail!("joint {} has no motor", args.joint),
+        _ => {}
     }
     if !(args.speed > 0.0) {
         bail!("--speed {} is out of range; legal: above 0 rad/s", args.speed);
     }
-    let outcome =
-        on_the_lines(&rig, false, |bench| Ok(joint::test(bench, number, args.torque, args.speed)?))?;
+    let outcome = on_the_lines(&rig, false, |bench| {
+        Ok(match args.torque {
+            TestTorque::Fixed(torque) => joint::test(bench, number, torque, args.speed)?,
+            TestTorque::Auto => joint::ramp(bench, number, rig.rig.joints[number].continuous, args.speed)?,
+        })
+    })?;
     let good = outcome.verdict == Verdict::Good;
     let colour = if good { style::GOOD } else { style::BAD };
     say!(
@@ -173,6 +207,9 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
         outcome.verdict,
         style::OFF
     )?;
+    if args.torque == TestTorque::Auto {
+        say!("  the torque rose to {:.2} mN m", 1e3 * outcome.torque)?;
+    }
     match outcome.verdict {
         Verdict::Good => {
             say!("  {}", compared(&outcome))?;

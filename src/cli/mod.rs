@@ -6,6 +6,7 @@ mod completions;
 mod console;
 mod controllers;
 mod doctor;
+mod explain;
 pub(crate) mod habits;
 mod hand;
 mod man;
@@ -16,6 +17,7 @@ mod recover;
 mod rehearse;
 mod replay;
 mod rig;
+mod rig_drawing;
 mod rig_new;
 mod scene;
 mod secrets;
@@ -70,6 +72,8 @@ enum Command {
     Record(record::RecordArgs),
     /// Run a recording through the control law again and compare every bit
     Replay(replay::ReplayArgs),
+    /// Say what happened before a fault in a recording or flight log
+    Explain(explain::ExplainArgs),
     /// Make a whole file of a recording that was cut off or damaged
     Recover(recover::RecoverArgs),
     /// List, check, load and draw scenes
@@ -147,6 +151,7 @@ impl Cli {
             Command::Watch(args) => watch::run(&args),
             Command::Record(args) => record::run(&args),
             Command::Replay(args) => replay::run(&args),
+            Command::Explain(args) => explain::run(&args),
             Command::Recover(args) => recover::run(&args),
             Command::Controllers(args) => rehearse::run(&args),
             Command::Scene(command) => scene::run(command),

@@ -9,8 +9,9 @@ use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Token, Trus
 use super::out::tell;
 use super::{Commanding, ServerAddress, show, style};
 
-/// Stops the rig, and prints the mode that follows and what comes next. The stop is sent without waiting for an answer
-/// of the server. If the server does not confirm it, the error says so before anything else.
+/// Stops the rig, and prints the mode that follows and what comes next. The stop is sent without
+/// waiting for an answer of the server. If the server does not confirm it, the error says so before
+/// anything else.
 ///
 /// If the file with the token cannot be read, the stop is sent without a token, because the server
 /// may need none.

@@ -1,5 +1,5 @@
-//! `hbot controllers`: simulated motor controllers behind a pseudo-terminal, so that a vendor's tool,
-//! a driver or a server can be tried on them.
+//! `hbot controllers`: simulated motor controllers behind a pseudo-terminal, so that a vendor's
+//! tool, a driver or a server can be tried on them.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -20,7 +20,8 @@ use hbot_host::bus::{BusTraffic, driver, late_rates};
 use hbot_host::commission::doctor::{MOST_LOAD, highest_rate, punctuality};
 
 use super::out::tell;
-use super::{bringup, rig_new, style};
+use super::scene::plot::{svg, write};
+use super::{bringup, rig_drawing, rig_new, style};
 
 /// Number of postures that are examined.
 const SAMPLES: usize = 4096;
@@ -37,6 +38,9 @@ pub(crate) enum RigCommand {
     Check {
         /// The rig file (TOML) [default: the prototype, built in]
         file: Option<PathBuf>,
+        /// Draw the sphere, the wheels, their cones and contact frames; the name ends in .svg
+        #[arg(long, value_name = "OUT.svg", value_parser = svg)]
+        drawing: Option<PathBuf>,
     },
     /// List the controllers that answer on each line, and each setting that is not as it must be;
     /// changes nothing
@@ -47,17 +51,24 @@ pub(crate) enum RigCommand {
     /// Find signs, steering zeros, wheel radii and cones while a person turns the sphere, with
     /// motors off
     Calibrate(bringup::CalibrateArgs),
+    /// Find the true axes, cones, toes, radii and zeros in recordings of a person who turns the
+    /// sphere, with motors off
+    Identify(bringup::IdentifyArgs),
 }
 
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
-    let file = match command {
-        RigCommand::Check { file } => file,
+    let (file, drawing) = match command {
+        RigCommand::Check { file, drawing } => (file, drawing),
         RigCommand::New(args) => return rig_new::run(args),
         RigCommand::Scan(args) => return bringup::run_scan(&args),
         RigCommand::Test(args) => return bringup::test(&args),
         RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
+        RigCommand::Identify(args) => return bringup::run_identify(&args),
     };
     let config = RigConfig::load(file.as_deref(), &[])?;
+    if let Some(out) = &drawing {
+        write(out, &rig_drawing::svg(&config))?;
+    }
     let warnings = Warnings::of(&config);
     tell!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
     if let Some(pick) = &config.rate_pick {
@@ -80,6 +91,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     stiffness(&config)?;
     let fits = line(&config)?;
     rate(&config)?;
+    if let Some(out) = &drawing {
+        tell!("\ndrawing {}", out.display())?;
+    }
     Ok(if fits { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

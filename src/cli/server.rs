@@ -51,6 +51,10 @@ pub(crate) struct ServerArgs {
     /// Rig file (TOML) [default: the prototype, built in]
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
+    /// Build the simulated rig as this rig file says, while the loop believes --rig: a device that
+    /// is not as drawn (simulated rig only)
+    #[arg(long, value_name = "FILE")]
+    built: Option<PathBuf>,
     /// Scene file (TOML), or the name of a ready-made scene [default: spring]
     #[arg(long, value_name = "FILE|NAME")]
     scene: Option<PathBuf>,
@@ -176,6 +180,7 @@ pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
 
 fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
     let mut rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
+    let built = built(&args, &rig)?;
     let scene = match &args.scene {
         Some(path) => super::scene::scene(path)?,
         None => SceneFile::default_scene(),
@@ -193,12 +198,20 @@ fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
     };
     let expected = expected(&mut rig, args.accuracy_target)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(serve(args, rig, scene, [token, metrics_token], &expected, console))
+    runtime.block_on(serve(args, (rig, built), scene, [token, metrics_token], &expected, console))
+}
+
+/// Returns the rig file from which the simulated rig is built, if the command line names one.
+fn built(args: &ServerArgs, rig: &RigConfig) -> anyhow::Result<Option<RigConfig>> {
+    let Some(path) = &args.built else { return Ok(None) };
+    let built = RigConfig::load(Some(path), &[])?;
+    hbot_host::rig::built::check(rig, &built).with_context(|| format!("--built {}", path.display()))?;
+    Ok(Some(built))
 }
 
 async fn serve(
     args: ServerArgs,
-    rig: RigConfig,
+    (rig, built): (RigConfig, Option<RigConfig>),
     scene: SceneFile,
     [token, metrics_token]: [Option<String>; 2],
     expected: &Expectation,
@@ -233,6 +246,7 @@ async fn serve(
     let nowhere = flight_dir.is_none();
     let server = Server::start(ServerOptions {
         rig,
+        built,
         scene,
         time,
         duration: args.duration.map(Duration::from_secs_f64),

@@ -39,8 +39,9 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     )?;
     tell!("  mode       {}", mode(newest_state(&mut client)?.as_ref(), info.limits.speed))?;
     if let Some(incident) = &info.incident {
-        let cause = incident.message.trim_end_matches("; reset, then enable, to go on");
-        tell!("  cause      {} at {:.1} s", foreign(cause), incident.t)?;
+        // What comes next stands behind the mode.
+        let cause = incident.message.replace("; reset, then enable, to go on", "");
+        tell!("  cause      at {:.1} s: {}", incident.t, foreign(&cause))?;
     }
     let limits = &info.limits;
     tell!(

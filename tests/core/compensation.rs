@@ -135,7 +135,8 @@ fn a_weak_motor_gets_a_larger_command_within_its_limit() {
         })
     };
     let out =
-        Bench::active(weak(joints(|joint| joint.torque_scale = 0.8)), spring_scene(1, 9.0, Vec3::X)).step();
+        Bench::active(weak(joints(|joint| joint.torque_scale = 0.8)), spring_scene(1, 9.0, Vec3::X * 0.4))
+            .step();
     let most = out.drive.torque.iter().map(|t| t.abs()).fold(0.0, f64::max);
     assert!((most - 0.01).abs() < 1e-12, "{most}");
 }
@@ -160,7 +161,7 @@ fn no_limit_is_exceeded_by_what_is_fed_forward() {
                 (rig.joints[joint].peak, rig.joints[joint].continuous) = (peak, peak);
             }
         });
-        let mut bench = Bench::active(rig, spring_scene(1, 4.0, rng.vector(0.4)));
+        let mut bench = Bench::active(rig, spring_scene(1, 8.0, rng.vector(0.25)));
         let omega = rng.vector(2.0);
         for _ in 0..50 {
             let out = bench.turn(omega);
@@ -187,6 +188,7 @@ fn nothing_is_fed_forward_while_the_motors_are_off() {
     let out = bench.command(Command::Estop);
     assert!(!out.drive.enable && most(&out) == 0.0);
     assert_eq!(most(&turned(&mut bench, Vec3::X, 5)), 0.0);
+    bench.sphere.omega = Vec3::ZERO;
     bench.command(Command::Reset);
     bench.command(Command::Enable);
     let mut last = [0.0; MAX_JOINTS];
@@ -194,12 +196,8 @@ fn nothing_is_fed_forward_while_the_motors_are_off() {
         let out = bench.step();
         for j in 0..4 {
             // The soft start takes half a second, so a tick adds about a five hundredth.
-            assert!(
-                (out.drive.torque[j] - last[j]).abs() < 0.02 / 500.0 * 2.0,
-                "a step at joint {j}: {} {}",
-                out.drive.torque[j],
-                last[j]
-            );
+            let step = (out.drive.torque[j] - last[j]).abs();
+            assert!(step < 2.0 * 0.02 / 500.0, "a step of {step} N m at joint {j}");
         }
         last = out.drive.torque;
     }
@@ -337,44 +335,35 @@ fn a_sphere_without_a_hand_comes_to_rest_even_if_twice_its_friction_was_measured
     }
 }
 
-/// Largest difference between the angles of a loaded spring while the load grows and while it
-/// falls, times the stiffness, N m. The load goes up and down twice within 8 s.
+/// Largest difference between what friction takes of a load on a spring of 4 N m/rad while the load
+/// grows and while it falls, N m. The load goes up and down twice within 8 s. It is compared where
+/// the sphere turns at 0.15 rad/s: at the ends it sticks and slips.
 fn hysteresis(known: Option<Compensation>) -> f64 {
-    const K: f64 = 4.0;
-    let kind = spring(K, 0.02, Quat::IDENTITY, Anchor::Absolute);
+    let kind = spring(4.0, 0.02, Quat::IDENTITY, Anchor::Absolute);
     let scene = CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap();
     let rig = altered(&knowing(Compensation::default()), |rig| rig.compensation = known);
     let mut run = Loop::new(rig, scene, with_friction(TRUE, 2.0e-3));
     let load = |t: f64| 0.4 * (core::f64::consts::TAU * t / 4.0).sin();
-    let mut worst: f64 = 0.0;
+    let (mut worst, mut held): (f64, f64) = (0.0, 0.0);
     let mut rising = std::collections::BTreeMap::new();
     for tick in 0..8000 {
         let t = f64::from(tick) * DT;
         run.push = Vec3::X * load(t);
-        run.step(None);
-        let angle = rotation::log(run.motion.q).x;
-        if std::env::var_os("SHOW").is_some() && tick % 100 == 0 {
-            let o = run.controller.clone().tick(&run.scene, &Inputs::quiet(run.tick));
-            eprintln!(
-                "{tick} push {:.3} err {:.5} w {:.4?} rates {:.3?} tau {:.6?}",
-                run.push.x,
-                (angle - load(t) / K) * K,
-                run.motion.omega.to_array(),
-                &o.state.rate[..4],
-                &o.state.joint_torque[..4]
-            );
-        }
+        // The torque of the scene holds the load, except for what friction and inertia take. The
+        // latter is equal at equal loads.
+        let taken = load(t) + held;
+        held = run.step(None).state.torque.x;
         let key = (load(t) * 100.0).round() as i64;
-        if tick < 1000 || key.abs() > 35 {
+        if tick < 1000 || key.abs() > 10 {
             continue;
         }
         if load(t + DT) > load(t) {
-            rising.insert(key, angle - load(t) / K);
+            rising.insert(key, taken);
         } else if let Some(up) = rising.get(&key) {
-            worst = worst.max((up - (angle - load(t) / K)).abs() * K);
+            worst = worst.max((up - taken).abs());
         }
     }
-    assert!(rising.len() > 60);
+    assert!(rising.len() > 18);
     worst
 }
 

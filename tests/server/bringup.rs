@@ -192,6 +192,37 @@ fn a_new_rig_file_without_a_terminal_has_defaults_and_says_so() {
     assert!(text.contains("cone = \"12 deg\"") && text.contains("port = \"sim\""), "{text}");
 }
 
+/// What `rig new` writes, `rig check` accepts, also where the line carries less than 1 kHz.
+#[test]
+fn a_new_rig_file_passes_its_check_whatever_it_is_made_of() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, protocol, wheels) in [("a", "moteus", "3"), ("b", "odrive", "2"), ("c", "hbot", "8")] {
+        let path = folder.path().join(format!("{name}.toml"));
+        let path = path.to_str().expect("UTF-8");
+        let options =
+            ["--protocol", protocol, "--wheels", wheels, "--port", "/dev/ttyACM0", "--radius", "60 mm"];
+        run(&[&["rig", "new", path][..], &options].concat()).success();
+        run(&["rig", "check", path]).success().stdout(contains("does not fit").not());
+        let text = std::fs::read_to_string(path).expect("it is written");
+        assert!(text.contains("radius = 0.06 # m") && text.contains("traction = { mu = 0.8,"), "{text}");
+        if name == "a" {
+            assert!(
+                text.contains("rate_hz = 518 # the most that one line carries with 6 joints; 2 lines"),
+                "{text}"
+            );
+        }
+    }
+    // A rig without a word about friction passes, with a warning.
+    let path = folder.path().join("b.toml");
+    let text = std::fs::read_to_string(&path).expect("it is written");
+    let without: String =
+        text.lines().filter(|line| !line.starts_with("traction")).collect::<Vec<_>>().join("\n");
+    std::fs::write(&path, without).expect("written");
+    run(&["rig", "check", path.to_str().expect("UTF-8")])
+        .success()
+        .stdout(contains("1 warning").and(contains("limits.traction is absent: a motor can push with 9 N")));
+}
+
 /// The search for the zeros takes a second and more. The motors are off then, so nothing delays a
 /// Ctrl-C.
 #[test]

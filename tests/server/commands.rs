@@ -99,7 +99,7 @@ fn info_says_after_a_stop_how_torque_comes_back() {
     run(&server, &["estop"]).success().stdout(format!("estop: {back}\n"));
     run(&server, &["enable"]).failure().stderr(contains("`hbot info` shows the cause"));
     let stopped = contains(format!("mode       estop: {back}\n"));
-    let by = contains("cause      stopped by client \"hbot ");
+    let by = contains("  cause      at ").and(contains(": stopped by client \"hbot "));
     run(&server, &["info"]).success().stdout(stopped.and(by));
     let idle = "idle: the torque is off. `hbot enable` switches it on\n";
     run(&server, &["reset"]).success().stdout(idle);

@@ -46,6 +46,8 @@ def test_the_contract(run: Run) -> None:
             assert {later.tick - state.tick for state, later in itertools.pairwise(states)} == {5}
             assert len(states) == RATE_HZ * 0.4 / 5
             assert await rig.align(states[-1].q, 0.0) < 0.5
+            assert await rig.align(states[-1].q, sigma=(1, 1, 1)) < 3.2
+            assert await rig.align_direction((0, 0, 1), (0, 0, 1), 3.0) < 3.2
             done = await rig.render(lambda state: [-0.01 * w for w in state.omega], duration=0.3)
             assert 0 < done.calls <= done.calls + done.skipped <= RATE_HZ * 0.3
             assert await rig.disable() in ("active", "idle", "enabling")

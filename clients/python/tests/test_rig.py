@@ -94,6 +94,17 @@ def test_a_scene_can_be_a_map_and_arrays_can_be_sent(rig: hbot.Rig) -> None:
         assert rig.align(next(rig.states()).q, weight=0.0) < 0.5
 
 
+def test_measurements_with_a_sigma_make_the_uncertainty_known(rig: hbot.Rig) -> None:
+    with rig.lease():
+        state = next(rig.states())
+        assert state.orientation_sigma is None
+        assert rig.align(state.q, sigma=(0.1, 0.1, 0.1), t=state.t) < 0.1
+        assert rig.align_direction((0, 0, -1), (0, 0, -2), sigma=3.0) < 3.2
+        sigma = next(rig.states()).orientation_sigma
+        assert sigma is not None
+        assert all(0.0 < x < 0.2 for x in sigma)
+
+
 def test_states_become_arrays(rig: hbot.Rig) -> None:
     numpy = pytest.importorskip("numpy", reason="the extra numpy is installed in CI")
     states = list(rig.states(duration=0.1))
@@ -112,7 +123,8 @@ def test_printing_a_rig_says_what_it_is_and_does(rig: hbot.Rig) -> None:
         rig.estop()
         assert str(rig) == "Hbot prototype (SIMULATED): estop, scene 'Clay'"
         incident = rig.info.incident
-        assert incident is not None and incident.by is not None
+        assert incident is not None
+        assert incident.by is not None
         assert incident.by.name == "me"
         rig.reset()
         assert rig.refresh().incident is None

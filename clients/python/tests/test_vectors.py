@@ -13,9 +13,10 @@ from hbot.axes import Axes
 def test_a_vector_adds_and_scales_and_is_a_tuple() -> None:
     a = Vector((1.0, 2.0, 3.0))
     assert -0.01 * a == (-0.01, -0.02, -0.03) == a * -0.01
-    assert a + (1, 1, 1) == (2.0, 3.0, 4.0) == [1, 1, 1] + a
-    assert a - [1, 1, 1] == (0.0, 1.0, 2.0)
-    assert (1, 1, 1) - a == (0.0, -1.0, -2.0)
+    ones, listed = (1, 1, 1), [1, 1, 1]
+    assert a + ones == (2.0, 3.0, 4.0) == listed + a == ones + a
+    assert a - listed == (0.0, 1.0, 2.0)
+    assert ones - a == (0.0, -1.0, -2.0)
     assert 2 * a / 2 == +a
     assert a.norm() == 14**0.5
     assert a.dot((1, 0, 2)) == 7.0
@@ -33,8 +34,9 @@ def test_what_is_no_vector_is_refused() -> None:
     a = Vector((1.0, 2.0, 3.0))
     with pytest.raises(TypeError):
         a * a
+    short = (1.0, 2.0)
     with pytest.raises(ValueError, match="unpack"):
-        a + (1.0, 2.0)
+        a + short
     with pytest.raises(TypeError):
         a + 1.0
 

@@ -52,8 +52,8 @@ pub struct InfoOk {
     /// Mode of the rig in the newest tick. `None` before the first tick, or if the server does not
     /// send this field.
     pub mode: Option<Mode>,
-    /// The event of the fault or the emergency stop in which the rig is now: its cause in words, and
-    /// who stopped it. `None` in other modes.
+    /// The event of the fault or the emergency stop in which the rig is now: its cause in words,
+    /// and who stopped it. `None` in other modes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub incident: Option<FaultEvent>,
 }

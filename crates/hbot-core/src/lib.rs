@@ -100,7 +100,7 @@
 //!
 //! | reals | a [`Controller`] | its history of orientations | a [`CompiledScene`] |
 //! |---|---|---|---|
-//! | f64 | 99936 | 41088 | 40464 |
+//! | f64 | 104312 | 41088 | 40464 |
 //! | f32 | 57288 | 24640 | 20496 |
 #![no_std]
 

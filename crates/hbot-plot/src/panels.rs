@@ -135,8 +135,8 @@ impl PlotPanel {
 }
 
 impl Curve {
-    /// Returns the curve as SVG, in tenths of a pixel. The axes of `panel` take the pixels `columns`
-    /// and `rows` of the picture.
+    /// Returns the curve as SVG, in tenths of a pixel. The axes of `panel` take the pixels
+    /// `columns` and `rows` of the picture.
     fn svg(&self, panel: &PlotPanel, columns: Range<i32>, rows: Range<i32>) -> String {
         let (x, y) = (&panel.x_range.0, &panel.y_range);
         let share = |value: f64, range: &Range<f64>| (value - range.start) / (range.end - range.start);

@@ -103,6 +103,13 @@ impl Sketch {
         self.arrow(from, to, pen)
     }
 
+    /// Adds a text `down` pixels below the point `at`, in the colour with the index `colour`.
+    pub fn label(&mut self, at: Vec3, down: u32, text: &str, colour: usize) -> &mut Self {
+        let off = [0, pixels(down) as i32];
+        self.labels.push(Label { at, text: text.to_owned(), colour: Some(colour), off });
+        self
+    }
+
     /// Adds a point at `at` in the colour with the index `colour`.
     pub fn dot(&mut self, at: Vec3, colour: usize) -> &mut Self {
         self.dots.push((at, colour));

@@ -4,6 +4,7 @@
 //!   [`messages`], [`topic`]), and one private topic that holds what a replay needs, bit for bit
 //!   ([`exact`]).
 //! - [`reader`] reads a recording, also one that is cut off or damaged.
+//! - [`told`] reads public messages back, and [`recover`] makes a whole file of a cut one.
 //! - [`replay`] runs the recorded inputs through the control law and compares the outputs.
 //!
 //! docs/recordings.md describes the files.
@@ -17,6 +18,7 @@ pub mod public;
 pub mod reader;
 pub mod recover;
 pub mod replay;
+pub mod told;
 pub mod topic;
 pub mod writer;
 

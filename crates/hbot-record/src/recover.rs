@@ -36,9 +36,9 @@ pub enum RecoverError {
     Empty,
 }
 
-/// Copies everything of the recording `from` that can be read to a new one with an index and an end.
-/// Messages, their times and the metadata keep their bytes, so the new recording replays as far as
-/// the old one.
+/// Copies everything of the recording `from` that can be read to a new one with an index and an
+/// end. Messages, their times and the metadata keep their bytes, so the new recording replays as
+/// far as the old one.
 ///
 /// # Errors
 /// Fails if `from` is no MCAP file or has nothing of a recording of hbot, or if `into` cannot be

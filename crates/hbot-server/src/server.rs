@@ -39,6 +39,9 @@ const LOOK_AT_SIMULATOR: Duration = Duration::from_millis(100);
 pub struct ServerOptions {
     /// The configuration of the rig, including its ports and the settings of the service.
     pub rig: RigConfig,
+    /// The rig file from which the simulated rig is built, if it is another one than `rig`, which
+    /// the loop believes.
+    pub built: Option<RigConfig>,
     /// The scene that the loop renders first.
     pub scene: SceneFile,
     /// Whether the loop runs in wall-clock time or in virtual time.
@@ -138,6 +141,7 @@ impl Server {
     pub fn start(options: ServerOptions) -> Result<Self, StartError> {
         let ServerOptions {
             rig,
+            built,
             scene,
             time,
             duration,
@@ -167,6 +171,7 @@ impl Server {
         let ticks = duration.map(|d| (d.as_secs_f64() * f64::from(rig.rate_hz)).ceil() as u64);
         let (host, end) = Host::start(host::HostOptions {
             rig: rig.clone(),
+            built,
             scene,
             phenomena,
             time,

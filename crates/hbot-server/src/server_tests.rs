@@ -43,6 +43,7 @@ const PANICS: &str = "one that makes the log panic";
 fn options() -> ServerOptions {
     ServerOptions {
         rig: patient(),
+        built: None,
         scene: SceneFile::default_scene(),
         time: Time::Wall,
         duration: None,

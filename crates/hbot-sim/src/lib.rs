@@ -13,6 +13,7 @@
 //! | [`phenomena`] | the figures of what a real rig shows besides |
 //! | [`plant`] | the sphere on wheels that do not slip, and the methods that move it on |
 //! | [`motion`] | true motions of a sphere that does not slip, for measuring methods of odometry |
+//! | [`wander`] | a rig that is not as drawn, and a hand that turns its sphere for long |
 //! | [`extrapolation`] | the integrator to rounding that they are made by |
 //!
 //! Everything but the first three is a pure function of what comes in: no clock, no thread, and the
@@ -32,3 +33,4 @@ pub mod rig;
 pub mod served;
 mod shafts;
 pub mod socket;
+pub mod wander;

@@ -66,8 +66,8 @@ impl Shafts {
 }
 
 impl Cog {
-    /// Returns the mean torque over a turn of the joint by `turn` rad from `angle`. Its work is that
-    /// of the potential.
+    /// Returns the mean torque over a turn of the joint by `turn` rad from `angle`. Its work is
+    /// that of the potential.
     fn mean(&self, angle: f64, turn: f64) -> f64 {
         let half = 0.5 * turn * self.per_rad;
         let ratio = if half.abs() < 1.0e-4 { 1.0 - half * half / 6.0 } else { libm::sin(half) / half };

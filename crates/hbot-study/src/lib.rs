@@ -11,6 +11,7 @@
 //!   - `accuracy`: error against time for every stage with a choice of methods.
 //!   - `effects`: the cost per tick of each effect and phenomenon.
 //!   - `feel`: what the passivity stage changes for the hand, and which scenes shake with it.
+//!   - `identify`: how well `hbot rig identify` finds the geometry of rigs that are not as drawn.
 //!   - `stability`: how stiff a wall can be, and a simulated day of operation.
 //!   - `lead`: what rendering the scene ahead of its reading changes.
 //! - `research`: studies of the rig.
@@ -48,7 +49,7 @@ pub use verification::callgrind::{Counter, count_worker};
 use context::{Context, Interrupted};
 use load::Load;
 use research::{design, paper};
-use verification::{accuracy, effects, feel, lead, stability};
+use verification::{accuracy, effects, feel, identify, lead, stability};
 
 /// The available studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +61,8 @@ pub enum Study {
     Effects,
     /// Measures what the passivity stage changes for the hand, and which scenes shake with it.
     Feel,
+    /// Identifies random rigs that are not as drawn, and measures what their orientation drifts.
+    Identify,
     /// Finds how stiff a virtual wall can be, and what stays constant over a simulated day.
     Stability,
     /// Finds what the lead changes: borders, walls, and readings that come late.
@@ -79,6 +82,7 @@ impl Study {
             Self::Accuracy => "accuracy",
             Self::Effects => "effects",
             Self::Feel => "feel",
+            Self::Identify => "identify",
             Self::Stability => "stability",
             Self::Lead => "lead",
             Self::Paper => "paper",
@@ -154,6 +158,7 @@ pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> R
         Study::Accuracy => accuracy::study(&context, options.counter.as_ref()),
         Study::Effects => effects::study(&context, options.counter.as_ref()),
         Study::Feel => feel::study(&context),
+        Study::Identify => identify::study(&context),
         Study::Stability => stability::study(&context),
         Study::Lead => lead::study(&context),
         Study::Paper => paper::study(&context),

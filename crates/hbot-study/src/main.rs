@@ -31,6 +31,8 @@ enum Command {
     Effects(StudyArgs),
     /// What the passivity stage changes for the hand, and which scenes shake with it
     Feel(StudyArgs),
+    /// How well `hbot rig identify` finds the geometry of random rigs that are not as drawn
+    Identify(StudyArgs),
     /// How stiff a virtual wall can be, compared with theory, and a day of simulated time
     Stability(StudyArgs),
     /// What the lead changes: borders, walls, and readings that come late
@@ -82,6 +84,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Accuracy(args) => (Study::Accuracy, args),
         Command::Effects(args) => (Study::Effects, args),
         Command::Feel(args) => (Study::Feel, args),
+        Command::Identify(args) => (Study::Identify, args),
         Command::Stability(args) => (Study::Stability, args),
         Command::Lead(args) => (Study::Lead, args),
         Command::Paper(args) => (Study::Paper, args),

@@ -22,6 +22,7 @@ use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
     ServerOptions {
         rig,
+        built: None,
         scene,
         time,
         duration: None,

@@ -16,7 +16,7 @@ use hbot_host::commission::bringup::{Bench, Interrupted};
 
 use super::super::out::{refuse_folder, say};
 use super::super::style;
-use super::{Which, joint_name, on_the_lines, wheel_name};
+use super::{Which, edit, joint_name, on_the_lines, wheel_name};
 
 /// Time between two readings, s. It is long enough that one count is small relative to the motion,
 /// and short enough that the steer angles hardly change.
@@ -38,9 +38,6 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
 }
-
-/// Text of the rig file that is used if no other is named.
-const PROTOTYPE: &str = include_str!("../../../rigs/prototype.toml");
 
 /// A value of the rig file that a calibration corrects.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,31 +145,18 @@ fn zeros_to_choose(rig: &RigConfig) -> Option<String> {
 /// Writes the rig file `rig`, or the built-in one, with corrections to `file`. Comments and the
 /// order of the keys stay.
 fn write(rig: Option<&Path>, corrections: &[Correction], file: &Path) -> anyhow::Result<()> {
-    let text = match rig {
-        Some(path) => hbot_config::read_text(path).with_context(|| path.display().to_string())?,
-        None => PROTOTYPE.to_owned(),
-    };
-    let corrected = corrected(&text, corrections)?;
-    std::fs::write(file, corrected).with_context(|| format!("{}: cannot be written", file.display()))
+    let mut document = edit::open(rig)?;
+    correct(&mut document, corrections)?;
+    edit::save(&document, file)
 }
 
-fn corrected(text: &str, corrections: &[Correction]) -> anyhow::Result<String> {
-    let mut document: toml_edit::DocumentMut = text.parse()?;
+fn correct(document: &mut toml_edit::DocumentMut, corrections: &[Correction]) -> anyhow::Result<()> {
     for correction in corrections {
         let table = if correction.joint.is_multiple_of(2) { "steer" } else { "drive" };
         let joint = &mut document["wheel"][correction.joint / 2][table];
-        let new: toml_edit::Value = correction.written().parse()?;
-        // The comment behind the old value stays.
-        match joint.get_mut(correction.key).and_then(toml_edit::Item::as_value_mut) {
-            Some(old) => {
-                let decor = old.decor().clone();
-                *old = new;
-                *old.decor_mut() = decor;
-            }
-            None => joint[correction.key] = toml_edit::Item::Value(new),
-        }
+        edit::put(joint, correction.key, correction.written().parse()?);
     }
-    Ok(document.to_string())
+    Ok(())
 }
 
 /// Records the counts of all joints for `seconds`, with motors off.

@@ -59,8 +59,8 @@ pub(super) fn text(answers: &Answers) -> anyhow::Result<String> {
 /// The rate of the loop where the line carries it, Hz.
 const USUAL_RATE: f64 = 1000.0;
 
-/// Returns the rate of the loop, Hz, and why it is that: the usual one, or what the line carries with
-/// all joints on it.
+/// Returns the rate of the loop, Hz, and why it is that: the usual one, or what the line carries
+/// with all joints on it.
 fn rate(answers: &Answers) -> (u32, String) {
     let protocol = Protocol::from(answers.protocol);
     let most = |joints: u32| line_rate(&driver(protocol).traffic(joints as usize), BAUD).floor();

@@ -250,7 +250,8 @@ fn refuse(mistakes: &[Mistake]) -> anyhow::Result<()> {
 }
 
 /// Asks a question until the answer is legal. The question has its words, the default, and what the
-/// answer `?` explains. The answer is legal if `take` takes it, and if none of `options` has a mistake then.
+/// answer `?` explains. The answer is legal if `take` takes it, and if none of `options` has a
+/// mistake then.
 fn settle(
     ask: Ask<'_>,
     answers: &mut Answers,

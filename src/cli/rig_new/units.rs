@@ -18,7 +18,8 @@ pub(super) enum Quantity {
 }
 
 impl Quantity {
-    /// Returns the units: the name, and how many of the first unit so many of it are, as a fraction.
+    /// Returns the units: the name, and how many of the first unit so many of it are, as a
+    /// fraction.
     const fn units(self) -> &'static [(&'static str, f64, f64)] {
         match self {
             Self::Length => &[("m", 1.0, 1.0), ("cm", 1.0, 100.0), ("mm", 1.0, 1000.0)],

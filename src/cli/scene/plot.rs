@@ -23,10 +23,10 @@ pub(crate) struct PlotArgs {
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]
     out: Option<PathBuf>,
     /// Draw from this angle on, degrees, -180 to 180
-    #[arg(long, value_name = "DEG", default_value_t = -180.0, value_parser = degrees, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", default_value_t = -180.0, value_parser = degrees, allow_hyphen_values = true)]
     from: f64,
     /// Draw up to this angle, degrees, -180 to 180
-    #[arg(long, value_name = "DEG", default_value_t = 180.0, value_parser = degrees, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", default_value_t = 180.0, value_parser = degrees, allow_hyphen_values = true)]
     to: f64,
     /// Axis to turn about: x, y, z, or three numbers such as 1,0,-1; can be given several times
     /// [default: x y z]
@@ -90,8 +90,8 @@ pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
     warn(&abilities.warnings(&scene))
 }
 
-/// Returns the file for the picture of a scene if the user names none: in this folder, with the name
-/// of the scene's file.
+/// Returns the file for the picture of a scene if the user names none: in this folder, with the
+/// name of the scene's file.
 fn here(scene: &Path) -> PathBuf {
     Path::new(scene.file_name().unwrap_or_default()).with_extension("svg")
 }
@@ -104,8 +104,8 @@ pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
 /// The angles of a whole turn, degrees.
 pub(super) const WHOLE_TURN: Range<f64> = -180.0..180.0;
 
-/// Returns the picture of a scene as SVG, for angles in the range `angles`, degrees. A torque beyond
-/// the limit of the rig is hatched.
+/// Returns the picture of a scene as SVG, for angles in the range `angles`, degrees. A torque
+/// beyond the limit of the rig is hatched.
 pub(super) fn draw(scene: &SceneFile, axes: &[Axis], angles: Range<f64>, abilities: &Abilities) -> String {
     let probe = Probe::new(scene);
     let parts = probe.parts();

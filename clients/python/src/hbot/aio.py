@@ -33,7 +33,7 @@ from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
-from .models import Model
+from .models import Impedance, Model, Plane
 from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 from .transport import Tls
@@ -236,14 +236,21 @@ class Rig:
 
     async def model(
         self,
-        model: Model,
         valid_ms: int,
         *,
+        torque: Iterable[float] = (0.0, 0.0, 0.0),
+        stiffness: Impedance = 0.0,
+        damping: Impedance = 0.0,
+        pose: Iterable[float] | None = None,
+        planes: Sequence[Plane] = (),
+        blend_ms: int | None = None,
+        soften: bool = False,
         tick: int | None = None,
         seq: int | None = None,
         wait: bool = True,
     ) -> float | None:
         """Send one local model. Returns the fraction of its stiffness that is rendered."""
+        model = Model(torque, stiffness, damping, pose, planes, blend_ms, soften)
         request = ops.model(model, valid_ms, tick, seq)
         if wait:
             return await self._call(request)

@@ -30,8 +30,10 @@ from .models import Model, Plane
 try:
     import mujoco
     import numpy as np
+
+    from . import turns
 except ImportError as error:
-    raise MissingExtra("hbot.mujoco needs MuJoCo: pip install 'hbot[mujoco]'") from error
+    raise MissingExtra.of("hbot.mujoco", "mujoco", error) from error
 
 if TYPE_CHECKING:
     from .events import State
@@ -44,6 +46,11 @@ PROBE = 1e-3
 """Turn by which the local stiffness is found, rad."""
 LONGEST_STEP = 0.1
 """Time between two states after which the simulation has been paused, s."""
+HORIZON = 0.016
+"""Shortest time after that turn at which its pull is taken, s.
+
+A light body has followed then, so it does not pull. A heavy one, or one that touches something,
+still pulls as stiffly as the coupling."""
 EXPLICIT = 0.1
 """Largest K dt²/I of the coupling in the simulation, which integrates it explicitly."""
 
@@ -113,14 +120,17 @@ class Hand:
         if self._kind == mujoco.mjtJoint.mjJNT_SLIDE:
             raise ValueError(f"the body {body!r} slides; legal: a hinge, a ball or a free joint")
         render = rig.info.render
-        stable, damping = (5.0, 0.02) if render is None else (render.stiffness_stable, render.damping)
+        stable, damping = (
+            (5.0, 0.02) if render is None else (render.stiffness_stable, render.damping)
+        )
         self.stiffness = stiffness if stiffness is not None else 0.5 * stable
         # Damping for each stiffness with which a spring is stable, and a third more, s.
         self._relaxation = 1.33 * damping / stable
         self._gain = gain
         self._scale(inertia, margin)
         self._probe = mujoco.MjData(model)
-        self._anchor: tuple[Array, Array] | None = None
+        # Turn from the sphere to the body.
+        self._anchor: turns.Quaternion | None = None
         self._last: State | None = None
         self._time = self.data.time
         self.work = 0.0
@@ -177,20 +187,24 @@ class Hand:
         if self._anchor is None or paused or data.time < self._time:
             self._last, self._time = state, data.time
             mujoco.mj_forward(self.model, data)
-            self._anchor = (np.array(state.q), data.xquat[self._body].copy())
+            pose = data.xquat[self._body].tolist()
+            self._anchor = turns.times(turns.conjugate(state.q), pose)
             self._place = data.xpos[self._body].copy()
             self._begin = state.t - data.time
             return Model()
         assert last is not None
         steps = round((state.t - self._begin - data.time) / self.model.opt.timestep)
         axes = self._axes()
-        copies = [self._turned(last, state, steps, axis) for axis in axes]
-        before = data.time
-        pull, error = self._advance(data, last, state, steps)
+        probed = max(steps, round(HORIZON / self.model.opt.timestep))
+        still, *copies = [
+            self._turned(last, state, steps, probed, turn)
+            for turn in (np.zeros(3), *(axes * PROBE))
+        ]
+        pull, error, work = self._advance(data, last, state, steps)
         self.steps += steps
         self._last, self._time = state, data.time
-        self.work += float(pull @ np.array(state.omega)) * (data.time - before)
-        return self._linear(state, pull, error, axes, copies)
+        self.work += work
+        return self._linear(state, pull, error, axes, [copy - still for copy in copies])
 
     def _axes(self) -> Array:
         """Axes about which the joint lets the body turn, as rows."""
@@ -198,10 +212,13 @@ class Hand:
             return self.data.xaxis[self._joint][None, :].copy()
         return np.eye(3)
 
-    def _turned(self, last: State, state: State, steps: int, axis: Array) -> Array:
-        """Return the pull after `steps` if the sphere were turned by PROBE about `axis`."""
+    def _turned(self, last: State, state: State, steps: int, probed: int, turned: Array) -> Array:
+        """Return the pull after `probed` steps if the sphere were `turned` by a rotation vector.
+
+        It arrives at `state` after `steps`, and turns on at the same rate.
+        """
         mujoco.mj_copyData(self._probe, self.model, self.data)
-        return self._advance(self._probe, last, state, steps, axis * PROBE)[0]
+        return self._advance(self._probe, last, state, max(steps, 1), turned, probed)[0]
 
     def _advance(
         self,
@@ -210,33 +227,39 @@ class Hand:
         state: State,
         steps: int,
         turned: Array | None = None,
-    ) -> tuple[Array, Array]:
-        """Step; the sphere turns from `last` to `state`.
+        most: int | None = None,
+    ) -> tuple[Array, Array, float]:
+        """Step; the sphere turns from `last` to `state` in `steps`, and on until `most` steps.
 
-        Returns the pull on the body and its error, N m and rad, in the world.
+        Returns the pull on the body (N m) and its error (rad), in the world, and the work of the
+        sphere (J).
         """
-        assert self._anchor is not None
-        turn = _log(_times(state.q, _conjugate(last.q)))
-        omega = np.array(state.omega)
-        for step in range(max(steps, 0)):
+        turn = np.array(turns.log(turns.times(state.q, turns.conjugate(last.q))))
+        omega, work = np.array(state.omega), 0.0
+        for step in range(max(steps if most is None else most, 0)):
+            # The body's pose and rate are those of this step only after its first half.
+            mujoco.mj_step1(self.model, data)
             pull, _ = self._pull(data, last.q, turn * (step / steps), omega, turned)
+            work += float(pull @ turn) / steps
             data.xfrc_applied[self._body, 3:] = pull
             if self._kind == mujoco.mjtJoint.mjJNT_FREE:
                 data.xfrc_applied[self._body, :3] = self._hold(data)
-            mujoco.mj_step(self.model, data)
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
+            mujoco.mj_step2(self.model, data)
+        # Poses and contacts are those before the last step until they are computed anew.
+        mujoco.mj_fwdPosition(self.model, data)
         mujoco.mj_comVel(self.model, data)
-        return self._pull(data, last.q, turn, omega, turned)
+        part = 1.0 if most is None else most / steps
+        pull, error = self._pull(data, last.q, turn * part, omega, turned)
+        return pull, error, work
 
     def _pull(
         self, data: mujoco.MjData, q: Any, turn: Array, omega: Array, turned: Array | None
     ) -> tuple[Array, Array]:
         assert self._anchor is not None
-        sphere, body = self._anchor
-        now = _times(_exp(turn if turned is None else turn + turned), q)
-        target = _times(_times(now, _conjugate(sphere)), body)
-        error = _log(_times(target, _conjugate(data.xquat[self._body])))
+        now = turns.times(turns.exp(turn if turned is None else turn + turned), q)
+        target = turns.times(now, self._anchor)
+        pose = data.xquat[self._body].tolist()
+        error = np.array(turns.log(turns.times(target, turns.conjugate(pose))))
         rate = omega - data.cvel[self._body, :3]
         return self._spring * error + self._damper * rate, error
 
@@ -244,18 +267,21 @@ class Hand:
         """Return the force that holds a free body in its place, as stiff as the steps allow."""
         mass = float(self.model.body_mass[self._body])
         pace = float(np.sqrt(EXPLICIT)) / self.model.opt.timestep
-        velocity = data.qvel[self.model.jnt_dofadr[self._joint]:][:3]
+        velocity = data.qvel[self.model.jnt_dofadr[self._joint] :][:3]
         way = self._place - data.xpos[self._body]
         return mass * (pace**2 * way - pace * velocity - self.model.opt.gravity)
 
     def _linear(
-        self, state: State, pull: Array, error: Array, axes: Array, copies: list[Array]
+        self, state: State, pull: Array, error: Array, axes: Array, changes: list[Array]
     ) -> Model:
         """Return the model that has the torque and the stiffness that were found."""
         gain, most = self._gain, self.stiffness
         free = axes.T @ axes
         found = sum(
-            (np.outer(gain * (copy - pull) / PROBE, axis) for axis, copy in zip(axes, copies, strict=True)),
+            (
+                np.outer(gain * change / PROBE, axis)
+                for axis, change in zip(axes, changes, strict=True)
+            ),
             np.zeros((3, 3)),
         )
         found = free @ (0.5 * (found + found.T)) @ free
@@ -304,7 +330,7 @@ class Hand:
         for gap, normal in sorted(found, key=lambda item: item[0]):
             if len(kept) < 8 and all(float(normal @ other) < 0.95 for other in kept):
                 kept.append(normal)
-                offset = max(float(gap), 0.0) - float(error @ normal)
+                offset = float(gap) - float(error @ normal)
                 if abs(offset) < 3.0:
                     planes.append(
                         Plane(normal, offset, self.stiffness, self._relaxation * self.stiffness)
@@ -371,27 +397,3 @@ def run(
         hand.work,
         first.energy - newest.energy,
     )
-
-
-def _conjugate(q: Any) -> Array:
-    return np.array([q[0], -q[1], -q[2], -q[3]])
-
-
-def _times(a: Any, b: Any) -> Array:
-    result = np.zeros(4)
-    mujoco.mju_mulQuat(result, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
-    return result
-
-
-def _exp(turn: Array) -> Array:
-    angle = float(np.linalg.norm(turn))
-    result = np.zeros(4)
-    mujoco.mju_axisAngle2Quat(result, turn / angle if angle > 0.0 else np.array([1.0, 0, 0]), angle)
-    return result
-
-
-def _log(q: Array) -> Array:
-    """Return the shortest turn, a rotation vector, rad."""
-    result = np.zeros(3)
-    mujoco.mju_quat2Vel(result, q if q[0] >= 0.0 else -q, 1.0)
-    return result

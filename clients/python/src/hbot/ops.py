@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from .answers import Changed, Controller, Controllers, Loaded, Pong, Stats
+from .checks import finite
 from .decode import decode
 from .events import Mode
 from .info import Info
 from .models import Model
-from .checks import finite
 from .scenes import Explain, Scene, open_scene
 
 T = TypeVar("T")

@@ -18,7 +18,7 @@ from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, Mode, State
 from .info import Hello, Info
 from .mailbox import Mailbox
-from .models import Model
+from .models import Impedance, Model, Plane
 from .rendering import Computed, Rendered, Rendering
 from .scenes import Scene
 
@@ -187,21 +187,36 @@ class Rig:
 
     def model(
         self,
-        model: Model,
         valid_ms: int,
         *,
+        torque: Iterable[float] = (0.0, 0.0, 0.0),
+        stiffness: Impedance = 0.0,
+        damping: Impedance = 0.0,
+        pose: Iterable[float] | None = None,
+        planes: Sequence[Plane] = (),
+        blend_ms: int | None = None,
+        soften: bool = False,
         tick: int | None = None,
         seq: int | None = None,
         wait: bool = True,
     ) -> float | None:
         """Send one local model: a torque, and how it changes as the sphere turns.
 
+        `render` sends a stream of them if its function returns a `Model`, with the same fields.
+
         Args:
-            model: the model.
+            torque: torque at the pose in frame N, N m.
+            stiffness: N m/rad: a number, one for each axis of frame N, or a symmetric 3x3 matrix.
+            damping: N m s/rad, as `stiffness`.
+            pose: quaternion about which the stiffness acts. None: that of the state with the number
+                `tick`, or that at arrival.
+            planes: at most eight half-spaces, such as contacts.
+            blend_ms: time in which the torque of before blends into this one, 0 to 200 ms. None:
+                the time since the last model, at most 50 ms.
+            soften: render what the loop does not keep stable with less stiffness, do not refuse it.
             valid_ms: time from its arrival until it ends, 1 to 1000 ms. Then it ramps to zero over
                 20 ms.
-            tick: the tick of the state from which it was computed. Without a `pose` in the model,
-                its stiffness acts about the orientation of that state.
+            tick: the tick of the state from which it was computed.
             seq: a number of your choice. States return it as `state.client.seq`.
             wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
 
@@ -211,6 +226,7 @@ class Rig:
         Raises:
             OutOfRange: the loop does not keep the model stable, or `tick` is too old.
         """
+        model = Model(torque, stiffness, damping, pose, planes, blend_ms, soften)
         request = ops.model(model, valid_ms, tick, seq)
         if wait:
             return self._call(request)

@@ -16,8 +16,8 @@ from .errors import BadRequest, IllegalInput, MissingExtra, OutOfRange
 from .places import PATH, Places, join
 
 Scene: TypeAlias = str | os.PathLike[str] | Mapping[str, Any]
-"""A scene: the path of a scene file (TOML), the name of a ready-made scene (docs/scenes.md), or a map
-of the structure of a scene file (docs/files.md)."""
+"""A scene: the path of a scene file (TOML), the name of a ready-made scene (docs/scenes.md), or a
+map of the structure of a scene file (docs/files.md)."""
 
 PATH_COLUMNS = ["t", "w", "x", "y", "z"]
 """First line of a recorded path: time, s, and orientation as a quaternion."""
@@ -58,7 +58,8 @@ def open_scene(scene: Scene) -> tuple[dict[str, Any] | str, Explain]:
 
 def _named(name: str, error: Exception) -> Exception:
     """Return the server's refusal of a scene's name with what else the name could be."""
-    near = [path for path in (Path(f"{name}.toml"), Path("scenes", f"{name}.toml")) if path.exists()]
+    files = (Path(f"{name}.toml"), Path("scenes", f"{name}.toml"))
+    near = [path for path in files if path.exists()]
     if near and isinstance(error, BadRequest):
         return error.with_message(f"{error.message}; or is {str(near[0])!r} meant, a file here?")
     return error

@@ -12,8 +12,8 @@ class Vector(tuple[float, float, float]):
     """Three numbers, such as a torque in frame N: a tuple that also adds and scales.
 
     `-0.01 * state.omega`, `a + b`, `a - b`, `a / 2`, `a.norm()`, `a.dot(b)` and `a.cross(b)`. The
-    other operand of a sum can be any list or tuple of three numbers. A sum with an array of NumPy is
-    an array.
+    other operand of a sum can be any list or tuple of three numbers. A sum with an array of NumPy
+    is an array.
     """
 
     __slots__ = ()

@@ -258,8 +258,12 @@ impl Judge {
             };
             return Some(Finding { effect, place: *place, axis, hold, away: false, why });
         }
-        // The axis about which the delay takes more damping away than the scene has.
-        let (axis, about) = largest_axis(&(sum.stiffness * self.sampled.lateness() - sum.damping));
+        // The axis about which the delay takes more damping away than the scene has, or the
+        // stiffest one, if this is one about which the sphere is free: too much damping shakes too.
+        let late = largest_axis(&(sum.stiffness * self.sampled.lateness() - sum.damping));
+        let stiff = largest_axis(&sum.stiffness);
+        let is_free = late.1.dot(sum.stiffness * late.1) < 1.0e-3 * stiff.1.dot(sum.stiffness * stiff.1);
+        let (axis, about) = if is_free { stiff } else { late };
         let (effect, part) = largest(&parts, |part| about.dot(part.stiffness * about))?;
         let rest = sum.stiffness - part.stiffness;
         let shape = shape(part, about)?;

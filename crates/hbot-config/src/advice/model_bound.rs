@@ -236,3 +236,109 @@ fn eigenvector(m: &Mat3, value: f64) -> Vec3 {
     // All directions that are perpendicular to the row have this eigenvalue, or all directions.
     if scale > 0.0 { row.normalize().any_orthonormal_vector() } else { Vec3::X }
 }
+
+#[cfg(test)]
+mod tests {
+    use hbot_core::design::rig::LeadTime;
+    use hbot_core::{Quat, rotation};
+
+    use super::super::sampled::{HOLDS, Scene};
+    use super::*;
+    use crate::RigConfig;
+
+    fn bounds() -> [(StiffnessBound, ModelBound); 2] {
+        [None, Some(LeadTime::default())].map(|lead| {
+            let mut config = RigConfig::prototype();
+            config.rig = config.rig.with(|parts| parts.lead = lead).expect("a legal rig");
+            let springs = StiffnessBound::of(&config).expect("legal inertias");
+            let bound = ModelBound::new(&springs);
+            (springs, bound)
+        })
+    }
+
+    fn diagonal(turn: Vec3, values: [f64; 3]) -> Mat3 {
+        let axes = Mat3::from_quat(rotation::exp(turn));
+        axes * Mat3::from_diagonal(Vec3::from_array(values)) * axes.transpose()
+    }
+
+    fn model(stiffness: Mat3, damping: Mat3) -> LocalModel {
+        LocalModel::new(Vec3::ZERO, stiffness, damping, Some(Quat::IDENTITY))
+    }
+
+    /// What the polygon takes away of the border: 10 % of reserve, and pieces that are straight.
+    #[test]
+    fn springs_that_are_the_same_about_all_axes_are_allowed_up_to_nearly_the_border() {
+        for (springs, bound) in bounds() {
+            for damping in [0.005, 0.01, 0.02, 0.05, 0.1] {
+                let border = springs.stable(damping);
+                let allowed = bound.stable(damping);
+                assert!(allowed <= border / MARGIN * (1.0 + 1e-9), "{damping}: {allowed}, {border}");
+                assert!(allowed > 0.8 * border / MARGIN, "{damping}: {allowed}, {border}");
+                let at = |part: f64| model(Mat3::IDENTITY * (allowed * part), Mat3::IDENTITY * damping);
+                assert_eq!(bound.check(&at(0.99)), Ok(()), "{damping}");
+                let found = bound.check(&at(1.02)).expect_err("beyond the bound");
+                assert!((found.stable - allowed).abs() < 1e-6 && (found.damping - damping).abs() < 1e-9);
+                let part = bound.softened(&at(2.0)).expect("softer");
+                assert!((part - 0.5).abs() < 1e-3, "{part}");
+            }
+            assert!(
+                bound.check(&model(Mat3::ZERO, Mat3::IDENTITY * (1.1 * springs.most_damping()))).is_err()
+            );
+            assert_eq!(bound.check(&LocalModel::NONE), Ok(()));
+        }
+    }
+
+    /// Stiffness and damping of any two directions, half-spaces among them: what is allowed is stable
+    /// in the loop of three axes.
+    #[test]
+    fn what_is_allowed_is_stable_in_the_loop_of_three_axes() {
+        for (springs, bound) in bounds() {
+            let (mut allowed, mut refused) = (0, 0);
+            let mut seed = 1_u64;
+            let mut random = || {
+                seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (seed >> 33) as f64 / (1_u64 << 31) as f64
+            };
+            for _ in 0..300 {
+                let mut vector = |size: f64| [0; 3].map(|_| size * random());
+                let most = springs.stable(0.05);
+                let stiffness = diagonal(Vec3::from_array(vector(3.0)), vector(most));
+                let damping = diagonal(Vec3::from_array(vector(3.0)), vector(0.1));
+                let normal = Vec3::from_array(vector(1.0)).normalize();
+                let [k, d, _] = vector(1.0);
+                let mut all = model(stiffness, damping);
+                let plane = HalfSpace { normal, offset: 0.1, stiffness: most * k, damping: 0.1 * d };
+                all.add_plane(plane).expect("room for one");
+                if bound.check(&all).is_err() {
+                    refused += 1;
+                    continue;
+                }
+                allowed += 1;
+                for entered in [0.0, 1.0] {
+                    let outer = outer(normal) * entered;
+                    let scene = Scene {
+                        stiffness: stiffness + outer * plane.stiffness,
+                        damping: damping + outer * plane.damping,
+                        masses: Vec::new(),
+                    };
+                    assert!(springs.sampled().is_stable(&scene, &HOLDS[0]), "{all:?}");
+                }
+            }
+            assert!(allowed > 30 && refused > 30, "{allowed} allowed, {refused} refused");
+        }
+    }
+
+    #[test]
+    fn eigenvalues_and_eigenvectors_are_those_of_the_matrix() {
+        for values in [[1.0, 2.0, 3.0], [5.0, 5.0, 1.0], [2.0, 2.0, 2.0], [1.0, 0.0, 0.0], [-1.0, -2.0, 4.0]]
+        {
+            let m = diagonal(Vec3::new(0.4, -1.0, 0.7), values);
+            let largest = values.into_iter().fold(f64::MIN, f64::max);
+            assert!((largest_eigenvalue(&m) - largest).abs() < 1e-12, "{values:?}");
+            let least = values.into_iter().fold(f64::MAX, f64::min);
+            assert!((smallest_eigenvalue(&m) - least).abs() < 1e-12, "{values:?}");
+            let v = eigenvector(&m, largest_eigenvalue(&m));
+            assert!((m * v - v * largest).length() < 1e-6 && (v.length() - 1.0).abs() < 1e-12, "{values:?}");
+        }
+    }
+}

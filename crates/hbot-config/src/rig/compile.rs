@@ -53,8 +53,8 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let (ports, controllers) = controllers(&file, &link.port, report);
     let api = api(&file, report);
     file.r#loop.rate_estimate.check(report);
-    let device = device(&file, report)?;
     let joints = joints(&file, link.protocol);
+    let device = exact_zeros(device(&file, report)?, &file, &joints);
     let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
     let driven = each_joint(&file).filter(|(_, settings)| settings.motor);
     let torque_lag = driven.map(|(_, settings)| settings.torque_lag).fold(0.0, f64::max);
@@ -263,6 +263,18 @@ fn device(file: &RigFile, report: &mut Report) -> Option<Device> {
         report.push(&path, error.to_string(), None);
     }
     None
+}
+
+/// Turns each wheel of `device` by the part of its zero offset that is less than a count. The loop
+/// adds the whole counts to the readings ([`core::Joint::whole_counts`]).
+fn exact_zeros(device: Device, file: &RigFile, joints: &[core::Joint; MAX_JOINTS]) -> Device {
+    file.wheel.iter().enumerate().fold(device, |device, (i, wheel)| {
+        let (joint, offset) = (&joints[2 * i], wheel.steer.zero_offset);
+        match offset - joint.whole_counts(offset) * joint.radians_per_count() {
+            0.0 => device,
+            part => device.with_steering_zero(i, part),
+        }
+    })
 }
 
 fn joints(file: &RigFile, protocol: Protocol) -> [core::Joint; MAX_JOINTS] {

@@ -253,6 +253,22 @@ impl Device {
         }
     }
 
+    /// Returns this device with the frame of wheel number `wheel` turned about its steer axis: at
+    /// the joint angle zero, the wheel stands as it stood at the joint angle `angle` (rad).
+    ///
+    /// With it, a steering zero is exact although motor controllers count in whole steps. Returns
+    /// the device as it is if it has no such wheel.
+    #[must_use]
+    pub fn with_steering_zero(mut self, wheel: usize, angle: Real) -> Self {
+        if let Some(wheel) = self.wheels[..self.count].get_mut(wheel) {
+            let (sin, cos) = sincos(angle);
+            let (p, q) = (wheel.p, wheel.q);
+            wheel.p = core::array::from_fn(|k| p[k] * cos + q[k] * sin);
+            wheel.q = core::array::from_fn(|k| q[k] * cos - p[k] * sin);
+        }
+        self
+    }
+
     /// Returns the sphere's radius R, m.
     #[inline]
     #[must_use]

@@ -290,8 +290,8 @@ impl Ledger {
         self.sent[sequence as usize % SENT] = Parts { driving, damping: damping * kept };
     }
 
-    /// Adds `torque` (N m) to the torque of the last recorded command `sequence`. It moves the sphere
-    /// on purpose.
+    /// Adds `torque` (N m) to the torque of the last recorded command `sequence`. It moves the
+    /// sphere on purpose.
     #[inline]
     pub(crate) fn drive(&mut self, sequence: u32, torque: Vec3) {
         self.sent[sequence as usize % SENT].driving += torque;

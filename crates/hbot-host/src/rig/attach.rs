@@ -17,6 +17,7 @@ use thiserror::Error;
 use crate::bus::{Expected, MeetError, MotorBus, driver, filtering_warnings};
 use crate::line::serial::{LatencyTimer, OpenError, Peer, Serial, unguarded};
 use crate::line::{Line, Memory, SimulatorCall, Socket};
+use crate::rig::built::{self, Mismatch};
 use crate::rig::last_word::{Program, without_core_file};
 use crate::rig::layout::Layout;
 use crate::run_loop::Time;
@@ -31,6 +32,9 @@ pub enum AttachError {
     /// The motor controllers do not answer, or are not those that the rig file names.
     #[error(transparent)]
     Meet(#[from] MeetError),
+    /// The simulated rig cannot be built from the other rig file.
+    #[error(transparent)]
+    Built(#[from] Mismatch),
     /// The simulated rig could not be created.
     #[error(transparent)]
     Simulator(#[from] SimulatedRigError),
@@ -98,13 +102,20 @@ pub(crate) struct Attached {
 /// Creates a simulated rig with the given phenomena and checks its motor controllers. In virtual
 /// time the line is in memory. In wall-clock time it is what the port of the rig file asks for: a
 /// pair of sockets or a pseudo-terminal.
+///
+/// The rig is built as the rig file `built` describes it, or, without one, as `rig` does.
 pub(crate) fn simulated(
     rig: &RigConfig,
+    built: Option<&RigConfig>,
     layout: &Layout,
     phenomena: Phenomena,
     time: Time,
 ) -> Result<Attached, AttachError> {
-    let simulated = simulated_rig(rig, Phenomena { link: None, hand: None, ..phenomena })?;
+    let ideal = Phenomena { link: None, hand: None, ..phenomena };
+    let simulated = match built {
+        Some(built) => built::simulated_rig(rig, built, ideal)?,
+        None => simulated_rig(rig, ideal)?,
+    };
     let mut shared = None;
     let (line, place): (Box<dyn Line>, _) = match (time, &rig.link.port) {
         (Time::Virtual, _) => {

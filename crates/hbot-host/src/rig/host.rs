@@ -12,6 +12,7 @@ use thiserror::Error;
 
 use crate::bus::{MotorBus, late_rates};
 use crate::rig::attach::{AttachError, Simulator, serial, simulated};
+use crate::rig::built;
 use crate::rig::controllers::Controllers;
 use crate::rig::last_word::Program;
 use crate::rig::layout::Layout;
@@ -29,6 +30,8 @@ pub struct HostOptions {
     pub rig: RigConfig,
     /// The scene that the loop renders first.
     pub scene: Box<CompiledScene>,
+    /// The rig file from which the simulated rig is built, if it is another one than `rig`.
+    pub built: Option<RigConfig>,
     /// Phenomena of the simulated rig, such as play. They have no effect on a real rig.
     pub phenomena: Phenomena,
     /// Whether the loop runs in wall-clock or in virtual time.
@@ -93,7 +96,10 @@ impl Host {
     /// Fails if a port cannot be opened, the controllers are not accepted, or the system refuses.
     /// Nothing is left running then.
     pub fn start(options: HostOptions) -> Result<(Self, ServiceEnd), HostError> {
-        let HostOptions { rig, scene, phenomena, time, ticks, buses, last_word, recorder } = options;
+        let HostOptions { rig, scene, built, phenomena, time, ticks, buses, last_word, recorder } = options;
+        if let Some(built) = &built {
+            built::check(&rig, built).map_err(AttachError::from)?;
+        }
         let processor = rig.cpu.map(Processor::new).transpose()?;
         let mut notices = uncalibrated(&rig);
         notices.extend(late_rates(&rig));
@@ -123,7 +129,7 @@ impl Host {
                 (buses, None)
             }
             (None, Port::Sim | Port::SimPty) => {
-                let attached = simulated(&rig, &layout, phenomena, time)?;
+                let attached = simulated(&rig, built.as_ref(), &layout, phenomena, time)?;
                 shared = attached.shared;
                 controllers = Controllers::new(rig.link.protocol, vec![attached.expected]);
                 (vec![attached.bus], Some(attached.simulator))

@@ -11,6 +11,8 @@ use super::convert;
 /// Eigenvalue below 0 that counts as 0, relative to the largest element of the matrix. A matrix of
 /// 32-bit numbers of less than full rank has such eigenvalues.
 const ROUNDING: f64 = 1.0e-6;
+/// Smallest eigenvalue of a matrix that the loop gets, relative to its largest element.
+const RESERVE: f64 = 1.0e-7;
 
 /// Knows which models the rig keeps stable.
 pub(super) struct Models {
@@ -92,5 +94,7 @@ fn matrix(name: &str, impedance: &Impedance) -> Result<Mat3, ErrorBody> {
         let message = format!("field {name:?} has the eigenvalue {least:.3}; legal: none below 0");
         return Err(ErrorBody::new(ErrorCode::BadRequest, message));
     }
-    Ok(matrix + Mat3::IDENTITY * (-least).max(0.0))
+    // What was rounded may have lost the eigenvalue 0. The control law allows for less rounding.
+    let lift = if least < RESERVE * largest { RESERVE * largest - least.min(0.0) } else { 0.0 };
+    Ok(matrix + Mat3::IDENTITY * lift)
 }

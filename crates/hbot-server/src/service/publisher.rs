@@ -24,8 +24,8 @@ pub(super) struct Publisher {
     /// for its messages.
     state: Event,
     frames: Frames,
-    /// The last stream message of an earlier holder of the lease: its number, and the tick from which
-    /// its age counts. States do not report it.
+    /// The last stream message of an earlier holder of the lease: its number, and the tick from
+    /// which its age counts. States do not report it.
     foreign_stream: Option<(Option<u64>, u64)>,
     /// Clients that must be disconnected, because their queue had no room for a message.
     doomed: Vec<u64>,
@@ -35,8 +35,8 @@ pub(super) struct Publisher {
     notes: Notes,
 }
 
-/// Returns what tells the last stream message that the loop has accepted from any other: its number,
-/// and the tick from which its age counts.
+/// Returns what tells the last stream message that the loop has accepted from any other: its
+/// number, and the tick from which its age counts.
 fn stream(sample: &Sample) -> Option<(Option<u64>, u64)> {
     let TakenStream { seq, age_ticks } = sample.state.client?;
     Some((seq, sample.state.tick.wrapping_sub(age_ticks)))

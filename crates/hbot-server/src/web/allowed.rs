@@ -7,8 +7,8 @@
 
 use std::net::{IpAddr, SocketAddr};
 
-use tokio_tungstenite::tungstenite::handshake::server::Request;
-use tokio_tungstenite::tungstenite::http::{HeaderName, StatusCode, header};
+use tungstenite::handshake::server::Request;
+use tungstenite::http::{HeaderName, StatusCode, header};
 
 use super::head::Refusal;
 
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     fn request(host: Option<&str>, origin: Option<&str>) -> Request {
-        let mut request = tokio_tungstenite::tungstenite::http::Request::builder().uri("/ws");
+        let mut request = tungstenite::http::Request::builder().uri("/ws");
         if let Some(host) = host {
             request = request.header("Host", host);
         }

@@ -337,8 +337,8 @@ pub(super) fn message(bytes: &[u8], out: &mut Vec<u8>) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use tokio_tungstenite::tungstenite::protocol::Role;
-    use tokio_tungstenite::tungstenite::{Message, WebSocket};
+    use tungstenite::protocol::Role;
+    use tungstenite::{Message, WebSocket};
 
     use super::*;
 

@@ -1,11 +1,11 @@
 //! The head of an HTTP request, and the answer that makes a connection a WebSocket.
 
 use tokio::io::{AsyncRead, AsyncReadExt as _};
-use tokio_tungstenite::tungstenite::error::ProtocolError;
-use tokio_tungstenite::tungstenite::handshake::machine::TryParse as _;
-use tokio_tungstenite::tungstenite::handshake::server::{Request, create_response, write_response};
-use tokio_tungstenite::tungstenite::http::{Response, StatusCode};
-use tokio_tungstenite::tungstenite::{Error, handshake::server};
+use tungstenite::error::ProtocolError;
+use tungstenite::handshake::machine::TryParse as _;
+use tungstenite::handshake::server::{Request, create_response, write_response};
+use tungstenite::http::{Response, StatusCode};
+use tungstenite::{Error, handshake::server};
 
 /// Largest size of a request's head, bytes.
 const HEAD: usize = 8 * 1024;

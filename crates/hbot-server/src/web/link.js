@@ -17,7 +17,8 @@ export class Refused extends Error {
 
 /**
  * Keeps a connection, and makes a new one when it is lost. `on` has the functions
- * `opened(hello)`, `closed(why)`, `event(message)` and `token()`, which returns the token or null.
+ * `opened(hello)`, `closed({ why, code })`, `event(message)`, `refused(error)` of a request without a
+ * number, and `token()`, which returns the token or null.
  */
 export class Link {
   constructor(url, name, on) {
@@ -82,6 +83,8 @@ export class Link {
       this.on.event(message);
       return;
     }
+    // The server could not read the number of this request, for example because it is too long.
+    if (message.error && message.id === null) this.on.refused(message.error);
     const asked = this.waiting.get(message.id);
     if (!asked) return;
     this.waiting.delete(message.id);

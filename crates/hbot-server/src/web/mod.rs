@@ -19,10 +19,10 @@ use std::sync::Arc;
 
 use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
 #[cfg(feature = "live")]
-use tokio_tungstenite::tungstenite::handshake::server::Request;
+use tungstenite::handshake::server::Request;
 #[cfg(feature = "live")]
-use tokio_tungstenite::tungstenite::http;
-use tokio_tungstenite::tungstenite::http::{Response, StatusCode};
+use tungstenite::http;
+use tungstenite::http::{Response, StatusCode};
 
 pub use self::allowed::AllowedHosts;
 use self::allowed::Door;

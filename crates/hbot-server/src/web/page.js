@@ -44,6 +44,7 @@ const link = new Link(`${scheme}//${location.host}/ws`, 'page', {
     }
     changed();
   },
+  refused: (error) => tell('refused')(error),
   event(message) {
     const loaded = rig.event(message);
     if (message.event === 'lease' && !rig.commands) hand.drop();

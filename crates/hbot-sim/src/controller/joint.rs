@@ -41,6 +41,9 @@ pub struct SimulatedJoint {
     pub continuous: f64,
     /// Kind of the encoder, which decides where it reads zero.
     pub encoder: EncoderKind,
+    /// Joint angle at which the encoder reads zero, rad: of an absolute encoder, of an index mark,
+    /// and of an incremental encoder at the start of the simulation.
+    pub zero: f64,
 }
 
 impl From<&Joint> for SimulatedJoint {
@@ -56,6 +59,7 @@ impl From<&Joint> for SimulatedJoint {
                 Zero::Index => EncoderKind::Indexed,
                 Zero::Assume | Zero::Calibrate => EncoderKind::Incremental,
             },
+            zero: 0.0,
         }
     }
 }
@@ -82,7 +86,7 @@ pub(super) struct Axis {
 
 impl Axis {
     /// Creates a joint with the true angle `angle`, rad. The encoder powered up while the joint was
-    /// at the angle zero.
+    /// at the angle at which it reads zero.
     pub(super) fn new(joint: SimulatedJoint, angle: f64, disc: Option<&Disc>) -> Self {
         let sign = if joint.reversed { -1.0 } else { 1.0 };
         let mut axis = Self {
@@ -95,8 +99,8 @@ impl Axis {
             filter: None,
             flags: JointFlags::empty(),
         };
-        axis.power_up(0.0, disc);
-        axis.turn = (joint.encoder == EncoderKind::Indexed).then(|| turn_of(angle));
+        axis.power_up(joint.zero, disc);
+        axis.turn = (joint.encoder == EncoderKind::Indexed).then(|| axis.turn_of(angle));
         axis
     }
 
@@ -108,13 +112,19 @@ impl Axis {
             filter.settle();
         }
         self.power_up(angle, disc);
-        self.turn = (self.joint.encoder == EncoderKind::Indexed).then(|| turn_of(angle));
+        self.turn = (self.joint.encoder == EncoderKind::Indexed).then(|| self.turn_of(angle));
+    }
+
+    /// Returns the number of the turn, counted from index mark to index mark, that contains `angle`
+    /// (rad). Turn 0 begins at the angle zero of the encoder.
+    fn turn_of(&self, angle: f64) -> f64 {
+        libm::floor((angle - self.joint.zero) / TAU)
     }
 
     fn power_up(&mut self, angle: f64, disc: Option<&Disc>) {
         self.origin = match self.joint.encoder {
             // The zero of an absolute encoder, and its error, are set when it is mounted.
-            EncoderKind::Absolute => disc.map_or(0.0, |disc| disc.zero_off),
+            EncoderKind::Absolute => self.joint.zero + disc.map_or(0.0, |disc| disc.zero_off),
             EncoderKind::Incremental | EncoderKind::Indexed => self.marked(angle, disc),
         };
     }
@@ -137,10 +147,10 @@ impl Axis {
     /// passes an index mark.
     pub(super) fn sense(&mut self, angle: f64, disc: Option<&Disc>) {
         if let Some(before) = self.turn {
-            let turn = turn_of(angle);
+            let turn = self.turn_of(angle);
             if turn != before {
                 // The mark that was passed is the upper end of the lower of the two turns.
-                self.origin = self.marked(TAU * turn.max(before), disc);
+                self.origin = self.marked(self.joint.zero + TAU * turn.max(before), disc);
                 self.turn = None;
                 self.flags.set(JointFlags::INDEX_SEEN, true);
             }
@@ -177,9 +187,4 @@ impl Axis {
         let rate = self.read_rate(angle, rate, disc) - self.filter.map_or(0.0, |filter| filter.rate_behind());
         (if self.joint.reversed { -rate } else { rate }) as f32
     }
-}
-
-/// Returns the number of the turn that contains `angle` (rad). Turn 0 is from 0 to 2 pi.
-fn turn_of(angle: f64) -> f64 {
-    libm::floor(angle / TAU)
 }

@@ -48,6 +48,7 @@ impl Joints {
             peak: 0.0,
             continuous: 0.0,
             encoder: EncoderKind::Incremental,
+            zero: 0.0,
         };
         let discs = encoder.map(Disc::all);
         let axes = core::array::from_fn(|j| {

@@ -8,6 +8,7 @@ pub(crate) mod accuracy;
 pub(crate) mod callgrind;
 pub(crate) mod effects;
 pub(crate) mod feel;
+pub(crate) mod identify;
 pub(crate) mod lead;
 pub(crate) mod stability;
 

@@ -102,7 +102,9 @@ fn the_message_ends_with_lines_to_write_and_a_file_with_them_passes() {
     // A zero is right if it is as small as it can be made by hand.
     assert!((found.corrections[0].value + 0.2).abs() < TRIFLE, "{end}");
     assert!(end.ends_with("[wheel.drive] of wheel B (wheel[1]):\n  sign = -1"), "{end}");
-    let text = corrected(PROTOTYPE, &found.corrections).unwrap();
+    let mut document = edit::open(None).unwrap();
+    correct(&mut document, &found.corrections).unwrap();
+    let text = document.to_string();
     assert!(text.contains("# below the equator") || text.contains("# direct drive, section IV.A"), "{text}");
     let written = RigConfig::from_toml(&text, "written.toml").unwrap();
     // The bus adds the offset of the rig file to the counts.

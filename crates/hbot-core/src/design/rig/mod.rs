@@ -223,6 +223,13 @@ impl Joint {
         let turn = TURN / self.counts() as Real;
         if self.reversed { -turn } else { turn }
     }
+
+    /// Returns the whole number of encoder counts that is nearest to the joint angle `angle`, rad,
+    /// with the sign of the motor controller.
+    #[must_use]
+    pub fn whole_counts(&self, angle: Real) -> Real {
+        libm::round(real_to_f64(angle / self.radians_per_count())) as Real
+    }
 }
 
 // In one of the two widths of reals the conversion does nothing.

@@ -14,6 +14,11 @@ const RISE_S: f64 = 0.1;
 const HOLD_S: f64 = 0.5;
 /// Turn of the joint after which the test ends, rad.
 const FAR: f64 = 0.3;
+/// Time in which the torque of [`ramp`] rises from zero to its largest value, s. It rises with the
+/// square of the time, so a light joint is not pushed by much more than it needs.
+const RAMP_S: f64 = 4.0;
+/// Turn of the joint after which [`ramp`] ends, rad.
+const RAMP_FAR: f64 = 0.05;
 /// Smallest turn of a joint that counts as motion, rad.
 const STILL: f64 = 0.02;
 /// Largest change of the counts of an encoder whose joint does not move.
@@ -123,12 +128,55 @@ impl fmt::Display for Verdict {
 /// # Errors
 /// Fails if the controllers no longer answer, or if a stop was requested.
 pub fn test(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Interrupted> {
-    let result = push(bench, joint, torque, speed);
+    push_and_stop(bench, joint, &Push::Fixed(torque), speed)
+}
+
+/// Tests one joint with a torque that rises slowly from zero to `most`, N m, with its controller's
+/// sign. The test ends as soon as the joint has turned by 0.05 rad, or when any joint turns faster
+/// than `speed`, rad/s. [`Outcome::torque`] is the torque that was reached: what moves the joint.
+/// The motors are switched off at the end, even after an error.
+///
+/// # Errors
+/// Fails if the controllers no longer answer, or if a stop was requested.
+pub fn ramp(bench: &mut Bench, joint: usize, most: f64, speed: f64) -> Result<Outcome, Interrupted> {
+    push_and_stop(bench, joint, &Push::Ramp(most), speed)
+}
+
+/// How the torque of a test rises, N m.
+enum Push {
+    /// To this torque, which is then held.
+    Fixed(f64),
+    /// Slowly to this torque at most.
+    Ramp(f64),
+}
+
+impl Push {
+    /// Returns the torque `time` seconds after the start.
+    fn torque(&self, time: f64) -> f64 {
+        match self {
+            Self::Fixed(torque) => torque * (time / RISE_S).min(1.0),
+            Self::Ramp(most) => most * (time / RAMP_S).min(1.0).powi(2),
+        }
+    }
+
+    /// Returns how long the test lasts at most, s, and the turn after which it ends, rad.
+    fn ends(&self) -> (f64, f64) {
+        match self {
+            Self::Fixed(_) => (RISE_S + HOLD_S, FAR),
+            Self::Ramp(_) => (RAMP_S, RAMP_FAR),
+        }
+    }
+}
+
+fn push_and_stop(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outcome, Interrupted> {
+    let result = push(bench, joint, way, speed);
     let off = bench.switch_off();
     result.and_then(|outcome| off.map(|()| outcome))
 }
 
-fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Interrupted> {
+fn push(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outcome, Interrupted> {
+    let (Push::Fixed(torque) | Push::Ramp(torque)) = *way;
+    let (lasts, far) = way.ends();
     let period = bench.period_s();
     let before = bench.exchange(None)?;
     let joints = bench.rig().device.joints();
@@ -144,9 +192,12 @@ fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outc
         return Ok(outcome);
     }
     let (mut last_rate, mut last, mut too_fast) = (0.0, before, None);
-    for k in 1..=((RISE_S + HOLD_S) / period) as u32 {
+    for k in 1..=(lasts / period) as u32 {
         let mut asked = [0.0; MAX_JOINTS];
-        asked[joint] = torque * (f64::from(k) * period / RISE_S).min(1.0);
+        asked[joint] = way.torque(f64::from(k) * period);
+        if let Push::Ramp(_) = way {
+            outcome.torque = asked[joint];
+        }
         let reading = bench.exchange(Some(&asked))?;
         let rate = reading.rates[joint];
         last = reading;
@@ -164,7 +215,7 @@ fn push(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outc
         if too_fast.is_some() {
             break;
         }
-        if outcome.moved.abs() > FAR || outcome.by_rate.abs() > FAR {
+        if outcome.moved.abs() > far || outcome.by_rate.abs() > far {
             break;
         }
     }

@@ -74,7 +74,7 @@ pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> 
     let (buses, simulated) = match &rig.link.port {
         config::Port::Sim | config::Port::SimPty => {
             let Attached { bus, simulator, .. } =
-                attach::simulated(rig, &layout, Default::default(), Time::Virtual)?;
+                attach::simulated(rig, None, &layout, Default::default(), Time::Virtual)?;
             let hand = turned.then(|| Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() });
             simulator.post(Box::new(move |rig| rig.set_hand(hand)));
             (vec![bus], true)

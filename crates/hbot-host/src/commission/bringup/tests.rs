@@ -7,11 +7,12 @@ use std::sync::mpsc;
 
 use hbot_link::ToController;
 use hbot_sim::controller::InjectedFault;
+use hbot_sim::phenomena::{JointFriction, Phenomena};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use hbot_testing::prototype::{simulated, simulated_as};
 
 use super::calibrate::{Calibration, Counts, calibrate};
-use super::joint::{Verdict, test};
+use super::joint::{Verdict, ramp, test};
 use super::*;
 use crate::line::{Line, Memory};
 
@@ -59,6 +60,28 @@ fn every_joint_of_a_good_rig_is_good() {
             assert_eq!(outcome.verdict, Verdict::Good, "{outcome:?}");
         }
     }
+}
+
+/// A slow ramp finds the torque that moves a joint, a little above its friction, and ends there.
+#[test]
+fn a_ramp_ends_when_the_joint_has_moved_and_says_what_moved_it() {
+    let friction = JointFriction { coulomb: 5.0e-4, breakaway: 5.0e-4, ..JointFriction::default() };
+    let phenomena = Phenomena { joint_friction: Some(friction), ..Phenomena::default() };
+    for joint in 0..4 {
+        for most in [0.02, -0.02] {
+            let mut bench = bench(|config| config.phenomena = phenomena, false, |_| ());
+            let outcome = ramp(&mut bench, joint, most, 50.0).unwrap();
+            assert_eq!(outcome.verdict, Verdict::Good, "{outcome:?}");
+            // The other joints rub too. A tick of motion at the end is allowed beyond 0.05 rad.
+            assert!((0.05..0.1).contains(&outcome.moved.abs()), "{outcome:?}");
+            let size = outcome.torque * most.signum();
+            assert!(size > 5.0e-4 && size < 0.02, "{outcome:?}");
+        }
+    }
+    // A joint that does not move gets the largest torque, and no more.
+    let mut stuck = bench(|config| config.joints[1].peak = 0.0, false, |_| ());
+    let outcome = ramp(&mut stuck, 1, 0.02, 50.0).unwrap();
+    assert!(outcome.verdict != Verdict::Good && outcome.torque <= 0.02, "{outcome:?}");
 }
 
 #[test]

@@ -25,6 +25,7 @@ const HELD_TICK: u64 = 800;
 fn start(held_up: Duration) -> (Host, ServiceEnd) {
     let options = HostOptions {
         rig: RigConfig::prototype(),
+        built: None,
         scene: Box::new(RunningScene::new().load(SceneFile::default_scene())),
         phenomena: Phenomena { hand: Some(Hand::default()), ..Phenomena::default() },
         time: Time::Wall,

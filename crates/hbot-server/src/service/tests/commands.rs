@@ -2,8 +2,8 @@
 //! network.
 
 use hbot_api::{
-    Align, ClockInfo, ErrorCode, LeaseInfo, ModelCommand, OpName, PassivityInfo, ReferenceCommand,
-    TorqueCommand, TractionInfo, Who,
+    Align, AlignDirection, ClockInfo, ErrorCode, LeaseInfo, ModelCommand, OpName, PassivityInfo,
+    ReferenceCommand, TorqueCommand, TractionInfo, Who,
 };
 
 use super::*;
@@ -139,6 +139,10 @@ fn request(op: OpName) -> Op {
         OpName::Reference => Op::Reference(reference("spring")),
         OpName::Model => Op::Model(Box::new(ModelCommand { valid_ms: 10, ..ModelCommand::default() })),
         OpName::Align => align([1.0, 0.0, 0.0, 0.0], 0.0, None),
+        OpName::AlignDirection => {
+            let (body, world) = ([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]);
+            Op::AlignDirection(AlignDirection { body, world, sigma: 1.0, t: None })
+        }
         OpName::Hand => Op::Hand(hbot_api::HandCommand::RELEASE),
         OpName::Enable => Op::Enable,
         OpName::Disable => Op::Disable,
@@ -300,6 +304,31 @@ fn align_records_corrects_and_refuses() {
         let error = refused(client.call(align(turned, 0.0, Some(t))));
         assert_eq!(error.code, ErrorCode::OutOfRange, "{t}");
     }
+}
+
+#[test]
+fn a_measurement_with_a_sigma_is_weighed_and_its_uncertainty_is_in_the_state() {
+    let bench = bench();
+    let mut client = bench.holder();
+    bench.wait_for(Mode::Idle);
+    bench.wait_ticks(20);
+    let measured = |angle: f64, sigma: f64| {
+        let q = [(0.5 * angle).cos(), (0.5 * angle).sin(), 0.0, 0.0];
+        Op::Align(Align { q, weight: 1.0, sigma: Some([sigma; 3]), t: None })
+    };
+    // The first one is taken as it is. `used` is absent unless it is false.
+    assert!(client.call(measured(0.2, 0.01)).unwrap()["used"].is_null());
+    let far = client.call(measured(1.0, 0.01)).unwrap();
+    assert!((far["angle"].as_f64().unwrap() - 0.8).abs() < 1e-3 && far["used"] == false, "{far}");
+    client.call(Op::Subscribe { every: 1 }).unwrap();
+    let known = state(&mut client, "a sigma", |state| state.orientation_sigma.is_some());
+    let sigma = known.orientation_sigma.unwrap();
+    assert!(sigma.iter().all(|x| (0.009..0.012).contains(x)), "{sigma:?}");
+    // Gravity agrees with an orientation that is turned by 0.2 rad about n1.
+    let (body, world) = ([0.0, -0.2_f64.sin(), -0.2_f64.cos()], [0.0, 0.0, -1.0]);
+    let answer =
+        client.call(Op::AlignDirection(AlignDirection { body, world, sigma: 0.1, t: None })).unwrap();
+    assert!(answer["angle"].as_f64().unwrap() < 1e-3, "{answer}");
 }
 
 #[test]

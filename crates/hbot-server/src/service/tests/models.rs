@@ -99,10 +99,14 @@ fn what_is_no_model_is_refused_and_named() {
     let ahead = refusal(&mut client, ModelCommand { tick: Some(tick + 1_000_000), ..model(0.1, 0.02) });
     assert_eq!(ahead.code, ErrorCode::OutOfRange);
     assert!(ahead.message.contains("in the future"), "{ahead}");
-    // A matrix of 32-bit numbers and less than full rank.
-    let n = [0.6_f32, 0.64, 0.48].map(f64::from);
-    let rank_one = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f64::from((2.0 * n[i] * n[j]) as f32)));
-    assert!(client.try_model(model(rank_one, 0.02)).is_ok());
+    // Matrices of 32-bit numbers and less than full rank.
+    for k in 0..50 {
+        let phase = 0.7 * f64::from(k);
+        let (a, b) = ([phase.sin(), phase.cos(), 0.3], [0.0, (2.0 * phase).sin(), (3.0 * phase).cos()]);
+        let entry = |i: usize, j: usize| 2.0 * a[i] * a[j] + f64::from(k % 2) * b[i] * b[j];
+        let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f64::from(entry(i, j) as f32)));
+        assert!(client.try_model(model(rows, 0.02)).is_ok(), "{rows:?}");
+    }
 }
 
 /// Models that come faster than the loop runs are all answered, and the newest is in force.

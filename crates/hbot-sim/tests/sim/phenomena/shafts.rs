@@ -1,4 +1,5 @@
-//! Torque constants that differ, cogging, and a sphere out of balance, each against its closed form.
+//! Torque constants that differ, cogging, and a sphere out of balance, each against its closed
+//! form.
 
 use core::f64::consts::TAU;
 

@@ -61,11 +61,13 @@ fn pushes(heard: &Mutex<Vec<hbot_link::Command>>) -> usize {
 
 #[test]
 fn a_push_that_is_stopped_goes_no_further_and_ends_with_motors_off() {
-    let (mut bench, heard) = recorded();
-    assert_eq!(test(&mut bench, 1, 0.001, 50.0), Err(Interrupted::Stopped));
-    assert_eq!(pushes(&heard), 50, "the flag is looked at before each command");
-    drop(bench);
-    assert_eq!(pushes(&heard), 50);
+    for push in [test, ramp] {
+        let (mut bench, heard) = recorded();
+        assert_eq!(push(&mut bench, 1, 0.001, 50.0), Err(Interrupted::Stopped));
+        assert_eq!(pushes(&heard), 50, "the flag is looked at before each command");
+        drop(bench);
+        assert_eq!(pushes(&heard), 50);
+    }
 }
 
 #[test]

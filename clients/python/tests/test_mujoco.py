@@ -1,0 +1,163 @@
+"""A body of a MuJoCo model in the hand. Left out without MuJoCo; `.ci/python.sh` says so then."""
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from serving import Server
+
+if not os.environ.get("HBOT_MUJOCO"):
+    pytest.importorskip("mujoco")
+
+import mujoco
+import numpy as np
+
+import hbot.mujoco
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+
+DOOR = """
+<mujoco>
+  <option timestep="0.002"/>
+  <default>
+    <geom solref="0.004 1" solimp="0.99 0.99 0.001"/>
+    <joint solreflimit="0.004 1" solimplimit="0.99 0.99 0.001"/>
+  </default>
+  <worldbody>
+    <body name="door">
+      <joint type="hinge" axis="0 0 1" range="-60 45" frictionloss="{friction}" damping="0.002"/>
+      <geom type="box" size="0.06 0.005 0.005" mass="0.1"/>
+    </body>
+    {peg}
+  </worldbody>
+</mujoco>
+"""
+
+
+@dataclass
+class Still:
+    """A state of a sphere that turns about n3."""
+
+    t: float
+    angle: float
+    rate: float
+
+    @property
+    def q(self) -> tuple[float, float, float, float]:
+        """Return the orientation."""
+        return (np.cos(self.angle / 2), 0.0, 0.0, np.sin(self.angle / 2))
+
+    @property
+    def omega(self) -> tuple[float, float, float]:
+        """Return the rate, rad/s."""
+        return (0.0, 0.0, self.rate)
+
+
+def hand(friction: float = 0.0, peg: str = "", **options: Any) -> hbot.mujoco.Hand:
+    render = SimpleNamespace(stiffness_stable=10.0, damping=0.02)
+    rig: Any = SimpleNamespace(info=SimpleNamespace(render=render))
+    model = mujoco.MjModel.from_xml_string(DOOR.format(friction=friction, peg=peg))
+    return hbot.mujoco.Hand(rig, model, "door", **options)
+
+
+def turned(hand: hbot.mujoco.Hand, seconds: float, rate: float = 0.3) -> list[tuple[float, Any]]:
+    """Turn the sphere at `rate` rad/s; return angle and model at 60 Hz."""
+    made = []
+    for k in range(round(60 * seconds)):
+        state: Any = Still(k / 60, rate * k / 60, rate)
+        made.append((state.angle, hand.update(state)))
+    return made
+
+
+def felt(model: Any, omega: float) -> float:
+    """Return the torque about n3 at the model's pose."""
+    damped = float((np.eye(3) * np.array(model.damping))[2][2]) * omega
+    push = sum(
+        plane.stiffness * max(0.0, -plane.offset) * np.array(plane.normal)[2]
+        for plane in model.planes
+    )
+    return float(np.array(model.torque)[2]) - damped - push
+
+
+def test_a_free_hinge_drags_by_its_friction_and_is_held_about_other_axes() -> None:
+    made = turned(hand(friction=0.03), 1.5)[30:]
+    torques = [felt(model, 0.3) for _, model in made]
+    # 0.03 N m of friction and 0.002 N m s/rad at 0.3 rad/s. MuJoCo's friction is a soft constraint.
+    assert np.mean(torques) == pytest.approx(-0.0306, rel=0.03)
+    stiffness = np.array(made[-1][1].stiffness)
+    assert stiffness[0, 0] == stiffness[1, 1] == pytest.approx(5.0)
+    # It slides, so a further turn does not pull more.
+    assert np.mean([np.array(model.stiffness)[2, 2] for _, model in made]) < 0.5
+
+
+def test_a_joint_limit_and_a_contact_are_half_spaces_where_they_are() -> None:
+    # The near face of the peg is at 0.5 rad, at 50 mm from the hinge.
+    peg = '<geom type="sphere" size="0.01" pos="0.0367 0.0372 0"/>'
+    for model, at in [("", np.deg2rad(45)), (peg, 0.501)]:
+        made = turned(hand(peg=model), 3.0)
+        begins = [
+            (angle, angle + plane.offset)
+            for angle, model in made
+            for plane in model.planes
+            if np.array(plane.normal)[2] > 0.9
+        ]
+        # It was there before the door came to it, and stays there while it is pressed with up to
+        # 0.5 N m, although the simulation lets the door bounce.
+        near = [place for angle, place in begins if at - 0.05 < angle < at + 0.1]
+        assert len(near) > 20
+        assert near == pytest.approx([at] * len(near), abs=1e-3)
+        pressed = [felt(model, 0.3) for angle, model in made if at + 0.05 < angle < at + 0.1]
+        assert np.mean(pressed) == pytest.approx(-5.0 * 0.075, rel=0.1)
+
+
+def test_pauses_and_resets_do_not_kick() -> None:
+    body = hand(friction=0.03)
+    turned(body, 1.0)
+    paused: Any = Still(3.0, 1.2, 0.3)
+    assert felt(body.update(paused), 0.3) == 0.0
+    soon: Any = Still(3.0 + 1 / 60, 1.2 + 0.3 / 60, 0.3)
+    assert abs(felt(body.update(soon), 0.3)) < 0.05
+    mujoco.mj_resetData(body.model, body.data)
+    again: Any = Still(3.0 + 2 / 60, 1.2 + 0.6 / 60, 0.3)
+    assert felt(body.update(again), 0.3) == 0.0
+
+
+def test_gain_and_inertia_scale_what_is_felt() -> None:
+    plain, strong = hand(friction=0.02), hand(friction=0.02, gain=2.0)
+    weak, double = [
+        np.mean([felt(model, 0.3) for _, model in turned(body, 1.0)[30:]])
+        for body in (plain, strong)
+    ]
+    assert double == pytest.approx(2.0 * weak, rel=0.05)
+    heavy = hand(inertia=3.0)
+    assert heavy.model.body_mass[1] == pytest.approx(0.3)
+
+
+def test_what_cannot_be_held_is_refused() -> None:
+    rig: Any = SimpleNamespace(info=SimpleNamespace(render=None))
+    model = mujoco.MjModel.from_xml_string(DOOR.format(friction=0, peg=""))
+    with pytest.raises(ValueError, match="it has door"):
+        hbot.mujoco.Hand(rig, model, "window")
+    fixed = '<mujoco><worldbody><body name="a"><geom size="0.1"/></body></worldbody></mujoco>'
+    with pytest.raises(ValueError, match="no joint"):
+        hbot.mujoco.Hand(rig, mujoco.MjModel.from_xml_string(fixed), "a")
+
+
+@pytest.mark.parametrize("example", ["mujoco_valve.py", "mujoco_key.py"])
+def test_the_examples_run(server: Server, example: str) -> None:
+    seconds = os.environ.get("HBOT_MUJOCO_SECONDS", "4")
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / example), "--seconds", seconds],
+        env={**os.environ, "HBOT_SERVER": server.address},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Felt(updates=")

@@ -1,0 +1,213 @@
+//! `hbot rig identify`: finds the true geometry of a rig in recordings.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use clap::Args;
+use hbot_config::RigConfig;
+use hbot_identify::identify::{Identified, Name, Value};
+use hbot_identify::{Recorded, What, identify};
+
+use super::super::out::{note, refuse_folder, say};
+use super::super::style;
+use super::edit;
+
+/// Time between two messages about the progress.
+const NEWS: Duration = Duration::from_secs(2);
+
+/// Options of `hbot rig identify`.
+#[derive(Debug, Args)]
+pub(crate) struct IdentifyArgs {
+    /// Rig file (TOML) of the drawing [default: the prototype, built in]
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+    /// Recordings (MCAP) by `hbot server --record`: motors off, a hand turns the sphere about all
+    /// axes, a minute in all
+    #[arg(value_name = "RUN.mcap", required = true)]
+    runs: Vec<PathBuf>,
+    /// Find the steering zeros alone and believe the rest of the rig file: two seconds of motion
+    /// are enough
+    #[arg(long)]
+    zeros: bool,
+    /// Write the rig file with the values found to this file; it can be the rig file itself
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
+    let rig = RigConfig::load(args.rig.as_deref(), &[])?;
+    if let Some(file) = &args.out {
+        refuse_folder(file, "the rig file to write")?;
+    }
+    let mut news = News::new();
+    let mut recordings = Vec::new();
+    for run in &args.runs {
+        recordings.push(read(run, &rig, &mut news)?);
+    }
+    let what = if args.zeros { What::Zeros } else { What::Geometry };
+    let mut fitting = |step, most| news.tell(|| format!("fitting: step {step} of at most {most}"));
+    let found = identify(&rig.rig, &recordings, what, &mut fitting)?;
+    report(&rig, &recordings, &found)?;
+    if what != found.what {
+        let (warn, off) = (style::WARN, style::OFF);
+        say!(
+            "\n{warn}only the zeros are seen{off}: {:.1} s of motion are too short for the geometry. Turn for at least 10 s, better a \
+             minute, about n1, n2 and n3",
+            found.moving_s
+        )?;
+    }
+    if let Some(file) = &args.out {
+        write(args.rig.as_deref(), &rig, &found, file)?;
+        say!("{}: written", file.display())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Reads the counts of one recording.
+fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Result<Recorded> {
+    let name = || run.display().to_string();
+    refuse_folder(run, "the file of a recording (MCAP)")?;
+    let file = BufReader::new(File::open(run).with_context(name)?);
+    let mut reading = |ticks| news.tell(|| format!("{}: {ticks} ticks read", run.display()));
+    let recorded = Recorded::read(file, rig, &mut reading).with_context(name)?;
+    if recorded.pushed_s > 0.0 {
+        note!(
+            "{}note{}: {}: motors push in {:.1} s of it, which are left out",
+            style::WARN,
+            style::OFF,
+            run.display(),
+            recorded.pushed_s
+        );
+    }
+    Ok(recorded)
+}
+
+/// Messages about the progress on standard error, not more often than a person reads.
+struct News {
+    last: Instant,
+}
+
+impl News {
+    fn new() -> Self {
+        Self { last: Instant::now() }
+    }
+
+    fn tell(&mut self, text: impl FnOnce() -> String) {
+        if self.last.elapsed() >= NEWS {
+            self.last = Instant::now();
+            let (dim, off) = (style::DIM, style::OFF);
+            note!("{dim}{}{off}", text());
+        }
+    }
+}
+
+/// Prints what was found.
+fn report(rig: &RigConfig, recordings: &[Recorded], found: &Identified) -> anyhow::Result<()> {
+    let all_s: f64 = recordings.iter().map(Recorded::seconds).sum();
+    let turns = found.turned / std::f64::consts::TAU;
+    say!(
+        "{all_s:.1} s without torque, the sphere moves in {:.1} s: {:.1}, {:.1} and {:.1} turns in all about n1, n2 and n3",
+        found.moving_s,
+        turns.x,
+        turns.y,
+        turns.z
+    )?;
+    say!(
+        "slip over rolling, root mean square: {:.3} % as drawn, {:.3} % as found; {:.1} % of the motion fits to no geometry and is left out",
+        100.0 * found.share[0],
+        100.0 * found.share[1],
+        100.0 * found.left_out
+    )?;
+    say!("\n{:<24} {:>12} {:>12} {:>12}  seen", "parameter", "drawn", "found", "95 %, +-")?;
+    for value in &found.values {
+        say!("{}", row(rig, value))?;
+    }
+    let missing = found.missing();
+    if !missing.is_empty() {
+        say!("\n{}", more(&missing, found))?;
+    }
+    let centre = |value: &&Value| matches!(value.name, Name::Centre(_)) && value.found.abs() > value.interval;
+    if found.values.iter().any(|value| centre(&value)) {
+        say!("the sphere's centre is not where the steering axes meet; a rig file cannot say it")?;
+    }
+    Ok(())
+}
+
+/// Returns a row of the table.
+fn row(rig: &RigConfig, value: &Value) -> String {
+    let of = value.wheel.map_or_else(|| "sphere".to_owned(), |wheel| format!("wheel {}", rig.wheels[wheel]));
+    // Zeros are told as the rig file has them.
+    let more = match (value.name, value.wheel) {
+        (Name::Zero, Some(wheel)) => rig.zero_offsets[2 * wheel],
+        _ => 0.0,
+    };
+    let (factor, unit, digits) = match value.name {
+        Name::Axis(_) => (1.0, "", 6),
+        Name::Cone | Name::Toe | Name::Zero => (1.0, " rad", 6),
+        Name::Radius | Name::Centre(_) => (1.0e3, " mm", 4),
+    };
+    let number = |x: f64| format!("{:.digits$}", factor * x);
+    let (colour, seen) = if value.seen { (style::GOOD, "yes") } else { (style::WARN, "no") };
+    format!(
+        "{:<24} {:>12} {:>12} {:>12}  {colour}{seen}{}",
+        format!("{of} {}{unit}", value.name),
+        number(value.drawn + more),
+        number(value.found + more),
+        number(value.interval),
+        style::OFF
+    )
+}
+
+/// Returns what to record in addition.
+fn more(missing: &[usize], found: &Identified) -> String {
+    let (warn, off) = (style::WARN, style::OFF);
+    if missing.len() == 3 {
+        return format!(
+            "{warn}not everything is seen{off}: turn longer about all axes, with large turns both ways"
+        );
+    }
+    let axes =
+        |of: &dyn Fn(usize) -> String| missing.iter().map(|k| of(*k)).collect::<Vec<_>>().join(" and ");
+    format!(
+        "{warn}not everything is seen{off}: turn about {} as well (so far {} turns). What is not seen stays near the drawing; \
+         give all recordings together",
+        axes(&|k| format!("n{}", k + 1)),
+        axes(&|k| format!("{:.1}", found.turned[k] / std::f64::consts::TAU))
+    )
+}
+
+/// Writes the rig file with the values found. Comments and the order of the keys stay.
+fn write(drawing: Option<&Path>, rig: &RigConfig, found: &Identified, file: &Path) -> anyhow::Result<()> {
+    let mut document = edit::open(drawing)?;
+    for (i, wheel) in found.wheels.iter().enumerate() {
+        let table = &mut document["wheel"][i];
+        let zero = rig.zero_offsets[2 * i] + found.zeros[i];
+        if found.what == What::Geometry {
+            let length = axis_length(&table["axis"]);
+            let axis: toml_edit::Array =
+                wheel.axis.to_array().iter().map(|x| rounded(length * x, 9)).collect();
+            edit::put(table, "axis", axis.into());
+            edit::put(table, "cone", rounded(wheel.cone, 7).into());
+            edit::put(table, "toe", rounded(wheel.toe, 7).into());
+            edit::put(table, "radius", rounded(wheel.radius, 9).into());
+        }
+        edit::put(&mut table["steer"], "zero_offset", rounded(zero, 7).into());
+    }
+    edit::save(&document, file)
+}
+
+/// Returns the length of the steering axis as the drawing has it, so that the new one looks alike.
+fn axis_length(axis: &toml_edit::Item) -> f64 {
+    let number = |x: &toml_edit::Value| x.as_float().or_else(|| x.as_integer().map(|x| x as f64));
+    let numbers = axis.as_array().into_iter().flatten().filter_map(number);
+    numbers.map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn rounded(x: f64, digits: i32) -> f64 {
+    let unit = 10.0_f64.powi(digits);
+    (x * unit).round() / unit
+}

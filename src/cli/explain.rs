@@ -1,0 +1,227 @@
+//! `hbot explain`: says in a few lines what happened before a fault in a recording.
+
+mod findings;
+mod picture;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context as _, bail};
+use clap::Args;
+use hbot_api::{Event, FaultEvent};
+use hbot_config::advice::Abilities;
+use hbot_config::{Override, RigConfig, SceneFile};
+use hbot_record::Reader;
+use hbot_record::messages::hbot::State;
+use hbot_record::reader::{Item, ReadError};
+use hbot_record::told::{Told, told};
+
+use super::out::{foreign, note, refuse_folder, tell};
+use super::scene::plot::{svg, write};
+use super::style;
+
+/// How long before the fault is looked at, s.
+const BEFORE_S: f64 = 2.0;
+
+/// Options of `hbot explain`.
+#[derive(Debug, Args)]
+pub(crate) struct ExplainArgs {
+    /// Recording or flight log (MCAP)
+    file: PathBuf,
+    /// Which fault or emergency stop of the recording to explain, from 1
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    number: u32,
+    /// Draw the time before the fault into this file; its name ends in .svg
+    #[arg(long, value_name = "FILE.svg", value_parser = svg)]
+    plot: Option<PathBuf>,
+    /// Rig file (TOML), if the recording does not hold it [default: the recorded one, or the
+    /// prototype]
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+}
+
+/// The states before a fault, and what else the recording tells of that time.
+struct History {
+    /// The states from [`BEFORE_S`] before the fault on. The last is the first of the fault.
+    states: Vec<State>,
+    /// The event of the fault, if the recording has it.
+    event: Option<FaultEvent>,
+    /// The scene that was rendered, with the time at which it was loaded or changed last, s.
+    scene: Option<(SceneFile, f64)>,
+    /// The newest client that took the lease, if anybody holds it.
+    holder: Option<String>,
+    /// Metadata of the recording.
+    about: BTreeMap<String, String>,
+    /// Number of faults and stops in the whole recording.
+    faults: u32,
+}
+
+pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
+    let history = read(args)?;
+    let rig = rig(args, &history.about)?;
+    let Some(last) = history.states.last() else { bail!("the recording has no state") };
+    let name = if last.fault.is_empty() { last.mode.as_str() } else { last.fault.as_str() };
+    let (bad, bold, off) = (style::BAD, style::NAME, style::OFF);
+    tell!(
+        "{bad}{}{off} at {:.3} s of the run (tick {}), {bold}{}{off}",
+        foreign(name),
+        last.t,
+        last.tick,
+        foreign(&rig.name)
+    )?;
+    if let Some(event) = &history.event {
+        tell!("  cause      {}", foreign(&event.message))?;
+    }
+    let lines = findings::of(&history.states, &rig);
+    for findings::Finding { label, text } in &lines {
+        tell!("  {label:<10} {text}")?;
+    }
+    if let Some((scene, since)) = &history.scene {
+        tell!("  {:<10} {}, since {:.1} s before", "scene", foreign(scene.name()), last.t - since)?;
+        for warning in Abilities::of(&rig).warnings(scene).iter().take(2) {
+            tell!("  {:<10} {}", "", foreign(warning))?;
+        }
+    }
+    if let Some(holder) = &history.holder {
+        tell!("  {:<10} {}", "lease", foreign(holder))?;
+    }
+    if history.faults > 1 {
+        note!("{} faults and stops are in the recording; --number N explains another one", history.faults);
+    }
+    match &args.plot {
+        Some(out) => {
+            write(out, &picture::draw(&history.states, &rig, name))?;
+            tell!("  {:<10} {}", "plot", out.display())?;
+        }
+        None => tell!("  {:<10} --plot FILE.svg draws these {BEFORE_S:.0} s", "plot")?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the rig of a recording.
+fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<RigConfig> {
+    if let Some(path) = &args.rig {
+        return Ok(RigConfig::load(Some(path), &[])?);
+    }
+    let rate = about.get("rate_hz").and_then(|rate| rate.parse::<u32>().ok());
+    let change =
+        rate.map(|rate| Override { path: "loop.rate_hz", value: rate.into(), from: "the recording" });
+    let changes: Vec<_> = change.into_iter().collect();
+    match about.get("rig_file") {
+        Some(text) => Ok(RigConfig::from_toml_with(text, "the recorded rig file", &changes)?),
+        None => Ok(RigConfig::load(None, &changes)?),
+    }
+}
+
+/// Reads the time before the wanted fault.
+fn read(args: &ExplainArgs) -> anyhow::Result<History> {
+    let path = &args.file;
+    refuse_folder(path, "the file of a recording (MCAP)")?;
+    if path.extension().is_some_and(|end| end == "csv") {
+        bail!("{}: the recording beside it has the same name and ends in .mcap", path.display());
+    }
+    let name = || path.display().to_string();
+    let mut reader = Reader::new(BufReader::new(File::open(path).with_context(name)?)).with_context(name)?;
+    let mut gathered = Gathered::default();
+    loop {
+        match reader.next() {
+            Ok(None) => break,
+            Ok(Some(Item::About(about))) => gathered.about = about,
+            Ok(Some(Item::Message { topic, data, .. })) => {
+                if let Some(told) = told(&topic, &data) {
+                    gathered.take(told, args.number);
+                }
+            }
+            // What can be read counts.
+            Ok(Some(Item::Damaged(_) | Item::Cut)) => {}
+            Err(error @ ReadError::System(_)) => return Err(error).with_context(name),
+            Err(_) => break,
+        }
+    }
+    gathered.history(path, args.number)
+}
+
+/// What has been read of a recording until now.
+#[derive(Default)]
+struct Gathered {
+    about: BTreeMap<String, String>,
+    recent: VecDeque<State>,
+    scene: Option<(SceneFile, f64)>,
+    holder: Option<String>,
+    faults: u32,
+    /// The newest event of a fault. It can stand before or after the state of its tick.
+    event: Option<FaultEvent>,
+    found: Option<History>,
+}
+
+impl Gathered {
+    fn take(&mut self, told: Told, wanted: u32) {
+        match told {
+            Told::State(state) => self.state(*state, wanted),
+            Told::Scene(scene) => {
+                let at = self.recent.back().map_or(0.0, |state| state.t);
+                let file =
+                    serde_json::from_str(&scene.json).ok().and_then(|json| SceneFile::from_json(json).ok());
+                self.scene = file.map(|file| (file, at));
+            }
+            Told::Event(event) => self.event(*event),
+        }
+    }
+
+    fn state(&mut self, state: State, wanted: u32) {
+        let stopped = |state: &State| ["fault", "estop"].contains(&state.mode.as_str());
+        let begins = stopped(&state) && self.recent.back().is_some_and(|before| !stopped(before));
+        self.recent.push_back(state);
+        let newest = self.recent.back().map_or(0.0, |state| state.t);
+        while self.recent.front().is_some_and(|first| first.t < newest - BEFORE_S) {
+            self.recent.pop_front();
+        }
+        if begins {
+            self.faults += 1;
+            if self.faults == wanted {
+                self.found = Some(History {
+                    states: self.recent.iter().cloned().collect(),
+                    event: None,
+                    scene: self.scene.clone(),
+                    holder: self.holder.clone(),
+                    about: self.about.clone(),
+                    faults: 0,
+                });
+                self.attach();
+            }
+        }
+    }
+
+    fn event(&mut self, event: Event) {
+        match event {
+            Event::Lease(lease) => self.holder = lease.holder,
+            Event::Fault(fault) => {
+                self.event = Some(fault);
+                self.attach();
+            }
+            _ => {}
+        }
+    }
+
+    /// Adds the newest event of a fault to the fault that was found, if it is that one's.
+    fn attach(&mut self) {
+        let Some(found) = &mut self.found else { return };
+        let tick = found.states.last().map(|last| last.tick);
+        if found.event.is_none() && self.event.as_ref().map(|event| event.tick) == tick {
+            found.event.clone_from(&self.event);
+        }
+    }
+
+    fn history(self, path: &Path, wanted: u32) -> anyhow::Result<History> {
+        match self.found {
+            Some(found) => Ok(History { faults: self.faults, ..found }),
+            None if self.faults == 0 => {
+                bail!("{}: no fault and no emergency stop begins in this recording", path.display())
+            }
+            None => bail!("{}: fault {wanted} is not in it; legal: 1 to {}", path.display(), self.faults),
+        }
+    }
+}

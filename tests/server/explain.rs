@@ -1,0 +1,60 @@
+//! `hbot explain` tells what happened before a fault, from a recording and from a flight log.
+
+use std::path::Path;
+
+use predicates::prelude::PredicateBooleanExt as _;
+use predicates::str::contains;
+
+use crate::process::{Process, hbot};
+
+fn explain(args: &[&str]) -> assert_cmd::assert::Assert {
+    let mut command = assert_cmd::Command::from_std(hbot());
+    command.arg("explain").args(args).timeout(std::time::Duration::from_secs(60)).assert()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("UTF-8")
+}
+
+/// A constant torque spins a sphere that nobody holds, until it is too fast.
+#[test]
+fn an_overspeed_is_told_in_ten_lines_and_drawn() {
+    let state = tempfile::tempdir().expect("a folder");
+    let [scene, run, plot] = ["push.toml", "run.mcap", "fault.svg"].map(|name| state.path().join(name));
+    let push =
+        "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.4, 0]\n[simulate]\n";
+    std::fs::write(&scene, push).expect("written");
+    let args = ["--time", "virtual", "--duration", "4", "--scene", text(&scene), "--record", text(&run)];
+    assert!(Process::start(&args, state.path()).end().1.success());
+    let said = explain(&[text(&run), "--plot", text(&plot)]).success();
+    let said = String::from_utf8_lossy(&said.get_output().stdout).into_owned();
+    assert!(said.starts_with("overspeed at "), "{said}");
+    for words in ["cause ", "up to 30.", "(limit 30 rad/s)", "torque     up to 0.4", "scene      Push, since"]
+    {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert!(said.lines().count() <= 12, "{said}");
+    let picture = std::fs::read_to_string(plot).expect("a picture");
+    assert!(picture.contains("\nBefore overspeed\n") && picture.contains("rate of the sphere, rad/s"));
+    // The flight log tells the same.
+    let logs = std::fs::read_dir(state.path().join("hbot/flight")).expect("flight logs");
+    let log = logs
+        .map(|entry| entry.expect("a file").path())
+        .find(|path| path.extension().is_some_and(|e| e == "mcap"));
+    explain(&[text(&log.expect("a flight log"))])
+        .success()
+        .stdout(contains("overspeed at ").and(contains("Push")));
+    explain(&[text(&run), "--number", "2"]).failure().stderr(contains("fault 2 is not in it; legal: 1 to 1"));
+}
+
+#[test]
+fn a_recording_without_a_fault_says_so() {
+    let state = tempfile::tempdir().expect("a folder");
+    let run = state.path().join("run.mcap");
+    let args = ["--time", "virtual", "--duration", "1", "--record", text(&run)];
+    assert!(Process::start(&args, state.path()).end().1.success());
+    explain(&[text(&run)])
+        .failure()
+        .stderr(contains("no fault and no emergency stop begins in this recording"));
+    explain(&["log.csv"]).failure().stderr(contains("ends in .mcap"));
+}
