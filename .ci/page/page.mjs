@@ -192,7 +192,9 @@ console.log(`Esc to zero torque: ${stopped.tick - arrived} ticks after the frame
 assert(length(stopped.torque) === 0, "the first state of the stop has no torque");
 assert(watcher.keep.filter((state) => state.tick >= stopped.tick).every((state) => state.mode === "estop"));
 watcher.keep = null;
+assert(watcher.state.hand, "the hand holds on until it lets go");
 await page.mouse.up();
+await until("the hand lets go", () => !watcher.state.hand);
 await shows("#details", "Stopped by you");
 await picture("stopped");
 await picture("stopped-dark");
