@@ -282,8 +282,8 @@ fn stages(c: &mut Criterion) {
 
 criterion_group!(benches, whole, limits, stages);
 
-/// Returns the mean time of a tick in each of `repetitions` series of `ticks` ticks, ns, sorted. The
-/// rig has the stages that `stages` names.
+/// Returns the mean time of a tick in each of `repetitions` series of `ticks` ticks, ns, sorted.
+/// The rig has the stages that `stages` names.
 fn means(repetitions: usize, ticks: u32, stages: &[String]) -> Vec<f64> {
     let has = |name: &str| stages.iter().any(|stage| stage == name);
     let rig = double::rig(2, hbot_core::design::rig::Methods::BALANCED).with(|rig| {

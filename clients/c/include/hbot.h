@@ -27,6 +27,9 @@
 // Version of the structs and functions in this header. Compare it with hbot_abi_version().
 #define HBOT_ABI_VERSION 1
 
+// Largest number of half-spaces of a model.
+#define HBOT_MAX_PLANES 8
+
 // Largest number of joints of a rig: two for each of eight wheels.
 #define HBOT_MAX_JOINTS 16
 
@@ -378,7 +381,45 @@ typedef struct hbot_info {
   double capability[3];
 } hbot_info;
 
-// What hbot_torque() and hbot_reference() send with their values. Fields that are 0 are left out.
+// A half-space of turns that pushes the sphere back, such as a contact. It never pulls.
+typedef struct hbot_plane {
+  // Axis in frame N about which a turn leads into it.
+  double normal[3];
+  // Turn from the model's pose at which it begins, rad. Negative: the pose is inside.
+  double offset;
+  // Stiffness, N m/rad.
+  double stiffness;
+  // Damping inside, N m s/rad.
+  double damping;
+} hbot_plane;
+
+// The torque near a pose: `torque` - `stiffness` * turn - `damping` * angular velocity - `planes`.
+// All fields 0 is no torque.
+typedef struct hbot_local_model {
+  // Torque at the pose in frame N, N m.
+  double torque[3];
+  // Rows of the stiffness in frame N, N m/rad: symmetric, no eigenvalue below 0.
+  double stiffness[3][3];
+  // Rows of the damping in frame N, N m s/rad: symmetric, no eigenvalue below 0.
+  double damping[3][3];
+  // Whether `pose` counts. If not, the stiffness acts about the orientation of the state with the
+  // number `tick` of the stream, or about the present one if that is 0.
+  bool has_pose;
+  // Orientation about which the stiffness acts, {w, x, y, z}.
+  double pose[4];
+  // Number of planes, at most HBOT_MAX_PLANES.
+  uint32_t plane_count;
+  // The planes.
+  struct hbot_plane planes[HBOT_MAX_PLANES];
+  // Time in which the torque of before blends into this one, ms, at most 200. 0: the time since
+  // the last model, at most 50 ms.
+  uint32_t blend_ms;
+  // Whether the server may render a model that the loop does not keep stable with less stiffness.
+  // If not, it refuses it.
+  bool soften;
+} hbot_local_model;
+
+// What hbot_torque(), hbot_reference() and hbot_model() send with their values. Fields that are 0 are left out.
 typedef struct hbot_stream {
   // Time from the arrival at the server until the value expires, ms, 1 to 1000. 0: 20 ms.
   uint32_t valid_ms;
@@ -485,6 +526,15 @@ enum hbot_status hbot_events_lost(struct hbot_client *client, uint64_t *lost);
 
 // Asks for the description of the rig.
 enum hbot_status hbot_info_get(struct hbot_client *client, struct hbot_info *info);
+
+// Streams a local model. The server renders it in every tick until it expires or the next model
+// comes. `stream` can be NULL. `scale` can be NULL: then the function does not wait for an answer,
+// and if the server refuses the model, an event HBOT_EVENT_KIND_REFUSED comes. Otherwise it
+// receives the fraction of the stiffness that is rendered.
+enum hbot_status hbot_model(struct hbot_client *client,
+                            const struct hbot_local_model *model,
+                            const struct hbot_stream *stream,
+                            double *scale);
 
 // Takes the lease, which is the right to command. With `steal` also if another client has it;
 // otherwise the status is then HBOT_STATUS_BUSY.

@@ -27,14 +27,15 @@ fn servos(estimate: &str, hz: f64) -> RigConfig {
     rig(include_str!("../../../rigs/prototype-moteus.toml"), estimate, 0.789_409 / hz)
 }
 
-/// Returns the rig of a file with other rates and another delay of them, s, and without the
-/// passivity stage, which would hide that a spring is too stiff.
+/// Returns the rig of a file with other rates and another delay of them, s, without a lead, and
+/// without the passivity stage, which would hide that a spring is too stiff.
 fn rig(text: &str, estimate: &str, lag: f64) -> RigConfig {
     let text = text
         .replace("rate_estimate = \"controller\"", &format!("rate_estimate = \"{estimate}\""))
         .replace("rate_lag = ", &format!("rate_lag = {lag} #"));
     let mut rig = RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|e| panic!("{e}"));
-    rig.rig = rig.rig.with(|parts| parts.methods.passivity = None).expect("legal");
+    let plain = rig.rig.with(|parts| (parts.methods.passivity, parts.lead) = (None, None));
+    rig.rig = plain.expect("legal");
     rig
 }
 

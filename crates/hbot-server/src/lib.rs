@@ -11,7 +11,8 @@
 //! - [`server`]: starts and stops a loop together with its service.
 //!
 //! The features `tls`, `live` and `metrics` build the modules of these names. Without a feature, a
-//! small module stands in, and whoever asks for the part gets the error [`NotBuilt`](not_built::NotBuilt).
+//! small module stands in, and whoever asks for the part gets the error
+//! [`NotBuilt`](not_built::NotBuilt).
 
 #[cfg(any(feature = "live", feature = "tls"))]
 mod background;

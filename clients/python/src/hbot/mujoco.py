@@ -46,6 +46,11 @@ PROBE = 1e-3
 """Turn by which the local stiffness is found, rad."""
 LONGEST_STEP = 0.1
 """Time between two states after which the simulation has been paused, s."""
+HORIZON = 0.016
+"""Shortest time after that turn at which its pull is taken, s.
+
+A light body has followed then, so it does not pull. A heavy one, or one that touches something,
+still pulls as stiffly as the coupling."""
 EXPLICIT = 0.1
 """Largest K dt²/I of the coupling in the simulation, which integrates it explicitly."""
 
@@ -124,7 +129,8 @@ class Hand:
         self._gain = gain
         self._scale(inertia, margin)
         self._probe = mujoco.MjData(model)
-        self._anchor: tuple[Array, Array] | None = None
+        # Turn from the sphere to the body.
+        self._anchor: turns.Quaternion | None = None
         self._last: State | None = None
         self._time = self.data.time
         self.work = 0.0
@@ -181,20 +187,24 @@ class Hand:
         if self._anchor is None or paused or data.time < self._time:
             self._last, self._time = state, data.time
             mujoco.mj_forward(self.model, data)
-            self._anchor = (np.array(state.q), data.xquat[self._body].copy())
+            pose = data.xquat[self._body].tolist()
+            self._anchor = turns.times(turns.conjugate(state.q), pose)
             self._place = data.xpos[self._body].copy()
             self._begin = state.t - data.time
             return Model()
         assert last is not None
         steps = round((state.t - self._begin - data.time) / self.model.opt.timestep)
         axes = self._axes()
-        copies = [self._turned(last, state, steps, axis) for axis in axes]
-        before = data.time
-        pull, error = self._advance(data, last, state, steps)
+        probed = max(steps, round(HORIZON / self.model.opt.timestep))
+        still, *copies = [
+            self._turned(last, state, steps, probed, turn)
+            for turn in (np.zeros(3), *(axes * PROBE))
+        ]
+        pull, error, work = self._advance(data, last, state, steps)
         self.steps += steps
         self._last, self._time = state, data.time
-        self.work += float(pull @ np.array(state.omega)) * (data.time - before)
-        return self._linear(state, pull, error, axes, copies)
+        self.work += work
+        return self._linear(state, pull, error, axes, [copy - still for copy in copies])
 
     def _axes(self) -> Array:
         """Axes about which the joint lets the body turn, as rows."""
@@ -202,10 +212,13 @@ class Hand:
             return self.data.xaxis[self._joint][None, :].copy()
         return np.eye(3)
 
-    def _turned(self, last: State, state: State, steps: int, axis: Array) -> Array:
-        """Return the pull after `steps` if the sphere were turned by PROBE about `axis`."""
+    def _turned(self, last: State, state: State, steps: int, probed: int, turned: Array) -> Array:
+        """Return the pull after `probed` steps if the sphere were `turned` by a rotation vector.
+
+        It arrives at `state` after `steps`, and turns on at the same rate.
+        """
         mujoco.mj_copyData(self._probe, self.model, self.data)
-        return self._advance(self._probe, last, state, steps, axis * PROBE)[0]
+        return self._advance(self._probe, last, state, max(steps, 1), turned, probed)[0]
 
     def _advance(
         self,
@@ -214,18 +227,20 @@ class Hand:
         state: State,
         steps: int,
         turned: Array | None = None,
-    ) -> tuple[Array, Array]:
-        """Step; the sphere turns from `last` to `state`.
+        most: int | None = None,
+    ) -> tuple[Array, Array, float]:
+        """Step; the sphere turns from `last` to `state` in `steps`, and on until `most` steps.
 
-        Returns the pull on the body and its error, N m and rad, in the world.
+        Returns the pull on the body (N m) and its error (rad), in the world, and the work of the
+        sphere (J).
         """
-        assert self._anchor is not None
-        turn = turns.log(turns.times(state.q, turns.conjugate(last.q)))
-        omega = np.array(state.omega)
-        for step in range(max(steps, 0)):
+        turn = np.array(turns.log(turns.times(state.q, turns.conjugate(last.q))))
+        omega, work = np.array(state.omega), 0.0
+        for step in range(max(steps if most is None else most, 0)):
             # The body's pose and rate are those of this step only after its first half.
             mujoco.mj_step1(self.model, data)
             pull, _ = self._pull(data, last.q, turn * (step / steps), omega, turned)
+            work += float(pull @ turn) / steps
             data.xfrc_applied[self._body, 3:] = pull
             if self._kind == mujoco.mjtJoint.mjJNT_FREE:
                 data.xfrc_applied[self._body, :3] = self._hold(data)
@@ -233,16 +248,18 @@ class Hand:
         # Poses and contacts are those before the last step until they are computed anew.
         mujoco.mj_fwdPosition(self.model, data)
         mujoco.mj_comVel(self.model, data)
-        return self._pull(data, last.q, turn, omega, turned)
+        part = 1.0 if most is None else most / steps
+        pull, error = self._pull(data, last.q, turn * part, omega, turned)
+        return pull, error, work
 
     def _pull(
         self, data: mujoco.MjData, q: Any, turn: Array, omega: Array, turned: Array | None
     ) -> tuple[Array, Array]:
         assert self._anchor is not None
-        sphere, body = self._anchor
         now = turns.times(turns.exp(turn if turned is None else turn + turned), q)
-        target = turns.times(turns.times(now, turns.conjugate(sphere)), body)
-        error = turns.log(turns.times(target, turns.conjugate(data.xquat[self._body])))
+        target = turns.times(now, self._anchor)
+        pose = data.xquat[self._body].tolist()
+        error = np.array(turns.log(turns.times(target, turns.conjugate(pose))))
         rate = omega - data.cvel[self._body, :3]
         return self._spring * error + self._damper * rate, error
 
@@ -255,15 +272,15 @@ class Hand:
         return mass * (pace**2 * way - pace * velocity - self.model.opt.gravity)
 
     def _linear(
-        self, state: State, pull: Array, error: Array, axes: Array, copies: list[Array]
+        self, state: State, pull: Array, error: Array, axes: Array, changes: list[Array]
     ) -> Model:
         """Return the model that has the torque and the stiffness that were found."""
         gain, most = self._gain, self.stiffness
         free = axes.T @ axes
         found = sum(
             (
-                np.outer(gain * (copy - pull) / PROBE, axis)
-                for axis, copy in zip(axes, copies, strict=True)
+                np.outer(gain * change / PROBE, axis)
+                for axis, change in zip(axes, changes, strict=True)
             ),
             np.zeros((3, 3)),
         )

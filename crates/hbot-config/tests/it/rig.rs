@@ -295,8 +295,9 @@ fn what_a_file_does_not_state_is_the_default_of_the_core() {
     parts.joints[..3].fill(joint);
     // The last joint of the shortest file has no motor.
     parts.joints[3] = hbot_core::design::rig::Joint::new(4096, 0.0);
-    // The core has no passivity controller unless it is asked for. A rig file has one.
+    // The core has no passivity controller and no lead unless it is asked for. A rig file has both.
     parts.methods.passivity = Some(PassivityLimit::of(&parts.device, 1e-3));
+    parts.lead = Some(LeadTime::default());
     // A program without a file knows no motors.
     parts.torque_lag = hbot_config::rig::USUAL_LAG_S;
     assert_eq!(*rig, parts);

@@ -19,7 +19,7 @@ use crate::rotation;
 /// Largest angle by which the orientation is turned on, rad.
 const LARGEST: Real = 0.2;
 
-/// Largest half of a turn for which a short series is exact to rounding, rad.
+/// Largest half of a turn for which a short series is exact to 2e-14, rad.
 const SERIES: Real = 1.0 / 64.0;
 
 /// Computes the pose at which the scene is rendered.
@@ -67,8 +67,8 @@ impl Lead {
         let half = measured.omega * (0.5 * time);
         let x = half.length_squared();
         let (time, turn) = if x <= SERIES * SERIES {
-            // Cosine of half the turn, and its sine over the angle. With half of 1/64 rad the next
-            // terms are 2e-14 and 3e-15.
+            // Cosine of half the turn, and its sine over the angle. At 1/64 rad the next terms are
+            // 2e-14 and 3e-15.
             let c = 1.0 - x * (0.5 - x * (1.0 / 24.0));
             let s = 1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0));
             (time, rotation::from_parts(c, half * s))

@@ -38,8 +38,8 @@ impl Falling {
         // The size of the torque times its fall in this tick.
         let falls = -change.dot(sum);
         if falls <= 0.5 * reach * reach {
-            // The torque is below the reach, or the fall below half of it. In the second case the
-            // bound below is more than the torque: the fall is at most as large again.
+            // The torque is below the reach, or its fall is below half of the reach. The fall grows
+            // by at most itself in a tick, so in both cases the bound is above the torque.
             (self.last, self.change) = (sum, change);
             return limit;
         }

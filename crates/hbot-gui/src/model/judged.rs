@@ -247,8 +247,10 @@ mod tests {
     use hbot_config::advice::{StiffnessBound, ToldLoop};
     use serde_json::json;
 
+    /// What a server tells of the prototype without a lead.
     fn told() -> InfoOk {
-        let rig = RigConfig::prototype();
+        let mut rig = RigConfig::prototype();
+        rig.rig = rig.rig.with(|parts| parts.lead = None).expect("legal");
         let bound = StiffnessBound::of(&rig).expect("legal inertias");
         let told = hbot_api::LoopInfo::from(ToldLoop::of(bound.sampled()));
         let limits = &rig.rig.limits;

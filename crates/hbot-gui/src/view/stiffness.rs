@@ -297,9 +297,16 @@ mod tests {
     use hbot_config::advice::{Abilities, StiffnessBound, ToldLoop, USUAL_DAMPING};
     use hbot_config::{RigConfig, SceneFile};
 
-    /// A panel of the prototype, whose torque limit is 0.9 N m, with a spring.
+    /// The prototype without a lead, whose border has a simple formula.
+    fn unled() -> RigConfig {
+        let mut config = RigConfig::prototype();
+        config.rig = config.rig.with(|parts| parts.lead = None).expect("legal");
+        config
+    }
+
+    /// A panel of this rig, whose torque limit is 0.9 N m, with a spring.
     fn panel(stiffness: f64, damping: f64, tells_loop: bool) -> Model {
-        let rig = RigConfig::prototype();
+        let rig = unled();
         let bound = StiffnessBound::of(&rig).expect("legal inertias");
         let told = hbot_api::LoopInfo::from(ToldLoop::of(bound.sampled()));
         let render = json!({"stiffness_stable": bound.stable(USUAL_DAMPING),
@@ -346,7 +353,7 @@ mod tests {
 
     #[test]
     fn the_border_follows_the_damping_as_it_moves() {
-        let bound = StiffnessBound::of(&RigConfig::prototype()).expect("legal inertias");
+        let bound = StiffnessBound::of(&unled()).expect("legal inertias");
         for damping in [0.01, 0.02, 0.2] {
             // The slider moves; the server has not answered yet.
             let mut model = panel(5.0, 0.02, true);
@@ -376,7 +383,7 @@ mod tests {
     fn the_sentence_is_the_warning_of_the_server() {
         let model = panel(40.0, 0.01, true);
         let scene = SceneFile::from_json(model.scene.to_json()).expect("legal");
-        let warnings = Abilities::of(&RigConfig::prototype()).warnings(&scene);
+        let warnings = Abilities::of(&unled()).warnings(&scene);
         assert_eq!(warnings.len(), 1);
         assert!(said(model).contains(&warnings[0]), "{warnings:?}");
         assert!(!said(panel(5.0, 0.02, true)).contains("shake"));
@@ -384,7 +391,7 @@ mod tests {
 
     #[test]
     fn the_mark_of_an_older_server_is_what_it_tells_with_any_damping() {
-        let stable = StiffnessBound::of(&RigConfig::prototype()).expect("legal").stable(USUAL_DAMPING);
+        let stable = StiffnessBound::of(&unled()).expect("legal").stable(USUAL_DAMPING);
         for damping in [0.0, 0.2] {
             let said = said(panel(40.0, damping, false));
             assert!((border(&said) - stable).abs() < 0.006, "{said}");

@@ -184,7 +184,7 @@ mod tests {
         }
         assert!(text.ends_with("# EOF\n"));
         for line in [
-            "# HELP hbot_ticks_total Ticks of the loop.",
+            "# HELP hbot_ticks_total Ticks of the loop",
             "# TYPE hbot_ticks_total counter",
             "hbot_ticks_total 42",
             "# TYPE hbot_lateness_seconds summary",

@@ -1,14 +1,14 @@
 //! Decides which web pages may talk to this server, by the headers Host and Origin.
 //!
-//! Every web page that a browser shows can send requests to addresses of this machine. The browser says in
-//! Origin from where the page came. It says in Host which name the page used; a page whose name is
-//! redirected to this machine (DNS rebinding) has its own name in both. So both are compared with the
-//! names of this server, and never with each other.
+//! Every web page that a browser shows can send requests to addresses of this machine. The browser
+//! says in Origin from where the page came. It says in Host which name the page used; a page whose
+//! name is redirected to this machine (DNS rebinding) has its own name in both. So both are
+//! compared with the names of this server, and never with each other.
 
 use std::net::{IpAddr, SocketAddr};
 
-use tokio_tungstenite::tungstenite::handshake::server::Request;
-use tokio_tungstenite::tungstenite::http::{HeaderName, StatusCode, header};
+use tungstenite::handshake::server::Request;
+use tungstenite::http::{HeaderName, StatusCode, header};
 
 use super::head::Refusal;
 
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     fn request(host: Option<&str>, origin: Option<&str>) -> Request {
-        let mut request = tokio_tungstenite::tungstenite::http::Request::builder().uri("/ws");
+        let mut request = tungstenite::http::Request::builder().uri("/ws");
         if let Some(host) = host {
             request = request.header("Host", host);
         }

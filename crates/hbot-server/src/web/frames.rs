@@ -1,7 +1,7 @@
 //! WebSocket frames (RFC 6455) as the bytes of the TCP service, and back. Does no I/O.
 //!
-//! A frame is decoded as its bytes arrive, because the service searches them for stops. A text frame becomes
-//! a line, a binary frame becomes a MessagePack map with its length before it.
+//! A frame is decoded as its bytes arrive, because the service searches them for stops. A text
+//! frame becomes a line, a binary frame becomes a MessagePack map with its length before it.
 
 use hbot_api::{Encoding, MAX_REQUEST_BYTES};
 
@@ -337,8 +337,8 @@ pub(super) fn message(bytes: &[u8], out: &mut Vec<u8>) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use tokio_tungstenite::tungstenite::protocol::Role;
-    use tokio_tungstenite::tungstenite::{Message, WebSocket};
+    use tungstenite::protocol::Role;
+    use tungstenite::{Message, WebSocket};
 
     use super::*;
 

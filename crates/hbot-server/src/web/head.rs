@@ -1,11 +1,11 @@
 //! The head of an HTTP request, and the answer that makes a connection a WebSocket.
 
 use tokio::io::{AsyncRead, AsyncReadExt as _};
-use tokio_tungstenite::tungstenite::error::ProtocolError;
-use tokio_tungstenite::tungstenite::handshake::machine::TryParse as _;
-use tokio_tungstenite::tungstenite::handshake::server::{Request, create_response, write_response};
-use tokio_tungstenite::tungstenite::http::{Response, StatusCode};
-use tokio_tungstenite::tungstenite::{Error, handshake::server};
+use tungstenite::error::ProtocolError;
+use tungstenite::handshake::machine::TryParse as _;
+use tungstenite::handshake::server::{Request, create_response, write_response};
+use tungstenite::http::{Response, StatusCode};
+use tungstenite::{Error, handshake::server};
 
 /// Largest size of a request's head, bytes.
 const HEAD: usize = 8 * 1024;
@@ -47,10 +47,11 @@ pub(crate) async fn read<S: AsyncRead + Unpin>(stream: &mut S) -> std::io::Resul
         if (&mut *stream).take(PIECE as u64).read_buf(&mut bytes).await? == 0 {
             return Err(std::io::ErrorKind::UnexpectedEof.into());
         }
-        if bytes[searched..].windows(4).any(|end| end == b"\r\n\r\n") {
+        let within = &bytes[..bytes.len().min(HEAD)];
+        if within[searched..].windows(4).any(|end| end == b"\r\n\r\n") {
             return Ok(parse(&bytes));
         }
-        if bytes.len() > HEAD {
+        if bytes.len() >= HEAD {
             let why = format!("the head of a request has at most {HEAD} bytes");
             return Ok(Err(Refusal::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, why)));
         }

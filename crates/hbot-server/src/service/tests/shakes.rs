@@ -11,9 +11,14 @@ fn shaking_event(client: &mut Client) -> hbot_api::ShakingEvent {
 
 #[test]
 fn a_sphere_that_shakes_by_itself_is_reported_with_the_effect_and_again_when_it_is_calm() {
-    // The passivity controller would end the swing before it is reported.
-    let off = hbot_config::Override { path: "loop.passivity", value: json!(false), from: "" };
-    let rig = RigConfig::load(None, &[off]).expect("a legal rig");
+    // The passivity controller would end the swing before it is reported, and the lead lets none
+    // begin.
+    let off = ["loop.passivity", "loop.lead"].map(|path| hbot_config::Override {
+        path,
+        value: json!(false),
+        from: "",
+    });
+    let rig = RigConfig::load(None, &off).expect("a legal rig");
     let bench = TestService::start(TestOptions { rig, ..TestOptions::default() });
     let mut client = bench.active();
     let calm = json!({"id": "calm", "kind": "spring", "anchor": "here", "stiffness": 1, "damping": 0.02});

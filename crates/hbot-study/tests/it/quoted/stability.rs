@@ -123,7 +123,7 @@ const OTHERS: [&str; 24] = [
     "Both searches end when they know the border to 0.01 %",
     "a lag of half a period, 0.5 ms at 1 kHz",
     "234 N m/rad with a damping of 0.01 N m s/rad (the spring's and the device's together), 258 with 0.02, 307 with 0.05",
-    "5.0 N m/rad for each 0.01 N m s/rad of damping. Motors",
+    "5.0 N m/rad for each 0.01 N m s/rad of damping",
     "with a lag of 0.5 ms at 1 kHz, from 0.88 J/h on",
     "Motors without a lag would allow 6.7 N m/rad",
     "stable where k < u - u² with u = d - k/2",
