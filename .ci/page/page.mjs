@@ -144,6 +144,17 @@ await until("the key turns the sphere", () => angle(watcher.state.q, watcher.sta
 await page.keyboard.up("ArrowRight");
 await until("it turns back", () => angle(watcher.state.q, watcher.state.reference) < 0.05);
 
+// A finger does what the mouse does, and two fingers turn the view.
+const screen = await context.newCDPSession(page);
+const touch = (type, ...points) => screen.send("Input.dispatchTouchEvent", {
+  type, touchPoints: points.map(([dx, dy], id) => ({ x: middle.x + dx * middle.radius, y: middle.y + dy * middle.radius, id })) });
+await touch("touchStart", [0, 0]);
+for (let k = 1; k <= 6; k += 1) await touch("touchMove", [0.1 * k, 0]);
+await until("a finger turns the sphere", () => angle(watcher.state.q, watcher.state.reference) > 0.1);
+await touch("touchStart", [0.6, 0], [0, 0.5]);
+await until("a second finger lets go", () => !watcher.state.hand);
+await touch("touchEnd");
+
 // Sliders: the server has the new value, and the mark of stability follows the damping.
 const slider = page.getByRole("slider", { name: "spring stiffness" });
 const mark = () => page.locator("#effects .mark").first().evaluate((it) => it.style.left);
