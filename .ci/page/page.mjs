@@ -78,7 +78,20 @@ await page.setViewportSize({ width: 360, height: 640 });
 await page.waitForTimeout(200);
 const wide = await page.evaluate(() => document.documentElement.scrollWidth);
 assert(wide <= 360, `${wide} px at a width of 360`);
+
+// STOP is in sight wherever the page is scrolled: on telephones, tablets and flat windows.
+for (const [width, height] of [[390, 844], [820, 1100], [844, 390], [1280, 800]]) {
+  await page.setViewportSize({ width, height });
+  await page.evaluate(() => document.querySelector("#messages").scrollIntoView());
+  await page.waitForTimeout(200);
+  const under = await page.evaluate(() => {
+    const { x, y, width: w, height: h } = document.querySelector("#stop").getBoundingClientRect();
+    return document.elementFromPoint(x + w / 2, y + h / 2)?.id;
+  });
+  assert.equal(under, "stop", `at ${width} x ${height}`);
+}
 await page.setViewportSize(SIZES.desk);
+await page.evaluate(() => document.querySelector("#scene").scrollIntoView());
 
 // How old a state is when its picture is there.
 const { ages, states, pictures: drawn } = await page.evaluate(() => window.measure(4000));
