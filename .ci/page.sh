@@ -4,6 +4,8 @@
 #
 # The argument is a folder for pictures of the page in all its states; by default they are not kept.
 #
+# HBOT_PAGE=crates/hbot-server/src/web takes the files of the page from there, without building the server.
+#
 # Needs target/debug/hbot, node and chromium. Installs playwright-core from npm into target/ci.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -18,12 +18,14 @@ export class Server {
   static async start(hbot, ports = { listen: "127.0.0.1:0", web: "127.0.0.1:0" }) {
     const server = new Server();
     server.process = spawn(hbot, ["server", "--port", "sim", "--listen", ports.listen, "--web", ports.web], {
-      stdio: ["ignore", "pipe", "inherit"],
+      stdio: ["ignore", "pipe", "ignore"],
     });
+    // Also if a check fails, and while the server is held.
+    process.on("exit", () => server.kill());
     let text = "";
     server.process.stdout.on("data", (data) => (text += data));
     await until("the server listens", () => /^ *listen/m.test(text) && /^ *web/m.test(text));
-    server.listen = text.match(/^ *listen.* (\S+:\d+)$/m)[1];
+    server.listen = text.match(/^ *listen +(\S+)$/m)[1];
     server.page = text.match(/^ *web +(http:\S+)/m)[1];
     return server;
   }

@@ -8,6 +8,7 @@ mod controllers;
 mod doctor;
 mod explain;
 pub(crate) mod habits;
+mod hand;
 mod man;
 mod orders;
 pub(crate) mod out;
@@ -64,6 +65,9 @@ enum Command {
     Stats(show::ShowArgs),
     /// Change parameters of an effect while a server renders it
     Set(set::SetArgs),
+    /// Let the hand of a simulated rig turn the sphere, and show the torque that it feels
+    #[command(subcommand)]
+    Hand(hand::HandCommands),
     /// Record a running server: what every viewer understands, without the exact inputs
     Record(record::RecordArgs),
     /// Run a recording through the control law again and compare every bit
@@ -156,6 +160,7 @@ impl Cli {
             Command::Info(args) => show::info(&args),
             Command::Stats(args) => show::stats(&args),
             Command::Set(args) => set::run(&args),
+            Command::Hand(command) => hand::run(&command),
             Command::Estop(address) => orders::estop(&address),
             Command::Disable(address) => orders::unheld(&address, hbot_api::Client::disable),
             Command::Enable(to) => orders::held(&to, hbot_api::Client::enable),

@@ -4,7 +4,7 @@ mod kinds;
 mod new;
 pub(super) mod plot;
 mod shelf;
-mod sweep;
+pub(super) mod sweep;
 
 use std::ffi::OsStr;
 use std::io::ErrorKind;

@@ -51,8 +51,8 @@ pub(crate) struct ServerArgs {
     /// Rig file (TOML) [default: the prototype, built in]
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
-    /// Build the simulated rig as this rig file says, while the loop believes --rig: a device that is
-    /// not as drawn (simulated rig only)
+    /// Build the simulated rig as this rig file says, while the loop believes --rig: a device that
+    /// is not as drawn (simulated rig only)
     #[arg(long, value_name = "FILE")]
     built: Option<PathBuf>,
     /// Scene file (TOML), or the name of a ready-made scene [default: spring]

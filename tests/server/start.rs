@@ -81,6 +81,28 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
     assert!(!far.any_after(before, enabled), "it goes on by itself");
 }
 
+/// The default address of the page can be taken, for example by another server.
+#[test]
+fn a_server_whose_default_web_port_is_taken_goes_on_without_it() {
+    // Whether this succeeds or not, the port is taken.
+    let _taken = std::net::TcpListener::bind(("127.0.0.1", 4269));
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&[], folder.path());
+    assert!(!server.banner.contains("http://"), "{}", server.banner);
+    a_while(&mut watched(&server));
+    server.signal(Signal::TERM);
+    let (told, _) = server.end();
+    assert_eq!(told.matches("no page is served: 127.0.0.1:4269").count(), 1, "{told}");
+    let off = Process::start(&["--web", "off"], folder.path());
+    assert!(!off.banner.contains("http://"), "{}", off.banner);
+    let own = Process::start(&["--web", "127.0.0.1:0"], folder.path());
+    let (_, at) = own.banner.split_once("\n  web      http://").expect("the address of the page");
+    let mut page = JsonLines::connect(at.lines().next().expect("an address").to_owned());
+    let host = page.stream.peer_addr().expect("an address");
+    page.bytes(format!("GET / HTTP/1.1\r\nHost: {host}\r\n\r\n").as_bytes());
+    assert!(page.rest().starts_with("HTTP/1.1 200 OK"), "the page");
+}
+
 #[test]
 fn a_port_that_a_server_has_open_is_no_other_programs() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,9 +1,9 @@
-//! Finds the unknowns that explain a motion best: weighted least squares by Levenberg and Marquardt,
-//! with the derivatives of [`model`](crate::model).
+//! Finds the unknowns that explain a motion best: weighted least squares by Levenberg and
+//! Marquardt, with the derivatives of [`model`](crate::model).
 //!
-//! Each window gives one residual for each joint. Windows in which a wheel slips, or in which a gear
-//! crosses its play, fit to no geometry. They get less weight, and none at all if they are far off
-//! (Tukey's biweight). The drawing is one more observation: each unknown is 0 with its usual
+//! Each window gives one residual for each joint. Windows in which a wheel slips, or in which a
+//! gear crosses its play, fit to no geometry. They get less weight, and none at all if they are far
+//! off (Tukey's biweight). The drawing is one more observation: each unknown is 0 with its usual
 //! deviation as standard deviation. It decides about what the motion does not show.
 //!
 //! The covariance is estimated from how much the gradients of blocks of windows differ (a

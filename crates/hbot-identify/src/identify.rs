@@ -1,4 +1,5 @@
-//! From the motion of the joints to the values of the rig file, or to the reason why there are none.
+//! From the motion of the joints to the values of the rig file, or to the reason why there are
+//! none.
 
 use std::fmt;
 
@@ -18,6 +19,8 @@ const LEAST_ZEROS_S: f64 = 1.0;
 /// Largest ratio of slip to rolling that bearings, rubber and encoders cause if the geometry is
 /// right.
 const ORDINARY: f64 = 0.01;
+/// Largest ratio of slip to rolling of a geometry that counts as right without being fitted.
+const EXPLAINED: f64 = 1.0e-3;
 /// Largest fraction of windows that fit to no geometry.
 const MOST_LEFT_OUT: f64 = 0.5;
 /// A parameter that is further from the drawing than so many usual deviations is no tolerance of
@@ -212,8 +215,9 @@ pub fn identify(
     let moving_s = motion.moving().iter().filter(|moving| **moving).count() as f64 * step_s;
     if what == What::Geometry && moving_s < least_s && moving_s >= LEAST_ZEROS_S {
         // The geometry counts as right if it explains the motion.
-        let zeros = identify(rig, recordings, What::Zeros, progress);
-        return zeros.map_err(|_| Refusal::Short { moving_s, least_s });
+        let zeros = identify(rig, recordings, What::Zeros, progress).ok();
+        let explained = zeros.filter(|found| found.share[1] < EXPLAINED);
+        return explained.ok_or(Refusal::Short { moving_s, least_s });
     }
     if moving_s < least_s {
         return Err(Refusal::Short { moving_s, least_s });
@@ -234,7 +238,8 @@ pub fn identify(
     }
     let found = Built::new(rig, &fitted.unknowns)?;
     let mut values = values(rig, &fitted, &found, what)?;
-    if what == What::Geometry {
+    // The centre is no guess only if everything else is seen.
+    if what == What::Geometry && values.iter().all(|value| value.seen) {
         values.extend(centre(rig, &motion, &fitted, progress));
     }
     let drawn = crate::fit::share_as_drawn(rig, &motion);
@@ -366,8 +371,8 @@ impl Built {
     }
 }
 
-/// Returns the turn of each wheel at the joint angle zero from where a device without steering zeros
-/// has it, rad.
+/// Returns the turn of each wheel at the joint angle zero from where a device without steering
+/// zeros has it, rad.
 fn drawn_zeros(device: &Device) -> Vec<f64> {
     let specs: Vec<WheelSpec> = device.wheels().iter().map(|wheel| *wheel.spec()).collect();
     let Ok(plain) = Device::new(device.sphere_radius(), device.sphere_mass(), &specs) else {

@@ -1,14 +1,14 @@
 //! The joint motion that no turn of the sphere explains, and its derivatives.
 //!
-//! Without slip the joints of all wheels move by G w if the sphere turns by w (docs/internals/physics.md,
-//! section 2). The rest of their motion, after the best turn w, is the *residual*. It is measured in
-//! standard deviations of the rounding of a count, so that a coarse steer encoder does not outweigh
-//! a fine drive encoder. Therefore the best turn here is not that of the control law, which
-//! minimises the slip in m/s.
+//! Without slip the joints of all wheels move by G w if the sphere turns by w
+//! (docs/internals/physics.md, section 2). The rest of their motion, after the best turn w, is the
+//! *residual*. It is measured in standard deviations of the rounding of a count, so that a coarse
+//! steer encoder does not outweigh a fine drive encoder. Therefore the best turn here is not that
+//! of the control law, which minimises the slip in m/s.
 //!
-//! The residual is a projection: e = (1 - G (GᵀG)⁻¹ Gᵀ) z with the scaled joint motion z. That makes
-//! the sum of squares of e that of total least squares: the rounding does not pull the parameters
-//! to one side, as it would in a regression on measured steer angles.
+//! The residual is a projection: e = (1 - G (GᵀG)⁻¹ Gᵀ) z with the scaled joint motion z. That
+//! makes the sum of squares of e that of total least squares: the rounding does not pull the
+//! parameters to one side, as it would in a regression on measured steer angles.
 
 use hbot_core::design::kinematics::{ContactFrame, Posture};
 use hbot_core::{Device, MAX_JOINTS, MAX_WHEELS, Mat3, Rig, Vec3};

@@ -11,6 +11,7 @@ use std::time::Duration;
 use hbot_config::scene::Simulate;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_host::bus::MotorBus;
+use hbot_host::line::SimulatorCall;
 use hbot_host::rig::attach::Simulator;
 use hbot_host::rig::host::{self, Host};
 use hbot_host::rig::last_word::Program;
@@ -19,7 +20,7 @@ pub use hbot_host::run_loop::Time;
 use hbot_host::run_loop::bridge::{EmergencyStop, ServiceEnd};
 use hbot_host::run_loop::clock::now_ns;
 use hbot_host::run_loop::engine::Recorder;
-use hbot_sim::hand::{Guide, HandTorque};
+use hbot_sim::hand::HandTorque;
 use hbot_sim::phenomena::{Hand, Phenomena};
 use thiserror::Error;
 use tokio::net::TcpListener;
@@ -27,7 +28,7 @@ use tokio::sync::{mpsc as async_mpsc, watch};
 
 use crate::flight;
 use crate::recording::{self, FilesWritten, RecordOptions, Recorded, Recording, SceneNote};
-use crate::service::{self, Control, ServiceSetup, SetPhenomena, SimulatedHand, Status, Summary};
+use crate::service::{self, Control, HandOrder, ServiceSetup, SetPhenomena, SimulatedHand, Status, Summary};
 use crate::tls::{CertificateError, Encryption};
 use crate::web::WebOptions;
 
@@ -183,7 +184,8 @@ impl Server {
         let period_ns = rig.rig.timing.period_ns;
         let accuracy = rig.accuracy.to_owned();
         let phenomena = host.simulator().cloned().map(replace_phenomena);
-        let hand = host.simulator().cloned().map(simulated_hand);
+        let hand = host.simulator().cloned();
+        let hand = hand.map(|simulator| simulated_hand(move |call| simulator.post(call)));
         let controllers = host.controllers().clone();
         let origin = host.origin();
         let recording = prepared.map(|prepared| prepared.start(&rig, origin)).transpose();
@@ -329,15 +331,17 @@ fn replace_phenomena(simulator: Simulator) -> SetPhenomena {
     Box::new(move |simulate: &Simulate| simulator.show(*simulate))
 }
 
-/// Returns the hand of the simulated rig, for clients that move it.
-fn simulated_hand(simulator: Simulator) -> SimulatedHand {
+/// Returns the hand of the simulated rig, for clients that move it. `post` runs a function on the
+/// rig.
+pub(crate) fn simulated_hand(post: impl Fn(SimulatorCall) + Send + 'static) -> SimulatedHand {
     let torque = HandTorque::default();
     let told = torque.clone();
-    simulator.post(Box::new(move |rig| rig.tell_hand_torque(told)));
-    let order = move |guide: Option<Guide>| {
-        simulator.post(Box::new(move |rig| match guide {
-            Some(guide) => rig.guide_hand(&guide),
-            None => rig.set_hand(None),
+    post(Box::new(move |rig| rig.tell_hand_torque(told)));
+    let order = move |order: HandOrder| {
+        post(Box::new(move |rig| match order {
+            HandOrder::Turn(guide) => rig.guide_hand(&guide),
+            HandOrder::Release => rig.release_hand(),
+            HandOrder::Resume => rig.resume_hand(),
         }));
     };
     SimulatedHand { order: Box::new(order), torque }

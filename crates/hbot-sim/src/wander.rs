@@ -64,11 +64,14 @@ fn normal(random: &mut Rand64) -> f64 {
     libm::sqrt(-2.0 * libm::log(u)) * libm::cos(TAU * v)
 }
 
-/// A motion of the sphere that never repeats.
+/// A motion of the sphere by a hand.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wander {
-    /// Size (rad/s), pace (rad/s) and phase (rad) of the sines about n1, n2 and n3.
-    sines: [[[f64; 3]; SINES]; 3],
+pub enum Wander {
+    /// Turns about all axes that never repeat: size (rad/s), pace (rad/s) and phase (rad) of the
+    /// sines about n1, n2 and n3.
+    Sines([[[f64; 3]; SINES]; 3]),
+    /// Whole turns, one after another: their axes, and the time of each, s.
+    Turns(Vec<Vec3>, f64),
 }
 
 /// Orientation and joint angles at one moment of a motion.
@@ -93,16 +96,34 @@ impl Wander {
                 [size, pace, TAU * random.rand_float()]
             })
         });
-        Self { sines }
+        Self::Sines(sines)
+    }
+
+    /// Creates a motion of `count` whole turns about axes at random, each from rest to rest in
+    /// `seconds`.
+    #[must_use]
+    pub fn turns(seed: u64, count: usize, seconds: f64) -> Self {
+        let mut random = Rand64::new(u128::from(seed));
+        let mut next = || normal(&mut random);
+        let axes = (0..count).map(|_| Vec3::new(next(), next(), next()).normalize_or(Vec3::Z));
+        Self::Turns(axes.collect(), seconds)
     }
 
     /// Returns the angular velocity of the sphere at time `t` (s), in frame N, rad/s.
     #[must_use]
     pub fn omega(&self, t: f64) -> Vec3 {
+        let sines = match self {
+            Self::Sines(sines) => sines,
+            Self::Turns(axes, seconds) => {
+                let (number, part) = (libm::floor(t / seconds), t / seconds);
+                let axis = axes.get(number as usize).copied().unwrap_or(Vec3::ZERO);
+                return axis * (TAU / seconds * (1.0 - libm::cos(TAU * (part - number))));
+            }
+        };
         let about = |sines: &[[f64; 3]; SINES]| {
             sines.iter().map(|[size, pace, phase]| size * libm::sin(pace * t + phase)).sum()
         };
-        Vec3::new(about(&self.sines[0]), about(&self.sines[1]), about(&self.sines[2]))
+        Vec3::new(about(&sines[0]), about(&sines[1]), about(&sines[2]))
     }
 
     /// Returns an endless iterator over the motion of `device` with a moment every `h` seconds. It

@@ -194,7 +194,7 @@ mod tests {
         );
         let torque = said(&fast, "torque").unwrap();
         assert!(torque.starts_with("up to 0.500 N m"), "{torque}");
-        assert!(torque.contains("cut it off from 299 ms before on, to 50 % of what was wanted"), "{torque}");
+        assert!(torque.contains("cut it off from 300 ms before on, to 50 % of what was wanted"), "{torque}");
         assert_eq!(said(&fast, "swings"), None);
         assert_eq!(said(&fast, "loop"), None);
     }

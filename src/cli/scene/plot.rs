@@ -23,10 +23,10 @@ pub(crate) struct PlotArgs {
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]
     out: Option<PathBuf>,
     /// Draw from this angle on, degrees, -180 to 180
-    #[arg(long, value_name = "DEG", default_value_t = -180.0, value_parser = degrees, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", default_value_t = -180.0, value_parser = degrees, allow_hyphen_values = true)]
     from: f64,
     /// Draw up to this angle, degrees, -180 to 180
-    #[arg(long, value_name = "DEG", default_value_t = 180.0, value_parser = degrees, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", default_value_t = 180.0, value_parser = degrees, allow_hyphen_values = true)]
     to: f64,
     /// Axis to turn about: x, y, z, or three numbers such as 1,0,-1; can be given several times
     /// [default: x y z]

@@ -24,7 +24,7 @@ const MOST_POINTS: usize = 2500;
 type Points = Vec<(f64, f64)>;
 
 /// A scene whose torque is computed, with the loop of the prototype.
-pub(super) struct Probe {
+pub(crate) struct Probe {
     renderer: Renderer,
     scene: CompiledScene,
     names: Vec<String>,
@@ -37,7 +37,7 @@ pub(super) struct Curves {
 }
 
 impl Probe {
-    pub(super) fn new(file: &SceneFile) -> Self {
+    pub(crate) fn new(file: &SceneFile) -> Self {
         let names = file.effects().iter().map(|effect| effect.id().to_owned()).collect();
         let compiled = RunningScene::new().load(file.clone());
         // The plot shows the scene after its effects have faded in.
@@ -71,6 +71,22 @@ impl Probe {
         let mut renderer = self.renderer.clone();
         renderer.adopt(&self.scene, Quat::IDENTITY);
         renderer
+    }
+
+    /// Returns the torque of the scene in frame N, N m, at each of these motions, one tick of
+    /// `period_s` after the other. Effects are anchored at `anchor`.
+    pub(crate) fn along(
+        &self,
+        anchor: Quat,
+        period_s: f64,
+        motions: impl Iterator<Item = (Quat, Vec3)>,
+    ) -> Vec<Vec3> {
+        let mut renderer = self.renderer.clone();
+        renderer.adopt(&self.scene, anchor);
+        let motions = motions.map(|(q, omega)| Motion { q, omega }).enumerate();
+        motions
+            .map(|(tick, motion)| renderer.render(&self.scene, &motion, tick as u64, period_s, 1.0))
+            .collect()
     }
 
     /// Swings the sphere about the unit vector `axis` in frame N. Returns every `every`-th tick.

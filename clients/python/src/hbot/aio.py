@@ -299,6 +299,19 @@ class Rig:
         """
         return await self._call(ops.align_direction(body, world, sigma, t))
 
+    async def hand(
+        self,
+        q: Iterable[float] | None,
+        *,
+        over_ms: int | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
+        inertia: float | None = None,
+        wait: bool = True,
+    ) -> None:
+        """Let the hand of a simulated rig turn the sphere. None as `q`: it lets go."""
+        await self._stream(ops.hand(q, over_ms, stiffness, damping, inertia), wait)
+
     async def enable(self) -> Mode:
         """Begin to render, with a soft start of 0.5 s. Returns the mode."""
         return await self._call(ops.enable())

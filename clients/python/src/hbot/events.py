@@ -106,6 +106,8 @@ class State:
     """The last stream message that was accepted since the lease changed hands. None before it."""
     timing: Timing
     """How long the parts of the tick took."""
+    hand: Vector | None = None
+    """Torque of the simulated hand on the sphere, N m. None if no hand holds it, or it is real."""
     orientation_sigma: Vector | None = None
     """Standard deviations of the error of `q` about the axes of frame N, rad.
 

@@ -160,6 +160,22 @@ def align_direction(
     return Request("align_direction", fields, lambda answer: float(answer["angle"]))
 
 
+def hand(
+    q: Iterable[float] | None,
+    over_ms: int | None = None,
+    stiffness: float | None = None,
+    damping: float | None = None,
+    inertia: float | None = None,
+) -> Request[None]:
+    """Move the simulated hand, or let it go."""
+    if q is None:
+        return Request("hand", {"release": True}, _none)
+    fields = _given(
+        q=_numbers("q", q), over_ms=over_ms, stiffness=stiffness, damping=damping, inertia=inertia
+    )
+    return Request("hand", fields, _none)
+
+
 def enable() -> Request[Mode]:
     """Begin to render."""
     return Request("enable", {}, _mode)

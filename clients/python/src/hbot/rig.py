@@ -303,6 +303,28 @@ class Rig:
         """
         return self._call(ops.align_direction(body, world, sigma, t))
 
+    def hand(
+        self,
+        q: Iterable[float] | None,
+        *,
+        over_ms: int | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
+        inertia: float | None = None,
+        wait: bool = True,
+    ) -> None:
+        """Let the hand of a simulated rig turn the sphere. A real rig has none and refuses.
+
+        Args:
+            q: the orientation `(w, x, y, z)` to which the hand turns. None: it lets go.
+            over_ms: time in which its target turns there. None: 50 ms.
+            stiffness: spring of the grip, N m/rad. None: 3.
+            damping: damping of the grip, N m s/rad. None: 0.05.
+            inertia: inertia that the hand adds to the sphere, kg m². None: 0.002.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+        """
+        self._stream(ops.hand(q, over_ms, stiffness, damping, inertia), wait)
+
     def enable(self) -> Mode:
         """Begin to render, with a soft start of 0.5 s. Returns the mode.
 

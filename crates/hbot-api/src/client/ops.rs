@@ -3,8 +3,8 @@
 use super::connect::typed;
 use super::{Client, ClientError};
 use crate::{
-    Align, AlignDirection, AlignOk, ControllerInfo, ControllersOk, InfoOk, LoadSceneOk, Mode, ModeOk,
-    ModelCommand, ModelOk, Op, PingOk, ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
+    Align, AlignDirection, AlignOk, ControllerInfo, ControllersOk, HandCommand, InfoOk, LoadSceneOk, Mode,
+    ModeOk, ModelCommand, ModelOk, Op, PingOk, ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
 };
 use serde_json::{Map, Value};
 
@@ -97,6 +97,11 @@ impl Client {
     /// between it and the server's own, and whether it is used.
     pub fn align_direction(&mut self, direction: AlignDirection) -> Result<AlignOk, ClientError> {
         self.call(Op::AlignDirection(direction)).and_then(typed)
+    }
+
+    /// Moves the hand of a simulated rig, without waiting for an answer. A real rig has none.
+    pub fn hand(&mut self, command: HandCommand) -> Result<(), ClientError> {
+        self.send(Op::Hand(command))
     }
 
     /// Begins to render the scene; the torque rises gradually. Returns the mode from the next tick

@@ -1,5 +1,5 @@
-//! A simulated rig that is not as its drawing: the plant is built from another rig file than the one
-//! that the loop believes.
+//! A simulated rig that is not as its drawing: the plant is built from another rig file than the
+//! one that the loop believes.
 
 use hbot_config::RigConfig;
 use hbot_sim::controller::{Lags, SimulatedJoint};

@@ -34,8 +34,8 @@ impl Layout {
     pub fn of(rig: &RigConfig) -> Self {
         let mut offsets = [0; MAX_JOINTS];
         for (j, offset) in offsets.iter_mut().enumerate().take(rig.rig.device.joints()).step_by(2) {
-            // The rest, less than a count, is in the rig's geometry. The offset wraps at 32 bits, as
-            // the controllers' own counters do.
+            // The rest, less than a count, is in the rig's geometry. The offset wraps at 32 bits,
+            // as the controllers' own counters do.
             *offset = rig.rig.joints[j].whole_counts(rig.zero_offsets[j]) as i64 as i32;
         }
         if rig.link.port.is_simulated() {

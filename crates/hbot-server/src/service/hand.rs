@@ -7,8 +7,19 @@ use hbot_sim::phenomena::Hand;
 
 use super::convert;
 
-/// Passes orders to the simulated hand: to obey a guide, or to let go with `None`. It must not wait.
-pub type MoveHand = Box<dyn FnMut(Option<Guide>) + Send>;
+/// An order to the simulated hand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum HandOrder {
+    /// Turn the sphere to an orientation.
+    Turn(Guide),
+    /// Let go of the sphere.
+    Release,
+    /// Move as the scene says.
+    Resume,
+}
+
+/// Passes an order to the simulated hand. It must not wait.
+pub type MoveHand = Box<dyn FnMut(HandOrder) + Send>;
 
 /// The hand of a simulated rig.
 pub struct SimulatedHand {
@@ -22,7 +33,7 @@ pub struct SimulatedHand {
 #[derive(Default)]
 pub(super) struct SceneHand {
     hand: Option<SimulatedHand>,
-    /// True if the hand obeys the client that holds the lease.
+    /// True if the client that holds the lease has given the hand an order.
     guided: bool,
 }
 
@@ -40,20 +51,21 @@ impl SceneHand {
             let message = "op hand: this rig is real; only the simulated rig has a hand that a program moves";
             return Err(ErrorBody::new(ErrorCode::OutOfRange, message));
         };
-        self.guided = matches!(command, HandCommand::Hold(_));
+        self.guided = true;
         order(match command {
-            HandCommand::Hold(hold) => Some(guide(hold)),
-            HandCommand::Release { .. } => None,
+            HandCommand::Hold(hold) => HandOrder::Turn(guide(hold)),
+            HandCommand::Release { .. } => HandOrder::Release,
         });
         Ok(())
     }
 
-    /// Lets go of the sphere if the hand obeys a client. Called when this client loses the lease.
-    pub(super) fn let_go(&mut self) {
+    /// Lets the hand move as the scene says again, if a client has given it an order. Called when
+    /// this client loses the lease.
+    pub(super) fn resume(&mut self) {
         if let Some(SimulatedHand { order, .. }) = &mut self.hand
             && std::mem::take(&mut self.guided)
         {
-            order(None);
+            order(HandOrder::Resume);
         }
     }
 

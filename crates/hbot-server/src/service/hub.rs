@@ -372,7 +372,7 @@ impl Hub {
     fn lease_changed(&mut self, cause: LeaseCause, by: Option<Requester>) {
         // A stream or a moving hand must not continue under the next holder, or without a holder.
         if cause != LeaseCause::Acquired {
-            self.hand.let_go();
+            self.hand.resume();
         }
         match cause {
             LeaseCause::Stolen => {

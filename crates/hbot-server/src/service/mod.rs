@@ -73,7 +73,7 @@ use hbot_config::{RigConfig, RunningScene};
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
-pub use self::hand::{MoveHand, SimulatedHand};
+pub use self::hand::{HandOrder, MoveHand, SimulatedHand};
 pub use self::scenes::set_refusal;
 pub(crate) use self::strangers::too_few_descriptors;
 use crate::recording::Notes;

@@ -1,9 +1,9 @@
 //! Decides which web pages may talk to this server, by the headers Host and Origin.
 //!
-//! Every web page that a browser shows can send requests to addresses of this machine. The browser says in
-//! Origin from where the page came. It says in Host which name the page used; a page whose name is
-//! redirected to this machine (DNS rebinding) has its own name in both. So both are compared with the
-//! names of this server, and never with each other.
+//! Every web page that a browser shows can send requests to addresses of this machine. The browser
+//! says in Origin from where the page came. It says in Host which name the page used; a page whose
+//! name is redirected to this machine (DNS rebinding) has its own name in both. So both are
+//! compared with the names of this server, and never with each other.
 
 use std::net::{IpAddr, SocketAddr};
 

@@ -214,12 +214,13 @@ export class Controls {
       if (get() > slider.max) slider.max = get();
       update(slider);
       slider.setAttribute('aria-valuetext', `${plain(get() ?? 0)} ${unit}`);
-      const share = border && typeof border() === 'number' ? border() / slider.max : 1;
+      if (!border) return;
+      const share = typeof border() === 'number' ? border() / slider.max : 1;
       mark.hidden = !(share < 1);
       // The handle stays half its width of 1 rem away from the ends.
       mark.style.left = `calc(0.5rem + ${share} * (100% - 1rem))`;
     });
-    return make('div', { className: 'number' }, make('div', { className: 'slider' }, slider, mark), field);
+    return make('div', { className: 'number' }, make('div', { className: 'slider' }, slider, ...(border ? [mark] : [])), field);
   }
 
   list(name, s, get, set, { reach, border } = {}) {

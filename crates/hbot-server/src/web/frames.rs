@@ -1,7 +1,7 @@
 //! WebSocket frames (RFC 6455) as the bytes of the TCP service, and back. Does no I/O.
 //!
-//! A frame is decoded as its bytes arrive, because the service searches them for stops. A text frame becomes
-//! a line, a binary frame becomes a MessagePack map with its length before it.
+//! A frame is decoded as its bytes arrive, because the service searches them for stops. A text
+//! frame becomes a line, a binary frame becomes a MessagePack map with its length before it.
 
 use hbot_api::{Encoding, MAX_REQUEST_BYTES};
 

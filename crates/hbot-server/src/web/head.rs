@@ -47,10 +47,11 @@ pub(crate) async fn read<S: AsyncRead + Unpin>(stream: &mut S) -> std::io::Resul
         if (&mut *stream).take(PIECE as u64).read_buf(&mut bytes).await? == 0 {
             return Err(std::io::ErrorKind::UnexpectedEof.into());
         }
-        if bytes[searched..].windows(4).any(|end| end == b"\r\n\r\n") {
+        let within = &bytes[..bytes.len().min(HEAD)];
+        if within[searched..].windows(4).any(|end| end == b"\r\n\r\n") {
             return Ok(parse(&bytes));
         }
-        if bytes.len() > HEAD {
+        if bytes.len() >= HEAD {
             let why = format!("the head of a request has at most {HEAD} bytes");
             return Ok(Err(Refusal::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, why)));
         }

@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! browser -> head (one HTTP request) -> allowed (Host, Origin) -> page, or upgrade
-//! upgrade -> socket (WebSocket frames <-> the bytes of TCP) -> the connection, reader and writer of the service
+//! upgrade -> socket (WebSocket frames <-> the bytes of TCP) -> the connection of the service
 //! ```
 //!
-//! Everything after the upgrade is the code that serves TCP: hello, token, lease, limits and the search for
-//! stops. Live viewers use the same head, checks and upgrade.
+//! Everything after the upgrade is the code that serves TCP: hello, token, lease, limits and the
+//! search for stops. Live viewers use the same head, checks and upgrade.
 
 pub(crate) mod allowed;
 mod frames;
@@ -18,8 +18,11 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 
 use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
+#[cfg(feature = "live")]
 use tungstenite::handshake::server::Request;
-use tungstenite::http::{HeaderName, HeaderValue, Response, StatusCode};
+#[cfg(feature = "live")]
+use tungstenite::http;
+use tungstenite::http::{Response, StatusCode};
 
 pub use self::allowed::AllowedHosts;
 use self::allowed::Door;
@@ -83,16 +86,16 @@ pub(crate) async fn visit<S: AsyncRead + AsyncWrite + Unpin>(
     }
 }
 
-/// Reads one HTTP request from `stream` and makes the connection a WebSocket, unless `check` refuses
-/// the request. `check` can add a header to the answer. Returns the bytes that came after the
-/// request, or `None` if it was refused.
+/// Reads one HTTP request from `stream` and makes the connection a WebSocket, unless `check`
+/// refuses the request. `check` can add a header to the answer. Returns the bytes that came after
+/// the request, or `None` if it was refused.
 ///
 /// # Errors
 /// Fails if the connection fails, or ends before the request does.
-#[cfg_attr(not(feature = "live"), allow(dead_code, reason = "only live viewers call it"))]
+#[cfg(feature = "live")]
 pub(crate) async fn upgrade<S: AsyncRead + AsyncWrite + Unpin>(
     stream: &mut S,
-    check: impl FnOnce(&Request) -> Result<Option<(HeaderName, HeaderValue)>, Refusal>,
+    check: impl FnOnce(&Request) -> Result<Option<(http::HeaderName, http::HeaderValue)>, Refusal>,
 ) -> std::io::Result<Option<Vec<u8>>> {
     let judged = head::read(stream).await?.and_then(|Head { request, rest }| {
         let more = check(&request)?;

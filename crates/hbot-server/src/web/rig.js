@@ -81,6 +81,8 @@ export class Rig {
 
   take(info) {
     this.info = info;
+    // The page may have come after the stop.
+    this.fault ??= info.incident ?? null;
     if (this.lease.who === 'unknown' && info.lease) {
       this.leased(info.lease.holder, info.lease.session);
     }

@@ -23,8 +23,8 @@ const MORE: usize = 8;
 /// The server's end of a WebSocket. Reading it gives the messages of the client as TCP would bring
 /// them, writing sends messages.
 ///
-/// Each call of `poll_write` must begin where the one before it has ended, and `bytes` must end with
-/// a whole message, as the batches of the writer do.
+/// Each call of `poll_write` must begin where the one before it has ended, and `bytes` must end
+/// with a whole message, as the batches of the writer do.
 pub(crate) struct WebSocket<S> {
     stream: S,
     /// Returns the encoding of the connection, which the hello decides.
@@ -195,7 +195,8 @@ impl<S: AsyncRead + AsyncWrite + Unpin> AsyncRead for WebSocket<S> {
                 this.heard_at = Instant::now();
             }
         }
-        // These bytes have brought no message. Other connections get their turn before more are read.
+        // These bytes have brought no message. Other connections get their turn before more are
+        // read.
         context.waker().wake_by_ref();
         Poll::Pending
     }

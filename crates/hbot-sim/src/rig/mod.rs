@@ -377,9 +377,21 @@ impl SimulatedRig {
         let guided = self.grip.as_ref().filter(|grip| grip.is_guided());
         let from = guided.map_or(self.state.q, |grip| grip.target(t).q);
         let grip = Grip::guided(guide, t, from);
-        self.phenomena.hand = Some(*grip.hand());
         self.grip = Some(grip);
         self.dynamics.set_sphere_inertia(self.sphere_inertia + guide.inertia);
+    }
+
+    /// Lets go of the sphere. The phenomenon `hand` stays, so that
+    /// [`resume_hand`](Self::resume_hand) lets the hand take hold again.
+    pub fn release_hand(&mut self) {
+        self.grip = None;
+        self.dynamics.set_sphere_inertia(self.sphere_inertia);
+    }
+
+    /// Lets the hand of the phenomena take hold of the sphere at its present orientation, after a
+    /// program has guided it. Without the phenomenon `hand`, lets go of the sphere.
+    pub fn resume_hand(&mut self) {
+        self.set_hand(self.phenomena.hand);
     }
 
     /// Returns the torque of the simulated hand on the sphere in frame N, N m. `None` if no hand

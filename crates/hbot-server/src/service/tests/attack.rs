@@ -197,6 +197,7 @@ fn the_page_has_the_bounds() {
         format!("of one record) | {} s |", stuck.as_secs()),
         format!("reads up to {} KiB ahead |", READ_AHEAD / 1024),
         format!("| time until the answer to a wrong token | {} ms |", wrong_token.as_millis()),
+        format!("from a WebSocket client, not even an answer to a ping | {} s |", silence.as_secs()),
         "2,048 bytes".to_owned(),
     ] {
         assert!(page.contains(&row), "{row}");

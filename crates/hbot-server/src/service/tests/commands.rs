@@ -143,6 +143,7 @@ fn request(op: OpName) -> Op {
             let (body, world) = ([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]);
             Op::AlignDirection(AlignDirection { body, world, sigma: 1.0, t: None })
         }
+        OpName::Hand => Op::Hand(hbot_api::HandCommand::RELEASE),
         OpName::Enable => Op::Enable,
         OpName::Disable => Op::Disable,
         OpName::Reset => Op::Reset,
@@ -171,9 +172,9 @@ fn what_moves_the_rig_needs_the_lease_and_what_stops_it_does_not() {
     // A release by another client does not take the lease from its holder.
     assert_eq!(mode(holder.call(Op::Reset)), "idle");
     let summary = bench.finish();
-    assert_eq!(summary.refused_streams, 3);
-    assert_eq!((summary.refused.of(ErrorCode::NotHolder), summary.refused.of(ErrorCode::Busy)), (7, 1));
-    assert_eq!(summary.refused.total(), 8);
+    assert_eq!(summary.refused_streams, 4);
+    assert_eq!((summary.refused.of(ErrorCode::NotHolder), summary.refused.of(ErrorCode::Busy)), (8, 1));
+    assert_eq!(summary.refused.total(), 9);
 }
 
 #[test]

@@ -18,10 +18,11 @@ mod shape;
 mod stops;
 mod strangers;
 mod tls;
+mod web;
 
 use std::io::{self, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
-use std::sync::mpsc as blocking;
+use std::sync::{Arc, mpsc as blocking};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -38,6 +39,8 @@ use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use super::{Bounds, Control, ServiceSetup, SetPhenomena, Status, Summary, serve_within};
+use crate::server::simulated_hand;
+use crate::web::WebOptions;
 use hbot_host::bus::drivers::hbot::HbotLink;
 use hbot_host::bus::{Expected, Protocol as _};
 use hbot_host::line::{Line, Memory, SimulatorCall};
@@ -62,6 +65,8 @@ struct TestOptions {
     enable_at_start: bool,
     flight_dir: Option<std::path::PathBuf>,
     phenomena: Option<SetPhenomena>,
+    /// Whether the rig is one whose simulated hand clients can move.
+    hand: bool,
     bounds: Bounds,
     /// Number of ticks after which the loop ends.
     ticks: Option<u64>,
@@ -79,6 +84,7 @@ impl Default for TestOptions {
             enable_at_start: false,
             flight_dir: None,
             phenomena: None,
+            hand: false,
             // The hello time is long, so that a slow machine refuses no client. Tests of that time
             // set their own.
             bounds: Bounds { hello: Duration::from_secs(600), ..Bounds::default() },
@@ -93,6 +99,8 @@ impl Default for TestOptions {
 /// private limits, stop the loop at a given tick, and change the simulated rig.
 struct TestService {
     address: SocketAddr,
+    /// The web port.
+    web: SocketAddr,
     rig: blocking::Sender<SimulatorCall>,
     control: mpsc::Sender<Control>,
     emergency: EmergencyStop,
@@ -130,6 +138,7 @@ impl TestService {
         let (status, watched) = watch::channel(Status::default());
         let (shutdown, stopped) = oneshot::channel();
         let (ready, started) = blocking::channel();
+        let to_rig = rig.clone();
         let stop = StopFlag::default();
         let stop_loop = stop.clone();
         let service = std::thread::spawn(move || {
@@ -143,6 +152,7 @@ impl TestService {
                     enable_at_start,
                     flight_dir,
                     phenomena,
+                    hand,
                     bounds,
                     ticks,
                     breath,
@@ -170,7 +180,9 @@ impl TestService {
                     lockstep(engine, period_ns, ticks, &stop_loop);
                 });
                 let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
-                ready.send((listener.local_addr().unwrap(), end.emergency_stop(), ticking)).unwrap();
+                let web = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap();
+                let addresses = (listener.local_addr().unwrap(), web.local_addr().unwrap());
+                ready.send((addresses, end.emergency_stop(), ticking)).unwrap();
                 let accuracy = rig.accuracy.to_owned();
                 let setup = ServiceSetup {
                     accuracy,
@@ -184,8 +196,8 @@ impl TestService {
                     origin: ORIGIN,
                     time_waits: false,
                     notes: crate::recording::Notes::default(),
-                    web: None,
-                    hand: None,
+                    web: Some(WebOptions { listener: web, hosts: Arc::default() }),
+                    hand: hand.then(|| simulated_hand(move |call| to_rig.send(call).unwrap())),
                 };
                 serve_within(bounds, listener, end, setup, controlled, status, async {
                     let _ = stopped.await;
@@ -193,9 +205,19 @@ impl TestService {
                 .await
             })
         });
-        let (address, emergency, ticking) = started.recv().unwrap();
+        let ((address, web), emergency, ticking) = started.recv().unwrap();
         let threads = Some((service, ticking));
-        Self { address, rig, control, emergency, status: watched, shutdown: Some(shutdown), stop, threads }
+        Self {
+            address,
+            web,
+            rig,
+            control,
+            emergency,
+            status: watched,
+            shutdown: Some(shutdown),
+            stop,
+            threads,
+        }
     }
 
     fn client(&self, name: &str) -> Client {

@@ -24,10 +24,9 @@ const DRAWINGS: [(&str, &str, u64); 3] = [
 const SPEED: f64 = 1.0;
 /// Length of the recording, s.
 const RECORDED_S: f64 = 60.0;
-/// Length of the motion after which the drift is judged, s. It has some ten turns.
-const JUDGED_S: f64 = 45.0;
-/// Ten turns, rad.
-const TEN: f64 = 10.0 * core::f64::consts::TAU;
+/// Number of turns after which the drift is judged, and the time of each, s.
+const TURNS: usize = 10;
+const TURN_S: f64 = 4.0;
 /// Length of the recording from which the zeros alone are found, s.
 const ZEROS_S: f64 = 2.0;
 /// Largest drift after one turn and after ten turns, rad, with ideal encoders and with real ones.
@@ -61,7 +60,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     report.family("identify_{encoders}_held | 1 | fraction of the 95 % intervals that hold the truth");
     report.say(&format!(
         "Random rigs differ from their drawings by 0.5 degrees in axes, cones, toes and zeros and by 1 % in radii (standard deviations). A hand turns the sphere for {RECORDED_S} s about all axes with {SPEED} rad/s about each (root mean square); \
-         `hbot rig identify` then finds the geometry in the counts. The drift is that of another motion, by the method `midpoint` at 1 kHz, against the exact orientation. *ideal*: encoders that only round to counts, {} at the motor. *real*: also half a degree of play in the drives, and encoder discs \
+         `hbot rig identify` then finds the geometry in the counts. The drift is that of ten turns about axes at random, by the method `midpoint` at 1 kHz, against the exact orientation. *ideal*: encoders that only round to counts, {} at the motor. *real*: also half a degree of play in the drives, and encoder discs \
          off centre by 0.5 mrad.",
         16384
     ));
@@ -158,10 +157,9 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
 /// Identifies a random rig and judges the result.
 fn one(rig: &Rig, seed: u64, encoders: Encoders) -> Shown {
     let built = Built::new(&rig.device, seed).unwrap_or_else(|e| unreachable!("near the drawing: {e}"));
-    let seen = |motion: u64, seconds: f64| {
-        counts(rig, &built, &Wander::new(motion, Vec3::splat(SPEED)), seconds, encoders, seed)
-    };
-    let (recording, _) = seen(seed, RECORDED_S);
+    let seen = |wander: &Wander, seconds: f64| counts(rig, &built, wander, seconds, encoders, seed);
+    let hand = |seed: u64| Wander::new(seed, Vec3::splat(SPEED));
+    let (recording, _) = seen(&hand(seed), RECORDED_S);
     let found = identify(rig, &recorded(recording), What::Geometry, &mut |_, _| ());
     let found = found.unwrap_or_else(|why| unreachable!("a good recording: {why}"));
     let (truth, ours) = (truth(rig, &built), geometry(rig, &found.wheels, &found.zeros));
@@ -170,9 +168,9 @@ fn one(rig: &Rig, seed: u64, encoders: Encoders) -> Shown {
         &rig.device.wheels().iter().map(|w| *w.spec()).collect::<Vec<_>>(),
         &vec![0.0; built.zeros.len()],
     );
-    let (judged, real) = seen(seed + 500, JUDGED_S);
+    let (judged, real) = seen(&Wander::turns(seed, TURNS, TURN_S), TURNS as f64 * TURN_S);
     let method = hbot_core::design::rig::OdometryMethod::Midpoint;
-    let marks = rigs::after(&real, [0.1 * TEN, TEN]);
+    let marks = [real.len() / TURNS, real.len() - 1];
     let drift = |geometry: &hbot_identify::compare::Geometry| {
         let computed = geometry.orientations(rig, method, &judged);
         let drift = geometry.drift(&truth, &computed, &real);
@@ -188,7 +186,7 @@ fn one(rig: &Rig, seed: u64, encoders: Encoders) -> Shown {
     shown.intervals = [all, held];
     // The zeros are lost with the power. The rig as identified finds them again.
     let begun = rig.with(|parts| parts.device = built.device).unwrap_or(*rig);
-    let (short, _) = seen(seed + 900, ZEROS_S);
+    let (short, _) = seen(&hand(seed + 900), ZEROS_S);
     if let Ok(zeros) = identify(&begun, &recorded(short), What::Zeros, &mut |_, _| ()) {
         let off = zeros.zeros.iter().zip(&truth.zeros).map(|(a, b)| (a - b).abs());
         shown.zero = off.fold(0.0, f64::max);

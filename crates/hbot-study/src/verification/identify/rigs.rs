@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use hbot_core::design::device::WheelSpec;
-use hbot_core::{Device, MAX_JOINTS, MAX_WHEELS, Quat, Rig, rotation};
+use hbot_core::{Device, MAX_JOINTS, Quat, Rig};
 use hbot_identify::Recorded;
 use hbot_identify::compare::Geometry;
 use hbot_identify::identify::{Identified, Name};
@@ -86,26 +86,8 @@ pub(super) fn truth(rig: &Rig, built: &Built) -> Geometry {
     Geometry { device: built.device, zeros: built.zeros.iter().enumerate().map(half).collect() }
 }
 
-/// Returns the first moments at which the sphere has turned by the angles `turned` in all, rad. If
-/// it never does, returns the last moment.
-pub(super) fn after<const N: usize>(orientations: &[Quat], turned: [f64; N]) -> [usize; N] {
-    let mut sum = 0.0;
-    let mut marks = [orientations.len() - 1; N];
-    for (k, pair) in orientations.windows(2).enumerate() {
-        let before = sum;
-        sum += rotation::angle_between(pair[0], pair[1]);
-        for (mark, angle) in marks.iter_mut().zip(turned) {
-            if before < angle && sum >= angle {
-                *mark = k + 1;
-            }
-        }
-    }
-    marks
-}
-
 /// Returns the number of intervals of a result, and of those that hold the truth.
 pub(super) fn intervals(found: &Identified, built: &Built) -> (usize, usize) {
-    assert!(built.zeros.len() <= MAX_WHEELS);
     let truth = |name: Name, wheel: usize| {
         let spec = built.device.wheels()[wheel].spec();
         Some(match name {

@@ -1,0 +1,218 @@
+//! `hbot hand`: lets the hand of a simulated rig turn the sphere, and shows the torque that it
+//! feels.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::{anyhow, bail};
+use clap::{Args, Subcommand};
+use hbot_api::{Client, ClientError, Event, HandCommand, HandHold, InfoOk, MAX_OVER_MS, Op, StateEvent};
+use hbot_config::SceneFile;
+use hbot_core::{Quat, Vec3, rotation};
+use hbot_plot::{Curve, PlotPanel, sheet};
+
+use super::out::say;
+use super::scene::plot::{svg, write};
+use super::scene::sweep::Probe;
+use super::{Commanding, orders};
+
+/// Number of rows of the table.
+const ROWS: usize = 12;
+/// Longest time without a state after which the command gives up.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Time for which the hand rests at the end of the turn, s.
+const REST_S: f64 = 0.3;
+
+/// The subcommands of `hbot hand`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum HandCommands {
+    /// Turn the sphere and print the torque against the angle, beside that of the scene's law
+    Turn(TurnArgs),
+}
+
+/// Options of `hbot hand turn`.
+#[derive(Debug, Args)]
+pub(crate) struct TurnArgs {
+    /// Axis: n1, n2 or n3
+    #[arg(value_parser = axis)]
+    axis: NamedAxis,
+    /// Angle, such as 40deg or 0.7rad, at most half a turn
+    #[arg(value_parser = angle, allow_hyphen_values = true)]
+    angle: f64,
+    /// Time in which the hand turns, such as 2s, 0.1s to 60s
+    #[arg(long, value_name = "TIME", default_value = "2s", value_parser = time)]
+    over: f64,
+    /// Stiffness of the hand's grip, 0 to 100 N m/rad
+    #[arg(long, value_name = "NM/RAD", default_value_t = 20.0)]
+    stiffness: f64,
+    /// File for a picture of torque against angle; its name ends in .svg
+    #[arg(long, value_name = "FILE.svg", value_parser = svg)]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    to: Commanding,
+}
+
+/// An axis of frame N.
+#[derive(Debug, Clone)]
+struct NamedAxis {
+    name: &'static str,
+    unit: Vec3,
+}
+
+fn axis(text: &str) -> Result<NamedAxis, String> {
+    let all = [("n1", Vec3::X), ("n2", Vec3::Y), ("n3", Vec3::Z)];
+    let found = all.into_iter().find(|(name, _)| *name == text);
+    found.map(|(name, unit)| NamedAxis { name, unit }).ok_or_else(|| "n1, n2 or n3".to_owned())
+}
+
+/// Parses an angle with its unit. Returns it in rad.
+fn angle(text: &str) -> Result<f64, String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok();
+    let rad = text.strip_suffix("deg").and_then(number).map(f64::to_radians);
+    rad.or_else(|| text.strip_suffix("rad").and_then(number))
+        .filter(|rad| *rad != 0.0 && rad.abs() <= std::f64::consts::PI)
+        .ok_or_else(|| "an angle with its unit, such as 40deg or -0.7rad, at most half a turn".to_owned())
+}
+
+/// Parses a time in seconds.
+fn time(text: &str) -> Result<f64, String> {
+    let s = text.strip_suffix('s').and_then(|s| s.trim().parse::<f64>().ok());
+    s.filter(|s| (0.1..=MAX_OVER_MS as f64 * 1.0e-3).contains(s))
+        .ok_or_else(|| "a time from 0.1s to 60s, such as 2s".to_owned())
+}
+
+/// One state of the turn: torques about the axis, N m, against the angle about it, rad.
+struct Point {
+    angle: f64,
+    hand: f64,
+    rig: f64,
+    law: f64,
+}
+
+pub(crate) fn run(command: &HandCommands) -> anyhow::Result<ExitCode> {
+    let HandCommands::Turn(args) = command;
+    let mut client = orders::connect(&args.to.address, "hbot hand")?;
+    let info = client.info().map_err(orders::remedied)?;
+    if !info.rig.simulated {
+        bail!("this server drives a real rig; only a simulated one has a hand that a program moves");
+    }
+    let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args))?;
+    let points = points(&info, &states, args.axis.unit)?;
+    table(&points)?;
+    if let Some(path) = &args.out {
+        write(path, &picture(&info, &points, args.axis.name))?;
+        say!("{}", path.display())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Turns the sphere. Returns the states of the turn.
+fn turn(client: &mut Client, args: &TurnArgs) -> Result<Vec<StateEvent>, ClientError> {
+    let rate_hz = client.hello().rate_hz;
+    client.subscribe(1)?;
+    let begin = next(client)?;
+    let to = rotation::exp(args.axis.unit * args.angle) * quat(begin.q);
+    let hold = HandHold {
+        q: [to.w, to.x, to.y, to.z],
+        over_ms: (args.over * 1.0e3) as u64,
+        stiffness: Some(args.stiffness),
+        damping: None,
+        inertia: None,
+    };
+    client.call(Op::Hand(HandCommand::Hold(hold)))?;
+    let ticks = ((args.over + REST_S) * rate_hz) as u64;
+    let mut states = vec![begin];
+    while states[states.len() - 1].tick < states[0].tick + ticks {
+        states.push(next(client)?);
+    }
+    client.unsubscribe()?;
+    Ok(states)
+}
+
+fn next(client: &mut Client) -> Result<StateEvent, ClientError> {
+    loop {
+        match client.next_event(SILENCE)? {
+            Some(Event::State(state)) => return Ok(state),
+            Some(_) => {}
+            None => return Err(ClientError::NoState { after: SILENCE }),
+        }
+    }
+}
+
+fn quat([w, x, y, z]: [f64; 4]) -> Quat {
+    Quat::from_xyzw(x, y, z, w)
+}
+
+/// Returns the torques of the turn, with that of the scene's law at each orientation.
+fn points(info: &InfoOk, states: &[StateEvent], axis: Vec3) -> anyhow::Result<Vec<Point>> {
+    let scene = SceneFile::from_json(info.scene.clone()).map_err(|error| anyhow!("{error}"))?;
+    let first = &states[0];
+    let anchor = quat(first.reference.unwrap_or(first.q));
+    let period_s = 1.0 / info.rig.rate_hz;
+    let motion = |state: &StateEvent| (quat(state.q), Vec3::from_array(state.omega));
+    let law = Probe::new(&scene).along(anchor, period_s, states.iter().map(motion));
+    let point = |(state, law): (&StateEvent, Vec3)| Point {
+        angle: rotation::difference(quat(state.q), quat(first.q)).dot(axis),
+        hand: Vec3::from_array(state.hand.unwrap_or_default()).dot(axis),
+        rig: Vec3::from_array(state.torque).dot(axis),
+        law: law.dot(axis),
+    };
+    Ok(states.iter().zip(law).map(point).collect())
+}
+
+fn table(points: &[Point]) -> anyhow::Result<()> {
+    say!("  angle, deg   hand, N m    rig, N m    law, N m")?;
+    for row in 0..=ROWS {
+        let Point { angle, hand, rig, law } = &points[row * (points.len() - 1) / ROWS];
+        say!("{:12.2}{hand:12.4}{rig:12.4}{law:12.4}", angle.to_degrees())?;
+    }
+    Ok(())
+}
+
+/// Returns the picture of torque against angle as SVG.
+fn picture(info: &InfoOk, points: &[Point], axis: &str) -> String {
+    let curve = |name: &str, colour, dashed, value: fn(&Point) -> f64| Curve {
+        name: Some(name.to_owned()),
+        points: points.iter().map(|point| (point.angle.to_degrees(), value(point))).collect(),
+        colour,
+        dashed,
+    };
+    let curves = vec![
+        curve("hand, on the sphere", Some(0), false, |point| point.hand),
+        curve("rig, on the sphere", Some(1), false, |point| point.rig),
+        curve("law of the scene", None, true, |point| point.law),
+    ];
+    let all = || curves.iter().flat_map(|curve| &curve.points);
+    let most = 1.1 * all().map(|(_, y)| y.abs()).fold(1.0e-3, f64::max);
+    let (from, to) = all().fold((0.0_f64, 0.0_f64), |(from, to), (x, _)| (from.min(*x), to.max(*x)));
+    let panel = PlotPanel {
+        x: format!("angle about {axis} since the start, degrees"),
+        y: "torque about it, N m".to_owned(),
+        x_range: (from - 1.0..to + 1.0, 11),
+        y_range: -most..most,
+        limit: None,
+        curves,
+    };
+    let name = info.scene["name"].as_str().unwrap_or("scene");
+    sheet(&format!("{name}, turned by the simulated hand"), &[panel], None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_and_times_have_their_units() {
+        assert_eq!(angle("180deg"), Ok(std::f64::consts::PI));
+        assert_eq!(angle("-0.5rad"), Ok(-0.5));
+        assert_eq!(time("2s"), Ok(2.0));
+        for wrong in ["40", "deg", "0deg", "181deg", "NaNrad", "1e9rad"] {
+            assert!(angle(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["2", "0s", "61s", "-1s", "s"] {
+            assert!(time(wrong).is_err(), "{wrong}");
+        }
+        assert!(axis("n4").is_err());
+    }
+}
