@@ -129,7 +129,8 @@ fn a_model_blends_into_the_next_one_without_a_jump() {
         let want = 0.1 * (f64::from(k) / 20.0).min(1.0);
         assert!((torque - want).abs() < 1e-12, "{k}: {torque}");
     }
-    // After 40 ticks the next one takes 40 ms, after a second 50 ms, and the time that is asked for.
+    // After 40 ticks the next one takes 40 ms, after a second 50 ms, and the time that is asked
+    // for.
     bench.run(13);
     for (target, blend, ticks) in [(-0.1, None, 40.0), (0.1, Some(7), 7.0), (-0.05, Some(0), 0.0)] {
         let from = bench.step().state.torque.x;
@@ -229,7 +230,8 @@ fn a_wall_is_where_it_is_said_to_be_and_only_pushes() {
     assert!(entered.is_some_and(|depth| depth < 0.4 * DT + 1e-9), "{entered:?}");
 }
 
-/// The client sends nothing while the sphere is in the walls, and the next model no longer has them.
+/// The client sends nothing while the sphere is in the walls, and the next model no longer has
+/// them.
 #[test]
 fn half_spaces_are_entered_and_left_between_two_models() {
     let mut bench = Bench::active(rig(), CompiledScene::empty());

@@ -402,8 +402,8 @@ typedef struct hbot_local_model {
   double stiffness[3][3];
   // Rows of the damping in frame N, N m s/rad: symmetric, no eigenvalue below 0.
   double damping[3][3];
-  // Whether `pose` counts. If not, the stiffness acts about the orientation of the state with the
-  // number `tick` of the stream, or about the present one if that is 0.
+  // Whether `pose` counts. If not, the stiffness acts about the orientation of the state with
+  // the number `tick` of the stream, or about the present one if that is 0.
   bool has_pose;
   // Orientation about which the stiffness acts, {w, x, y, z}.
   double pose[4];
@@ -414,12 +414,13 @@ typedef struct hbot_local_model {
   // Time in which the torque of before blends into this one, ms, at most 200. 0: the time since
   // the last model, at most 50 ms.
   uint32_t blend_ms;
-  // Whether the server may render a model that the loop does not keep stable with less stiffness.
-  // If not, it refuses it.
+  // Whether the server may render a model that the loop does not keep stable with less
+  // stiffness. If not, it refuses it.
   bool soften;
 } hbot_local_model;
 
-// What hbot_torque(), hbot_reference() and hbot_model() send with their values. Fields that are 0 are left out.
+// What hbot_torque(), hbot_reference() and hbot_model() send with their values. Fields that are 0
+// are left out.
 typedef struct hbot_stream {
   // Time from the arrival at the server until the value expires, ms, 1 to 1000. 0: 20 ms.
   uint32_t valid_ms;

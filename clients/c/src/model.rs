@@ -35,8 +35,8 @@ pub struct HbotLocalModel {
     pub stiffness: [[f64; 3]; 3],
     /// Rows of the damping in frame N, N m s/rad: symmetric, no eigenvalue below 0.
     pub damping: [[f64; 3]; 3],
-    /// Whether `pose` counts. If not, the stiffness acts about the orientation of the state with the
-    /// number `tick` of the stream, or about the present one if that is 0.
+    /// Whether `pose` counts. If not, the stiffness acts about the orientation of the state with
+    /// the number `tick` of the stream, or about the present one if that is 0.
     pub has_pose: bool,
     /// Orientation about which the stiffness acts, {w, x, y, z}.
     pub pose: [f64; 4],
@@ -47,8 +47,8 @@ pub struct HbotLocalModel {
     /// Time in which the torque of before blends into this one, ms, at most 200. 0: the time since
     /// the last model, at most 50 ms.
     pub blend_ms: u32,
-    /// Whether the server may render a model that the loop does not keep stable with less stiffness.
-    /// If not, it refuses it.
+    /// Whether the server may render a model that the loop does not keep stable with less
+    /// stiffness. If not, it refuses it.
     pub soften: bool,
 }
 

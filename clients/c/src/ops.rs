@@ -151,7 +151,8 @@ impl Inner {
     }
 }
 
-/// What hbot_torque(), hbot_reference() and hbot_model() send with their values. Fields that are 0 are left out.
+/// What hbot_torque(), hbot_reference() and hbot_model() send with their values. Fields that are 0
+/// are left out.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct HbotStream {

@@ -248,8 +248,9 @@ pub enum Command {
         /// The tick at which the direction was measured, as in `AlignBySigma`.
         tick: u64,
     },
-    /// A local model that a client streams (see [`render::model`](crate::render::model)). Its torque
-    /// is added to the scene's torque. [`Commands::push_model`] adds it together with the model.
+    /// A local model that a client streams (see [`render::model`](crate::render::model)). Its
+    /// torque is added to the scene's torque. [`Commands::push_model`] adds it together with the
+    /// model.
     Model(ModelCommand),
 }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! RigConfig ──> inertia ──> sampled: the loop of three axes ──> bound: springs about one axis
-//!                                │                                          └──> model_bound: local models of clients
+//!                                │                      bound ──> model_bound: models of clients
 //! RigConfig ──> rates: noise and lag of each rate estimate, and which one is picked
 //! SceneFile ──> the laws around their places (render::around) ──> judge ──> abilities: warnings
 //! ```

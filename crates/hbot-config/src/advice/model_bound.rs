@@ -1,12 +1,12 @@
 //! Which local models of clients a loop keeps stable: a bound that costs microseconds, because a
 //! client can send a model in every tick.
 //!
-//! Let v be a unit vector, complex in general, that swings in the loop with a model of the stiffness
-//! K and the damping D. It sees the loop of one axis with the stiffness k = v*K v and the damping b
-//! = v*D v, and with an inertia no smaller than the smallest one. So if every such pair (k, b) is in
-//! the stable region of one axis, the loop of three axes is stable. The region is cut off to a
-//! convex polygon within it: k <= c + s b for some lines. All pairs are on one side of a line if the
-//! largest eigenvalue of K - s D is at most c.
+//! Let v be a unit vector, complex in general, that swings in the loop with a model of the
+//! stiffness K and the damping D. It sees the loop of one axis with the stiffness k = v*K v and the
+//! damping b = v*D v, and with an inertia no smaller than the smallest one. So if every such pair
+//! (k, b) is in the stable region of one axis, the loop of three axes is stable. The region is cut
+//! off to a convex polygon within it: k <= c + s b for some lines. All pairs are on one side of a
+//! line if the largest eigenvalue of K - s D is at most c.
 //!
 //! Half-spaces count as entered where they make it worse. Two that face each other count one at a
 //! time, since the sphere cannot be in both.
@@ -288,8 +288,8 @@ mod tests {
         }
     }
 
-    /// Stiffness and damping of any two directions, half-spaces among them: what is allowed is stable
-    /// in the loop of three axes.
+    /// Stiffness and damping of any two directions, half-spaces among them: what is allowed is
+    /// stable in the loop of three axes.
     #[test]
     fn what_is_allowed_is_stable_in_the_loop_of_three_axes() {
         for (springs, bound) in bounds() {

@@ -119,9 +119,9 @@ impl Controller {
         Reply::Done
     }
 
-    /// Calls `take` to accept a torque, reference or model that a client streams. Refuses the message if
-    /// the state from which the client computed it is too old or lies in a future tick. A message
-    /// that names a future tick would count as fresh until that tick.
+    /// Calls `take` to accept a torque, reference or model that a client streams. Refuses the
+    /// message if the state from which the client computed it is too old or lies in a future tick.
+    /// A message that names a future tick would count as fresh until that tick.
     fn take_stamped(
         &mut self,
         tick: u64,
