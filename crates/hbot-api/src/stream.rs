@@ -116,12 +116,12 @@ pub struct Align {
     /// Measured orientation as a unit quaternion `[w, x, y, z]`.
     #[serde(serialize_with = "finite::array")]
     pub q: [f64; 4],
-    /// Fraction of the difference to correct: from 0, which only records the measurement, to 1. With
-    /// `sigma`, its variances are divided by the weight.
+    /// Fraction of the difference to correct: from 0, which only records the measurement, to 1.
+    /// With `sigma`, its variances are divided by the weight.
     #[serde(serialize_with = "finite::scalar")]
     pub weight: f64,
-    /// Standard deviations of the error of `q` about the axes of frame N (fixed in space), rad, each
-    /// [`MIN_SIGMA`] to pi. The server then weighs the measurement by them and by its own
+    /// Standard deviations of the error of `q` about the axes of frame N (fixed in space), rad,
+    /// each [`MIN_SIGMA`] to pi. The server then weighs the measurement by them and by its own
     /// uncertainty, and does not use one that is too far away. `None`: `weight` alone decides.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "finite::optional_array")]
     pub sigma: Option<[f64; 3]>,

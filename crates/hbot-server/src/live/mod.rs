@@ -5,8 +5,8 @@
 //! recorder's thread -> Feed -> bounded queue -> viewers' thread -> one task for each viewer
 //! ```
 //!
-//! The first request, the upgrade and the check of Host and Origin are those of the web port. Nothing can
-//! be commanded here: viewers choose topics, and everything else that they send is
+//! The first request, the upgrade and the check of Host and Origin are those of the web port.
+//! Nothing can be commanded here: viewers choose topics, and everything else that they send is
 //! ignored or ends their connection. A viewer that reads too slowly loses messages, which are
 //! counted. It delays neither the loop, nor the service, nor other viewers.
 

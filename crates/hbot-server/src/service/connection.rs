@@ -53,8 +53,8 @@ pub(super) async fn serve(
     }
 }
 
-/// Serves one connection to the web port, including its TLS handshake: one request for a part of the
-/// page, or a WebSocket until either side ends it.
+/// Serves one connection to the web port, including its TLS handshake: one request for a part of
+/// the page, or a WebSocket until either side ends it.
 pub(super) async fn serve_web(
     stream: TcpStream,
     hosts: Arc<AllowedHosts>,

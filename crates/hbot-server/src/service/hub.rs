@@ -251,8 +251,8 @@ impl Hub {
         self.stats.counts.refused.add(code);
     }
 
-    /// Closes the connection to `port` that has waited longest for the refusal of its wrong token, so
-    /// that another connection gets its place. Returns false if there is no such connection.
+    /// Closes the connection to `port` that has waited longest for the refusal of its wrong token,
+    /// so that another connection gets its place. Returns false if there is no such connection.
     pub(super) fn cut_a_guess(&mut self, port: ServicePort) -> bool {
         self.publisher.cut_a_guess(port)
     }

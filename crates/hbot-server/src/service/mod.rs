@@ -171,8 +171,8 @@ struct Bounds {
     hello: Duration,
     /// Delay before the answer to a wrong token, which slows down guessing.
     wrong_token: Duration,
-    /// Time after which a client over WebSocket from which nothing comes, not even answers to pings,
-    /// is considered gone.
+    /// Time after which a client over WebSocket from which nothing comes, not even answers to
+    /// pings, is considered gone.
     silence: Duration,
     /// Time without progress in sending to a client after which the client is considered gone.
     stuck: Duration,
@@ -199,10 +199,10 @@ impl Default for Bounds {
     }
 }
 
-/// Serves the clients of `listener`, and those of the web port, until `shutdown` completes, or until the loop has ended and all
-/// its samples are taken. Then notifies the clients, which takes at most 200 ms, finishes the
-/// flight logs and returns the statistics of the run. Needs a tokio runtime with I/O and time. One
-/// thread is enough.
+/// Serves the clients of `listener`, and those of the web port, until `shutdown` completes, or
+/// until the loop has ended and all its samples are taken. Then notifies the clients, which takes
+/// at most 200 ms, finishes the flight logs and returns the statistics of the run. Needs a tokio
+/// runtime with I/O and time. One thread is enough.
 pub async fn serve(
     listener: TcpListener,
     end: ServiceEnd,

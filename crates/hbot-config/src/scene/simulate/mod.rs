@@ -96,8 +96,8 @@ pub struct Simulate {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "TorqueConstants")]
     pub torque_constants: Option<TorqueConstants>,
-    /// Motors whose magnets pull the rotor towards some angles: a torque that repeats with the angle
-    /// of the encoder, in two harmonics.
+    /// Motors whose magnets pull the rotor towards some angles: a torque that repeats with the
+    /// angle of the encoder, in two harmonics.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Cogging")]
     pub cogging: Option<Cogging>,
