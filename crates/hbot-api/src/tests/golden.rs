@@ -133,7 +133,7 @@ fn a_later_server_may_say_more() {
 #[test]
 fn nothing_that_is_not_finite_is_ever_sent() {
     type Spoil = fn(&mut StateEvent, f64);
-    let spoils: [Spoil; 17] = [
+    let spoils: [Spoil; 18] = [
         |s, x| s.t = x,
         |s, x| s.q[3] = x,
         |s, x| s.omega[1] = x,

@@ -169,6 +169,8 @@ proptest! {
         tick in any::<u64>(), mode in prop::sample::select(&Mode::ALL[..]),
         fault in prop::option::of(prop::sample::select(&Fault::ALL[..])), q in quaternion(),
         reference in prop::option::of(quaternion()), client in any::<Option<(Option<u64>, u64)>>(),
+        hand in prop::option::of(prop::array::uniform3(number())),
+        orientation_sigma in prop::option::of(prop::array::uniform3(number())),
     ) {
         let n = |i: usize| numbers[i];
         let event = Event::State(StateEvent {
@@ -177,6 +179,7 @@ proptest! {
             slip: n(7), scale: n(8), traction: n(9), energy: n(10),
             client: client.map(|(seq, age_ticks)| ClientStream { seq, age_ticks }),
             timing: StateTiming { lateness_us: n(11), ..samples::state().timing },
+            hand, orientation_sigma,
         });
         for encoding in Encoding::ALL {
             let bytes = unframed(encoding, &encoded(encoding, &event));

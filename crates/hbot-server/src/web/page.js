@@ -101,7 +101,6 @@ const controls = new Controls($('effects'), rig, (effect, key, value) => (
 /** Stops the rig. If nothing comes over the usual connection, the stop also goes over another. */
 function stop() {
   rig.asksStop();
-  hand.drop();
   const ways = link.isOpen ? [link.request('estop')] : [];
   if (!link.isOpen || rig.silentFor !== null) ways.push(link.stopApart((session) => rig.own.add(session)));
   Promise.any(ways).catch((failed) => rig.stopFailed(failed.errors.at(-1).message)).finally(changed);

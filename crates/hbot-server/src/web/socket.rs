@@ -234,3 +234,74 @@ impl<S: AsyncRead + AsyncWrite + Unpin> AsyncWrite for WebSocket<S> {
         Pin::new(&mut this.stream).poll_shutdown(context)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, duplex};
+
+    use super::*;
+
+    const LONG: Duration = Duration::from_secs(3600);
+
+    /// A client that reads slowly takes some bytes of a long message at a time. The writer must see
+    /// that, or it would take the client for one that does not read.
+    #[tokio::test]
+    async fn a_writer_sees_the_progress_of_a_long_message() {
+        let (mut client, server) = duplex(100);
+        let mut socket = WebSocket::new(server, b"", LONG, || Encoding::Json);
+        let messages = format!("{{{}\n{{\"b\"}}\n", "a".repeat(1000));
+        let (mut sent, mut writes, mut read) = (0, 0, Vec::new());
+        while sent < messages.len() {
+            sent += socket.write(&messages.as_bytes()[sent..]).await.unwrap();
+            writes += 1;
+            let mut piece = [0; 100];
+            let n = client.read(&mut piece).await.unwrap();
+            read.extend_from_slice(&piece[..n]);
+        }
+        assert_eq!(sent, messages.len());
+        assert!(writes >= 10, "{writes} writes");
+        drop(socket);
+        client.read_to_end(&mut read).await.unwrap();
+        let right = [&[0x81, 126, 3, 0xe9, b'{'][..], &[b'a'; 1000], &[0x81, 5], b"{\"b\"}"].concat();
+        assert_eq!(read, right);
+    }
+
+    #[tokio::test]
+    async fn either_side_can_end_a_websocket() {
+        // A client closes: the answers that wait are sent before the server's last frame.
+        let (mut client, server) = duplex(1000);
+        let mut socket = WebSocket::new(server, &[0x88, 0x82, 0, 0, 0, 0, 3, 0xe8], LONG, || Encoding::Json);
+        let mut came = Vec::new();
+        socket.read_to_end(&mut came).await.unwrap();
+        assert_eq!(came.trim_ascii(), b"", "nothing but what is skipped");
+        socket.write_all(b"{}\n").await.unwrap();
+        socket.shutdown().await.unwrap();
+        let mut rest = Vec::new();
+        client.read_to_end(&mut rest).await.unwrap();
+        assert_eq!(rest, [0x81, 2, b'{', b'}', 0x88, 2, 3, 0xe8]);
+        // The server closes: what the client still sends is only removed.
+        let (mut client, server) = duplex(1000);
+        let mut socket = WebSocket::new(server, b"", LONG, || Encoding::Json);
+        socket.shutdown().await.unwrap();
+        client.write_all(b"whatever").await.unwrap();
+        drop(client);
+        came.clear();
+        socket.read_to_end(&mut came).await.unwrap();
+        assert_eq!(came, b"whatever");
+    }
+
+    #[tokio::test]
+    async fn a_silent_client_is_sent_pings_and_then_the_end() {
+        let (mut client, server) = duplex(1000);
+        let mut socket = WebSocket::new(server, b"", Duration::from_millis(90), || Encoding::Json);
+        let mut came = Vec::new();
+        socket.read_to_end(&mut came).await.unwrap();
+        assert_eq!(came, b"");
+        socket.shutdown().await.unwrap();
+        let mut rest = Vec::new();
+        client.read_to_end(&mut rest).await.unwrap();
+        let (pings, end) = rest.split_at(4);
+        assert_eq!(pings, [0x89, 0, 0x89, 0]);
+        assert_eq!(end[..4], [0x88, 2 + 18, 3, 0xf0]);
+    }
+}

@@ -27,7 +27,7 @@ fn a_loan_lasts_a_turn_and_fades_over_the_next() {
     turned(&mut loan, TURNING, ticks(0.6), &mut given);
     assert_eq!(loan.gain(), 0.0);
     // A rest renews it: within 20 ms if the scene is quiet, else within 0.25 s.
-    let rest = Moment { omega: Vec3::ZERO, kinetic: 0.0, lost: 0.0, still: true, ..TURNING };
+    let rest = Moment { omega: Vec3::ZERO, lost: 0.0, still: true, ..TURNING };
     let mut other = loan.clone();
     turned(&mut loan, rest, 19, &mut given);
     assert_eq!(loan.gain(), 0.0);

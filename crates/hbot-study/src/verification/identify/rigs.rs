@@ -44,7 +44,7 @@ pub(super) fn counts(
     let joints = rig.device.joints();
     let mut rng = Rng(seed);
     let phases: [f64; MAX_JOINTS] = core::array::from_fn(|_| TAU * rng.unit());
-    let mut motor = [0.0; MAX_JOINTS];
+    let mut motor = [0.0_f64; MAX_JOINTS];
     let moments = wander.course(&built.device, H).take((seconds / H) as usize);
     moments
         .map(|moment| {
