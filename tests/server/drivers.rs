@@ -71,6 +71,7 @@ fn served(cable: &Cable) -> TestServer {
     // this code to authors of drivers.
     let options = ServerOptions {
         rig,
+        built: None,
         scene: SceneFile::default_scene(),
         time: Time::Wall,
         duration: None,
@@ -81,6 +82,7 @@ fn served(cable: &Cable) -> TestServer {
         recorder: None,
         recording: RecordOptions::default(),
         live: None,
+        web: None,
     };
     TestServer::start(options, any_port())
 }
