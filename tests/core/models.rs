@@ -123,8 +123,8 @@ fn a_model_blends_into_the_next_one_without_a_jump() {
     let t = |x: f64| isotropic(Vec3::X * x, 0.0, 0.0, None);
     // The first model fades in over 20 ms.
     let mut before = send(&mut bench, valid(1000, None), &t(0.1)).state.torque.x;
-    assert!(before.abs() < ROUNDING, "{before}");
-    for k in 1..=25 {
+    assert!((before - 0.1 / 20.0).abs() < ROUNDING, "{before}");
+    for k in 2..=26 {
         let torque = bench.step().state.torque.x;
         let want = 0.1 * (f64::from(k) / 20.0).min(1.0);
         assert!((torque - want).abs() < 1e-12, "{k}: {torque}");
@@ -136,13 +136,28 @@ fn a_model_blends_into_the_next_one_without_a_jump() {
         let from = bench.step().state.torque.x;
         before = from;
         send(&mut bench, valid(1000, blend), &t(target));
-        for k in 1..60 {
+        for k in 2..61 {
             let torque = bench.step().state.torque.x;
             let part = if ticks > 0.0 { (f64::from(k) / ticks).min(1.0) } else { 1.0 };
             assert!((torque - (from + (target - from) * part)).abs() < 1e-12, "{target} {k}: {torque}");
             assert!((torque - before).abs() <= SLEW);
             before = torque;
         }
+    }
+}
+
+/// The first of them fades in, although the next one comes in the next tick.
+#[test]
+fn models_that_come_in_every_tick_are_in_force_at_once() {
+    let mut bench = Bench::active(rig(), CompiledScene::empty());
+    let model = isotropic(Vec3::X * 0.1, 3.0, 0.0, Some(Quat::IDENTITY));
+    for blend in [None, Some(1), Some(2), Some(5)] {
+        for _ in 0..60 {
+            send(&mut bench, valid(10, blend), &model);
+        }
+        let torque = bench.step().state.torque;
+        assert!((torque - Vec3::X * 0.1).length() < 1e-6, "{blend:?}: {torque}");
+        bench.run(40);
     }
 }
 
@@ -185,7 +200,7 @@ fn a_model_that_is_not_renewed_ends_in_20_ms_and_comes_back_without_a_jump() {
         assert_eq!(state.mode, Mode::Active, "no fault");
     }
     let back = send(&mut bench, valid(30, None), &model).state.torque;
-    assert!((back - scene).length() < 1e-12);
+    assert!((back - scene).length() < 0.1 / 20.0 + 1e-12);
     assert!((bench.run(25).state.torque - scene - Vec3::Y * 0.1).length() < ROUNDING);
 }
 
@@ -267,9 +282,10 @@ fn half_spaces_are_entered_and_left_between_two_models() {
         before = bench.turn(Vec3::X * 0.5).state.torque;
     }
     let inside = before.length();
-    send(&mut bench, valid(1000, Some(20)), &isotropic(Vec3::ZERO, 0.0, 0.0, None));
-    for _ in 0..30 {
-        let torque = bench.step().state.torque;
+    let next = isotropic(Vec3::ZERO, 0.0, 0.0, None);
+    for k in 0..31 {
+        let outputs = if k == 0 { send(&mut bench, valid(1000, Some(20)), &next) } else { bench.step() };
+        let torque = outputs.state.torque;
         assert!((torque - before).length() < inside / 20.0 + 1e-9, "{torque} after {before}");
         before = torque;
     }

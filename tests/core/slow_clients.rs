@@ -173,7 +173,7 @@ fn is_stable(lead: bool, hand: Option<Hand>, by: By, rate_hz: u64, stiffness: f6
 /// Returns the largest stiffness up to which all are stable, N m/rad, in steps of 25 %.
 fn border(lead: bool, hand: Option<Hand>, by: By, rate_hz: u64) -> f64 {
     let mut stiffness = 0.1;
-    while stiffness < 150.0 && is_stable(lead, hand, by, rate_hz, stiffness) {
+    while stiffness < 80.0 && is_stable(lead, hand, by, rate_hz, stiffness) {
         stiffness *= 1.25;
     }
     stiffness / 1.25

@@ -247,13 +247,15 @@ impl Modelled {
             torque = limited(torque, limit);
             own *= self.level;
         }
-        self.last = (torque + self.offset) * self.level;
+        // The tick in which the model came is the first of the blend. Otherwise models that come in
+        // every tick would hand the difference on for ever.
         if self.left_s > dt {
             self.offset *= 1.0 - dt / self.left_s;
             self.left_s -= dt;
         } else {
             (self.offset, self.left_s) = (Vec3::ZERO, 0.0);
         }
+        self.last = (torque + self.offset) * self.level;
         (self.last, own)
     }
 
