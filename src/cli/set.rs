@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn a_changed_scene_has_the_warnings_of_one_that_is_loaded() {
         let spring = "[[effect]]\nid = 's'\nkind = 'spring'\nstiffness = ";
-        let matrix = "[[30, 0, 0], [0, 2, 0], [0, 0, 1]]\n";
+        let matrix = "[[300, 0, 0], [0, 2, 0], [0, 0, 1]]\n";
         let air = "[[effect]]\nid = 'air'\nkind = 'damper'\ndamping = 0.08\n";
         let honey = "[[effect]]\nid = 'honey'\nkind = 'damper'\ndamping = 2\n";
         let push = "[[effect]]\nid = 'p'\nkind = 'constant'\ntorque = [2, 1, 0]\n";
@@ -157,12 +157,11 @@ mod tests {
             (format!("{spring}2\ndamping = 20\n"), 1),
             // Each of the two dampings is named.
             (format!("{spring}2\ndamping = 2\n{honey}"), 2),
-            (format!("{spring}30\n"), 1),
+            (format!("{spring}300\n"), 1),
             (format!("{spring}{matrix}"), 1),
             (format!("{spring}{matrix}{air}"), 0),
             (format!("{spring}100\ngain = 9\n{air}{push}"), 2),
-            // The default friction sticks like a spring with too little damping.
-            (format!("{rubber}{push}"), 2),
+            (format!("{rubber}{push}"), 1),
             (
                 "[[effect]]\nid = 'd'\nkind = 'detents'\npositions = [0, 1]\nend_stiffness = 600\ndamping = 0.02\n"
                     .to_owned(),

@@ -282,7 +282,7 @@ fn play_looks_like_slip_and_the_fault_says_so() {
         .timeout(Duration::from_secs(120));
     let said = server.assert().success();
     let log = String::from_utf8_lossy(&said.get_output().stderr);
-    assert!(log.contains("slip: a wheel slipped at 0.060 m/s"), "{log}");
+    assert!(log.contains("slip: a wheel slipped at 0.053 m/s"), "{log}");
     assert!(log.contains("A gear that crosses its play looks the same"), "{log}");
 }
 

@@ -379,7 +379,7 @@ fn a_folder_in_place_of_a_file_is_told_with_what_is_wanted() {
 fn what_is_legal_checks_out() {
     run(&["rig", "check"])
         .success()
-        .stdout(contains("a legal design").and(contains("4.990 N m/rad at 0.01")));
+        .stdout(contains("a legal design").and(contains("234.336 N m/rad at 0.01")));
     for scene in std::fs::read_dir("scenes").expect("the scenes") {
         let scene = scene.expect("a scene").path();
         run(&["scene", "check", scene.to_str().expect("UTF-8")]).success();

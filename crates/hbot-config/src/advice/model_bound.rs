@@ -207,18 +207,29 @@ pub fn smallest_eigenvalue(m: &Mat3) -> f64 {
     -largest_eigenvalue(&(*m * -1.0))
 }
 
-/// Returns the largest eigenvalue of a symmetric matrix (Smith 1961).
+/// Returns the largest eigenvalue of a symmetric matrix, by Jacobi's rotations: exact to rounding
+/// also where two eigenvalues are equal.
 fn largest_eigenvalue(m: &Mat3) -> f64 {
-    let mean = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
-    let rest = *m - Mat3::IDENTITY * mean;
-    let square =
-        [rest.x_axis, rest.y_axis, rest.z_axis].iter().map(|v| v.length_squared()).sum::<f64>() / 6.0;
-    if !(square > 0.0) {
-        return mean;
+    let mut a = m.to_cols_array_2d();
+    // Rotations converge quadratically: after three sweeps nothing is left beside the diagonal.
+    for _ in 0..6 {
+        for (p, q, r) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
+            let beside = a[p][q];
+            if beside == 0.0 {
+                continue;
+            }
+            let theta = (a[q][q] - a[p][p]) / (2.0 * beside);
+            let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+            let c = 1.0 / t.hypot(1.0);
+            let (rp, rq) = (a[r][p], a[r][q]);
+            a[p][p] -= t * beside;
+            a[q][q] += t * beside;
+            (a[p][q], a[q][p]) = (0.0, 0.0);
+            (a[r][p], a[r][q]) = (c * (rp - t * rq), c * (t * rp + rq));
+            (a[p][r], a[q][r]) = (a[r][p], a[r][q]);
+        }
     }
-    let size = square.sqrt();
-    let r = (rest * (1.0 / size)).determinant() / 2.0;
-    mean + 2.0 * size * (r.clamp(-1.0, 1.0).acos() / 3.0).cos()
+    a[0][0].max(a[1][1]).max(a[2][2])
 }
 
 /// Returns a unit eigenvector of the symmetric matrix `m` for its eigenvalue `value`.

@@ -71,10 +71,21 @@ impl Listed {
     /// at their defaults, each with its unit. Parameters that are absent by default are left out.
     #[must_use]
     pub fn snippet(&self) -> String {
+        let all = self.text_with(&[]);
+        // A key that has no effect at its default would only raise a question.
+        let scene = super::SceneFile::from_toml(&all, self.name).ok();
+        let effect = scene.as_ref().and_then(|scene| scene.effects().first());
+        let idle: Vec<&str> =
+            effect.map(|effect| effect.in_vain().iter().map(|key| key.name).collect()).unwrap_or_default();
+        self.text_with(&idle)
+    }
+
+    /// Returns an effect of this kind with its defaults as TOML, without the keys `left_out`.
+    fn text_with(&self, left_out: &[&str]) -> String {
         let mut text = format!("[[effect]]\nid = \"{0}\"\nkind = \"{0}\"\n", self.name);
         for (key, property) in crate::schema::properties(&self.schema) {
             let default = &property["default"];
-            let common = COMMON.contains(&key.as_str());
+            let common = COMMON.contains(&key.as_str()) || left_out.contains(&key.as_str());
             if common || default.is_null() || default.as_array().is_some_and(Vec::is_empty) {
                 continue;
             }

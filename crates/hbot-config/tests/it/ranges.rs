@@ -60,7 +60,13 @@ fn with(mut file: toml::Value, path: &str, value: &str) -> String {
                 }
                 &mut place.as_array_mut().unwrap()[index.parse::<usize>().unwrap()]
             }
-            None => place.as_table_mut().unwrap().entry(key).or_insert(toml::Value::Boolean(false)),
+            None => {
+                if !place.is_table() {
+                    // The list holds tables.
+                    *place = toml::Value::Table(toml::Table::new());
+                }
+                place.as_table_mut().unwrap().entry(key).or_insert(toml::Value::Boolean(false))
+            }
         };
     }
     *place = toml::Value::String(MARK.to_owned());

@@ -158,8 +158,8 @@ fn keys_and_types() {
     );
     assert_eq!(
         said_of_spring("stiffness = 'soft'"),
-        "x.toml:4:13: effect[0].stiffness: found the string \"soft\"; legal: a number, 0 to 1000 N m/rad, or a symmetric \
-         positive semidefinite 3x3 matrix"
+        "x.toml:4:13: effect[0].stiffness: found the string \"soft\"; legal: a number, 0 to 1000 N m/rad, or three numbers \
+         for the axes, or a symmetric positive semidefinite 3x3 matrix"
     );
     assert_eq!(
         said_of_spring("law = 'hooke'"),

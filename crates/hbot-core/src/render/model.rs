@@ -303,11 +303,13 @@ mod tests {
             let q = rotation::exp(turn);
             let (torque, _) = model.at(Motion { q, omega: Vec3::ZERO });
             for axis in Vec3::AXES {
-                let step = 1.0e-4;
+                let step = if size_of::<Real>() == 4 { 1.0e-2 } else { 1.0e-4 };
                 let at = |way: Real| energy(&model, rotation::exp(axis * (way * step)) * q);
                 let slope = (at(1.0) - at(-1.0)) / (2.0 * step);
-                // Central differences are off by the square of the step times a third derivative.
-                assert!(fabs(torque.dot(axis) + slope) < 1.0e-6, "{turn}: {torque} {slope}");
+                // Central differences are off by the square of the step times a third derivative, and
+                // by the rounding of the energy over the step.
+                let bound = if size_of::<Real>() == 4 { 5.0e-3 } else { 1.0e-6 };
+                assert!(fabs(torque.dot(axis) + slope) < bound, "{turn}: {torque} {slope}");
             }
         }
     }

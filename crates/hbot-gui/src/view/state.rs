@@ -52,7 +52,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
 /// so that the sliders below it stay in their place; a longer text scrolls in it.
 fn status(ui: &mut Ui, model: &Model, palette: Palette) {
     let headline = model.headline();
-    let mut frame = egui::Frame::group(ui.style());
+    // The edge is as wide in all states, so that nothing below the box moves.
+    let edge = egui::Frame::group(ui.style()).stroke.color;
+    let mut frame = egui::Frame::group(ui.style()).stroke((2.0, edge));
     // The box is as loud as the state.
     frame = match headline {
         Headline::NotStopped => frame.fill(STOP),
