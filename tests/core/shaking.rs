@@ -40,6 +40,8 @@ impl Run {
 
     fn guarded(scene: &SceneFile, hand: Option<Hand>, on: bool) -> Self {
         let rig = altered(&RigConfig::prototype().rig, |rig| {
+            // Without the lead more scenes shake.
+            rig.lead = None;
             rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume);
             rig.methods.passivity = None;
         });

@@ -228,6 +228,6 @@ mod tests {
             let gone = active.with(&setup.gone());
             assert_eq!(*gone.exchange.rig().phenomena(), Phenomena::default(), "{}", listed.name);
         }
-        assert_eq!(seen.len(), 12);
+        assert_eq!(seen.len(), 15);
     }
 }
