@@ -47,26 +47,25 @@ fn numbers(schema: &Value, path: &str, found: &mut Vec<(String, Value)>) {
 fn with(mut file: toml::Value, path: &str, value: &str) -> String {
     const MARK: &str = "here";
     let mut place = &mut file;
-    for key in path.split(['.', '[']) {
+    let keys: Vec<&str> = path.split(['.', '[']).collect();
+    for (k, key) in keys.iter().enumerate() {
         place = match key.strip_suffix(']') {
             Some(index) => {
                 if !place.is_array() {
-                    // The key accepts a number or a matrix. Here it becomes a matrix.
-                    *place = toml::Value::from(vec![
-                        vec![1.0, 0.0, 0.0],
-                        vec![0.0, 1.0, 0.0],
-                        vec![0.0, 0.0, 1.0],
-                    ]);
+                    // The file lacks the list, or has a number where a matrix is legal, too.
+                    *place = match keys.get(k + 1) {
+                        Some(next) if next.ends_with(']') => toml::Value::from(vec![
+                            vec![1.0, 0.0, 0.0],
+                            vec![0.0, 1.0, 0.0],
+                            vec![0.0, 0.0, 1.0],
+                        ]),
+                        Some(_) => toml::Value::from(vec![toml::Table::new()]),
+                        None => toml::Value::from(vec![0.0; 3]),
+                    };
                 }
                 &mut place.as_array_mut().unwrap()[index.parse::<usize>().unwrap()]
             }
-            None => {
-                if !place.is_table() {
-                    // The list holds tables.
-                    *place = toml::Value::Table(toml::Table::new());
-                }
-                place.as_table_mut().unwrap().entry(key).or_insert(toml::Value::Boolean(false))
-            }
+            None => place.as_table_mut().unwrap().entry(*key).or_insert(toml::Value::Boolean(false)),
         };
     }
     *place = toml::Value::String(MARK.to_owned());
