@@ -64,6 +64,10 @@ impl<T: Serialize> Serialize for Response<T> {
 
 /// Any message that a client receives from the server: an answer or an event.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "nearly all of them are states; a box would cost an allocation each"
+)]
 pub enum ServerMessage {
     /// The answer to one of the client's requests.
     Response(Response),

@@ -8,6 +8,10 @@ use serde::{Deserialize, Serialize};
 /// instead of `id`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "nearly all of them are states; a box would cost an allocation each"
+)]
 pub enum Event {
     /// State of the rig in one tick. Sent only to clients that have subscribed.
     State(StateEvent),
