@@ -64,6 +64,7 @@ fn state() -> Event {
         scale: 1.0,
         traction: 0.234_5,
         energy: -0.012_34,
+        orientation_sigma: None,
         client: Some(ClientStream { seq: Some(77), age_ticks: 2 }),
         hand: None,
         timing: StateTiming {

@@ -87,7 +87,7 @@ impl Geometry {
         for k in 0..ANGLES.pow(2) {
             let at = |geometry: &Self| {
                 let angle = |i: usize| {
-                    let step = if i % 2 == 0 { k % ANGLES } else { k / ANGLES };
+                    let step = if i.is_multiple_of(2) { k % ANGLES } else { k / ANGLES };
                     step as f64 * std::f64::consts::TAU / ANGLES as f64 + 0.3 * i as f64 + geometry.zeros[i]
                 };
                 let th: [f64; MAX_WHEELS] = std::array::from_fn(|i| if i < n { angle(i) } else { 0.0 });

@@ -183,7 +183,8 @@ pub enum Refusal {
 }
 
 fn listed(joints: &[usize]) -> String {
-    let name = |j: &usize| format!("wheel[{}].{}", j / 2, if j % 2 == 0 { "steer" } else { "drive" });
+    let name =
+        |j: &usize| format!("wheel[{}].{}", j / 2, if j.is_multiple_of(2) { "steer" } else { "drive" });
     joints.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 

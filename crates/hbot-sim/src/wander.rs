@@ -66,6 +66,7 @@ fn normal(random: &mut Rand64) -> f64 {
 
 /// A motion of the sphere by a hand.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "one exists for each recording")]
 pub enum Wander {
     /// Turns about all axes that never repeat: size (rad/s), pace (rad/s) and phase (rad) of the
     /// sines about n1, n2 and n3.

@@ -111,17 +111,19 @@ fn every_helper_asks_its_op_in_both_encodings() {
         client
             .reference(ReferenceCommand { effect, q, omega: None, valid_ms: 1, tick: None, seq: None })
             .unwrap();
+        client.model(ModelCommand { valid_ms: 1, ..ModelCommand::default() }).unwrap();
         assert_eq!(client.align(Align { q, weight: 0.0, sigma: None, t: None }).unwrap(), 0.25);
         let (body, world) = ([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]);
         let direction = AlignDirection { body, world, sigma: 0.1, t: None };
         let answer = client.align_direction(direction).unwrap();
         assert!(answer.used && answer.angle == 0.25, "an older server uses all that it answers");
+        client.hand(HandCommand::RELEASE).unwrap();
         assert_eq!(client.enable().unwrap(), Mode::Idle);
         client.disable().unwrap();
         client.reset().unwrap();
         client.estop().unwrap();
         assert_eq!(client.ping(json!([1, "x"])).unwrap().data, json!([1, "x"]));
-        for _ in 0..18 {
+        for _ in 0..20 {
             assert_eq!(client.next_event(SOON).unwrap(), Some(Event::State(samples::state())));
         }
         assert_eq!(client.next_event(Duration::ZERO).unwrap(), None);
