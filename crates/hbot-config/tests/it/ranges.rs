@@ -59,13 +59,22 @@ fn with(mut file: toml::Value, path: &str, value: &str) -> String {
                             vec![0.0, 1.0, 0.0],
                             vec![0.0, 0.0, 1.0],
                         ]),
-                        Some(_) => toml::Value::from(vec![toml::Table::new()]),
+                        // A harmonic of `cogging`, whose other numbers are legal.
+                        Some(_) => toml::from_str("a = [{ per_turn = 1, amplitude = 0.1 }]")
+                            .map(|list: toml::Table| list["a"].clone())
+                            .unwrap(),
                         None => toml::Value::from(vec![0.0; 3]),
                     };
                 }
                 &mut place.as_array_mut().unwrap()[index.parse::<usize>().unwrap()]
             }
-            None => place.as_table_mut().unwrap().entry(*key).or_insert(toml::Value::Boolean(false)),
+            None => {
+                if !place.is_table() {
+                    // The file lacks the table.
+                    *place = toml::Value::Table(toml::Table::new());
+                }
+                place.as_table_mut().unwrap().entry(*key).or_insert(toml::Value::Boolean(false))
+            }
         };
     }
     *place = toml::Value::String(MARK.to_owned());

@@ -54,7 +54,7 @@ fn status(ui: &mut Ui, model: &Model, palette: Palette) {
     let headline = model.headline();
     // The edge is as wide in all states, so that nothing below the box moves.
     let edge = egui::Frame::group(ui.style()).stroke.color;
-    let mut frame = egui::Frame::group(ui.style()).stroke((2.0, edge));
+    let mut frame = egui::Frame::group(ui.style()).inner_margin(5).stroke((2.0, edge));
     // The box is as loud as the state.
     frame = match headline {
         Headline::NotStopped => frame.fill(STOP),

@@ -3,7 +3,7 @@
 //! A driver implements two traits. [`MotorBus`] is called by the loop in every tick: it reads and
 //! writes, and never waits. [`Protocol`] is used outside the loop: it identifies the controllers on
 //! a serial line, switches their motors off, and states how much traffic a tick causes.
-//! `docs/drivers.md` explains how to write a driver, and [`conformance`](crate::bus::conformance)
+//! `docs/drivers.md` explains how to write a driver, and [`conformance`]
 //! tests it.
 //!
 //! A bus knows neither the rig nor its geometry. It counts its joints from 0 in the order in which
