@@ -192,8 +192,8 @@ fn a_model_keeps_a_contact_as_stiff_at_60_messages_a_second_as_at_1000() {
                     hand.is_some()
                 );
                 assert!(model >= least, "lead {lead}, {rate_hz} Hz: {model} N m/rad");
-                // The spring of a reference is computed in the loop too. It drags instead, because its
-                // reference lags behind a sphere that turns freely.
+                // The spring of a reference is computed in the loop too. It drags instead, because
+                // its reference lags behind a sphere that turns freely.
                 assert!(rate_hz == 1000 || model > 2.0 * torque, "{rate_hz} Hz: {torque} {model}");
             }
         }

@@ -306,8 +306,8 @@ mod tests {
                 let step = if size_of::<Real>() == 4 { 1.0e-2 } else { 1.0e-4 };
                 let at = |way: Real| energy(&model, rotation::exp(axis * (way * step)) * q);
                 let slope = (at(1.0) - at(-1.0)) / (2.0 * step);
-                // Central differences are off by the square of the step times a third derivative, and
-                // by the rounding of the energy over the step.
+                // Central differences are off by the square of the step times a third derivative,
+                // and by the rounding of the energy over the step.
                 let bound = if size_of::<Real>() == 4 { 5.0e-3 } else { 1.0e-6 };
                 assert!(fabs(torque.dot(axis) + slope) < bound, "{turn}: {torque} {slope}");
             }

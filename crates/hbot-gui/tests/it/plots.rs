@@ -105,8 +105,8 @@ fn the_ground_is_light_or_dark() {
 
 #[test]
 fn a_fit_describes_the_stiffness_since_its_last_change() {
-    // In real time the samples before the change stay in the plot for ten seconds. The lead of 2.2 ms
-    // adds 2.2 ms times the stiffness to the damping of 0.02 N m s/rad.
+    // In real time the samples before the change stay in the plot for ten seconds. The lead of 2.2
+    // ms adds 2.2 ms times the stiffness to the damping of 0.02 N m s/rad.
     let (_bench, mut seat) = moving(true);
     seat.click("Torque / deflection");
     seat.until_text("n1 2.000 (0.0244)");

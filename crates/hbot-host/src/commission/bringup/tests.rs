@@ -72,8 +72,8 @@ fn a_ramp_ends_when_the_joint_has_moved_and_says_what_moved_it() {
             let mut bench = bench(|config| config.phenomena = phenomena, false, |_| ());
             let outcome = ramp(&mut bench, joint, most, 50.0).unwrap();
             assert_eq!(outcome.verdict, Verdict::Good, "{outcome:?}");
-            // The other joints rub too. The ramp ends by the rate: its sum differs from the counts by
-            // some of them. A tick of motion at the end is allowed beyond 0.05 rad.
+            // The other joints rub too. The ramp ends by the rate: its sum differs from the counts
+            // by some of them. A tick of motion at the end is allowed beyond 0.05 rad.
             assert!((0.0495..0.1).contains(&outcome.moved.abs()), "{outcome:?}");
             let size = outcome.torque * most.signum();
             assert!(size > 5.0e-4 && size < 0.02, "{outcome:?}");
