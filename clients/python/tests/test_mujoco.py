@@ -81,7 +81,7 @@ def felt(model: Any, omega: float) -> float:
         plane.stiffness * max(0.0, -plane.offset) * np.array(plane.normal)[2]
         for plane in model.planes
     )
-    return float(np.array(model.torque)[2]) - damped - push
+    return float(float(np.array(model.torque)[2]) - damped - push)
 
 
 def test_a_free_hinge_drags_by_its_friction_and_is_held_about_other_axes() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import pytest
@@ -17,9 +17,10 @@ from hbot.wire import Encoding
 DAMPING = 0.01  # N m s/rad
 
 
-def damper(state: hbot.State) -> hbot.Vector:
+def damper(state: hbot.State) -> Sequence[float]:
     """Return the torque of a damper, N m."""
-    return -DAMPING * state.omega
+    torque: hbot.Vector = -DAMPING * state.omega
+    return torque
 
 
 @pytest.fixture
@@ -32,7 +33,7 @@ def rig(server: Server, encoding: Encoding) -> Iterator[hbot.Rig]:
 def test_the_age_of_a_torque_is_counted_from_the_state_it_was_computed_from(rig: hbot.Rig) -> None:
     streams = []
 
-    def remember(state: hbot.State) -> list[float]:
+    def remember(state: hbot.State) -> Sequence[float]:
         if state.client is not None and state.client.seq is not None:
             streams.append((state.tick, state.client))
         return [0.0, 0.0, 0.0]
@@ -105,7 +106,7 @@ def test_a_lease_that_is_stolen_ends_a_render(server: Server, rig: hbot.Rig) -> 
     with hbot.connect(server.address, name="thief") as thief, rig.lease():
         rig.enable()
 
-        def steal_once(state: hbot.State) -> list[float]:
+        def steal_once(state: hbot.State) -> Sequence[float]:
             if rig_holds(rig):
                 thief.acquire(steal=True)
             return damper(state)
@@ -126,7 +127,7 @@ def test_a_stop_by_another_client_ends_a_render(server: Server, rig: hbot.Rig) -
     with hbot.connect(server.address, name="other") as other, rig.lease():
         rig.enable()
 
-        def stop_once(state: hbot.State) -> list[float]:
+        def stop_once(state: hbot.State) -> Sequence[float]:
             other.estop()
             return damper(state)
 
@@ -137,7 +138,7 @@ def test_a_stop_by_another_client_ends_a_render(server: Server, rig: hbot.Rig) -
 def render_slowly(rig: hbot.Rig) -> hbot.Rendered:
     """Render for 1 s with a function that needs 0.1 s for each torque."""
 
-    def slow(state: hbot.State) -> list[float]:
+    def slow(state: hbot.State) -> Sequence[float]:
         time.sleep(0.1)  # Its subject is time: 25 ticks.
         return damper(state)
 
@@ -167,7 +168,7 @@ def test_a_skipped_state_leaves_the_last_torque_in_force(rig: hbot.Rig) -> None:
     stall_s = 0.1
     ticks: list[tuple[int, float]] = []
 
-    def stalls(state: hbot.State) -> list[float]:
+    def stalls(state: hbot.State) -> Sequence[float]:
         ticks.append((state.tick, state.torque[2]))
         if len(ticks) % 20 == 0:
             time.sleep(stall_s)  # Its subject is time: 25 ticks.
@@ -204,7 +205,7 @@ def test_refused_torques_are_counted(rig: hbot.Rig) -> None:
     """A function so slow that its state is older than the rig allows, when its torque arrives."""
     late_s = 1.5 * rig.info.limits.max_age_ticks / RATE_HZ
 
-    def slow(_state: hbot.State) -> list[float]:
+    def slow(_state: hbot.State) -> Sequence[float]:
         time.sleep(late_s)  # Its subject is time: the age of a state.
         return [0.0, 0.0, 0.0]
 

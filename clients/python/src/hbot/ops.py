@@ -154,9 +154,7 @@ def align_direction(
     body: Iterable[float], world: Iterable[float], sigma: float, t: float | None = None
 ) -> Request[float]:
     """Correct the server's orientation by a measured direction."""
-    fields = _given(
-        body=finite("body", body), world=finite("world", world), sigma=sigma, t=t
-    )
+    fields = _given(body=finite("body", body), world=finite("world", world), sigma=sigma, t=t)
     return Request("align_direction", fields, lambda answer: float(answer["angle"]))
 
 
@@ -171,7 +169,7 @@ def hand(
     if q is None:
         return Request("hand", {"release": True}, _none)
     fields = _given(
-        q=_numbers("q", q), over_ms=over_ms, stiffness=stiffness, damping=damping, inertia=inertia
+        q=finite("q", q), over_ms=over_ms, stiffness=stiffness, damping=damping, inertia=inertia
     )
     return Request("hand", fields, _none)
 
