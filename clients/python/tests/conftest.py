@@ -32,6 +32,14 @@ def server(shared_server: Server) -> Server:
 
 
 @pytest.fixture
+def unled_server(tmp_path: Path) -> Iterator[Server]:
+    """Start a server for one test, whose rig renders without a lead."""
+    server = Server(tmp_path, edits={"lead = true": "lead = false"})
+    yield server
+    server.kill()
+
+
+@pytest.fixture
 def own_server(tmp_path: Path) -> Iterator[Server]:
     """Start a server for one test, which may kill it."""
     server = Server(tmp_path)
