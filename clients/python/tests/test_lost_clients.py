@@ -51,9 +51,10 @@ def ticks_until_zero(rig: hbot.Rig, lose: Callable[[], object]) -> int:
     lost = False
     last_seq: int | None = None
     for state in running(rig.states()):
-        if state.client is None or state.client.seq is None:
+        # After the pusher is gone the lease is free, and no state names a stream.
+        if not lost and (state.client is None or state.client.seq is None):
             continue
-        if state.client.seq != last_seq:
+        if state.client and state.client.seq not in (None, last_seq):
             last_seq, accepted = state.client.seq, state.tick
         if state.mode == "active" and any(state.torque) and not lost:
             lose()
