@@ -220,7 +220,7 @@ def test_a_ready_made_scene_is_loaded_by_its_name(
     with hbot.connect(server.address, name="me") as rig, rig.lease():
         rig.load_scene("hinge")
         assert rig.refresh().scene["name"] == "Hinge"
-        with pytest.raises(hbot.BadRequest, match=r"did you mean `hinge`"):
+        with pytest.raises(hbot.BadRequest, match=r"did you mean .hinge."):
             rig.load_scene("hing")
         # A file of this name counts more, and one that is nearly called so is named.
         (tmp_path / "mine").write_text('name = "Mine"\n')
