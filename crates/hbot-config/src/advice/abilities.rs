@@ -111,6 +111,15 @@ impl Abilities {
             let (name, own) = key(&[DAMPING]).unwrap_or(("damping".to_owned(), 0.0));
             format!("{name} = {} or more", short_up((own + added) / gain))
         };
+        // A tap on a sphere makes swings that a torque at its limits cannot end.
+        let after = match &self.judge {
+            Some(judge) if finding.limited => format!(
+                " after a tap that takes the torque to its limits ({} N m, {} N m/s)",
+                near(judge.torque),
+                near(judge.torque_rate)
+            ),
+            _ => String::new(),
+        };
         match finding.why {
             Why::Stiff { stiffness, stable, damping, cure } => {
                 let most = short(stiffness * stable);
@@ -123,7 +132,7 @@ impl Abilities {
                 };
                 format!(
                     "{id}: may shake {whom}{about} {place}: the scene has {} N m/rad and a damping of {} N m s/rad there, and at \
-                     {rate} Hz at most {most} N m/rad is stable{whatever}; {cure}",
+                     {rate} Hz at most {most} N m/rad is stable{after}{whatever}; {cure}",
                     near(stiffness),
                     near(damping),
                 )
@@ -132,7 +141,7 @@ impl Abilities {
                 let cure = softer(&[DAMPING], own).map_or("damp less".to_owned(), |key| format!("set {key}"));
                 format!(
                     "{id}: may shake {whom}{about} {place}: the damping of the scene, {} N m s/rad, acts too late, and at {rate} Hz \
-                     at most {} is stable; {cure}",
+                     at most {} is stable{after}; {cure}",
                     near(damping),
                     short(damping * stable),
                 )

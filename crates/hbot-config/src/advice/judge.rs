@@ -33,6 +33,8 @@ const MARGIN: f64 = 1.1;
 /// The same for swings at the limits of the torque, whose harmonics the describing function leaves
 /// out.
 const LIMITED_MARGIN: f64 = 1.2;
+/// Multiple of what is just stable, at which the loop is no longer stable.
+const BEYOND: f64 = 1.05;
 /// Cosine of half of the angle between two orientations that count as one.
 pub(super) const SAME: f64 = 1.0 - 1.0e-9;
 
@@ -164,12 +166,8 @@ impl Judge {
     /// Returns the first hold in which the loop does not keep `scene` stable in a swing of the
     /// speed `speed`, rad/s.
     fn shakes(&self, holds: &[Held<'_>; 3], scene: &Scene, speed: f64) -> Option<Hold> {
-        let times = |margin: f64| {
-            let stiffer = Scene { stiffness: scene.stiffness * margin, ..scene.clone() };
-            [Scene { damping: scene.damping * margin, ..stiffer.clone() }, stiffer]
-        };
         let limit = self.limit(scene, speed);
-        let (more, most) = (times(MARGIN), limit.map(|_| times(LIMITED_MARGIN)));
+        let (more, most) = (times(scene, MARGIN), limit.map(|_| times(scene, LIMITED_MARGIN)));
         let unstable = |(held, _): &(&Held<'_>, Hold)| {
             let is_stable =
                 |scenes: &[Scene; 2], limit| scenes.iter().all(|scene| held.is_stable(scene, limit));
@@ -237,6 +235,9 @@ impl Judge {
             return self.ringing(&holds[0], place, &parts, &sum);
         };
         let stable = |scene: Scene| self.shakes(holds, &scene, speed).is_none();
+        let small_swings_are_stable = |scene: &Scene| {
+            times(scene, MARGIN).iter().all(|scene| holds.iter().all(|held| held.is_stable(scene, None)))
+        };
         let without = Scene { stiffness: Mat3::ZERO, ..inwards };
         if !stable(without.clone()) {
             if is_quick {
@@ -256,7 +257,9 @@ impl Judge {
                 stable: left,
                 own: bisected(|s| stable(Scene { damping: rest + own * s, ..without.clone() })),
             };
-            return Some(Finding { effect, place: *place, axis, hold, away: false, why });
+            let border = Scene { damping: without.damping * (left * BEYOND), ..without };
+            let limited = small_swings_are_stable(&border);
+            return Some(Finding { effect, place: *place, axis, hold, limited, away: false, why });
         }
         // The axis about which the delay takes more damping away than the scene has, or the
         // stiffest one, if this is one about which the sphere is free: too much damping shakes too.
@@ -280,8 +283,16 @@ impl Judge {
                 added: least_damping(|b| stable(Scene { damping: sum.damping + shape * b, ..sum.clone() })),
             },
         };
-        Some(Finding { effect, place: *place, axis, hold, away: false, why })
+        let border = Scene { stiffness: sum.stiffness * (left * BEYOND), ..sum };
+        let limited = small_swings_are_stable(&border);
+        Some(Finding { effect, place: *place, axis, hold, limited, away: false, why })
     }
+}
+
+/// Returns `scene` with its stiffness times `margin`, and with its damping times it as well.
+fn times(scene: &Scene, margin: f64) -> [Scene; 2] {
+    let stiffer = Scene { stiffness: scene.stiffness * margin, ..scene.clone() };
+    [Scene { damping: scene.damping * margin, ..stiffer.clone() }, stiffer]
 }
 
 /// Returns the axis about which a symmetric matrix is largest, or `None` if it may be any axis; and

@@ -88,7 +88,15 @@ impl Judge {
             least_damping(|b| !self.rings(free, &more(b)))
         })?;
         let [hold, ..] = HOLDS;
-        Some(Finding { effect, place: *place, axis, hold, away: false, why: Why::Rings { added } })
+        Some(Finding {
+            effect,
+            place: *place,
+            axis,
+            hold,
+            limited: false,
+            away: false,
+            why: Why::Rings { added },
+        })
     }
 
     /// Returns the entry of a wall that throws a free sphere back and forth.
@@ -132,6 +140,7 @@ impl Judge {
             place: *place,
             axis: Some(about),
             hold,
+            limited: false,
             away: false,
             why,
         })
@@ -161,7 +170,10 @@ impl Judge {
                     let why = Why::Turning { speed, damping: power / (slow * slow) };
                     let [hold, ..] = HOLDS;
                     let (effect, place, axis) = (place.effect, *place, Some(axis));
-                    worst = Some((power, Finding { effect, place, axis, hold, away: false, why }));
+                    worst = Some((
+                        power,
+                        Finding { effect, place, axis, hold, limited: false, away: false, why },
+                    ));
                 }
             }
         }
