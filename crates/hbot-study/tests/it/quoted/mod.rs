@@ -9,7 +9,6 @@ pub(crate) mod accuracy;
 mod design;
 mod paper;
 mod stability;
-mod velocity;
 
 /// Returns a cell of a report's table. `section` is the heading above the table, `row` holds the
 /// first cells of the row, and `column` is the head of the column. Panics unless exactly one cell
