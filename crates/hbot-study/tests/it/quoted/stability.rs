@@ -52,7 +52,7 @@ fn borders() -> Vec<String> {
             &[percent("the passive border is that of Colgate and Schenkel within 0.1")],
         ),
         filled(
-            "an axis with b = 0.001 N m s/rad and 2 mN m of friction is let go at 0.05 rad. It first buzzes at {} N \
+            "axis with b = 0.001 N m s/rad and 2 mN m of friction is let go at 0.05 rad. It first buzzes at {} N \
              m/rad, although only springs up to {} N m/rad are passive. With encoders of 256 counts a turn it first \
              buzzes at {} N m/rad too, although only springs up to {} N m/rad are passive.",
             &[
