@@ -6,12 +6,10 @@ import asyncio
 import dataclasses
 import inspect
 import re
-import subprocess
-from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import pytest
-from serving import PATIENCE_S, REPOSITORY, Server, program
+from serving import REPOSITORY, Server
 
 import hbot
 from hbot import answers, events, info, ops, scenes, wire
@@ -238,25 +236,6 @@ def test_the_programs_of_the_pages_run(
         assert "hbot.connect(" in block
         code = block.replace("duration=5.0", "duration=0.2").replace('"127.0.0.1:4268", ', "")
         exec(compile(code, page, "exec"), {"__name__": "__main__"})
-
-
-def test_the_recording_of_the_page_is_read(
-    server: Server,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """The command and the program of the page, for a shorter time and with another address."""
-    page = (REPOSITORY / "docs" / "clients.md").read_text("utf-8")
-    words = re.search(r"(?m)^cargo run (record run\.mcap --duration) 5$", page)
-    assert words is not None
-    (block,) = (block for block in programs("docs/clients.md") if "hbot.mcap" in block)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("HBOT_SERVER", server.address)
-    command = [str(program()), *words[1].split(), "0.2"]
-    subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE_S)
-    exec(compile(block, "docs/clients.md", "exec"), {"__name__": "__main__"})
-    assert re.match(r"[1-9]\d* states, \d+ gaps\n", capsys.readouterr().out)
 
 
 def test_the_stiffnesses_of_the_page_are_those_of_its_formula_and_of_info(

@@ -162,8 +162,9 @@ fn rows(schema: &Value) -> String {
     let mut table = "| key | meaning | unit | range | default |\n|---|---|---|---|---|\n".to_owned();
     let required = schema["required"].as_array().cloned().unwrap_or_default();
     for (key, property) in schema["properties"].as_object().unwrap() {
-        let meaning = property["description"].as_str().unwrap();
         let unit = property["unit"].as_str().unwrap_or("");
+        // The unit has a column of its own.
+        let meaning = property["description"].as_str().unwrap().replacen(&format!(", {unit}."), ".", 1);
         let default = match &property["default"] {
             Value::Null if required.contains(&Value::from(key.as_str())) => "required".to_owned(),
             Value::Null => "absent".to_owned(),

@@ -1,6 +1,6 @@
 //! The rate estimates of the core, a differentiator of Levant and an observer that knows the
 //! commanded torque, on one axis of the prototype: noise, lag, and first unstable spring with the
-//! lead. docs/internals/velocity.md has the table that this prints.
+//! lead. docs/internals/velocity.md says what follows.
 //!
 //! The axis has 1 kHz, a delay of one tick, motors with a lag of 0.5 ms, 0.01 N m s/rad and a lead
 //! of 1.1 times the delay. The encoder's step is that of the sphere for all joints together.
