@@ -138,21 +138,25 @@ fn picks() -> String {
     table
 }
 
-/// Generates the tables of docs/effects.md: one of the keys that are alike in all kinds of effects,
-/// and one for each kind with its other keys.
+/// Generates the tables of docs/effects.md: one of the keys that are alike in at least three kinds
+/// of effects, and one for each kind with its other keys.
 fn effects() -> Vec<(String, String)> {
     let tables: Vec<String> = kinds().iter().map(|kind| rows(&kind.schema)).collect();
-    let in_all = |line: &str| tables.iter().all(|table| table.lines().any(|other| other == line));
-    let alike: String =
-        tables[0].lines().filter(|line| in_all(line)).map(|line| format!("{line}\n")).collect();
+    let holders = |line: &str| tables.iter().filter(|table| table.lines().any(|other| other == line)).count();
+    let shared = |line: &str| line.starts_with("| `") && holders(line) >= 3;
+    let mut alike: Vec<&str> = tables[0].lines().take(2).collect();
+    for line in tables.iter().flat_map(|table| table.lines()).filter(|line| shared(line)) {
+        if !alike.contains(&line) {
+            alike.push(line);
+        }
+    }
     let own = |(kind, table): (Listed, &String)| {
-        let is_own = |(at, line): &(usize, &str)| *at < 2 || !in_all(line);
         let rows: String =
-            table.lines().enumerate().filter(is_own).map(|(_, line)| format!("{line}\n")).collect();
+            table.lines().filter(|line| !shared(line)).map(|line| format!("{line}\n")).collect();
         let copy = format!("\nTo copy:\n\n```toml\n{}```\n", kind.snippet());
         (kind.name.to_owned(), format!("{}\n\n{rows}{copy}", kind.description))
     };
-    let mut all = vec![("every kind".to_owned(), alike)];
+    let mut all = vec![("several kinds".to_owned(), format!("{}\n", alike.join("\n")))];
     all.extend(kinds().into_iter().zip(&tables).map(own));
     all
 }
