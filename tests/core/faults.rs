@@ -7,6 +7,18 @@ use hbot_core::outputs::Reply;
 use hbot_core::safety::mode::{Cause, Mode};
 
 #[test]
+fn ten_skipped_ticks_in_a_row_are_a_fault_and_nine_are_not() {
+    let skip = |n: u64| {
+        let mut bench = active();
+        bench.tick += n;
+        bench.step().state.cause
+    };
+    assert_eq!(skip(9), None);
+    assert_eq!(skip(10), Some(Cause::Deadline));
+    assert_eq!(skip(u64::MAX / 2), Some(Cause::Deadline));
+}
+
+#[test]
 fn a_link_is_lost_after_its_time_out_and_not_before() {
     for timeout in [1, 20, 100] {
         let rig = altered(&rig(), |rig| rig.timing.timeout_ticks = timeout);

@@ -120,10 +120,9 @@ macro_rules! ops {
 
             /// Reads the fields of the op `name`.
             pub(super) fn read(name: OpName, fields: &mut Fields<'_>) -> Result<Self, ErrorBody> {
-                let read: fn(&mut Fields<'_>) -> Result<Self, ErrorBody> = match name {
-                    $(OpName::$Variant => $read,)+
-                };
-                read(fields)
+                match name {
+                    $(OpName::$Variant => ($read)(fields),)+
+                }
             }
         }
     };

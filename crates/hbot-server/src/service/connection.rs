@@ -91,7 +91,7 @@ async fn enter<S: AsyncRead + AsyncWrite + Unpin>(
     if let Ok(Ok(Visit::Upgraded { rest })) = visit {
         let bounds = *hub.lock().bounds();
         let agreed = hub.clone();
-        let encoding = move || agreed.hub().encoding(session);
+        let encoding = move || agreed.lock().encoding(session);
         let socket = WebSocket::new(stream, &rest, bounds.silence, encoding);
         return converse(socket, deadline, session, hub, inbox, bounds).await;
     }

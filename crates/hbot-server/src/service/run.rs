@@ -282,13 +282,13 @@ impl Connections {
         let session = hub.next_session();
         tracing::debug!(session, %address, "connected");
         let (outbox, inbox) = outbox(hub.bounds().outgoing);
-        let hub = self.hub.clone();
+        let shared = self.hub.clone();
         let task = match hosts {
             None => {
                 let (encryption, bounds) = (hub.encryption().cloned(), *hub.bounds());
-                self.serving.spawn(connection::serve(stream, encryption, session, hub, inbox, bounds))
+                self.serving.spawn(connection::serve(stream, encryption, session, shared, inbox, bounds))
             }
-            Some(hosts) => self.serving.spawn(connection::serve_web(stream, hosts, session, hub, inbox)),
+            Some(hosts) => self.serving.spawn(connection::serve_web(stream, hosts, session, shared, inbox)),
         };
         self.sessions.insert(task.id(), Session { number: session, local, port });
         hub.admit(session, Peer::new(outbox, task, address.ip()).at(port));

@@ -15,7 +15,7 @@ fn a_tick_ten_periods_late_rides_through_and_one_too_late_is_a_fault() {
         assert_eq!((state.mode, state.cause), (Mode::Active, None), "{k}");
         assert!((state.torque - before.torque).length() <= 8.0 * Real::EPSILON);
     }
-    for (late_ns, skipped) in [(20_000_001, 0), (u64::MAX, 0), (0, 10), (0, u64::MAX / 2)] {
+    for (late_ns, skipped) in [(20_000_001, 0), (u64::MAX, 0), (0, 10), (0, 1 << 40)] {
         let mut machine = ReadRig::active();
         machine.tick += skipped;
         let outputs = machine.step(|inputs| inputs.lateness_ns = late_ns);
