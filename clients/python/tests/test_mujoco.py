@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 import hbot.mujoco
+from hbot import turns
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
@@ -76,12 +77,16 @@ def turned(hand: hbot.mujoco.Hand, seconds: float, rate: float = 0.3) -> list[tu
 
 def felt(model: Any, omega: float) -> float:
     """Return the torque about n3 at the model's pose."""
-    damped = float((np.eye(3) * np.array(model.damping))[2][2]) * omega
-    push = sum(
-        plane.stiffness * max(0.0, -plane.offset) * np.array(plane.normal)[2]
-        for plane in model.planes
-    )
-    return float(float(np.array(model.torque)[2]) - damped - push)
+    return float(acting(model, (0.0, 0.0, omega))[2])
+
+
+def acting(model: Any, omega: Any) -> Any:
+    """Return the torque at the model's pose."""
+    pushes = [
+        plane.stiffness * max(0.0, -plane.offset) * np.array(plane.normal) for plane in model.planes
+    ]
+    damped = (np.eye(3) * np.array(model.damping)) @ np.array(omega)
+    return np.array(model.torque) - damped - sum(pushes, np.zeros(3))
 
 
 def test_a_free_hinge_drags_by_its_friction_and_is_held_about_other_axes() -> None:
@@ -137,6 +142,72 @@ def test_gain_and_inertia_scale_what_is_felt() -> None:
     assert double == pytest.approx(2.0 * weak, rel=0.05)
     heavy = hand(inertia=3.0)
     assert heavy.model.body_mass[1] == pytest.approx(0.3)
+
+
+BALL = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body name="body" pos="0.1 0 0.3">
+      <joint type="{joint}" damping="0.01"/>
+      <geom type="box" size="0.03 0.02 0.01" mass="0.1"/>
+    </body>
+    <geom type="box" size="0.2 0.2 0.01" pos="0.1 0 {floor}"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+@dataclass
+class Turning:
+    """A state of a sphere that turns about a skew axis."""
+
+    t: float
+    rate: float
+    axis: Any
+
+    @property
+    def q(self) -> Any:
+        """Return the orientation."""
+        return turns.exp(self.rate * self.t * self.axis)
+
+    @property
+    def omega(self) -> Any:
+        """Return the rate, rad/s."""
+        return self.rate * self.axis
+
+
+@pytest.mark.parametrize("joint", ["ball", "free"])
+@pytest.mark.parametrize("floor", [0.0, 0.275])
+def test_a_ball_and_a_free_joint_follow_all_turns(joint: str, floor: float) -> None:
+    """Over a floor that is far away, or 15 mm under the centre, which touches it with an edge."""
+    rig: Any = SimpleNamespace(
+        info=SimpleNamespace(render=SimpleNamespace(stiffness_stable=10.0, damping=0.02))
+    )
+    model = mujoco.MjModel.from_xml_string(BALL.format(joint=joint, floor=floor))
+    body = hbot.mujoco.Hand(rig, model, "body")
+    axis = np.array([2.0, 1.0, 2.0]) / 3.0
+    made = []
+    for k in range(90):
+        state: Any = Turning(k / 60, 0.8, axis)
+        made.append((state, body.update(state)))
+    state, last = made[-1]
+    error = turns.log(turns.times(body.data.xquat[1], turns.conjugate(state.q)))
+    torques = [acting(model, state.omega) for state, model in made[-30:]]
+    if floor == 0.0:
+        # Only the joint's damping pulls, 0.01 N m s/rad, and no axis is held.
+        assert np.mean(torques, axis=0) == pytest.approx(-0.01 * state.omega, rel=0.03)
+        assert np.linalg.eigvalsh(np.array(last.stiffness)).max() < 0.5
+        # A free body is held in its place against its weight.
+        assert body.data.xpos[1] == pytest.approx([0.1, 0.0, 0.3], abs=1e-3)
+        assert np.linalg.norm(error) < 0.01
+        assert last.planes == []
+    else:
+        # The floor pushes against the turn, about a horizontal axis, and the body stays behind.
+        assert len(last.planes) > 0
+        assert all(abs(np.array(plane.normal)[2]) < 0.1 for plane in last.planes)
+        assert torques[-1] @ axis < -0.1
+        assert np.linalg.norm(error) > 0.02
 
 
 def test_what_cannot_be_held_is_refused() -> None:

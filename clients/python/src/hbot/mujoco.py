@@ -155,6 +155,9 @@ class Hand:
         least = min(self._inertia(dof) for dof in range(model.nv)[self._dofs])
         needed = self._spring * model.opt.timestep**2 / EXPLICIT
         model.dof_armature[self._dofs] += max(0.0, needed - least)
+        # MuJoCo takes the inertia of a body without children from what it has computed here.
+        mujoco.mj_setConst(model, self.data)
+        mujoco.mj_forward(model, self.data)
         # Damped so that a light body has followed within a period of the client.
         self._damper = 1.2 * float(np.sqrt(self._spring * max(least, needed)))
 
