@@ -19,12 +19,11 @@ if [ ! -x "$venv/bin/python" ]; then
     python3 -m venv "$venv"
 fi
 cd clients/python
-"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[numpy,msgpack,lsl,mcap,toml]' \
+"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[gym,numpy,msgpack,lsl,mcap,toml]' \
     matplotlib pytest==9.* pytest-timeout==2.* mypy==2.* ruff==0.* build==1.* hatchling==1.*
 
 # pip has rclpy for all Pythons that hbot is for. Without it this script ends here.
 "$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[ros2]'
-export HBOT_ROS2=1
 
 # MuJoCo has no packages for every Python. What it is needed for is left out then, but never in silence.
 if "$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[mujoco]' 2>/dev/null &&
