@@ -59,3 +59,13 @@ cd ../../examples/experiments
 "$venv/bin/ruff" check --quiet .
 "$venv/bin/mypy" --cache-dir "$target/python/mypy"
 "$venv/bin/pytest" -q -o cache_dir="$target/python/pytest"
+
+# PsychoPy wants older packages than the rest, and has none for Python 3.13.
+echo "-- the experiment in a window of PsychoPy"
+command -v Xvfb >/dev/null && command -v xdotool >/dev/null || ../../.ci/install.sh xvfb xdotool
+if [ ! -x "$target/python/psychopy/bin/python" ]; then
+    python3 -m venv "$target/python/psychopy"
+fi
+"$target/python/psychopy/bin/pip" install --quiet --disable-pip-version-check \
+    --editable ../../clients/python --editable '.[psychopy]' pytest==9.* pytest-timeout==2.*
+HBOT_PSYCHOPY=1 "$target/python/psychopy/bin/pytest" -q -o cache_dir="$target/python/pytest" tests/test_psychopy.py
