@@ -1,6 +1,7 @@
 """A body of a MuJoCo model in the hand. Left out without MuJoCo; `.ci/python.sh` says so then."""
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -59,9 +60,14 @@ class Still:
         return (0.0, 0.0, self.rate)
 
 
+def simple_rig(stable: float = 10.0) -> Any:
+    """Return what `Hand` asks of a rig."""
+    render = SimpleNamespace(stiffness_stable=stable, damping=0.02, inertia=3e-3)
+    return SimpleNamespace(info=SimpleNamespace(render=render, limits=SimpleNamespace(torque=0.9)))
+
+
 def hand(friction: float = 0.0, peg: str = "", **options: Any) -> hbot.mujoco.Hand:
-    render = SimpleNamespace(stiffness_stable=10.0, damping=0.02)
-    rig: Any = SimpleNamespace(info=SimpleNamespace(render=render))
+    rig = simple_rig()
     model = mujoco.MjModel.from_xml_string(DOOR.format(friction=friction, peg=peg))
     return hbot.mujoco.Hand(rig, model, "door", **options)
 
@@ -181,9 +187,7 @@ class Turning:
 @pytest.mark.parametrize("floor", [0.0, 0.275])
 def test_a_ball_and_a_free_joint_follow_all_turns(joint: str, floor: float) -> None:
     """Over a floor that is far away, or 15 mm under the centre, which touches it with an edge."""
-    rig: Any = SimpleNamespace(
-        info=SimpleNamespace(render=SimpleNamespace(stiffness_stable=10.0, damping=0.02))
-    )
+    rig = simple_rig()
     model = mujoco.MjModel.from_xml_string(BALL.format(joint=joint, floor=floor))
     body = hbot.mujoco.Hand(rig, model, "body")
     axis = np.array([2.0, 1.0, 2.0]) / 3.0
@@ -211,7 +215,7 @@ def test_a_ball_and_a_free_joint_follow_all_turns(joint: str, floor: float) -> N
 
 
 def test_what_cannot_be_held_is_refused() -> None:
-    rig: Any = SimpleNamespace(info=SimpleNamespace(render=None))
+    rig = simple_rig()
     model = mujoco.MjModel.from_xml_string(DOOR.format(friction=0, peg=""))
     with pytest.raises(ValueError, match="it has door"):
         hbot.mujoco.Hand(rig, model, "window")
@@ -222,6 +226,7 @@ def test_what_cannot_be_held_is_refused() -> None:
 
 @pytest.mark.parametrize("example", ["mujoco_valve.py", "mujoco_key.py"])
 def test_the_examples_run(server: Server, example: str) -> None:
+    """`HBOT_MUJOCO_SECONDS=60 pytest -s` shows the figures of a longer run."""
     seconds = os.environ.get("HBOT_MUJOCO_SECONDS", "4")
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / example), "--seconds", seconds],
@@ -232,7 +237,23 @@ def test_the_examples_run(server: Server, example: str) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("Felt(updates=")
+    print(done.stdout)
+    felt = {name: float(value) for name, value in re.findall(r"(\w+)=([-.e\d]+)", done.stdout)}
+    assert felt["updates"] > 10
+    assert felt["work"] > 0.0, "the hand pays for friction and contacts"
+
+
+def test_a_stiff_rig_does_not_make_a_light_body_heavy() -> None:
+    """With the lead, a rig keeps 258 N m/rad stable; steps of 2 ms would need twice its inertia."""
+    model = mujoco.MjModel.from_xml_string(BALL.format(joint="ball", floor=0.0))
+    rig = simple_rig(258.0)
+    body = hbot.mujoco.Hand(rig, model, "body")
+    # A tenth of the sphere's inertia, and that of the box about its long axis.
+    light = (0.1 * 3e-3 + 0.1 / 3 * (0.02**2 + 0.01**2)) * hbot.mujoco.EXPLICIT / 0.002**2
+    assert body.stiffness == pytest.approx(light)
+    assert model.dof_armature[0] == pytest.approx(0.1 * 3e-3)
+    stiff = hbot.mujoco.Hand(rig, model, "body", stiffness=100.0)
+    assert stiff.stiffness == 100.0
 
 
 @pytest.mark.parametrize("rate_hz", [60, 200])
