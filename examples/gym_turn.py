@@ -1,6 +1,6 @@
 """A controller that turns the sphere to goals in the environment of Gymnasium, as a policy would.
 
-Needs `pip install 'hbot[gym]'` and a server. `--episodes 3` is the number of goals.
+Needs the extra `gym` of the client and a server. `--episodes 3` is the number of goals.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""An Hbot as an environment of Gymnasium: `pip install 'hbot[gym]'`.
+"""An Hbot as an environment of Gymnasium. Needs the extra `gym`.
 
     import gymnasium, hbot.gym
 
