@@ -30,6 +30,21 @@ from hbot import turns
 EVERY = 5
 
 
+@pytest.fixture(scope="module")
+def gym_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Start a server for these tests: they take the simulated hand away and turn the sphere."""
+    server = Server(tmp_path_factory.mktemp("gym"))
+    yield server
+    server.kill()
+
+
+@pytest.fixture
+def server(gym_server: Server) -> Server:
+    """Return the server of these tests, settled."""
+    gym_server.settle()
+    return gym_server
+
+
 @pytest.fixture
 def env(server: Server) -> Iterator[Any]:
     """Make the environment at the shared server."""
