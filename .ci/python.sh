@@ -19,8 +19,11 @@ if [ ! -x "$venv/bin/python" ]; then
     python3 -m venv "$venv"
 fi
 cd clients/python
-"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[numpy,msgpack,lsl,mcap,toml]' \
+"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[gym,numpy,msgpack,lsl,mcap,toml]' \
     matplotlib pytest==9.* pytest-timeout==2.* mypy==2.* ruff==0.* build==1.* hatchling==1.*
+
+# pip has rclpy for all Pythons that hbot is for. Without it this script ends here.
+"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[ros2]'
 
 # MuJoCo has no packages for every Python. What it is needed for is left out then, but never in silence.
 if "$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[mujoco]' 2>/dev/null &&
@@ -56,3 +59,13 @@ cd ../../examples/experiments
 "$venv/bin/ruff" check --quiet .
 "$venv/bin/mypy" --cache-dir "$target/python/mypy"
 "$venv/bin/pytest" -q -o cache_dir="$target/python/pytest"
+
+# PsychoPy wants older packages than the rest, and has none for Python 3.13.
+echo "-- the experiment in a window of PsychoPy"
+command -v Xvfb >/dev/null && command -v xdotool >/dev/null || ../../.ci/install.sh xvfb xdotool
+if [ ! -x "$target/python/psychopy/bin/python" ]; then
+    python3 -m venv "$target/python/psychopy"
+fi
+"$target/python/psychopy/bin/pip" install --quiet --disable-pip-version-check \
+    --editable ../../clients/python --editable '.[psychopy]' pytest==9.* pytest-timeout==2.*
+HBOT_PSYCHOPY=1 "$target/python/psychopy/bin/pytest" -q -o cache_dir="$target/python/pytest" tests/test_psychopy.py

@@ -1,7 +1,9 @@
 //! `hbot rig scan`, `hbot rig test` and `hbot rig calibrate`: a rig before any loop is closed over
-//! it. No server may hold its port meanwhile. `hbot rig identify` evaluates recordings.
+//! it. No server may hold its port meanwhile. `hbot rig identify` evaluates recordings or moves the
+//! sphere by its motors, and `hbot rig certify` writes a page about both.
 
 mod calibrate;
+mod certify;
 mod edit;
 mod identify;
 
@@ -14,7 +16,7 @@ use hbot_config::{Override, RigConfig};
 use hbot_host::bus::{Lag, field};
 use hbot_host::commission::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
 use hbot_host::commission::bringup::scan::scan;
-use hbot_host::commission::bringup::{Bench, Interrupted, open};
+use hbot_host::commission::bringup::{Bench, Interrupted, Truth, open};
 use hbot_host::rig::last_word::Program;
 use hbot_host::run_loop::signals;
 use serde_json::json;
@@ -22,6 +24,7 @@ use serde_json::json;
 use super::out::{note, say};
 use super::style;
 pub(crate) use calibrate::{CalibrateArgs, run_calibrate};
+pub(crate) use certify::{CertifyArgs, run_certify};
 pub(crate) use identify::{IdentifyArgs, run_identify};
 
 /// The rig to work on.
@@ -98,16 +101,16 @@ pub(super) fn wheel_name(rig: &RigConfig, wheel: usize) -> String {
     format!("wheel {} (wheel[{wheel}])", rig.wheels[wheel])
 }
 
-/// Opens the lines of a rig, runs `what` on them, and closes them. If a signal ends it, the motors
+/// Opens the lines of a rig, which is truly as `truth` says if it is simulated, runs `what` on them, and closes them. If a signal ends it, the motors
 /// are switched off first. The process then ends as with Ctrl-C, so that a loop in a shell does not
 /// continue with the next joint.
 fn on_the_lines<T>(
     rig: &RigConfig,
-    turned: bool,
+    truth: Truth<'_>,
     what: impl FnOnce(&mut Bench) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     let stop = signals::stop_flag()?;
-    let mut bench = open(rig, turned, stop.clone(), &Program::this(super::LAST_WORD))?;
+    let mut bench = open(rig, truth, stop.clone(), &Program::this(super::LAST_WORD))?;
     for notice in bench.notices() {
         note!("{}note{}: {notice}", style::WARN, style::OFF);
     }
@@ -189,7 +192,7 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     if !(args.speed > 0.0) {
         bail!("--speed {} is out of range; legal: above 0 rad/s", args.speed);
     }
-    let outcome = on_the_lines(&rig, false, |bench| {
+    let outcome = on_the_lines(&rig, Truth::default(), |bench| {
         Ok(match args.torque {
             TestTorque::Fixed(torque) => joint::test(bench, number, torque, args.speed)?,
             TestTorque::Auto => joint::ramp(bench, number, rig.rig.joints[number].continuous, args.speed)?,

@@ -52,8 +52,11 @@ pub(crate) enum RigCommand {
     /// motors off
     Calibrate(bringup::CalibrateArgs),
     /// Find the true axes, cones, toes, radii and zeros in recordings of a person who turns the
-    /// sphere, with motors off
+    /// sphere, with motors off; or, with --motors, torque constants, friction and inertias
     Identify(bringup::IdentifyArgs),
+    /// Write a page about a rig: geometry, drift, torque, friction, inertia, stiffness, latency,
+    /// each with its interval and how it was measured
+    Certify(bringup::CertifyArgs),
 }
 
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
@@ -64,6 +67,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         RigCommand::Test(args) => return bringup::test(&args),
         RigCommand::Calibrate(args) => return bringup::run_calibrate(&args),
         RigCommand::Identify(args) => return bringup::run_identify(&args),
+        RigCommand::Certify(args) => return bringup::run_certify(&args),
     };
     let config = RigConfig::load(file.as_deref(), &[])?;
     if let Some(out) = &drawing {

@@ -119,7 +119,7 @@ fn warnings(info: &InfoOk) -> Vec<String> {
 mod tests {
     use hbot_api::{LimitsInfo, PassivityInfo, RenderInfo, RigInfo};
     use hbot_config::RigConfig;
-    use hbot_config::advice::{StiffnessBound, ToldLoop};
+    use hbot_config::advice::StiffnessBound;
     use serde_json::json;
 
     use super::*;
@@ -127,7 +127,7 @@ mod tests {
     /// Returns what a server of the prototype answers to `info` while it renders `scene`.
     fn info(scene: &SceneFile) -> InfoOk {
         let rig = RigConfig::prototype();
-        let sampled = ToldLoop::of(StiffnessBound::of(&rig).unwrap().sampled()).into();
+        let sampled = StiffnessBound::of(&rig).unwrap().sampled().into();
         let limits = &rig.rig.limits;
         InfoOk {
             rig: RigInfo { rate_hz: rig.rate_hz, simulated: true, ..RigInfo::default() },

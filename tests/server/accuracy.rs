@@ -2,7 +2,6 @@
 //! allowed error.
 
 use hbot_config::RigConfig;
-use hbot_core::design::rig::OdometryMethod;
 use hbot_host::commission::expectation;
 use hbot_study::{Interrupt, Study, StudyOptions};
 
@@ -50,28 +49,4 @@ fn what_it_says_is_what_the_study_finds() {
     let whole = figure.expect("a figure that was promised").value;
     let expected = expectation::of(&RigConfig::prototype().rig).error;
     assert!(expected < 2.0 * whole && whole < 2.0 * expected, "{expected:e} against {whole:e}");
-}
-
-/// docs/accuracy.md quotes the figures of the prototype, which are equal on every machine.
-#[test]
-fn the_page_quotes_what_it_says() {
-    let page = include_str!("../../docs/accuracy.md").split_whitespace().collect::<Vec<_>>().join(" ");
-    let rig = RigConfig::prototype().rig;
-    let own = expectation::of(&rig);
-    let all = expectation::of_all(&rig);
-    let of =
-        |method: OdometryMethod| all.iter().find(|choice| choice.odometry == method).expect("all methods");
-    let best = all.iter().map(|choice| choice.error).fold(f64::INFINITY, f64::min);
-    for said in [
-        format!("errs by {:.1e} rad in {}", own.error, own.motion()),
-        format!(
-            "Euler down to {:.0e} rad, midpoint down to {:.1e}, and nothing below",
-            of(OdometryMethod::Euler).error,
-            of(OdometryMethod::Midpoint).error
-        ),
-    ] {
-        assert!(page.contains(&said), "docs/accuracy.md should say:\n{said}");
-    }
-    // "Nothing below" holds to the number of digits that the page gives.
-    assert_eq!(format!("{best:.1e}"), format!("{:.1e}", of(OdometryMethod::Midpoint).error));
 }

@@ -158,3 +158,124 @@ fn a_recording_of_motors_that_push_and_one_over_tcp_are_refused() {
         .stderr(contains("the number of wheels is 2 in its rig file, and 3 in the given one"));
     assert!(!folder.join("never.toml").exists());
 }
+
+/// The prototype with a zero that stays, whose motors, joints and sphere are not as an ideal rig's.
+fn imperfect() -> String {
+    let joint = |scale: f64, coulomb: f64, viscous: f64, cogging: &str| {
+        format!(
+            "torque_scale = {scale}\nfriction = {{ coulomb = {coulomb}, viscous = {viscous} }}\n{cogging}"
+        )
+    };
+    let cogging = "cogging = [{ per_turn = 7, amplitude = 2e-3, phase = 0.4 }]\n";
+    let joints = [
+        joint(0.95, 3.0e-4, 2.0e-5, cogging),
+        joint(0.97, 1.5e-4, 8.0e-6, ""),
+        joint(1.03, 2.0e-4, 1.0e-5, ""),
+        joint(0.93, 2.5e-4, 1.2e-5, ""),
+    ];
+    let sphere = "friction = { coulomb = 1e-3 }\nimbalance = [0.004, -0.002, 0.003]\n";
+    let mut text = kept().replace("[sphere]\n", &format!("[sphere]\n{sphere}"));
+    let mut from = 0;
+    for (j, keys) in joints.iter().enumerate() {
+        let table = if j % 2 == 0 { "[wheel.steer]\n" } else { "[wheel.drive]\n" };
+        let at = from + text[from..].find(table).expect("a table for each joint") + table.len();
+        text.insert_str(at, keys);
+        from = at;
+    }
+    text
+}
+
+/// The prototype's rig file with steer encoders that keep their zeros.
+fn kept() -> String {
+    DRAWING.replace("zero = \"assume\" ", "zero = \"absolute\" ")
+}
+
+/// The motors find what the rig file does not say, and write it as the control law reads it.
+#[test]
+fn motors_find_torque_constants_friction_imbalance_and_cogging() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    std::fs::write(folder.join("drawing.toml"), kept()).expect("written");
+    std::fs::write(folder.join("true.toml"), imperfect()).expect("written");
+    let output = run(
+        folder,
+        "rig identify --motors --rig drawing.toml --port sim --built true.toml --out fitted.toml",
+    )
+    .success()
+    .stdout(contains("fitted.toml: written"));
+    println!("{}", String::from_utf8_lossy(&output.get_output().stdout));
+    let text = std::fs::read_to_string(folder.join("fitted.toml")).expect("written");
+    assert!(text.contains("# rad, table I (10 degrees)"), "comments stay:\n{text}");
+    let known = |file: &str| {
+        let config = RigConfig::from_path(&folder.join(file)).expect("a legal rig file");
+        config.rig.compensation.expect("imperfections")
+    };
+    let (found, truth) = (known("fitted.toml"), known("true.toml"));
+    for j in 0..4 {
+        let (found, truth) = (&found.joints[j], &truth.joints[j]);
+        let near = |found: f64, truth: f64, part: f64| (found / truth - 1.0).abs() < part;
+        assert!(near(found.torque_scale, truth.torque_scale, 0.01), "joint {j}: {found:?}");
+        assert!(near(found.friction.coulomb, truth.friction.coulomb, 0.05), "joint {j}: {found:?}");
+        assert!(near(found.friction.viscous, truth.friction.viscous, 0.2), "joint {j}: {found:?}");
+        let [one, two] = [found.cogging[0], truth.cogging[0]];
+        assert_eq!(one.per_turn, two.per_turn, "joint {j}");
+        assert!((one.amplitude - two.amplitude).abs() < 1e-4, "joint {j}: {one:?}");
+        assert!((one.phase - two.phase).abs() < 0.05, "joint {j}: {one:?}");
+    }
+    assert!((found.sphere.coulomb / truth.sphere.coulomb - 1.0).abs() < 0.1, "{:?}", found.sphere);
+    assert!((found.imbalance - truth.imbalance).length() < 1e-4, "{}", found.imbalance);
+}
+
+/// A sphere that is held, and motors whose signs are wrong, give no rig file.
+#[test]
+fn motors_that_turn_the_wrong_way_and_a_wrong_geometry_give_no_rig_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("written");
+    write("drawing.toml", &kept());
+    write("flat.toml", &kept().replace("cone = 0.1745 ", "cone = 0.25 "));
+    let refused = |args: &str, why: &str| {
+        let args = format!("rig identify --motors --rig drawing.toml {args} --out never.toml");
+        let output = run(folder, &args).code(1);
+        let output = output.get_output();
+        let said = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+        assert!(said.concat().contains(why), "{said:?}");
+        assert!(!folder.join("never.toml").exists());
+    };
+    refused("--built flat.toml", "the wheels contradict each other");
+    refused("--speed 0.2", "turned faster than --speed allows");
+    refused("--built nowhere.toml", "nowhere.toml");
+    refused("--port /dev/nowhere --built drawing.toml", "is a real rig, which is built as it is");
+}
+
+/// A certificate says what was measured, with intervals, and what was not.
+#[test]
+fn a_certificate_says_what_was_measured_and_what_was_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("written");
+    write("drawing.toml", &kept());
+    write("true.toml", &imperfect());
+    write("hand.toml", HAND);
+    let page = |out: &str| {
+        let file = |name: &str| std::fs::read_to_string(folder.join(out).join(name)).expect("written");
+        (file("certificate.md"), file("certificate.html"))
+    };
+    run(folder, "rig certify drawing.toml --out bare").success();
+    let (bare, _) = page("bare");
+    for not in ["drift in a turn", "torque accuracy", "friction of joints and sphere", "lateness of a tick"] {
+        assert!(bare.contains(&format!("| {not} | not measured |")), "{not}:\n{bare}");
+    }
+    assert!(bare.contains("N m/rad, with"), "the border needs no measurement:\n{bare}");
+
+    record(folder, "drawing.toml", 20, "run.mcap");
+    run(folder, "rig certify drawing.toml run.mcap --motors --built true.toml --out whole").success();
+    let (whole, html) = page("whole");
+    println!("{whole}");
+    for said in ["wheel A, cone, mrad", "drift in a turn | ", "torque_scale | 1.0000 | 0.9", "SIMULATED"] {
+        assert!(whole.contains(said), "{said}:\n{whole}");
+    }
+    assert_eq!(whole.matches("not measured").count(), 1, "only lines under a load are missing:\n{whole}");
+    assert!(html.contains("<svg") && html.contains("with the lead") && !html.contains("<img"));
+    assert!(folder.join("whole/drift.svg").is_file() && folder.join("whole/stiffness.svg").is_file());
+}

@@ -607,6 +607,8 @@ enum hbot_status hbot_align(struct hbot_client *client,
 // Subscribes to states, calls `callback` for each, and streams the torque that it computes, until
 // something ends the loop. Needs the lease, and a rig that is enabled. `options` and `report` can
 // be NULL. At the end the torque goes to zero and the subscription ends.
+// Each torque carries the tick of its state. If yours comes from an older state, send it with
+// hbot_torque() and that state's tick instead, or the age in states is too low.
 //
 // A callback that takes longer than `valid_ms` loses its torque until it returns. If no state
 // comes within the client's timeout, the status is HBOT_STATUS_TIMEOUT.

@@ -1,6 +1,7 @@
 """A body of a MuJoCo model in the hand. Left out without MuJoCo; `.ci/python.sh` says so then."""
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import mujoco
 import numpy as np
 
 import hbot.mujoco
+from hbot import turns
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
@@ -58,9 +60,14 @@ class Still:
         return (0.0, 0.0, self.rate)
 
 
+def simple_rig(stable: float = 10.0) -> Any:
+    """Return what `Hand` asks of a rig."""
+    render = SimpleNamespace(stiffness_stable=stable, damping=0.02, inertia=3e-3)
+    return SimpleNamespace(info=SimpleNamespace(render=render, limits=SimpleNamespace(torque=0.9)))
+
+
 def hand(friction: float = 0.0, peg: str = "", **options: Any) -> hbot.mujoco.Hand:
-    render = SimpleNamespace(stiffness_stable=10.0, damping=0.02)
-    rig: Any = SimpleNamespace(info=SimpleNamespace(render=render))
+    rig = simple_rig()
     model = mujoco.MjModel.from_xml_string(DOOR.format(friction=friction, peg=peg))
     return hbot.mujoco.Hand(rig, model, "door", **options)
 
@@ -76,12 +83,16 @@ def turned(hand: hbot.mujoco.Hand, seconds: float, rate: float = 0.3) -> list[tu
 
 def felt(model: Any, omega: float) -> float:
     """Return the torque about n3 at the model's pose."""
-    damped = float((np.eye(3) * np.array(model.damping))[2][2]) * omega
-    push = sum(
-        plane.stiffness * max(0.0, -plane.offset) * np.array(plane.normal)[2]
-        for plane in model.planes
-    )
-    return float(float(np.array(model.torque)[2]) - damped - push)
+    return float(acting(model, (0.0, 0.0, omega))[2])
+
+
+def acting(model: Any, omega: Any) -> Any:
+    """Return the torque at the model's pose."""
+    pushes = [
+        plane.stiffness * max(0.0, -plane.offset) * np.array(plane.normal) for plane in model.planes
+    ]
+    damped = (np.eye(3) * np.array(model.damping)) @ np.array(omega)
+    return np.array(model.torque) - damped - sum(pushes, np.zeros(3))
 
 
 def test_a_free_hinge_drags_by_its_friction_and_is_held_about_other_axes() -> None:
@@ -139,8 +150,84 @@ def test_gain_and_inertia_scale_what_is_felt() -> None:
     assert heavy.model.body_mass[1] == pytest.approx(0.3)
 
 
+BALL = """
+<mujoco>
+  <option timestep="0.002"/>
+  <default><geom solref="0.004 1" solimp="0.99 0.99 0.001" condim="1"/></default>
+  <worldbody>
+    <body name="body" pos="0.1 0 0.3">
+      <joint type="{joint}" damping="0.01"/>
+      <geom type="box" size="0.06 0.005 0.005" mass="0.1"/>
+    </body>
+    {peg}
+  </worldbody>
+</mujoco>
+"""
+
+
+@dataclass
+class Turning:
+    """A state of a sphere that turns about a skew axis."""
+
+    t: float
+    rate: float
+    axis: Any
+
+    @property
+    def q(self) -> Any:
+        """Return the orientation."""
+        return turns.exp(self.rate * self.t * self.axis)
+
+    @property
+    def omega(self) -> Any:
+        """Return the rate, rad/s."""
+        return self.rate * self.axis
+
+
+@pytest.mark.parametrize("joint", ["ball", "free"])
+def test_a_ball_and_a_free_joint_follow_all_turns(joint: str) -> None:
+    model = mujoco.MjModel.from_xml_string(BALL.format(joint=joint, peg=""))
+    body = hbot.mujoco.Hand(simple_rig(), model, "body")
+    states: list[Any] = [Turning(k / 60, 0.8, np.array([2.0, 1.0, 2.0]) / 3.0) for k in range(90)]
+    made = [body.update(state) for state in states]
+    torques = [
+        acting(model, state.omega) for state, model in zip(states[-30:], made[-30:], strict=True)
+    ]
+    # Only the joint's damping pulls, 0.01 N m s/rad, and no axis is held.
+    assert np.mean(torques, axis=0) == pytest.approx(-0.01 * states[-1].omega, rel=0.03)
+    assert np.linalg.eigvalsh(np.array(made[-1].stiffness)).max() < 0.5
+    error = turns.log(turns.times(body.data.xquat[1], turns.conjugate(states[-1].q)))
+    assert np.linalg.norm(error) < 0.01
+    # A free body is held in its place against its weight.
+    assert body.data.xpos[1] == pytest.approx([0.1, 0.0, 0.3], abs=1e-3)
+
+
+@pytest.mark.parametrize("joint", ["ball", "free"])
+def test_a_contact_of_a_ball_and_a_free_joint_is_a_half_space_where_it_is(joint: str) -> None:
+    # The near face of the peg is at 0.5 rad, at 50 mm from the joint.
+    peg = '<geom type="sphere" size="0.01" pos="0.1367 0.0372 0.3"/>'
+    model = mujoco.MjModel.from_xml_string(BALL.format(joint=joint, peg=peg))
+    body = hbot.mujoco.Hand(simple_rig(), model, "body")
+    states: list[Any] = [Turning(k / 60, 0.3, np.array([0.0, 0.0, 1.0])) for k in range(130)]
+    made = [(state.rate * state.t, body.update(state)) for state in states]
+    begins = [
+        angle + plane.offset
+        for angle, model in made
+        for plane in model.planes
+        if np.array(plane.normal)[2] > 0.9 and 0.45 < angle < 0.6
+    ]
+    assert len(begins) > 20
+    # So a free body's contact moves with it: at most 0.1 rad of pressing, shared by both springs.
+    assert begins == pytest.approx([0.501] * len(begins), abs=2e-3 if joint == "ball" else 0.05)
+    pressed = [felt(model, 0.3) for angle, model in made if 0.56 < angle < 0.62]
+    # The hold of a free body of 0.1 kg gives way by 2500 N/m at 50 mm, 6.25 N m/rad in series.
+    stiffness = 5.0 if joint == "ball" else 1.0 / (1.0 / 5.0 + 1.0 / 6.25)
+    assert np.mean(pressed) == pytest.approx(-stiffness * 0.09, rel=0.25)
+    assert int(body.data.warning.number.sum() + body._probe.warning.number.sum()) == 0
+
+
 def test_what_cannot_be_held_is_refused() -> None:
-    rig: Any = SimpleNamespace(info=SimpleNamespace(render=None))
+    rig = simple_rig()
     model = mujoco.MjModel.from_xml_string(DOOR.format(friction=0, peg=""))
     with pytest.raises(ValueError, match="it has door"):
         hbot.mujoco.Hand(rig, model, "window")
@@ -151,6 +238,7 @@ def test_what_cannot_be_held_is_refused() -> None:
 
 @pytest.mark.parametrize("example", ["mujoco_valve.py", "mujoco_key.py"])
 def test_the_examples_run(server: Server, example: str) -> None:
+    """`HBOT_MUJOCO_SECONDS=60 pytest -s` shows the figures of a longer run."""
     seconds = os.environ.get("HBOT_MUJOCO_SECONDS", "4")
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / example), "--seconds", seconds],
@@ -161,7 +249,23 @@ def test_the_examples_run(server: Server, example: str) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("Felt(updates=")
+    print(done.stdout)
+    felt = {name: float(value) for name, value in re.findall(r"(\w+)=([-.e\d]+)", done.stdout)}
+    assert felt["updates"] > 10
+    assert felt["work"] > 0.0, "the hand pays for friction and contacts"
+
+
+def test_a_stiff_rig_does_not_make_a_light_body_heavy() -> None:
+    """With the lead, a rig keeps 258 N m/rad stable; steps of 2 ms would need twice its inertia."""
+    model = mujoco.MjModel.from_xml_string(BALL.format(joint="ball", peg=""))
+    rig = simple_rig(258.0)
+    body = hbot.mujoco.Hand(rig, model, "body")
+    # A tenth of the sphere's inertia, and that of the box about its long axis.
+    own = 0.1 / 3 * (0.005**2 + 0.005**2)
+    assert body.stiffness == pytest.approx((0.1 * 3e-3 + own) * hbot.mujoco.EXPLICIT / 0.002**2)
+    assert model.dof_armature[0] == pytest.approx(0.1 * 3e-3)
+    stiff = hbot.mujoco.Hand(rig, model, "body", stiffness=100.0)
+    assert stiff.stiffness == 100.0
 
 
 @pytest.mark.parametrize("rate_hz", [60, 200])

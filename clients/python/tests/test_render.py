@@ -48,7 +48,8 @@ def test_the_age_of_a_torque_is_counted_from_the_state_it_was_computed_from(rig:
         assert stream.age_ticks >= 1
 
 
-def test_a_torque_of_an_older_state_is_as_old_as_that_state(rig: hbot.Rig) -> None:
+@pytest.mark.parametrize("kind", ["torque", "model"])
+def test_what_comes_from_an_older_state_is_as_old_as_that_state(rig: hbot.Rig, kind: str) -> None:
     """A function that answers with the torque of the state before, as a worker in a thread does."""
     before: list[hbot.State] = []
     ages = []
@@ -60,7 +61,8 @@ def test_a_torque_of_an_older_state_is_as_old_as_that_state(rig: hbot.Rig) -> No
         if len(before) <= 10:
             return None
         old = before[-11]
-        return hbot.Computed(-DAMPING * old.omega, old.tick)
+        made = -DAMPING * old.omega if kind == "torque" else hbot.Model(damping=DAMPING)
+        return hbot.Computed(made, old.tick)
 
     with rig.lease():
         rig.enable()

@@ -244,7 +244,8 @@ fn fields(sample: &Sample, joints: usize, row: &mut Vec<String>) {
 }
 
 /// Formats a time in UTC as `20260131T235959.123Z`.
-pub(crate) fn utc(time: SystemTime) -> String {
+#[must_use]
+pub fn utc(time: SystemTime) -> String {
     let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
     let (days, s) = (since.as_secs() / 86_400, since.as_secs() % 86_400);
     let (year, month, day) = civil(days);

@@ -224,7 +224,8 @@ def main() -> None:
             f"from {found.trials} trials.\nLog: {path}\nPlot: {picture}"
         )
 
-    session.run(options, run)
+    # A simulated participant feels and compares, but streams nothing.
+    session.run(options, run, None if options.simulate else "the experiment with a person")
 
 
 def check(rig: hbot.Rig) -> None:

@@ -209,8 +209,11 @@ def summary(rows: Sequence[Trial]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run the experiment from the command line."""
+def main(person: Callable[[], Participant] = lambda: asked) -> None:
+    """Run the experiment from the command line.
+
+    `person` returns how a person takes part, and is not called with `--simulate`.
+    """
     parser = session.parser(__doc__.splitlines()[0], TRIALS)
     parser.add_argument(
         "--perception",
@@ -226,7 +229,7 @@ def main() -> None:
         "trials": options.trials,
         "simulated_perception": options.perception if options.simulate else None,
     }
-    participant = simulated(options.perception, options.seed) if options.simulate else asked
+    participant = simulated(options.perception, options.seed) if options.simulate else person()
     path = options.folder / f"{options.participant}-matching.csv"
 
     def run(rig: hbot.Rig) -> None:
@@ -237,7 +240,7 @@ def main() -> None:
             experiment(rig, log, options.trials, options.seed, participant)
             print(f"{summary(log.rows)}\nLog: {path}")
 
-    session.run(options, run)
+    session.run(options, run, "the matching experiment")
 
 
 if __name__ == "__main__":

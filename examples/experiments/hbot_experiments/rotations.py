@@ -27,6 +27,11 @@ def inverse(q: Sequence[float]) -> Quaternion:
     return (w, -x, -y, -z)
 
 
+def rotated(q: Sequence[float], v: Sequence[float]) -> Vector:
+    """Return the vector `v`, turned by a unit quaternion."""
+    return product(product(q, (0.0, *v)), inverse(q))[1:]
+
+
 def exponential(turn: Sequence[float]) -> Quaternion:
     """Return the quaternion of a rotation vector, rad."""
     angle = math.hypot(*turn)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import hbot
+from hbot.clock import refuse_virtual_time
 
 from .trial_log import LogError
 
@@ -48,8 +49,13 @@ def parser(description: str, trials: int) -> argparse.ArgumentParser:
     return options
 
 
-def run(options: argparse.Namespace, experiment: Callable[[hbot.Rig], None]) -> None:
+def run(
+    options: argparse.Namespace, experiment: Callable[[hbot.Rig], None], real_time: str | None
+) -> None:
     """Connect, take the lease, run an experiment, and switch the torque off.
+
+    `real_time` names an experiment that needs a server in real time, because this program streams
+    torques or a person takes part. None: any server will do.
 
     Ends the program: with exit code 0 if the experiment is complete, 130 after Ctrl-C, else 1.
     A session that has ended early continues when the same command is given again.
@@ -62,6 +68,8 @@ def run(options: argparse.Namespace, experiment: Callable[[hbot.Rig], None]) -> 
             rig.lease(),
         ):
             check_rig(rig, options.simulate)
+            if real_time is not None:
+                refuse_virtual_time(rig, real_time)
             try:
                 experiment(rig)
             except BaseException as error:

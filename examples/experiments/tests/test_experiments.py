@@ -70,6 +70,16 @@ def test_guidance_reduces_the_error_as_two_springs_in_parallel_do(tmp_path: Path
     assert rms[True] < rms[False]
 
 
+def test_an_experiment_that_streams_refuses_virtual_time(tmp_path: Path) -> None:
+    with server("--time", "virtual") as address:
+        run = command("matching", address, tmp_path, "--trials", "1")
+        done = subprocess.run(run, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: the matching experiment needs a server in real time")
+    assert "without `--time virtual`" in done.stderr
+    assert not (tmp_path / "p1-matching.csv").exists()
+
+
 @pytest.mark.parametrize(
     ("experiment", "last"),
     [

@@ -12,7 +12,7 @@ use clap::Args;
 use hbot_config::RigConfig;
 use hbot_core::design::rig::Zero;
 use hbot_host::commission::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
-use hbot_host::commission::bringup::{Bench, Interrupted};
+use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
 
 use super::super::out::{refuse_folder, say};
 use super::super::style;
@@ -71,7 +71,7 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.write {
         refuse_folder(file, "the rig file to write")?;
     }
-    let counts = on_the_lines(&rig, true, |bench| {
+    let counts = on_the_lines(&rig, Truth::turned(), |bench| {
         if rig.link.port.is_simulated() {
             say!(
                 "the simulated hand turns the sphere about all axes for {} s, faster than real time",

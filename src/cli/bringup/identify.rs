@@ -1,4 +1,7 @@
-//! `hbot rig identify`: finds the true geometry of a rig in recordings.
+//! `hbot rig identify`: finds the true geometry of a rig in recordings, or, by its motors, torque
+//! constants, friction and more.
+
+pub(super) mod motors;
 
 use std::fs::File;
 use std::io::BufReader;
@@ -14,7 +17,7 @@ use hbot_identify::{Recorded, What, identify};
 
 use super::super::out::{note, refuse_folder, say};
 use super::super::style;
-use super::edit;
+use super::{Which, edit};
 
 /// Time between two messages about the progress.
 const NEWS: Duration = Duration::from_secs(2);
@@ -22,24 +25,33 @@ const NEWS: Duration = Duration::from_secs(2);
 /// Options of `hbot rig identify`.
 #[derive(Debug, Args)]
 pub(crate) struct IdentifyArgs {
-    /// Rig file (TOML) of the drawing [default: the prototype, built in]
-    #[arg(long, value_name = "FILE")]
-    rig: Option<PathBuf>,
+    #[command(flatten)]
+    which: Which,
     /// Recordings (MCAP) by `hbot server --record`: motors off, a hand turns the sphere about all
     /// axes, a minute in all
-    #[arg(value_name = "RUN.mcap", required = true)]
+    #[arg(value_name = "RUN.mcap", required_unless_present = "motors")]
     runs: Vec<PathBuf>,
     /// Find the steering zeros alone and believe the rest of the rig file: two seconds of motion
     /// are enough
     #[arg(long)]
     zeros: bool,
+    /// Let the motors move the free sphere, and find torque constants, inertias, friction,
+    /// imbalance and cogging. No server may hold the rig. The geometry counts as right: find it
+    /// first
+    #[arg(long, conflicts_with_all = ["runs", "zeros"])]
+    motors: bool,
+    #[command(flatten)]
+    motion: motors::Motion,
     /// Write the rig file with the values found to this file; it can be the rig file itself
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
 pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
-    let rig = RigConfig::load(args.rig.as_deref(), &[])?;
+    if args.motors {
+        return motors::run(args);
+    }
+    let rig = args.which.load()?;
     if let Some(file) = &args.out {
         refuse_folder(file, "the rig file to write")?;
     }
@@ -61,14 +73,14 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
         )?;
     }
     if let Some(file) = &args.out {
-        write(args.rig.as_deref(), &rig, &found, file)?;
+        write(args.which.rig.as_deref(), &rig, &found, file)?;
         say!("{}: written", file.display())?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// Reads the counts of one recording.
-fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Result<Recorded> {
+pub(super) fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Result<Recorded> {
     let name = || run.display().to_string();
     refuse_folder(run, "the file of a recording (MCAP)")?;
     let file = BufReader::new(File::open(run).with_context(name)?);
@@ -87,16 +99,16 @@ fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Result<Recorded
 }
 
 /// Messages about the progress on standard error, not more often than a person reads.
-struct News {
+pub(super) struct News {
     last: Instant,
 }
 
 impl News {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { last: Instant::now() }
     }
 
-    fn tell(&mut self, text: impl FnOnce() -> String) {
+    pub(super) fn tell(&mut self, text: impl FnOnce() -> String) {
         if self.last.elapsed() >= NEWS {
             self.last = Instant::now();
             let (dim, off) = (style::DIM, style::OFF);

@@ -37,6 +37,7 @@ from .errors import (
     Unauthorized,
     UnknownEffect,
     UnsupportedVersion,
+    VirtualTime,
 )
 from .events import (
     DroppedEvent,
@@ -113,6 +114,7 @@ __all__ = [
     "UnknownEffect",
     "UnsupportedVersion",
     "Vector",
+    "VirtualTime",
     "aio",
     "connect",
     "one_line_errors",

@@ -24,6 +24,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from .errors import VirtualTime
 from .rig import Rig
 
 SAME_CLOCK_S = 0.005
@@ -94,3 +95,22 @@ def told(rig: Rig) -> Offset | None:
     """
     answer = rig.refresh().clock
     return None if answer is None else Offset(answer.monotonic_ns * 1e-9, 0.0, shared=True)
+
+
+def refuse_virtual_time(rig: Rig, what: str) -> None:
+    """Raise `VirtualTime` if the server runs in virtual time, where `what` makes no sense.
+
+    Such a server does not wait for a program, so a torque would be many ticks old. It is noticed by
+    time that passes more than half as fast again as here. Takes 0.2 s.
+    """
+    sent = time.monotonic()
+    first = rig.ping().t
+    time.sleep(0.2)
+    passed = rig.ping().t - first
+    # The first answer was given after it was asked for, so no more than this has passed.
+    longest = time.monotonic() - sent + 1.0 / rig.hello.rate_hz
+    if passed > 1.5 * longest:
+        raise VirtualTime(
+            f"{what} needs a server in real time, but {passed:.1f} s of the rig passed in "
+            f"{longest:.1f} s: start the server without `--time virtual`"
+        )

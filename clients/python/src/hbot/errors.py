@@ -34,6 +34,10 @@ class ProtocolError(HbotError):
     """The server sent a message that this client cannot read."""
 
 
+class VirtualTime(HbotError):
+    """The server runs in virtual time, which does not wait for a program that streams."""
+
+
 class IllegalInput(HbotError, ValueError):
     """An address, an environment variable, a scene file or a recording is not legal.
 

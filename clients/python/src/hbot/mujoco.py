@@ -22,6 +22,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from .errors import MissingExtra
@@ -53,6 +54,10 @@ A light body has followed then, so it does not pull. A heavy one, or one that to
 still pulls as stiffly as the coupling."""
 EXPLICIT = 0.1
 """Largest K dt²/I of the coupling in the simulation, which integrates it explicitly."""
+LIGHT = 0.1
+"""Largest armature of the body by default, as a fraction of the sphere's inertia.
+
+With one like the sphere's, both swing about the coupling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +74,10 @@ class Felt:
     """Energy that the hand gave to the simulation, J."""
     rig_work: float
     """The same by the rig's own observer, J."""
+    imbalance: float
+    """Fraction by which `work` differs from `rig_work`. Energy that delays create or consume."""
+    age_ticks: float
+    """Median age of the model in force, ticks since its state."""
 
 
 class Hand:
@@ -102,7 +111,9 @@ class Hand:
             gain: torque on the sphere over that on the body.
             inertia: factor on the body's mass and inertia.
             stiffness: of the coupling as it is felt, N m/rad. None: half of what the rig keeps
-                stable with a damping that the hand hardly feels.
+                stable with a damping that the hand hardly feels, or less if the steps of the
+                simulation are so long that the body would need an armature of more than a tenth of
+                the sphere's inertia.
             margin: distance from which contacts are noticed before they touch, m.
 
         Raises:
@@ -120,14 +131,21 @@ class Hand:
         if self._kind == mujoco.mjtJoint.mjJNT_SLIDE:
             raise ValueError(f"the body {body!r} slides; legal: a hinge, a ball or a free joint")
         render = rig.info.render
-        stable, damping = (
-            (5.0, 0.02) if render is None else (render.stiffness_stable, render.damping)
+        stable, damping, sphere = (
+            (5.0, 0.02, 0.0)
+            if render is None
+            else (render.stiffness_stable, render.damping, render.inertia)
         )
-        self.stiffness = stiffness if stiffness is not None else 0.5 * stable
         # Damping for each stiffness with which a spring is stable, and a third more, s.
         self._relaxation = 1.33 * damping / stable
         self._gain = gain
-        self._scale(inertia, margin)
+        # The rig gives no more, so the body must not get more than the hand feels.
+        self._most = rig.info.limits.torque / gain
+        self._grasp(inertia, margin)
+        least = min(self._inertia(dof) for dof in range(model.nv)[self._dofs])
+        light = (least + LIGHT * sphere) * EXPLICIT / model.opt.timestep**2
+        self.stiffness = min(0.5 * stable, gain * light) if stiffness is None else stiffness
+        self._couple(least)
         self._probe = mujoco.MjData(model)
         # Turn from the sphere to the body.
         self._anchor: turns.Quaternion | None = None
@@ -136,8 +154,8 @@ class Hand:
         self.work = 0.0
         self.steps = 0
 
-    def _scale(self, inertia: float, margin: float) -> None:
-        """Scale the body, and give the coupling an inertia with which it is stable."""
+    def _grasp(self, inertia: float, margin: float) -> None:
+        """Scale the body, and find what belongs to it."""
         model = self.model
         model.body_mass[self._body] *= inertia
         model.body_inertia[self._body] *= inertia
@@ -147,14 +165,20 @@ class Hand:
         model.geom_gap[self._geoms] += margin
         mujoco.mj_setConst(model, self.data)
         mujoco.mj_forward(model, self.data)
-        self._spring = self.stiffness / self._gain
         first = int(model.jnt_dofadr[self._joint])
         self._dofs = {0: slice(first + 3, first + 6), 1: slice(first, first + 3)}.get(
             self._kind, slice(first, first + 1)
         )
-        least = min(self._inertia(dof) for dof in range(model.nv)[self._dofs])
+
+    def _couple(self, least: float) -> None:
+        """Give the coupling an inertia with which it is stable. `least` is that of the body."""
+        model = self.model
+        self._spring = self.stiffness / self._gain
         needed = self._spring * model.opt.timestep**2 / EXPLICIT
         model.dof_armature[self._dofs] += max(0.0, needed - least)
+        # MuJoCo takes the inertia of a body without children from what it has computed here.
+        mujoco.mj_setConst(model, self.data)
+        mujoco.mj_forward(model, self.data)
         # Damped so that a light body has followed within a period of the client.
         self._damper = 1.2 * float(np.sqrt(self._spring * max(least, needed)))
 
@@ -235,12 +259,13 @@ class Hand:
         sphere (J).
         """
         turn = np.array(turns.log(turns.times(state.q, turns.conjugate(last.q))))
-        omega, work = np.array(state.omega), 0.0
+        omega, pulled = np.array(state.omega), np.zeros(3)
         for step in range(max(steps if most is None else most, 0)):
             # The body's pose and rate are those of this step only after its first half.
             mujoco.mj_step1(self.model, data)
             pull, _ = self._pull(data, last.q, turn * (step / steps), omega, turned)
-            work += float(pull @ turn) / steps
+            # By the trapezoidal rule: half of it here, half at the end of the step.
+            pulled += pull if step > 0 else 0.5 * pull
             data.xfrc_applied[self._body, 3:] = pull
             if self._kind == mujoco.mjtJoint.mjJNT_FREE:
                 data.xfrc_applied[self._body, :3] = self._hold(data)
@@ -250,6 +275,7 @@ class Hand:
         mujoco.mj_comVel(self.model, data)
         part = 1.0 if most is None else most / steps
         pull, error = self._pull(data, last.q, turn * part, omega, turned)
+        work = float((pulled + 0.5 * pull) @ turn) / steps if steps > 0 else 0.0
         return pull, error, work
 
     def _pull(
@@ -261,7 +287,8 @@ class Hand:
         pose = data.xquat[self._body].tolist()
         error = np.array(turns.log(turns.times(target, turns.conjugate(pose))))
         rate = omega - data.cvel[self._body, :3]
-        return self._spring * error + self._damper * rate, error
+        pull = self._spring * error + self._damper * rate
+        return pull * min(1.0, self._most / max(float(np.linalg.norm(pull)), 1e-12)), error
 
     def _hold(self, data: mujoco.MjData) -> Array:
         """Return the force that holds a free body in its place, as stiff as the steps allow."""
@@ -360,6 +387,7 @@ def run(
     """
     hand = Hand(rig, model, body, **options)
     updates, spent = 0, 0.0
+    ages: list[int] = []
     first: State | None = None
     newest: State | None = None
     window: Any = None
@@ -370,6 +398,8 @@ def run(
 
     def torque(state: State) -> Model | None:
         nonlocal updates, spent, first, newest
+        if first is not None and state.client is not None:
+            ages.append(state.client.age_ticks)
         begun = time.perf_counter()
         made = hand.update(state)
         updates += 1
@@ -382,18 +412,22 @@ def run(
         return made
 
     every = max(1, round(rig.hello.rate_hz / rate_hz))
-    valid_ms = min(1000, max(20, round(5000.0 / rate_hz)))
+    # A model is passive, so one that is late does less harm than none.
+    valid_ms = max(round(1000.0 * LONGEST_STEP), min(1000, round(5000.0 / rate_hz)))
     try:
         rig.render(torque, every=every, valid_ms=valid_ms, duration=duration)
     finally:
         if window is not None:
             window.close()
     if first is None or newest is None:
-        return Felt(0, 0, 0.0, 0.0, 0.0)
+        return Felt(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    rig_work = first.energy - newest.energy
     return Felt(
         updates,
         hand.steps,
         (newest.t - first.t) / max(spent, 1e-9),
         hand.work,
-        first.energy - newest.energy,
+        rig_work,
+        hand.work / rig_work - 1.0 if rig_work else 0.0,
+        median(ages or [0]),
     )

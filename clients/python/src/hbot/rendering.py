@@ -41,10 +41,14 @@ class Rendered:
 
 
 class Computed(NamedTuple):
-    """A torque that was computed from an older state than the one that the function was given."""
+    """What was computed from an older state than the one that the function was given.
 
-    torque: Sequence[float]
-    """The torque on the sphere in frame N, N m."""
+    `state.client.age_ticks` then counts from that older state, and the server refuses what is older
+    than the rig's `limits.max_age_ticks`.
+    """
+
+    torque: Sequence[float] | Model
+    """The torque on the sphere in frame N, N m, or a model."""
     tick: int
     """The tick of the state from which it was computed."""
 

@@ -390,7 +390,7 @@ class Rig:
 
         Args:
             torque: computes the torque on the sphere in frame N, N m, or a `Model`, from a state. A
-                function that returns the torque of an older state returns
+                function that returns the torque or model of an older state returns
                 `hbot.Computed(torque, tick)` with that state's tick, so that
                 `state.client.age_ticks` is true. None: send nothing this time.
             every: ticks from one state to the next, 1 to 1000000.

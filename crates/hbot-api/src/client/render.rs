@@ -90,6 +90,10 @@ impl Client {
     /// [`next_event`](Self::next_event). The sequence number of a torque is its number in this
     /// loop, counted from 1.
     ///
+    /// A program that computes the torque from an older state, in another thread for example, reads
+    /// states with [`next_event`](Self::next_event) and sends with [`torque`](Self::torque), with
+    /// the tick of that older state. The age in states would be too low otherwise.
+    ///
     /// # Errors
     ///
     /// Fails with [`ClientError::NoState`] if no state arrives within the client's timeout, with

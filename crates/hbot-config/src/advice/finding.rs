@@ -16,8 +16,8 @@ pub struct Finding {
     pub axis: Option<Vec3>,
     /// Who holds the sphere when it shakes.
     pub hold: Hold,
-    /// Whether swings that ask for more torque than the rig makes, or for a faster change of it, are
-    /// what ends the stability. Smaller swings are stable with more.
+    /// Whether only swings that ask for more torque than the rig makes, or for a faster change of
+    /// it, shake. Smaller swings are stable with more.
     pub limited: bool,
     /// Whether the place is one to which a tapped sphere turns about an axis that nothing holds.
     pub away: bool,

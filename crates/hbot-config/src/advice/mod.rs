@@ -14,8 +14,6 @@ mod complex;
 mod finding;
 mod held;
 mod inertia;
-#[cfg(feature = "info")]
-mod info;
 mod judge;
 mod lasting;
 mod limit;
@@ -23,6 +21,7 @@ mod model_bound;
 mod places;
 mod rates;
 mod sampled;
+#[cfg(feature = "info")]
 mod told;
 
 pub use abilities::{Abilities, in_vain};
@@ -32,4 +31,5 @@ pub use judge::Judge;
 pub use model_bound::{ModelBound, UnstableModel, smallest_eigenvalue};
 pub use rates::{RateAdvice, RatePick, RateQuality};
 pub use sampled::{HOLDS, Hold, Sampled, Scene};
-pub use told::{Told, ToldLoop};
+#[cfg(feature = "info")]
+pub use told::Told;

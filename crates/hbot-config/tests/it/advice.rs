@@ -249,6 +249,19 @@ fn a_lead_makes_stiff_scenes_stable() {
     assert_eq!(warnings_on(&RigConfig::prototype(), &scene), Vec::<String>::new(), "on by default");
 }
 
+/// Both springs are stable in small swings. The second one is so in large ones too.
+#[test]
+fn a_spring_that_only_a_torque_at_its_limits_shakes_is_warned_of_as_such() {
+    const LIMITS: &str = "after a tap that takes the torque to its limits (0.80 N m, 200 N m/s)";
+    let rig = RigConfig::prototype();
+    let said = |keys: &str| warnings_on(&rig, &effect("s", "spring", keys));
+    let [tapped] = &said("stiffness = 300\ndamping = 0.08")[..] else { panic!("one warning") };
+    assert!(tapped.contains(LIMITS), "{tapped}");
+    assert_eq!(said("stiffness = 100\ndamping = 0.08"), Vec::<String>::new());
+    let [small] = &said("stiffness = 100\ndamping = 0.001")[..] else { panic!("one warning") };
+    assert!(!small.contains("after a tap"), "{small}");
+}
+
 /// The defaults of these kinds need no damping of the sphere's own.
 #[test]
 fn defaults_that_damp_are_not_warned_of_on_any_ready_made_rig() {

@@ -231,20 +231,14 @@ impl Renderer {
         moment: Moment,
         mut each: impl FnMut(&Effect, Vec3),
     ) -> Vec3 {
-        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
-        let shares = self.shared.several;
+        let dt = moment.dt;
         let mut torque = Vec3::ZERO;
-        self.shared.begin();
-        for effect in scene.effects() {
-            let state = &mut self.states[usize::from(effect.slot)];
-            if state.reference.moving {
-                advance(&mut state.reference, tick, reach);
-            }
+        let gain = |effect: &Effect, state: &mut EffectState| {
             let mut gain = effect.gain;
             if effect.leaving {
                 let left = effect.fade_out_s - state.leaving_s;
                 if !(left > 0.0) {
-                    continue;
+                    return None;
                 }
                 gain *= left / effect.fade_out_s;
                 state.leaving_s += dt;
@@ -254,6 +248,56 @@ impl Renderer {
                 // An effect that leaves before its fade-in has ended does not get stronger.
                 state.age_s += if effect.leaving { 0.0 } else { dt };
             }
+            Some(gain)
+        };
+        self.render_each(scene, motion, moment, gain, |effect, _, part| {
+            each(effect, part);
+            torque += part;
+        });
+        torque
+    }
+
+    /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add
+    /// those that fade. The fades do not advance. `next` is the time until the next tick, s.
+    pub(crate) fn parts(
+        &mut self,
+        scene: &CompiledScene,
+        motion: &Motion,
+        moment: Moment,
+        next: Real,
+    ) -> Parts {
+        let mut parts = Parts::NONE;
+        let gain = |effect: &Effect, state: &mut EffectState| {
+            let is_gone = effect.leaving && !(effect.fade_out_s - state.leaving_s > 0.0);
+            (!is_gone).then_some(effect.gain)
+        };
+        self.render_each(scene, *motion, moment, gain, |effect, state, torque| {
+            parts.add(effect, state, torque, next);
+        });
+        parts
+    }
+
+    /// Advances the references and computes the torque of each effect with the gain that `gain`
+    /// returns for it. An effect without a gain has faded out and is left out. `add` is called with
+    /// each torque.
+    #[inline(always)]
+    fn render_each(
+        &mut self,
+        scene: &CompiledScene,
+        motion: Motion,
+        moment: Moment,
+        gain: impl Fn(&Effect, &mut EffectState) -> Option<Real>,
+        mut add: impl FnMut(&Effect, &EffectState, Vec3),
+    ) {
+        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
+        let shares = self.shared.several;
+        self.shared.begin();
+        for effect in scene.effects() {
+            let state = &mut self.states[usize::from(effect.slot)];
+            if state.reference.moving {
+                advance(&mut state.reference, tick, reach);
+            }
+            let Some(gain) = gain(effect, state) else { continue };
             let mut led = None;
             if state.reference.moving && ahead > 0.0 {
                 led = Some(led_by(&state.reference, ahead, reach_ahead));
@@ -268,52 +312,10 @@ impl Renderer {
                 shared: &mut self.shared,
                 shares,
             };
-            let part = effect.kind.render(gain, now, &mut state.memory);
-            each(effect, part);
-            torque += part;
+            let torque = effect.kind.render(gain, now, &mut state.memory);
+            add(effect, state, torque);
         }
         self.shared.end(&motion, dt);
-        torque
-    }
-
-    /// Computes the torques of all effects, as [`render`](Self::render) does, but does not add
-    /// those that fade. The fades do not advance. `next` is the time until the next tick, s.
-    pub(crate) fn parts(
-        &mut self,
-        scene: &CompiledScene,
-        motion: &Motion,
-        moment: Moment,
-        next: Real,
-    ) -> Parts {
-        let Moment { tick, dt, reach, lead, ahead, reach_ahead } = moment;
-        let shares = self.shared.several;
-        let mut parts = Parts::NONE;
-        self.shared.begin();
-        for effect in scene.effects() {
-            let state = &mut self.states[usize::from(effect.slot)];
-            if state.reference.moving {
-                advance(&mut state.reference, tick, reach);
-            }
-            if effect.leaving && !(effect.fade_out_s - state.leaving_s > 0.0) {
-                continue;
-            }
-            let led =
-                (state.reference.moving && ahead > 0.0).then(|| led_by(&state.reference, ahead, reach_ahead));
-            let now = Now {
-                motion: *motion,
-                dt,
-                lead,
-                ahead,
-                reference: led.as_ref().unwrap_or(&state.reference),
-                numbers: scene.numbers(effect.numbers),
-                shared: &mut self.shared,
-                shares,
-            };
-            let torque = effect.kind.render(effect.gain, now, &mut state.memory);
-            parts.add(effect, state, torque, next);
-        }
-        self.shared.end(motion, dt);
-        parts
     }
 
     /// Advances all fades by the fraction `part` of a tick of `dt` seconds.
@@ -334,16 +336,7 @@ impl Renderer {
             let factor = fades::factor(effect, state);
             if factor > 0.0 {
                 let mut memory = state.memory;
-                let now = Now {
-                    motion: Motion { q, omega: Vec3::ZERO },
-                    dt: 0.0,
-                    lead: 0.0,
-                    ahead: 0.0,
-                    reference: &state.reference,
-                    numbers: scene.numbers(effect.numbers),
-                    shared: &mut self.shared,
-                    shares: false,
-                };
+                let now = at_rest(q, effect, state, scene, &mut self.shared);
                 sum += effect.kind.render(effect.gain * factor, now, &mut memory);
             }
         }
@@ -355,26 +348,37 @@ impl Renderer {
     /// energy. Returns `None` if there are none.
     #[must_use]
     pub fn energy(&self, scene: &CompiledScene, q: Quat) -> Option<Real> {
-        let motion = Motion { q, omega: Vec3::ZERO };
         let mut shared = self.shared.copy_between_moments();
         let mut sum = None;
         for effect in scene.effects().iter().filter(|effect| !effect.leaving) {
             let state = &self.states[usize::from(effect.slot)];
-            let mut now = Now {
-                motion,
-                dt: 0.0,
-                lead: 0.0,
-                ahead: 0.0,
-                reference: &state.reference,
-                numbers: scene.numbers(effect.numbers),
-                shared: &mut shared,
-                shares: false,
-            };
+            let mut now = at_rest(q, effect, state, scene, &mut shared);
             if let Some(energy) = effect.kind.energy(&mut now, &state.memory) {
                 sum = Some(sum.unwrap_or(0.0) + energy * effect.gain);
             }
         }
         sum
+    }
+}
+
+/// Returns what an effect is evaluated with if the sphere rests in the orientation `q` and no time
+/// passes.
+fn at_rest<'a>(
+    q: Quat,
+    effect: &Effect,
+    state: &'a EffectState,
+    scene: &'a CompiledScene,
+    shared: &'a mut Shared,
+) -> Now<'a> {
+    Now {
+        motion: Motion { q, omega: Vec3::ZERO },
+        dt: 0.0,
+        lead: 0.0,
+        ahead: 0.0,
+        reference: &state.reference,
+        numbers: scene.numbers(effect.numbers),
+        shared,
+        shares: false,
     }
 }
 

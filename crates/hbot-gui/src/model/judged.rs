@@ -244,7 +244,7 @@ impl Waiting {
 mod tests {
     use super::*;
     use hbot_config::RigConfig;
-    use hbot_config::advice::{StiffnessBound, ToldLoop};
+    use hbot_config::advice::StiffnessBound;
     use serde_json::json;
 
     /// What a server tells of the prototype without a lead.
@@ -252,7 +252,7 @@ mod tests {
         let mut rig = RigConfig::prototype();
         rig.rig = rig.rig.with(|parts| parts.lead = None).expect("legal");
         let bound = StiffnessBound::of(&rig).expect("legal inertias");
-        let told = hbot_api::LoopInfo::from(ToldLoop::of(bound.sampled()));
+        let told = hbot_api::LoopInfo::from(bound.sampled());
         let limits = &rig.rig.limits;
         serde_json::from_value(json!({"rig": {"rate_hz": rig.rate_hz},
             "limits": {"torque": limits.torque, "torque_rate": limits.torque_rate, "speed": limits.speed},

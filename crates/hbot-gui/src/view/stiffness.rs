@@ -294,7 +294,7 @@ mod tests {
     use super::*;
     use crate::view::painted::{hint, vertical_lines};
     use egui_kittest::Harness;
-    use hbot_config::advice::{Abilities, StiffnessBound, ToldLoop, USUAL_DAMPING};
+    use hbot_config::advice::{Abilities, StiffnessBound, USUAL_DAMPING};
     use hbot_config::{RigConfig, SceneFile};
 
     /// The prototype without a lead, whose border has a simple formula.
@@ -308,7 +308,7 @@ mod tests {
     fn panel(stiffness: f64, damping: f64, tells_loop: bool) -> Model {
         let rig = unled();
         let bound = StiffnessBound::of(&rig).expect("legal inertias");
-        let told = hbot_api::LoopInfo::from(ToldLoop::of(bound.sampled()));
+        let told = hbot_api::LoopInfo::from(bound.sampled());
         let render = json!({"stiffness_stable": bound.stable(USUAL_DAMPING),
             "stiffness_most": bound.most()[0], "loop": tells_loop.then_some(told)});
         let limits = &rig.rig.limits;

@@ -66,8 +66,9 @@ pub fn check(rig: &RigConfig, built: &RigConfig) -> Result<(), Mismatch> {
     Ok(())
 }
 
-/// Creates the simulated rig that `built` describes: geometry, inertias, gears, signs, motors and
-/// steering zeros. Its motor controllers speak the protocol of `rig`.
+/// Creates the simulated rig that `built` describes: geometry, inertias, gears, signs, motors,
+/// steering zeros, and the imperfections that it says (friction, torque constants, cogging,
+/// imbalance). Its motor controllers speak the protocol of `rig`.
 ///
 /// # Errors
 /// Fails if the two do not fit ([`check`]), or if the rig cannot be simulated.
@@ -90,6 +91,7 @@ pub(crate) fn simulated_rig(
         line,
         lags,
         phenomena,
+        imperfect: built.rig.compensation,
         joints,
         ..SimulatedConfig::new(&built.rig)
     })?)

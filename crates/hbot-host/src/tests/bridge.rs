@@ -1,5 +1,5 @@
 //! Tests of the bridge between loop and service: orders with their tickets, emergency stops,
-//! scenes, and the bell. The tests of hbot-server show which samples wake the service.
+//! scenes, and wake-ups. The tests of hbot-server show which samples wake the service.
 
 use std::os::fd::OwnedFd;
 
@@ -9,10 +9,10 @@ use hbot_core::inputs::Command;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl};
 
-use crate::bus::{BusCommand, Heard, MotorBus};
 use crate::rig::layout::Layout;
 use crate::run_loop::bridge::{Busy, CONFIRMED, bridge};
 use crate::run_loop::sample::Sample;
+use crate::tests::scripted::ScriptedBus;
 use crate::tests::tick_bench::{TickBench, default_scene};
 
 #[test]
@@ -104,22 +104,9 @@ fn scenes_are_freed_by_the_service_and_never_by_the_loop() {
     }
 }
 
-/// A motor bus whose controllers never answer.
-struct Silent;
-
-impl MotorBus for Silent {
-    fn receive(&mut self, _: u64, _: u32) -> Heard {
-        Heard::default()
-    }
-
-    fn command(&mut self, _: u64, _: &BusCommand) -> bool {
-        true
-    }
-}
-
 fn sample() -> Sample {
     let (rig, layout) = (RigConfig::prototype(), Layout::single(0..4));
-    TickBench::new(&rig, vec![Box::new(Silent)], &layout, default_scene()).tick()
+    TickBench::new(&rig, vec![Box::new(ScriptedBus::default())], &layout, default_scene()).tick()
 }
 
 /// Returns whether `descriptor` is readable now.
@@ -130,21 +117,21 @@ fn readable(descriptor: &OwnedFd) -> bool {
 }
 
 #[test]
-fn the_bell_rings_until_it_is_heard_and_hearing_it_never_waits() {
+fn a_wake_up_lasts_until_it_is_cleared_and_clearing_never_waits() {
     let (mut inner, mut outer) = bridge().expect("a bridge");
-    let bell = outer.bell();
-    let descriptor = bell.descriptor().expect("a descriptor");
+    let wakeup = outer.wakeup();
+    let descriptor = wakeup.descriptor().expect("a descriptor");
     let flags = fcntl_getfl(&descriptor).expect("its flags");
-    assert!(flags.contains(OFlags::NONBLOCK), "to hear a silent bell would take for ever");
-    bell.heard();
+    assert!(flags.contains(OFlags::NONBLOCK), "clearing without a wake-up would take for ever");
+    wakeup.clear();
     let sample = sample();
     assert!(inner.publish(sample) && !readable(&descriptor), "it is not set");
-    bell.set(true);
+    wakeup.arm(true);
     assert!(!readable(&descriptor), "samples that already wait do not ring");
     for _ in 0..2 {
         assert!(inner.publish(sample) && readable(&descriptor));
     }
-    bell.heard();
+    wakeup.clear();
     assert!(!readable(&descriptor));
     assert!(inner.publish(sample) && !readable(&descriptor), "it has not been set again");
     drop(inner);

@@ -12,7 +12,7 @@ use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::Value;
 
 use super::convert;
-use hbot_config::advice::{RatePick, StiffnessBound, ToldLoop, USUAL_DAMPING};
+use hbot_config::advice::{RatePick, StiffnessBound, USUAL_DAMPING};
 use hbot_host::run_loop::clock::Origin;
 use hbot_host::run_loop::sample::Sample;
 
@@ -167,7 +167,7 @@ fn render(config: &RigConfig) -> Option<RenderInfo> {
         damping_most: expected.most_damping(),
         border: border(&expected),
         rate_pick: config.rate_pick.as_ref().map(RatePick::sentence),
-        sampled: Some(ToldLoop::of(expected.sampled()).into()),
+        sampled: Some(expected.sampled().into()),
     })
 }
 

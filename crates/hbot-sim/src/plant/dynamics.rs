@@ -6,7 +6,7 @@ use hbot_core::design::device::{Device, MAX_JOINTS, MAX_WHEELS};
 
 use super::fastest::FastestRate;
 use super::nonsmooth::{Effort, Nonsmooth};
-use super::{ImpossibleInertia, JointTorques, Method, Plant, PlantState, Sum};
+use super::{Frictions, ImpossibleInertia, JointTorques, Method, Plant, PlantState, Sum};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
@@ -26,6 +26,8 @@ const IMPLICIT_STEP_S: f64 = 250.0e-6;
 pub struct Dynamics {
     device: Device,
     method: Method,
+    /// Friction that is added to that of the phenomena.
+    frictions: Option<Frictions>,
     kind: Kind,
 }
 
@@ -62,8 +64,25 @@ impl Dynamics {
         method: Method,
         state: &PlantState,
     ) -> Result<Self, ImpossibleInertia> {
-        let kind = Kind::new(Plant::with(device, phenomena)?, method, device, phenomena, state);
-        Ok(Self { device: *device, method, kind })
+        Self::rubbing(device, phenomena, None, method, state)
+    }
+
+    /// Creates the plant of `device` as [`Dynamics::new`] does, with the friction `frictions` in
+    /// addition to that of `phenomena`. It stays when phenomena are replaced.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the inertias of a wheel are physically impossible (see [`ImpossibleInertia`]).
+    pub fn rubbing(
+        device: &Device,
+        phenomena: &Phenomena,
+        frictions: Option<Frictions>,
+        method: Method,
+        state: &PlantState,
+    ) -> Result<Self, ImpossibleInertia> {
+        let plant = Plant::with(device, phenomena)?;
+        let kind = Kind::new(plant, method, device, phenomena, frictions, state);
+        Ok(Self { device: *device, method, frictions, kind })
     }
 
     /// Replaces all phenomena of the plant, which is now at `state`. The inertia of sphere and hand
@@ -72,7 +91,7 @@ impl Dynamics {
         let inertia = self.sphere_inertia();
         // This cannot fail: the device's inertias were checked when the plant was created.
         if let Ok(plant) = Plant::with(&self.device, phenomena) {
-            self.kind = Kind::new(plant, self.method, &self.device, phenomena, state);
+            self.kind = Kind::new(plant, self.method, &self.device, phenomena, self.frictions, state);
             self.set_sphere_inertia(inertia);
         }
     }
@@ -204,9 +223,16 @@ impl Dynamics {
 }
 
 impl Kind {
-    fn new(plant: Plant, method: Method, device: &Device, phenomena: &Phenomena, state: &PlantState) -> Self {
-        let nonsmooth = Nonsmooth::new(device, *phenomena, state);
-        if is_nonsmooth(phenomena) {
+    fn new(
+        plant: Plant,
+        method: Method,
+        device: &Device,
+        phenomena: &Phenomena,
+        frictions: Option<Frictions>,
+        state: &PlantState,
+    ) -> Self {
+        let nonsmooth = Nonsmooth::new(device, *phenomena, frictions, state);
+        if is_nonsmooth(phenomena) || frictions.is_some() {
             Self::Nonsmooth(Box::new(nonsmooth))
         } else {
             let fastest = FastestRate::new(device, phenomena, plant.sphere_inertia());

@@ -26,6 +26,7 @@ mod weights;
 use core::fmt;
 
 use hbot_core::design::device::{Device, MAX_JOINTS, MAX_WHEELS};
+use hbot_core::design::rig::Friction;
 use hbot_core::{Mat3, Quat, Vec3};
 
 pub use dynamics::Dynamics;
@@ -43,6 +44,17 @@ use crate::phenomena::Phenomena;
 /// Joint torques in N m, in the order steer, drive of each wheel. Entries beyond the device's
 /// joints must be finite and have no effect.
 pub type JointTorques = [f64; MAX_JOINTS];
+
+/// The friction of each joint and of the sphere in its cage, as a rig file says it. A part that
+/// rests sticks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frictions {
+    /// Friction of the joints, in the order steer, drive of each wheel.
+    pub joints: [Friction; MAX_JOINTS],
+    /// Friction of the sphere. Its torque is one on the sphere, and its rate the angular speed of
+    /// the sphere.
+    pub sphere: Friction,
+}
 
 /// The mechanics of a device whose wheels do not slip: its constants, and the phenomena that keep
 /// it smooth, such as viscous joint friction.

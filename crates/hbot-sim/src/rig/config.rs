@@ -4,7 +4,7 @@ use core::fmt;
 
 use hbot_config::rig::Protocol;
 use hbot_core::design::device::Device;
-use hbot_core::design::rig::Rig;
+use hbot_core::design::rig::{Compensation, Rig};
 
 use crate::controller::{Lags, Line, SimulatedJoint};
 use crate::phenomena::Phenomena;
@@ -26,6 +26,10 @@ pub struct SimulatedConfig {
     pub start: PlantState,
     /// Phenomena of a real rig, such as friction, that are switched on.
     pub phenomena: Phenomena,
+    /// What the rig truly is like, as a rig file says it: the friction, torque constants and
+    /// cogging of each joint, and friction and imbalance of the sphere. It is added to the
+    /// phenomena, and stays when they are replaced.
+    pub imperfect: Option<Compensation>,
     /// Integration method of the plant.
     pub method: Method,
     /// Longest step of the plant, ns. A longer interval is divided into equal steps. A value of 0
@@ -52,6 +56,7 @@ impl SimulatedConfig {
             joints: rig.joints[..rig.device.joints()].iter().map(SimulatedJoint::from).collect(),
             start: PlantState::default(),
             phenomena: Phenomena::default(),
+            imperfect: None,
             method: Method::default(),
             max_step_ns: 1_000_000,
             max_jump_ns: 100_000_000,

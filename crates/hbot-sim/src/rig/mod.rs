@@ -9,15 +9,16 @@ mod config;
 
 use hbot_core::Vec3;
 use hbot_core::design::device::MAX_JOINTS;
+use hbot_core::design::rig::Compensation;
 
 pub use self::config::{SimulatedConfig, SimulatedRigError};
 use crate::controller::{InjectedFault, SimulatedControllers, Truth, frame_end};
 use crate::hand::{Grip, Guide, HandTorque};
 pub use crate::impairment::FrameCounts;
 use crate::impairment::Impairment;
-use crate::phenomena::{Hand, Link, Phenomena, of_plant};
+use crate::phenomena::{Hand, Imbalance, Link, Phenomena, of_plant};
 use crate::plant::Load as _;
-use crate::plant::{Dynamics, JointTorques, PlantState};
+use crate::plant::{Dynamics, Frictions, JointTorques, PlantState};
 use crate::shafts::{MAX_COGGING_STEP_NS, Shafts};
 
 /// Longest step of a nonsmooth plant (one that sticks, slips or has play), ns.
@@ -40,6 +41,8 @@ pub struct SimulatedRig {
     sphere_inertia: f64,
     state: PlantState,
     phenomena: Phenomena,
+    /// Imperfections of this very rig, which are added to the phenomena.
+    imperfect: Option<Box<Compensation>>,
     grip: Option<Grip>,
     /// Where the hand's torque is told to other threads, if any of them asks.
     hand_torque: Option<HandTorque>,
@@ -74,7 +77,11 @@ impl SimulatedRig {
         if config.joints.len() != wanted {
             return Err(SimulatedRigError::Joints { given: config.joints.len(), wanted });
         }
-        let dynamics = Dynamics::new(&config.device, &Phenomena::default(), config.method, &config.start)
+        let imperfect = config.imperfect.filter(Compensation::is_some);
+        let frictions = imperfect.as_ref().and_then(frictions);
+        let ideal = Phenomena::default();
+        let plain = with_own(&ideal, imperfect.as_ref());
+        let dynamics = Dynamics::rubbing(&config.device, &plain, frictions, config.method, &config.start)
             .map_err(SimulatedRigError::Inertia)?;
         let angles = config.start.joints();
         let encoder = config.phenomena.encoder.as_ref();
@@ -85,7 +92,8 @@ impl SimulatedRig {
             sphere_inertia: dynamics.sphere_inertia(),
             dynamics,
             state: config.start,
-            phenomena: Phenomena::default(),
+            phenomena: ideal,
+            imperfect: imperfect.map(Box::new),
             grip: None,
             hand_torque: None,
             line: None,
@@ -331,10 +339,11 @@ impl SimulatedRig {
             self.controllers.set_encoder(phenomena.encoder.as_ref(), &angles);
         }
         if of_plant(&phenomena) != of_plant(&old) {
-            self.dynamics.set_phenomena(&phenomena, &self.state);
+            let all = with_own(&phenomena, self.imperfect.as_deref());
+            self.dynamics.set_phenomena(&all, &self.state);
         }
         self.controllers.set_motor(phenomena.motor);
-        self.shafts = Shafts::new(&phenomena, &self.gears);
+        self.shafts = Shafts::new(&phenomena, self.imperfect.as_deref(), &self.gears);
         self.set_link(phenomena.link);
         self.set_hand(phenomena.hand);
     }
@@ -429,4 +438,21 @@ impl SimulatedRig {
     pub fn refused_frames(&self) -> u64 {
         self.controllers.refused()
     }
+}
+
+/// Returns `phenomena` with the imbalance that the sphere has by itself.
+fn with_own(phenomena: &Phenomena, imperfect: Option<&Compensation>) -> Phenomena {
+    let mut all = *phenomena;
+    if let Some(own) = imperfect.filter(|own| own.imbalance != Vec3::ZERO) {
+        let other = phenomena.imbalance.map_or(Vec3::ZERO, |it| Vec3::from_array(it.torque));
+        all.imbalance = Some(Imbalance { torque: (own.imbalance + other).to_array() });
+    }
+    all
+}
+
+/// Returns the friction of the joints and of the sphere, or `None` if nothing rubs.
+fn frictions(imperfect: &Compensation) -> Option<Frictions> {
+    let joints = imperfect.joints.map(|joint| joint.friction);
+    let rubs = imperfect.sphere.is_some() || joints.iter().any(|friction| friction.is_some());
+    rubs.then_some(Frictions { joints, sphere: imperfect.sphere })
 }

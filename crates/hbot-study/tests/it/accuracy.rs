@@ -3,7 +3,7 @@
 
 use hbot_study::Study;
 
-use crate::quoted::accuracy::REPORT;
+use crate::tables::ACCURACY;
 use crate::{assert_documented, assert_holds, measure, value};
 
 const PATHS: [&str; 3] = ["straight", "quadratic", "cubic"];
@@ -76,7 +76,7 @@ fn every_figure_that_was_promised_is_there_and_every_check_holds() {
     assert!(value(&report, "plant_rk4_1000us_error_rad") < 1e-7);
     // The report that the pages quote has the sections, tables and families of figures that this
     // study writes.
-    assert_eq!(outline(&report.markdown()), outline(REPORT));
+    assert_eq!(outline(&report.markdown()), outline(ACCURACY));
 }
 
 /// Returns the lines of a report that do not change between runs: its title, headings, table

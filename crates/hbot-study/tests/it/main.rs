@@ -10,8 +10,8 @@ mod files;
 mod paper;
 mod paper_rig;
 mod program;
-mod quoted;
 mod stability;
+mod tables;
 
 use std::collections::HashSet;
 

@@ -9,7 +9,8 @@ use super::*;
 
 /// Returns the counts of the simulated prototype while a hand turns it.
 fn watched() -> Vec<Counts> {
-    let mut bench = open(&RigConfig::prototype(), true, StopFlag::default(), &Program::this("none")).unwrap();
+    let mut bench =
+        open(&RigConfig::prototype(), Truth::turned(), StopFlag::default(), &Program::this("none")).unwrap();
     watch(&mut bench, 20).unwrap()
 }
 

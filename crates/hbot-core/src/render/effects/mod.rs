@@ -438,6 +438,8 @@ mod tests {
         );
         let swing = TrackPath::Swing { axis, amplitude: 0.3, from: 1.0, to: 2.0, sweep: 1.0, repeat: true };
         let mass = crate::real::Mat3::IDENTITY * 0.001;
+        let end_stop =
+            EndStop { target, axis, cone: Some(0.5), twist: Some([-0.5, 0.5]), stiffness: 3.0, damping: 0.1 };
         let kinds = [
             Kind::Constant(Constant { torque: axis, frame: Frame::Sphere }),
             Kind::Spring(spring.unwrap_or_else(|| unreachable!("a legal spring"))),
@@ -461,14 +463,7 @@ mod tests {
                 rounding: Snaps::rounding(SnapSet::Icosahedron, &[]),
                 damping: 0.01,
             }),
-            Kind::EndStop(EndStop {
-                target,
-                axis,
-                cone: Some(0.5),
-                twist: Some([-0.5, 0.5]),
-                stiffness: 3.0,
-                damping: 0.1,
-            }),
+            Kind::EndStop(end_stop),
             Kind::Guide(Guide {
                 target,
                 axis,
@@ -501,14 +496,7 @@ mod tests {
             }),
             Kind::Track(Track { target, path: swing, stiffness: 1.0, damping: 0.1, deadband: 0.0 }),
             Kind::KnockingEndStop(Knocking {
-                law: EndStop {
-                    target,
-                    axis,
-                    cone: Some(0.5),
-                    twist: Some([-0.5, 0.5]),
-                    stiffness: 3.0,
-                    damping: 0.1,
-                },
+                law: end_stop,
                 knock: Knock { amplitude: 0.1, frequency: 100.0, decay: 0.01 },
             }),
         ];

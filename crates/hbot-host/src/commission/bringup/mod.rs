@@ -1,24 +1,29 @@
 //! Bringing a rig up, before any loop is closed over it: who answers on its lines ([`scan`]), one
-//! joint at a time under a small torque ([`joint`]), and what the joints say of each other while a
-//! person turns the sphere ([`calibrate`]). A wrong sign or zero in a closed loop is a runaway.
+//! joint at a time under a small torque ([`joint`]), what the joints say of each other while a
+//! person turns the sphere ([`calibrate`]), and a gentle motion by all motors, once the signs are
+//! known ([`excite`]). A wrong sign or zero in a closed loop is a runaway.
 
 pub mod calibrate;
+pub mod excite;
 pub mod joint;
 pub mod scan;
 
 #[cfg(test)]
 mod tests;
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hbot_config::{RigConfig, rig as config};
+use hbot_core::design::rig::OdometryMethod;
 use hbot_core::inputs::{Complaints, JointReadings};
+use hbot_core::motion::odometry;
 use hbot_core::outputs::Drive;
-use hbot_core::{MAX_JOINTS, Rig};
-use hbot_sim::phenomena::Hand;
+use hbot_core::{MAX_JOINTS, MAX_WHEELS, Quat, Rig};
+use hbot_sim::phenomena::{Hand, Phenomena};
 use thiserror::Error;
 
 use crate::rig::attach::{self, AttachError, Attached};
+use crate::rig::built;
 use crate::rig::last_word::Program;
 use crate::rig::layout::Layout;
 use crate::rig::motors::{Motors, OFF};
@@ -57,26 +62,57 @@ pub struct Bench {
     /// True if the motors are simulated. Their time advances with each command, independently of
     /// the clock.
     simulated: bool,
+    /// When the bench was created, and when the last command was sent first, s after that.
+    begun: Instant,
+    sent_s: f64,
+    /// Orientation of the sphere relative to that at the first reading, and the counts of the last
+    /// reading.
+    orientation: Quat,
+    counts: Option<[i32; MAX_JOINTS]>,
     /// If this flag is set, no further command with torque is sent.
     stop: StopFlag,
     notices: Vec<String>,
 }
 
+/// What a simulated rig is truly like. Real rigs are as they are.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Truth<'a> {
+    /// The rig file from which the rig is built, if it is another one than that which is believed.
+    pub built: Option<&'a RigConfig>,
+    /// Phenomena of a real rig that the rig shows.
+    pub phenomena: Phenomena,
+}
+
+impl Truth<'_> {
+    /// Returns a rig that is as its file says, and whose sphere a simulated hand turns widely.
+    #[must_use]
+    pub fn turned() -> Self {
+        let hand = Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() };
+        Self { built: None, phenomena: Phenomena { hand: Some(hand), ..Phenomena::default() } }
+    }
+}
+
 /// Connects to the motors of `rig`. After `stop` is set, no further torque is sent. `helper` is the
-/// program that switches the motors off if this process dies. If the rig is simulated and `turned`
-/// is true, a simulated hand turns the sphere widely; otherwise the sphere is free.
+/// program that switches the motors off if this process dies. `truth` says what the rig is like if
+/// it is simulated.
 ///
 /// # Errors
 /// Fails if a port cannot be opened, or if its controllers are not those of the rig.
-pub fn open(rig: &RigConfig, turned: bool, stop: StopFlag, helper: &Program) -> Result<Bench, AttachError> {
+pub fn open(
+    rig: &RigConfig,
+    truth: Truth<'_>,
+    stop: StopFlag,
+    helper: &Program,
+) -> Result<Bench, AttachError> {
     let layout = Layout::of(rig);
+    if let Some(built) = truth.built {
+        built::check(rig, built)?;
+    }
     let mut notices = Vec::new();
     let (buses, simulated) = match &rig.link.port {
         config::Port::Sim | config::Port::SimPty => {
-            let Attached { bus, simulator, .. } =
-                attach::simulated(rig, None, &layout, Default::default(), Time::Virtual)?;
-            let hand = turned.then(|| Hand { amplitude: 0.8, rate: 0.4, ..Hand::default() });
-            simulator.post(Box::new(move |rig| rig.set_hand(hand)));
+            let Attached { bus, .. } =
+                attach::simulated(rig, truth.built, &layout, truth.phenomena, Time::Virtual)?;
             (vec![bus], true)
         }
         config::Port::Devices(devices) => {
@@ -100,6 +136,10 @@ impl Bench {
             tick: 0,
             period: Duration::from_nanos(rig.timing.period_ns),
             simulated,
+            begun: Instant::now(),
+            sent_s: 0.0,
+            orientation: Quat::IDENTITY,
+            counts: None,
             stop: StopFlag::default(),
             notices: Vec::new(),
         }
@@ -147,6 +187,7 @@ impl Bench {
     /// Gives up if `stop` returns true.
     fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointReadings, Interrupted> {
         let mut complaints = Complaints::default();
+        self.sent_s = self.time_s();
         for _ in 0..PATIENCE {
             if stop() {
                 return Err(Interrupted::Stopped);
@@ -164,10 +205,43 @@ impl Bench {
             // A controller that has lost power counts from another zero.
             complaints.fault |= news.zeros_lost;
             if let Some(feedback) = news.feedback.filter(|_| news.buses_with_reading == self.motors.buses()) {
+                self.follow(&feedback.counts);
                 return Ok(JointReadings { complaints, ..feedback });
             }
         }
         Err(Interrupted::Silent)
+    }
+
+    /// Advances the orientation of the sphere to the counts of a new reading.
+    fn follow(&mut self, counts: &[i32; MAX_JOINTS]) {
+        let last = self.counts.replace(*counts).unwrap_or(*counts);
+        let (device, joints) = (&self.rig.device, &self.rig.joints);
+        let n = device.joints();
+        let steer: [f64; MAX_WHEELS] =
+            std::array::from_fn(|i| f64::from(last[2 * i]) * joints[2 * i].radians_per_count());
+        let moved: [f64; MAX_JOINTS] = std::array::from_fn(|j| {
+            f64::from(counts[j].wrapping_sub(last[j])) * joints[j].radians_per_count()
+        });
+        let turn = odometry::turn(device, OdometryMethod::Midpoint, &steer[..n / 2], &moved[..n]);
+        self.orientation = odometry::advance(self.orientation, turn);
+    }
+
+    /// Returns the orientation of the sphere at the last reading, relative to that at the first one.
+    #[must_use]
+    pub fn orientation(&self) -> Quat {
+        self.orientation
+    }
+
+    /// Returns the time since the bench was created, s: that of the clock, or of the simulation.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        if self.simulated { self.now_ns() as f64 * 1.0e-9 } else { self.begun.elapsed().as_secs_f64() }
+    }
+
+    /// Returns the time at which the last command was sent for the first time, s.
+    #[must_use]
+    pub fn sent_s(&self) -> f64 {
+        self.sent_s
     }
 
     /// Returns the nominal time of the next command since the first one, ns.

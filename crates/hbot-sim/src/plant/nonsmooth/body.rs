@@ -9,7 +9,7 @@ use super::super::weights::Module;
 use super::compliance::Bent;
 use super::law::{Element, Law, Row};
 use super::solver::StepProblem;
-use super::{JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
+use super::{Frictions, JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
 use crate::phenomena::{Phenomena, dry_friction, largest_grip, largest_pivoting_torque};
 
 /// Error of a gear's friction loss that is ignored, as a fraction of the torque that would stop the
@@ -55,6 +55,8 @@ pub(super) struct Given<'a> {
 pub(super) struct Body {
     pub(super) device: Device,
     pub(super) phenomena: Phenomena,
+    /// Friction of each joint and of the sphere, which is added to that of the phenomena.
+    pub(super) frictions: Option<Frictions>,
     /// Inertia of the sphere (I_s) and of anything attached to it, such as a hand, kg m².
     pub(super) inertia: f64,
     pub(super) modules: Option<[Module; MAX_WHEELS]>,
@@ -252,9 +254,11 @@ impl Body {
                 [on_sphere(across.0), on_sphere(across.1), Row::EMPTY],
             );
         }
-        if let Some(cage) = self.phenomena.cage_friction {
+        let cage = self.phenomena.cage_friction.map_or(0.0, |cage| cage.torque)
+            + self.frictions.map_or(0.0, |frictions| frictions.sphere.coulomb);
+        if self.phenomena.cage_friction.is_some() || cage > 0.0 {
             let rows = [0, 1, 2].map(|k| Row::EMPTY.and(k, 1.0));
-            put(Law::Friction { limit: h * cage.torque }, 3, rows);
+            put(Law::Friction { limit: h * cage }, 3, rows);
         }
         for i in 0..self.wheels() {
             let wheel = &self.device.wheels()[i];
@@ -277,11 +281,12 @@ impl Body {
             }
             for k in 0..2 {
                 let geared = self.motor_at(i).is_some() && k == 1;
-                if self.phenomena.joint_friction.is_some() || geared {
+                if self.phenomena.joint_friction.is_some() || self.frictions.is_some() || geared {
                     let row = self.driven_row(now, i, k);
                     let rate = row.dot(speeds);
                     let mut limit =
                         self.phenomena.joint_friction.map_or(0.0, |friction| dry_friction(&friction, rate));
+                    limit += self.frictions.map_or(0.0, |frictions| frictions.joints[2 * i + k].coulomb);
                     if geared {
                         limit += self.motors[i].loss;
                     }
@@ -372,15 +377,19 @@ impl Body {
         }
         problem.momentum = [0.0; MAX_SPEEDS];
         for k in 0..3 {
-            problem.mass[k][k] = self.inertia + implicit;
+            let viscous = self.frictions.map_or(0.0, |frictions| frictions.sphere.viscous);
+            problem.mass[k][k] = self.inertia + implicit + h * viscous;
             problem.momentum[k] = self.inertia * state.omega[k] + impulse[k];
         }
-        let viscous = h * self.phenomena.joint_friction.map_or(0.0, |friction| friction.viscous);
+        let viscous = |j: usize| {
+            let all = self.phenomena.joint_friction.map_or(0.0, |friction| friction.viscous);
+            h * (all + self.frictions.map_or(0.0, |frictions| frictions.joints[j].viscous))
+        };
         for (i, wheel) in self.device.wheels().iter().enumerate() {
             let [steer_mass, coupling, drive_mass] = self.wheel_mass(wheel);
             let (steer, drive) = (self.rates[2 * i], self.rates[2 * i + 1]);
             let joints = [self.joint_row(now, i, 0), self.joint_row(now, i, 1)];
-            problem.weigh(&joints[0], &joints[0], steer_mass + viscous);
+            problem.weigh(&joints[0], &joints[0], steer_mass + viscous(2 * i));
             problem.weigh(&joints[1], &joints[1], drive_mass);
             if coupling != 0.0 {
                 problem.weigh(&joints[0], &joints[1], coupling);
@@ -396,7 +405,7 @@ impl Body {
             }
             problem.push(&joints[0], steer_mass * steer + coupling * drive + h * steer_torque);
             let driven = self.driven_row(now, i, 1);
-            problem.weigh(&driven, &driven, viscous);
+            problem.weigh(&driven, &driven, viscous(2 * i + 1));
             problem.push(&joints[1], coupling * steer + drive_mass * drive);
             problem.push(&driven, h * tau[2 * i + 1]);
             if let Some(at) = self.motor_at(i) {

@@ -30,7 +30,7 @@ use self::law::Element;
 pub use self::solver::Effort;
 use self::solver::{StepProblem, Workspace};
 use super::weights::{Module, Spring, Weight};
-use super::{JointTorques, PlantState};
+use super::{Frictions, JointTorques, PlantState};
 use crate::hand::Grip;
 use crate::phenomena::Phenomena;
 
@@ -81,12 +81,19 @@ struct Motor {
 
 impl Nonsmooth {
     /// Creates the plant of `device` with the given phenomena, at `state`.
-    pub(super) fn new(device: &Device, phenomena: Phenomena, state: &PlantState) -> Self {
+    /// `frictions` are added to the frictions among the phenomena.
+    pub(super) fn new(
+        device: &Device,
+        phenomena: Phenomena,
+        frictions: Option<Frictions>,
+        state: &PlantState,
+    ) -> Self {
         let capacity = 2 + 5 * device.wheels().len();
         let mut plant = Self {
             body: Body {
                 device: *device,
                 phenomena,
+                frictions,
                 inertia: device.sphere_inertia(),
                 modules: phenomena.wheel_modules.map(|modules| Module::all(device, modules.mass)),
                 rates: [0.0; MAX_JOINTS],

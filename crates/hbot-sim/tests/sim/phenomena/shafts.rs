@@ -3,9 +3,12 @@
 
 use core::f64::consts::TAU;
 
+use hbot_core::design::rig::{Compensation, Friction, Harmonic};
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_link::ToController;
-use hbot_sim::phenomena::{Cogging, Eccentric, Imbalance, JointFriction, Phenomena, TorqueConstants};
+use hbot_sim::phenomena::{
+    CageFriction, Cogging, Eccentric, Imbalance, JointFriction, Phenomena, Slip, TorqueConstants,
+};
 use hbot_sim::plant::{Dynamics, Method, Plant, PlantState};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use oorandom::Rand64;
@@ -165,4 +168,84 @@ fn imbalance_and_an_eccentric_sphere_add_up() {
     assert!(plant.acceleration(&state, Vec3::ZERO, &[0.0; 16]).length() < 1e-12);
     let heavy = Plant::with(&device, &both([0.0; 3])).unwrap();
     assert!(heavy.acceleration(&state, Vec3::ZERO, &[0.0; 16]).length() > 0.1);
+}
+
+/// What a rig file says of its own rig acts like the phenomenon of the same numbers, adds to other
+/// phenomena, and stays when they are replaced.
+#[test]
+fn a_rigs_own_imperfections_are_those_of_the_phenomena_and_stay() {
+    let (coulomb, viscous) = (2.0e-4, 1.0e-5);
+    let friction = Friction { coulomb, viscous };
+    let mut own = Compensation { imbalance: Vec3::new(4.0e-3, 0.0, 1.0e-3), ..Compensation::default() };
+    own.sphere = Friction { coulomb: 1.0e-3, viscous: 0.0 };
+    own.joints.iter_mut().for_each(|joint| joint.friction = friction);
+    let ours = |own: Compensation, phenomena: Phenomena| {
+        let config = SimulatedConfig { imperfect: Some(own), phenomena, ..SimulatedConfig::new(&rig()) };
+        SimulatedRig::new(&config).unwrap()
+    };
+    let same = Phenomena {
+        joint_friction: Some(JointFriction { coulomb, viscous, breakaway: coulomb, stribeck_rate: 0.5 }),
+        cage_friction: Some(CageFriction { torque: 1.0e-3 }),
+        imbalance: Some(Imbalance { torque: [4.0e-3, 0.0, 1.0e-3] }),
+        ..Phenomena::default()
+    };
+    let moved = |mut rig: SimulatedRig| {
+        rig.set_state(PlantState { omega: Vec3::new(1.0, -0.5, 0.7), ..PlantState::default() });
+        rig.advance_to(100 * MS);
+        *rig.state()
+    };
+    let theirs = moved(with(same));
+    assert_eq!(moved(ours(own, Phenomena::default())), theirs);
+    // Other phenomena come and go.
+    let mut changed = ours(own, Phenomena { slip: Some(Slip::default()), ..Phenomena::default() });
+    changed.set_phenomena(Phenomena::default());
+    assert_eq!(moved(changed), theirs);
+    // Half of it from each side is the whole, up to rounding.
+    let half = |x: f64| 0.5 * x;
+    let mut part = own;
+    part.imbalance *= 0.5;
+    part.sphere.coulomb = half(1.0e-3);
+    part.joints.iter_mut().for_each(|joint| {
+        joint.friction = Friction { coulomb: half(coulomb), viscous: half(viscous) };
+    });
+    let other = Phenomena {
+        joint_friction: Some(JointFriction {
+            coulomb: half(coulomb),
+            viscous: half(viscous),
+            breakaway: half(coulomb),
+            stribeck_rate: 0.5,
+        }),
+        cage_friction: Some(CageFriction { torque: half(1.0e-3) }),
+        imbalance: Some(Imbalance { torque: [2.0e-3, 0.0, 0.5e-3] }),
+        ..Phenomena::default()
+    };
+    assert!((moved(ours(part, other)).omega - theirs.omega).length() < 1e-9);
+    // One joint alone rubs, with twice the friction.
+    let mut one = Compensation::default();
+    one.joints[1].friction = Friction { coulomb: 4.0e-4, viscous: 0.0 };
+    let slowed = moved(ours(one, Phenomena::default())).omega.length();
+    let free = moved(with(Phenomena::default())).omega.length();
+    assert!(slowed < free - 1e-3 && slowed > theirs.omega.length(), "{slowed} of {free}");
+}
+
+/// The torque constant and the cogging of a joint's own motor.
+#[test]
+fn a_motors_own_constant_and_cogging_act_at_its_joint() {
+    let mut own = Compensation::default();
+    own.joints[0].torque_scale = 0.95;
+    own.joints[3].cogging[0] = Harmonic { per_turn: 2, amplitude: 1.0e-3, phase: 0.6 };
+    let mut config = SimulatedConfig { imperfect: Some(own), ..SimulatedConfig::new(&rig()) };
+    config.joints.iter_mut().for_each(|joint| joint.reversed = false);
+    let mut rig = SimulatedRig::new(&config).unwrap();
+    let mut state = PlantState::default();
+    state.drive[1] = 0.3;
+    rig.set_state(state);
+    drive(&mut rig, [0.02, 0.01, 0.0, 0.0]);
+    let torque = rig.shaft_torque();
+    let gear = config.joints[3].gear;
+    let cogging = 1.0e-3 * (2.0 * gear * 0.3 + 0.6).sin();
+    let asked = [0.02_f32, 0.01].map(f64::from);
+    for (found, want) in torque.iter().zip([0.95 * asked[0], asked[1], 0.0, cogging]) {
+        assert!((found - want).abs() < 1e-15, "{torque:?}");
+    }
 }

@@ -1,6 +1,7 @@
 //! The study `identify`: how well `hbot rig identify` finds the geometry of rigs that are not as
 //! drawn.
 
+mod felt;
 mod rigs;
 
 use hbot_config::RigConfig;
@@ -69,7 +70,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
          off centre by 0.5 mrad.",
         16384
     ));
-    context.expect(2);
+    context.expect(3);
     let mut lines = Vec::new();
     let mut sentences = Vec::new();
     for (k, (name, encoders)) in
@@ -173,6 +174,8 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
         Lines::new("Drift after ten turns", "rig", "drift, rad", series).log([false, true]),
     );
     report.in_short("identify_drift", sentences);
+    context.part("table III")?;
+    felt::study(context, &mut report)?;
     Ok(report)
 }
 

@@ -2,7 +2,12 @@
 
 use std::sync::{Arc, Mutex};
 
+use hbot_core::allocation::{ContactArms, traction};
+use hbot_core::design::kinematics::Posture;
+
+use super::super::excite::{Ended, Exchange, Excitation, brake, excite};
 use super::*;
+use crate::line::SimulatorCall;
 
 /// A line to simulated motor controllers that records all commands, and sets the flag `stop` after
 /// `after` commands with torque.
@@ -36,9 +41,16 @@ impl Line for Recorded {
 /// Returns a bench whose stop flag is set at its 50th command with torque, and a record of the
 /// commands that its motor controllers receive.
 fn recorded() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>) {
+    let (bench, heard, _) = recorded_with_calls();
+    (bench, heard)
+}
+
+/// Does the same as [`recorded`], with a channel for changes of the simulated rig.
+fn recorded_with_calls() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>, mpsc::Sender<SimulatorCall>) {
     let (heard, stop) = (Arc::default(), StopFlag::default());
+    let (calls, inbox) = mpsc::channel();
     let line = Recorded {
-        line: Memory::new(simulated(), mpsc::channel().1),
+        line: Memory::new(simulated(), inbox),
         decoder: hbot_link::Decoder::new(),
         heard: Arc::clone(&heard),
         stop: stop.clone(),
@@ -46,7 +58,7 @@ fn recorded() -> (Bench, Arc<Mutex<Vec<hbot_link::Command>>>) {
     };
     let mut bench = on(line);
     bench.stop = stop;
-    (bench, heard)
+    (bench, heard, calls)
 }
 
 /// Returns how many of the recorded commands switched the motors on. Checks that the last three
@@ -80,4 +92,121 @@ fn a_panic_in_a_push_ends_with_motors_off() {
     });
     assert!(std::panic::catch_unwind(panics).is_err());
     assert_eq!(pushes(&heard), 1);
+}
+
+const GENTLE: Excitation = Excitation { seconds: 3.0, wander: 0.8, fastest: 6.0 };
+
+/// Whatever ends a motion by all motors, the last commands switch them off: its time, a signal, a
+/// speed, a slip, a complaint, a silent line, an unknown zero, a panic.
+#[test]
+fn every_end_of_an_excitation_leaves_the_motors_off() {
+    let excited = |bench: &mut Bench, how: &Excitation| excite(bench, how, &mut |_| ());
+    let (mut bench, heard) = recorded();
+    assert_eq!(excited(&mut bench, &GENTLE), Err(Interrupted::Stopped));
+    assert_eq!(pushes(&heard), 50, "the flag is looked at before each command");
+
+    let (mut bench, heard) = recorded();
+    bench.stop = StopFlag::default();
+    assert_eq!(excited(&mut bench, &GENTLE), Ok(Ended::Done));
+    assert!(pushes(&heard) > 2900, "{}", pushes(&heard));
+
+    let (mut bench, heard) = recorded();
+    bench.stop = StopFlag::default();
+    let slow = Excitation { fastest: 0.05, ..GENTLE };
+    assert_eq!(excited(&mut bench, &slow), Ok(Ended::TooFast));
+    assert!(pushes(&heard) > 10);
+
+    let (mut bench, heard) = recorded();
+    bench.stop = StopFlag::default();
+    bench.rig = bench.rig.with(|rig| rig.limits.slip = 1.0e-9).unwrap();
+    assert!(matches!(excited(&mut bench, &GENTLE), Ok(Ended::Slips(_))));
+    assert!(pushes(&heard) > 0);
+
+    let (mut bench, heard) = recorded();
+    bench.stop = StopFlag::default();
+    bench.rig = bench.rig.with(|rig| rig.joints[2].zero = hbot_core::design::rig::Zero::Index).unwrap();
+    assert_eq!(excited(&mut bench, &GENTLE), Ok(Ended::NoZero(2)));
+    assert_eq!(pushes(&heard), 0);
+
+    // A hot motor and a silent line. A line that is cut hears no last command either, so here only
+    // the answers are lost.
+    for (fault, silent) in
+        [(InjectedFault::Hot { joint: 1, on: true }, false), (InjectedFault::Mute(true), true)]
+    {
+        let (mut bench, heard, calls) = recorded_with_calls();
+        bench.stop = StopFlag::default();
+        calls.send(Box::new(move |rig| rig.inject(fault))).unwrap();
+        match excited(&mut bench, &GENTLE) {
+            Ok(Ended::Complains(complaints)) => assert!(!silent && complaints.overtemperature),
+            ended => assert!(silent && ended == Err(Interrupted::Silent), "{ended:?}"),
+        }
+        drop(bench);
+        pushes(&heard);
+    }
+
+    let (bench, heard) = recorded();
+    let panics = std::panic::AssertUnwindSafe(move || {
+        let mut bench = bench;
+        let _ = excite(&mut bench, &GENTLE, &mut |_| panic!("as a test asks"));
+    });
+    assert!(std::panic::catch_unwind(panics).is_err());
+    assert_eq!(pushes(&heard), 1);
+}
+
+#[test]
+fn a_joint_is_braked_within_its_torque_and_its_motor_is_off_then() {
+    let (mut bench, heard) = recorded();
+    bench.stop = StopFlag::default();
+    test(&mut bench, 1, 0.01, 50.0).unwrap();
+    let rate = |bench: &mut Bench| bench.exchange(None).unwrap().rates[1].abs();
+    let before = rate(&mut bench);
+    heard.lock().unwrap().clear();
+    brake(&mut bench, 1, 0.01).unwrap();
+    assert!(heard.lock().unwrap().iter().all(|command| command.torque.iter().all(|t| t.abs() <= 0.01)));
+    assert!(pushes(&heard) > 10);
+    assert!(rate(&mut bench) < 0.2 * before, "{before}");
+}
+
+/// No joint torque exceeds half of the continuous torque, no contact half of its grip, the torque on
+/// the sphere 30 % of the limit, and no torque changes faster than within 50 ms.
+#[test]
+fn an_excitation_keeps_all_limits() {
+    let (mut bench, heard) = recorded();
+    bench.stop = StopFlag::default();
+    let rig = *bench.rig();
+    let arms: Vec<ContactArms> =
+        rig.device.wheels().iter().map(|wheel| ContactArms::of(wheel, rig.device.sphere_radius())).collect();
+    let mut largest = [0.0_f64; 4];
+    let (mut load, mut made) = (0.0_f64, 0.0_f64);
+    let mut each = |now: &Exchange| {
+        for (most, torque) in largest.iter_mut().zip(now.torque) {
+            *most = most.max(torque.abs());
+        }
+        let grip = rig.limits.traction.expect("the prototype has it");
+        load = load.max(traction(&arms, &now.torque[..4], grip.mu * grip.normal_force));
+        let steer = [0, 2].map(|j| f64::from(now.reading.counts[j]) * rig.joints[j].radians_per_count());
+        let posture = Posture::new(&rig.device, &steer);
+        made = made.max(posture.torque_on_sphere(&now.torque[..4]).length());
+    };
+    let how = Excitation { seconds: 20.0, ..GENTLE };
+    assert_eq!(excite(&mut bench, &how, &mut each), Ok(Ended::Done));
+    for (j, most) in largest.into_iter().enumerate() {
+        // The steers are held back by the grip of the contacts.
+        let allowed = 0.5 * rig.joints[j].continuous;
+        assert!(most <= allowed * (1.0 + 1e-9) && most > 0.1 * allowed, "joint {j}: {most} of {allowed} N m");
+    }
+    assert!(load <= 0.5 * (1.0 + 1e-6) && load > 0.1, "{load}");
+    // The slew of the joints and the turn of the posture within a tick let it exceed a little.
+    assert!(made <= 0.3 * rig.limits.torque * 1.05 && made > 0.01, "{made} N m");
+    let heard = heard.lock().unwrap();
+    for pair in heard.windows(2) {
+        for j in 0..4 {
+            let [before, now] =
+                [0, 1].map(|k| pair[k].torque.get(j).map_or(0.0, |torque| f64::from(*torque)));
+            let step = (now - before).abs();
+            let allowed = 0.5 * rig.joints[j].continuous * 1.0e-3 / 0.05;
+            let off = !pair[1].enable;
+            assert!(off || step <= allowed * (1.0 + 1e-5), "joint {j}: {step} of {allowed} N m");
+        }
+    }
 }

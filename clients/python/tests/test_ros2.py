@@ -1,0 +1,235 @@
+"""The node and the bags of ROS 2, with the real rclpy and rosbags.
+
+Left out without rclpy; in `.ci/python.sh` that is a failure.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from serving import RATE_HZ, Server, eventually
+
+import hbot
+import hbot.mcap
+
+if not os.environ.get("CI"):
+    pytest.importorskip("rclpy", reason="the extra ros2 is installed in CI")
+
+# Nothing leaves this machine, and other nodes on it are not heard.
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+
+import rclpy
+import rclpy.context
+import rclpy.executors
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.qos import qos_profile_sensor_data
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+OLDER = 20
+"""Ticks by which a late command is older."""
+PUSH = 0.02
+"""Torque of the commands, N m. So little that no limit of the prototype changes it."""
+
+
+class Peer:
+    """A node of a user, and the program in a separate process."""
+
+    def __init__(self, server: Server, folder: Path, *options: str) -> None:
+        """Start both."""
+        self._log = folder / "ros2.log"
+        command = [sys.executable, "-m", "hbot.ros2", server.address, *options]
+        with self._log.open("wb") as log:
+            self.process = subprocess.Popen(command, stdout=log, stderr=log)
+        self.context: Any = rclpy.context.Context()
+        rclpy.init(context=self.context)
+        self.node: Any = rclpy.create_node("peer", context=self.context)
+        self.executor: Any = rclpy.executors.SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def log(self) -> str:
+        """Return what the program has printed."""
+        return self._log.read_text(errors="replace")
+
+    def collect(self, kind: Any, topic: str) -> list[Any]:
+        """Return the list to which the messages of a topic come."""
+        taken: list[Any] = []
+        self.node.create_subscription(kind, topic, taken.append, qos_profile_sensor_data)
+        return taken
+
+    def publisher(self, kind: Any, topic: str) -> Any:
+        """Return a publisher."""
+        return self.node.create_publisher(kind, topic, qos_profile_sensor_data)
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        """Spin until `condition` returns something true."""
+
+        def spun() -> object:
+            assert self.process.poll() is None, self.log()
+            for _ in range(20):
+                self.executor.spin_once(timeout_sec=0.01)
+            return condition()
+
+        eventually(spun, what)
+
+    def end(self) -> None:
+        """End both."""
+        self.process.terminate()
+        self.process.wait(10.0)
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def peer(server: Server, tmp_path: Path) -> Iterator[Peer]:
+    """Start the program, which takes commands."""
+    peer = Peer(server, tmp_path, "--command", "--scene", "hinge")
+    yield peer
+    peer.end()
+
+
+def test_states_come_with_stamps_and_names(server: Server, peer: Peer) -> None:
+    poses, twists, joints, wrenches = (
+        peer.collect(kind, f"/hbot/{topic}")
+        for kind, topic in (
+            (PoseStamped, "pose"),
+            (TwistStamped, "twist"),
+            (JointState, "joint_states"),
+            (WrenchStamped, "wrench"),
+        )
+    )
+    peer.until(lambda: min(map(len, (poses, twists, joints, wrenches))) > 50, "50 of each")
+    assert poses[-1].header.frame_id == twists[-1].header.frame_id == "N"
+    orientation = poses[-1].pose.orientation
+    norm = sum(part**2 for part in (orientation.w, orientation.x, orientation.y, orientation.z))
+    assert norm == pytest.approx(1.0, abs=1e-6)
+    assert joints[-1].name[:2] == ["A.steer", "A.drive"]
+    assert len(joints[-1].position) == len(joints[-1].effort) == len(joints[-1].name)
+    with hbot.connect(server.address) as rig:
+        clock = rig.info.clock
+    assert clock is not None
+    ticks = [
+        (
+            (pose.header.stamp.sec - clock.unix_ns // 10**9) * 10**9
+            + pose.header.stamp.nanosec
+            - clock.unix_ns % 10**9
+        )
+        * RATE_HZ
+        / 1e9
+        for pose in poses
+    ]
+    # Stamps are the times of ticks; the clock may move between, by whole ticks.
+    assert all(abs(tick - round(tick)) < 1e-3 for tick in ticks), ticks[:3]
+
+
+def test_a_command_is_as_old_as_the_pose_that_it_names(server: Server, peer: Peer) -> None:
+    poses = peer.collect(PoseStamped, "/hbot/pose")
+    commands = peer.publisher(WrenchStamped, "/hbot/command/wrench")
+    peer.until(lambda: commands.get_subscription_count(), "the program takes commands")
+    with hbot.connect(server.address, name="watch") as rig:
+        for late, least, most in ((0, 1, OLDER - 1), (OLDER, OLDER + 1, 10 * OLDER)):
+            ages: list[int] = []
+
+            def push(late: int = late, ages: list[int] = ages) -> bool:
+                if len(poses) > late:
+                    message = WrenchStamped()
+                    message.header = poses[-1 - late].header
+                    message.wrench.torque.z = PUSH
+                    commands.publish(message)
+                state = next(rig.states())
+                if state.client is not None:
+                    ages.append(state.client.age_ticks)
+                return len(ages) > 40
+
+            peer.until(push, "commands act")
+            late_ages = sorted(ages[20:])
+            assert least <= late_ages[0], "the age counts from the pose that was named"
+            assert late_ages[len(late_ages) // 2] < most
+    assert "command:" not in peer.log()
+
+
+def test_models_act_and_bad_commands_are_warnings(server: Server, peer: Peer) -> None:
+    poses = peer.collect(PoseStamped, "/hbot/pose")
+    models = peer.publisher(String, "/hbot/command/model")
+    wrenches = peer.publisher(WrenchStamped, "/hbot/command/wrench")
+    peer.until(lambda: models.get_subscription_count() and poses, "the program takes models")
+    plane = {"normal": [0, 0, 1], "offset": 0.1, "stiffness": 0.5, "damping": 0.01}
+
+    def send(**fields: Any) -> None:
+        models.publish(String(data=json.dumps(fields)))
+
+    with hbot.connect(server.address, name="watch") as rig:
+
+        def rendered() -> bool:
+            stamp = poses[-1].header.stamp
+            send(
+                stamp=[stamp.sec, stamp.nanosec], torque=[0, 0, PUSH], damping=0.01, planes=[plane]
+            )
+            return next(rig.states()).client is not None
+
+        peer.until(rendered, "a model acts")
+    for bad, said in (
+        ({"stifness": 1.0}, "legal: a JSON map of blend_ms"),
+        ({"stamp": [1, 0], "stiffness": 1.0}, "has the stamp 1.000000000 s"),
+        ({"stiffness": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}, "symmetric"),
+        ({"stiffness": "much"}, "command:"),
+    ):
+        peer.until(lambda bad=bad, said=said: send(**bad) or said in peer.log(), said)  # type: ignore[misc, func-returns-value]
+    message = WrenchStamped()
+    message.header.frame_id = "base_link"
+
+    def refused() -> bool:
+        wrenches.publish(message)
+        return "frame_id is 'base_link'; legal: 'N' or none" in peer.log()
+
+    peer.until(refused, "a command in another frame is refused")
+    before = len(poses)
+    peer.until(lambda: len(poses) > before + 10, "states still come")
+
+
+def test_a_server_that_is_missing_is_one_line(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "hbot.ros2", "127.0.0.1:1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: no connection to 127.0.0.1:1")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_recording_becomes_a_bag(tmp_path: Path) -> None:
+    recording, bag = tmp_path / "run.mcap", tmp_path / "bag"
+    server = Server(tmp_path, options=["--record", str(recording), "--duration", "1"])
+    server.process.wait(20.0)
+    command = [sys.executable, "-m", "hbot.ros2.bag", str(recording), str(bag)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    state = hbot.mcap.read(recording)["/hbot/state"]
+    assert done.stdout == f"{bag}: {len(state['t'])} states\n"
+    assert done.stderr == ""
+    with AnyReader([bag]) as reader:
+        assert {name: len(state["t"]) for name in reader.topics} == {
+            name: reader.topics[name].msgcount
+            for name in ("/hbot/pose", "/hbot/twist", "/hbot/wrench", "/hbot/joint_states", "/tf")
+        }
+        connections = [c for c in reader.connections if c.topic == "/hbot/joint_states"]
+        for k, (connection, time, raw) in enumerate(reader.messages(connections)):
+            message: Any = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            assert time == stamp.sec * 10**9 + stamp.nanosec == state["log_time"][k]
+            assert message.position.tolist() == state["joint_angle"][k].tolist()
+        connections = [c for c in reader.connections if c.topic == "/tf"]
+        for k, (connection, _, raw) in enumerate(reader.messages(connections)):
+            (transform,) = reader.deserialize(raw, connection.msgtype).transforms  # type: ignore[attr-defined]
+            turn = transform.transform.rotation
+            assert [turn.w, turn.x, turn.y, turn.z] == state["q"][k].tolist()
+    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert again.returncode == 1
+    assert again.stderr == f"error: {bag} exists already\n"

@@ -1,0 +1,126 @@
+//! The unknowns that leave least of the equation of motion: least squares, with less weight for
+//! windows that do not fit, and with what is expected as one more observation for each unknown.
+
+use super::rows::Rows;
+use crate::matrix::Square;
+
+/// Distance, in standard deviations, from which on a window gets no weight (Tukey's biweight).
+const REJECTED: f64 = 4.7;
+/// Number of times that the weights are computed.
+const ROUNDS: usize = 8;
+/// Number of windows in a row whose errors count as related.
+const BLOCK: usize = 8;
+
+/// A solution.
+pub(super) struct Solved {
+    /// The unknowns.
+    pub(super) found: Vec<f64>,
+    /// Their covariance.
+    pub(super) covariance: Vec<Vec<f64>>,
+    /// What is left of the equation in each row, N m.
+    pub(super) residual: Vec<f64>,
+    /// The weight of each window.
+    pub(super) weights: Vec<f64>,
+    /// Usual size of a row of the residual, N m.
+    pub(super) scale: f64,
+    /// What is left, root mean square over the windows, N m.
+    pub(super) left: f64,
+}
+
+impl Solved {
+    /// Solves the equation. Returns `None` if the unknowns cannot be told apart.
+    pub(super) fn new(rows: &Rows<'_>) -> Option<Self> {
+        let count = rows.columns.len();
+        let expected: Vec<f64> = rows.terms.iter().map(|term| term.expected(rows.rig)).collect();
+        // Unknowns in units of their usual deviation, from what is expected on.
+        let usual: Vec<f64> = rows.terms.iter().map(|term| term.usual(rows.rig)).collect();
+        let windows = rows.wanted.len() / 3;
+        let mut solved = Self {
+            found: expected.clone(),
+            covariance: Vec::new(),
+            residual: residual(rows, &expected),
+            weights: vec![1.0; windows],
+            scale: 0.0,
+            left: 0.0,
+        };
+        let mut normal = Square::zero(count);
+        let mut row = vec![0.0; count];
+        for round in 0..ROUNDS {
+            solved.scale = scale(&solved.residual);
+            if round > 0 {
+                solved.weigh();
+            }
+            normal = Square::zero(count);
+            let mut slope = vec![0.0; count];
+            for (r, left) in solved.residual.iter().enumerate() {
+                let weight = solved.weights[r / 3] / (solved.scale * solved.scale);
+                if weight == 0.0 {
+                    continue;
+                }
+                (0..count).for_each(|k| row[k] = rows.columns[k][r] * usual[k]);
+                normal.add_outer(&row, weight);
+                slope.iter_mut().zip(&row).for_each(|(slope, row)| *slope += weight * row * left);
+            }
+            for k in 0..count {
+                normal.add(k, k, 1.0);
+                slope[k] += (expected[k] - solved.found[k]) / usual[k];
+            }
+            let change = normal.factor()?.solve(&slope);
+            (0..count).for_each(|k| solved.found[k] += change[k] * usual[k]);
+            solved.residual = residual(rows, &solved.found);
+        }
+        let inverse = normal.factor()?.inverse();
+        let mut middle = Square::zero(count);
+        for first in (0..windows).step_by(BLOCK) {
+            let mut gradient = vec![0.0; count];
+            for r in 3 * first..3 * (first + BLOCK).min(windows) {
+                let weight = solved.weights[r / 3] / (solved.scale * solved.scale) * solved.residual[r];
+                (0..count).for_each(|k| gradient[k] += weight * rows.columns[k][r] * usual[k]);
+            }
+            middle.add_outer(&gradient, 1.0);
+        }
+        // The blocks were fitted by as many unknowns as there are.
+        let blocks = (windows as f64 / BLOCK as f64).max(count as f64 + 1.0);
+        let more = blocks / (blocks - count as f64);
+        let mut spread = Square::zero(count);
+        for a in 0..count {
+            for b in 0..count {
+                spread.add(a, b, more * middle.at(a, b) + if a == b { 1.0 } else { 0.0 });
+            }
+        }
+        let covariance = inverse.product(&spread).product(&inverse);
+        solved.covariance = (0..count)
+            .map(|a| (0..count).map(|b| usual[a] * usual[b] * covariance.at(a, b)).collect())
+            .collect();
+        let all = solved.residual.iter().map(|x| x * x).sum::<f64>();
+        solved.left = (all / windows.max(1) as f64).sqrt();
+        Some(solved)
+    }
+
+    fn weigh(&mut self) {
+        for (weight, left) in self.weights.iter_mut().zip(self.residual.chunks_exact(3)) {
+            let far = (left.iter().map(|x| x * x).sum::<f64>() / 3.0).sqrt() / self.scale;
+            *weight = if far < REJECTED { (1.0 - (far / REJECTED).powi(2)).powi(2) } else { 0.0 };
+        }
+    }
+}
+
+/// Returns what the unknowns `found` leave of the equation.
+fn residual(rows: &Rows<'_>, found: &[f64]) -> Vec<f64> {
+    let mut left = rows.wanted.clone();
+    for (column, found) in rows.columns.iter().zip(found) {
+        left.iter_mut().zip(column).for_each(|(left, x)| *left -= found * x);
+    }
+    left
+}
+
+/// Returns the usual size of a row: from the median of its sizes, as of a normal distribution.
+fn scale(residual: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = residual.iter().map(|x| x.abs()).collect();
+    let middle = sizes.len() / 2;
+    if sizes.is_empty() {
+        return f64::MIN_POSITIVE;
+    }
+    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+    (median / 0.6745).max(1.0e-9)
+}

@@ -1,0 +1,188 @@
+//! Tables of pages whose figures are those of the studies' reports, which a run without `--quick`
+//! has written beside them. Times are not compared: they are the machine's.
+
+pub(crate) const ACCURACY: &str = include_str!("../../../../docs/accuracy/report.md");
+const DESIGN: &str = include_str!("../../../../docs/design/report.md");
+const DESIGN_PAGE: &str = include_str!("../../../../docs/design-study.md");
+const PHYSICS: &str = include_str!("../../../../docs/internals/physics.md");
+const VELOCITY: &str = include_str!("../../../../docs/internals/velocity.md");
+
+/// Returns a cell of a report's table. `section` is the heading above the table, `row` holds the
+/// first cells of the row, and `column` is the head of the column. Panics unless exactly one cell
+/// fits.
+fn whole_cell(report: &str, section: &str, row: &[&str], column: &str) -> String {
+    let body = report.split("\n## ").find_map(|part| part.strip_prefix(section)?.strip_prefix('\n'));
+    let body = body.unwrap_or_else(|| panic!("the report has no section {section:?}"));
+    let mut found = Vec::new();
+    for (head, cells) in rows(body) {
+        if cells.starts_with(row) {
+            found.extend(head.iter().position(|name| *name == column).map(|at| cells[at]));
+        }
+    }
+    assert_eq!(found.len(), 1, "{section}, {row:?}, {column}: {found:?}");
+    found[0].to_owned()
+}
+
+/// Returns the first word of a cell of a report's table: a figure without its quartiles and
+/// remarks.
+fn cell(report: &str, section: &str, row: &[&str], column: &str) -> String {
+    whole_cell(report, section, row, column).split(' ').next().unwrap_or_default().to_owned()
+}
+
+/// Returns the rows of all Markdown tables in `text`. Each row is given as the head of its table
+/// and its own cells.
+fn rows(text: &str) -> Vec<(Vec<&str>, Vec<&str>)> {
+    let mut head: Vec<&str> = Vec::new();
+    let mut rows = Vec::new();
+    for line in text.lines() {
+        let Some(cells) = line.strip_prefix("| ").and_then(|line| line.strip_suffix(" |")) else {
+            if !line.starts_with("|---") {
+                head.clear();
+            }
+            continue;
+        };
+        let cells: Vec<&str> = cells.split(" | ").collect();
+        if head.is_empty() {
+            head = cells;
+        } else {
+            rows.push((head.clone(), cells));
+        }
+    }
+    rows
+}
+
+/// Returns the number at the start of a table cell. Panics if the first word is not a number.
+fn number(cell: &str) -> f64 {
+    let word = cell.split(' ').next().unwrap_or_default();
+    word.parse().unwrap_or_else(|_| panic!("no number: {cell:?}"))
+}
+
+/// Returns whether two decimal numbers can be roundings of one number. Each can differ from it by
+/// half a unit of its own last digit.
+fn agree(a: &str, b: &str) -> bool {
+    let half = |text: &str| {
+        let (digits, exponent) = text.split_once('e').unwrap_or((text, "0"));
+        let decimals = digits.split_once('.').map_or(0, |(_, decimals)| decimals.len() as i32);
+        0.5 * 10.0_f64.powi(exponent.parse::<i32>().expect("an exponent") - decimals)
+    };
+    (number(a) - number(b)).abs() <= (half(a) + half(b)) * (1.0 + 1e-9)
+}
+
+#[test]
+fn roundings_of_one_number_agree_and_others_do_not() {
+    for (a, b) in
+        [("0.0155", "1.6e-2"), ("0.907", "0.91"), ("0.625", "0.62"), ("0.0000", "3.9e-6"), ("13", "12.7")]
+    {
+        assert!(agree(a, b) && agree(b, a), "{a} and {b}");
+    }
+    for (a, b) in [("0.0156", "1.7e-2"), ("0.907", "0.90"), ("14", "12.7")] {
+        assert!(!agree(a, b) && !agree(b, a), "{a} and {b}");
+    }
+}
+
+#[test]
+fn the_drift_of_each_method_in_the_physics_notes_is_the_reports() {
+    let row = |label: &str| PHYSICS.lines().find(|line| line.starts_with(label)).expect("a row").to_owned();
+    for (label, method) in [("| Euler |", "euler"), ("| midpoint |", "midpoint"), ("| Magnus 4 |", "magnus4")]
+    {
+        let drift = cell(ACCURACY, "Odometry: the method's error", &[method, "f64"], "1000 Hz");
+        let last = row(label).trim_end_matches(" |").rsplit("| ").next().expect("a cell").to_owned();
+        assert_eq!(last.trim_end_matches(" rad"), drift, "docs/internals/physics.md, section 4: {label}");
+    }
+}
+
+fn best(design: &str, column: &str) -> String {
+    cell(DESIGN, "The best designs", &[design], column)
+}
+
+fn wheels(count: &str, column: &str) -> String {
+    whole_cell(DESIGN, "Two, three and four of the prototype's wheels", &[count], column)
+}
+
+/// Converts a figure in docs/design-study.md to the unit of the report. Only the units of inertias
+/// differ: g m² on the page and kg m² in the report.
+fn in_report_unit(column: &str, figure: &str) -> String {
+    if column == "inertia, g m²" { format!("{figure}e-3") } else { figure.to_owned() }
+}
+
+/// Checks that a table in docs/design-study.md agrees with the report. The table has a column named
+/// `mark`, and `count` rows. `look_up` returns the report's figure for a row and a column.
+fn compare(mark: &str, count: usize, look_up: impl Fn(&str, &str) -> String) {
+    let rows: Vec<_> = rows(DESIGN_PAGE).into_iter().filter(|(head, _)| head.contains(&mark)).collect();
+    assert_eq!(rows.len(), count, "rows of the table with {mark:?}");
+    for (head, cells) in rows {
+        for (column, ours) in head.iter().zip(&cells).skip(1) {
+            let theirs = look_up(cells[0], column);
+            let same = *ours == theirs || agree(&in_report_unit(column, ours), &theirs);
+            assert!(same, "docs/design-study.md, {}, {column}: {ours} for {theirs}", cells[0]);
+        }
+    }
+}
+
+#[test]
+fn the_table_of_designs_is_the_reports() {
+    compare("cone, deg", 4, |design, column| {
+        let name = design.replace(" wheels, ", "w_");
+        best(&name, if column == "inertia, g m²" { "inertia, kg m²" } else { column })
+    });
+}
+
+#[test]
+fn the_table_of_more_wheels_is_the_reports() {
+    compare("slip components seen", 3, |count, column| match column {
+        "GCI" => wheels(count, "mean spectral index"),
+        "one wheel's motors dead, N m" => wheels(count, "one wheel dead, N m"),
+        "the same, normal force shared" => wheels(count, "normal force shared, N m"),
+        "of one wheel's slip seen, worst" => {
+            let both = wheels(count, "of one wheel's: mean, least");
+            both.split(", ").nth(1).expect("mean and least").to_owned()
+        }
+        "inertia, g m²" => wheels(count, "inertia, kg m²"),
+        column => wheels(count, column),
+    });
+}
+
+/// For each table in docs/internals/velocity.md, the words that introduce it, and the name of its
+/// encoders in the report.
+const TABLES: [(&str, &str); 4] = [
+    ("4096 x 4 counts a turn on all joints, before", "16384"),
+    ("512 x 4 on all joints:", "2048"),
+    ("512 x 4 on the steering, 64 x 4 on the drives:", "2048_and_256"),
+    ("64 x 4 on all joints:", "256"),
+];
+
+/// Converts the name of a method that estimates joint rates from the form in
+/// docs/internals/velocity.md to that in the report. For example, `low_pass` with 100 Hz becomes
+/// `low_pass_100hz`.
+fn method(page: &str) -> String {
+    let (name, choice) = page.split_once(',').unwrap_or((page, ""));
+    let name = name.trim_matches('`');
+    let size = choice.split_whitespace().next().unwrap_or_default();
+    match name {
+        "controller" | "difference" => name.to_owned(),
+        "low_pass" => format!("low_pass_{size}hz"),
+        _ => format!("{name}_{size}"),
+    }
+}
+
+#[test]
+fn every_figure_of_the_tables_but_times_is_the_reports() {
+    let mut seen = 0;
+    for (begin, counts) in TABLES {
+        let table = VELOCITY.split(begin).nth(1).expect("a table for these encoders");
+        let table = table.split("\n\n").nth(1).expect("a table below its heading");
+        for (head, cells) in rows(table) {
+            for column in ["noise, held", "noise, slow", "noise, brisk", "lag, ms", "false slip, mm/s"] {
+                let at = head.iter().position(|name| *name == column).expect("a column");
+                let (ours, method) = (cells[at], method(cells[0]));
+                let theirs = cell(ACCURACY, "Joint rates", &[counts, &method], column);
+                assert!(
+                    agree(ours, &theirs),
+                    "docs/internals/velocity.md, {begin} {method}, {column}: {ours} for {theirs}"
+                );
+                seen += 1;
+            }
+        }
+    }
+    assert_eq!(seen, 4 * 9 * 5);
+}

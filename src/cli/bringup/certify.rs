@@ -1,0 +1,438 @@
+//! `hbot rig certify`: one page about what a rig is and does. Each figure has its interval and says
+//! how it was measured, and what was not measured says so.
+
+mod latency;
+mod page;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::SystemTime;
+
+use anyhow::Context as _;
+use clap::Args;
+use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
+use hbot_config::{Override, RigConfig};
+use hbot_core::Vec3;
+use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::OdometryMethod;
+use hbot_identify::compare::Geometry;
+use hbot_identify::identify::{Identified, Name};
+use hbot_identify::motors::{Measured, MotorName};
+use hbot_identify::{What, identify};
+use hbot_plot::{Lines, Series, short};
+use hbot_sim::wander::{Built, Wander};
+use serde_json::json;
+
+use self::latency::Latency;
+use self::page::Page;
+use super::identify::motors::{self, Motion};
+use super::identify::{News, read};
+use super::joint_name;
+use crate::cli::out::say;
+
+/// Number of turns over which the drift is computed, the time of each, s, and the time between two
+/// readings, s.
+const TURNS: usize = 10;
+const TURN_S: f64 = 4.0;
+const READING_S: f64 = 1.0e-3;
+/// What stands in place of a figure that was not measured.
+const NOT: &str = "not measured";
+
+/// Options of `hbot rig certify`.
+#[derive(Debug, Args)]
+pub(crate) struct CertifyArgs {
+    /// The rig file (TOML)
+    #[arg(value_name = "RIG.toml")]
+    rig: PathBuf,
+    /// Recordings (MCAP) of this rig by `hbot server --record`: with motors off and a hand that
+    /// turns the sphere for the geometry; of any use for the latency
+    #[arg(value_name = "RUN.mcap")]
+    runs: Vec<PathBuf>,
+    /// Let the motors move the free sphere as well, as `hbot rig identify --motors` does, for torque
+    /// accuracy and friction. No server may hold the rig
+    #[arg(long)]
+    motors: bool,
+    #[command(flatten)]
+    motion: Motion,
+    /// `sim` for the simulated rig, or a serial device, in place of the rig file's port
+    #[arg(long, value_name = "sim|DEVICE")]
+    port: Option<String>,
+    /// Folder for certificate.md, certificate.html and the plots
+    #[arg(long, value_name = "DIR", default_value = "certificate")]
+    out: PathBuf,
+}
+
+/// Everything that was measured.
+struct Known {
+    rig: RigConfig,
+    geometry: Result<Identified, String>,
+    latency: Option<Latency>,
+    motors: Result<Measured, String>,
+}
+
+pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
+    let over =
+        args.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
+    let rig = RigConfig::load(Some(&args.rig), over.as_slice())?;
+    let (geometry, latency) = recorded(&rig, &args.runs)?;
+    let motors = if args.motors {
+        motors::measured(&rig, &args.motion)?
+    } else {
+        Err("`hbot rig certify --motors` measures it".to_owned())
+    };
+    let known = Known { rig, geometry, latency, motors };
+    let text = hbot_config::read_text(&args.rig).with_context(|| args.rig.display().to_string())?;
+    let page = page_of(&known, &args.rig, &text)?;
+    page.write(&args.out)?;
+    say!("{}: written", args.out.join("certificate.html").display())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Reads what recordings show: the geometry, or why there is none, and the latency.
+fn recorded(
+    rig: &RigConfig,
+    runs: &[PathBuf],
+) -> anyhow::Result<(Result<Identified, String>, Option<Latency>)> {
+    let mut news = News::new();
+    let mut recordings = Vec::new();
+    let mut latency: Option<Latency> = None;
+    for run in runs {
+        recordings.push(read(run, rig, &mut news)?);
+        let more = Latency::read(run)?;
+        latency = Some(latency.map_or(more.clone(), |it| it.and(more)));
+    }
+    if runs.is_empty() {
+        return Ok((Err("no recording was given".to_owned()), None));
+    }
+    let mut fitting = |step, most| news.tell(|| format!("fitting: step {step} of at most {most}"));
+    let found = identify(&rig.rig, &recordings, What::Geometry, &mut fitting);
+    let found = match found {
+        Ok(found) if found.what == What::Geometry => Ok(found),
+        Ok(_) => Err("the recordings are too short for the geometry".to_owned()),
+        Err(refusal) => Err(refusal.to_string()),
+    };
+    Ok((found, latency))
+}
+
+fn page_of(known: &Known, file: &Path, text: &str) -> anyhow::Result<Page> {
+    let rig = &known.rig;
+    let mut page = Page::new(&format!("Certificate of {}", rig.name));
+    let simulated = if rig.link.port.is_simulated() { " The rig is SIMULATED." } else { "" };
+    page.say(&format!(
+        "{}, hbot {}. Rig file: {} ({} bytes, CRC-32 {:08x}). \"95 %, ±\" is half the width of the interval that holds the truth in \
+         95 % of the cases.{simulated}",
+        hbot_server::flight::utc(SystemTime::now()),
+        env!("CARGO_PKG_VERSION"),
+        file.display(),
+        text.len(),
+        crc(text.as_bytes()),
+    ));
+    geometry(&mut page, known);
+    torque(&mut page, known);
+    inertia_and_stiffness(&mut page, known, file)?;
+    times(&mut page, known);
+    Ok(page)
+}
+
+/// The geometry: what the recordings say of the values in the rig file, and the drift that follows.
+fn geometry(page: &mut Page, known: &Known) {
+    page.heading("Geometry");
+    let how = "counts of a hand's turns, motors off (docs/identify.md)";
+    let found = match &known.geometry {
+        Ok(found) => found,
+        Err(why) => {
+            page.table(
+                &["figure", "value", "how"],
+                vec![
+                    vec!["axes, cones, toes, radii, zeros".into(), NOT.into(), why.clone()],
+                    vec!["drift in a turn".into(), NOT.into(), why.clone()],
+                ],
+            );
+            return;
+        }
+    };
+    let mut rows = Vec::new();
+    for value in &found.values {
+        let of = value
+            .wheel
+            .map_or_else(|| "sphere".to_owned(), |wheel| format!("wheel {}", known.rig.wheels[wheel]));
+        let (factor, unit) = match value.name {
+            Name::Axis(_) => (1.0, ""),
+            Name::Cone | Name::Toe | Name::Zero => (1.0e3, "mrad"),
+            Name::Radius | Name::Centre(_) => (1.0e3, "mm"),
+        };
+        let number = |x: f64| format!("{:.4}", factor * x);
+        rows.push(vec![
+            format!("{of}, {}{}{unit}", value.name, if unit.is_empty() { "" } else { ", " }),
+            number(value.drawn),
+            number(value.found),
+            number(value.interval),
+            if value.seen { how.to_owned() } else { "hardly seen: turn longer about all axes".to_owned() },
+        ]);
+    }
+    page.table(&["figure", "rig file", "found", "95 %, ±", "how"], rows);
+    let Some(drift) = Drift::of(&known.rig, found) else { return };
+    let mrad = |angle: f64| format!("{:.2} mrad", 1e3 * angle);
+    page.table(&["figure", "value", "how"], vec![
+        vec![
+            "drift in a turn".into(),
+            mrad(drift.after(1)),
+            "the rig file's geometry against the one found, over a turn about an axis at random; computed".into(),
+        ],
+        vec![format!("drift in {TURNS} turns"), mrad(drift.after(TURNS)), "the same".into()],
+        vec![
+            "error of a stiffness, worst direction".into(),
+            format!("{:.2} %", 100.0 * drift.stiffness),
+            "by the geometry alone, over all postures; computed".into(),
+        ],
+    ]);
+    let series = vec![Series::new("rig file against found", drift.points, 0)];
+    let lines = Lines::new("Drift of the orientation", "turns", "drift, mrad", series);
+    page.plot("drift", "What the orientation drifts if the geometry found is the true one", lines.svg());
+}
+
+/// What the orientation drifts, and how wrong a stiffness is, if the geometry that was found is the
+/// true one.
+struct Drift {
+    /// Number of turns, and drift, mrad.
+    points: Vec<(f64, f64)>,
+    stiffness: f64,
+}
+
+impl Drift {
+    fn of(rig: &RigConfig, found: &Identified) -> Option<Self> {
+        let device = &rig.rig.device;
+        let specs = &found.wheels;
+        let real = hbot_core::Device::new(device.sphere_radius(), device.sphere_mass(), specs).ok()?;
+        let n = specs.len();
+        let ours = Geometry { device: *device, zeros: vec![0.0; n] };
+        let truth = Geometry { device: real, zeros: found.zeros.clone() };
+        let built = Built { device: real, zeros: found.zeros.clone() };
+        let turns = Wander::turns(1, TURNS, TURN_S);
+        let count = (TURNS as f64 * TURN_S / READING_S) as usize;
+        let (mut counts, mut orientations) = (Vec::new(), Vec::new());
+        for moment in turns.course(&built.device, READING_S).take(count + 1) {
+            let mut now = [0; hbot_core::MAX_JOINTS];
+            for (j, now) in now.iter_mut().enumerate().take(2 * n) {
+                let zero = if j % 2 == 0 { built.zeros[j / 2] } else { 0.0 };
+                *now = ((moment.angles[j] - zero) / rig.rig.joints[j].radians_per_count()).round() as i32;
+            }
+            counts.push(now);
+            orientations.push(moment.q);
+        }
+        let computed = ours.orientations(&rig.rig, OdometryMethod::Midpoint, &counts);
+        let drift = ours.drift(&truth, &computed, &orientations);
+        let each = (TURN_S / READING_S) as usize;
+        let points = (0..=4 * TURNS).map(|k| (0.25 * k as f64, 1e3 * drift[k * each / 4])).collect();
+        Some(Self { points, stiffness: ours.stiffness_error(&truth) })
+    }
+
+    /// Returns the drift after so many turns, rad.
+    fn after(&self, turns: usize) -> f64 {
+        1.0e-3 * self.points[4 * turns].1
+    }
+}
+
+/// Torque constants and friction.
+fn torque(page: &mut Page, known: &Known) {
+    page.heading("Torque and friction");
+    let rig = &known.rig;
+    let measured = match &known.motors {
+        Ok(measured) => measured,
+        Err(why) => {
+            let not = |what: &str| vec![what.to_owned(), NOT.to_owned(), why.clone()];
+            page.table(
+                &["figure", "value", "how"],
+                vec![not("torque accuracy"), not("friction of joints and sphere"), not("imbalance, cogging")],
+            );
+            return;
+        }
+    };
+    let how = "motion by the motors; inertia of the sphere from its mass";
+    let mut rows = Vec::new();
+    let mut worst = (0.0_f64, 0.0);
+    for value in &measured.values {
+        let of = value.joint.map_or_else(|| "sphere".to_owned(), |j| joint_name(rig, j));
+        let (factor, unit) = match value.name {
+            MotorName::TorqueScale => (1.0, ""),
+            MotorName::Inertia => (1.0e6, ", 1e-6 kg m²"),
+            MotorName::Viscous => (1.0e3, ", mN m s/rad"),
+            MotorName::Coulomb | MotorName::Imbalance(_) | MotorName::Cogging(_) => (1.0e3, ", mN m"),
+        };
+        if value.name == MotorName::TorqueScale {
+            let off = (value.found / value.filed - 1.0).abs();
+            if off >= worst.0 {
+                worst = (off, value.interval / value.filed);
+            }
+        }
+        let number = |x: f64| format!("{:.4}", factor * x);
+        rows.push(vec![
+            format!("{of}: {}{unit}", value.name),
+            number(value.filed),
+            number(value.found),
+            number(value.interval),
+            if value.seen { how.to_owned() } else { "hardly seen".to_owned() },
+        ]);
+    }
+    page.table(
+        &["figure", "value", "95 %, ±", "how"],
+        vec![vec![
+            "error of a joint's torque, worst joint".into(),
+            format!("{:.2} %", 100.0 * worst.0),
+            format!("{:.2} %", 100.0 * worst.1),
+            "torque constant found against the rig file's".into(),
+        ]],
+    );
+    page.table(&["figure", "rig file", "found", "95 %, ±", "how"], rows);
+    let back = BackDriving::of(rig, measured);
+    page.table(
+        &["figure", "value", "how"],
+        vec![
+            vec![
+                "torque to turn the sphere, mean (most)".into(),
+                format!("{:.2} ({:.2}) mN m", 1e3 * back.plain[0], 1e3 * back.plain[1]),
+                "from the friction found, over postures and axes; computed".into(),
+            ],
+            vec![
+                "the same with what the rig file feeds forward".into(),
+                format!("{:.2} ({:.2}) mN m", 1e3 * back.fed[0], 1e3 * back.fed[1]),
+                "friction found less the part that is fed forward; computed".into(),
+            ],
+        ],
+    );
+}
+
+/// The torque that turns the sphere slowly: mean and most over postures and axes, N m.
+struct BackDriving {
+    plain: [f64; 2],
+    fed: [f64; 2],
+}
+
+impl BackDriving {
+    fn of(rig: &RigConfig, measured: &Measured) -> Self {
+        let (device, n) = (&rig.rig.device, rig.rig.device.joints());
+        let fed = |j: usize| {
+            rig.rig.compensation.map_or(0.0, |known| known.part * known.joints[j].friction.coulomb)
+        };
+        let sphere_fed = rig.rig.compensation.map_or(0.0, |known| known.part * known.sphere.coulomb);
+        let mut sums = [[0.0_f64; 2]; 2];
+        let mut count = 0.0;
+        for k in 0..64_usize {
+            let steer: Vec<f64> = (0..n / 2)
+                .map(|i| {
+                    std::f64::consts::TAU * ((k as f64 + 0.5) * 0.754_877_666_f64.powi(i as i32 + 1)).fract()
+                })
+                .collect();
+            let posture = Posture::new(device, &steer);
+            for axis in
+                [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize(), Vec3::new(1.0, -1.0, 0.5).normalize()]
+            {
+                let torque = |coulomb: &dyn Fn(usize) -> f64, sphere: f64| {
+                    sphere + (0..n).map(|j| coulomb(j) * posture.rows()[j].dot(axis).abs()).sum::<f64>()
+                };
+                let joint = |j: usize| measured.joints[j].friction.coulomb;
+                let plain = torque(&joint, measured.sphere.coulomb);
+                let left =
+                    torque(&|j| (joint(j) - fed(j)).abs(), (measured.sphere.coulomb - sphere_fed).abs());
+                for (sum, torque) in sums.iter_mut().zip([plain, left]) {
+                    *sum = [sum[0] + torque, sum[1].max(torque)];
+                }
+                count += 1.0;
+            }
+        }
+        let [plain, fed] = sums.map(|[sum, most]| [sum / count, most]);
+        Self { plain, fed }
+    }
+}
+
+/// The apparent inertia and the largest stable stiffness.
+fn inertia_and_stiffness(page: &mut Page, known: &Known, file: &Path) -> anyhow::Result<()> {
+    page.heading("Inertia and stiffness");
+    let how = "computed from the rig file (docs/stability.md)";
+    let with = StiffnessBound::of(&known.rig);
+    let over = Override { path: "loop.lead", value: json!(false), from: "the certificate" };
+    let without = StiffnessBound::of(&RigConfig::load(Some(file), &[over])?);
+    let (Some(with), Some(without)) = (with, without) else {
+        page.table(
+            &["figure", "value", "how"],
+            vec![vec![
+                "apparent inertia, largest stable stiffness".into(),
+                "not known".into(),
+                "the inertias of the rig file contradict each other".into(),
+            ]],
+        );
+        return Ok(());
+    };
+    let mut rows =
+        vec![vec!["least apparent inertia".into(), format!("{:.3e} kg m²", with.inertia()), how.to_owned()]];
+    let lead = with.sampled().lead;
+    let mut series = Vec::new();
+    for (colour, (name, bound)) in
+        [("without the lead", &without), ("with the lead", &with)].into_iter().enumerate()
+    {
+        if colour == 1 && lead == 0.0 {
+            rows.push(vec!["the same with the lead".into(), "no lead".into(), "`loop.lead` is off".into()]);
+            continue;
+        }
+        let [most, damping] = bound.most();
+        rows.push(vec![
+            format!("largest stable stiffness at {USUAL_DAMPING} N m s/rad, {name}"),
+            format!("{} N m/rad", short(bound.stable(USUAL_DAMPING))),
+            how.to_owned(),
+        ]);
+        rows.push(vec![
+            format!("largest stable stiffness at any damping, {name}"),
+            format!("{} N m/rad, with {} N m s/rad", short(most), short(damping)),
+            how.to_owned(),
+        ]);
+        let at = |k: u32| bound.most_damping() * f64::from(k) / 60.0;
+        let points = (0..=60).map(|k| (at(k), bound.stable(at(k)))).filter(|(_, y)| y.is_finite()).collect();
+        series.push(Series::new(name, points, colour));
+    }
+    rows.push(vec![
+        "stiffness lines under a load".into(),
+        NOT.into(),
+        "they need weights on the sphere".into(),
+    ]);
+    page.table(&["figure", "value", "how"], rows);
+    let lines = Lines::new("Border of stability", "damping, N m s/rad", "stiffness, N m/rad", series);
+    page.plot("stiffness", "Springs below the line are stable", lines.svg());
+    Ok(())
+}
+
+/// The latency.
+fn times(page: &mut Page, known: &Known) {
+    page.heading("Latency");
+    let Some(latency) = &known.latency else {
+        let rows = ["age of a reading", "lateness of a tick"]
+            .map(|what| vec![what.to_owned(), NOT.to_owned(), "no recording was given".to_owned()]);
+        page.table(&["figure", "value", "how"], rows.to_vec());
+        return;
+    };
+    let how = format!("{} ticks of the recordings", latency.ticks());
+    let row = |what: &str, of: [f64; 4]| {
+        let mut row = vec![what.to_owned()];
+        row.extend(of.map(|s| format!("{:.3} ms", 1e3 * s)));
+        row.push(how.clone());
+        row
+    };
+    let rows = vec![
+        row("from a reading's command to the tick that uses it", latency.age()),
+        row("lateness of a tick", latency.lateness()),
+        row(
+            "from a reading to its torque: both, and the lag of the motors in the rig file",
+            latency.whole(known.rig.torque_lag),
+        ),
+    ];
+    page.table(&["figure", "median", "95 %", "99.9 %", "most", "how"], rows);
+    if latency.is_virtual() {
+        page.say("The recording is of virtual time, in which no tick is late.");
+    }
+}
+
+/// The CRC-32 of IEEE 802.3, by which two rig files are told apart.
+fn crc(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg()))
+    })
+}
