@@ -153,7 +153,7 @@ fn effects() -> Vec<(String, String)> {
     let own = |(kind, table): (Listed, &String)| {
         let rows: String =
             table.lines().filter(|line| !shared(line)).map(|line| format!("{line}\n")).collect();
-        let copy = format!("\nTo copy:\n\n```toml\n{}```\n", kind.snippet());
+        let copy = format!("\n```toml\n{}```\n", kind.snippet());
         (kind.name.to_owned(), format!("{}\n\n{rows}{copy}", kind.description))
     };
     let mut all = vec![("several kinds".to_owned(), format!("{}\n", alike.join("\n")))];
@@ -167,8 +167,9 @@ fn rows(schema: &Value) -> String {
     let required = schema["required"].as_array().cloned().unwrap_or_default();
     for (key, property) in schema["properties"].as_object().unwrap() {
         let unit = property["unit"].as_str().unwrap_or("");
-        // The unit has a column of its own.
+        // The unit has a column of its own, and the pages say once which lengths are legal.
         let meaning = property["description"].as_str().unwrap().replacen(&format!(", {unit}."), ".", 1);
+        let meaning = meaning.replace(" Any length except zero.", "");
         let default = match &property["default"] {
             Value::Null if required.contains(&Value::from(key.as_str())) => "required".to_owned(),
             Value::Null => "absent".to_owned(),
