@@ -25,7 +25,7 @@ use crate::run_loop::sample::Sample;
 const SAMPLES: usize = 4096;
 /// Number of samples since the last wake-up after which the loop wakes the service, even if the
 /// service asked to be woken only for notable samples, such as a change of mode.
-const UNHEARD: usize = 64;
+const MANY_UNANNOUNCED: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;
 
@@ -62,7 +62,7 @@ pub struct LoopEnd {
     /// Mode, fault cause and scene of the last published sample, to detect a change.
     last: Option<Situation>,
     /// Number of samples since the service was last woken.
-    unheard: usize,
+    unannounced: usize,
 }
 
 /// The parts of a sample whose change wakes the service: mode, cause of a fault, and revision of
@@ -84,7 +84,7 @@ pub struct ServiceEnd {
 /// is separate from [`ServiceEnd`], so that one task can wait for it while another uses the
 /// `ServiceEnd`.
 #[derive(Clone)]
-pub struct Bell(Arc<Waker>);
+pub struct Wakeup(Arc<Waker>);
 
 /// A handle that requests an emergency stop at the loop's next tick, from any thread. It only
 /// writes to memory and shares no channel and no lock, so nothing that the service does can delay
@@ -96,7 +96,7 @@ pub struct EmergencyStop(Arc<Waker>);
 /// it only if it sleeps, so that a busy service costs the loop no system call.
 struct Waker {
     /// Which samples wake the service: [`AWAKE`], [`NOTABLE`] or [`EVERY`].
-    ear: AtomicU8,
+    armed: AtomicU8,
     /// Tick number of the newest sample that the loop has published.
     tick: AtomicU64,
     /// True if an emergency stop is requested. It takes effect before all orders that wait in the
@@ -109,12 +109,12 @@ struct Waker {
     event: OwnedFd,
 }
 
-/// Value of [`Waker::ear`]: the service is awake and needs no wake-up.
+/// Value of [`Waker::armed`]: the service is awake and needs no wake-up.
 const AWAKE: u8 = 0;
-/// Value of [`Waker::ear`]: the service sleeps until a notable sample is published, such as one
+/// Value of [`Waker::armed`]: the service sleeps until a notable sample is published, such as one
 /// with a change of mode, or until many samples wait.
 const NOTABLE: u8 = 1;
-/// Value of [`Waker::ear`]: the service sleeps until the next sample is published.
+/// Value of [`Waker::armed`]: the service sleeps until the next sample is published.
 const EVERY: u8 = 2;
 
 /// Creates the bridge between the control loop and the service. Returns the loop's end and the
@@ -125,7 +125,7 @@ const EVERY: u8 = 2;
 pub fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
     let event = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
     let waker = Arc::new(Waker {
-        ear: AtomicU8::new(AWAKE),
+        armed: AtomicU8::new(AWAKE),
         tick: AtomicU64::new(0),
         estop: AtomicBool::new(false),
         signalled: AtomicBool::new(false),
@@ -145,7 +145,7 @@ pub fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
         samples: samples_in,
         waker: Arc::clone(&waker),
         last: None,
-        unheard: 0,
+        unannounced: 0,
     };
     let outer = ServiceEnd {
         orders: orders_in,
@@ -185,18 +185,18 @@ impl LoopEnd {
         self.last = situation;
         self.waker.tick.store(sample.state.tick, Ordering::Relaxed);
         let placed = self.samples.push(sample).is_ok();
-        self.unheard += 1;
+        self.unannounced += 1;
         // The fence guarantees one of two things: the service sees this sample when it checks again
         // before it sleeps, or this load sees that the service wants to be woken.
         fence(Ordering::SeqCst);
-        let wakes = match self.waker.ear.load(Ordering::Relaxed) {
+        let wakes = match self.waker.armed.load(Ordering::Relaxed) {
             AWAKE => false,
-            NOTABLE => notable || self.unheard >= UNHEARD,
+            NOTABLE => notable || self.unannounced >= MANY_UNANNOUNCED,
             _ => true,
         };
         if wakes {
-            self.unheard = 0;
-            self.waker.ear.store(AWAKE, Ordering::SeqCst);
+            self.unannounced = 0;
+            self.waker.armed.store(AWAKE, Ordering::SeqCst);
             // The write fails only if the event's counter is full, and then the service has been
             // woken already.
             let _ = rustix::io::write(&self.waker.event, &1_u64.to_ne_bytes());
@@ -310,8 +310,8 @@ impl ServiceEnd {
 
     /// Returns a handle with which a task can wait for new samples.
     #[must_use]
-    pub fn bell(&self) -> Bell {
-        Bell(Arc::clone(&self.waker))
+    pub fn wakeup(&self) -> Wakeup {
+        Wakeup(Arc::clone(&self.waker))
     }
 }
 
@@ -329,19 +329,19 @@ impl EmergencyStop {
     }
 }
 
-impl Bell {
+impl Wakeup {
     /// Requests the next notification. If `every` is true, the next sample triggers it. Otherwise
     /// only a notable sample triggers it: one with a new mode, fault cause or scene, or one that
     /// contains an answer. A large number of waiting samples and the end of the loop always trigger
     /// it. After this call, the caller must check for samples again, because samples that already
     /// wait trigger no notification.
-    pub fn set(&self, every: bool) {
-        self.0.ear.store(if every { EVERY } else { NOTABLE }, Ordering::SeqCst);
+    pub fn arm(&self, every: bool) {
+        self.0.armed.store(if every { EVERY } else { NOTABLE }, Ordering::SeqCst);
         fence(Ordering::SeqCst);
     }
 
     /// Clears the notification, so that its descriptor is no longer readable.
-    pub fn heard(&self) {
+    pub fn clear(&self) {
         let mut count = [0; 8];
         // The read fails if another holder of the event has already read it, which does no harm.
         let _ = rustix::io::read(&self.0.event, &mut count);

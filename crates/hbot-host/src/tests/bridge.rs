@@ -1,5 +1,5 @@
 //! Tests of the bridge between loop and service: orders with their tickets, emergency stops,
-//! scenes, and the bell. The tests of hbot-server show which samples wake the service.
+//! scenes, and wake-ups. The tests of hbot-server show which samples wake the service.
 
 use std::os::fd::OwnedFd;
 
@@ -130,21 +130,21 @@ fn readable(descriptor: &OwnedFd) -> bool {
 }
 
 #[test]
-fn the_bell_rings_until_it_is_heard_and_hearing_it_never_waits() {
+fn a_wake_up_lasts_until_it_is_cleared_and_clearing_never_waits() {
     let (mut inner, mut outer) = bridge().expect("a bridge");
-    let bell = outer.bell();
-    let descriptor = bell.descriptor().expect("a descriptor");
+    let wakeup = outer.wakeup();
+    let descriptor = wakeup.descriptor().expect("a descriptor");
     let flags = fcntl_getfl(&descriptor).expect("its flags");
-    assert!(flags.contains(OFlags::NONBLOCK), "to hear a silent bell would take for ever");
-    bell.heard();
+    assert!(flags.contains(OFlags::NONBLOCK), "clearing without a wake-up would take for ever");
+    wakeup.clear();
     let sample = sample();
     assert!(inner.publish(sample) && !readable(&descriptor), "it is not set");
-    bell.set(true);
+    wakeup.arm(true);
     assert!(!readable(&descriptor), "samples that already wait do not ring");
     for _ in 0..2 {
         assert!(inner.publish(sample) && readable(&descriptor));
     }
-    bell.heard();
+    wakeup.clear();
     assert!(!readable(&descriptor));
     assert!(inner.publish(sample) && !readable(&descriptor), "it has not been set again");
     drop(inner);

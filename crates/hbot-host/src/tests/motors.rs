@@ -134,7 +134,7 @@ fn a_line_that_falls_silent_makes_the_reading_old() {
 }
 
 #[test]
-fn damage_and_strangers_on_either_line_count_and_the_sum_does_not_wrap() {
+fn damage_and_foreign_frames_on_either_line_count_and_the_sum_does_not_wrap() {
     for (damaged, sum) in [([2, 0], 2), ([0, 3], 3), ([2, 3], 5), ([u16::MAX, 3], u16::MAX)] {
         let (mut motors, lines) = two_lines();
         for (line, damaged) in lines.iter().zip(damaged) {

@@ -177,17 +177,17 @@ fn a_scan_names_each_wrong_setting_and_its_remedy_and_changes_nothing() {
 }
 
 #[test]
-fn a_scan_lists_two_of_one_id_twice_and_strangers_too() {
+fn a_scan_lists_two_of_one_id_twice_and_foreign_axes_too() {
     let (mut line, _, expected) = line(|rig| {
         rig.controllers_mut().set_id(1, 2);
         rig.controllers_mut().set_id(3, 40);
     });
     let found = Odrive.scan(&mut line, &expected).expect("they answer");
     assert_eq!(found.iter().map(|it| it.id).collect::<Vec<_>>(), [0, 2, 2, 40]);
-    // The stranger is asked for the same.
-    let stranger = &found[3];
-    assert_eq!((stranger.firmware.as_str(), stranger.supply_v), ("0.6.10, CANSimple", Some(24.0)));
-    assert_eq!((&stranger.model, stranger.remedies.len()), (&found[0].model, 0));
+    // The foreign axis is asked for the same.
+    let foreign = &found[3];
+    assert_eq!((foreign.firmware.as_str(), foreign.supply_v), ("0.6.10, CANSimple", Some(24.0)));
+    assert_eq!((&foreign.model, foreign.remedies.len()), (&found[0].model, 0));
 }
 
 /// A bus whose axes have passed bring-up. It runs in ticks of one millisecond.

@@ -53,7 +53,7 @@ struct Message {
 }
 
 /// What every connection needs.
-struct Hall {
+struct Shared {
     /// The first two texts of the protocol.
     greeting: [String; 2],
     /// Does not keep the queue open, so that viewers notice when the run ends.
@@ -109,14 +109,14 @@ fn start_with(
     let (scene, present) = watch::channel(None);
     let greeting = [protocol::server_info(rig), protocol::advertise()];
     let WebOptions { listener, hosts } = port;
-    let hall = Hall { greeting, messages: messages.downgrade(), scene: present, counts, hosts, silence };
+    let shared = Shared { greeting, messages: messages.downgrade(), scene: present, counts, hosts, silence };
     listener.set_nonblocking(true)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let thread = std::thread::Builder::new().name("hbot-live".to_owned()).spawn(move || {
         background::give_way();
         runtime.block_on(async {
             match tokio::net::TcpListener::from_std(listener) {
-                Ok(listener) => accept(listener, Arc::new(hall)).await,
+                Ok(listener) => accept(listener, Arc::new(shared)).await,
                 Err(error) => tracing::warn!(%error, "no live viewers are served"),
             }
         });
@@ -125,13 +125,13 @@ fn start_with(
 }
 
 /// Serves viewers until the feed is dropped.
-async fn accept(listener: tokio::net::TcpListener, hall: Arc<Hall>) {
+async fn accept(listener: tokio::net::TcpListener, shared: Arc<Shared>) {
     let mut viewers = JoinSet::new();
-    let mut scene = hall.scene.clone();
+    let mut scene = shared.scene.clone();
     loop {
         tokio::select! {
             accepted = listener.accept(), if viewers.len() < VIEWERS => match accepted {
-                Ok((stream, _)) => drop(viewers.spawn(viewer::serve(stream, Arc::clone(&hall)))),
+                Ok((stream, _)) => drop(viewers.spawn(viewer::serve(stream, Arc::clone(&shared)))),
                 Err(_) => sleep(PAUSE).await,
             },
             Some(_) = viewers.join_next() => {}

@@ -17,7 +17,7 @@ use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig
 use tokio_tungstenite::tungstenite::{self, Message as Frame};
 
 use super::protocol::{self, Subscription};
-use super::{Hall, Message};
+use super::{Message, Shared};
 use crate::web::allowed::Door;
 use crate::web::head::Refusal;
 use crate::web::upgrade;
@@ -57,14 +57,14 @@ impl From<tungstenite::Error> for End {
 
 struct Viewer {
     socket: WebSocketStream<TcpStream>,
-    hall: Arc<Hall>,
+    shared: Arc<Shared>,
     subscriptions: Vec<Subscription>,
     /// Number of messages that this viewer has lost.
     dropped: u64,
 }
 
 /// Serves one viewer until it leaves or the run is over.
-pub(super) async fn serve(mut stream: TcpStream, hall: Arc<Hall>) {
+pub(super) async fn serve(mut stream: TcpStream, shared: Arc<Shared>) {
     // Without it, some messages would wait for the acknowledgement of those before them.
     let _ = stream.set_nodelay(true);
     let config = WebSocketConfig::default()
@@ -72,13 +72,13 @@ pub(super) async fn serve(mut stream: TcpStream, hall: Arc<Hall>) {
         .write_buffer_size(COLLECT)
         .max_message_size(Some(REQUEST))
         .max_frame_size(Some(REQUEST));
-    let Ok(Ok(Some(rest))) = timeout(HANDSHAKE, shake_hands(&mut stream, &hall)).await else { return };
+    let Ok(Ok(Some(rest))) = timeout(HANDSHAKE, shake_hands(&mut stream, &shared)).await else { return };
     let socket = WebSocketStream::from_partially_read(stream, rest, Role::Server, Some(config)).await;
-    let Some(mut messages) = hall.messages.upgrade().map(|messages| messages.subscribe()) else { return };
-    let mut viewer = Viewer { socket, hall, subscriptions: Vec::new(), dropped: 0 };
+    let Some(mut messages) = shared.messages.upgrade().map(|messages| messages.subscribe()) else { return };
+    let mut viewer = Viewer { socket, shared, subscriptions: Vec::new(), dropped: 0 };
     let (code, reason) = match viewer.run(&mut messages).await {
         Ok(()) | Err(End::Gone) => return,
-        Err(End::Stalled) => return viewer.hall.counts.drop_for_viewer(messages.len() as u64),
+        Err(End::Stalled) => return viewer.shared.counts.drop_for_viewer(messages.len() as u64),
         Err(End::Silent) => (CloseCode::Policy, "no answer to pings"),
         Err(End::Unwanted) => (CloseCode::Unsupported, "this server shows, and takes no commands"),
         Err(End::Over) => (CloseCode::Away, "the run is over"),
@@ -90,9 +90,10 @@ pub(super) async fn serve(mut stream: TcpStream, hall: Arc<Hall>) {
 
 /// Makes a connection a WebSocket. Returns the bytes that the viewer has sent after its request, or
 /// `None` if it was refused.
-async fn shake_hands(stream: &mut TcpStream, hall: &Hall) -> std::io::Result<Option<Vec<u8>>> {
+async fn shake_hands(stream: &mut TcpStream, shared: &Shared) -> std::io::Result<Option<Vec<u8>>> {
     // Viewers that are no browsers send no Origin. They can only watch.
-    let door = Door { hosts: &hall.hosts, at: stream.local_addr()?, encrypted: false, without_origin: true };
+    let door =
+        Door { hosts: &shared.hosts, at: stream.local_addr()?, encrypted: false, without_origin: true };
     upgrade(stream, |request| {
         door.check(request)?;
         let name = agree(request)?;
@@ -116,16 +117,16 @@ fn agree(request: &Request) -> Result<&'static str, Refusal> {
 
 impl Viewer {
     async fn run(&mut self, messages: &mut broadcast::Receiver<Message>) -> Result<(), End> {
-        for text in self.hall.greeting.clone() {
+        for text in self.shared.greeting.clone() {
             self.send(text.into()).await?;
         }
         let mut heard_at = Instant::now();
-        let pause = self.hall.silence / 3;
+        let pause = self.shared.silence / 3;
         let mut pings = interval_at(heard_at + pause, pause);
         loop {
             tokio::select! {
                 _ = pings.tick() => {
-                    if heard_at.elapsed() >= self.hall.silence {
+                    if heard_at.elapsed() >= self.shared.silence {
                         return Err(End::Silent);
                     }
                     self.send(Frame::Ping(Default::default())).await?;
@@ -153,7 +154,7 @@ impl Viewer {
                 Ok(message) => self.feed(&message).await?,
                 Err(RecvError::Lagged(lost)) => {
                     self.dropped += lost;
-                    self.hall.counts.drop_for_viewer(lost);
+                    self.shared.counts.drop_for_viewer(lost);
                     self.send(protocol::dropped(self.dropped).into()).await?;
                 }
                 Err(RecvError::Closed) => return Err(End::Over),
@@ -210,7 +211,7 @@ impl Viewer {
                 continue;
             }
             self.subscriptions.push(subscription);
-            let scene = self.hall.scene.borrow().clone();
+            let scene = self.shared.scene.borrow().clone();
             if let (Topic::Scene, Some(scene)) = (topic, scene) {
                 let bytes = protocol::message_data(subscription.id, scene.unix_ns, &scene.data);
                 self.send(Frame::Binary(bytes.into())).await?;

@@ -41,7 +41,7 @@ pub use self::file::{is_file, is_folder, unsuitable};
 pub use self::limit::Limit;
 pub(crate) use self::memory::FlightNote;
 use self::tap::{Drain, tap};
-use self::thread::{Scribe, Setup};
+use self::thread::{RecordingWriter, Setup};
 
 /// Number of scenes and events that can wait for the recorder's thread.
 const NOTES: usize = 256;
@@ -289,9 +289,9 @@ impl Prepared {
             retry_after: self.retry_after,
             feed,
         };
-        let scribe = Scribe::new(setup, self.drain, self.noted, Arc::clone(&self.notes.unsent));
+        let writer = RecordingWriter::new(setup, self.drain, self.noted, Arc::clone(&self.notes.unsent));
         let thread =
-            std::thread::Builder::new().name("hbot-record".to_owned()).spawn(move || scribe.run())?;
+            std::thread::Builder::new().name("hbot-record".to_owned()).spawn(move || writer.run())?;
         Ok(Recording { notes: self.notes, first, thread, viewers })
     }
 }

@@ -41,7 +41,7 @@ pub(super) struct Setup {
 }
 
 /// The recorder's thread.
-pub(super) struct Scribe {
+pub(super) struct RecordingWriter {
     about: About,
     unix_ns: u64,
     drain: Drain,
@@ -71,7 +71,7 @@ pub(super) struct Scribe {
     writing: Vec<JoinHandle<()>>,
 }
 
-impl Scribe {
+impl RecordingWriter {
     pub(super) fn new(setup: Setup, drain: Drain, notes: Receiver<Note>, unsent: Unsent) -> Self {
         let Setup { about, controller, scene, unix_ns, files, counts, flights, retry_after, feed } = setup;
         Self {

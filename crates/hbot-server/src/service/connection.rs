@@ -12,10 +12,10 @@ use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout, timeout_at};
 
 use super::Bounds;
-use super::desk::Desk;
 use super::hub::Gone;
 use super::outbox::Inbox;
 use super::reader::{Ended, PIECE_BYTES, Reader};
+use super::shared_hub::SharedHub;
 use super::writer::Writer;
 use crate::tls::Encryption;
 use crate::web::allowed::Door;
@@ -39,17 +39,17 @@ pub(super) async fn serve(
     stream: TcpStream,
     encryption: Option<Encryption>,
     session: u64,
-    desk: Desk,
+    hub: SharedHub,
     inbox: Inbox,
     bounds: Bounds,
 ) {
     let deadline = Instant::now() + bounds.hello;
     let Some(encryption) = encryption else {
-        return converse(stream, deadline, session, desk, inbox, bounds).await;
+        return converse(stream, deadline, session, hub, inbox, bounds).await;
     };
     match timeout_at(deadline, encryption.shake_hands(stream)).await {
-        Ok(Ok(stream)) => converse(stream, deadline, session, desk, inbox, bounds).await,
-        Ok(Err(_)) | Err(_) => desk.gone(session, Gone::NoHandshake),
+        Ok(Ok(stream)) => converse(stream, deadline, session, hub, inbox, bounds).await,
+        Ok(Err(_)) | Err(_) => hub.gone(session, Gone::NoHandshake),
     }
 }
 
@@ -59,22 +59,22 @@ pub(super) async fn serve_web(
     stream: TcpStream,
     hosts: Arc<AllowedHosts>,
     session: u64,
-    desk: Desk,
+    hub: SharedHub,
     inbox: Inbox,
 ) {
     let (bounds, encryption, has_token) = {
-        let hub = desk.hub();
+        let hub = hub.lock();
         (*hub.bounds(), hub.encryption().cloned(), hub.has_token())
     };
     let deadline = Instant::now() + bounds.hello;
-    let Ok(at) = stream.local_addr() else { return desk.gone(session, Gone::Ended) };
+    let Ok(at) = stream.local_addr() else { return hub.gone(session, Gone::Ended) };
     let door = Door { hosts: &hosts, at, encrypted: encryption.is_some(), without_origin: has_token };
     let Some(encryption) = encryption else {
-        return enter(stream, &door, deadline, session, desk, inbox).await;
+        return enter(stream, &door, deadline, session, hub, inbox).await;
     };
     match timeout_at(deadline, encryption.shake_hands(stream)).await {
-        Ok(Ok(stream)) => enter(stream, &door, deadline, session, desk, inbox).await,
-        Ok(Err(_)) | Err(_) => desk.gone(session, Gone::NoHandshake),
+        Ok(Ok(stream)) => enter(stream, &door, deadline, session, hub, inbox).await,
+        Ok(Err(_)) | Err(_) => hub.gone(session, Gone::NoHandshake),
     }
 }
 
@@ -84,21 +84,21 @@ async fn enter<S: AsyncRead + AsyncWrite + Unpin>(
     door: &Door<'_>,
     deadline: Instant,
     session: u64,
-    desk: Desk,
+    hub: SharedHub,
     inbox: Inbox,
 ) {
     let visit = timeout_at(deadline, visit(&mut stream, door)).await;
     if let Ok(Ok(Visit::Upgraded { rest })) = visit {
-        let bounds = *desk.hub().bounds();
-        let agreed = desk.clone();
-        let encoding = move || agreed.hub().encoding(session);
+        let bounds = *hub.lock().bounds();
+        let agreed = hub.clone();
+        let encoding = move || agreed.lock().encoding(session);
         let socket = WebSocket::new(stream, &rest, bounds.silence, encoding);
-        return converse(socket, deadline, session, desk, inbox, bounds).await;
+        return converse(socket, deadline, session, hub, inbox, bounds).await;
     }
     if let Ok(Ok(Visit::Refused)) = visit {
-        desk.hub().refused(ErrorCode::BadRequest);
+        hub.lock().refused(ErrorCode::BadRequest);
     }
-    desk.gone(session, Gone::Ended);
+    hub.gone(session, Gone::Ended);
     linger(&mut stream).await;
 }
 
@@ -108,26 +108,26 @@ pub(super) async fn converse<S: AsyncRead + AsyncWrite + Unpin>(
     mut stream: S,
     deadline: Instant,
     session: u64,
-    desk: Desk,
+    hub: SharedHub,
     inbox: Inbox,
     bounds: Bounds,
 ) {
     let stuck = |error: &io::Error| error.kind() == io::ErrorKind::TimedOut;
     let (reader, writer) = split(&mut stream);
-    let mut reader = Reader::new(reader, deadline, session, desk.clone(), &bounds);
+    let mut reader = Reader::new(reader, deadline, session, hub.clone(), &bounds);
     let mut writer = Writer::new(writer, inbox, bounds.stuck);
     let ended = match exchange(&mut reader, &mut writer).await {
         Over::Reading(ended) => {
-            desk.gone(session, Gone::Ended);
+            hub.gone(session, Gone::Ended);
             // Answer all requests, even if the client has closed its sending direction.
             let written = writer.run().await;
             if written.as_ref().is_err_and(stuck) {
-                desk.gone(session, Gone::Stuck);
+                hub.gone(session, Gone::Stuck);
             }
             if written.is_ok() { ended } else { Ended::Broken }
         }
         Over::Writing(written) => {
-            desk.gone(session, if written.as_ref().is_err_and(stuck) { Gone::Stuck } else { Gone::Ended });
+            hub.gone(session, if written.as_ref().is_err_and(stuck) { Gone::Stuck } else { Gone::Ended });
             if written.is_ok() { Ended::ByServer } else { Ended::Broken }
         }
     };

@@ -1,5 +1,5 @@
 //! Everything that clients share. The hub connects the following parts, and tasks use the hub
-//! through its `desk`.
+//! through a `SharedHub`.
 //!
 //! | part | what it owns |
 //! |---|---|
@@ -42,13 +42,13 @@ use super::publisher::Publisher;
 use super::scenes::Scenes;
 use super::shakes::Shakes;
 use super::stats::Stats;
-use super::strangers::WrongTokens;
+use super::unauthenticated::WrongTokens;
 use super::{Bounds, ServiceSetup, Status};
 use crate::tls::Encryption;
 use hbot_core::MAX_JOINTS;
 use hbot_host::bus::Telemetry;
 use hbot_host::rig::controllers::Controllers;
-use hbot_host::run_loop::bridge::{Bell, Busy, EmergencyStop, ServiceEnd};
+use hbot_host::run_loop::bridge::{Busy, EmergencyStop, ServiceEnd, Wakeup};
 use hbot_host::run_loop::sample::Sample;
 
 /// The service's own orders when a client loses the lease, as the log names them.
@@ -196,8 +196,8 @@ impl Hub {
         Arc::clone(&self.changed)
     }
 
-    pub(super) fn bell(&self) -> Bell {
-        self.end.bell()
+    pub(super) fn wakeup(&self) -> Wakeup {
+        self.end.wakeup()
     }
 
     pub(super) fn emergency_stop(&self) -> EmergencyStop {
@@ -225,8 +225,8 @@ impl Hub {
     }
 
     /// Returns the number of clients connected to `port` that have not sent their hello yet.
-    pub(super) fn strangers(&self, port: ServicePort) -> usize {
-        self.publisher.strangers(port)
+    pub(super) fn unauthenticated(&self, port: ServicePort) -> usize {
+        self.publisher.unauthenticated(port)
     }
 
     /// Counts a new connection and returns its session number.
@@ -253,8 +253,8 @@ impl Hub {
 
     /// Closes the connection to `port` that has waited longest for the refusal of its wrong token,
     /// so that another connection gets its place. Returns false if there is no such connection.
-    pub(super) fn cut_a_guess(&mut self, port: ServicePort) -> bool {
-        self.publisher.cut_a_guess(port)
+    pub(super) fn close_wrong_token(&mut self, port: ServicePort) -> bool {
+        self.publisher.close_wrong_token(port)
     }
 
     /// Processes the waiting samples and returns the statistics of the run so far.
@@ -289,7 +289,7 @@ impl Hub {
 
     /// Closes the connections of clients that do not read. Each closing can cause events that
     /// overflow the queues of other clients, so this repeats until no such client is left.
-    pub(super) fn bury(&mut self) {
+    pub(super) fn close_unresponsive(&mut self) {
         while let Some(session) = self.publisher.cut_next() {
             self.stats.counts.connections_cut += 1;
             self.gone(session);
@@ -359,7 +359,7 @@ impl Hub {
                 format!("op {op}: the loop has not yet taken what it was given before"),
             )
         })?;
-        self.publisher.owe(session);
+        self.publisher.expect_answer(session);
         Ok(())
     }
 

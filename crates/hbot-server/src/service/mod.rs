@@ -2,14 +2,14 @@
 //!
 //! The `hub` owns everything that clients share: the channels to the loop, the scene, the lease,
 //! subscriptions, statistics and the flight recorder. It never waits. All tasks run on the
-//! service's single thread and use the hub through its `desk`, one at a time:
+//! service's single thread and use the hub through a `SharedHub`, one at a time:
 //!
 //! - the task of each `connection`. Its `reader` turns bytes into requests, and its `writer` sends
 //!   the messages that are queued for the client.
 //! - the service's own task (`run`), which accepts connections and takes samples from the loop.
 //!
 //! ```text
-//! socket -> reader -> desk -> hub -> orders, scenes -> loop
+//! socket -> reader -> hub -> orders, scenes -> loop
 //! socket <- writer <- outbox (each client, 256) <- hub <- samples <- loop
 //! ```
 //!
@@ -30,13 +30,11 @@
 //! loop wakes it only at notable events: a new mode, cause or scene, an answer, or many waiting
 //! samples (see the module `bridge` of hbot-host).
 
-mod bell;
 mod bucket;
 mod connection;
 mod controllers;
 pub(crate) mod convert;
 mod cost;
-mod desk;
 mod flights;
 mod hand;
 mod hub;
@@ -53,8 +51,10 @@ mod refusals;
 mod run;
 mod scenes;
 mod shakes;
+mod shared_hub;
 mod stats;
-mod strangers;
+mod unauthenticated;
+mod wakeups;
 mod writer;
 
 #[cfg(test)]
@@ -75,7 +75,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 
 pub use self::hand::{HandOrder, MoveHand, SimulatedHand};
 pub use self::scenes::set_refusal;
-pub(crate) use self::strangers::too_few_descriptors;
+pub(crate) use self::unauthenticated::too_few_descriptors;
 use crate::recording::Notes;
 use crate::tls::Encryption;
 use crate::web::WebOptions;
@@ -161,12 +161,12 @@ impl Status {
 struct Bounds {
     /// Largest number of simultaneous connections.
     connections: usize,
-    /// Number of places, among `connections` and among `strangers`, that are reserved for programs
-    /// on this machine.
+    /// Number of places, among `connections` and among `unauthenticated`, that are reserved for
+    /// programs on this machine.
     local: usize,
     /// Largest number of simultaneous connections that have not sent their hello yet. Of these,
     /// `local` places are reserved for programs on this machine.
-    strangers: usize,
+    unauthenticated: usize,
     /// Time within which a client must send its hello.
     hello: Duration,
     /// Delay before the answer to a wrong token, which slows down guessing.
@@ -188,7 +188,7 @@ impl Default for Bounds {
         Self {
             connections: 64,
             local: 8,
-            strangers: 32,
+            unauthenticated: 32,
             hello: Duration::from_secs(2),
             wrong_token: Duration::from_millis(500),
             silence: Duration::from_secs(30),
@@ -226,6 +226,6 @@ async fn serve_within(
 ) -> Summary {
     let mut setup = setup;
     let listeners = run::Listeners::new(listener, setup.web.take());
-    let desk = desk::Desk::new(hub::Hub::new(bounds, end, setup, status));
-    run::run(desk, listeners, control, shutdown).await
+    let hub = shared_hub::SharedHub::new(hub::Hub::new(bounds, end, setup, status));
+    run::run(hub, listeners, control, shutdown).await
 }

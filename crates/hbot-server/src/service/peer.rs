@@ -31,14 +31,14 @@ pub(super) struct Peer {
     pub(super) address: IpAddr,
     pub(super) port: ServicePort,
     /// True if the client has sent a wrong token and its refusal is being delayed.
-    pub(super) guessed: bool,
+    pub(super) sent_wrong_token: bool,
     pub(super) encoding: Encoding,
     pub(super) outbox: Outbox,
     pub(super) task: AbortHandle,
     /// Number of ticks between two states sent to the client. 0 if it is not subscribed.
     pub(super) every: u64,
     /// Number of answers that are pending from the loop or from other threads.
-    pub(super) owed: u32,
+    pub(super) pending: u32,
     /// True if the client sends no more. It stays known only until its pending answers are sent.
     pub(super) gone: bool,
     dropped: Tally,
@@ -74,12 +74,12 @@ impl Peer {
             name: None,
             address,
             port: ServicePort::Tcp,
-            guessed: false,
+            sent_wrong_token: false,
             encoding: Encoding::Json,
             outbox,
             task,
             every: 0,
-            owed: 0,
+            pending: 0,
             gone: false,
             dropped: Tally::default(),
             refused: Tally::default(),

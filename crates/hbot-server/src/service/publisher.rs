@@ -28,7 +28,7 @@ pub(super) struct Publisher {
     /// which its age counts. States do not report it.
     foreign_stream: Option<(Option<u64>, u64)>,
     /// Clients that must be disconnected, because their queue had no room for a message.
-    doomed: Vec<u64>,
+    unresponsive: Vec<u64>,
     /// Wakes the service's task when the number of subscribers may have changed.
     changed: Arc<Notify>,
     /// Passes events to the recorder.
@@ -50,7 +50,7 @@ impl Publisher {
             state: Event::State(StateEvent::default()),
             frames: Frames::default(),
             foreign_stream: None,
-            doomed: Vec::new(),
+            unresponsive: Vec::new(),
             changed,
             notes,
         }
@@ -82,16 +82,16 @@ impl Publisher {
     }
 
     /// Records that a client has sent a wrong token. Returns the client's address.
-    pub(super) fn guessed(&mut self, session: u64) -> Option<IpAddr> {
+    pub(super) fn sent_wrong_token(&mut self, session: u64) -> Option<IpAddr> {
         let peer = self.peers.get_mut(&session)?;
-        peer.guessed = true;
+        peer.sent_wrong_token = true;
         Some(peer.address)
     }
 
     /// Closes the connection to `port` that has waited longest for the refusal of its wrong token.
     /// Returns false if there is no such connection.
-    pub(super) fn cut_a_guess(&mut self, port: ServicePort) -> bool {
-        let mut guesses = self.peers.iter().filter(|(_, peer)| peer.guessed && peer.port == port);
+    pub(super) fn close_wrong_token(&mut self, port: ServicePort) -> bool {
+        let mut guesses = self.peers.iter().filter(|(_, peer)| peer.sent_wrong_token && peer.port == port);
         let guess = guesses.next().map(|(session, _)| *session);
         let Some(peer) = guess.and_then(|session| self.peers.remove(&session)) else { return false };
         peer.task.abort();
@@ -118,7 +118,7 @@ impl Publisher {
     }
 
     /// Returns the number of clients connected to `port` that have not sent their hello yet.
-    pub(super) fn strangers(&self, port: ServicePort) -> usize {
+    pub(super) fn unauthenticated(&self, port: ServicePort) -> usize {
         self.peers.values().filter(|peer| peer.name.is_none() && peer.port == port).count()
     }
 
@@ -189,7 +189,7 @@ impl Publisher {
     pub(super) fn send(&mut self, session: u64, message: &impl Serialize) {
         let Some(peer) = self.peers.get(&session) else { return };
         if !peer.send(message) {
-            self.doomed.push(session);
+            self.unresponsive.push(session);
         }
     }
 
@@ -205,7 +205,7 @@ impl Publisher {
     ) -> Result<(), MessageEncodeError> {
         let Some(peer) = self.peers.get(&session) else { return Ok(()) };
         if !peer.try_send(message)? {
-            self.doomed.push(session);
+            self.unresponsive.push(session);
         }
         Ok(())
     }
@@ -216,7 +216,7 @@ impl Publisher {
         self.frames.clear();
         for (session, peer) in self.peers.iter().filter(|(_, peer)| peer.listens()) {
             if !peer.outbox.send(self.frames.of(peer.encoding, event)) {
-                self.doomed.push(*session);
+                self.unresponsive.push(*session);
             }
         }
     }
@@ -245,19 +245,19 @@ impl Publisher {
     }
 
     /// Records that an answer to a client is pending. The client stays known until
-    /// [`paid`](Self::paid).
-    pub(super) fn owe(&mut self, session: u64) {
+    /// [`answered`](Self::answered).
+    pub(super) fn expect_answer(&mut self, session: u64) {
         if let Some(peer) = self.peers.get_mut(&session) {
-            peer.owed += 1;
+            peer.pending += 1;
         }
     }
 
     /// Records that a pending answer to a client has been given. Removes the client if it has gone
     /// and no further answer is pending.
-    pub(super) fn paid(&mut self, session: u64) {
+    pub(super) fn answered(&mut self, session: u64) {
         if let Some(peer) = self.peers.get_mut(&session) {
-            peer.owed = peer.owed.saturating_sub(1);
-            if peer.gone && peer.owed == 0 {
+            peer.pending = peer.pending.saturating_sub(1);
+            if peer.gone && peer.pending == 0 {
                 self.peers.remove(&session);
             }
         }
@@ -270,7 +270,7 @@ impl Publisher {
         let again = std::mem::replace(&mut peer.gone, true);
         let name = peer.name.clone().filter(|_| !again);
         peer.every = 0;
-        if peer.owed == 0 {
+        if peer.pending == 0 {
             self.peers.remove(&session);
         }
         if again {
@@ -286,7 +286,7 @@ impl Publisher {
     /// Closes the next connection whose client does not read, and returns its session. The caller
     /// must still record that the client is gone.
     pub(super) fn cut_next(&mut self) -> Option<u64> {
-        while let Some(session) = self.doomed.pop() {
+        while let Some(session) = self.unresponsive.pop() {
             let Some(peer) = self.peers.get_mut(&session) else { continue };
             if peer.outbox.is_closed() {
                 // The connection has ended by itself, and its task is about to report that.
@@ -294,7 +294,7 @@ impl Publisher {
             }
             tracing::warn!(session, name = peer.name.as_deref(), "cut: the client does not read");
             peer.task.abort();
-            peer.owed = 0;
+            peer.pending = 0;
             return Some(session);
         }
         None
@@ -327,15 +327,15 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_client_that_is_owed_an_answer_stays_until_it_has_it() {
+    async fn a_client_stays_until_it_has_its_pending_answer() {
         let mut publisher = publisher();
         let _inboxes = [admit(&mut publisher, 1, 8), admit(&mut publisher, 2, 8)];
-        publisher.owe(1);
+        publisher.expect_answer(1);
         assert!(publisher.gone(1) && publisher.knows(1));
         assert!(!publisher.gone(1), "once");
-        publisher.paid(1);
+        publisher.answered(1);
         assert!(!publisher.knows(1) && publisher.knows(2));
-        publisher.paid(2);
+        publisher.answered(2);
         assert!(publisher.knows(2), "it is still there");
     }
 
@@ -374,7 +374,7 @@ mod tests {
         let _inboxes = [admit(&mut publisher, 1, 1), admit(&mut publisher, 2, 1)];
         assert!(publisher.greet(1, "ann".to_owned(), Encoding::Json));
         assert_eq!(
-            (publisher.strangers(ServicePort::Tcp), publisher.listeners(), publisher.name(1)),
+            (publisher.unauthenticated(ServicePort::Tcp), publisher.listeners(), publisher.name(1)),
             (1, 1, Some("ann"))
         );
         let event = Event::Stopping(StoppingEvent { message: "x".to_owned() });

@@ -21,8 +21,8 @@ use tokio::time::{Instant, sleep_until, timeout_at};
 
 use super::Bounds;
 use super::bucket::{Bucket, weight, weight_of};
-use super::desk::Desk;
 use super::hub::First;
+use super::shared_hub::SharedHub;
 use hbot_host::run_loop::bridge::EmergencyStop;
 
 /// Total weight of the requests that one client's task executes before other tasks get a turn. A
@@ -50,7 +50,7 @@ pub(super) struct Reader<S> {
     half: ReadHalf<S>,
     splitter: Splitter,
     session: u64,
-    desk: Desk,
+    hub: SharedHub,
     /// The deadline for the client's hello, and the time that the client had for it. `None` after
     /// the hello.
     hello: Option<(Instant, Duration)>,
@@ -90,15 +90,15 @@ impl<S: AsyncRead> Reader<S> {
         half: ReadHalf<S>,
         deadline: Instant,
         session: u64,
-        desk: Desk,
+        hub: SharedHub,
         bounds: &Bounds,
     ) -> Self {
-        let stop = desk.hub().emergency_stop();
+        let stop = hub.lock().emergency_stop();
         Self {
             half,
             splitter: Splitter::with_limit(Encoding::Json, MAX_SHORT_REQUEST_BYTES),
             session,
-            desk,
+            hub,
             hello: Some((deadline, bounds.hello)),
             wrong_token: bounds.wrong_token,
             bucket: Bucket::new(bounds.requests_per_s, Instant::now()),
@@ -138,7 +138,7 @@ impl<S: AsyncRead> Reader<S> {
                     (request, false)
                 }
                 Some(Ok(message)) => {
-                    let allowed = self.desk.hub().may_send(self.session, message);
+                    let allowed = self.hub.lock().may_send(self.session, message);
                     match allowed {
                         Ok(()) => {
                             self.long = Some(message.to_vec());
@@ -162,8 +162,8 @@ impl<S: AsyncRead> Reader<S> {
             self.charge(weight(request.as_ref().ok().map(|request| request.op.name()), bytes));
             let request = request.and_then(|request| self.unless_stopped(request));
             let goes_on = match request {
-                Ok(Request { id, .. }) if found => self.desk.stopped(self.session, id),
-                request => self.desk.message(self.session, request),
+                Ok(Request { id, .. }) if found => self.hub.stopped(self.session, id),
+                request => self.hub.message(self.session, request),
             };
             if !goes_on || lost {
                 return Err(Ended::ByServer);
@@ -176,14 +176,14 @@ impl<S: AsyncRead> Reader<S> {
     /// now. Otherwise returns the time to wait for.
     fn read_long(&mut self) -> Result<Pause, Ended> {
         let start = Instant::now();
-        if let Some(at) = self.desk.hub().long_messages().not_before(start) {
+        if let Some(at) = self.hub.lock().long_messages().not_before(start) {
             return Ok(Pause::Until(at));
         }
         let Some(message) = self.long.take() else { return Ok(Pause::Yield) };
         let request = Request::read(self.splitter.encoding(), &message);
         self.charge(weight(request.as_ref().ok().map(|request| request.op.name()), 0));
-        let goes_on = self.desk.message(self.session, request);
-        self.desk.hub().long_messages().took(start, Instant::now());
+        let goes_on = self.hub.message(self.session, request);
+        self.hub.lock().long_messages().took(start, Instant::now());
         if goes_on { Ok(Pause::Yield) } else { Err(Ended::ByServer) }
     }
 
@@ -211,7 +211,7 @@ impl<S: AsyncRead> Reader<S> {
     /// Handles the first message of a connection, which decides whether the connection continues
     /// and in which encoding.
     fn first(&mut self, message: Result<Request, RequestRefusal>) -> Result<Option<Pause>, Ended> {
-        match self.desk.first(self.session, message) {
+        match self.hub.first(self.session, message) {
             First::Greeted(encoding) => {
                 self.splitter.set_encoding(encoding);
                 self.splitter.set_limit(MAX_REQUEST_BYTES);
@@ -252,7 +252,7 @@ impl<S: AsyncRead> Reader<S> {
             Pause::Until(at) => self.read_until(at).await,
             Pause::Refuse(refusal) => {
                 sleep_until(Instant::now() + self.wrong_token).await;
-                self.desk.refuse_first(self.session, refusal);
+                self.hub.refuse_first(self.session, refusal);
                 Err(Ended::ByServer)
             }
         }
@@ -363,11 +363,11 @@ impl<S: AsyncRead> Reader<S> {
         let Some(last) = estop.max(disable) else { return };
         if estop.is_some() {
             self.stop.stop();
-            self.desk.hub().stopped_by(self.session);
+            self.hub.lock().stopped_by(self.session);
         }
         // A `disable` near the front of the waiting bytes is executed in a moment anyway.
         if disable.is_some_and(|end| first + end > MAX_SHORT_REQUEST_BYTES) {
-            self.desk.turn(|hub| hub.order_internally("disable", Command::Disable));
+            self.hub.turn(|hub| hub.order_internally("disable", Command::Disable));
         }
         self.stop_at = self.read - bytes as u64 + last as u64;
     }

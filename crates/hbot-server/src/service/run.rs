@@ -16,14 +16,14 @@ use tokio::sync::mpsc;
 use tokio::task::{Id, JoinError, JoinSet, yield_now};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep, sleep_until, timeout};
 
-use super::bell::Ringing;
-use super::desk::Desk;
 use super::flights::Written;
 use super::hub::Hub;
 use super::outbox::outbox;
 use super::peer::{Peer, ServicePort};
 use super::scenes::Measured;
-use super::strangers::Taken;
+use super::shared_hub::SharedHub;
+use super::unauthenticated::Taken;
+use super::wakeups::Wakeups;
 use super::{Control, Summary, connection};
 use crate::web::{AllowedHosts, WebOptions};
 
@@ -94,7 +94,7 @@ impl Arrival {
 
 /// The tasks of all connections.
 struct Connections {
-    desk: Desk,
+    hub: SharedHub,
     serving: JoinSet<()>,
     /// The client that each task serves.
     sessions: HashMap<Id, Session>,
@@ -119,14 +119,14 @@ enum Wake {
     Measured(Result<Measured, JoinError>),
     Written(Written),
     Changed,
-    Rung(io::Result<()>),
+    Samples(io::Result<()>),
     Heartbeat,
 }
 
 /// Serves clients until `shutdown` completes or the loop has ended. Returns the statistics of the
 /// run.
 pub(super) async fn run(
-    desk: Desk,
+    hub: SharedHub,
     listeners: Listeners,
     mut control: mpsc::Receiver<Control>,
     shutdown: impl Future<Output = ()>,
@@ -136,16 +136,16 @@ pub(super) async fn run(
     heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut controlled = true;
     let mut accept_after = None;
-    let (bell, changed) = desk.turn(|hub| {
+    let (wakeup, changed) = hub.turn(|hub| {
         hub.tell_status();
-        (hub.bell(), hub.changed())
+        (hub.wakeup(), hub.changed())
     });
-    let mut connections = Connections::new(desk.clone());
-    // Without the bell the service cannot run. A panic ends it like any other internal failure,
+    let mut connections = Connections::new(hub.clone());
+    // Without wake-ups the service cannot run. A panic ends it like any other internal failure,
     // with zero torque.
-    let bell = Ringing::of(bell).unwrap_or_else(|error| panic!("the loop cannot be heard: {error}"));
+    let wakeups = Wakeups::of(wakeup).unwrap_or_else(|error| panic!("the loop cannot be heard: {error}"));
     let why = loop {
-        let (more, over) = desk.turn(|hub| {
+        let (more, over) = hub.turn(|hub| {
             hub.drain();
             (hub.has_samples(), hub.is_over())
         });
@@ -162,20 +162,20 @@ pub(super) async fn run(
             accepted = listeners.accept(accept_after) => Wake::Accepted(accepted),
             ended = connections.serving.join_next_with_id(), if !connections.serving.is_empty() => Wake::Ended(ended),
             _ = connections.turned_away.join_next(), if !connections.turned_away.is_empty() => Wake::TurnedAway,
-            measured = next_of(&desk, Hub::poll_measured) => Wake::Measured(measured),
-            written = next_of(&desk, Hub::poll_written) => Wake::Written(written),
+            measured = next_of(&hub, Hub::poll_measured) => Wake::Measured(measured),
+            written = next_of(&hub, Hub::poll_written) => Wake::Written(written),
             () = changed.notified() => Wake::Changed,
             _ = heartbeat.tick() => Wake::Heartbeat,
-            rung = samples(&desk, &bell) => Wake::Rung(rung),
+            woken = samples(&hub, &wakeups) => Wake::Samples(woken),
         };
         match wake {
             Wake::Shutdown => break "the server stops",
-            Wake::Rung(Err(_)) => break "the loop is not heard",
+            Wake::Samples(Err(_)) => break "the loop is not heard",
             Wake::Control(Some(Control::Summarize(wanted))) => {
                 // The send fails if the requester no longer waits, which does no harm.
-                let _ = wanted.send(Box::new(desk.turn(Hub::summary)));
+                let _ = wanted.send(Box::new(hub.turn(Hub::summary)));
             }
-            Wake::Control(Some(Control::Refused(code))) => desk.turn(|hub| hub.refused(code)),
+            Wake::Control(Some(Control::Refused(code))) => hub.turn(|hub| hub.refused(code)),
             Wake::Control(None) => controlled = false,
             Wake::Accepted(Ok(arrival)) => {
                 accept_after = None;
@@ -188,50 +188,50 @@ pub(super) async fn run(
                 accept_after = Some(Instant::now() + ACCEPT_PAUSE);
             }
             Wake::Ended(ended) => connections.ended(ended),
-            Wake::Measured(measured) => desk.turn(|hub| hub.measured(measured)),
-            Wake::Written(written) => desk.turn(|hub| hub.written(written)),
-            Wake::Heartbeat => desk.turn(Hub::heartbeat),
+            Wake::Measured(measured) => hub.turn(|hub| hub.measured(measured)),
+            Wake::Written(written) => hub.turn(|hub| hub.written(written)),
+            Wake::Heartbeat => hub.turn(Hub::heartbeat),
             // The next pass of this loop takes the samples and waits for the changed events.
-            Wake::Rung(Ok(())) | Wake::TurnedAway | Wake::Changed => {}
+            Wake::Samples(Ok(())) | Wake::TurnedAway | Wake::Changed => {}
         }
     };
-    close(desk, connections, why).await
+    close(hub, connections, why).await
 }
 
 /// Waits until samples from the loop are waiting or the loop has ended. Cancel safe.
-async fn samples(desk: &Desk, bell: &Ringing) -> io::Result<()> {
+async fn samples(hub: &SharedHub, wakeups: &Wakeups) -> io::Result<()> {
     let there = || {
-        let hub = desk.hub();
+        let hub = hub.lock();
         hub.has_samples() || hub.is_over()
     };
     while !there() {
-        let every = desk.hub().is_watched();
-        bell.set(every);
+        let every = hub.lock().is_watched();
+        wakeups.arm(every);
         if there() {
             break;
         }
-        bell.rung().await?;
+        wakeups.wait().await?;
     }
     Ok(())
 }
 
 /// Waits until `poll` reports that the hub's work on another thread is done, and returns its
 /// result. Stays pending while there is no such work. Cancel safe.
-async fn next_of<T>(desk: &Desk, poll: fn(&mut Hub, &mut Context<'_>) -> Poll<T>) -> T {
-    poll_fn(|context| poll(&mut desk.hub(), context)).await
+async fn next_of<T>(hub: &SharedHub, poll: fn(&mut Hub, &mut Context<'_>) -> Poll<T>) -> T {
+    poll_fn(|context| poll(&mut hub.lock(), context)).await
 }
 
 /// Informs the clients that the service ends, waits up to [`FLUSH`] for their messages to be sent,
 /// finishes the flight logs, takes the last samples of the loop, and returns the final statistics.
-async fn close(desk: Desk, mut connections: Connections, why: &str) -> Summary {
-    let flights = desk.turn(|hub| hub.farewell(why));
+async fn close(hub: SharedHub, mut connections: Connections, why: &str) -> Summary {
+    let flights = hub.turn(|hub| hub.farewell(why));
     let _ = timeout(FLUSH, async { while connections.serving.join_next().await.is_some() {} }).await;
     connections.serving.shutdown().await;
     let flights = flights.finish().await;
     // Samples can still wait in the ring, because the loop does not wake the service for each.
     // Without them, fewer ticks would be counted than recorded.
     let _ = timeout(LAST_SAMPLES, async {
-        while !desk.turn(|hub| {
+        while !hub.turn(|hub| {
             hub.drain();
             hub.is_over()
         }) {
@@ -239,22 +239,22 @@ async fn close(desk: Desk, mut connections: Connections, why: &str) -> Summary {
         }
     })
     .await;
-    desk.hub().last_summary(&flights)
+    hub.lock().last_summary(&flights)
 }
 
 impl Connections {
-    fn new(desk: Desk) -> Self {
-        Self { desk, serving: JoinSet::new(), sessions: HashMap::new(), turned_away: JoinSet::new() }
+    fn new(hub: SharedHub) -> Self {
+        Self { hub, serving: JoinSet::new(), sessions: HashMap::new(), turned_away: JoinSet::new() }
     }
 
     /// Accepts a connection, or turns it away if there is no place for it.
     fn accept(&mut self, arrival: Arrival) {
-        let mut hub = self.desk.hub();
+        let mut hub = self.hub.lock();
         let (port, address) = (arrival.port(), arrival.address);
         let Arrival { stream, hosts, .. } = arrival;
         let local = address.ip().to_canonical().is_loopback();
         let mut placed = self.taken(&hub, port).place(hub.bounds(), local);
-        if placed.is_err() && hub.cut_a_guess(port) {
+        if placed.is_err() && hub.close_wrong_token(port) {
             placed = self.taken(&hub, port).place(hub.bounds(), local);
         }
         if let Err(full) = placed {
@@ -282,13 +282,13 @@ impl Connections {
         let session = hub.next_session();
         tracing::debug!(session, %address, "connected");
         let (outbox, inbox) = outbox(hub.bounds().outgoing);
-        let desk = self.desk.clone();
+        let shared = self.hub.clone();
         let task = match hosts {
             None => {
                 let (encryption, bounds) = (hub.encryption().cloned(), *hub.bounds());
-                self.serving.spawn(connection::serve(stream, encryption, session, desk, inbox, bounds))
+                self.serving.spawn(connection::serve(stream, encryption, session, shared, inbox, bounds))
             }
-            Some(hosts) => self.serving.spawn(connection::serve_web(stream, hosts, session, desk, inbox)),
+            Some(hosts) => self.serving.spawn(connection::serve_web(stream, hosts, session, shared, inbox)),
         };
         self.sessions.insert(task.id(), Session { number: session, local, port });
         hub.admit(session, Peer::new(outbox, task, address.ip()).at(port));
@@ -299,7 +299,7 @@ impl Connections {
         // Count tasks and not clients, because the task of a refused client can still be running.
         let mut there = self.sessions.values().filter(|session| session.port == port);
         let remote = there.clone().filter(|session| !session.local).count();
-        Taken { all: there.by_ref().count(), remote, strangers: hub.strangers(port) }
+        Taken { all: there.by_ref().count(), remote, unauthenticated: hub.unauthenticated(port) }
     }
 
     /// Handles the end of a connection's task. Unless the task has panicked, the hub already knows
@@ -315,7 +315,7 @@ impl Connections {
             && error.is_panic()
         {
             tracing::error!(session, "the task of a connection has panicked");
-            self.desk.turn(|hub| hub.gone(session));
+            self.hub.turn(|hub| hub.gone(session));
         }
     }
 }

@@ -28,7 +28,7 @@ pub const CASES: &[Case] = &[
     },
     Case { name: "the last word switches motors off, even after an incomplete command", run: last_word },
     Case { name: "switching off ends torque and says whether power was lost", run: switched_off },
-    Case { name: "controllers that are not the rig's are refused", run: strangers },
+    Case { name: "controllers that are not the rig's are refused", run: foreign_controllers },
     Case { name: "a tick sends no more bytes than the driver states", run: traffic },
 ];
 
@@ -354,7 +354,7 @@ fn switched_off(subject: &Subject) -> Result<(), String> {
     bench.expect_torque(false)
 }
 
-fn strangers(subject: &Subject) -> Result<(), String> {
+fn foreign_controllers(subject: &Subject) -> Result<(), String> {
     let others: [(&str, Expected); 2] = [
         ("one joint fewer", subject.expected.without_last()),
         ("other encoders", subject.expected.with_other_counts()),

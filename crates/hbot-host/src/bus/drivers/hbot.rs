@@ -67,7 +67,7 @@ impl Protocol for HbotLink {
             telemetry: [JointLog::default(); MAX_JOINTS],
             answered: None,
             cut: false,
-            stranger: false,
+            mismatched: false,
             undescribed: false,
             asks: false,
         })
@@ -108,7 +108,7 @@ struct HbotBus {
     /// separated from it.
     cut: bool,
     /// True if the last description received does not match the rig's controllers.
-    stranger: bool,
+    mismatched: bool,
     /// True if the newest readings come from controllers that have restarted since
     /// [`Protocol::meet`], or from other controllers.
     undescribed: bool,
@@ -124,13 +124,13 @@ impl MotorBus for HbotBus {
             heard.zeros_lost = renewed.rebooted;
             self.decoder.reset();
             // The thread that reopens lines has already identified these controllers.
-            (self.cut, self.stranger) = (false, false);
+            (self.cut, self.mismatched) = (false, false);
         }
-        self.undescribed = self.stranger;
+        self.undescribed = self.mismatched;
         // Reads at most 4 x 4096 bytes. The rest waits for the next tick.
         for _ in 0..4 {
             let n = self.line.read(now_ns, &mut self.received).unwrap_or(0);
-            let Self { decoder, expected, answered, stranger, undescribed, received, .. } = self;
+            let Self { decoder, expected, answered, mismatched, undescribed, received, .. } = self;
             let Self { obedience, telemetry, .. } = self;
             decoder.feed(&received[..n], |frame| match frame {
                 Ok(FromController::Feedback(feedback)) if feedback.joints.len() == expected.joints() => {
@@ -153,8 +153,8 @@ impl MotorBus for HbotBus {
                 }
                 Ok(FromController::Feedback(_)) => heard.foreign += 1,
                 Ok(FromController::Description(description)) => {
-                    *stranger = difference(expected, &description).is_some();
-                    *undescribed |= *stranger;
+                    *mismatched = difference(expected, &description).is_some();
+                    *undescribed |= *mismatched;
                 }
                 Err(_) => heard.damaged = heard.damaged.saturating_add(1),
             });

@@ -38,9 +38,9 @@ fn a_reopened_line_forgets_the_frame_that_its_loss_has_cut() {
 }
 
 /// Strangers on the line make the zeros worthless for as long as they are there. The thread that
-/// reopens a line identifies its controllers, so the strangers from before are forgotten.
+/// reopens a line identifies its controllers, so foreign controllers from before are forgotten.
 #[test]
-fn a_reopened_line_forgets_the_strangers() {
+fn a_reopened_line_forgets_foreign_controllers() {
     let (mut bus, fake) = bus_and_line();
     let counts = RigConfig::prototype().rig.joints[0].counts_per_turn;
     assert!(!read(&mut *bus, &fake, 1, &description(counts)).zeros_lost, "they are those of the rig");

@@ -22,7 +22,7 @@ impl Hub {
                 Err(error) => {
                     let refusal = RequestRefusal { id, op: Some(OpName::Hello), error };
                     if hello.token.is_some() {
-                        self.wrong_tokens.add(self.publisher.guessed(session));
+                        self.wrong_tokens.add(self.publisher.sent_wrong_token(session));
                         return First::WrongToken(refusal);
                     }
                     refusal

@@ -209,7 +209,7 @@ impl Hub {
             self.incidents.show(simulate);
             self.hand.replaced();
         }
-        self.publisher.owe(session);
+        self.publisher.expect_answer(session);
         self.tell_status();
         Ok(())
     }

@@ -118,7 +118,7 @@ impl Hub {
                 self.refuse(session, id, Some(op), ErrorBody::new(ErrorCode::Busy, message));
             }
         }
-        self.publisher.paid(session);
+        self.publisher.answered(session);
     }
 
     /// Polls for the next scene whose effects have been timed. Stays pending while no measurement
@@ -142,7 +142,7 @@ impl Hub {
         while let Some(Loaded { session, id, answer, event }) = self.scenes.next_loaded() {
             self.answer(session, id, answer);
             self.publisher.broadcast(&Event::Scene(event));
-            self.publisher.paid(session);
+            self.publisher.answered(session);
         }
     }
 

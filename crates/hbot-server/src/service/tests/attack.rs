@@ -174,7 +174,7 @@ fn the_page_has_the_bounds() {
     let Bounds {
         connections,
         local,
-        strangers,
+        unauthenticated,
         hello,
         wrong_token,
         silence,
@@ -188,8 +188,8 @@ fn the_page_has_the_bounds() {
             connections - local
         ),
         format!(
-            "without a hello at a time | {strangers}, of them {} from other machines |",
-            strangers - local
+            "without a hello at a time | {unauthenticated}, of them {} from other machines |",
+            unauthenticated - local
         ),
         format!("handshake if the port is encrypted | {} s,", hello.as_secs()),
         format!("| messages that wait to be sent to a client | {outgoing} messages, 1 MiB |"),

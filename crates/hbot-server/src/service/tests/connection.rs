@@ -6,11 +6,11 @@ use tokio::task::yield_now;
 use tokio::time::{sleep, timeout};
 
 use super::super::connection::converse;
-use super::super::desk::Desk;
 use super::super::hub::First;
 use super::super::hub::Hub;
 use super::super::outbox::outbox;
 use super::super::peer::Peer;
+use super::super::shared_hub::SharedHub;
 use super::*;
 use hbot_host::run_loop::bridge::LoopEnd;
 use hbot_host::run_loop::clock::Origin;
@@ -18,7 +18,7 @@ use hbot_host::run_loop::clock::Origin;
 /// Capacity of the pipe between a client and the service, bytes.
 const PIPE: usize = 128 * 1024;
 
-pub(super) fn still() -> (LoopEnd, Desk) {
+pub(super) fn still() -> (LoopEnd, SharedHub) {
     let (loop_end, end) = bridge().unwrap();
     let mut scene = RunningScene::new();
     let _ = scene.load(SceneFile::default_scene());
@@ -38,26 +38,26 @@ pub(super) fn still() -> (LoopEnd, Desk) {
         hand: None,
     };
     let bounds = Bounds { stuck: Duration::from_millis(50), ..Bounds::default() };
-    (loop_end, Desk::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))
+    (loop_end, SharedHub::new(Hub::new(bounds, end, setup, watch::channel(Status::default()).0)))
 }
 
 /// Connects a client that uses MessagePack. Returns the client's end of the pipe, after the hello,
 /// and its session number.
-async fn greeted(desk: &Desk) -> (DuplexStream, u64) {
-    let (client, session) = connected(desk, PIPE, b", \"encoding\": \"msgpack\"").await;
+async fn greeted(hub: &SharedHub) -> (DuplexStream, u64) {
+    let (client, session) = connected(hub, PIPE, b", \"encoding\": \"msgpack\"").await;
     (client, session)
 }
 
 /// Connects a client that uses JSON, over a pipe of `pipe` bytes. Returns the client's end of the
 /// pipe, after the hello.
-pub(super) async fn greeted_in_json(desk: &Desk, pipe: usize) -> DuplexStream {
-    connected(desk, pipe, b"").await.0
+pub(super) async fn greeted_in_json(hub: &SharedHub, pipe: usize) -> DuplexStream {
+    connected(hub, pipe, b"").await.0
 }
 
-async fn connected(desk: &Desk, pipe: usize, fields: &[u8]) -> (DuplexStream, u64) {
+async fn connected(hub: &SharedHub, pipe: usize, fields: &[u8]) -> (DuplexStream, u64) {
     let (mut client, server) = duplex(pipe);
     let (session, inbox, bounds) = {
-        let mut hub = desk.hub();
+        let mut hub = hub.lock();
         let session = hub.next_session();
         let (out, inbox) = outbox(8192);
         hub.admit(
@@ -67,7 +67,7 @@ async fn connected(desk: &Desk, pipe: usize, fields: &[u8]) -> (DuplexStream, u6
         (session, inbox, *hub.bounds())
     };
     let deadline = tokio::time::Instant::now() + PATIENCE;
-    tokio::spawn(converse(server, deadline, session, desk.clone(), inbox, bounds));
+    tokio::spawn(converse(server, deadline, session, hub.clone(), inbox, bounds));
     let hello = [b"{\"op\": \"hello\", \"version\": 1, \"name\": \"x\"", fields, b"}\n"].concat();
     client.write_all(&hello).await.unwrap();
     // The answer to a hello is always JSON.
@@ -96,10 +96,10 @@ fn requests_that_swell_are_read_one_after_the_other() {
     });
     let used = allocation_counter::measure(|| {
         runtime.block_on(async {
-            let (_loop_end, desk) = still();
+            let (_loop_end, hub) = still();
             let mut clients = Vec::new();
             for _ in 0..CLIENTS {
-                clients.push(greeted(&desk).await.0);
+                clients.push(greeted(&hub).await.0);
             }
             for client in &mut clients {
                 client.write_all(&swelling()).await.unwrap();
@@ -124,13 +124,13 @@ fn requests_that_swell_are_read_one_after_the_other() {
 #[tokio::test]
 async fn a_ping_is_answered_without_an_allocation() {
     const PINGS: usize = 100;
-    let (_loop_end, desk) = still();
+    let (_loop_end, hub) = still();
     let (out, mut inbox) = outbox(8192);
-    let session = desk.hub().next_session();
+    let session = hub.lock().next_session();
     let task = tokio::spawn(async {}).abort_handle();
-    desk.hub().admit(session, Peer::new(out, task, std::net::Ipv4Addr::LOCALHOST.into()));
+    hub.lock().admit(session, Peer::new(out, task, std::net::Ipv4Addr::LOCALHOST.into()));
     let hello = br#"{"op": "hello", "version": 1, "name": "x", "encoding": "msgpack"}"#;
-    assert_eq!(desk.first(session, Request::read_first(hello)), First::Greeted(Encoding::Msgpack));
+    assert_eq!(hub.first(session, Request::read_first(hello)), First::Greeted(Encoding::Msgpack));
     let context = std::task::Context::from_waker(std::task::Waker::noop());
     // Room for the answers, allocated before the measurement.
     let mut bytes = Vec::with_capacity(64 * 1024);
@@ -139,7 +139,7 @@ async fn a_ping_is_answered_without_an_allocation() {
         (0..PINGS).map(|_| Ok(Request { id: None, op: Op::Ping { data: Value::Null } })).collect();
     let used = allocation_counter::measure(|| {
         for ping in pings.drain(..) {
-            assert!(desk.message(session, ping));
+            assert!(hub.message(session, ping));
         }
     });
     assert_eq!(used.count_total, 0);
@@ -149,8 +149,8 @@ async fn a_ping_is_answered_without_an_allocation() {
 
 #[tokio::test]
 async fn one_that_says_no_more_and_reads_no_more_is_counted_as_cut() {
-    let (_loop_end, desk) = still();
-    let (mut client, session) = greeted(&desk).await;
+    let (_loop_end, hub) = still();
+    let (mut client, session) = greeted(&hub).await;
     // The answers are larger than the capacity of the pipe.
     let ping = Request { id: None, op: Op::Ping { data: json!("x".repeat(1900)) } };
     let mut pings = Vec::new();
@@ -162,20 +162,20 @@ async fn one_that_says_no_more_and_reads_no_more_is_counted_as_cut() {
     // Other tasks of this thread have their turn in between, and the time that the service waits
     // for passes.
     timeout(PATIENCE, async {
-        while desk.hub().summary().connections_cut == 0 {
+        while hub.lock().summary().connections_cut == 0 {
             sleep(LOOK).await;
         }
     })
     .await
     .unwrap();
-    assert!(!desk.message(session, Ok(ping)), "it is no client any more");
+    assert!(!hub.message(session, Ok(ping)), "it is no client any more");
 }
 
 #[tokio::test]
 async fn one_that_asks_without_end_leaves_the_others_their_turn() {
     const PINGS: usize = 5000;
-    let (_loop_end, desk) = still();
-    let (busy, _) = greeted(&desk).await;
+    let (_loop_end, hub) = still();
+    let (busy, _) = greeted(&hub).await;
     let (mut from, mut to) = tokio::io::split(busy);
     let ping = b"\0\0\0\x09\x81\xa2op\xa4ping";
     to.write_all(&ping.repeat(PINGS)).await.unwrap();
@@ -185,7 +185,7 @@ async fn one_that_asks_without_end_leaves_the_others_their_turn() {
             from.read_exact(&mut vec![0; length as usize]).await.unwrap();
         }
     });
-    let done = || desk.hub().summary().requests;
+    let done = || hub.lock().summary().requests;
     let (mut most, mut before) = (0, done());
     while !reading.is_finished() {
         // Every other task gets a turn meanwhile.

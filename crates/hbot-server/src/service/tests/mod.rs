@@ -2,7 +2,6 @@
 //! time.
 
 mod attack;
-mod bell;
 mod commands;
 mod connection;
 mod faults;
@@ -16,8 +15,9 @@ mod scenes;
 mod shakes;
 mod shape;
 mod stops;
-mod strangers;
 mod tls;
+mod unauthenticated;
+mod wakeups;
 mod web;
 
 use std::io::{self, Read as _, Write as _};

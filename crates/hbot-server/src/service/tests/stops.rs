@@ -6,7 +6,7 @@ use hbot_core::inputs::Command;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
 use tokio::task::yield_now;
 
-use super::super::desk::Desk;
+use super::super::shared_hub::SharedHub;
 use super::connection::{greeted_in_json, still};
 use super::*;
 use hbot_host::run_loop::bridge::LoopEnd;
@@ -27,8 +27,8 @@ fn swallow(mut from: tokio::io::ReadHalf<DuplexStream>) {
     });
 }
 
-fn requests(desk: &Desk) -> u64 {
-    desk.hub().summary().requests
+fn requests(hub: &SharedHub) -> u64 {
+    hub.lock().summary().requests
 }
 
 /// Waits until an emergency stop is requested from the loop. Returns how many times other tasks ran
@@ -46,24 +46,24 @@ async fn turns_to_a_stop(loop_end: &LoopEnd) -> u32 {
 #[tokio::test]
 async fn clients_that_flood_keep_no_stop_from_the_loop() {
     const FLOODS: u64 = 58;
-    let (loop_end, desk) = still();
+    let (loop_end, hub) = still();
     for _ in 0..FLOODS {
-        let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
+        let (from, mut to) = tokio::io::split(greeted_in_json(&hub, 1 << 20).await);
         swallow(from);
         tokio::spawn(async move {
             let flood = long_ping().repeat(16);
             while to.write_all(&flood).await.is_ok() {}
         });
     }
-    let mut stopper = greeted_in_json(&desk, 1 << 20).await;
+    let mut stopper = greeted_in_json(&hub, 1 << 20).await;
     for _ in 0..20 {
         for _ in 0..4 {
             yield_now().await;
         }
-        let before = requests(&desk);
+        let before = requests(&hub);
         stopper.write_all(ESTOP).await.unwrap();
         let turns = turns_to_a_stop(&loop_end).await;
-        let others = requests(&desk) - before;
+        let others = requests(&hub) - before;
         // There are three tasks per client. The scheduler runs 61 of them between two checks of
         // this test.
         assert!(turns <= 6, "{turns} times 61 tasks");
@@ -74,17 +74,17 @@ async fn clients_that_flood_keep_no_stop_from_the_loop() {
 
 #[tokio::test]
 async fn what_is_read_in_one_turn_is_bounded_whatever_the_pieces() {
-    let (_loop_end, desk) = still();
-    let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
+    let (_loop_end, hub) = still();
+    let (from, mut to) = tokio::io::split(greeted_in_json(&hub, 1 << 20).await);
     swallow(from);
     // Each message is short enough to be parsed. The pipe holds more of them than one turn may
     // process.
     let ping = format!("{{\"op\":\"ping\",\"data\":\"{}\"}}\n", "x".repeat(2000));
     to.write_all(ping.repeat(500).as_bytes()).await.unwrap();
-    let (mut most, mut before) = (0, requests(&desk));
+    let (mut most, mut before) = (0, requests(&hub));
     for _ in 0..60 {
         yield_now().await;
-        let now = requests(&desk);
+        let now = requests(&hub);
         most = most.max(now - before);
         before = now;
     }
@@ -94,22 +94,22 @@ async fn what_is_read_in_one_turn_is_bounded_whatever_the_pieces() {
 #[tokio::test]
 async fn a_stop_behind_requests_that_wait_is_found_at_once() {
     for (requests_before, op) in [(400, "{\"op\":\"info\"}\n"), (3000, SET)] {
-        let (loop_end, desk) = still();
-        let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
+        let (loop_end, hub) = still();
+        let (from, mut to) = tokio::io::split(greeted_in_json(&hub, 1 << 20).await);
         swallow(from);
         to.write_all(op.repeat(requests_before).as_bytes()).await.unwrap();
         to.write_all(ESTOP).await.unwrap();
-        let before = requests(&desk);
+        let before = requests(&hub);
         let _ = turns_to_a_stop(&loop_end).await;
-        let done = requests(&desk) - before;
+        let done = requests(&hub) - before;
         assert!(done <= 25, "{done} of {requests_before} x {op} came first");
     }
 }
 
 #[tokio::test]
 async fn what_comes_before_a_stop_in_the_queue_gives_no_torque_after_it() {
-    let (loop_end, desk) = still();
-    let mut client = greeted_in_json(&desk, 1 << 20).await;
+    let (loop_end, hub) = still();
+    let mut client = greeted_in_json(&hub, 1 << 20).await;
     client.write_all(b"{\"op\":\"acquire\"}\n").await.unwrap();
     // These are more bytes than are read at once, so that `enable` has to wait.
     let text = format!("{}{{\"id\":1,\"op\":\"enable\"}}\n{}", SET.repeat(150), SET.repeat(400));
@@ -130,12 +130,12 @@ async fn what_comes_before_a_stop_in_the_queue_gives_no_torque_after_it() {
 
 #[tokio::test]
 async fn a_disable_behind_requests_that_wait_is_done_before_them() {
-    let (mut loop_end, desk) = still();
-    let (from, mut to) = tokio::io::split(greeted_in_json(&desk, 1 << 20).await);
+    let (mut loop_end, hub) = still();
+    let (from, mut to) = tokio::io::split(greeted_in_json(&hub, 1 << 20).await);
     swallow(from);
     to.write_all(SET.repeat(3000).as_bytes()).await.unwrap();
     to.write_all(b"{\"op\":\"disable\"}\n").await.unwrap();
-    let before = requests(&desk);
+    let before = requests(&hub);
     let order = loop {
         if let Some(order) = loop_end.take_order() {
             break order;
@@ -143,15 +143,15 @@ async fn a_disable_behind_requests_that_wait_is_done_before_them() {
         yield_now().await;
     };
     assert_eq!(order.command, Command::Disable);
-    assert!(requests(&desk) - before <= 25);
+    assert!(requests(&hub) - before <= 25);
 }
 
 #[tokio::test]
 async fn a_signal_needs_nothing_of_the_service() {
-    let (loop_end, desk) = still();
-    let stop = desk.hub().emergency_stop();
+    let (loop_end, hub) = still();
+    let stop = hub.lock().emergency_stop();
     // Holding the hub simulates a turn that never ends.
-    let busy = desk.hub();
+    let busy = hub.lock();
     std::thread::spawn(move || stop.stop_by_signal()).join().unwrap();
     assert!(loop_end.take_estop() && !loop_end.take_estop());
     drop(busy);

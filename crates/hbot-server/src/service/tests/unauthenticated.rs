@@ -23,7 +23,7 @@ fn a_first_message_is_short_and_flat() {
 }
 
 #[test]
-fn a_stranger_stops_nothing_however_the_bytes_come() {
+fn an_unauthenticated_client_stops_nothing_however_the_bytes_come() {
     let bench = with_token();
     let mut raw = bench.raw();
     raw.bytes(b"{\"op\":\"hello\",\"version\":1,\"name\":\"a\",\"token\":\"guess\"}\n{\"op\":\"estop\"}\n");
@@ -37,7 +37,7 @@ fn a_stranger_stops_nothing_however_the_bytes_come() {
 
 #[test]
 fn those_who_say_no_hello_leave_places_to_those_who_do() {
-    let bounds = Bounds { strangers: 3, ..TestOptions::default().bounds };
+    let bounds = Bounds { unauthenticated: 3, ..TestOptions::default().bounds };
     let bench = TestService::start(TestOptions { bounds, ..TestOptions::default() });
     let clients: Vec<_> = (0..5).map(|k| bench.client(&format!("c{k}"))).collect();
     let silent: Vec<_> = (0..3).map(|_| bench.raw()).collect();
@@ -78,7 +78,7 @@ fn who_shows_a_wrong_token_waits_for_the_answer_and_nobody_else_does() {
 fn those_who_guess_tokens_take_no_place_from_those_who_know_one() {
     // The delay is longer than the test, so none of the wrong tokens is answered during it.
     let bounds =
-        Bounds { strangers: 3, wrong_token: Duration::from_secs(600), ..TestOptions::default().bounds };
+        Bounds { unauthenticated: 3, wrong_token: Duration::from_secs(600), ..TestOptions::default().bounds };
     let token = Some("open sesame".to_owned());
     let bench = TestService::start(TestOptions { bounds, token: token.clone(), ..TestOptions::default() });
     let guess = r#"{"op": "hello", "version": 1, "name": "guess", "token": "open says me"}"#;

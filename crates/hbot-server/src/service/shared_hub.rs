@@ -10,9 +10,9 @@ use super::hub::{First, Gone, Hub};
 /// Shared access to the hub. Tasks use the hub one at a time, and none of them waits meanwhile. All
 /// run on the service's single thread, so they never block each other.
 #[derive(Clone)]
-pub(super) struct Desk(Arc<Mutex<Hub>>);
+pub(super) struct SharedHub(Arc<Mutex<Hub>>);
 
-impl Desk {
+impl SharedHub {
     pub(super) fn new(hub: Hub) -> Self {
         Self(Arc::new(Mutex::new(hub)))
     }
@@ -22,7 +22,7 @@ impl Desk {
     /// # Panics
     /// Panics if an earlier use of the hub has panicked, because the hub's state may be
     /// inconsistent. This ends the service, and with it the torque.
-    pub(super) fn hub(&self) -> MutexGuard<'_, Hub> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Hub> {
         self.0.lock().unwrap_or_else(|_| resume_unwind(Box::new("a turn of the hub has panicked")))
     }
 
@@ -30,14 +30,14 @@ impl Desk {
     /// connections of clients that do not read.
     ///
     /// # Panics
-    /// Panics like [`hub`](Self::hub).
+    /// Panics like [`lock`](Self::lock).
     pub(super) fn turn<R>(&self, act: impl FnOnce(&mut Hub) -> R) -> R {
-        let mut hub = self.hub();
+        let mut hub = self.lock();
         if hub.is_watched() {
             hub.drain();
         }
         let result = act(&mut hub);
-        hub.bury();
+        hub.close_unresponsive();
         result
     }
 

@@ -40,7 +40,7 @@ pub(super) struct Taken {
     /// Places taken by connections from other machines.
     pub(super) remote: usize,
     /// Places taken by connections that have not sent a hello yet.
-    pub(super) strangers: usize,
+    pub(super) unauthenticated: usize,
 }
 
 impl Taken {
@@ -58,8 +58,8 @@ impl Taken {
         if !local && self.remote + kept >= bounds.connections {
             return Err(format!("{} connections from other machines already", self.remote));
         }
-        if self.strangers + kept >= bounds.strangers {
-            return Err(format!("{} connections without a hello already", self.strangers));
+        if self.unauthenticated + kept >= bounds.unauthenticated {
+            return Err(format!("{} connections without a hello already", self.unauthenticated));
         }
         Ok(())
     }
@@ -102,8 +102,10 @@ mod tests {
 
     #[test]
     fn places_are_kept_for_this_machine() {
-        let bounds = Bounds { connections: 10, local: 2, strangers: 5, ..Bounds::default() };
-        let place = |all, remote, strangers, local| Taken { all, remote, strangers }.place(&bounds, local);
+        let bounds = Bounds { connections: 10, local: 2, unauthenticated: 5, ..Bounds::default() };
+        let place = |all, remote, unauthenticated, local| {
+            Taken { all, remote, unauthenticated }.place(&bounds, local)
+        };
         assert_eq!(place(9, 7, 2, false), Ok(()));
         assert!(place(9, 8, 2, false).unwrap_err().contains("8 connections from other machines"));
         assert_eq!(place(9, 8, 2, true), Ok(()));

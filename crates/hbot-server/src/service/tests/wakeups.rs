@@ -1,44 +1,44 @@
-//! Tests of the bell: it rings at every sample if a client is subscribed, and otherwise only at
-//! notable samples.
+//! Tests of wake-ups: the loop wakes the service at every sample if a client is subscribed, and
+//! otherwise only at notable samples.
 
 use hbot_core::outputs::Reply;
 
 use super::*;
-use crate::service::bell::Ringing;
+use crate::service::wakeups::Wakeups;
 use hbot_host::run_loop::bridge::{LoopEnd, ServiceEnd};
 use hbot_host::run_loop::sample::{Answer, Sample};
 
 /// Returns both ends of a bridge and its notification of new samples. One sample has been published
 /// and taken.
-fn ends() -> (LoopEnd, ServiceEnd, Ringing) {
+fn ends() -> (LoopEnd, ServiceEnd, Wakeups) {
     let (mut inner, mut outer) = bridge().unwrap();
     assert!(inner.publish(crate::still::still(0)));
     assert!(outer.try_sample().is_some());
-    let bell = Ringing::of(outer.bell()).unwrap();
-    (inner, outer, bell)
+    let wakeups = Wakeups::of(outer.wakeup()).unwrap();
+    (inner, outer, wakeups)
 }
 
-async fn rings(bell: &Ringing) -> bool {
+async fn wakes(wakeups: &Wakeups) -> bool {
     // The event is written before this call, so a short time-out suffices.
-    tokio::time::timeout(Duration::from_millis(20), bell.rung()).await.is_ok()
+    tokio::time::timeout(Duration::from_millis(20), wakeups.wait()).await.is_ok()
 }
 
 #[tokio::test]
-async fn every_sample_rings_where_it_is_asked_for_and_once() {
-    let (mut inner, outer, bell) = ends();
-    bell.set(true);
+async fn every_sample_wakes_the_service_where_it_is_asked_for_and_once() {
+    let (mut inner, outer, wakeups) = ends();
+    wakeups.arm(true);
     inner.publish(crate::still::still(1));
-    assert!(rings(&bell).await);
+    assert!(wakes(&wakeups).await);
     assert_eq!(outer.tick(), 1);
     inner.publish(crate::still::still(2));
-    assert!(!rings(&bell).await, "it has not been set again");
-    bell.set(true);
+    assert!(!wakes(&wakeups).await, "it has not been armed again");
+    wakeups.arm(true);
     drop(inner);
-    assert!(rings(&bell).await && !outer.is_over(), "two samples are left");
+    assert!(wakes(&wakeups).await && !outer.is_over(), "two samples are left");
 }
 
 #[tokio::test]
-async fn only_what_is_notable_rings_otherwise() {
+async fn only_what_is_notable_wakes_the_service_otherwise() {
     type Change = (&'static str, fn(&mut Sample));
     let changes: [Change; 4] = [
         ("mode", |sample| sample.state.mode = hbot_core::safety::mode::Mode::Estop),
@@ -47,28 +47,28 @@ async fn only_what_is_notable_rings_otherwise() {
         ("answer", |sample| sample.answers[7] = Some(Answer { ticket: 1, reply: Reply::Done })),
     ];
     for (what, change) in changes {
-        let (mut inner, outer, bell) = ends();
-        bell.set(false);
+        let (mut inner, outer, wakeups) = ends();
+        wakeups.arm(false);
         for tick in 1..60 {
             inner.publish(crate::still::still(tick));
         }
-        assert!(!rings(&bell).await && outer.has_samples());
+        assert!(!wakes(&wakeups).await && outer.has_samples());
         let mut other = crate::still::still(60);
         change(&mut other);
         inner.publish(other);
-        assert!(rings(&bell).await, "{what}");
+        assert!(wakes(&wakeups).await, "{what}");
     }
 }
 
 #[tokio::test]
-async fn many_samples_ring_before_they_find_no_place() {
-    let (mut inner, mut outer, bell) = ends();
+async fn many_samples_wake_the_service_before_they_find_no_place() {
+    let (mut inner, mut outer, wakeups) = ends();
     for round in 0..100 {
-        bell.set(false);
+        wakeups.arm(false);
         for tick in 1..=64 {
             assert!(inner.publish(crate::still::still(tick)));
         }
-        assert!(rings(&bell).await, "{round}");
+        assert!(wakes(&wakeups).await, "{round}");
         while outer.try_sample().is_some() {}
     }
 }
