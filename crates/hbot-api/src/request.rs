@@ -160,33 +160,3 @@ impl fmt::Debug for Token {
 fn is_false(flag: &bool) -> bool {
     !flag
 }
-
-impl Op {
-    /// Returns the name of the operation (op). [`OpName::row`] returns its properties.
-    #[must_use]
-    pub const fn name(&self) -> OpName {
-        match self {
-            Self::Hello(_) => OpName::Hello,
-            Self::Info => OpName::Info,
-            Self::Subscribe { .. } => OpName::Subscribe,
-            Self::Unsubscribe => OpName::Unsubscribe,
-            Self::Stats => OpName::Stats,
-            Self::Controllers => OpName::Controllers,
-            Self::Acquire { .. } => OpName::Acquire,
-            Self::Release => OpName::Release,
-            Self::LoadScene { .. } => OpName::LoadScene,
-            Self::Set { .. } => OpName::Set,
-            Self::Torque(_) => OpName::Torque,
-            Self::Reference(_) => OpName::Reference,
-            Self::Model(_) => OpName::Model,
-            Self::Align(_) => OpName::Align,
-            Self::Hand(_) => OpName::Hand,
-            Self::AlignDirection(_) => OpName::AlignDirection,
-            Self::Enable => OpName::Enable,
-            Self::Disable => OpName::Disable,
-            Self::Reset => OpName::Reset,
-            Self::Estop => OpName::Estop,
-            Self::Ping { .. } => OpName::Ping,
-        }
-    }
-}

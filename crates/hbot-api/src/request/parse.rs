@@ -147,29 +147,7 @@ fn op(
     if !name.row().parameters {
         check_names(name, fields)?;
     }
-    match name {
-        OpName::Hello => fields.hello(),
-        OpName::Info => Ok(Op::Info),
-        OpName::Subscribe => fields.subscribe(),
-        OpName::Unsubscribe => Ok(Op::Unsubscribe),
-        OpName::Stats => Ok(Op::Stats),
-        OpName::Controllers => Ok(Op::Controllers),
-        OpName::Acquire => fields.acquire(),
-        OpName::Release => Ok(Op::Release),
-        OpName::LoadScene => fields.load_scene(),
-        OpName::Set => fields.set(),
-        OpName::Torque => fields.torque(),
-        OpName::Reference => fields.reference(),
-        OpName::Model => fields.model(),
-        OpName::Align => fields.align(),
-        OpName::Hand => fields.hand(),
-        OpName::AlignDirection => fields.align_direction(),
-        OpName::Enable => Ok(Op::Enable),
-        OpName::Disable => Ok(Op::Disable),
-        OpName::Reset => Ok(Op::Reset),
-        OpName::Estop => Ok(Op::Estop),
-        OpName::Ping => fields.ping(),
-    }
+    Op::read(name, fields)
 }
 
 fn check_version(fields: &Fields<'_>) -> Result<(), ErrorBody> {

@@ -1,8 +1,10 @@
-//! The table of ops: who can use each op, its fields and its cost. The parser, the server, the
-//! search for stops and the tests of `docs/api.md` use it.
+//! The table of ops: who can use each op, its fields, its cost and what reads its fields. The
+//! parser, the server, the search for stops and the tests of `docs/api.md` use it.
 
-use crate::Stop;
+use super::Op;
+use super::fields::Fields;
 use crate::names::names;
+use crate::{ErrorBody, Stop};
 
 /// Which clients can use an operation (op).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -96,54 +98,75 @@ const fn may(name: &'static str) -> Field {
     Field { name, optional: true }
 }
 
-/// Defines the names of all ops and their properties in one list, so that the compiler finds a name
-/// without properties.
+/// Defines the names of all ops, their properties and the functions that read them in one list, so
+/// that the compiler finds a name without one of these.
 macro_rules! ops {
-    ($($(#[$doc:meta])* $Variant:ident = $name:tt: $row:expr,)+) => {
+    ($($(#[$doc:meta])* $Variant:ident = $name:tt: $row:expr => $read:expr,)+) => {
         names! {
             /// The name of an [`Op`](crate::Op), as it is written in the field `op` of a request.
             pub enum OpName { $($(#[$doc])* $Variant = $name,)+ }
         }
 
         static ROWS: [OpRow; OpName::ALL.len()] = [$($row),+];
+
+        impl Op {
+            /// Returns the name of the operation (op). [`OpName::row`] returns its properties.
+            #[must_use]
+            pub const fn name(&self) -> OpName {
+                match self {
+                    $(Self::$Variant { .. } => OpName::$Variant,)+
+                }
+            }
+
+            /// Reads the fields of the op `name`.
+            pub(super) fn read(name: OpName, fields: &mut Fields<'_>) -> Result<Self, ErrorBody> {
+                match name {
+                    $(OpName::$Variant => ($read)(fields),)+
+                }
+            }
+        }
     };
 }
 
 ops! {
     /// The op [`Op::Hello`](crate::Op::Hello), with which a client introduces itself.
-    Hello = "hello": OpRow::new(Who::First, &[must("version"), must("name"), may("token"), may("encoding")]),
+    Hello = "hello": OpRow::new(Who::First, &[must("version"), must("name"), may("token"), may("encoding")])
+        => Fields::hello,
     /// The op [`Op::Info`](crate::Op::Info), which asks for the description of the rig.
-    Info = "info": OpRow::new(Who::Any, &[]).weighing(500),
+    Info = "info": OpRow::new(Who::Any, &[]).weighing(500) => |_| Ok(Op::Info),
     /// The op [`Op::Subscribe`](crate::Op::Subscribe), which starts state messages.
-    Subscribe = "subscribe": OpRow::new(Who::Any, &[must("every")]),
+    Subscribe = "subscribe": OpRow::new(Who::Any, &[must("every")]) => Fields::subscribe,
     /// The op [`Op::Unsubscribe`](crate::Op::Unsubscribe), which ends state messages.
-    Unsubscribe = "unsubscribe": OpRow::new(Who::Any, &[]),
+    Unsubscribe = "unsubscribe": OpRow::new(Who::Any, &[]) => |_| Ok(Op::Unsubscribe),
     /// The op [`Op::Stats`](crate::Op::Stats), which asks for statistics and counters.
-    Stats = "stats": OpRow::new(Who::Any, &[]).weighing(100),
+    Stats = "stats": OpRow::new(Who::Any, &[]).weighing(100) => |_| Ok(Op::Stats),
     /// The op [`Op::Controllers`](crate::Op::Controllers), which asks what the motor controllers
     /// report about themselves.
-    Controllers = "controllers": OpRow::new(Who::Any, &[]).weighing(100),
+    Controllers = "controllers": OpRow::new(Who::Any, &[]).weighing(100) => |_| Ok(Op::Controllers),
     /// The op [`Op::Acquire`](crate::Op::Acquire), which takes the right to command. Its weight is
     /// high because all clients are notified.
-    Acquire = "acquire": OpRow::new(Who::Any, &[may("steal")]).weighing(100),
+    Acquire = "acquire": OpRow::new(Who::Any, &[may("steal")]).weighing(100) => Fields::acquire,
     /// The op [`Op::Release`](crate::Op::Release), which gives the right to command back. Its
     /// weight is high because all clients are notified.
-    Release = "release": OpRow::new(Who::Any, &[]).weighing(100),
+    Release = "release": OpRow::new(Who::Any, &[]).weighing(100) => |_| Ok(Op::Release),
     /// The op [`Op::LoadScene`](crate::Op::LoadScene), which loads another scene.
-    LoadScene = "load_scene": OpRow::new(Who::Holder, &[must("scene")]).weighing(250).long(),
+    LoadScene = "load_scene": OpRow::new(Who::Holder, &[must("scene")]).weighing(250).long()
+        => Fields::load_scene,
     /// The op [`Op::Set`](crate::Op::Set), which changes parameters of an effect.
-    Set = "set": OpRow::new(Who::Holder, &[must("effect")]).with_parameters().weighing(100).long(),
+    Set = "set": OpRow::new(Who::Holder, &[must("effect")]).with_parameters().weighing(100).long()
+        => Fields::set,
     /// The op [`Op::Torque`](crate::Op::Torque), with which a client sends a torque that it
     /// computes.
     Torque = "torque":
-        OpRow::new(Who::Holder, &[must("torque"), must("valid_ms"), may("tick"), may("seq")]).stream(),
+        OpRow::new(Who::Holder, &[must("torque"), must("valid_ms"), may("tick"), may("seq")]).stream()
+            => Fields::torque,
     /// The op [`Op::Reference`](crate::Op::Reference), which moves the reference of an effect.
     Reference = "reference":
         OpRow::new(
             Who::Holder,
             &[must("effect"), must("q"), may("omega"), may("valid_ms"), may("tick"), may("seq")],
         )
-        .stream(),
+        .stream() => Fields::reference,
     /// The op [`Op::Model`](crate::Op::Model), with which a client sends a local model of the
     /// torque.
     Model = "model":
@@ -162,32 +185,34 @@ ops! {
                 may("seq"),
             ],
         )
-        .stream(),
+        .stream() => Fields::model,
     /// The op [`Op::Align`](crate::Op::Align), with which a client sends an orientation measured
     /// from outside.
     Align = "align":
-        OpRow::new(Who::Holder, &[must("q"), may("weight"), may("sigma"), may("t")]).stream(),
+        OpRow::new(Who::Holder, &[must("q"), may("weight"), may("sigma"), may("t")]).stream()
+            => Fields::align,
     /// The op [`Op::AlignDirection`](crate::Op::AlignDirection), with which a client sends a
     /// direction measured from outside.
     AlignDirection = "align_direction":
-        OpRow::new(Who::Holder, &[must("body"), must("world"), must("sigma"), may("t")]).stream(),
+        OpRow::new(Who::Holder, &[must("body"), must("world"), must("sigma"), may("t")]).stream()
+            => Fields::align_direction,
     /// The op [`Op::Hand`](crate::Op::Hand), which moves the hand of a simulated rig.
     Hand = "hand":
         OpRow::new(
             Who::Holder,
             &[may("q"), may("over_ms"), may("stiffness"), may("damping"), may("inertia"), may("release")],
         )
-        .stream(),
+        .stream() => Fields::hand,
     /// The op [`Op::Enable`](crate::Op::Enable), which begins to render the scene.
-    Enable = "enable": OpRow::new(Who::Holder, &[]).rearming(),
+    Enable = "enable": OpRow::new(Who::Holder, &[]).rearming() => |_| Ok(Op::Enable),
     /// The op [`Op::Disable`](crate::Op::Disable), which ends rendering.
-    Disable = "disable": OpRow::new(Who::Any, &[]).stopping(Stop::Disable),
+    Disable = "disable": OpRow::new(Who::Any, &[]).stopping(Stop::Disable) => |_| Ok(Op::Disable),
     /// The op [`Op::Reset`](crate::Op::Reset), which ends a fault or an emergency stop.
-    Reset = "reset": OpRow::new(Who::Holder, &[]).rearming(),
+    Reset = "reset": OpRow::new(Who::Holder, &[]).rearming() => |_| Ok(Op::Reset),
     /// The op [`Op::Estop`](crate::Op::Estop), the emergency stop.
-    Estop = "estop": OpRow::new(Who::Any, &[]).stopping(Stop::Estop),
+    Estop = "estop": OpRow::new(Who::Any, &[]).stopping(Stop::Estop) => |_| Ok(Op::Estop),
     /// The op [`Op::Ping`](crate::Op::Ping), which tests the connection.
-    Ping = "ping": OpRow::new(Who::Any, &[may("data")]),
+    Ping = "ping": OpRow::new(Who::Any, &[may("data")]) => Fields::ping,
 }
 
 impl OpName {
