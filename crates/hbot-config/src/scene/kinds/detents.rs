@@ -4,7 +4,7 @@ use hbot_core::render::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::knock::{self, Knock, Own};
+use super::knock::KnockKeys;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
@@ -38,19 +38,9 @@ pub(super) struct Detents {
     /// Damping of the dial's rotation about its axis.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// What the sphere sounds like when it falls into a notch or meets a wall: a short vibration
-    /// against the impact.
-    knock: Knock,
-    /// With `knock = "own"`: torque of the knock for each rad/s of the speed of the impact.
-    #[schemars(range(min = 0.0, max = 0.2), extend("unit" = "N m/(rad/s)"))]
-    knock_amplitude: f64,
-    /// With `knock = "own"`: frequency of the knock. Above a third of the loop's rate it is not
-    /// rendered well.
-    #[schemars(range(min = 5.0, max = 1000.0), extend("unit" = "Hz"))]
-    knock_frequency: f64,
-    /// With `knock = "own"`: time in which the knock falls to 1/e.
-    #[schemars(range(min = 0.001, max = 0.1), extend("unit" = "s"))]
-    knock_decay_s: f64,
+    /// The knock at an impact.
+    #[serde(flatten)]
+    knock: KnockKeys,
     /// Orientation at which the dial is at zero, as a quaternion [w, x, y, z]. Any length except
     /// zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -81,20 +71,10 @@ impl Default for Detents {
             ends: Ends::Open,
             end_stiffness: 2.0,
             damping: 0.003,
-            knock: Knock::None,
-            knock_amplitude: knock::AMPLITUDE,
-            knock_frequency: knock::FREQUENCY,
-            knock_decay_s: knock::DECAY_S,
+            knock: KnockKeys::default(),
             reference: IDENTITY,
             anchor: Anchor::Absolute,
         }
-    }
-}
-
-impl Detents {
-    /// Returns the values of a knock that is `own`.
-    fn own(&self) -> Own {
-        Own { amplitude: self.knock_amplitude, frequency: self.knock_frequency, decay_s: self.knock_decay_s }
     }
 }
 
@@ -125,7 +105,7 @@ impl EffectKind for Detents {
             end_stiffness: if self.ends == Ends::Closed { self.end_stiffness } else { 0.0 },
             damping: self.damping,
         };
-        Some(self.knock.added_to(self.own(), law, Kind::Detents, Kind::KnockingDetents))
+        Some(self.knock.added_to(law, Kind::Detents, Kind::KnockingDetents))
     }
 
     fn numbers(&self) -> Vec<f64> {

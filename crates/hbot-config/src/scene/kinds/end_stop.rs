@@ -4,7 +4,7 @@ use hbot_core::render::effects::{self, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::knock::{self, Knock, Own};
+use super::knock::KnockKeys;
 use super::target::{Anchor, IDENTITY, UP, target, unit_vector};
 use super::{EffectKind, IdleKey, idle_keys};
 use crate::document::{Report, join};
@@ -32,18 +32,9 @@ pub(super) struct EndStop {
     /// Damping of the walls. It acts only while the sphere moves deeper into a wall.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// What the sphere sounds like when it meets a wall: a short vibration against the impact.
-    knock: Knock,
-    /// With `knock = "own"`: torque of the knock for each rad/s of the speed of the impact.
-    #[schemars(range(min = 0.0, max = 0.2), extend("unit" = "N m/(rad/s)"))]
-    knock_amplitude: f64,
-    /// With `knock = "own"`: frequency of the knock. Above a third of the loop's rate it is not
-    /// rendered well.
-    #[schemars(range(min = 5.0, max = 1000.0), extend("unit" = "Hz"))]
-    knock_frequency: f64,
-    /// With `knock = "own"`: time in which the knock falls to 1/e.
-    #[schemars(range(min = 0.001, max = 0.1), extend("unit" = "s"))]
-    knock_decay_s: f64,
+    /// The knock at an impact.
+    #[serde(flatten)]
+    knock: KnockKeys,
     /// Orientation from which cone and twist are measured, as a quaternion [w, x, y, z]. Any length
     /// except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -74,20 +65,10 @@ impl Default for EndStop {
             twist: [-1.0, 1.0],
             stiffness: 3.0,
             damping: 0.05,
-            knock: Knock::None,
-            knock_amplitude: knock::AMPLITUDE,
-            knock_frequency: knock::FREQUENCY,
-            knock_decay_s: knock::DECAY_S,
+            knock: KnockKeys::default(),
             reference: IDENTITY,
             anchor: Anchor::Absolute,
         }
-    }
-}
-
-impl EndStop {
-    /// Returns the values of a knock that is `own`.
-    fn own(&self) -> Own {
-        Own { amplitude: self.knock_amplitude, frequency: self.knock_frequency, decay_s: self.knock_decay_s }
     }
 }
 
@@ -114,7 +95,7 @@ impl EffectKind for EndStop {
             stiffness: self.stiffness,
             damping: self.damping,
         };
-        Some(self.knock.added_to(self.own(), law, Kind::EndStop, Kind::KnockingEndStop))
+        Some(self.knock.added_to(law, Kind::EndStop, Kind::KnockingEndStop))
     }
 
     fn idle(&self) -> Vec<IdleKey> {

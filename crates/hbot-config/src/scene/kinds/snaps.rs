@@ -6,7 +6,7 @@ use hbot_core::rotation::{angle_between, to_wxyz};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::knock::{self, Knock, Own};
+use super::knock::KnockKeys;
 use super::target::{Anchor, IDENTITY, target, unit_quaternion};
 use super::{EffectKind, IdleKey};
 use crate::document::{Report, join};
@@ -37,19 +37,9 @@ pub(super) struct Snaps {
     /// Damping of the sphere's rotation.
     #[schemars(range(min = 0.0, max = 100.0), extend("unit" = "N m s/rad"))]
     damping: f64,
-    /// What the sphere sounds like when it falls into an orientation: a short vibration against the
-    /// impact.
-    knock: Knock,
-    /// With `knock = "own"`: torque of the knock for each rad/s of the speed of the impact.
-    #[schemars(range(min = 0.0, max = 0.2), extend("unit" = "N m/(rad/s)"))]
-    knock_amplitude: f64,
-    /// With `knock = "own"`: frequency of the knock. Above a third of the loop's rate it is not
-    /// rendered well.
-    #[schemars(range(min = 5.0, max = 1000.0), extend("unit" = "Hz"))]
-    knock_frequency: f64,
-    /// With `knock = "own"`: time in which the knock falls to 1/e.
-    #[schemars(range(min = 0.001, max = 0.1), extend("unit" = "s"))]
-    knock_decay_s: f64,
+    /// The knock at an impact.
+    #[serde(flatten)]
+    knock: KnockKeys,
     /// Orientation from which those of the set are measured, as a quaternion [w, x, y, z]. Any
     /// length except zero.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -92,20 +82,10 @@ impl Default for Snaps {
             strength: 0.1,
             width: 0.2,
             damping: 0.01,
-            knock: Knock::None,
-            knock_amplitude: knock::AMPLITUDE,
-            knock_frequency: knock::FREQUENCY,
-            knock_decay_s: knock::DECAY_S,
+            knock: KnockKeys::default(),
             reference: IDENTITY,
             anchor: Anchor::Absolute,
         }
-    }
-}
-
-impl Snaps {
-    /// Returns the values of a knock that is `own`.
-    fn own(&self) -> Own {
-        Own { amplitude: self.knock_amplitude, frequency: self.knock_frequency, decay_s: self.knock_decay_s }
     }
 }
 
@@ -152,7 +132,7 @@ impl EffectKind for Snaps {
             rounding: effects::Snaps::rounding(self.set.into(), &self.numbers()),
             damping: self.damping,
         };
-        Some(self.knock.added_to(self.own(), law, Kind::Snaps, Kind::KnockingSnaps))
+        Some(self.knock.added_to(law, Kind::Snaps, Kind::KnockingSnaps))
     }
 
     fn numbers(&self) -> Vec<f64> {
