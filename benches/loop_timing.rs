@@ -12,7 +12,7 @@ use hbot_host::run_loop::pace::Pace;
 use hbot_host::run_loop::realtime::{LOOP_PRIORITY, lock_memory, real_time, touch_stack};
 use hbot_server::server::{ServerOptions, Time};
 use hbot_server::service::Summary;
-use hbot_testing::server::{any_port, options, serve};
+use hbot_testing::server::{any_port, serve};
 use hdrhistogram::Histogram;
 use serde_json::json;
 
@@ -48,7 +48,7 @@ fn bare(rate: u32, seconds: f64) -> [f64; 4] {
 fn server(rate: u32, seconds: f64) -> Result<Summary, Box<dyn std::error::Error>> {
     let rate = Override { path: "loop.rate_hz", value: json!(rate), from: "--rate" };
     let rig = RigConfig::load(None, &[rate])?;
-    let options = options(rig, SceneFile::default_scene(), Time::Wall);
+    let options = ServerOptions::new(rig, SceneFile::default_scene(), Time::Wall);
     let duration = Some(Duration::from_secs_f64(seconds));
     Ok(serve(ServerOptions { duration, ..options }, any_port(), |_| std::future::pending()).summary)
 }

@@ -14,7 +14,6 @@ use hbot_host::bus::conformance::Controllers as _;
 use hbot_host::bus::{Expected, Protocol as _};
 use hbot_host::line::Line;
 use hbot_host::rig::layout::Layout;
-use hbot_server::recording::RecordOptions;
 use hbot_server::server::{ServerOptions, Time};
 use hbot_testing::patience::eventually;
 use hbot_testing::prototype::patient;
@@ -67,23 +66,8 @@ fn served(cable: &Cable) -> TestServer {
     let mut line = cable.clone();
     Toy.meet(&mut line, &expected).expect("the motors answer");
     let bus = Toy.bus(Box::new(line), expected);
-    // All options are set here, without `options` of hbot-testing, because docs/drivers.md shows
-    // this code to authors of drivers.
-    let options = ServerOptions {
-        rig,
-        built: None,
-        scene: SceneFile::default_scene(),
-        time: Time::Wall,
-        duration: None,
-        token: None,
-        buses: Some(vec![bus]),
-        last_word: None,
-        flight_dir: None,
-        recorder: None,
-        recording: RecordOptions::default(),
-        live: None,
-        web: None,
-    };
+    let scene = SceneFile::default_scene();
+    let options = ServerOptions { buses: Some(vec![bus]), ..ServerOptions::new(rig, scene, Time::Wall) };
     TestServer::start(options, any_port())
 }
 

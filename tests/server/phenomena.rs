@@ -8,7 +8,7 @@ use hbot_core::design::kinematics::Posture;
 use hbot_core::safety::mode::{Cause, Mode};
 use hbot_core::{CompiledScene, Inputs, MAX_JOINTS, Outputs, Vec3, rotation};
 use hbot_server::server::{ServerOptions, Time};
-use hbot_testing::server::{options, recorded};
+use hbot_testing::server::recorded;
 use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
 use tokio::net::TcpStream;
 
@@ -28,7 +28,7 @@ pub(crate) fn run<F: Future<Output = ()> + Send + 'static>(
     meanwhile: impl FnOnce(std::net::SocketAddr) -> F,
 ) -> Vec<Tick> {
     let scene = SceneFile::from_toml(scene, "scene.toml").unwrap_or_else(|mistakes| panic!("{mistakes}"));
-    let options = options(rig, scene, Time::Virtual);
+    let options = ServerOptions::new(rig, scene, Time::Virtual);
     let duration = seconds.map(Duration::from_secs);
     let note =
         |_: &CompiledScene, inputs: &Inputs, outputs: &Outputs| Tick { inputs: *inputs, outputs: *outputs };

@@ -6,7 +6,7 @@ use std::time::Duration;
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Controller, Inputs, Outputs};
 use hbot_server::server::{ServerOptions, Time};
-use hbot_testing::server::{options, recorded};
+use hbot_testing::server::recorded;
 use tokio::io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader};
 use tokio::net::TcpStream;
 
@@ -44,7 +44,7 @@ async fn meddle(address: std::net::SocketAddr) {
 
 #[test]
 fn a_recorded_run_replays_bit_for_bit() {
-    let options = options(RigConfig::prototype(), SceneFile::default_scene(), Time::Virtual);
+    let options = ServerOptions::new(RigConfig::prototype(), SceneFile::default_scene(), Time::Virtual);
     let rig = options.rig.rig;
     let note = |scene: &CompiledScene, inputs: &Inputs, outputs: &Outputs| Tick {
         scene: scene.clone(),

@@ -70,6 +70,29 @@ pub struct ServerOptions {
     pub web: Option<WebOptions>,
 }
 
+impl ServerOptions {
+    /// Returns the options of a server that runs `scene` on `rig` until it is stopped. It requires
+    /// no token, opens no other port, and keeps neither flight logs nor a recording.
+    #[must_use]
+    pub fn new(rig: RigConfig, scene: SceneFile, time: Time) -> Self {
+        Self {
+            rig,
+            built: None,
+            scene,
+            time,
+            duration: None,
+            token: None,
+            buses: None,
+            last_word: None,
+            flight_dir: None,
+            recorder: None,
+            recording: RecordOptions::default(),
+            live: None,
+            web: None,
+        }
+    }
+}
+
 /// The reason why a server did not start.
 #[derive(Debug, Error)]
 pub enum StartError {

@@ -9,7 +9,6 @@ use hbot_config::rig::Port;
 use tokio::net::TcpListener;
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
 
-use crate::recording::RecordOptions;
 use crate::server::{Finished, Part, Server, ServerOptions, Time};
 use crate::service::Status;
 use hbot_host::run_loop::bridge::EmergencyStop;
@@ -41,21 +40,7 @@ const PANICS: &str = "one that makes the log panic";
 
 /// Returns the options of a server on the simulated rig, in wall-clock time.
 fn options() -> ServerOptions {
-    ServerOptions {
-        rig: patient(),
-        built: None,
-        scene: SceneFile::default_scene(),
-        time: Time::Wall,
-        duration: None,
-        token: None,
-        buses: None,
-        last_word: None,
-        flight_dir: None,
-        recorder: None,
-        recording: RecordOptions::default(),
-        live: None,
-        web: None,
-    }
+    ServerOptions::new(patient(), SceneFile::default_scene(), Time::Wall)
 }
 
 async fn shutdown_by(stopped: oneshot::Receiver<Shutdown>) {

@@ -6,36 +6,13 @@ use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{CompiledScene, Inputs, Outputs};
 use hbot_host::run_loop::engine::Recorder;
-use hbot_server::recording::RecordOptions;
-use hbot_server::server::{Finished, Server, ServerOptions, Time};
+use hbot_server::server::{Finished, Server, ServerOptions};
 use hbot_server::service::Status;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::{mpsc as async_mpsc, oneshot, watch};
-
-/// Returns options for a server that runs `scene` on `rig`. It has no time limit, token or log
-/// folder.
-#[must_use]
-pub fn options(rig: RigConfig, scene: SceneFile, time: Time) -> ServerOptions {
-    ServerOptions {
-        rig,
-        built: None,
-        scene,
-        time,
-        duration: None,
-        token: None,
-        buses: None,
-        last_word: None,
-        flight_dir: None,
-        recorder: None,
-        recording: RecordOptions::default(),
-        live: None,
-        web: None,
-    }
-}
 
 fn runtime() -> Runtime {
     Builder::new_current_thread().enable_all().build().expect("a runtime")

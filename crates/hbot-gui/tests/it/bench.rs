@@ -17,7 +17,7 @@ use hbot_config::{RigConfig, SceneFile};
 use hbot_gui::{Folders, Panel, PanelOptions};
 use hbot_server::server::{ServerOptions, Time};
 use hbot_testing::patience::{PATIENCE, eventually};
-use hbot_testing::server::{TestServer, any_port, options, paced};
+use hbot_testing::server::{TestServer, any_port, paced};
 
 use crate::identity::Identity;
 
@@ -100,7 +100,7 @@ impl AloneServer {
         let scene = SceneFile::from_toml(setup.scene, "test.toml").expect("a legal scene");
         let token = setup.token.map(str::to_owned);
         let recorder = setup.paced.then(|| paced(rig.rate_hz));
-        let options = options(rig, scene, Time::Virtual);
+        let options = ServerOptions::new(rig, scene, Time::Virtual);
         let server = TestServer::start(ServerOptions { token, recorder, ..options }, setup.address);
         drop(files);
         let trust = setup.tls.map(Identity::trust);

@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use hbot_api::Client;
 use hbot_config::rig::Port;
 use hbot_config::{RigConfig, SceneFile};
-use hbot_server::server::Time;
+use hbot_server::server::{ServerOptions, Time};
 use hbot_testing::far::Far;
-use hbot_testing::server::{TestServer, any_port, options};
+use hbot_testing::server::{TestServer, any_port};
 
 use crate::bench::{AloneServer, ServerSetup, Wire, alone};
 use crate::display::{Display, Shot};
@@ -158,7 +158,7 @@ fn live(displays: &[Display; 2], scene: &str) {
     let far = Far::start(&rig);
     rig.link.port = Port::Devices(vec![far.path.clone()]);
     let scene = SceneFile::from_toml(scene, "test.toml").expect("a legal scene");
-    let server = TestServer::start(options(rig, scene, Time::Wall), any_port());
+    let server = TestServer::start(ServerOptions::new(rig, scene, Time::Wall), any_port());
     let mut commander = Client::connect(&server.address.to_string(), "panel anna@lab2").expect("a server");
     commander.acquire(false).expect("free");
     let commander = Mutex::new(commander);

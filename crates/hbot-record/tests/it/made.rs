@@ -11,7 +11,7 @@ use hbot_record::replay::{Replay, ReplayError, Report};
 use hbot_record::{About, Exact, Reader, Topic, Writer};
 use hbot_server::recording::{RecordOptions, Recorded};
 use hbot_server::server::{Finished, ServerOptions, Time};
-use hbot_testing::server::{any_port, options, serve};
+use hbot_testing::server::{any_port, serve};
 
 /// Records `seconds` of `scene` in virtual time, while `client` talks to the server on a thread of
 /// its own. Returns the recording.
@@ -23,7 +23,7 @@ pub(crate) fn record(scene: SceneFile, seconds: u64, client: fn(SocketAddr)) -> 
 }
 
 pub(crate) fn record_to(path: &Path, scene: SceneFile, seconds: u64, client: fn(SocketAddr)) -> Finished {
-    let options = options(RigConfig::prototype(), scene, Time::Virtual);
+    let options = ServerOptions::new(RigConfig::prototype(), scene, Time::Virtual);
     let recording = RecordOptions { path: Some(path.to_owned()), ..RecordOptions::default() };
     let duration = Some(Duration::from_secs(seconds));
     let finished =
