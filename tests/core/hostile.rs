@@ -146,27 +146,6 @@ fn a_bad_number_in_a_command_is_refused_or_stays_without_harm() {
 }
 
 #[test]
-fn quaternions_that_are_not_unit_are_refused() {
-    for q in [
-        Quat::from_xyzw(0.0, 0.0, 0.0, 0.0),
-        Quat::IDENTITY * 0.9,
-        Quat::IDENTITY * 2.0,
-        Quat::IDENTITY * 1e-200,
-    ] {
-        let mut bench = active();
-        let refused = Reply::Refused(Refusal::NotFinite);
-        assert_eq!(bench.command(Command::Align { q, weight: 1.0, tick: 3 }).reply(), refused);
-        let (omega, stamp) = (Vec3::ZERO, Stamp::default());
-        let reference = Command::Reference { slot: 0, epoch: 1, q, omega, valid_ticks: 9, stamp };
-        assert_eq!(bench.command(reference).reply(), refused);
-    }
-    for weight in [-0.001, 1.001] {
-        let command = Command::Align { q: Quat::IDENTITY, weight, tick: 3 };
-        assert_eq!(active().command(command).reply(), Reply::Refused(Refusal::NotFinite), "weight {weight}");
-    }
-}
-
-#[test]
 fn a_sum_that_is_not_finite_stops_the_motors_in_its_own_tick() {
     // The torques of a scene and of a stream can each be finite and limited, while their sum
     // overflows.

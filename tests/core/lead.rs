@@ -7,7 +7,6 @@ use hbot_core::outputs::State;
 use hbot_core::render::effects::{
     Anchor, Constant, Detents, Effect, Frame, Kind, Span, Target, Texture, Track, TrackPath,
 };
-use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 const FACTOR: f64 = 1.25;
@@ -80,23 +79,6 @@ fn a_reading_that_is_late_or_missing_is_bridged_within_the_longest_time() {
             assert!((ahead(&state) - state.omega * time).length() < ROUNDING, "{missed} missed");
         }
     }
-}
-
-#[test]
-fn the_pose_is_turned_on_by_a_bounded_angle() {
-    let mut bench = Bench::active(led(), unit());
-    for _ in 0..5 {
-        bench.turn(Vec3::X * 29.0);
-    }
-    // 29 rad/s for 12 ms would be 0.35 rad.
-    let mut last = bench.turn(Vec3::X * 29.0).state;
-    for _ in 0..8 {
-        last = bench.deaf().state;
-        assert!(ahead(&last).length() < 0.2 + ROUNDING, "{}", ahead(&last));
-    }
-    assert_eq!(last.mode, Mode::Active);
-    assert!((ahead(&last).length() - 0.2).abs() < ROUNDING, "{}", ahead(&last));
-    assert!((last.lead_us - 1e6 * 0.2 / last.omega.length()).abs() < 1e-3, "{}", last.lead_us);
 }
 
 /// A sphere that turns with its reference is at rest relative to it, so a spring must not brake it.
@@ -336,18 +318,6 @@ fn a_change_of_scene_at_speed_makes_no_step() {
     let after = bench.turn(omega).state.torque;
     // In one tick the sphere turns by 10 mrad, against 20 N m/rad.
     assert!((after - before).length() < 20.0 * 0.0101, "{before} then {after}");
-}
-
-#[test]
-fn a_stop_is_not_led() {
-    let mut bench = Bench::active(led(), unit());
-    for _ in 0..5 {
-        bench.turn(Vec3::X * 10.0);
-    }
-    let state = bench.command(Command::Estop).state;
-    assert!(state.torque == Vec3::ZERO && state.lead_us == 0.0, "{state:?}");
-    let omega = bench.turn(Vec3::X * 10.0).state.omega;
-    assert!(omega.x > 9.9, "the motion is still measured");
 }
 
 #[test]

@@ -216,16 +216,6 @@ fn a_stop_during_a_fault_stays_a_stop_and_waits_for_the_cause_to_go() {
 }
 
 #[test]
-fn a_watchdog_that_ran_out_is_a_lost_link_only_where_there_was_torque_to_lose() {
-    for from in MODES {
-        let powered = matches!(from, Mode::Enabling | Mode::Active);
-        let outputs = bench_in(from).step_with(|inputs| complain(inputs, |c| c.watchdog = true));
-        let want = if powered { (Mode::Fault, Some(Cause::LinkLost)) } else { (from, outputs.state.cause) };
-        assert_eq!((outputs.state.mode, outputs.state.cause), want, "{from:?}");
-    }
-}
-
-#[test]
 fn taking_the_zeros_leads_from_unreferenced_to_idle_and_from_nowhere_else() {
     for from in MODES {
         let to = if from == Mode::Unreferenced { Mode::Idle } else { from };
@@ -293,21 +283,6 @@ fn a_mode_that_is_left_by_a_ramp_can_be_entered_again_from_within_it() {
     assert_eq!(back.state.mode, Mode::Enabling);
     assert!((back.state.torque.length() - partly).abs() < 0.05 * full, "no step on the way back");
     assert_eq!(bench.run(500).state.mode, Mode::Active);
-}
-
-#[test]
-fn an_estop_has_the_last_word_in_its_tick() {
-    let mut bench = Bench::active(rig(), spring_scene(1, 2.0, Vec3::X * 0.2));
-    assert!(bench.run(5).state.torque != Vec3::ZERO);
-    let outputs = bench.step_with(|inputs| {
-        for command in [Command::Estop, Command::Reset, Command::Enable] {
-            inputs.commands.push(command).unwrap();
-        }
-    });
-    assert_eq!(
-        (outputs.state.mode, outputs.state.torque, outputs.drive.enable),
-        (Mode::Estop, Vec3::ZERO, false)
-    );
 }
 
 #[test]

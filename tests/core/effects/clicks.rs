@@ -2,9 +2,7 @@
 
 use super::{Felt, askew, axis, pulse, vibration};
 use crate::bench::{Bench, DT, altered, effect, rig};
-use hbot_core::render::effects::{
-    Anchor, Effect, Kind, Pulse, Span, Target, Track, TrackPath, Vibration, Wave,
-};
+use hbot_core::render::effects::{Effect, Kind, Pulse, Span, Target, Track, TrackPath, Vibration, Wave};
 use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 fn along(felt: &mut Felt, q: Quat, ticks: u32) -> Vec<f64> {
@@ -130,35 +128,6 @@ fn way_points_are_met_at_their_times_at_rest_and_a_record_at_its_rates() {
             assert!((rate(250) - 1.875 * turns[1].length() / 0.5).abs() < 1e-3);
         } else {
             assert!((rate(100) - turns[1].length() / 0.5).abs() < 1e-9);
-        }
-    }
-}
-
-/// The damper of a track acts relative to the track's own rate. A sphere that moves along therefore
-/// feels no torque.
-#[test]
-fn a_sphere_that_goes_along_with_a_track_feels_nothing() {
-    let points = vec![0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.8, 0.6, 0.0, 0.0];
-    for rest in [true, false] {
-        let path = TrackPath::Points { rest, repeat: false };
-        let track = Track {
-            target: Target::new(Quat::IDENTITY, Anchor::Absolute).unwrap(),
-            path,
-            stiffness: 2.0,
-            damping: 0.5,
-            deadband: 0.0,
-        };
-        let mut felt = Felt::with_numbers(Kind::Track(track), &points);
-        let angle = 2.0 * 0.6_f64.asin();
-        for k in 0..1000 {
-            let u = f64::from(k) * DT;
-            let (part, rate) = if rest {
-                (u.powi(3) * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) * (1.0 - u))
-            } else {
-                (u, 1.0)
-            };
-            let torque = felt.moving(rotation::exp(Vec3::X * (angle * part)), Vec3::X * (angle * rate));
-            assert!(torque.length() < 1e-9, "at {u}: {torque}");
         }
     }
 }

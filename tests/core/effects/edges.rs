@@ -3,7 +3,7 @@
 
 use super::{Felt, all, anywhere, askew, axis, conservative, pointer};
 use crate::rng::Rng;
-use hbot_core::render::effects::{EndStop, Kind, Spring};
+use hbot_core::render::effects::{EndStop, Kind};
 use hbot_core::{Quat, Vec3, rotation};
 
 /// Returns orientations, relative to the reference, at which something is undefined or begins.
@@ -80,28 +80,6 @@ fn no_conservative_torque_jumps_anywhere_but_a_spring_s_at_a_half_turn() {
                 assert!((there - here).length() < most, "{}: {here} to {there} at {x}", case.name);
             }
         }
-    }
-}
-
-/// The behaviour of a spring at a half turn is documented. At exactly a half turn it keeps the side
-/// it came from, and beyond it changes sides. The size of its torque is equal on both sides.
-#[test]
-fn a_geodesic_spring_keeps_its_side_at_exactly_a_half_turn() {
-    let spring = Spring::new(
-        hbot_core::render::effects::SpringLaw::Geodesic,
-        hbot_core::Mat3::IDENTITY,
-        hbot_core::Mat3::ZERO,
-        Quat::IDENTITY,
-        hbot_core::render::effects::Anchor::Absolute,
-    );
-    let half = rotation::from_parts(0.0, Vec3::X);
-    for side in [1.0, -1.0] {
-        let mut felt = Felt::new(Kind::Spring(spring.unwrap()));
-        felt.at(rotation::exp(Vec3::X * (side * 3.0)));
-        let torque = felt.at(half);
-        assert!((torque + Vec3::X * (side * core::f64::consts::PI)).length() < 1e-12, "{torque}");
-        let torque = felt.at(rotation::exp(Vec3::X * (side * 3.2)));
-        assert!((torque - Vec3::X * (side * (core::f64::consts::TAU - 3.2))).length() < 1e-12, "{torque}");
     }
 }
 

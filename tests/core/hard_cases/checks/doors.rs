@@ -56,6 +56,8 @@ fn requests_that_cannot_be_are_refused_and_change_nothing() {
                 reference(q, Vec3::ZERO),
                 Command::Align { q, weight: 1.0, tick: 3 },
                 Command::Align { q: unit, weight: bad, tick: 3 },
+                Command::Align { q: unit, weight: -0.001, tick: 3 },
+                Command::Align { q: unit, weight: 1.001, tick: 3 },
             ] {
                 assert_eq!(machine.command(command), Reply::Refused(Refusal::NotFinite), "{command:?}");
                 let state = machine.step(|_| {}).state;
