@@ -25,7 +25,6 @@ mod losses;
 mod recording;
 mod rigs;
 mod servos;
-mod tick;
 mod timing;
 mod vendors;
 
@@ -123,7 +122,6 @@ const ROWS: &[(&str, &[Protocol], Make)] = &[
     ("sigint", VENDORS, |on| vendors::signalled(on.protocol, "SIGINT", Signal::INT)),
     ("disk_full", HBOT, |_| losses::disk_full()),
     ("disk_read_only", HBOT, |_| losses::disk_read_only()),
-    ("tick", HBOT, |on| tick::measured(on.seconds)),
     ("ping", HBOT, |on| timing::ping(on.seconds)),
     ("ping_paced", HBOT, |on| timing::ping_paced(on.seconds)),
     ("render", HBOT, |on| timing::render(on.seconds)),
