@@ -4,9 +4,9 @@ use core::f64::consts::TAU;
 
 use hbot_link::{
     Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME,
-    PROTOCOL_VERSION, ToController, encode,
+    ToController, encode,
 };
-use hbot_sim::controller::{EncoderKind, FIRMWARE, InjectedFault};
+use hbot_sim::controller::{EncoderKind, InjectedFault};
 use hbot_sim::plant::PlantState;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
@@ -75,19 +75,6 @@ impl Host {
 
 fn prototype() -> SimulatedConfig {
     SimulatedConfig::new(&rig())
-}
-
-#[test]
-fn describe_is_answered_and_remembered() {
-    let mut host = Host::new(&prototype());
-    assert_eq!(host.command(0, false, &[0.0; 4]).unwrap().flags, ControllerFlags::UNDESCRIBED);
-    let description = host.describe(MS).unwrap();
-    assert_eq!((description.protocol, description.firmware.as_str()), (PROTOCOL_VERSION, FIRMWARE));
-    assert_eq!(description.joints.iter().map(|j| j.counts_per_turn).collect::<Vec<_>>(), [16384; 4]);
-    let feedback = host.command(2 * MS, false, &[0.0; 4]).unwrap();
-    assert_eq!((feedback.sequence, feedback.flags), (7, ControllerFlags::empty()));
-    host.rig.inject(InjectedFault::Reboot);
-    assert_eq!(host.command(3 * MS, false, &[0.0; 4]).unwrap().flags, ControllerFlags::UNDESCRIBED);
 }
 
 #[test]
@@ -161,35 +148,6 @@ fn a_silent_host_loses_its_torque_at_the_watchdog_s_time_until_it_disables() {
     assert_eq!(host.command(63 * MS, false, &[0.0; 4]).unwrap().flags, ControllerFlags::empty());
     let feedback = host.command(64 * MS, true, &[0.0, 0.1, 0.0, 0.1]).unwrap();
     assert_eq!(feedback.flags, ControllerFlags::ENABLED);
-}
-
-#[test]
-fn a_watchdog_of_zero_has_expired_on_arrival() {
-    let mut host = Host::described(&prototype());
-    let message = ToController::Command(Command { watchdog_ms: 0, ..command(1, true, &[0.1; 4]) });
-    let Some(FromController::Feedback(feedback)) = host.send(0, &message) else { panic!() };
-    assert!(feedback.flags.contains(ControllerFlags::WATCHDOG_EXPIRED));
-    assert_eq!(host.rig.joint_torque(), &[0.0; 16]);
-}
-
-#[test]
-fn commands_that_are_not_valid_are_neither_answered_nor_heard() {
-    let mut host = Host::described(&prototype());
-    host.command(0, true, &[0.0, 0.1, 0.0, 0.1]).unwrap();
-    for torque in [&[0.2; 3][..], &[0.2; 5], &[0.2, f32::NAN, 0.2, 0.2], &[0.2, 0.2, f32::INFINITY, 0.2]] {
-        assert_eq!(host.command(10 * MS, true, torque), None);
-        assert_eq!(host.rig.joint_torque()[1], f64::from(-0.1f32));
-    }
-    host.rig.advance_to(20 * MS);
-    assert_eq!(host.rig.joint_torque(), &[0.0; 16], "the watchdog was not fed");
-    // A damaged frame is refused and counted, and the next frame is received whole.
-    let mut bytes = frame(&ToController::Command(command(1, false, &[0.0; 4])));
-    bytes[4] ^= 0x40;
-    bytes.extend(frame(&ToController::Describe));
-    let mut reply = Vec::new();
-    host.rig.receive(21 * MS, &bytes, &mut reply);
-    assert!(matches!(messages(&reply)[..], [FromController::Description(_)]));
-    assert_eq!(host.rig.refused_frames(), 1);
 }
 
 #[test]

@@ -2,7 +2,6 @@
 //! that switch motors off.
 
 use super::*;
-use hbot_core::MAX_JOINTS;
 
 fn reopen(fake: &Fake, rebooted: bool) {
     fake.with(|far| far.renewed = Some(Renewed { rebooted }));
@@ -91,30 +90,4 @@ fn the_bytes_that_switch_off_say_off_with_zero_torque_whatever_came_before() {
         assert!(!found[0].enable && found[0].watchdog_ms == 1);
         assert_eq!(found[0].torque[..], [0.0_f32; 4]);
     }
-}
-
-/// A bus writes the torques and the mode that it is told, and the protocol's `switch_off` writes
-/// motors off and no torque.
-#[test]
-fn a_bus_and_its_protocol_say_on_and_off_as_they_are_told() {
-    let (mut bus, fake) = bus_and_line();
-    let mut torque = [0.0; MAX_JOINTS];
-    torque[..4].copy_from_slice(&[0.125, -0.25, 0.5, -1.0]);
-    let told = BusCommand { tick: 9, enable: true, watchdog_ms: 20, torque };
-    assert!(bus.command(0, &told) && bus.command(0, &BusCommand { tick: 10, enable: false, ..told }));
-    let heard = fake.with(|far| std::mem::take(&mut far.heard));
-    assert_eq!(
-        [(heard[0].enable, heard[0].sequence), (heard[1].enable, heard[1].sequence)],
-        [(true, 9), (false, 10)]
-    );
-    assert_eq!(heard[0].torque[..], [0.125, -0.25, 0.5, -1.0]);
-    assert_eq!((heard[0].watchdog_ms, heard.len()), (20, 2));
-    let rig = RigConfig::prototype().rig;
-    let expected = Expected::new("test", &rig, &Layout::single(0..4), 0);
-    let mut line = fake.clone();
-    assert!(!HbotLink.switch_off(&mut line, &expected).expect("an answer"), "they have not lost power");
-    let off = fake.with(|far| far.heard.last().cloned()).expect("a command");
-    assert!(!off.enable && off.torque[..] == [0.0; 4], "{off:?}");
-    fake.with(|far| far.flags = ControllerFlags::UNDESCRIBED);
-    assert!(HbotLink.switch_off(&mut line, &expected).expect("an answer"), "they have lost power");
 }

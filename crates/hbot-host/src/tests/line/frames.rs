@@ -14,24 +14,6 @@ fn one_line() -> (TickBench, Fake) {
 }
 
 #[test]
-fn a_frame_in_two_pieces_and_two_frames_in_one() {
-    let (mut bench, fake) = one_line();
-    let before = bench.tick().counters;
-    // The answer of one tick arrives in two halves, with the next two reads.
-    let whole = fake.with(|far| std::mem::take(&mut far.answers)).concat();
-    let (first, rest) = whole.split_at(whole.len() / 2);
-    fake.with(|far| far.answers.push(first.to_vec()));
-    let torn = bench.tick();
-    assert!(!torn.state.fresh && torn.state.mode == Mode::Active);
-    let next = fake.with(|far| std::mem::take(&mut far.answers));
-    fake.with(|far| far.answers.extend([rest.to_vec(), next.concat()]));
-    let merged = bench.tick();
-    assert!(merged.state.fresh, "the newer of the two counts");
-    assert_eq!(merged.counters.corrupt_frames, before.corrupt_frames);
-    assert_eq!(merged.counters.missed, before.missed + 1);
-}
-
-#[test]
 fn short_frames_and_damaged_ones_are_counted_and_ride_through() {
     let (mut bench, fake) = one_line();
     for damage in [
@@ -71,34 +53,6 @@ fn half_of_all_frames_damaged_is_a_fault_of_its_own_name() {
     // Each damaged frame counts 1, and every 20 ticks forgive one. Reaching 10 takes 22 ticks.
     assert!(ticks <= 23, "{ticks}");
     assert!(!fake.with(|far| far.heard.last().expect("commands").enable), "zero torque in the same tick");
-}
-
-#[test]
-fn late_doubled_and_reordered_answers_do_no_harm() {
-    let (mut bench, fake) = one_line();
-    let q = bench.tick().state.q;
-    for round in 0..300 {
-        fake.with(|far| match round % 3 {
-            // The answer arrives twice.
-            0 => far.answers.extend(far.answers.clone()),
-            // The answer is lost, and then arrives a tick late, after the following one.
-            1 => far.answers.clear(),
-            _ => far.answers.push(answer(bench.tick as u32 - 2, ControllerFlags::ENABLED, 4, None)),
-        });
-        let state = bench.tick().state;
-        assert_eq!((state.mode, state.q), (Mode::Active, q), "round {round}");
-    }
-    let state = bench.ticks(3);
-    // If answers arrive in the wrong order within a tick, the newer one counts.
-    let tick = bench.tick as u32;
-    fake.with(|far| {
-        far.answers = vec![
-            answer(tick - 1, ControllerFlags::ENABLED, 4, None),
-            answer(tick - 2, ControllerFlags::ENABLED, 4, None),
-        ];
-    });
-    assert!(state.state.fresh && bench.tick().state.fresh);
-    assert!(bench.tick().state.fresh, "and the next is newer still");
 }
 
 #[test]
