@@ -231,45 +231,25 @@ impl Attached {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::{Arc, Mutex};
-
     use super::*;
     use crate::rig::layout::JointPlace;
-
-    /// A motor bus for tests that records its calls. If the second field is true, it panics at
-    /// every command.
-    struct Noted(Arc<Mutex<Vec<String>>>, bool);
-
-    impl MotorBus for Noted {
-        fn receive(&mut self, _: u64, _: u32) -> Heard {
-            Heard::default()
-        }
-
-        fn command(&mut self, _: u64, command: &BusCommand) -> bool {
-            assert!(!self.1, "as a test asks");
-            self.0.lock().unwrap().push(format!("{} {:?}", command.enable, &command.torque[..2]));
-            true
-        }
-
-        fn release(&mut self) {
-            self.0.lock().unwrap().push("released".to_owned());
-        }
-    }
+    use crate::tests::scripted::ScriptedBus;
 
     #[test]
     fn a_bus_that_panics_keeps_the_last_word_from_no_other() {
-        let said = [Arc::default(), Arc::default()];
+        let [first, second] = [ScriptedBus::default(), ScriptedBus::default()];
+        first.script().panics = true;
         let place = |bus, at| JointPlace { bus, at, id: at as u8 };
         let layout =
             Layout { places: vec![place(0, 0), place(0, 1), place(1, 0), place(1, 1)], ..Layout::single([]) };
-        let buses = said.iter().zip([true, false]);
-        let buses =
-            buses.map(|(said, panics)| Box::new(Noted(Arc::clone(said), panics)) as Box<dyn MotorBus>);
-        let mut motors = Motors::new(buses.collect(), &layout, 20);
+        let buses = [&first, &second].map(|bus| Box::new(bus.clone()) as Box<dyn MotorBus>);
+        let mut motors = Motors::new(buses.into(), &layout, 20);
         assert_eq!((motors.switch_off(0, 1), motors.switch_off(0, 2)), (1, 0));
         motors.release();
-        assert_eq!(*said[1].lock().unwrap(), ["false [0.0, 0.0]", "false [0.0, 0.0]", "released"]);
+        let off =
+            second.script().commands.iter().all(|(it, ..)| !it.enable && it.torque == [0.0; MAX_JOINTS]);
+        assert!(off && second.script().commands.len() == 2 && second.script().released == 1);
         // It is not released, so its helper process, if any, writes the last word.
-        assert!(said[0].lock().unwrap().is_empty());
+        assert_eq!(first.script().released, 0);
     }
 }

@@ -9,10 +9,10 @@ use hbot_core::inputs::Command;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl};
 
-use crate::bus::{BusCommand, Heard, MotorBus};
 use crate::rig::layout::Layout;
 use crate::run_loop::bridge::{Busy, CONFIRMED, bridge};
 use crate::run_loop::sample::Sample;
+use crate::tests::scripted::ScriptedBus;
 use crate::tests::tick_bench::{TickBench, default_scene};
 
 #[test]
@@ -104,22 +104,9 @@ fn scenes_are_freed_by_the_service_and_never_by_the_loop() {
     }
 }
 
-/// A motor bus whose controllers never answer.
-struct Silent;
-
-impl MotorBus for Silent {
-    fn receive(&mut self, _: u64, _: u32) -> Heard {
-        Heard::default()
-    }
-
-    fn command(&mut self, _: u64, _: &BusCommand) -> bool {
-        true
-    }
-}
-
 fn sample() -> Sample {
     let (rig, layout) = (RigConfig::prototype(), Layout::single(0..4));
-    TickBench::new(&rig, vec![Box::new(Silent)], &layout, default_scene()).tick()
+    TickBench::new(&rig, vec![Box::new(ScriptedBus::default())], &layout, default_scene()).tick()
 }
 
 /// Returns whether `descriptor` is readable now.

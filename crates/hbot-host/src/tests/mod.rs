@@ -5,4 +5,5 @@ mod engine;
 mod line;
 mod motors;
 mod report;
+pub(crate) mod scripted;
 pub(crate) mod tick_bench;

@@ -1,72 +1,27 @@
 //! Tests of the motor buses as one set of joints, with buses whose reports a test writes: the last
 //! command, the age and the damage of several lines, complaints, and zero offsets.
 
-use std::sync::{Arc, Mutex};
-
 use hbot_config::RigConfig;
 use hbot_config::rig::{Port, Protocol};
 use hbot_core::inputs::Complaints;
 use hbot_core::outputs::Drive;
 use hbot_core::{MAX_JOINTS, Rig};
 
-use crate::bus::{BusCommand, Heard, JointReading, MotorBus, Reading, Telemetry};
+use crate::bus::{BusCommand, Heard, JointReading, MotorBus, Reading};
 use crate::rig::layout::{JointPlace, Layout};
 use crate::rig::motors::Motors;
+use crate::tests::scripted::ScriptedBus;
 
 /// Watchdog time of the tests, ms.
 const WATCHDOG_MS: u16 = 23;
 
-/// What a test exchanges with one bus.
-#[derive(Default)]
-struct Desk {
-    /// What the bus reports in the next tick.
-    report: Heard,
-    /// All commands that the bus got.
-    commands: Vec<BusCommand>,
-}
-
-#[derive(Clone, Default)]
-struct Scripted(Arc<Mutex<Desk>>);
-
-impl Scripted {
-    fn desk(&self) -> std::sync::MutexGuard<'_, Desk> {
-        self.0.lock().expect("no test has panicked")
-    }
-
-    /// Makes the bus report this in the next tick.
-    fn reports(&self, heard: Heard) {
-        self.desk().report = heard;
-    }
-
-    fn last(&self) -> BusCommand {
-        *self.desk().commands.last().expect("a command")
-    }
-}
-
-impl MotorBus for Scripted {
-    fn receive(&mut self, _: u64, _: u32) -> Heard {
-        std::mem::take(&mut self.desk().report)
-    }
-
-    fn command(&mut self, _: u64, command: &BusCommand) -> bool {
-        self.desk().commands.push(*command);
-        true
-    }
-
-    /// Reports a current of 10 A on the first joint, and 1 A more on each joint after it.
-    fn telemetry(&self, now_ns: u64, at: usize) -> Telemetry {
-        let current = Some(10.0 + at as f32).filter(|_| now_ns == 7);
-        Telemetry { current, ..Telemetry::default() }
-    }
-}
-
 /// Returns motors on two buses, two joints on each. The second wheel's joints are in the order
 /// drive, steer on their bus.
-fn two_lines() -> (Motors, [Scripted; 2]) {
+fn two_lines() -> (Motors, [ScriptedBus; 2]) {
     let place = |bus, at| JointPlace { bus, at, id: at as u8 };
     let places = vec![place(0, 0), place(0, 1), place(1, 1), place(1, 0)];
     let layout = Layout { places, ..Layout::single([]) };
-    let lines = [Scripted::default(), Scripted::default()];
+    let lines = [ScriptedBus::default(), ScriptedBus::default()];
     let buses = lines.iter().map(|line| Box::new(line.clone()) as Box<dyn MotorBus>);
     (Motors::new(buses.collect(), &layout, WATCHDOG_MS), lines)
 }
@@ -94,7 +49,7 @@ fn switching_off_says_off_with_zero_torque_on_every_joint_of_every_bus() {
     assert_eq!(motors.switch_off(0, 8), 0);
     let off = BusCommand { tick: 8, enable: false, watchdog_ms: WATCHDOG_MS, torque: [0.0; MAX_JOINTS] };
     for line in &lines {
-        assert_eq!((line.last(), line.desk().commands.len()), (off, 2));
+        assert_eq!((line.last(), line.script().commands.len()), (off, 2));
     }
 }
 
@@ -237,7 +192,7 @@ fn a_joint_whose_encoder_reads_zero_is_at_its_zero_offset() {
     for (gear, reversed) in [(1.0, false), (1.0, true), (17.0, false), (17.0, true)] {
         let config = offset_rig([0.5, 0.7], gear, reversed);
         let layout = Layout::of(&config);
-        let line = Scripted::default();
+        let line = ScriptedBus::default();
         let mut motors = Motors::new(vec![Box::new(line.clone())], &layout, WATCHDOG_MS);
         line.reports(reading(0, 0));
         let counts = motors.receive(0, 1).feedback.expect("a reading").counts;
@@ -256,7 +211,7 @@ fn a_joint_whose_encoder_reads_zero_is_at_its_zero_offset() {
 #[test]
 fn a_zero_offset_wraps_like_the_counter() {
     let layout = Layout::of(&offset_rig([0.5, 0.0], 1.0, false));
-    let line = Scripted::default();
+    let line = ScriptedBus::default();
     let mut motors = Motors::new(vec![Box::new(line.clone())], &layout, WATCHDOG_MS);
     line.reports(reading(0, i32::MAX));
     let counts = motors.receive(0, 1).feedback.expect("a reading").counts;

@@ -2,66 +2,22 @@
 //! ticks a loop does, with a bus that takes time and that a test scripts.
 
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex};
-use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_core::MAX_JOINTS;
 use hbot_sim::socket::SharedTime;
 
-use crate::bus::{BusCommand, Heard, MotorBus};
+use crate::bus::Heard;
 use crate::rig::layout::Layout;
 use crate::run_loop::clock::{Origin, now_ns};
 use crate::run_loop::engine::{Engine, TickTime};
 use crate::run_loop::{Ended, Schedule, StopFlag, lockstep, wall};
+use crate::tests::scripted::{Script, ScriptedBus};
 use crate::tests::tick_bench::{TickBench, default_scene, on_time};
 
-/// What a test sets and sees of a bus.
-#[derive(Default)]
-struct Desk {
-    /// What the bus hears in every tick.
-    report: Heard,
-    /// How long a call of `receive` and a call of `command` take.
-    takes: [Duration; 2],
-    refuses: bool,
-    /// Each command, the time that came with it, ns, and when it came.
-    commands: Vec<(BusCommand, u64, Instant)>,
-    released: u32,
-}
-
-#[derive(Clone, Default)]
-struct Scripted(Arc<Mutex<Desk>>);
-
-impl Scripted {
-    fn with<T>(&self, what: impl FnOnce(&mut Desk) -> T) -> T {
-        what(&mut self.0.lock().expect("no test has panicked"))
-    }
-}
-
-impl MotorBus for Scripted {
-    fn receive(&mut self, _: u64, _: u32) -> Heard {
-        let (report, takes) = self.with(|desk| (desk.report, desk.takes[0]));
-        sleep(takes);
-        report
-    }
-
-    fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool {
-        let (takes, refuses) = self.with(|desk| {
-            desk.commands.push((*command, now_ns, Instant::now()));
-            (desk.takes[1], desk.refuses)
-        });
-        sleep(takes);
-        !refuses
-    }
-
-    fn release(&mut self) {
-        self.with(|desk| desk.released += 1);
-    }
-}
-
-fn bench() -> (TickBench, Scripted) {
-    let bus = Scripted::default();
+fn bench() -> (TickBench, ScriptedBus) {
+    let bus = ScriptedBus::default();
     let (rig, layout) = (RigConfig::prototype(), Layout::single(0..4));
     (TickBench::new(&rig, vec![Box::new(bus.clone())], &layout, default_scene()), bus)
 }
@@ -72,7 +28,7 @@ fn bench() -> (TickBench, Scripted) {
 fn the_times_of_a_tick_are_those_of_its_line_and_of_its_computing() {
     let (mut bench, bus) = bench();
     let takes = [Duration::from_millis(3), Duration::from_millis(8)];
-    bus.with(|desk| desk.takes = takes);
+    bus.script().takes = takes;
     let moment = TickTime { tick: 3, t_ns: 3_000_000, awake_ns: 11, lateness_ns: 22, late: true, skipped: 2 };
     let begun = Instant::now();
     bench.engine.tick(&moment);
@@ -91,11 +47,14 @@ fn the_times_of_a_tick_are_those_of_its_line_and_of_its_computing() {
 fn what_happens_in_ticks_is_counted_from_tick_to_tick() {
     let (mut bench, bus) = bench();
     let report = Heard { damaged: 4, foreign: 5, reopened: true, ..Heard::default() };
-    bus.with(|desk| (desk.report, desk.refuses) = (report, true));
+    {
+        let mut script = bus.script();
+        (script.report, script.lasts, script.refuses) = (report, true, true);
+    }
     for tick in 0..3 {
         bench.engine.tick(&TickTime { late: true, skipped: 2, ..on_time(3 * tick) });
     }
-    bus.with(|desk| (desk.report, desk.refuses) = (Heard::default(), false));
+    *bus.script() = Script::default();
     bench.engine.tick(&on_time(9));
     let last = std::iter::from_fn(|| bench.end.try_sample()).last().expect("samples");
     let counted = last.counters;
@@ -131,24 +90,20 @@ fn the_last_commands_are_three_with_a_pause_between_them() {
         let at_once = (0..50).any(|_| {
             let (mut bench, bus) = bench();
             bench.engine.tick(&on_time(41));
-            bus.with(|desk| {
-                desk.commands.clear();
-                desk.refuses = true;
-            });
+            *bus.script() = Script { refuses: true, ..Script::default() };
             let begun = Instant::now();
             bench.engine.stop(first, pause);
             assert_eq!(bench.engine.counters().send_failures, 3);
-            bus.with(|desk| {
-                assert_eq!((desk.commands.len(), desk.released), (3, 1));
-                for (k, (command, now_ns, _)) in desk.commands.iter().enumerate() {
-                    assert_eq!(command.tick, first.wrapping_add(k as u32));
-                    assert!(!command.enable && command.torque == [0.0; MAX_JOINTS], "{command:?}");
-                    assert_eq!(*now_ns, 41_000_000 + k as u64 * 40_000_000);
-                }
-                let came = [0, 1, 2].map(|k: usize| desk.commands[k].2);
-                assert!(came[1] - came[0] >= pause && came[2] - came[1] >= pause);
-                came[0] - begun < pause
-            })
+            let script = bus.script();
+            assert_eq!((script.commands.len(), script.released), (3, 1));
+            for (k, (command, now_ns, _)) in script.commands.iter().enumerate() {
+                assert_eq!(command.tick, first.wrapping_add(k as u32));
+                assert!(!command.enable && command.torque == [0.0; MAX_JOINTS], "{command:?}");
+                assert_eq!(*now_ns, 41_000_000 + k as u64 * 40_000_000);
+            }
+            let came = [0, 1, 2].map(|k: usize| script.commands[k].2);
+            assert!(came[1] - came[0] >= pause && came[2] - came[1] >= pause);
+            came[0] - begun < pause
         });
         assert!(at_once, "a pause before the first command");
     }
@@ -168,7 +123,7 @@ fn a_loop_in_virtual_time_ends_after_its_ticks() {
         assert!(end.is_over());
         let counted = samples.last().map(|sample| sample.counters).unwrap_or_default();
         assert_eq!((counted.late, counted.skipped, counted.missed), (0, 0, ticks));
-        let numbers = bus.with(|desk| desk.commands.iter().map(|(it, ..)| it.tick).collect::<Vec<_>>());
+        let numbers: Vec<_> = bus.script().commands.iter().map(|(it, ..)| it.tick).collect();
         assert_eq!(numbers, (0..ticks as u32 + 3).collect::<Vec<_>>(), "three more at the end");
     }
 }
@@ -227,14 +182,13 @@ fn a_loop_in_wall_clock_time_ends_after_its_ticks() {
         let times: Vec<_> = samples.map(|sample| (sample.state.tick, sample.t_ns)).collect();
         assert_eq!(times, (0..ticks).map(|tick| (tick, tick * 1_000_000)).collect::<Vec<_>>());
         assert!(end.is_over());
-        bus.with(|desk| {
-            let numbers: Vec<_> = desk.commands.iter().map(|(it, ..)| it.tick).collect();
-            assert_eq!(numbers, (0..ticks as u32 + 3).collect::<Vec<_>>(), "three more at the end");
-            for (tick, (_, _, came)) in (0..ticks as u32).zip(&desk.commands) {
-                let after = *came - begun;
-                assert!(after >= period * (tick + 1), "tick {tick} came after {after:?}");
-            }
-        });
+        let script = bus.script();
+        let numbers: Vec<_> = script.commands.iter().map(|(it, ..)| it.tick).collect();
+        assert_eq!(numbers, (0..ticks as u32 + 3).collect::<Vec<_>>(), "three more at the end");
+        for (tick, (_, _, came)) in (0..ticks as u32).zip(&script.commands) {
+            let after = *came - begun;
+            assert!(after >= period * (tick + 1), "tick {tick} came after {after:?}");
+        }
     }
 }
 
@@ -242,7 +196,7 @@ fn a_loop_in_wall_clock_time_ends_after_its_ticks() {
 #[test]
 fn ticks_that_a_loop_in_wall_clock_time_leaves_out_are_counted() {
     let (bench, bus) = bench();
-    bus.with(|desk| desk.takes[0] = Duration::from_micros(2500));
+    bus.script().takes[0] = Duration::from_micros(2500);
     let TickBench { engine, mut end, .. } = bench;
     let schedule = Schedule { period_ns: 1_000_000, early_ns: 0, ticks: Some(60), shared: None };
     assert_eq!(on_the_clock(engine, &schedule).0, Ended::Stopped);

@@ -2,6 +2,7 @@
 //! how much is read in a tick, and what is written after a command that was cut.
 
 use super::*;
+use crate::tests::scripted::{Bytes, ScriptedLine};
 
 /// An answer to the command of tick `sequence`.
 fn good(sequence: u32) -> Vec<u8> {
@@ -37,53 +38,10 @@ fn an_answer_that_comes_twice_or_late_is_no_second_reading() {
     }
 }
 
-/// A line that gives its bytes in pieces of any size, takes at most `room` bytes of a write, and
-/// records its calls.
-#[derive(Default)]
-struct Counted {
-    waiting: Vec<u8>,
-    reads: u32,
-    room: Option<usize>,
-    written: Vec<Vec<u8>>,
-    released: u32,
-}
-
-#[derive(Clone, Default)]
-struct Recorded(Arc<Mutex<Counted>>);
-
-impl Recorded {
-    fn with<T>(&self, what: impl FnOnce(&mut Counted) -> T) -> T {
-        what(&mut self.0.lock().expect("no test has panicked"))
-    }
-
-    fn bus(&self) -> Box<dyn MotorBus> {
-        let expected = Expected::new("test", &RigConfig::prototype().rig, &Layout::single(0..4), 0);
-        HbotLink.bus(Box::new(self.clone()), expected)
-    }
-}
-
-impl Line for Recorded {
-    fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.with(|line| {
-            line.reads += 1;
-            let n = line.waiting.len().min(buffer.len());
-            buffer[..n].copy_from_slice(&line.waiting[..n]);
-            line.waiting.drain(..n);
-            Ok(n)
-        })
-    }
-
-    fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> std::io::Result<usize> {
-        self.with(|line| {
-            let n = line.room.map_or(bytes.len(), |room| room.min(bytes.len()));
-            line.written.push(bytes[..n].to_vec());
-            Ok(n)
-        })
-    }
-
-    fn release(&mut self) {
-        self.with(|line| line.released += 1);
-    }
+/// The bus of the prototype on a line.
+fn bus(line: &ScriptedLine) -> Box<dyn MotorBus> {
+    let expected = Expected::new("test", &RigConfig::prototype().rig, &Layout::single(0..4), 0);
+    HbotLink.bus(Box::new(line.clone()), expected)
 }
 
 /// After a time in which the loop stood still, many answers wait. The newest is found in the next
@@ -93,35 +51,36 @@ impl Line for Recorded {
 fn what_waits_on_a_line_is_read_in_one_tick() {
     let frame = good(0).len();
     for (bytes, reads) in [(0, 1), (1000, 1), (4000, 1), (5000, 2), (9000, 3), (13_000, 4), (16_000, 4)] {
-        let line = Recorded::default();
-        let mut bus = line.bus();
+        let line = ScriptedLine::default();
+        let mut bus = bus(&line);
         let answers = bytes / frame;
-        line.with(|line| line.waiting = (0..answers as u32).flat_map(good).collect());
+        line.end().arrived = (0..answers as u32).flat_map(good).collect();
         let heard = bus.receive(0, 1000);
         let newest = heard.reading.map(|reading| reading.answers as usize + 1);
         assert_eq!((newest.unwrap_or(0), heard.damaged), (answers, 0), "{bytes} bytes");
-        assert_eq!(line.with(|line| line.reads), reads, "{bytes} bytes");
+        assert_eq!(line.end().reads, reads, "{bytes} bytes");
     }
     // A line that never falls silent does not hold the tick up.
-    let line = Recorded::default();
-    let mut bus = line.bus();
+    let line = ScriptedLine::default();
+    let mut bus = bus(&line);
     let all: Vec<u8> = (0..1000).flat_map(good).collect();
-    line.with(|line| line.waiting.clone_from(&all));
+    line.end().arrived.clone_from(&all);
     bus.receive(0, 5000);
-    assert_eq!(line.with(|line| (line.reads, line.waiting.len())), (4, all.len() - 4 * 4096));
+    let end = line.end();
+    assert_eq!((end.reads, end.arrived.len()), (4, all.len() - 4 * 4096));
 }
 
 /// One zero byte ends a frame that was cut. Without a cut there is none.
 #[test]
 fn a_zero_byte_follows_a_command_that_was_cut_and_no_other() {
-    let line = Recorded::default();
-    let mut bus = line.bus();
+    let line = ScriptedLine::default();
+    let mut bus = bus(&line);
     let mut written = |tick: u32, room: Option<usize>| {
-        line.with(|line| (line.room, line.written) = (room, Vec::new()));
+        *line.end() = Bytes { room, ..Bytes::default() };
         let command =
             BusCommand { tick, enable: true, watchdog_ms: 20, torque: [0.25; hbot_core::MAX_JOINTS] };
         let whole = bus.command(0, &command);
-        (whole, line.with(|line| line.written.concat()))
+        (whole, std::mem::take(&mut line.end().written))
     };
     let (whole, frame) = written(7, None);
     assert!(whole && frame.last() == Some(&0) && frame[0] != 0, "{frame:?}");
@@ -153,10 +112,10 @@ fn only_controllers_that_lost_power_are_asked_to_describe_themselves_and_rarely(
 /// The line ends its helper process when it learns that the motors are off.
 #[test]
 fn the_line_learns_that_the_motors_are_off() {
-    let line = Recorded::default();
-    let mut bus = line.bus();
+    let line = ScriptedLine::default();
+    let mut bus = bus(&line);
     bus.receive(0, 1);
-    assert_eq!(line.with(|line| line.released), 0);
+    assert_eq!(line.end().released, 0);
     bus.release();
-    assert_eq!(line.with(|line| line.released), 1);
+    assert_eq!(line.end().released, 1);
 }

@@ -1,7 +1,5 @@
 //! Tests the bus with answers whose bytes are written here, and reads the commands that it writes.
 
-use std::sync::{Arc, Mutex};
-
 use hbot_config::RigConfig;
 use hbot_core::MAX_JOINTS;
 use moteus_protocol::CanFdFrame;
@@ -11,49 +9,8 @@ use super::super::codec::{self, State};
 use super::super::text::{Dialect, LONGEST, Said};
 use super::{Bench, said};
 use crate::bus::{BusCommand, Expected, Heard, MotorBus, Protocol as _};
-use crate::line::Line;
 use crate::rig::layout::Layout;
-
-/// What a test sees of its [`Fake`] line.
-#[derive(Default)]
-struct Far {
-    waiting: Vec<u8>,
-    reads: u32,
-    written: Vec<u8>,
-    released: u32,
-}
-
-/// A line without servos. It holds the bytes that a test gives it, and keeps those that the bus
-/// writes.
-#[derive(Clone, Default)]
-struct Fake(Arc<Mutex<Far>>);
-
-impl Fake {
-    fn with<T>(&self, what: impl FnOnce(&mut Far) -> T) -> T {
-        what(&mut self.0.lock().expect("no test has panicked"))
-    }
-}
-
-impl Line for Fake {
-    fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.with(|far| {
-            far.reads += 1;
-            let n = far.waiting.len().min(buffer.len());
-            buffer[..n].copy_from_slice(&far.waiting[..n]);
-            far.waiting.drain(..n);
-            Ok(n)
-        })
-    }
-
-    fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> std::io::Result<usize> {
-        self.with(|far| far.written = bytes.to_vec());
-        Ok(bytes.len())
-    }
-
-    fn release(&mut self) {
-        self.with(|far| far.released += 1);
-    }
-}
+use crate::tests::scripted::ScriptedLine;
 
 /// Returns the line with which an adapter hands over a frame: its CAN id and its data.
 fn rcv(id: u32, data: &[u8]) -> Vec<u8> {
@@ -114,7 +71,7 @@ impl Told {
 /// The bus of two servos of ids 1 and 2, and the far end of its line.
 struct Desk {
     bus: Box<dyn MotorBus>,
-    far: Fake,
+    far: ScriptedLine,
 }
 
 impl Desk {
@@ -122,21 +79,22 @@ impl Desk {
         let text = include_str!("../../../../../../../rigs/prototype-moteus.toml");
         let rig = RigConfig::from_toml(text, "rigs/prototype-moteus.toml").expect("legal");
         let expected = Expected::new("test", &rig.rig, &Layout::of(&rig), 0).without_last().without_last();
-        let far = Fake::default();
+        let far = ScriptedLine::default();
         Self { bus: Moteus.bus(Box::new(far.clone()), expected), far }
     }
 
     /// Hands over `lines` to the bus before it sends the command of `tick`.
     fn hear(&mut self, now_ns: u64, tick: u32, lines: &[Vec<u8>]) -> Heard {
-        self.far.with(|far| far.waiting = lines.concat());
+        self.far.end().arrived = lines.concat();
         self.bus.receive(now_ns, tick)
     }
 
     /// Sends the command of `tick`. Returns the lines that the bus has written.
     fn command(&mut self, now_ns: u64, tick: u32, enable: bool) -> Vec<String> {
         let command = BusCommand { tick, enable, watchdog_ms: 20, torque: [0.0; MAX_JOINTS] };
+        self.far.end().written.clear();
         assert!(self.bus.command(now_ns, &command));
-        let written = self.far.with(|far| String::from_utf8(far.written.clone()));
+        let written = String::from_utf8(self.far.end().written.clone());
         written.expect("text").lines().map(str::to_owned).collect()
     }
 }
@@ -266,7 +224,7 @@ fn what_waits_on_a_line_is_read_in_one_tick() {
         let waiting = [vec![b'\n'; before], Told::by(1, 1).line(), Told::by(2, 1).line()];
         let heard = desk.hear(1_000_000, 2, &waiting);
         assert_eq!(heard.reading.is_some(), found, "{before} bytes before the answers");
-        assert_eq!(desk.far.with(|far| far.reads), reads, "{before} bytes before the answers");
+        assert_eq!(desk.far.end().reads, reads, "{before} bytes before the answers");
     }
 }
 
@@ -349,7 +307,7 @@ fn a_restart_is_seen_and_none_is_imagined_whatever_the_time_of_the_ticks() {
 fn the_line_learns_that_the_motors_are_off() {
     let mut desk = Desk::new();
     desk.command(0, 1, false);
-    assert_eq!(desk.far.with(|far| far.released), 0);
+    assert_eq!(desk.far.end().released, 0);
     desk.bus.release();
-    assert_eq!(desk.far.with(|far| far.released), 1);
+    assert_eq!(desk.far.end().released, 1);
 }

@@ -1,8 +1,5 @@
 //! Tests of the bus and of bring-up with bytes that are written by hand.
 
-use std::io;
-use std::sync::{Arc, Mutex, MutexGuard};
-
 use hbot_config::RigConfig;
 use hbot_core::MAX_JOINTS;
 
@@ -12,59 +9,17 @@ use super::super::slcan::Frame;
 use super::super::talk::{Met, Talk};
 use super::{Canned, expected};
 use crate::bus::{BusCommand, BusTraffic, Expected, MotorBus, Protocol as _, Traffic};
-use crate::line::Line;
 use crate::rig::layout::Layout;
+use crate::tests::scripted::ScriptedLine;
 
-/// What has happened on a line.
-#[derive(Default)]
-struct Ends {
-    /// Bytes from the adapter that have not been read yet.
-    arrived: Vec<u8>,
-    written: Vec<u8>,
-    reads: u32,
-    released: bool,
+/// Makes `text` arrive `times` times.
+fn arrives(line: &ScriptedLine, text: &str, times: usize) {
+    line.end().arrived.extend(text.repeat(times).bytes());
 }
 
-/// A line of which the test keeps the other end.
-#[derive(Clone, Default)]
-struct Wire(Arc<Mutex<Ends>>);
-
-impl Wire {
-    fn ends(&self) -> MutexGuard<'_, Ends> {
-        self.0.lock().expect("no test has failed with it")
-    }
-
-    /// Makes `text` arrive `times` times.
-    fn arrives(&self, text: &str, times: usize) {
-        self.ends().arrived.extend(text.repeat(times).bytes());
-    }
-
-    /// Returns the bus of the prototype's axes on this line.
-    fn bus(&self) -> Box<dyn MotorBus> {
-        Odrive.bus(Box::new(self.clone()), expected())
-    }
-}
-
-impl Line for Wire {
-    fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
-        let mut ends = self.ends();
-        ends.reads += 1;
-        let n = ends.arrived.len().min(buffer.len());
-        buffer[..n].copy_from_slice(&ends.arrived[..n]);
-        ends.arrived.drain(..n);
-        Ok(n)
-    }
-
-    fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
-        self.ends().written.extend(bytes);
-        Ok(bytes.len())
-    }
-
-    fn pause(&mut self) {}
-
-    fn release(&mut self) {
-        self.ends().released = true;
-    }
+/// Returns the bus of the prototype's axes on this line.
+fn bus(line: &ScriptedLine) -> Box<dyn MotorBus> {
+    Odrive.bus(Box::new(line.clone()), expected())
 }
 
 /// A heartbeat of axis 4, which the rig does not have.
@@ -74,12 +29,12 @@ const HEARTBEAT: &str = "t00180000000001000000\r";
 
 #[test]
 fn frames_of_others_are_foreign_and_not_damaged() {
-    let wire = Wire::default();
-    let mut bus = wire.bus();
-    wire.arrives(HEARTBEAT, 1);
-    wire.arrives(FOREIGN, 2);
+    let wire = ScriptedLine::default();
+    let mut bus = bus(&wire);
+    arrives(&wire, HEARTBEAT, 1);
+    arrives(&wire, FOREIGN, 2);
     // A frame whose id has 29 bits is not from an axis, whatever its id.
-    wire.arrives("T0000000180000000001000000\r", 1);
+    arrives(&wire, "T0000000180000000001000000\r", 1);
     let heard = bus.receive(0, 0);
     assert_eq!((heard.foreign, heard.damaged, heard.zeros_lost), (3, 0, false));
     assert_eq!(bus.receive(0, 0).foreign, 0);
@@ -88,28 +43,28 @@ fn frames_of_others_are_foreign_and_not_damaged() {
 /// 13200 bytes are more than three times 4096 bytes, and less than four times.
 #[test]
 fn a_tick_reads_everything_that_has_arrived_and_reads_a_silent_line_once() {
-    let wire = Wire::default();
-    let mut bus = wire.bus();
-    wire.arrives(FOREIGN, 600);
-    assert_eq!((bus.receive(0, 0).foreign, wire.ends().reads), (600, 4));
-    assert_eq!((bus.receive(0, 1).foreign, wire.ends().reads), (0, 5));
+    let wire = ScriptedLine::default();
+    let mut bus = bus(&wire);
+    arrives(&wire, FOREIGN, 600);
+    assert_eq!((bus.receive(0, 0).foreign, wire.end().reads), (600, 4));
+    assert_eq!((bus.receive(0, 1).foreign, wire.end().reads), (0, 5));
 }
 
 /// Runs 401 ticks and returns each question with its tick. If `answered` is true, every question is
 /// answered before the next tick.
 fn questions(answered: bool) -> Vec<(u32, String)> {
-    let wire = Wire::default();
-    let mut bus = wire.bus();
+    let wire = ScriptedLine::default();
+    let mut bus = bus(&wire);
     let mut asked = Vec::new();
     for tick in 0..=400 {
         bus.receive(u64::from(tick) * 1_000_000, tick);
         let command = BusCommand { tick, enable: false, watchdog_ms: 20, torque: [0.0; MAX_JOINTS] };
         assert!(bus.command(u64::from(tick) * 1_000_000, &command));
-        let written = String::from_utf8(std::mem::take(&mut wire.ends().written)).expect("text");
+        let written = String::from_utf8(std::mem::take(&mut wire.end().written)).expect("text");
         for line in written.split('\r').filter(|line| line.starts_with('r')) {
             asked.push((tick, line.to_owned()));
             if answered {
-                wire.arrives(&format!("t{}0000000000000000\r", &line[1..]), 1);
+                arrives(&wire, &format!("t{}0000000000000000\r", &line[1..]), 1);
             }
         }
     }
@@ -142,11 +97,11 @@ fn axes_that_do_not_answer_are_asked_every_5_ms_in_turn() {
 
 #[test]
 fn the_line_learns_that_its_motors_are_off_for_good() {
-    let wire = Wire::default();
-    let mut bus = wire.bus();
-    assert!(!wire.ends().released);
+    let wire = ScriptedLine::default();
+    let mut bus = bus(&wire);
+    assert!(wire.end().released == 0);
     bus.release();
-    assert!(wire.ends().released);
+    assert!(wire.end().released == 1);
 }
 
 /// A carriage return ends a half line. Message 7 with state 1 switches an axis off.
@@ -197,12 +152,12 @@ fn an_axis_is_there_after_any_message() {
 /// 200 heartbeats are 4400 bytes, more than eight reads.
 #[test]
 fn bring_up_reads_everything_that_has_arrived_within_a_millisecond() {
-    let (mut wire, expected) = (Wire::default(), expected());
-    wire.arrives(HEARTBEAT, 200);
+    let (mut wire, expected) = (ScriptedLine::default(), expected());
+    arrives(&wire, HEARTBEAT, 200);
     let reads = wire.clone();
     let mut talk = Talk::open(&mut wire, &expected).expect("the line is there");
     talk.listen(1).expect("the line is there");
-    assert_eq!((talk.of(0).heartbeats, talk.now_ms, reads.ends().reads), (200, 1, 9));
+    assert_eq!((talk.of(0).heartbeats, talk.now_ms, reads.end().reads), (200, 1, 9));
 }
 
 /// Switches the motors off on a line on which every millisecond brings `bytes`. Returns whether an
@@ -257,7 +212,8 @@ fn twelve_odrives_on_one_line_are_refused_and_eleven_are_not() {
     let rig = RigConfig::prototype().rig;
     for joints in [10, 11, 12, 13] {
         let expected = Expected::new("test", &rig, &Layout::single(0..joints), 0);
-        let said = Odrive.meet(&mut Wire::default(), &expected).expect_err("nobody is there").to_string();
+        let said =
+            Odrive.meet(&mut ScriptedLine::default(), &expected).expect_err("nobody is there").to_string();
         let refused = said.contains("ODrives are too many for one line: at most 11");
         assert_eq!((refused, Odrive.off_bytes(&expected).len() > 255), (joints > 11, joints > 11), "{said}");
     }
