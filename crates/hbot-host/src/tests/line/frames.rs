@@ -242,16 +242,19 @@ fn the_age_of_a_reading_is_right_or_absent() {
         let asked = std::time::Instant::now();
         bench.ticks(late);
         let sequence = bench.tick as u32 - late;
-        fake.with(|far| {
+        // The command was sent before the next one came.
+        let after = fake.with(|far| {
             far.answers.clear();
             far.answers.push(answer(sequence, ControllerFlags::empty(), 4, None));
+            let next = far.heard.iter().position(|command| command.sequence == sequence + 1);
+            next.map(|at| far.heard_at[at].elapsed().as_nanos() as u64)
         });
         let sample = bench.tick();
         let age = sample.timing.age_ns.expect("an age");
         let most = u64::try_from(asked.elapsed().as_nanos()).expect("not that long");
         assert!(sample.state.fresh && age <= most, "{late} ticks: {age} of {most} ns");
-        // The ticks of a test take about equally long.
-        assert!(late < 63 || age > most / 4, "{late} ticks: {age} of {most} ns");
+        assert!(after.is_none_or(|after| age >= after), "{late} ticks: {age} ns, {after:?} after the next");
+        assert_eq!(after.is_some(), late > 1);
         fake.with(|far| far.silent = false);
         bench.ticks(5);
     }

@@ -9,6 +9,7 @@ mod ports;
 mod states;
 
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 use hbot_config::RigConfig;
 use hbot_core::inputs::Command as Order;
@@ -32,6 +33,8 @@ struct Far {
     joints: usize,
     decoder: Decoder<ToController>,
     heard: Vec<Command>,
+    /// When each of the commands came.
+    heard_at: Vec<Instant>,
     /// Number of times that the controllers were asked to describe themselves.
     asked: u32,
     flags: ControllerFlags,
@@ -90,6 +93,7 @@ impl Line for Fake {
                 joints,
                 decoder,
                 heard,
+                heard_at,
                 asked,
                 flags,
                 unsupplied,
@@ -112,6 +116,7 @@ impl Line for Fake {
                         answers.push(framed(Feedback { sequence: command.sequence, flags, joints }));
                     }
                     heard.push(command);
+                    heard_at.push(Instant::now());
                 }
                 Ok(ToController::Describe) => *asked += 1,
                 Err(_) => {}
