@@ -66,8 +66,8 @@ def test_trials_end_when_return_is_pressed(tmp_path: Path, environment: dict[str
     with open(tmp_path / "p1-matching.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 3, said
-    # A trial that nobody ends takes 10 s. With a wrong clock it would have its first state alone, or
-    # all of them. A busy machine delays the key.
+    # A trial that nobody ends takes 10 s. With a wrong clock it would have its first state alone,
+    # or all of them. A busy machine delays the key.
     durations = [float(row["duration"]) for row in rows]
     assert 0.0 < max(durations) < 9.0, durations
 
