@@ -46,6 +46,7 @@ mod lease;
 mod models;
 mod orders;
 mod outbox;
+mod outlook;
 mod peer;
 mod publisher;
 mod reader;
