@@ -94,7 +94,7 @@ impl Recorded {
             self.marks.push(Mark { what: What::Fault, t: state.t, text: name });
         }
         // A recording goes on in time, so a state that does not is damaged.
-        if index % self.every != 0 || last.is_some_and(|last| state.tick <= last.tick) {
+        if !index.is_multiple_of(self.every) || last.is_some_and(|last| state.tick <= last.tick) {
             return;
         }
         if self.states.len() == MOST_STATES {
@@ -104,7 +104,7 @@ impl Recorded {
                 k % 2 == 1
             });
             self.every *= 2;
-            if index % self.every != 0 {
+            if !index.is_multiple_of(self.every) {
                 return;
             }
         }

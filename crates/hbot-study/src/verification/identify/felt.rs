@@ -183,7 +183,7 @@ impl Rigs {
         let mut joint = |j: usize| Imperfect {
             torque_scale: WEAK + SPREAD * (2.0 * rng.unit() - 1.0),
             friction: Friction {
-                coulomb: (1.5e-4 + 1.5e-4 * rng.unit()) * if j % 2 == 0 { 1.0 } else { 0.7 },
+                coulomb: (1.5e-4 + 1.5e-4 * rng.unit()) * if j.is_multiple_of(2) { 1.0 } else { 0.7 },
                 viscous: 1.0e-5 * (0.5 + rng.unit()),
             },
             ..Imperfect::default()
