@@ -203,7 +203,7 @@ fn behind_tls_the_page_and_the_api_are_served_and_nothing_without_it() {
     let open = |origin: &str| {
         let mut request = format!("wss://{}/ws", bench.web).into_client_request().unwrap();
         request.headers_mut().insert("origin", origin.parse().unwrap());
-        client(request, encrypted(&bench, &made))
+        client(request, encrypted(&bench, &made)).map_err(Box::new)
     };
     let (socket, _) = open(&format!("https://{}", bench.web)).unwrap();
     let mut browser = Browser(socket);
