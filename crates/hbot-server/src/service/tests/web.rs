@@ -56,8 +56,10 @@ impl Browser {
         self.0.get_mut().write_all(bytes).unwrap();
     }
 
+    /// Returns the next message. On a busy machine, pings come before it.
     fn next(&mut self) -> Value {
-        serde_json::from_str(self.0.read().unwrap().to_text().unwrap()).unwrap()
+        let message = std::iter::repeat_with(|| self.0.read().unwrap()).find(|message| !message.is_ping());
+        serde_json::from_str(message.unwrap().to_text().unwrap()).unwrap()
     }
 
     /// Sends a request and returns its answer. Events before it are skipped.
