@@ -252,8 +252,8 @@ impl Seat {
         self.frame();
     }
 
-    /// Waits until the control with this label can be used. On a busy machine no state comes for a
-    /// moment, and controls are grey as long as the server is silent. Who clicks then has no effect.
+    /// Waits until the control with this label can be used. On a busy machine no state comes for
+    /// a moment, and controls are grey while the server is silent. A click then has no effect.
     fn until_enabled(&mut self, label: &str) {
         self.until(&format!("{label} can be used"), |harness| {
             !harness.get_by_label(label).accesskit_node().is_disabled()
