@@ -240,6 +240,7 @@ impl Seat {
     }
 
     pub(crate) fn click(&mut self, label: &str) {
+        self.until_enabled(label);
         self.harness.get_by_label(label).click_accesskit();
         self.frame();
         self.frame();
@@ -252,13 +253,30 @@ impl Seat {
         self.frame();
     }
 
-    /// Types a number into the field with this label, as a user does.
+    /// Waits until the control with this label can be used. On a busy machine no state comes for
+    /// a moment, and controls are grey while the server is silent. A click then has no effect.
+    fn until_enabled(&mut self, label: &str) {
+        self.until(&format!("{label} can be used"), |harness| {
+            !harness.get_by_label(label).accesskit_node().is_disabled()
+        });
+    }
+
+    /// Types a number into the field with this label, as a user does. A field that is grey for a
+    /// moment loses the focus and what was typed. Then it is typed again.
     pub(crate) fn type_number(&mut self, label: &str, text: &str) {
-        self.harness.get_by_label(label).focus();
-        self.frame();
-        self.frame();
-        self.harness.get_by_label(label).type_text(text);
-        self.frame();
+        let start = Instant::now();
+        loop {
+            self.until_enabled(label);
+            self.harness.get_by_label(label).focus();
+            self.frame();
+            self.frame();
+            self.harness.get_by_label(label).type_text(text);
+            self.frame();
+            if self.harness.get_by_label(label).is_focused() {
+                break;
+            }
+            assert!(start.elapsed() < PATIENCE, "{label} does not keep the focus:\n{}", self.texts());
+        }
         self.harness.key_press(Key::Enter);
         self.frame();
         self.frame();

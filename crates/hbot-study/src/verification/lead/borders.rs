@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::DAMPING;
 use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
-use crate::verification::stability::lag::{spectral_radius, step};
+use crate::verification::stability::lag::{spectral_radius, step, without_growth};
 use crate::whole::{Whole, motor, prototype, scene_of};
 
 /// Rates of the loop, Hz, and lags of the motors, s.
@@ -129,13 +129,9 @@ impl Case {
     }
 
     /// Returns the stiffness at which a swing of the whole loop neither grows nor dies, N m/rad.
-    /// The growth is found at stiffnesses around `near`, and the border by two secants.
+    /// It is searched around `near`.
     fn measured(&self, near: f64) -> f64 {
-        let ends = [0.97 * near, 1.03 * near];
-        let [low, high] = ends.map(|stiffness| self.growth(stiffness));
-        let first = ends[0] - low * (ends[1] - ends[0]) / (high - low);
-        let between = self.growth(first);
-        first - between * (ends[1] - first) / (high - between)
+        without_growth(near, |stiffness| self.growth(stiffness))
     }
 
     /// Returns how fast a swing about n1 grows in the whole loop, 1/s. Negative if it dies.

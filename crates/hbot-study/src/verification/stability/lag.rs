@@ -76,16 +76,8 @@ impl Case {
     }
 
     /// Returns the stiffness at which a swing of the whole loop neither grows nor dies, N m/rad.
-    ///
-    /// Near this stiffness the growth is linear in the stiffness. So the secant through the growth
-    /// at two stiffnesses finds it, and a second secant confirms it.
     fn measured(&self) -> f64 {
-        let predicted = self.predicted();
-        let ends = [0.97 * predicted, 1.03 * predicted];
-        let [low, high] = ends.map(|stiffness| self.growth(stiffness));
-        let first = ends[0] - low * (ends[1] - ends[0]) / (high - low);
-        let between = self.growth(first);
-        first - between * (ends[1] - first) / (high - between)
+        without_growth(self.predicted(), |stiffness| self.growth(stiffness))
     }
 
     /// Returns how fast a swing about n1 grows in the whole loop, 1/s. Negative if it dies.
@@ -100,6 +92,18 @@ impl Case {
         // An energy grows at twice the rate of its swing.
         libm::log(energies[4] / energies[0]) / (2.0 * 0.8 * WATCH_S)
     }
+}
+
+/// Returns the stiffness near `near` at which the growth of a swing is zero, N m/rad.
+///
+/// Near this stiffness the growth is linear in the stiffness. So the secant through the growth at
+/// two stiffnesses finds it, and a second secant confirms it.
+pub(crate) fn without_growth(near: f64, growth: impl Fn(f64) -> f64) -> f64 {
+    let ends = [0.97 * near, 1.03 * near];
+    let [low, high] = ends.map(&growth);
+    let first = ends[0] - low * (ends[1] - ends[0]) / (high - low);
+    let between = growth(first);
+    first - between * (ends[1] - first) / (high - between)
 }
 
 /// Returns the matrix that advances the linear loop by a tick. Its state is the angle x, the rate
