@@ -37,7 +37,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     });
 }
 
-/// Draws whether motors can push, in the words of the server's banner, or that a recording is shown.
+/// Draws whether motors can push, in the words of the server's banner, or that a recording is
+/// shown.
 fn kind_of_rig(ui: &mut Ui, model: &Model, desk: &Desk, palette: Palette) {
     let (ground, word, hint) = match model.badge() {
         _ if desk.film.is_some() => {

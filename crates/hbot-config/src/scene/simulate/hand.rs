@@ -28,8 +28,8 @@ pub struct Hand {
     /// the hand holds still.
     #[schemars(range(min = 0.0, max = 3.0), extend("unit" = "rad"))]
     pub amplitude: f64,
-    /// Frequency of the hand's motion about its fastest axis, Hz. With `angle`: number of sweeps per
-    /// second, there and back.
+    /// Frequency of the hand's motion about its fastest axis, Hz. With `angle`: number of sweeps
+    /// per second, there and back.
     #[schemars(range(min = 0.0, max = 20.0), extend("unit" = "Hz"))]
     pub rate: f64,
 }
