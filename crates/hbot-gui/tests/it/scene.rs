@@ -215,8 +215,12 @@ fn the_shelf_says_what_a_scene_feels_like() {
     let (mut seat, _witness) = seated(&bench);
     seat.pick("Scene file", "clay");
     seat.until_text("A lump of clay: it keeps every shape");
-    let bad = "name = \"Bad\"\n[[effect]]\nid = \"s\"\nkind = \"spring\"\nstiffness = -1\n";
-    std::fs::write(seat.out.path().join("scenes/clay.toml"), bad).expect("written");
+    // A file of the user comes after the ready-made scenes.
+    let path = seat.out.path().join("scenes/mine.toml");
+    std::fs::write(&path, "name = \"Mine\"\ndescription = \"It feels like nothing.\"\n").expect("written");
+    seat.pick("Scene file", "mine");
+    seat.until_text("It feels like nothing.");
+    std::fs::write(&path, "[[effect]]\nid = \"s\"\nkind = \"spring\"\nstiffness = -1\n").expect("written");
     seat.until_text("This file has mistakes");
 }
 
