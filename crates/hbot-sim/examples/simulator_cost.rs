@@ -80,6 +80,7 @@ fn tick(device: &Device, phenomena: Phenomena) -> f64 {
         joints: vec![SimulatedJoint::from(&joint); device.joints()],
         start: PlantState::default(),
         phenomena,
+        imperfect: None,
         method: Method::Rk4,
         max_step_ns: 1_000_000,
         max_jump_ns: 100_000_000,
