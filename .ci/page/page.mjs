@@ -138,6 +138,9 @@ const shown = parseFloat((await text("#grip")).match(/([\d.]+) N m/)[1]);
 assert(Math.abs(shown - length(held.torque)) < 0.005, `the page shows ${shown} N m`);
 await picture("hand");
 await picture("hand-dark");
+// The wheel twists the held sphere about the line of sight.
+await page.mouse.wheel(0, -200);
+await until("the wheel twists it", () => angle(watcher.state.q, held.q) > 0.1);
 await page.mouse.up();
 await until("the sphere turns back", () => angle(watcher.state.q, watcher.state.reference) < 0.5 * turned);
 
@@ -201,6 +204,26 @@ const load = async (scene) => {
   await page.locator("#astext").evaluate((it) => (it.open = false));
 };
 const spring = { id: "spring", kind: "spring", law: "geodesic", stiffness: 1, damping: 0.02, anchor: "here" };
+await load({ name: "As text", effect: [spring] });
+await watcher.mode("active");
+
+// The mark is that of the whole scene: it follows the stiffness of another spring, and is what the server says.
+const told = async () => (await watcher.ask("info")).stable?.find(({ effect }) => effect === "spring").stiffness;
+const saidStable = async () => parseFloat((await text("#effects details:first-of-type p"))
+  .match(/stable up to ([\d.]+)/)?.[1]);
+const isShown = async () => Math.abs((await saidStable()) - ((await told()) ?? NaN)) < 0.006;
+const both = (stiffness) => ({ name: "Two", effect: [spring, { ...spring, id: "other", stiffness }] });
+await load(both(0.1));
+await until("the mark of the scene", isShown);
+const beside = await told();
+await page.locator("#effects details").nth(1).evaluate((it) => (it.open = true));
+const second = page.getByRole("spinbutton", { name: "other stiffness value" });
+await second.fill("3");
+await second.press("Enter");
+await until("the other spring", async () => (await watcher.ask("info")).scene.effect[1].stiffness === 3);
+await until("the mark follows the other spring", async () => (await told()) < beside - 2 && isShown());
+console.log(`a second spring of 3 N m/rad moves the mark of the first from ${beside.toFixed(2)} to ${(await told()).toFixed(2)} N m/rad`);
+await picture("two-springs");
 await load({ name: "As text", effect: [spring] });
 await watcher.mode("active");
 

@@ -9,12 +9,12 @@ use anyhow::{anyhow, bail};
 use clap::{Args, Subcommand};
 use hbot_api::{Client, ClientError, Event, HandCommand, HandHold, InfoOk, MAX_OVER_MS, Op, StateEvent};
 use hbot_config::SceneFile;
+use hbot_config::sweep::Probe;
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Curve, PlotPanel, sheet};
 
 use super::out::say;
 use super::scene::plot::{svg, write};
-use super::scene::sweep::Probe;
 use super::{Commanding, orders};
 
 /// Number of rows of the table.

@@ -1,18 +1,17 @@
 //! `hbot record`: records a running server from any machine.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal as _, Write as _, stderr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
-use hbot_api::{ClientError, Event, InfoOk};
+use hbot_api::{ClientError, Event};
 use hbot_host::run_loop::signals;
-use hbot_record::{About, Writer};
+use hbot_record::ClientRecording;
 use hbot_server::recording::is_folder;
 
 use super::out::{create_new, note, say};
@@ -63,33 +62,14 @@ pub(crate) fn file_or_folder(path: PathBuf) -> Result<PathBuf, String> {
         .map_err(|why| format!("{why}. A new folder has a name without an ending, or `/` after it"))
 }
 
-/// A recording in progress.
-struct Session {
-    writer: Writer<BufWriter<File>>,
-    /// Unix time of tick 0, ns.
-    unix_ns: u64,
-    /// Unix time of the newest state, ns.
-    newest: u64,
-    /// Name and JSON of the scene that the server rendered at the start. It is written with the
-    /// first state, because only that tells which tick and time it is.
-    scene: Option<(String, String)>,
-    states: u64,
-    dropped: u64,
-}
-
 pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let mut client = orders::connect(&args.address, "hbot record")?;
     let info = client.info()?;
     let name = || args.file.display().to_string();
     let into = BufWriter::new(create(&args.file)?);
-    let unix_ns = info.clock.map_or_else(now, |clock| clock.unix_ns);
-    let writer = Writer::new(into, &about(&info, &client.hello().server)).with_context(name)?;
-    let title = info.scene.get("name").and_then(|name| name.as_str()).unwrap_or_default();
-    let scene = Some((title.to_owned(), info.scene.to_string()));
+    let mut recording = ClientRecording::new(into, &info, &client.hello().server).with_context(name)?;
     client.subscribe(args.every)?;
-    let newest = now().max(unix_ns);
-    let mut session = Session { writer, unix_ns, newest, scene, states: 0, dropped: 0 };
     let mut progress = Progress::new();
 
     // The time of the run is not that of the clock: on a busy machine the simulated rig waits.
@@ -103,7 +83,7 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
         }
         match client.next_event(left.min(LISTEN)) {
             Ok(Some(event)) => {
-                session.take(&event).with_context(name)?;
+                recording.take(&event).with_context(name)?;
                 if matches!(event, Event::Stopping(_)) {
                     break;
                 }
@@ -117,15 +97,15 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
             Err(error) => return Err(error.into()),
         }
         if flushed.elapsed() >= FLUSH_EVERY {
-            session.writer.flush().with_context(name)?;
+            recording.flush().with_context(name)?;
             flushed = Instant::now();
         }
-        progress.show(session.states, session.dropped + client.events_lost());
+        progress.show(recording.states(), recording.dropped() + client.events_lost());
     }
     progress.clear();
-    let lost = session.dropped + client.events_lost();
-    session.writer.finish().with_context(name)?;
-    say!("{}", counts(session.states, lost))?;
+    let (states, lost) = (recording.states(), recording.dropped() + client.events_lost());
+    recording.finish().with_context(name)?;
+    say!("{}", counts(states, lost))?;
     if lost == 0 {
         return Ok(ExitCode::SUCCESS);
     }
@@ -200,52 +180,6 @@ impl Drop for Progress {
     fn drop(&mut self) {
         self.clear();
     }
-}
-
-impl Session {
-    fn take(&mut self, event: &Event) -> anyhow::Result<()> {
-        match event {
-            Event::State(state) => {
-                self.newest = self.unix_ns + (state.t * 1.0e9).round() as u64;
-                if let Some((name, json)) = self.scene.take() {
-                    self.writer.scene(state.tick, &name, &json, self.newest)?;
-                }
-                self.states += 1;
-                self.writer.state(state, self.newest)?;
-            }
-            other => {
-                if let Event::Dropped(dropped) = other {
-                    self.dropped += dropped.count;
-                }
-                if let Event::Scene(scene) = other {
-                    self.writer.scene(scene.tick, &scene.name, "", self.newest)?;
-                }
-                self.writer.event(other, self.newest)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-fn now() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
-}
-
-fn about(info: &InfoOk, server: &str) -> About {
-    let wheels =
-        info.rig.wheels.iter().enumerate().map(|(k, wheel)| {
-            wheel.name.clone().unwrap_or_else(|| format!("wheel {}", k + 1)).replace(' ', "_")
-        });
-    let joints = wheels.flat_map(|wheel| ["steer", "drive"].map(|joint| format!("{wheel}.{joint}")));
-    let mut entries = BTreeMap::new();
-    let mut put = |key: &str, value: String| entries.insert(key.to_owned(), value);
-    put("rig_name", info.rig.name.clone());
-    put("rate_hz", info.rig.rate_hz.to_string());
-    put("accuracy", info.accuracy.clone());
-    put("scene", info.scene.to_string());
-    put("server", server.to_owned());
-    About { joints: joints.collect(), entries }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ mod kinds;
 mod new;
 pub(super) mod plot;
 mod shelf;
-pub(super) mod sweep;
+mod watch;
 
 use std::ffi::OsStr;
 use std::io::ErrorKind;
@@ -49,6 +49,11 @@ pub(crate) enum SceneCommand {
     Check {
         #[command(flatten)]
         which: Which,
+        /// Check again on each save of the file, and load the scene into the server
+        #[arg(long)]
+        watch: bool,
+        #[command(flatten, next_help_heading = "With --watch")]
+        to: Commanding,
     },
     /// Load a scene into a running server
     Load {
@@ -122,7 +127,8 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
         SceneCommand::New(args) => new::run(&args)?,
         SceneCommand::Kinds { kind, json } => kinds::run(kind.as_deref(), json)?,
         SceneCommand::Show { address } => show(&address)?,
-        SceneCommand::Check { which } => check(&which)?,
+        SceneCommand::Check { which, watch: true, to } => watch::run(&which, &to)?,
+        SceneCommand::Check { which, .. } => check(&which)?,
         SceneCommand::Load { scene: path, to } => load(&scene(&path)?, &to)?,
         SceneCommand::Plot(args) => plot::run(&args)?,
         SceneCommand::Page { folder } => shelf::page(&folder)?,

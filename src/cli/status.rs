@@ -11,7 +11,8 @@ use hbot_server::service::Status;
 use super::out::foreign;
 use super::{style, terminal};
 
-/// Below this width of the terminal, columns, the status line has its short form.
+/// Below this width of the terminal, columns, the status line has its short form. It adds up
+/// skipped and missed ticks, and so has room for the holder.
 const FULL: usize = 100;
 
 /// Returns the status line: time, mode, orientation, torque, ticks that were late, skipped or
@@ -24,16 +25,20 @@ pub(crate) fn line(status: &Status, columns: usize) -> String {
     let angle = (2.0 * state.q.w.abs().min(1.0).acos()).to_degrees();
     let torque = state.torque.length();
     let (colour, off) = (style::of_mode(mode), style::OFF);
-    let _ = write!(line, "{:8.1} s  {colour}{mode}{off}  ", sample.t_ns as f64 * 1e-9);
+    let t = sample.t_ns as f64 * 1e-9;
     let (late, skipped, missed) = (counters.late, counters.skipped, counters.missed);
-    let _ = if columns < FULL {
-        write!(line, "{angle:5.1} deg  {torque:.3} N m  late {late} skip {skipped} miss {missed}")
+    if columns < FULL {
+        let _ = write!(line, "{t:6.1} s  {colour}{mode}{off}  {angle:5.1} deg  {torque:.3} N m  late {late}");
+        if skipped + missed > 0 {
+            let _ = write!(line, " lost {}", skipped + missed);
+        }
     } else {
-        write!(
+        let _ = write!(
             line,
-            "turned {angle:5.1} deg  torque {torque:.3} N m  late {late} skipped {skipped} missed {missed}"
-        )
-    };
+            "{t:8.1} s  {colour}{mode}{off}  turned {angle:5.1} deg  torque {torque:.3} N m  \
+             late {late} skipped {skipped} missed {missed}"
+        );
+    }
     let plural = if status.clients == 1 { "" } else { "s" };
     let _ = write!(line, "  {} client{plural}", status.clients);
     if let Some(holder) = &status.holder {
@@ -143,8 +148,18 @@ mod tests {
         let shown =
             |status: &Status, columns| anstream::adapter::strip_str(&line(status, columns)).to_string();
         let short = shown(&sample, 80);
-        assert!(short.ends_with("late 0 skip 0 miss 0  1 client") && !short.contains("turned"), "{short}");
-        assert!(shown(&sample, FULL).contains("turned   0.0 deg  torque 0.000 N m"));
+        assert!(short.ends_with("N m  late 0  1 client") && !short.contains("turned"), "{short}");
+        let full = shown(&sample, FULL);
+        assert!(full.contains("turned   0.0 deg  torque 0.000 N m  late 0 skipped 0 missed 0"), "{full}");
+        if let Some(sample) = &mut sample.sample {
+            sample.counters = Counters { late: 12, skipped: 3, missed: 4, ..Counters::default() };
+        }
+        let bad = shown(&sample, 80);
+        assert!(bad.ends_with("late 12 lost 7  1 client"), "{bad}");
+        (sample.sample, sample.holder) = (Some(still()), Some("x".to_owned()));
+        // The mode with the longest name.
+        let held = shown(&sample, 80);
+        assert!(held.contains("unreferenced") && held.ends_with("1 client, held by x"), "{held}");
         sample.holder = Some("the panel of somebody on a machine with a long name".to_owned());
         for columns in [40, 80, 100] {
             let cut = shown(&sample, columns);

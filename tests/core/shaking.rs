@@ -112,12 +112,14 @@ impl Run {
 }
 
 /// The default hand of the simulated rig.
-const DEFAULT: Hand = Hand { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.25, rate: 0.25 };
+const DEFAULT: Hand = Hand::USUAL;
 /// The same hand, holding still.
 const STILL: Hand = Hand { amplitude: 0.0, ..DEFAULT };
 /// A strong hand that swings far, and one that swings as fast as a hand can.
-const STRONG: Hand = Hand { stiffness: 20.0, damping: 0.3, inertia: 4e-3, amplitude: 0.5, rate: 1.5 };
-const FAST: Hand = Hand { stiffness: 20.0, damping: 0.1, inertia: 2e-3, amplitude: 0.1, rate: 6.0 };
+const STRONG: Hand =
+    Hand { stiffness: 20.0, damping: 0.3, inertia: 4e-3, amplitude: 0.5, rate: 1.5, ..DEFAULT };
+const FAST: Hand =
+    Hand { stiffness: 20.0, damping: 0.1, inertia: 2e-3, amplitude: 0.1, rate: 6.0, ..DEFAULT };
 /// A tap, rad/s.
 const TAP: Vec3 = Vec3::new(0.4, -0.5, 0.45);
 

@@ -10,7 +10,6 @@ use hbot_core::outputs::Reply;
 use hbot_core::safety::mode::Mode;
 use hbot_core::{Controller, Vec3};
 use hbot_sim::hand::Grip;
-use hbot_sim::phenomena::Hand;
 use hbot_sim::plant::{Method, Plant, PlantState};
 
 use crate::bench::{altered, assert_finite};
@@ -45,13 +44,7 @@ fn run(config: &RigConfig, file: &SceneFile, seconds: f64) -> Seen {
     let rig = altered(&config.rig, |rig| rig.joints.iter_mut().for_each(|joint| joint.zero = Zero::Assume));
     let scene = RunningScene::new().load(file.clone());
     let mut controller = Controller::new(rig);
-    let hand = file.simulate().and_then(|simulate| simulate.hand).map_or_else(Hand::default, |h| Hand {
-        stiffness: h.stiffness,
-        damping: h.damping,
-        inertia: h.inertia,
-        amplitude: h.amplitude,
-        rate: h.rate,
-    });
+    let hand = file.simulate().and_then(|simulate| simulate.hand).unwrap_or_default();
     let mut plant = Plant::new(&rig.device).unwrap();
     plant.set_sphere_inertia(plant.sphere_inertia() + hand.inertia);
     let mut state = PlantState::default();

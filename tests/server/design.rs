@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use hbot_study::{Interrupt, Study, StudyOptions};
 use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 
@@ -37,21 +36,13 @@ fn assert_is_a_rig(rig: &Path, wheels: &str, state: &Path) {
     assert_eq!(logs, 0, "{path}: {said}");
 }
 
+/// Those of `docs/design`. A test of hbot-study shows that a run writes the designs that it has
+/// measured.
 #[test]
 fn every_rig_file_of_the_design_study_is_checked_and_runs() {
     let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("out");
-    let options = StudyOptions { out: Some(out.clone()), quick: true, counter: None };
-    let (report, _) =
-        hbot_study::run(Study::Design, &options, &Interrupt::default()).expect("nobody stops it");
-    assert!(report.holds());
-    let rigs = rigs(&out);
-    for wheels in ["2w", "3w", "4w"] {
-        let name = format!("design_{wheels}_");
-        let of =
-            rigs.iter().filter(|rig| rig.file_name().is_some_and(|f| f.to_string_lossy().starts_with(&name)));
-        assert!(of.count() >= 5, "{wheels}: {rigs:?}");
-    }
+    let rigs = rigs(&Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/design"));
+    assert_eq!(rigs.len(), 15);
     for rig in &rigs {
         let name = rig.file_name().expect("a name").to_string_lossy().into_owned();
         let wheels = format!("{} wheels", &name["design_".len()..="design_".len()]);

@@ -29,3 +29,4 @@ mod stop;
 mod terminal;
 mod tls;
 mod wall;
+mod web;

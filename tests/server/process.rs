@@ -78,6 +78,16 @@ impl Drop for Process {
     }
 }
 
+/// Kills a program at the end of a test.
+pub(crate) struct Killed(pub(crate) Child);
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 /// A server whose output is not read. The test chooses its port. It is killed at the end of a test
 /// that has not stopped it.
 pub(crate) struct Mute {

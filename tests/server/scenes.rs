@@ -1,10 +1,13 @@
-//! The commands `hbot scene plot`, `list`, `kinds` and `page`.
+//! The commands `hbot scene plot`, `list`, `kinds`, `page` and `check --watch`.
 
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
+use hbot_testing::lines::JsonLines;
+use hbot_testing::patience::eventually;
 use serde_json::Value;
 
-use crate::process::hbot;
+use crate::process::{Killed, Process, hbot, patient_rig};
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
@@ -237,4 +240,39 @@ fn the_page_of_scenes_is_what_the_command_writes() {
         let file = format!("scenes/{}.svg", entry.file);
         assert!(read(docs.join(&file)) == read(out.join(&file)), "docs/{file} is old (HBOT_BLESS=1)");
     }
+}
+
+/// Waits until the server renders a scene of this name.
+fn rendered(server: &Process, name: &str) {
+    let mut client = JsonLines::greeted(&server.address);
+    eventually(name, || client.ask(r#"{"id": 1, "op": "info"}"#)["ok"]["scene"]["name"] == name);
+}
+
+#[test]
+fn check_with_watch_loads_a_scene_on_each_save_and_tells_mistakes() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&["--rig", &patient_rig(temporary.path())], temporary.path());
+    let path = temporary.path().join("mine.toml");
+    let write = |name: &str, stiffness: f64| {
+        let effect = format!("[[effect]]\nid = \"s\"\nkind = \"spring\"\nstiffness = {stiffness}\n");
+        std::fs::write(&path, format!("name = \"{name}\"\n{effect}")).expect("written");
+    };
+    write("First", 1.0);
+    let errors = temporary.path().join("errors");
+    let watching = hbot()
+        .args(["scene", "check", path.to_str().expect("UTF-8"), "--watch", "--server", &server.address])
+        .stdout(Stdio::null())
+        .stderr(std::fs::File::create(&errors).expect("a file"))
+        .spawn();
+    let watching = Killed(watching.expect("the binary runs"));
+    rendered(&server, "First");
+    write("A mistake", -1.0);
+    eventually("the mistake", || std::fs::read_to_string(&errors).expect("a file").contains("mine.toml:5"));
+    rendered(&server, "First");
+    write("Second", 2.0);
+    rendered(&server, "Second");
+    drop(watching);
+    let ready_made = hbot().args(["scene", "check", "spring", "--watch"]).output().expect("it runs");
+    let said = String::from_utf8_lossy(&ready_made.stderr).into_owned();
+    assert!(said.contains("spring: a ready-made scene does not change"), "{said}");
 }

@@ -11,7 +11,7 @@ use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 
-use crate::process::{Process, hbot, patient_rig};
+use crate::process::{Killed, Process, hbot, patient_rig};
 
 const COLUMNS: u16 = 80;
 
@@ -70,16 +70,6 @@ fn assert_fit(text: &str) {
     }
 }
 
-/// Kills a program at the end of a test.
-struct Killed(Child);
-
-impl Drop for Killed {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 #[test]
 fn the_server_s_banner_and_status_line_end_at_80_columns() {
     let state = tempfile::tempdir().expect("a folder");
@@ -91,7 +81,7 @@ fn the_server_s_banner_and_status_line_end_at_80_columns() {
     assert_fit(&start);
     let shown = lines(&start);
     assert!(shown.iter().any(|line| line.contains("orientation takes")), "{start}");
-    let status = shown.iter().find(|line| line.contains(" miss ")).expect("a status line");
+    let status = shown.iter().find(|line| line.contains(" late ")).expect("a status line");
     assert!(status.ends_with("  0 clients"), "{status:?}");
     let address = shown.iter().find(|line| line.contains("listen")).expect("an address");
     let address = address.split_whitespace().last().expect("an address").to_owned();
@@ -101,7 +91,7 @@ fn the_server_s_banner_and_status_line_end_at_80_columns() {
     client.ask(r#"{"id": 2, "op": "acquire"}"#);
     let held = terminal.read_until("…");
     assert_fit(&held);
-    assert!(held.contains("1 client, hel"), "{held}");
+    assert!(held.contains("1 client, held by xxx"), "{held}");
 }
 
 #[test]

@@ -65,10 +65,11 @@ def test_a_step_takes_its_ticks_and_its_torque_acts(env: Any) -> None:
     away = turns.log(turns.times(info["state"].q, turns.conjugate(goal)))
     assert np.linalg.norm(away) == pytest.approx(0.4, abs=1e-5)
     push = np.array([0.0, 0.0, 0.02], np.float32)
-    ticks, ages = [info["state"].tick], []
+    ticks, ages, torques = [info["state"].tick], [], []
     for _ in range(40):
         observation, reward, terminated, truncated, info = env.step(push)
         state = info["state"]
+        torques.append(observation["torque"])
         ticks.append(state.tick)
         assert ticks[-1] - ticks[-2] == EVERY + info["skipped"]
         assert (terminated, truncated) == (False, False)
@@ -76,7 +77,8 @@ def test_a_step_takes_its_ticks_and_its_torque_acts(env: Any) -> None:
         assert reward == pytest.approx(-np.linalg.norm(away), abs=1e-6)
         if state.client is not None:
             ages.append(state.client.age_ticks)
-    assert observation["torque"] == pytest.approx(push, abs=1e-6)
+    # A busy machine can leave this program so little time that the torque ends between two steps.
+    assert any(torque == pytest.approx(push, abs=1e-6) for torque in torques)
     # The torque of a step is computed from the state before it.
     assert min(ages) == EVERY
     again, _ = env.reset(seed=3, options={"goal": state.q})
@@ -90,12 +92,13 @@ def test_a_slow_program_gets_the_next_state_and_is_told_what_it_skipped(env: Any
     time.sleep(ticks / RATE_HZ)  # Its subject is time.
     *_, info = env.step(np.zeros(3))
     assert info["skipped"] == info["state"].tick - before - EVERY >= ticks - 2 * EVERY
-    *_, info = env.step(np.zeros(3))
-    assert info["skipped"] < ticks - 2 * EVERY, "it has caught up"
+    later = [env.step(np.zeros(3))[-1]["skipped"] for _ in range(10)]
+    assert min(later) < ticks - 2 * EVERY, "it has caught up"
 
 
 def test_an_episode_ends_at_the_goal_and_a_stop_is_an_error(server: Server) -> None:
-    env = hbot.gym.Env(server.address, every=EVERY, tolerance=1.0)
+    # No orientation is further away than pi, so the first step is at the goal, wherever it turns.
+    env = hbot.gym.Env(server.address, every=EVERY, tolerance=3.2)
     env.reset()
     assert env.step(np.zeros(3))[2]
     with hbot.connect(server.address) as other:

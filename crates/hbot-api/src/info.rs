@@ -43,6 +43,16 @@ pub struct InfoOk {
     pub scene: Value,
     /// Warnings about the running scene, as in the answer to `load_scene`.
     pub warnings: Vec<String>,
+    /// Largest stiffness with which the loop is expected to keep the running scene stable, for each
+    /// stiffness in it, the rest of the scene unchanged. `None` until the server has computed it
+    /// for the present values, or if it does not send this field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stable: Option<Vec<StableInfo>>,
+    /// Torque of the running scene about n1, n2 and n3, each as pairs of the angle about this axis
+    /// from the scene's anchor, rad, and the torque about it, N m: from minus half a turn to half a
+    /// turn and back. `None` as for `stable`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub curves: Option<[Vec<[f64; 2]>; 3]>,
     /// Largest torque on the sphere about each axis of frame N (n1, n2, n3) at the present steer
     /// angles, N m. `None` before the first tick.
     #[serde(serialize_with = "finite::optional_array")]
@@ -56,6 +66,18 @@ pub struct InfoOk {
     /// and who stopped it. `None` in other modes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub incident: Option<FaultEvent>,
+}
+
+/// The largest stiffness of an effect with which the running scene is stable.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StableInfo {
+    /// Id of the effect.
+    pub effect: String,
+    /// Axis of the effect's reference, 1 to 3, if its stiffness is a matrix. `None`: all axes.
+    pub axis: Option<u8>,
+    /// The stiffness, N m/rad.
+    #[serde(serialize_with = "finite::scalar")]
+    pub stiffness: f64,
 }
 
 /// Description of the rig: its sphere, wheels and tick rate.

@@ -93,7 +93,8 @@ pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
 pub use info::{
     ClientLostPolicy, ClockInfo, EnergyInfo, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
-    LoopInfo, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, TractionInfo, WheelInfo,
+    LoopInfo, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, StableInfo, TractionInfo,
+    WheelInfo,
 };
 pub use model::{
     Impedance, MAX_ASYMMETRY, MAX_BLEND_MS, MAX_OFFSET, MAX_PLANES, ModelCommand, ModelOk, PlaneCommand,

@@ -33,6 +33,7 @@ mod legal;
 pub mod rig;
 pub mod scene;
 mod schema;
+pub mod sweep;
 mod text;
 mod validate;
 

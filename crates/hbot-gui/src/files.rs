@@ -6,36 +6,84 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::Context as _;
 use hbot_api::StateTiming;
 use hbot_config::SceneFile;
+use hbot_config::scene::{SHELF, ShelfScene};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::model::PlotSample;
 
-/// A scene file from which the user can choose.
+/// Where a scene comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Source {
+    /// It is compiled into the program.
+    ReadyMade(ShelfScene),
+    File(PathBuf),
+}
+
+impl Source {
+    /// Returns the name for the list of scenes. The name of a file that a ready-made scene has too
+    /// is followed by its folder.
+    pub(crate) fn name(&self) -> String {
+        match self {
+            Self::ReadyMade(scene) => scene.file.to_owned(),
+            Self::File(path) => {
+                let stem = stem(path);
+                match path.parent() {
+                    Some(folder) if ShelfScene::named(&stem).is_some() => {
+                        format!("{stem} ({})", folder.display())
+                    }
+                    _ => stem,
+                }
+            }
+        }
+    }
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// A scene from which the user can choose.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ShelfFile {
-    pub(crate) path: PathBuf,
-    /// When the file was last changed. `None` if the file system does not tell.
+    pub(crate) source: Source,
+    /// When the file was last changed. `None` if there is no file or the file system does not tell.
     modified: Option<SystemTime>,
     /// The sentence that says what the scene feels like, or what is wrong with the file.
     description: Result<String, String>,
+    /// Whether the file is that of a ready-made scene.
+    is_copy: bool,
 }
 
 impl ShelfFile {
+    fn ready_made(scene: ShelfScene) -> Self {
+        let description = Ok(scene.scene().description().to_owned());
+        Self { source: Source::ReadyMade(scene), modified: None, description, is_copy: false }
+    }
+
     /// Reads the description of the scene in a file. Takes it from `known` if the file has not
     /// changed since.
     fn at(path: PathBuf, known: &[Self]) -> Self {
         let modified = std::fs::metadata(&path).and_then(|file| file.modified()).ok();
-        let same = |file: &&Self| file.path == path && file.modified == modified && modified.is_some();
+        let source = Source::File(path.clone());
+        let same = |file: &&Self| file.source == source && file.modified == modified && modified.is_some();
         if let Some(file) = known.iter().find(same) {
             return file.clone();
         }
-        let description = match SceneFile::from_path(&path) {
+        let scene = SceneFile::from_path(&path);
+        let ready_made = ShelfScene::named(&stem(&path)).map(ShelfScene::scene);
+        let is_copy = ready_made.is_some() && ready_made == scene.as_ref().ok().cloned();
+        let description = match scene {
             Ok(scene) => Ok(scene.description().to_owned()),
             // Mistakes are told in full when the user loads the file.
             Err(_) => Err("This file has mistakes: load it to read them.".to_owned()),
         };
-        Self { path, modified, description }
+        Self { source, modified, description, is_copy }
+    }
+
+    /// Returns whether the file is that of a ready-made scene, which is in the list already.
+    pub(crate) fn is_copy(&self) -> bool {
+        self.is_copy
     }
 
     /// Returns the description of the scene, or what to say in its place.
@@ -47,22 +95,30 @@ impl ShelfFile {
     }
 }
 
-/// Returns the scene files (`*.toml`) in a folder, sorted by name. Returns an empty list if the
-/// folder cannot be read. `known` is the list that this function returned before.
+/// Returns the ready-made scenes, and after them the scene files (`*.toml`) in a folder, sorted by
+/// name. Copies of ready-made scenes are marked. `known` is the list that this function returned
+/// before.
 pub(crate) fn scenes(folder: &Path, known: &[ShelfFile]) -> Vec<ShelfFile> {
+    let count = SHELF.len();
+    let mut all = match known.get(..count) {
+        Some(ready_made) => ready_made.to_vec(),
+        None => SHELF.iter().copied().map(ShelfFile::ready_made).collect(),
+    };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut files: Vec<_> = entries
-        .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
-        .map(|path| ShelfFile::at(path, known))
-        .collect();
-    files.sort_by(|a, b| a.path.cmp(&b.path));
-    files
+    let paths =
+        entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "toml"));
+    let mut paths: Vec<_> = paths.collect();
+    paths.sort();
+    all.extend(paths.into_iter().map(|path| ShelfFile::at(path, known)));
+    all
 }
 
-/// Reads a scene file, and returns the scene in the form that the op `load_scene` accepts.
-pub(crate) fn load(path: &Path) -> anyhow::Result<Value> {
-    Ok(SceneFile::from_path(path)?.to_json())
+/// Reads a scene, and returns it in the form that the op `load_scene` accepts.
+pub(crate) fn load(source: &Source) -> anyhow::Result<Value> {
+    match source {
+        Source::ReadyMade(scene) => Ok(scene.scene().to_json()),
+        Source::File(path) => Ok(SceneFile::from_path(path)?.to_json()),
+    }
 }
 
 /// Writes a scene to a TOML file. If writing fails, an existing file at this path stays unchanged.
@@ -89,6 +145,50 @@ pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<Pa
     };
     write().with_context(|| format!("cannot write {}", path.display()))?;
     Ok(path)
+}
+
+/// A recording or a flight log that the user can open.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ReelFile {
+    pub(crate) path: PathBuf,
+    pub(crate) modified: SystemTime,
+    pub(crate) bytes: u64,
+}
+
+/// Returns the recordings (`*.mcap`) in a folder, at most `most`, the newest first. Returns an
+/// empty list if the folder cannot be read.
+pub(crate) fn reels(folder: &Path, most: usize) -> Vec<ReelFile> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let paths =
+        entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "mcap"));
+    let mut files: Vec<_> = paths
+        .filter_map(|path| {
+            let about = std::fs::metadata(&path).ok()?;
+            Some(ReelFile { path, modified: about.modified().ok()?, bytes: about.len() })
+        })
+        .collect();
+    files.sort_by(|a, b| b.modified.cmp(&a.modified).then_with(|| a.path.cmp(&b.path)));
+    files.truncate(most);
+    files
+}
+
+/// Returns the path of a new recording in `folder`: with the given name, or else with the time
+/// `now` in UTC.
+pub(crate) fn new_reel(folder: &Path, name: &str, now: SystemTime) -> PathBuf {
+    let name = name.trim_end_matches(".mcap");
+    if !name.is_empty() {
+        return folder.join(format!("{name}.mcap"));
+    }
+    let seconds = now.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    folder.join(format!("hbot-{seconds}.mcap"))
+}
+
+/// Returns the folder in which a server on this computer keeps its flight logs, in the user's state
+/// directory (XDG base directories).
+pub(crate) fn flight_folder() -> Option<PathBuf> {
+    let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let state = absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")));
+    state.map(|state| state.join("hbot/flight"))
 }
 
 /// The columns before those of the joints, in SI units except for times in us. Each has the meaning
@@ -165,15 +265,20 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let scenes_of_the_project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         let files = scenes(&scenes_of_the_project, &[]);
-        assert!(files.len() >= 3, "{files:?}");
         assert!(files.iter().all(|file| file.said().ends_with('.')), "{files:?}");
         assert_eq!(scenes(&scenes_of_the_project, &files), files);
-        for ShelfFile { path: file, .. } in files {
-            let scene = load(&file).expect("legal");
-            let path = folder.path().join("saved.toml");
+        let offered = files.iter().filter(|file| !file.is_copy()).count();
+        assert_eq!(offered, SHELF.len(), "the files of the project are the ready-made scenes");
+        let path = folder.path().join("spring.toml");
+        for ShelfFile { source, .. } in files {
+            let scene = load(&source).expect("legal");
             save(&path, &scene).expect("written");
-            assert_eq!(load(&path).expect("legal"), scene, "{}", file.display());
+            assert_eq!(load(&Source::File(path.clone())).expect("legal"), scene, "{}", source.name());
         }
+        // The user's own file is added to the ready-made scenes, also if it has the name of one.
+        let mine = scenes(folder.path(), &[]).pop().expect("it is the last");
+        assert!(!mine.is_copy());
+        assert_eq!(mine.source.name(), format!("spring ({})", folder.path().display()));
     }
 
     /// Returns the names of the columns for a field of a state.

@@ -19,6 +19,7 @@ mod model;
 mod net;
 mod panel;
 mod picture;
+mod recorded;
 mod shape;
 mod view;
 

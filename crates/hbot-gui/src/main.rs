@@ -36,7 +36,7 @@ struct Args {
     /// Only watch: do not take command automatically
     #[arg(long)]
     observe: bool,
-    /// Folder with scenes to choose from
+    /// Folder with your scene files, which are listed after the ready-made ones
     #[arg(long, value_name = "DIR", default_value = "scenes")]
     scenes: PathBuf,
     /// Folder for exported samples
@@ -49,7 +49,7 @@ struct Args {
     #[arg(long, value_enum, default_value_t = Theme::System)]
     theme: Theme,
     /// Size of the window, points, 900x600 to 10000x10000
-    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x800", value_parser = size)]
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x760", value_parser = size)]
     size: [f32; 2],
     /// Save a picture of the window as a PNG file, then exit
     #[arg(long, value_name = "FILE", value_parser = PathBufValueParser::new().try_map(png))]

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 use eframe::egui::{self, Event, Key, Ui};
 
 use crate::files;
-use crate::model::{Judged, Model};
-use crate::net::{Delivery, Intent, Network, News, PanelOptions};
+use crate::model::{Film, Judged, Model};
+use crate::net::{Delivery, Intent, Network, News, PanelOptions, Recorder};
+use crate::recorded::Recorded;
 use crate::view::{self, Act, Desk, theme};
 
 /// Longest time between two frames of the window. Clocks and countdowns in the window are late by
@@ -25,6 +27,12 @@ pub struct Panel {
     delivery: Delivery,
     /// Folder in which exported samples are saved.
     out: PathBuf,
+    /// The settings of the connection, for a recording.
+    options: PanelOptions,
+    /// The recording that the panel makes.
+    recorder: Option<Recorder>,
+    /// Recordings that a thread has read, to be shown.
+    opened: (Sender<Recorded>, Receiver<Recorded>),
     /// The present title of the window.
     title: String,
 }
@@ -49,15 +57,19 @@ impl Panel {
         let model = Model::new(&options.server, &options.name, options.samples_per_s);
         let waker = ctx.clone();
         let desk = Desk::new(folders.scenes, &options.server)
-            .judged_by(Judged::apart(move || waker.request_repaint()));
+            .judged_by(Judged::apart(move || waker.request_repaint()))
+            .recording_to(folders.out.clone());
         let waker = ctx.clone();
-        let network = Network::start(options, Arc::new(move || waker.request_repaint()))?;
+        let network = Network::start(options.clone(), Arc::new(move || waker.request_repaint()))?;
         Ok(Self {
             model,
             desk,
             network,
             delivery: Delivery::default(),
             out: folders.out,
+            options,
+            recorder: None,
+            opened: channel(),
             title: String::new(),
         })
     }
@@ -73,6 +85,9 @@ impl Panel {
     pub fn catch_up(&mut self) {
         self.network.mailbox.take(&mut self.delivery);
         self.model.take(&mut self.delivery);
+        if let Ok(recorded) = self.opened.1.try_recv() {
+            self.desk.open(Film::new(Arc::new(recorded)));
+        }
     }
 
     /// Draws one frame, and carries out what the user has asked for in it.
@@ -92,7 +107,10 @@ impl Panel {
 
     /// Sets the title of the window, if it has changed.
     fn retitle(&mut self, ctx: &egui::Context) {
-        let title = self.model.title();
+        let title = match self.desk.film() {
+            Some(film) => format!("RECORDING: {} - hbot panel", film.name()),
+            None => self.model.title(),
+        };
         if title != self.title {
             ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
             self.title = title;
@@ -102,7 +120,7 @@ impl Panel {
     fn obey(&mut self, act: Act) {
         match act {
             Act::Ask(intent) => self.ask(intent),
-            Act::LoadFile(path) => match files::load(&path) {
+            Act::LoadScene(source) => match files::load(&source) {
                 Ok(scene) => self.ask(Intent::Load { scene }),
                 Err(error) => self.network.mailbox.post(News::Note(Err(format!("{error:#}")))),
             },
@@ -114,15 +132,42 @@ impl Panel {
             Act::Export(samples) => {
                 // An export writes megabytes, so it does not run in the window's thread.
                 let (mailbox, out) = (Arc::clone(&self.network.mailbox), self.out.clone());
-                let export = move || {
+                self.apart("hbot-export", move || {
                     let told = files::export(&out, &samples)
                         .map(|path| format!("{} samples in {}", samples.len(), path.display()));
                     mailbox.post(News::Note(told.map_err(|error| format!("{error:#}"))));
-                };
-                if let Err(error) = std::thread::Builder::new().name("hbot-export".to_owned()).spawn(export) {
-                    self.network.mailbox.post(News::Note(Err(error.to_string())));
+                });
+            }
+            Act::Record(path) => {
+                let options = PanelOptions { server: self.model.server.clone(), ..self.options.clone() };
+                match Recorder::start(options, path, Arc::clone(&self.network.mailbox)) {
+                    Ok(recorder) => self.recorder = Some(recorder),
+                    Err(error) => self.network.mailbox.post(News::Note(Err(error.to_string()))),
                 }
             }
+            Act::EndRecording => {
+                // The end waits for the disk, so it does not run in the window's thread.
+                let recorder = self.recorder.take();
+                self.apart("hbot-recorder-end", move || drop(recorder));
+            }
+            Act::Open(path) => {
+                let (mailbox, opened) = (Arc::clone(&self.network.mailbox), self.opened.0.clone());
+                self.apart("hbot-open", move || match Recorded::read(&path) {
+                    Ok(recorded) => {
+                        // The window may have gone.
+                        let _ = opened.send(recorded);
+                        mailbox.post(News::Note(Ok(format!("opened {}", path.display()))));
+                    }
+                    Err(error) => mailbox.post(News::Note(Err(format!("{error:#}")))),
+                });
+            }
+        }
+    }
+
+    /// Runs work that can take long in a thread of its own.
+    fn apart(&self, name: &str, work: impl FnOnce() + Send + 'static) {
+        if let Err(error) = std::thread::Builder::new().name(name.to_owned()).spawn(work) {
+            self.network.mailbox.post(News::Note(Err(error.to_string())));
         }
     }
 

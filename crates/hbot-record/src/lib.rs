@@ -3,12 +3,14 @@
 //! - [`writer`] writes a recording: public topics that viewers understand ([`public`],
 //!   [`messages`], [`topic`]), and one private topic that holds what a replay needs, bit for bit
 //!   ([`exact`]).
+//! - [`client`] records what a client receives.
 //! - [`reader`] reads a recording, also one that is cut off or damaged.
 //! - [`told`] reads public messages back, and [`recover`] makes a whole file of a cut one.
 //! - [`replay`] runs the recorded inputs through the control law and compares the outputs.
 //!
 //! docs/recordings.md describes the files.
 
+pub mod client;
 mod difference;
 pub mod exact;
 mod index;
@@ -22,6 +24,7 @@ pub mod told;
 pub mod topic;
 pub mod writer;
 
+pub use client::ClientRecording;
 pub use exact::Exact;
 pub use reader::Reader;
 pub use replay::Replay;

@@ -5,6 +5,8 @@
 //! about all three axes along sines with incommensurate frequencies, so the motion never repeats
 //! exactly. The target depends on time alone: equal times give equal bits.
 //!
+//! A hand with an angle sweeps about one axis instead, to this angle and back.
+//!
 //! A [`Guide`] tells the hand where to turn the sphere instead.
 
 use core::f64::consts::TAU;
@@ -117,7 +119,7 @@ impl Grip {
     #[must_use]
     pub fn guided(guide: &Guide, since: f64, q: Quat) -> Self {
         let Guide { q: to, over_s, stiffness, damping, inertia } = *guide;
-        let hand = Hand { stiffness, damping, inertia, amplitude: 0.0, rate: 0.0 };
+        let hand = Hand { stiffness, damping, inertia, amplitude: 0.0, rate: 0.0, ..Hand::default() };
         let omega = if over_s > 0.0 { rotation::difference(to, q) / over_s } else { Vec3::ZERO };
         let turn = Turn { to, omega, until: since + over_s.max(0.0) };
         Self { hand, since, start: q, turn: Some(turn) }
@@ -152,6 +154,15 @@ impl Grip {
         let age = t - self.since;
         if !(age > 0.0) {
             return HandTarget { q: self.start, omega: Vec3::ZERO };
+        }
+        if self.hand.angle != 0.0 {
+            let axis = Vec3::from_array(self.hand.axis).normalize_or_zero();
+            // The sweep begins at rest, so it needs no rising amplitude.
+            let pace = TAU * self.hand.rate;
+            let (s, c) = libm::sincos(pace * age);
+            let angle = self.hand.angle * 0.5 * (1.0 - c);
+            let rate = self.hand.angle * 0.5 * pace * s;
+            return HandTarget { q: rotation::exp(axis * angle) * self.start, omega: axis * rate };
         }
         // The amplitude's factor rises from 0 to 1 without a jump in rate or acceleration at either
         // end.
@@ -239,6 +250,26 @@ mod tests {
             assert!(turn.length() <= amplitude * 3.0f64.sqrt());
         }
         assert!(widest.min_element() > 0.75 * amplitude, "{widest}");
+    }
+
+    #[test]
+    fn a_hand_with_an_angle_sweeps_about_its_axis_there_and_back() {
+        let start = rotation::exp(Vec3::new(0.3, -0.2, 1.0));
+        // The axis need not be a unit vector.
+        let hand = Hand { axis: [0.0, 0.0, -2.0], angle: 0.7, rate: 0.25, ..Hand::default() };
+        let grip = Grip::new(hand, 4.0, start);
+        // The tolerances are rounding.
+        for (t, part) in [(3.0, 0.0), (4.0, 0.0), (5.0, 0.5), (6.0, 1.0), (7.0, 0.5), (8.0, 0.0)] {
+            let turned = rotation::difference(grip.target(t).q, start);
+            assert!((turned - Vec3::Z * (-0.7 * part)).length() < 1e-14, "t = {t}: {turned}");
+        }
+        assert!(grip.target(6.0).omega.length() < 1e-14 && grip.target(8.0).omega.length() < 1e-14);
+        for t in [4.3, 5.0, 6.7, 21.1] {
+            let h = 1e-4;
+            let turn = rotation::difference(grip.target(t + h).q, grip.target(t - h).q) / (2.0 * h);
+            // The error of central differences is h² times a third derivative of order 1.
+            assert!((turn - grip.target(t).omega).length() < 1e-7, "t = {t}");
+        }
     }
 
     #[test]

@@ -7,11 +7,11 @@ use anyhow::{Context as _, anyhow, ensure};
 use clap::Args;
 use hbot_config::SceneFile;
 use hbot_config::advice::Abilities;
+use hbot_config::sweep::{Curves, Probe};
 use hbot_core::Vec3;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
 use super::super::out::refuse_folder;
-use super::sweep::{Curves, Probe};
 use super::{Which, say, warn};
 
 /// Options of `hbot scene plot`.

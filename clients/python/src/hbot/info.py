@@ -211,6 +211,18 @@ class ReadyScene:
 
 
 @dataclass(frozen=True, slots=True)
+class StableStiffness:
+    """The largest stiffness of an effect with which the running scene is stable."""
+
+    effect: str
+    """Id of the effect."""
+    axis: int | None
+    """Axis of the effect's reference, 1 to 3, if its stiffness is a matrix. None: all axes."""
+    stiffness: float
+    """The stiffness, N m/rad."""
+
+
+@dataclass(frozen=True, slots=True)
 class ModeWords:
     """What a mode of the rig means, for people."""
 
@@ -295,6 +307,16 @@ class Info:
     """What each fault means, and what to do about it."""
     warnings: tuple[str, ...] = ()
     """Warnings about the running scene, as in the answer to `load_scene`."""
+    stable: tuple[StableStiffness, ...] | None = None
+    """Largest stiffness of each effect with which the running scene is stable.
+
+    None until the server has computed it: ask again after a second.
+    """
+    curves: tuple[tuple[tuple[float, float], ...], ...] | None = None
+    """Torque of the running scene against angle about n1, n2 and n3: pairs of rad and N m.
+
+    From minus half a turn from the scene's anchor to half a turn and back. None as `stable`.
+    """
     mode: Mode | None = None
     """Mode of the rig in the newest tick. None before the first."""
     incident: FaultEvent | None = None

@@ -9,11 +9,14 @@
 
 mod abilities;
 mod axis;
+mod border;
 mod bound;
 mod complex;
 mod finding;
 mod held;
 mod inertia;
+#[cfg(feature = "info")]
+mod info;
 mod judge;
 mod lasting;
 mod limit;
@@ -25,8 +28,11 @@ mod sampled;
 mod told;
 
 pub use abilities::{Abilities, in_vain};
+pub use border::{StiffnessBorder, StiffnessKey};
 pub use bound::{StiffnessBound, USUAL_DAMPING};
 pub use finding::{Cure, Finding, Why};
+#[cfg(feature = "info")]
+pub use info::{told_limits, told_rig};
 pub use judge::Judge;
 pub use model_bound::{ModelBound, UnstableModel, smallest_eigenvalue};
 pub use rates::{RateAdvice, RatePick, RateQuality};

@@ -19,7 +19,7 @@ use serde_json::{Map, Value, json};
 
 pub use self::catalogue::{Listed, Parameter, kinds, phenomena};
 pub use self::kinds::IdleKey;
-use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KindEntry};
+use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KindEntry, unit_vector};
 pub use self::running::{EffectPlace, RunningScene, SetError};
 pub use self::shelf::{SHELF, ShelfScene};
 pub use self::simulate::{
@@ -178,6 +178,9 @@ impl SceneFile {
             }
         }
         let top = if report.clean_under("") { decode::<Top>(&tree, "", &mut report) } else { None };
+        if let Some(hand) = top.as_ref().and_then(|top| top.simulate?.hand) {
+            unit_vector(hand.axis, "simulate.hand.axis", &mut report);
+        }
         report.finish(top.map(|top| Self {
             name: top.name,
             description: top.description,

@@ -247,6 +247,14 @@ fn phenomena_are_there_where_they_are_named() {
     assert_eq!(scene("[simulate]\nhand = {}").simulate().unwrap().hand, Some(Hand::default()));
     let hand = scene("[simulate]\nhand = { rate = 1 }").simulate().unwrap().hand.unwrap();
     assert_eq!(hand, Hand { rate: 1.0, ..Hand::default() });
+    let hand =
+        scene("[simulate]\nhand = { axis = [0, 0, 2], angle = '-40 deg' }").simulate().unwrap().hand.unwrap();
+    let angle = -40.0_f64.to_radians();
+    assert_eq!(hand, Hand { axis: [0.0, 0.0, 2.0], angle, ..Hand::default() });
+    assert_eq!(
+        said("[simulate]\nhand = { axis = [0, 0, 0] }"),
+        "x.toml:2:17: simulate.hand.axis: the vector has no length; legal: [x, y, z], not all zero"
+    );
     assert_eq!(
         said("[simulate]\nhands = {}"),
         "x.toml:2:1: simulate.hands: unknown key (did you mean `hand`?); legal: joint_friction, \

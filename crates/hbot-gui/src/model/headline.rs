@@ -38,7 +38,7 @@ impl Model {
         match (&self.link, &self.state) {
             (Link::Offline { .. }, _) => Headline::NoContact,
             _ if self.silent_for().is_some() => Headline::NoContact,
-            (Link::Online(_), Some(state)) => Headline::Mode(state.mode),
+            (Link::Online(_) | Link::Recording, Some(state)) => Headline::Mode(state.mode),
             _ => Headline::NoState,
         }
     }

@@ -5,13 +5,15 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
 
 use hbot_api::InfoOk;
-use hbot_config::advice::{Abilities, Told};
+use hbot_config::advice::{Abilities, StiffnessKey, Told};
+use hbot_config::sweep::{Points, Probe};
 use hbot_config::{RunningScene, SceneFile};
 use serde_json::Value;
 
-use super::border::{self, Key};
 use super::reach::{Reach, reach};
 
+/// Number of points of a curve of torque against angle.
+const POINTS: usize = 120;
 /// Number of answers that are kept: more than the rows of a panel.
 const KEPT: usize = 12;
 
@@ -45,9 +47,11 @@ struct Question {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum About {
     Warnings,
+    /// The torque of the scene against angle.
+    Curves,
     /// The border of a stiffness, at most `most`.
     Border {
-        key: Key,
+        key: StiffnessKey,
         most: f64,
     },
 }
@@ -56,7 +60,7 @@ impl About {
     /// Returns whether an answer to `other` is an older answer to this question.
     fn replaces(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Warnings, Self::Warnings) => true,
+            (Self::Warnings, Self::Warnings) | (Self::Curves, Self::Curves) => true,
             (Self::Border { key, .. }, Self::Border { key: older, .. }) => key == older,
             _ => false,
         }
@@ -66,6 +70,7 @@ impl About {
 #[derive(Clone, Debug)]
 enum Answer {
     Warnings(Vec<String>),
+    Curves(Option<[Points; 3]>),
     Border(Option<f64>),
 }
 
@@ -76,9 +81,13 @@ impl Question {
                 let file = SceneFile::from_json(self.scene.clone()).ok();
                 Answer::Warnings(file.map(|file| abilities.warnings(&file)).unwrap_or_default())
             }
+            About::Curves => {
+                let file = SceneFile::from_json(self.scene.clone()).ok();
+                Answer::Curves(file.map(|file| Probe::new(&file).about_axes(POINTS)))
+            }
             About::Border { key, most } => {
                 let judge = abilities.judge.as_ref();
-                Answer::Border(judge.and_then(|judge| border::border(judge, &self.scene, key, most)))
+                Answer::Border(judge.and_then(|judge| judge.stiffness_border(&self.scene, key, most)))
             }
         }
     }
@@ -113,6 +122,15 @@ impl Judged {
         }
     }
 
+    /// Returns the torque of `scene` about n1, n2 and n3, N m, against the angle about this axis
+    /// from the scene's anchor, rad. Returns `None` if it is not known.
+    pub(crate) fn curves(&mut self, scene: &Value) -> Option<&[Points; 3]> {
+        match self.ask(Question { about: About::Curves, scene: scene.clone() }) {
+            Some(Answer::Curves(curves)) => curves.as_ref(),
+            _ => None,
+        }
+    }
+
     /// Returns where the effect with the index `effect` of `scene` reaches the torque `limit`, N m.
     /// Returns `None` if it has no torque at rest, or if the panel does not know the scene.
     pub(crate) fn reach(&mut self, scene: &Value, effect: usize, limit: f64) -> Option<Reach> {
@@ -127,9 +145,9 @@ impl Judged {
         found
     }
 
-    /// Returns the largest stiffness at `key` with which the loop keeps `scene` stable, in the unit
-    /// of the parameter; at most `most`. Returns `None` if it is not known.
-    pub(crate) fn border(&mut self, scene: &Value, key: Key, most: f64) -> Option<f64> {
+    /// Returns the largest stiffness at `key` with which the loop keeps `scene` stable, N m/rad; at
+    /// most `most`. Returns `None` if it is not known.
+    pub(crate) fn border(&mut self, scene: &Value, key: StiffnessKey, most: f64) -> Option<f64> {
         let scene = key.put(scene, Value::Null);
         match self.ask(Question { about: About::Border { key, most }, scene }) {
             Some(Answer::Border(border)) => *border,
@@ -267,7 +285,7 @@ mod tests {
     /// The window never waits: until the thread has answered, it has the last answer.
     #[test]
     fn a_thread_comes_to_the_same_answers() {
-        let key = Key { effect: 0, name: "stiffness", axis: None };
+        let key = StiffnessKey { effect: 0, axis: None };
         let (mut at_once, (woken, wakes)) = (Judged::default(), channel());
         let mut apart = Judged::apart(move || woken.send(()).unwrap_or_default());
         at_once.take(&told());

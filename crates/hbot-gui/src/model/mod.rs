@@ -1,7 +1,7 @@
 //! Everything that the panel knows. The views only read it. [`Model::take`] changes it with what
 //! arrives from the server, and [`Model::asked`] with what the user asks.
 
-mod border;
+mod film;
 mod fit;
 mod headline;
 mod histogram;
@@ -26,7 +26,7 @@ use hbot_api::{
     StatsOk,
 };
 
-pub(crate) use border::Key;
+pub(crate) use film::Film;
 pub(crate) use fit::{Fit, fit};
 pub(crate) use headline::{Headline, person};
 pub(crate) use histogram::{BINS, Histogram};
@@ -38,7 +38,7 @@ pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 pub(crate) use stop::{PendingStop, has_torque};
 
-use crate::net::{Delivery, Intent, Lease, News};
+use crate::net::{Delivery, Intent, Lease, News, Progress};
 use crate::shape::Placing;
 use own::OwnSessions;
 use sample::quaternion;
@@ -58,6 +58,8 @@ pub(crate) enum Link {
         again: Instant,
     },
     Online(HelloOk),
+    /// There is none: the model is that of a recording at one of its moments.
+    Recording,
 }
 
 /// Everything that the panel knows about the server and the rig: the connection, the newest state,
@@ -103,6 +105,8 @@ pub(crate) struct Model {
     /// lowered.
     pub(crate) shaking: Option<ShakingEvent>,
     pub(crate) messages: Messages,
+    /// The recording that the panel makes.
+    pub(crate) recording: Option<Progress>,
     /// Number of states lost on the way to the panel since the connection was made.
     pub(crate) dropped: u64,
     /// Number of state messages per second that the panel requests from the server.
@@ -137,6 +141,7 @@ impl Model {
             fault: None,
             shaking: None,
             messages: Messages::default(),
+            recording: None,
             dropped: 0,
             samples_per_s,
         }
@@ -154,9 +159,10 @@ impl Model {
     }
 
     /// Returns whether what the window shows is what the rig does now: the panel is connected and
-    /// receives states.
+    /// receives states. A recording is always at its moment.
     pub(crate) fn is_live(&self) -> bool {
-        self.is_online() && self.state.is_some() && self.silent_for().is_none()
+        let is_recorded = matches!(self.link, Link::Recording);
+        (is_recorded || self.is_online()) && self.state.is_some() && self.silent_for().is_none()
     }
 
     /// Returns whether the user can rely on what the window shows: it is live, and no stop of the
@@ -169,6 +175,11 @@ impl Model {
     /// silent, and no other client holds the lease.
     pub(crate) fn may_command(&self) -> bool {
         self.is_online() && self.silent_for().is_none() && !matches!(self.lease, Lease::Other(_))
+    }
+
+    /// Returns whether the user can turn the sphere by the hand of the simulated rig.
+    pub(crate) fn has_hand(&self) -> bool {
+        self.is_live() && self.is_simulated() && self.may_command()
     }
 
     /// Returns whether another client commands the rig, and the user can take over now.
@@ -311,6 +322,7 @@ impl Model {
             News::Dropped(dropped) => self.dropped = dropped.total,
             News::Stop { server, result } => self.stop_answered(&server, result),
             News::Answer { intent, result } => self.answer(&intent, result),
+            News::Recording(progress) => self.recording = progress,
             News::Note(Ok(message)) => self.messages.add(Weight::Good, message),
             News::Note(Err(message)) => self.messages.add(Weight::Bad, message),
         }

@@ -56,7 +56,11 @@ impl Mailbox {
             let queue = &mut waiting.0.news;
             // For values that are polled, only the newest is kept.
             let kind = std::mem::discriminant(&news);
-            if matches!(news, News::Info(_) | News::Stats(_) | News::Controllers(_) | News::Dropped(_)) {
+            let is_polled = matches!(
+                news,
+                News::Info(_) | News::Stats(_) | News::Controllers(_) | News::Dropped(_) | News::Recording(_)
+            );
+            if is_polled {
                 queue.retain(|other| std::mem::discriminant(other) != kind);
             }
             if queue.len() == MAX_NEWS {
@@ -131,7 +135,9 @@ impl Outgoing {
 fn replaces(later: &Intent, earlier: &Intent) -> bool {
     match (later, earlier) {
         (Intent::Set { effect, key, .. }, Intent::Set { effect: e, key: k, .. }) => effect == e && key == k,
-        (Intent::Samples(_), Intent::Samples(_)) | (Intent::Connect(_), Intent::Connect(_)) => true,
+        (Intent::Samples(_), Intent::Samples(_))
+        | (Intent::Hand(_), Intent::Hand(_))
+        | (Intent::Connect(_), Intent::Connect(_)) => true,
         // A new scene makes requests for the old one obsolete.
         (Intent::Load { .. }, Intent::Load { .. } | Intent::Set { .. }) => true,
         // A stop makes an earlier request to enable obsolete.

@@ -12,6 +12,7 @@
 //! panel does not read.
 
 mod mailbox;
+mod recorder;
 mod session;
 mod stop_line;
 
@@ -27,6 +28,7 @@ use serde_json::Value;
 
 use mailbox::Outgoing;
 pub(crate) use mailbox::{Delivery, Mailbox};
+pub(crate) use recorder::{Progress, Recorder};
 
 /// Default number of state messages per second that the panel requests. This is twice the rate of a
 /// screen, and causes little work for the server and the panel.
@@ -95,6 +97,8 @@ pub(crate) enum Intent {
     Load {
         scene: Value,
     },
+    /// Moves the hand of the simulated rig to an orientation `[w, x, y, z]`. `None`: it lets go.
+    Hand(Option<[f64; 4]>),
     /// Connects to the server at another address.
     Connect(String),
     /// Changes how many state messages the panel requests per second of the control loop's time.
@@ -115,6 +119,7 @@ impl Intent {
             Self::Release => "Release".to_owned(),
             Self::Set { effect, key, .. } => format!("{effect}: {key}"),
             Self::Load { .. } => "Load scene".to_owned(),
+            Self::Hand(_) => "Hand".to_owned(),
             Self::Connect(address) => format!("Connect to {address}"),
             Self::Samples(n) => format!("{n} samples/s"),
         }
@@ -172,6 +177,8 @@ pub(crate) enum News {
         intent: Intent,
         result: Result<(), String>,
     },
+    /// How far the recording is that the panel makes. `None`: it has ended.
+    Recording(Option<Progress>),
     /// The result of work on this computer: the written file, or the reason why it was not written.
     Note(Result<String, String>),
 }

@@ -3,7 +3,10 @@
 
 use std::time::{Duration, Instant};
 
-use hbot_api::{Client, ClientError, ConnectOptions, Encoding, ErrorCode, Event, LeaseEvent, LeaseInfo};
+use hbot_api::{
+    Client, ClientError, ConnectOptions, Encoding, ErrorCode, Event, HandCommand, HandHold, LeaseEvent,
+    LeaseInfo,
+};
 use serde_json::Map;
 
 use super::mailbox::{Mailbox, Outgoing};
@@ -20,6 +23,9 @@ const CONTROLLERS_EVERY: Duration = Duration::from_secs(1);
 /// Time between two requests for `info`. They are repeated because no event reports the parameters
 /// that another client has changed.
 const INFO_EVERY: Duration = Duration::from_secs(2);
+/// Time in which the simulated hand follows the pointer, ms. It is some frames of the window, so
+/// that the hand moves evenly.
+const HAND_MS: u64 = 50;
 /// Longest time to wait for an event from the server before the next request of the user is sent.
 const IDLE: Duration = Duration::from_millis(5);
 
@@ -211,7 +217,12 @@ impl<'a> Session<'a> {
     fn ask(&mut self, intent: &Intent) -> Result<(), ClientError> {
         let commands = matches!(
             intent,
-            Intent::Enable | Intent::Reset | Intent::Recover | Intent::Set { .. } | Intent::Load { .. }
+            Intent::Enable
+                | Intent::Reset
+                | Intent::Recover
+                | Intent::Set { .. }
+                | Intent::Load { .. }
+                | Intent::Hand(Some(_))
         );
         // A request that needs the lease takes it if it may be free. If another client holds it,
         // the server refuses with that reason.
@@ -235,6 +246,7 @@ impl<'a> Session<'a> {
                 self.client.set(effect, Map::from_iter([(key.clone(), value.clone())])).map(drop)
             }
             Intent::Load { scene } => self.client.load_scene(scene.clone()).map(drop),
+            Intent::Hand(to) => self.client.hand(hand(*to)),
             Intent::Samples(n) => {
                 self.options.samples_per_s = *n;
                 self.subscribe()
@@ -333,10 +345,18 @@ impl<'a> Session<'a> {
             }
             Event::Dropped(dropped) => self.mailbox.post(News::Dropped(dropped)),
             Event::Shaking(shaking) => self.mailbox.post(News::Shaking(shaking)),
-            // The panel sends no streams. Events that only a later server knows are ignored.
-            Event::Refused(_) | Event::Stopping(_) | Event::Unknown => {}
+            // The only stream that the panel sends moves the simulated hand.
+            Event::Refused(refused) => self.mailbox.post(News::Note(Err(refused.message))),
+            // Events that only a later server knows are ignored.
+            Event::Stopping(_) | Event::Unknown => {}
         }
     }
+}
+
+/// Returns the order to the simulated hand: to turn to an orientation, or to let go.
+fn hand(to: Option<[f64; 4]>) -> HandCommand {
+    let hold = |q| HandHold { q, over_ms: HAND_MS, stiffness: None, damping: None, inertia: None };
+    to.map_or(HandCommand::RELEASE, |q| HandCommand::Hold(hold(q)))
 }
 
 /// Returns `Ok` if the connection is still usable after this error, otherwise the error.

@@ -19,6 +19,17 @@ pub(crate) struct Placing {
 }
 
 impl Placing {
+    /// Returns the orientation at which the scene is anchored, as a rotation to frame N: the
+    /// identity if its first reference is absolute, or if no effect has one.
+    pub(crate) fn anchor(&self, laws: &[SceneEffect]) -> DQuat {
+        let first = laws.iter().find_map(|effect| effect.kind().reference());
+        match (first, self.reference) {
+            (Some((_, Anchor::Here)), _) if !self.rendering => self.q,
+            (Some((own, Anchor::Here)), Some(now)) => own.conjugate() * now,
+            _ => DQuat::IDENTITY,
+        }
+    }
+
     /// Returns the reference of each effect, as a rotation to frame N: the identity for effects
     /// without one, and `None` if the panel does not know where it is.
     ///

@@ -24,9 +24,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
             }
             Link::Online(hello) => (palette.good, format!("{}  {} Hz", hello.rig, hello.rate_hz)),
             Link::Connecting => (palette.warn, "connecting".to_owned()),
-            Link::Offline { .. } => (palette.bad, "not connected".to_owned()),
+            Link::Offline { .. } | Link::Recording => (palette.bad, "not connected".to_owned()),
         };
-        kind_of_rig(ui, model, palette);
+        kind_of_rig(ui, model, desk, palette);
         lamp(ui, color);
         ui.label(RichText::new(text).strong());
         weak(ui, &model.server);
@@ -37,9 +37,12 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     });
 }
 
-/// Draws whether motors can push, in the words of the server's banner.
-fn kind_of_rig(ui: &mut Ui, model: &Model, palette: Palette) {
+/// Draws whether motors can push, in the words of the server's banner, or that a recording is shown.
+fn kind_of_rig(ui: &mut Ui, model: &Model, desk: &Desk, palette: Palette) {
     let (ground, word, hint) = match model.badge() {
+        _ if desk.film.is_some() => {
+            (palette.ghost, "RECORDING", "the middle of the window shows a recording, not the rig")
+        }
         Some(word @ "LIVE") => (STOP, word, "a real rig: its motors can push"),
         Some(word) => (palette.warn, word, "a simulated rig: there are no motors"),
         None => (palette.weak, "UNKNOWN", "no server has said yet whether its rig is simulated"),

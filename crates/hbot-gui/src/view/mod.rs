@@ -5,12 +5,15 @@
 mod bar;
 mod camera;
 mod controllers;
+mod film;
 mod health;
 mod joints;
+mod law;
 #[cfg(test)]
 mod painted;
 mod parameter;
 mod plots;
+mod recordings;
 mod recover;
 mod scene;
 mod schema;
@@ -31,7 +34,8 @@ use eframe::egui::{
 };
 use hbot_api::time_of_day;
 
-use crate::model::{Judged, Link, Model, PlotSample, Weight};
+use crate::files::Source;
+use crate::model::{Film, Judged, Model, PlotSample, Weight};
 use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
@@ -41,11 +45,16 @@ use theme::{Palette, coloured, weak};
 pub(crate) enum Act {
     /// Send a request to the server, for example to stop the rig.
     Ask(Intent),
-    /// Load a scene file from this computer.
-    LoadFile(PathBuf),
+    /// Load a ready-made scene, or a scene file from this computer.
+    LoadScene(Source),
     SaveScene(PathBuf),
     /// Write these samples of the rig's state to a CSV file.
     Export(Vec<PlotSample>),
+    /// Record the rig into a new file.
+    Record(PathBuf),
+    EndRecording,
+    /// Open a recording or a flight log.
+    Open(PathBuf),
 }
 
 /// The tab that is open at the right of the window.
@@ -55,14 +64,16 @@ enum Tab {
     Scene,
     Joints,
     Health,
+    Recordings,
     Messages,
 }
 
 impl Tab {
-    const ALL: [(Self, &str); 4] = [
+    const ALL: [(Self, &str); 5] = [
         (Self::Scene, "Scene"),
         (Self::Joints, "Joints"),
         (Self::Health, "Health"),
+        (Self::Recordings, "Record"),
         (Self::Messages, "Messages"),
     ];
 }
@@ -72,9 +83,14 @@ impl Tab {
 #[derive(Debug)]
 pub(crate) struct Desk {
     camera: Camera,
+    /// The simulated hand while the user holds the sphere with it.
+    hand: Option<sphere::Held>,
     tab: Tab,
     plots: plots::PlotDesk,
     shelf: scene::Shelf,
+    reels: recordings::Reels,
+    /// The recording that the middle of the window shows in the place of the rig.
+    film: Option<Box<Film>>,
     /// The server's address as the user types it.
     address: String,
     /// Id of the spring whose stiffness the sliders change.
@@ -91,9 +107,12 @@ impl Desk {
     pub(crate) fn new(scenes: PathBuf, address: &str) -> Self {
         Self {
             camera: Camera::default(),
+            hand: None,
             tab: Tab::default(),
             plots: plots::PlotDesk::default(),
             shelf: scene::Shelf::new(scenes),
+            reels: recordings::Reels::new(PathBuf::from(".")),
+            film: None,
             address: address.to_owned(),
             spring: String::new(),
             judged: Judged::default(),
@@ -105,6 +124,22 @@ impl Desk {
     /// Replaces what judges the scene. At first, it judges while the window is drawn.
     pub(crate) fn judged_by(self, judged: Judged) -> Self {
         Self { judged, ..self }
+    }
+
+    /// Replaces the folder in which the panel records. At first, it is the current one.
+    pub(crate) fn recording_to(self, folder: PathBuf) -> Self {
+        Self { reels: recordings::Reels::new(folder), ..self }
+    }
+
+    /// Shows a recording in the place of the rig.
+    pub(crate) fn open(&mut self, film: Film) {
+        self.plots.go_on();
+        self.film = Some(Box::new(film));
+    }
+
+    /// Returns the recording that is shown in the place of the rig.
+    pub(crate) fn film(&self) -> Option<&Film> {
+        self.film.as_deref()
     }
 }
 
@@ -130,6 +165,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     Panel::right("details").exact_size(right).resizable(false).show(ui, |ui| {
         ui.add_space(4.0);
         ui.horizontal(|ui| {
+            // The names of all tabs fit into one row, also in a narrow window.
+            (ui.spacing_mut().button_padding.x, ui.spacing_mut().item_spacing.x) =
+                if narrow { (3.0, 2.0) } else { (6.0, 4.0) };
             for (tab, name) in Tab::ALL {
                 ui.selectable_value(&mut desk.tab, tab, name);
             }
@@ -142,32 +180,48 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
             Tab::Scene => scene::show(ui, model, desk, acts),
             Tab::Joints => drop(ui.add_enabled_ui(model.is_live(), |ui| joints::show(ui, model))),
             Tab::Health => drop(ui.add_enabled_ui(model.is_live(), |ui| health::show(ui, model))),
+            Tab::Recordings => recordings::show(ui, model, &mut desk.reels, acts),
             Tab::Messages => messages(ui, model),
         });
     });
     CentralPanel::default().show(ui, |ui| {
-        let online = matches!(model.link, Link::Online(_));
+        if let Some(mut film) = desk.film.take() {
+            let closed = film::show(ui, &mut film);
+            middle(ui, &film.model, desk, &mut intents, acts);
+            desk.film = (!closed).then_some(film);
+            return;
+        }
+        if model.is_online() {
+            middle(ui, model, desk, &mut intents, acts);
+            return;
+        }
         // The plots stay while the server is away, so that their samples can be looked at and
         // saved.
-        if online || model.history.newest().is_some() {
-            let height = (ui.available_height() * 0.42).max(190.0);
-            Panel::bottom("plots").exact_size(height).resizable(false).show(ui, |ui| {
-                ui.add_space(4.0);
-                plots::show(ui, model, desk, acts);
-            });
+        if model.history.newest().is_some() {
+            curves(ui, model, desk, acts);
         }
-        if online {
-            ui.scope(|ui| {
-                faded_unless_live(ui, model);
-                sphere::show(ui, model, desk);
-            });
-        } else {
-            bar::no_server(ui, model, desk, &mut intents);
-        }
+        bar::no_server(ui, model, desk, &mut intents);
     });
     bar::question(ui, model, desk, &mut intents);
     toasts(ui, model);
     acts.extend(intents.into_iter().map(Act::Ask));
+}
+
+/// Draws the sphere, and below it the plots.
+fn middle(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>, acts: &mut Vec<Act>) {
+    curves(ui, model, desk, acts);
+    ui.scope(|ui| {
+        faded_unless_live(ui, model);
+        sphere::show(ui, model, desk, intents);
+    });
+}
+
+fn curves(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
+    let height = (ui.available_height() * 0.42).max(190.0);
+    Panel::bottom("plots").exact_size(height).resizable(false).show(ui, |ui| {
+        ui.add_space(4.0);
+        plots::show(ui, model, desk, acts);
+    });
 }
 
 /// Greys out what is drawn in `ui` from now on, unless it shows what the rig does now.

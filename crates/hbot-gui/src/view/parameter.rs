@@ -1,6 +1,7 @@
 //! Controls for a value, drawn from its JSON schema.
 
 use eframe::egui::{self, ComboBox, DragValue, Ui};
+use glam::DQuat;
 use serde_json::Value;
 
 use super::schema::{Shape, converted, explain, fits, may_be_absent, shape};
@@ -81,9 +82,38 @@ fn number(
     if whole {
         drag = drag.fixed_decimals(0);
     }
-    let response = named(ui.add(drag), name).on_hover_text(explain(schema));
+    let response = named(ui.add(drag), name).on_hover_text(explained(schema, before));
     let changed = response.changed() && x != before;
     changed.then(|| if whole { Value::from(x.round() as i64) } else { Value::from(x) })
+}
+
+/// Explains a number: what it is, and an angle also in degrees.
+fn explained(schema: &Value, x: f64) -> String {
+    let text = explain(schema);
+    if schema["unit"] == "rad" { format!("{text}\n{x:.4} rad is {:.2}\u{b0}", x.to_degrees()) } else { text }
+}
+
+/// Says in words what four numbers are if they are an orientation, and what the rows of a matrix
+/// are.
+fn meaning(value: &Value) -> Option<String> {
+    let parts = value.as_array()?;
+    if parts.len() == 3 && parts.iter().all(|row| row.as_array().is_some_and(|row| row.len() == 3)) {
+        let text = "Row k is the torque about axis k for each radian or rad/s about axes 1, 2 and 3 of the reference.";
+        return Some(text.to_owned());
+    }
+    let numbers: Vec<f64> = parts.iter().filter_map(Value::as_f64).collect();
+    let [w, x, y, z] = *numbers.as_slice() else { return None };
+    let q = DQuat::from_xyzw(x, y, z, w);
+    // The server takes no quaternion without a length.
+    let q = (q.length() > 1e-9).then(|| q.normalize())?;
+    let turn = (if q.w < 0.0 { -q } else { q }).to_scaled_axis();
+    Some(match turn.try_normalize().filter(|_| turn.length() > 5e-4) {
+        Some(axis) => {
+            let [a, b, c] = axis.to_array();
+            format!("w x y z: turned {:.1}\u{b0} about ({a:.2}, {b:.2}, {c:.2})", turn.length().to_degrees())
+        }
+        None => "w x y z: not turned".to_owned(),
+    })
 }
 
 fn choice(ui: &mut Ui, name: &str, schema: &Value, value: &Value, values: &[&Value]) -> Option<Value> {
@@ -152,7 +182,11 @@ fn list(ui: &mut Ui, name: &str, item: &Value, value: &Value, [least, most]: [us
             }
         }
     });
-    changed.then_some(Value::Array(parts))
+    let edited = Value::Array(parts);
+    if let Some(text) = meaning(&edited) {
+        weak(ui, text);
+    }
+    changed.then_some(edited)
 }
 
 /// Returns a copy of the schema without its unit. A row of numbers has no room for a unit after
@@ -246,6 +280,21 @@ mod tests {
         }
         harness.check_accessibility();
         harness.into_state()
+    }
+
+    #[test]
+    fn orientations_and_matrices_are_explained() {
+        let half = 0.5_f64.sqrt();
+        for (value, text) in [
+            (json!([half, 0, 0, half]), Some("w x y z: turned 90.0\u{b0} about (0.00, 0.00, 1.00)")),
+            (json!([-2.0, 0, 0, 0]), Some("w x y z: not turned")),
+            (json!([0, 0, 0, 0]), None),
+            (json!([1, 2, 3]), None),
+        ] {
+            assert_eq!(meaning(&value).as_deref(), text, "{value}");
+        }
+        assert!(meaning(&json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]])).is_some());
+        assert!(explained(&json!({"unit": "rad"}), 0.5).ends_with("0.5000 rad is 28.65\u{b0}"));
     }
 
     #[test]

@@ -1,33 +1,36 @@
 //! The tab for the scene: choose one, switch its effects, change their parameters, save it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use eframe::egui::{self, CollapsingHeader, ComboBox, RichText, TextEdit, TextStyle, Ui, vec2};
+use eframe::egui::text::{LayoutJob, TextFormat};
+use eframe::egui::{self, CollapsingHeader, ComboBox, FontId, RichText, TextEdit, TextStyle, Ui, vec2};
 use serde_json::{Value, json};
 
 use super::bar::OBSERVER;
-use super::parameter;
 use super::schema::explain;
 use super::theme::{Palette, coloured, column, heading_text, named, weak};
 use super::{Act, Desk};
+use super::{law, parameter};
 use crate::files;
 use crate::model::{Effect, Model};
 use crate::net::Intent;
 
 /// Time after which the panel reads the list of scene files again, to show new files.
 const LIST_EVERY: Duration = Duration::from_secs(2);
+/// Height of the list of scenes, points.
+const LIST: f32 = 420.0;
 /// Room for the words [`OBSERVER`] and the gap before them, points.
 const OBSERVER_ROOM: f32 = 126.0;
 
-/// The list of scene files in the folder with their descriptions, the file that the user has
-/// picked, and the name that the user has typed.
+/// The ready-made scenes and the scene files in the folder, with their descriptions; the one that
+/// the user has picked; and the name that the user has typed.
 #[derive(Debug)]
 pub(crate) struct Shelf {
     folder: PathBuf,
     files: Vec<files::ShelfFile>,
     listed: Option<Instant>,
-    picked: Option<PathBuf>,
+    picked: Option<files::Source>,
     save_as: String,
 }
 
@@ -37,7 +40,7 @@ impl Shelf {
     }
 
     fn picked(&self) -> Option<&files::ShelfFile> {
-        self.files.iter().find(|file| Some(&file.path) == self.picked.as_ref())
+        self.files.iter().find(|file| Some(&file.source) == self.picked.as_ref())
     }
 
     fn refresh(&mut self) {
@@ -59,6 +62,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     if model.scene.effects().is_empty() {
         weak(ui, "This scene has no effects: nothing is rendered.");
     }
+    law::show(ui, model, desk);
     let may = model.may_command();
     for effect in model.scene.effects() {
         ui.push_id(&effect.id, |ui| {
@@ -88,33 +92,27 @@ fn title(ui: &mut Ui, model: &Model) {
 
 fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
     shelf.refresh();
-    if shelf.files.is_empty() {
-        let folder = shelf.folder.display();
-        weak(
-            ui,
-            format!(
-                "No scene files in {folder}: start the panel in the project's folder, or name one by --scenes."
-            ),
-        );
-        return;
-    }
     ui.horizontal(|ui| {
-        let text = shelf.picked.as_deref().map_or_else(|| "choose a scene".to_owned(), stem);
+        let text = shelf.picked.as_ref().map_or_else(|| "choose a scene".to_owned(), files::Source::name);
         let width = ui.available_width() - 76.0;
-        let response =
-            ComboBox::from_id_salt("scenes").selected_text(text).width(width).truncate().show_ui(ui, |ui| {
-                for file in &shelf.files {
-                    let path = Some(file.path.clone());
-                    let entry = ui.selectable_value(&mut shelf.picked, path, stem(&file.path));
-                    entry.on_hover_text(file.said());
+        let combo = ComboBox::from_id_salt("scenes").selected_text(text).width(width).height(LIST).truncate();
+        let response = combo.show_ui(ui, |ui| {
+            ui.set_width(width);
+            for file in shelf.files.iter().filter(|file| !file.is_copy()) {
+                let name = file.source.name();
+                let is_picked = shelf.picked.as_ref() == Some(&file.source);
+                let button = egui::Button::selectable(is_picked, entry(ui, &name, file.said())).wrap();
+                if named(ui.add(button), &name).clicked() {
+                    shelf.picked = Some(file.source.clone());
                 }
-            });
+            }
+        });
         named(response.response, "Scene file");
         let enabled = model.may_command() && shelf.picked.is_some();
         if ui.add_enabled(enabled, egui::Button::new("Load")).clicked()
-            && let Some(file) = &shelf.picked
+            && let Some(source) = &shelf.picked
         {
-            acts.push(Act::LoadFile(file.clone()));
+            acts.push(Act::LoadScene(source.clone()));
         }
     });
     // The text always has this much room, so that nothing below it moves when the choice changes.
@@ -123,13 +121,19 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         ui.set_min_size(room);
         match shelf.picked() {
             Some(file) => weak(ui, file.said()),
-            None => weak(ui, "Point at a scene in the list to read what it feels like."),
+            None => weak(ui, "The list says what each scene feels like."),
         };
     });
 }
 
-fn stem(path: &Path) -> String {
-    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+/// Returns an entry of the list: the name of a scene, and below it what it feels like.
+fn entry(ui: &Ui, name: &str, said: &str) -> LayoutJob {
+    let body = TextStyle::Body.resolve(ui.style());
+    let small = FontId::proportional(0.9 * body.size);
+    let mut job = LayoutJob::default();
+    job.append(name, 0.0, TextFormat::simple(body, ui.visuals().strong_text_color()));
+    job.append(&format!("\n{said}"), 0.0, TextFormat::simple(small, ui.visuals().weak_text_color()));
+    job
 }
 
 /// Draws the controls of one effect: a switch, and one control for each parameter in the schema of

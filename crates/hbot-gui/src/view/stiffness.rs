@@ -1,6 +1,7 @@
 //! Controls for the stiffness and damping of a spring. They are the panel's first purpose.
 
 use eframe::egui::{self, ComboBox, DragValue, Slider, SliderClamping, Stroke, Ui};
+use hbot_config::advice::StiffnessKey;
 use serde_json::{Value, json};
 
 use super::Desk;
@@ -8,7 +9,7 @@ use super::bar::OBSERVER;
 use super::parameter;
 use super::round_up;
 use super::theme::{Palette, coloured, heading, named, weak};
-use crate::model::{Effect, Key, Model};
+use crate::model::{Effect, Model};
 use crate::net::Intent;
 
 /// The slider extends at least to the stiffness that reaches the rig's torque limit at this
@@ -17,8 +18,6 @@ const STIFFEST_AT: f64 = 0.1;
 /// Ratio of the largest damping to the largest stiffness on their sliders, s. Slightly less damping
 /// is critical for the prototype's sphere with the stiffest spring.
 const DAMPING_SHARE: f64 = 0.02;
-/// Largest stiffness of an effect that is judged, N m/rad. Scene files allow no more.
-const SEARCHED: f64 = 1000.0;
 /// Hover texts of stiffness and damping, which also explain the units.
 const STIFFNESS: &str =
     "torque for each radian of turn. N m/rad: newton metres per radian, 1 rad is 57.3\u{b0}";
@@ -75,9 +74,8 @@ fn borders(model: &Model, effect: &Effect, scene: &Value, desk: &mut Desk) -> [O
         return [stable(model).filter(|_| gain > 0.0).map(|stable| stable / gain); 3];
     }
     let mut of = |axis| {
-        let key = Key { effect: index?, name: "stiffness", axis };
         // No stiffer spring is stable, with any damping.
-        if gain > 0.0 { desk.judged.border(scene, key, (most / gain).min(SEARCHED)) } else { None }
+        desk.judged.border(scene, StiffnessKey { effect: index?, axis }, most)
     };
     if is_matrix { [Some(0), Some(1), Some(2)].map(of) } else { [of(None), None, None] }
 }

@@ -22,12 +22,12 @@ use crate::model::tests::{
 use crate::net::{Lease, News};
 
 /// The sizes of the window in these tests, points.
-const SIZES: [[f32; 2]; 2] = [[1280.0, 800.0], [1024.0, 600.0]];
+const SIZES: [[f32; 2]; 2] = [[1280.0, 760.0], [1024.0, 600.0]];
 /// The smallest window that the panel opens, points.
 const SMALLEST: [f32; 2] = [900.0, 600.0];
 
 /// What the user drags or clicks in the window, by name.
-const CONTROLS: [&str; 22] = [
+const CONTROLS: [&str; 23] = [
     "Stop",
     "Enable",
     "Disable",
@@ -42,6 +42,7 @@ const CONTROLS: [&str; 22] = [
     "Scene",
     "Joints",
     "Health",
+    "Record",
     "Messages",
     "Scene file",
     "Load",

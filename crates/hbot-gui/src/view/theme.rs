@@ -1,5 +1,4 @@
-//! Colours that colour-blind people can distinguish (the set of Okabe and Ito, brighter on a dark
-//! background), and small widgets that look alike in the whole window.
+//! Colours, each with one meaning, and small widgets that look alike in the whole window.
 
 use eframe::egui::{self, Color32, Response, RichText, Ui};
 use hbot_api::Mode;
@@ -13,6 +12,8 @@ pub(crate) struct Palette {
     pub(crate) axes: [Color32; 3],
     pub(crate) torque: Color32,
     pub(crate) ghost: Color32,
+    /// The simulated hand, and the force on it.
+    pub(crate) hand: Color32,
     pub(crate) good: Color32,
     pub(crate) warn: Color32,
     pub(crate) bad: Color32,
@@ -20,6 +21,8 @@ pub(crate) struct Palette {
     pub(crate) sphere: [Color32; 2],
     pub(crate) grid: Color32,
     pub(crate) wheel: Color32,
+    /// Walls, notches and guides of the scene.
+    pub(crate) felt: Color32,
     pub(crate) weak: Color32,
 }
 
@@ -42,12 +45,14 @@ impl Palette {
                 axes: [rgb(0xf2, 0x77, 0x2e), rgb(0x22, 0xb8, 0x8c), rgb(0x56, 0xb4, 0xe9)],
                 torque: rgb(0xe0, 0x8f, 0xbd),
                 ghost: rgb(0xd8, 0xd0, 0x80),
-                good: rgb(0x22, 0xb8, 0x8c),
+                hand: rgb(0xb9, 0xa5, 0xff),
+                good: rgb(0x9b, 0xd2, 0x4a),
                 warn: rgb(0xf0, 0xb0, 0x20),
-                bad: rgb(0xff, 0x80, 0x48),
+                bad: rgb(0xff, 0x6b, 0x6b),
                 sphere: [rgb(0x4a, 0x52, 0x5e), rgb(0x26, 0x2b, 0x33)],
                 grid: rgb(0xb8, 0xc0, 0xcc),
-                wheel: rgb(0xc8, 0xc8, 0xc8),
+                wheel: rgb(0xa0, 0xa0, 0xa0),
+                felt: rgb(0xff, 0xff, 0xff),
                 weak,
             }
         } else {
@@ -55,12 +60,14 @@ impl Palette {
                 axes: [rgb(0xc2, 0x4e, 0x00), rgb(0x00, 0x7a, 0x58), rgb(0x00, 0x65, 0xa8)],
                 torque: rgb(0xa0, 0x3c, 0x78),
                 ghost: rgb(0x80, 0x72, 0x00),
-                good: rgb(0x00, 0x72, 0x52),
+                hand: rgb(0x5b, 0x3c, 0xc4),
+                good: rgb(0x4a, 0x74, 0x0a),
                 warn: rgb(0x8f, 0x5c, 0x00),
-                bad: rgb(0xb4, 0x38, 0x00),
+                bad: rgb(0xc0, 0x15, 0x30),
                 sphere: [rgb(0xf4, 0xf6, 0xf8), rgb(0xc6, 0xcc, 0xd4)],
                 grid: rgb(0x58, 0x60, 0x6c),
-                wheel: rgb(0x38, 0x38, 0x38),
+                wheel: rgb(0x60, 0x60, 0x60),
+                felt: rgb(0x00, 0x00, 0x00),
                 weak,
             }
         }

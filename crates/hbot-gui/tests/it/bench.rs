@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use eframe::egui::accesskit::Role;
+use eframe::egui::epaint::Shape;
 use eframe::egui::{self, Key};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
@@ -196,7 +197,7 @@ impl Seat {
         }
         let folders = Folders { scenes, out: out.path().to_owned() };
         let mut start = Some((options, folders));
-        let harness = Harness::builder().with_size([1280.0, 800.0]).with_step_dt(1.0 / 60.0).build_ui_state(
+        let harness = Harness::builder().with_size([1280.0, 760.0]).with_step_dt(1.0 / 60.0).build_ui_state(
             move |ui: &mut egui::Ui, panel: &mut Option<Panel>| {
                 if let Some((options, folders)) = start.take() {
                     *panel = Some(Panel::new(ui.ctx(), options, folders).expect("threads"));
@@ -271,6 +272,21 @@ impl Seat {
         self.harness.get_by_role_and_label(Role::Button, entry).click_accesskit();
         self.frame();
         self.frame();
+    }
+
+    /// Returns the texts that the last frame has painted, also those without an own node for screen
+    /// readers, such as the legend of the sphere.
+    pub(crate) fn painted(&self) -> Vec<String> {
+        fn collect(shape: &Shape, texts: &mut Vec<String>) {
+            match shape {
+                Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect(shape, texts)),
+                Shape::Text(shape) => texts.push(shape.galley.text().to_owned()),
+                _ => {}
+            }
+        }
+        let mut texts = Vec::new();
+        self.harness.output().shapes.iter().for_each(|shape| collect(&shape.shape, &mut texts));
+        texts
     }
 
     pub(crate) fn is_enabled(&self, label: &str) -> bool {

@@ -174,7 +174,7 @@ fn a_fault_is_told_in_plain_words_with_what_to_do() {
 fn every_control_has_a_name_and_is_reached_by_tab() {
     let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, mut witness) = seated(&bench);
-    for tab in ["Joints", "Health", "Messages", "Scene"] {
+    for tab in ["Joints", "Health", "Record", "Messages", "Scene"] {
         seat.click(tab);
         seat.harness.check_accessibility();
     }

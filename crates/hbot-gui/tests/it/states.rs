@@ -16,7 +16,7 @@ use crate::display::{Display, Shot};
 use crate::joints::MOTEUS;
 use crate::window::{BAD, CHOSEN, GOOD, N3, STOP, WARN, count};
 
-const SIZES: [[u32; 2]; 2] = [[1280, 800], [1024, 600]];
+const SIZES: [[u32; 2]; 2] = [[1280, 760], [1024, 600]];
 
 /// The middle of the stop button, in every window.
 const STOP_BUTTON: [u32; 2] = [140, 75];

@@ -1,8 +1,8 @@
 //! The answer to `info`: the rig, its limits, what it can render, and what is running.
 
 use hbot_api::{
-    ClockInfo, EnergyInfo, Fault, FaultEvent, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
-    Mode, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, TractionInfo, WheelInfo,
+    ClockInfo, Fault, FaultEvent, FaultWords, InfoOk, KindInfo, LeaseInfo, Mode, ModeWords, RenderInfo,
+    SceneInfo,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::{Listed, SHELF};
@@ -12,7 +12,8 @@ use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
 use serde_json::Value;
 
 use super::convert;
-use hbot_config::advice::{RatePick, StiffnessBound, USUAL_DAMPING};
+use super::outlook::Said;
+use hbot_config::advice::{RatePick, StiffnessBound, USUAL_DAMPING, told_limits, told_rig};
 use hbot_host::run_loop::clock::Origin;
 use hbot_host::run_loop::sample::Sample;
 
@@ -29,6 +30,8 @@ pub(super) struct Now<'a> {
     pub(super) scene: Value,
     /// The warnings about it.
     pub(super) warnings: Vec<String>,
+    /// What takes longer to say of it, as far as it is known.
+    pub(super) outlook: Said,
     /// The newest sample of the loop, if there is one.
     pub(super) sample: Option<&'a Sample>,
     /// The lease and its holder.
@@ -61,8 +64,8 @@ impl Clock {
 impl Info {
     pub(super) fn new(config: &RigConfig, accuracy: &str, simulated: bool, clock: Clock) -> Self {
         let fixed = InfoOk {
-            rig: rig(config, simulated),
-            limits: limits(config),
+            rig: told_rig(config, simulated),
+            limits: told_limits(config),
             render: render(config),
             accuracy: accuracy.to_owned(),
             on_client_lost: convert::client_lost_policy(config.api.on_client_lost),
@@ -79,7 +82,7 @@ impl Info {
     /// Returns the complete answer to `info`. The largest torque about each axis is computed for
     /// the posture in the sample, and is absent without a sample.
     pub(super) fn answer(&self, config: &RigConfig, now: Now<'_>) -> InfoOk {
-        let Now { scene, warnings, sample, lease, incident } = now;
+        let Now { scene, warnings, outlook, sample, lease, incident } = now;
         let capability = sample.map(|sample| {
             let device = &config.rig.device;
             let mut steering = [0.0; MAX_WHEELS];
@@ -95,62 +98,14 @@ impl Info {
             clock,
             scene,
             warnings,
+            stable: outlook.stable,
+            curves: outlook.curves,
             capability,
             lease: Some(lease),
             mode,
             incident,
             ..self.fixed.clone()
         }
-    }
-}
-
-fn rig(config: &RigConfig, simulated: bool) -> RigInfo {
-    let device = &config.rig.device;
-    let joint = |j: usize| {
-        let joint = &config.rig.joints[j];
-        JointInfo { peak: joint.peak, continuous: joint.continuous }
-    };
-    let wheels = device.wheels().iter().enumerate().map(|(i, wheel)| {
-        let spec = wheel.spec();
-        WheelInfo {
-            name: config.wheels.get(i).cloned(),
-            axis: spec.axis.to_array(),
-            cone: spec.cone,
-            toe: spec.toe,
-            radius: spec.radius,
-            steer: joint(2 * i),
-            drive: joint(2 * i + 1),
-        }
-    });
-    RigInfo {
-        name: config.name.clone(),
-        simulated,
-        rate_hz: config.rate_hz,
-        sphere: SphereInfo { radius: device.sphere_radius(), mass: device.sphere_mass() },
-        wheels: wheels.collect(),
-    }
-}
-
-fn limits(config: &RigConfig) -> LimitsInfo {
-    let limits = &config.rig.limits;
-    LimitsInfo {
-        torque: limits.torque,
-        torque_rate: limits.torque_rate,
-        speed: limits.speed,
-        slip: limits.slip,
-        energy: limits.energy.map(|energy| EnergyInfo { burst: energy.burst, power: energy.power }),
-        traction: limits
-            .traction
-            .map(|traction| TractionInfo { mu: traction.mu, normal_force: traction.normal_force }),
-        passivity: config.rig.methods.passivity.map(|limit| PassivityInfo {
-            allowance: limit.allowance,
-            store: limit.store,
-            damping: limit.damping,
-        }),
-        enable_max_angle: limits.enable_max_angle,
-        align_rate: limits.align_rate,
-        reference_rate: limits.reference_rate,
-        max_age_ticks: limits.max_age_ticks,
     }
 }
 

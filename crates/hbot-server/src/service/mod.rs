@@ -44,6 +44,7 @@ mod lease;
 mod models;
 mod orders;
 mod outbox;
+mod outlook;
 mod peer;
 mod publisher;
 mod reader;

@@ -12,6 +12,7 @@ use serde_json::{Map, Value, json};
 use tokio::sync::Notify;
 use tokio::task::{JoinError, JoinSet};
 
+use super::outlook::{Outlook, Said};
 use super::{SetPhenomena, cost};
 use crate::recording::Notes;
 use hbot_config::advice::Abilities;
@@ -36,6 +37,8 @@ pub(super) struct Scenes {
     rig: Rig,
     /// What the rig can make and keep stable.
     abilities: Abilities,
+    /// What takes longer to say of the running scene.
+    outlook: Outlook,
     /// Warnings about the running scene.
     warnings: Vec<String>,
     /// The scenes that are being loaded, in the order in which they were sent to the loop.
@@ -88,6 +91,7 @@ impl Scenes {
     ) -> Self {
         let abilities = Abilities::of(rig);
         let warnings = abilities.warnings(running.file());
+        let outlook = Outlook::new(rig, abilities.judge.clone());
         let rig = rig.rig;
         let mut scenes = Self {
             running,
@@ -95,6 +99,7 @@ impl Scenes {
             shown: None,
             rig,
             abilities,
+            outlook,
             warnings,
             loading: VecDeque::new(),
             measuring: JoinSet::new(),
@@ -115,6 +120,12 @@ impl Scenes {
     /// Returns the warnings about this scene, as in the answer to `load_scene` or `set`.
     pub(super) fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// Returns up to which stiffness the springs of this scene are stable, and its torque against
+    /// angle. Asking makes it known later.
+    pub(super) fn outlook(&self) -> Said {
+        self.outlook.of(self.running.file(), self.running.revision())
     }
 
     /// Returns the name of the earlier scene whose hand moves the simulated rig. Returns `None` if

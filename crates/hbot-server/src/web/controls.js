@@ -84,18 +84,13 @@ export class Controls {
     return { stiffness: stiffest, damping: stiffest * DAMPING_SHARE }[key] ?? null;
   }
 
-  /** Returns the stiffness up to which the loop keeps one spring with this damping stable. */
+  /**
+   * Returns the stiffness up to which the loop keeps the scene stable, as the server has computed
+   * it; of the axis that allows least if it is a matrix. Null if it is not known.
+   */
   border(effect) {
-    const told = this.rig.info?.render?.border ?? [];
-    const gain = this.rig.value(effect, 'gain') ?? 1;
-    const damping = this.rig.value(effect, 'damping');
-    if (told.length === 0 || !(gain > 0) || typeof damping !== 'number') return null;
-    const b = damping * gain;
-    const after = told.findIndex(([x]) => x >= b);
-    if (after === 0) return told[0][1] / gain;
-    if (after < 0) return told.at(-1)[1] / gain;
-    const [[x0, y0], [x1, y1]] = [told[after - 1], told[after]];
-    return (y0 + ((y1 - y0) * (b - x0)) / (x1 - x0)) / gain;
+    const found = this.rig.stable.filter(({ effect: id }) => id === effect.id).map(({ stiffness }) => stiffness);
+    return found.length > 0 ? Math.min(...found) : null;
   }
 
   stability(of, get) {
@@ -106,7 +101,7 @@ export class Controls {
       if (border === null) return;
       const shakes = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: may shake`));
       text.className = shakes || get() > border ? 'warn' : 'weak';
-      put(text, `alone with this damping expected to be stable up to ${border.toFixed(2)} N m/rad (mark)`);
+      put(text, `in this scene expected to be stable up to ${border.toFixed(2)} N m/rad (mark)`);
     });
     return text;
   }

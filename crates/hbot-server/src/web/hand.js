@@ -6,6 +6,8 @@ import { place } from './sphere.js';
 
 /** How fast an arrow key turns the sphere or the view, rad/s. */
 const KEY_RATE = 0.8;
+/** How far the mouse wheel twists the sphere, rad for each pixel that it scrolls. */
+const TWIST = 0.003;
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Hand {
@@ -25,6 +27,7 @@ export class Hand {
     for (const kind of ['pointerup', 'pointercancel', 'lostpointercapture']) {
       canvas.addEventListener(kind, (event) => this.up(event));
     }
+    canvas.addEventListener('wheel', (event) => this.wheel(event), { passive: false });
     canvas.addEventListener('dblclick', () => {
       camera.home();
       changed();
@@ -96,6 +99,16 @@ export class Hand {
   up(event) {
     this.pointers.delete(event.pointerId);
     if (this.held?.pointer) this.letGo();
+  }
+
+  /** Twists the held sphere about the line of sight. */
+  wheel(event) {
+    if (!this.held) return;
+    event.preventDefault();
+    const pixels = event.deltaY * [1, 16, 160][event.deltaMode];
+    this.held.q = normalised(product(turn(scaled(this.camera.frame.eye, -TWIST * pixels)), this.held.q));
+    this.move();
+    this.changed();
   }
 
   key(event) {

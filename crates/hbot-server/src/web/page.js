@@ -5,7 +5,7 @@ import { Controls } from './controls.js';
 import { Hand } from './hand.js';
 import { Link } from './link.js';
 import { length, rotation } from './maths.js';
-import { plot } from './plot.js';
+import { plot, plotCurves } from './plot.js';
 import { Rig, hasTorque, person } from './rig.js';
 import { Camera, draw } from './sphere.js';
 import { put, showMessages, showState } from './state.js';
@@ -14,6 +14,8 @@ import { put, showMessages, showState } from './state.js';
 const STATES = 60;
 /** No event reports what other clients `set`, so `info` is asked for again after this time, ms. */
 const INFO_EVERY = 2000;
+/** The server needs some time to know up to which stiffness a changed scene is stable, ms. */
+const STABLE_AFTER = 150;
 /** A connection over which no state comes for this time is replaced, ms. */
 const RENEW_AFTER = 4000;
 /** Figures in words change at most this often, ms. */
@@ -65,6 +67,7 @@ async function ask(op, fields, what = op) {
   try {
     const ok = await link.request(op, fields);
     if (ok.warnings) rig.warnings = ok.warnings;
+    if (op === 'set') askInfoIn(STABLE_AFTER);
     changed();
     return true;
   } catch (error) {
@@ -74,13 +77,19 @@ async function ask(op, fields, what = op) {
 }
 
 let infoTimer;
-async function askInfo() {
+function askInfoIn(ms) {
   clearTimeout(infoTimer);
-  infoTimer = setTimeout(() => link.isOpen && askInfo(), INFO_EVERY);
+  infoTimer = setTimeout(() => link.isOpen && askInfo(), ms);
+}
+
+async function askInfo() {
+  askInfoIn(INFO_EVERY);
   try {
     const info = await link.request('info');
     rig.take(info);
     rig.warnings = info.warnings ?? rig.warnings;
+    // The server has begun to compute it with this question.
+    if (info.render && !info.stable) askInfoIn(STABLE_AFTER);
     showScene();
   } catch (error) {
     if (link.isOpen) tell('info')(error);
@@ -264,6 +273,8 @@ function frame(now) {
     plot($('torque'), samples, colours, { name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true });
   } else {
     plot($('angle'), samples, colours, { name: 'angle from reference, rad', of: (s) => s.angle, least: 0.02 });
+    $('curves').hidden = !rig.curves;
+    if (rig.curves) plotCurves($('curves'), rig.curves, rig.present, colours, rig.info?.limits.torque ?? 0);
   }
   if (now - worded > WORDS_EVERY || head !== rig.headline || rig.spoke) {
     worded = now;

@@ -84,3 +84,62 @@ export function plot(canvas, samples, colours, { name, of, least, total }) {
   }
   return end;
 }
+
+/**
+ * Draws the torque of the scene against the angle about each axis, with a dot for each axis where the
+ * sphere is now. `curves` are pairs of rad and N m, `present` has the angle and the torque about each
+ * axis or is null, and `limit` is the rig's torque limit, N m.
+ */
+export function plotCurves(canvas, curves, present, colours, limit) {
+  const { context: c, width, height } = prepare(canvas);
+  const [top, right, bottom, left] = ROOM;
+  const largest = Math.max(0.02, ...curves.flat().map(([, torque]) => Math.abs(torque)));
+  const end = roundUp(limit > 0 ? Math.min(largest, 1.25 * limit) : largest);
+  const clamp = (v) => Math.max(-end, Math.min(end, v));
+  const x = (angle) => left + (width - left - right) * (0.5 + angle / (2 * Math.PI));
+  const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
+  c.font = '11px system-ui, sans-serif';
+  c.textBaseline = 'middle';
+  c.lineWidth = 1;
+  const line = (points, colour) => {
+    c.strokeStyle = colour;
+    c.beginPath();
+    for (const [a, v] of points) c.lineTo(x(a), y(v));
+    c.stroke();
+  };
+  c.fillStyle = colours.weak;
+  for (const v of [-end, 0, end]) {
+    line([[-Math.PI, v], [Math.PI, v]], colours.line);
+    c.textAlign = 'right';
+    c.fillText(`${+v.toPrecision(2)}`, left - 5, y(v));
+  }
+  for (const degrees of [-180, -90, 0, 90, 180]) {
+    const a = (degrees * Math.PI) / 180;
+    line([[a, -end], [a, end]], colours.line);
+    c.textAlign = degrees === -180 ? 'left' : degrees === 180 ? 'right' : 'center';
+    c.fillText(`${degrees}\u00b0`, x(a), height - 6);
+  }
+  c.textAlign = 'left';
+  c.fillStyle = colours.text;
+  c.fillText('scene, N m about', left, 9);
+  let at = left + c.measureText('scene, N m about').width + 8;
+  c.lineWidth = 1.5;
+  curves.forEach((curve, k) => {
+    c.fillStyle = colours.axes[k];
+    c.fillText(`n${k + 1}`, at, 9);
+    at += c.measureText(`n${k + 1}`).width + 8;
+  });
+  // Walls that are many times as strong would flatten everything that the hand can feel.
+  c.save();
+  c.beginPath();
+  c.rect(left, top, width - left - right, height - top - bottom);
+  c.clip();
+  curves.forEach((curve, k) => line(curve, colours.axes[k]));
+  c.restore();
+  present?.torque.forEach((torque, k) => {
+    c.fillStyle = colours.axes[k];
+    c.beginPath();
+    c.arc(x(present.angle[k]), y(clamp(torque)), 4, 0, 2 * Math.PI);
+    c.fill();
+  });
+}

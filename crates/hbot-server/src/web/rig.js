@@ -1,7 +1,7 @@
 // What the page knows of the rig. It changes with what arrives from the server and with what the
 // person asks, and it draws nothing. The rules are those of the panel (docs/panel.md).
 
-import { conjugate, length, product, rotation } from './maths.js';
+import { conjugate, length, normalised, product, rotation } from './maths.js';
 
 /** If no state arrives for this time, the server is silent, ms. */
 const SILENT_AFTER = 1500;
@@ -31,6 +31,10 @@ export class Rig {
     this.stop = null;
     this.wishes = new Map();
     this.warnings = [];
+    /** Up to which stiffness the scene is stable, as the server said last. */
+    this.stable = [];
+    /** Torque of the scene against angle about n1, n2, n3, as the server said last. */
+    this.curves = null;
     this.forget();
   }
 
@@ -81,6 +85,9 @@ export class Rig {
 
   take(info) {
     this.info = info;
+    // The server takes up to a second to know it of a changed scene. The last answer stays until then.
+    this.stable = info.stable ?? this.stable;
+    this.curves = info.curves ?? this.curves;
     // The page may have come after the stop.
     this.fault ??= info.incident ?? null;
     if (this.lease.who === 'unknown' && info.lease) {
@@ -151,6 +158,19 @@ export class Rig {
   /** Returns the rotation vector from the reference, or from frame N without one, rad. */
   deflection(state) {
     return rotation(product(conjugate(state.reference ?? [1, 0, 0, 0]), state.q));
+  }
+
+  /**
+   * Returns the angle from the scene's anchor, rad, and the torque, N m, about n1, n2 and n3. The
+   * anchor is where the sphere was when the scene began, or frame N. Null without a state.
+   */
+  get present() {
+    const { state } = this;
+    if (!state) return null;
+    const effect = this.info?.scene?.effect?.find((effect) => effect.reference);
+    const anchor = state.reference
+      ? product(conjugate(normalised(effect?.reference ?? [1, 0, 0, 0])), state.reference) : [1, 0, 0, 0];
+    return { angle: rotation(product(state.q, conjugate(anchor))), torque: state.torque };
   }
 
   /** Returns who asked for something, as the person at this page would say it. */

@@ -38,7 +38,7 @@ pub(crate) struct WebSocket<S> {
     sent: usize,
     /// Number of bytes of messages in `staged` of which the writer does not know yet that they are
     /// sent.
-    owed: usize,
+    unreported: usize,
     /// Time after which a silent client is disconnected. It is sent three pings in this time.
     silence: Duration,
     heard_at: Instant,
@@ -69,7 +69,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin> WebSocket<S> {
             waiting,
             staged: Vec::new(),
             sent: 0,
-            owed: 0,
+            unreported: 0,
             silence,
             heard_at: Instant::now(),
             next: Box::pin(sleep(silence / 3)),
@@ -101,16 +101,16 @@ impl<S: AsyncRead + AsyncWrite + Unpin> WebSocket<S> {
             self.sent += n;
             // Progress is reported as it is made, so that a slow reader is not taken for one that
             // does not read. One byte is left for the moment at which all frames are sent.
-            let progress = n.min(self.owed.saturating_sub(1));
+            let progress = n.min(self.unreported.saturating_sub(1));
             if self.sent < self.staged.len() && progress > 0 {
-                self.owed -= progress;
+                self.unreported -= progress;
                 return Poll::Ready(Ok(progress));
             }
         }
         self.staged.clear();
         self.staged.shrink_to(4 * BATCH);
         self.sent = 0;
-        Poll::Ready(Ok(std::mem::take(&mut self.owed)))
+        Poll::Ready(Ok(std::mem::take(&mut self.unreported)))
     }
 
     /// Stages a ping that is due, and the answer to a ping of the client. Only after the frames
@@ -129,11 +129,11 @@ impl<S: AsyncRead + AsyncWrite + Unpin> WebSocket<S> {
 
     /// Stages the frames of the first messages in `bytes`.
     fn stage(&mut self, bytes: &[u8]) -> io::Result<()> {
-        while self.owed < bytes.len() && (self.owed == 0 || self.staged.len() < BATCH) {
-            let Some(n) = frames::message(&bytes[self.owed..], &mut self.staged) else {
+        while self.unreported < bytes.len() && (self.unreported == 0 || self.staged.len() < BATCH) {
+            let Some(n) = frames::message(&bytes[self.unreported..], &mut self.staged) else {
                 return Err(io::ErrorKind::InvalidInput.into());
             };
-            self.owed += n;
+            self.unreported += n;
         }
         Ok(())
     }
@@ -179,7 +179,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin> AsyncRead for WebSocket<S> {
         this.watch(context);
         // The writer sends frames only when there is a message.
         this.stage_control();
-        if this.owed == 0
+        if this.unreported == 0
             && let Poll::Ready(Err(error)) = this.poll_send(context)
         {
             return Poll::Ready(Err(error));
@@ -205,7 +205,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin> AsyncRead for WebSocket<S> {
 impl<S: AsyncRead + AsyncWrite + Unpin> AsyncWrite for WebSocket<S> {
     fn poll_write(self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         let this = self.get_mut();
-        if this.owed == 0 {
+        if this.unreported == 0 {
             if this.closed {
                 return Poll::Ready(Err(io::ErrorKind::BrokenPipe.into()));
             }

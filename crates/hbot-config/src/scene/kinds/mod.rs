@@ -33,7 +33,7 @@ use crate::document::Report;
 use crate::schema;
 
 pub(in crate::scene) use impedance::to_matrices;
-pub(in crate::scene) use target::check_directions;
+pub(in crate::scene) use target::{check_directions, unit_vector};
 pub(in crate::scene) use track::MAX_POINTS;
 
 /// Every kind of effect that a scene can contain. To add a kind, add a file in this folder and a

@@ -76,7 +76,7 @@ pub(super) fn unit_quaternion(wxyz: [f64; 4], path: &str, report: &mut Report) -
 
 /// Scales the vector at `path` to unit length. If its length is nearly zero, adds a mistake to the
 /// report and returns `None`.
-pub(super) fn unit_vector(xyz: [f64; 3], path: &str, report: &mut Report) -> Option<Vec3> {
+pub(in crate::scene) fn unit_vector(xyz: [f64; 3], path: &str, report: &mut Report) -> Option<Vec3> {
     let v = Vec3::from_array(xyz);
     if v.length() < LEAST_LENGTH {
         report.push(path, "the vector has no length", "[x, y, z], not all zero".to_owned());

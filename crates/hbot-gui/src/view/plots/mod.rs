@@ -10,7 +10,7 @@ use glam::DQuat;
 
 use super::theme::named;
 use super::{Act, Desk};
-use crate::model::{History, Model, SPAN_S};
+use crate::model::{History, Link, Model, SPAN_S};
 use crate::net::Intent;
 
 /// The quantity that a plot shows, such as the torque.
@@ -59,6 +59,13 @@ impl Default for PlotDesk {
     }
 }
 
+impl PlotDesk {
+    /// Ends a pause.
+    pub(crate) fn go_on(&mut self) {
+        self.paused = None;
+    }
+}
+
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
     controls(ui, model, &mut desk.plots, acts);
     super::faded_unless_live(ui, model);
@@ -84,8 +91,10 @@ fn controls(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act
             }
         });
         named(response.response, "Time shown");
+        let is_recorded = matches!(model.link, Link::Recording);
         let paused = plots.paused.is_some();
-        if ui.button(if paused { "Go on" } else { "Pause" }).clicked() {
+        // The slider of a recording pauses its plots.
+        if !is_recorded && ui.button(if paused { "Go on" } else { "Pause" }).clicked() {
             plots.paused = if paused { None } else { Some(Box::new(model.history.clone())) };
         }
         let export = ui
@@ -94,6 +103,9 @@ fn controls(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act
         if export.clicked() {
             let history = plots.paused.as_deref().unwrap_or(&model.history);
             acts.push(Act::Export(history.last(SPAN_S).copied().collect()));
+        }
+        if is_recorded {
+            return zero_of(ui, model, plots);
         }
         let rates =
             ComboBox::from_id_salt("rate").selected_text(format!("{}/s", model.samples_per_s)).width(64.0);
@@ -106,10 +118,14 @@ fn controls(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act
         });
         named(response.response, "Samples a second")
             .on_hover_text("states that the server sends; at most one a tick");
-        if plots.which.is_from_zero() {
-            zero_control(ui, model, plots);
-        }
+        zero_of(ui, model, plots);
     });
+}
+
+fn zero_of(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
+    if plots.which.is_from_zero() {
+        zero_control(ui, model, plots);
+    }
 }
 
 fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {

@@ -7,7 +7,7 @@ use egui_plot::{HLine, Line, LineStyle, PlotBounds, PlotPoint, PlotUi, Text, VLi
 
 use super::axes::plot;
 use super::{PlotDesk, Which};
-use crate::model::{History, Mark, Model, PlotSample, What, thinned};
+use crate::model::{History, Link, Mark, Model, PlotSample, What, thinned};
 use crate::view::theme::{Palette, weak};
 
 /// A curve of a plot.
@@ -106,13 +106,14 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
             ui.colored_label(palette.warn, "limit, dashed");
         }
     });
+    let recorded = matches!(model.link, Link::Recording);
     let marks: Vec<&Mark> = model.marks.between(now - plots.window, now).collect();
     let shown = plot(ui, quantity.axis, plots, quantity.axis)
         .include_x(-plots.window)
         .include_x(0.0)
         .include_y(low)
         .include_y(high)
-        .x_axis_label("time before now, s")
+        .x_axis_label(if recorded { "time before this moment, s" } else { "time before now, s" })
         .show(ui, |plot| {
             for (curve, points) in quantity.curves.iter().zip(lines) {
                 plot.line(Line::new(curve.name, points).color(curve.color).width(1.6));

@@ -1,6 +1,8 @@
 //! Lines, arrows and texts in three dimensions.
 
-use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Shape, Stroke};
+use std::cell::RefCell;
+
+use eframe::egui::{Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, vec2};
 use glam::DVec3;
 
 use crate::view::camera::Projection;
@@ -14,6 +16,8 @@ pub(super) struct Drawing {
     pub(super) painter: Painter,
     pub(super) view: Projection,
     pub(super) palette: Palette,
+    /// The places of the names that have been written.
+    pub(super) written: RefCell<Vec<Rect>>,
 }
 
 impl Drawing {
@@ -57,11 +61,39 @@ impl Drawing {
         self.painter.add(Shape::convex_polygon(points, color, Stroke::NONE));
     }
 
+    /// Writes a name at a place, or beside it if another name is there.
     pub(super) fn text(&self, at: DVec3, text: &str, color: Color32) {
         let dim = if self.view.is_hidden(at) { 0.5 } else { 1.0 };
-        let font = FontId::proportional(13.0);
-        self.painter.text(self.view.point(at), Align2::CENTER_CENTER, text, font, color.gamma_multiply(dim));
+        let color = color.gamma_multiply(dim);
+        let galley = self.painter.layout_no_wrap(text.to_owned(), FontId::proportional(13.0), color);
+        let place = free_place(&self.written.borrow(), self.view.point(at), galley.size());
+        self.painter.galley(place.min, galley, color);
+        self.written.borrow_mut().push(place);
     }
+}
+
+/// Returns the place of a name about the point `at` that covers none of the places `taken`: there,
+/// or else below, above or beside. If all of them are taken, it is the first.
+fn free_place(taken: &[Rect], at: Pos2, size: Vec2) -> Rect {
+    /// Steps in the size of the name.
+    const STEPS: [[f32; 2]; 13] = [
+        [0.0, 0.0],
+        [0.0, 1.0],
+        [0.0, -1.0],
+        [1.0, 0.0],
+        [-1.0, 0.0],
+        [1.0, 1.0],
+        [-1.0, 1.0],
+        [1.0, -1.0],
+        [-1.0, -1.0],
+        [0.0, 2.0],
+        [0.0, -2.0],
+        [0.0, 3.0],
+        [0.0, -3.0],
+    ];
+    let place = |[x, y]: [f32; 2]| Rect::from_center_size(at + vec2(x, y) * size, size);
+    let is_free = |place: &Rect| !taken.iter().any(|other| other.shrink(1.0).intersects(*place));
+    STEPS.into_iter().map(place).find(is_free).unwrap_or_else(|| place([0.0, 0.0]))
 }
 
 /// Returns the points of a closed circle on the unit sphere. Its plane passes through the centre
@@ -79,4 +111,22 @@ pub(super) fn circle(normal: DVec3) -> impl Iterator<Item = DVec3> {
 /// hidden or visible.
 pub(super) fn segment(from: DVec3, to: DVec3) -> Vec<DVec3> {
     (0..=16).map(|k| from.lerp(to, f64::from(k) / 16.0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eframe::egui::pos2;
+
+    #[test]
+    fn names_at_one_point_do_not_cover_each_other() {
+        let mut taken = Vec::new();
+        for width in [20.0, 40.0, 8.0, 60.0, 20.0, 30.0] {
+            let place = free_place(&taken, pos2(100.0, 100.0), vec2(width, 14.0));
+            let clear = taken.iter().all(|other: &Rect| !other.shrink(1.0).intersects(place));
+            assert!(clear, "{place:?} among {taken:?}");
+            taken.push(place);
+        }
+        assert_eq!(taken[0].center(), pos2(100.0, 100.0), "the first stays where it is");
+    }
 }

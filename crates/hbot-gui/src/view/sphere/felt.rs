@@ -46,9 +46,9 @@ impl Drawing {
 
     fn color(&self, role: Role) -> Color32 {
         match role {
-            Role::Wall => self.palette.bad,
+            // What attracts the sphere has the colour of a reference, which attracts it too.
             Role::Place => self.palette.ghost,
-            Role::Guide => self.palette.good,
+            Role::Wall | Role::Guide => self.palette.felt,
             Role::Pointer => self.palette.grid,
         }
     }

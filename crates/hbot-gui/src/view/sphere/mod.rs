@@ -3,9 +3,10 @@
 
 mod drawing;
 mod felt;
+mod hand;
 mod objects;
 
-use eframe::egui::{self, Align2, FontId, Key, Painter, Role, Sense, Ui, Vec2, WidgetInfo, pos2, vec2};
+use eframe::egui::{self, Align2, FontId, Painter, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 use glam::{DQuat, DVec3};
 use hbot_api::StateEvent;
 
@@ -14,8 +15,11 @@ use super::theme::Palette;
 use super::wheels::Contact;
 use crate::model::Model;
 use crate::model::sample::quaternion;
+use crate::net::Intent;
 use crate::shape::{self, Shapes};
 use drawing::Drawing;
+pub(crate) use hand::Held;
+use hand::Push;
 
 /// Everything in the picture is drawn within this distance from the sphere's centre, in units of
 /// the sphere's radius.
@@ -26,23 +30,17 @@ const READOUTS: f32 = 50.0;
 /// the least length, so that the direction is always visible. The second is added to it at the
 /// rig's torque limit.
 const TORQUE_LENGTH: [f64; 2] = [0.2, 0.32];
+/// Length of the arrow that shows the force on the hand, in the same way.
+const PUSH_LENGTH: [f64; 2] = [0.15, 0.6];
 
 /// Draws the picture of the sphere into the room that is left in the window.
-pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
+pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     let (response, painter) = ui.allocate_painter(ui.available_size(), Sense::click_and_drag());
     let rect = response.rect;
     let room = rect.with_max_y(rect.bottom() - READOUTS);
     let middle = room.center();
     let radius = (room.width().min(room.height()) / 2.0 / REACH as f32).max(10.0);
-    if response.dragged() {
-        desk.camera.orbit(response.drag_delta(), radius);
-    }
-    if response.double_clicked() {
-        desk.camera = Default::default();
-    }
-    if response.has_focus() {
-        desk.camera.orbit(arrow_keys(ui) * 12.0, radius);
-    }
+    hand::control(ui, &response, model, desk, desk.camera.onto(middle, radius), intents);
     let state = model.state.as_ref();
     let q = state.map_or(DQuat::IDENTITY, |state| quaternion(state.q));
     let shapes = state.map_or_else(Shapes::default, |_| {
@@ -51,7 +49,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, describe(state, &shapes)));
 
     let palette = Palette::of(ui);
-    let draw = Drawing { painter, view: desk.camera.onto(middle, radius), palette };
+    let written = Default::default();
+    let draw = Drawing { painter, view: desk.camera.onto(middle, radius), palette, written };
     draw.sphere(q);
     if let Some(reference) = state.and_then(|state| state.reference) {
         draw.ghost(quaternion(reference));
@@ -67,21 +66,24 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
         }
         draw.torque(state.torque.into(), model.info.limits.torque);
     }
+    let sphere = model.info.rig.sphere.radius;
+    let push = desk.hand.as_ref().zip(state).map(|(held, state)| {
+        let push = held.push(q, state.torque.into(), sphere);
+        draw.hand(held, &push, model.info.limits.torque, sphere);
+        push
+    });
     draw.corner(rect, desk);
     readouts(&draw.painter, rect, state, palette);
-    legend(&draw.painter, rect, state, &shapes, palette);
+    legend(&draw.painter, rect, (state, push), &shapes, palette);
     if rect.width() > 500.0 {
         let at = rect.right_bottom() - vec2(8.0, 6.0);
-        let hint = "drag to turn the view, double click to turn it back";
+        let hint = if model.has_hand() {
+            "drag the sphere to turn it; with Shift or beside it, the view"
+        } else {
+            "drag to turn the view, double click to turn it back"
+        };
         draw.painter.text(at, Align2::RIGHT_BOTTOM, hint, FontId::proportional(12.0), palette.weak);
     }
-}
-
-fn arrow_keys(ui: &Ui) -> Vec2 {
-    ui.input(|input| {
-        let key = |key| f32::from(u8::from(input.key_down(key)));
-        vec2(key(Key::ArrowRight) - key(Key::ArrowLeft), key(Key::ArrowDown) - key(Key::ArrowUp))
-    })
 }
 
 /// Describes the picture of the sphere in words, for screen readers.
@@ -119,7 +121,7 @@ fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, pal
 fn legend(
     painter: &Painter,
     rect: egui::Rect,
-    state: Option<&StateEvent>,
+    (state, push): (Option<&StateEvent>, Option<Push>),
     shapes: &Shapes,
     palette: Palette,
 ) {
@@ -130,8 +132,13 @@ fn legend(
         Some(_) => (palette.ghost, "reference, dashed".to_owned()),
         None => (palette.weak, "no reference".to_owned()),
     });
+    if let Some(push) = push {
+        let text =
+            format!("the scene pushes your hand: {:.2} N, {:.3} N m", push.force.length(), push.torque);
+        lines.push((palette.hand, text));
+    }
     if !shapes.met.is_empty() {
-        lines.push((palette.bad, format!("meets {}", shapes.met.join(", "))));
+        lines.push((palette.felt, format!("meets {}", shapes.met.join(", "))));
     }
     if shapes.unplaced > 0 {
         // The server tells the place of the first reference alone.

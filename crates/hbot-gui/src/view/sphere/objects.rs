@@ -3,8 +3,9 @@
 use eframe::egui::{self, Align2, FontId, Mesh, Pos2, Shape, Stroke, Vec2, vec2};
 use glam::{DQuat, DVec3};
 
-use super::TORQUE_LENGTH;
 use super::drawing::{CIRCLE, Drawing, circle, segment};
+use super::hand::{Held, Push};
+use super::{PUSH_LENGTH, TORQUE_LENGTH};
 use crate::view::Desk;
 use crate::view::wheels::Contact;
 
@@ -118,9 +119,33 @@ impl Drawing {
         }
     }
 
+    /// Draws where the simulated hand holds the sphere, and the force with which the scene pushes
+    /// it. `limit` is the rig's torque limit, N m, and `radius` the sphere's radius, m.
+    pub(super) fn hand(&self, held: &Held, push: &Push, limit: f64, radius: f64) {
+        let color = self.palette.hand;
+        let at = self.view.point(push.at);
+        if let Some(pointer) = held.pointer {
+            let line = Shape::dashed_line(&[at, pointer], Stroke::new(1.5, color), 2.0, 3.0);
+            self.painter.extend(line);
+        }
+        self.painter.circle_filled(at, 6.0, color);
+        let most = if limit > 0.0 { limit / radius } else { 1.0 };
+        let share = push.force.length() / most;
+        let Some(direction) = push.force.try_normalize() else { return };
+        // Below one hundredth of the limit the direction is not meaningful.
+        if share < 0.01 {
+            return;
+        }
+        let [least, more] = PUSH_LENGTH;
+        let to = self.view.point(push.at + direction * (least + more * share.min(1.0)));
+        // The hand is in front of the sphere, so nothing of its arrow is hidden.
+        self.painter.line_segment([at, to], Stroke::new(5.0, color));
+        self.head(at, to, 16.0, color);
+    }
+
     /// Draws the directions of the axes of frame N in a corner of the picture.
     pub(super) fn corner(&self, rect: egui::Rect, desk: &Desk) {
-        let view = desk.camera.onto(rect.right_top() + vec2(-46.0, 48.0), 26.0);
+        let view = desk.camera.unzoomed().onto(rect.right_top() + vec2(-46.0, 48.0), 26.0);
         for (k, axis) in DVec3::AXES.into_iter().enumerate() {
             let color = self.palette.axes[k];
             let tip = view.point(axis);

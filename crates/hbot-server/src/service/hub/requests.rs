@@ -162,6 +162,7 @@ impl Hub {
         let now = Now {
             scene: self.scenes.file().to_json(),
             warnings: self.scenes.warnings().to_vec(),
+            outlook: self.scenes.outlook(),
             sample: self.latest.as_ref(),
             lease: self.lease.info(),
             incident: self.incidents.present().cloned(),

@@ -11,6 +11,45 @@ fn set(effect: &str, parameters: Value) -> Op {
 }
 
 #[test]
+fn info_tells_up_to_which_stiffness_the_running_scene_is_stable() {
+    let bench = bench();
+    let mut client = bench.holder();
+    let load = |client: &mut Client, effects: Vec<Value>| {
+        client.call(scene(json!({"name": "x", "effect": effects}))).unwrap();
+        let mut told = None;
+        eventually("the borders", || {
+            told = client.info().unwrap().stable;
+            told.is_some()
+        });
+        told.unwrap()
+    };
+    let damped = |id: &str, stiffness: Value| json!({"id": id, "kind": "spring", "stiffness": stiffness, "damping": 0.02, "anchor": "here"});
+    let alone = load(&mut client, vec![damped("a", json!(1))]);
+    assert_eq!((alone.len(), alone[0].effect.as_str(), alone[0].axis), (1, "a", None));
+    // The server warns of a stiffer spring, and of no softer one. The search ends at 3 % of the
+    // border, below it.
+    for (part, warned) in [(0.97, false), (1.06, true)] {
+        let stiffness = json!(part * alone[0].stiffness);
+        let parameters = serde_json::Map::from_iter([("stiffness".to_owned(), stiffness)]);
+        let told = client.set("a", parameters).unwrap();
+        assert_eq!(told.warnings.iter().any(|text| text.contains("may shake")), warned, "{told:?}");
+    }
+    // The parameters of the others count, and an answer about an earlier scene is none about this.
+    let beside = load(&mut client, vec![damped("a", json!(1)), damped("b", json!(60))]);
+    assert!(beside[0].stiffness < alone[0].stiffness - 10.0, "{beside:?}");
+    client.set("b", serde_json::Map::from_iter([("stiffness".to_owned(), json!(120))])).unwrap();
+    let mut changed = client.info().unwrap().stable;
+    eventually("the borders of the changed scene", || {
+        changed = client.info().unwrap().stable;
+        changed.is_some()
+    });
+    assert!(changed.unwrap()[0].stiffness < beside[0].stiffness - 10.0, "{beside:?}");
+    let apart = load(&mut client, vec![damped("a", json!([[1, 0, 0], [0, 2, 0], [0, 0, 3]]))]);
+    assert_eq!(apart.iter().map(|stable| stable.axis).collect::<Vec<_>>(), [Some(1), Some(2), Some(3)]);
+    assert_eq!(load(&mut client, vec![json!({"id": "a", "kind": "damper"})]), []);
+}
+
+#[test]
 fn a_scene_is_loaded_answered_and_told_to_all() {
     let bench = bench();
     let (mut client, mut watcher) = (bench.holder(), bench.client("watcher"));

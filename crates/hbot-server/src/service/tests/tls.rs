@@ -9,14 +9,14 @@ use super::*;
 use crate::tls::Encryption;
 
 /// A certificate with its private key, in PEM.
-struct Made {
-    certificate: String,
+pub(super) struct Made {
+    pub(super) certificate: String,
     key: String,
 }
 
 impl Made {
     /// Returns a self-signed certificate for the address that the tests connect to.
-    fn by_itself() -> Self {
+    pub(super) fn by_itself() -> Self {
         let made = rcgen::generate_simple_self_signed(["127.0.0.1".to_owned()]).unwrap();
         Self { certificate: made.cert.pem(), key: made.signing_key.serialize_pem() }
     }
@@ -29,7 +29,7 @@ impl Made {
         Some(Encryption::from_files(&files).unwrap())
     }
 
-    fn bench(&self) -> TestService {
+    pub(super) fn bench(&self) -> TestService {
         TestService::start(TestOptions { encryption: self.encryption(), ..TestOptions::default() })
     }
 }

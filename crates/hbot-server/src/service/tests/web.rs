@@ -1,15 +1,21 @@
 //! Tests of the web port: the page, and the API over WebSocket, with the clients that a browser or
 //! an attacker can be.
 
+use std::io::{Read, Write};
+
 use hbot_api::Encoding;
+use tokio_rustls::rustls::pki_types::pem::PemObject as _;
+use tokio_rustls::rustls::pki_types::{CertificateDer, ServerName};
+use tokio_rustls::rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
 use tokio_tungstenite::tungstenite::client::{IntoClientRequest as _, client};
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::{Error, Message, WebSocket};
 
+use super::tls::Made;
 use super::*;
 
 /// A client over WebSocket.
-struct Browser(WebSocket<TcpStream>);
+struct Browser<S = TcpStream>(WebSocket<S>);
 
 impl Browser {
     /// Asks for a WebSocket with these headers. Returns the HTTP status if it is refused.
@@ -48,12 +54,14 @@ impl Browser {
         browser
     }
 
-    fn send(&mut self, message: &Value) {
-        self.0.send(Message::text(message.to_string())).unwrap();
-    }
-
     fn bytes(&mut self, bytes: &[u8]) {
         self.0.get_mut().write_all(bytes).unwrap();
+    }
+}
+
+impl<S: Read + Write> Browser<S> {
+    fn send(&mut self, message: &Value) {
+        self.0.send(Message::text(message.to_string())).unwrap();
     }
 
     fn next(&mut self) -> Value {
@@ -81,6 +89,18 @@ impl Browser {
             }
         }
     }
+}
+
+/// Returns an encrypted connection to the web port of a server with this certificate, which the
+/// client trusts.
+fn encrypted(bench: &TestService, made: &Made) -> StreamOwned<ClientConnection, TcpStream> {
+    let mut roots = RootCertStore::empty();
+    roots.add(CertificateDer::from_pem_slice(made.certificate.as_bytes()).unwrap()).unwrap();
+    let config = ClientConfig::builder().with_root_certificates(roots).with_no_client_auth();
+    let name = ServerName::from(bench.web.ip());
+    let stream = TcpStream::connect(bench.web).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    StreamOwned::new(ClientConnection::new(Arc::new(config), name).unwrap(), stream)
 }
 
 /// Sends a plain HTTP request to the web port. Returns the whole answer.
@@ -168,6 +188,48 @@ fn a_page_from_elsewhere_and_a_rebound_name_get_no_websocket() {
     assert_eq!(status(&[]), Err(403), "no Origin and no token");
     let summary = bench.finish();
     assert_eq!((summary.requests, summary.refused.total()), (0, 8), "refusals are counted");
+}
+
+#[test]
+fn behind_tls_the_page_and_the_api_are_served_and_nothing_without_it() {
+    let made = Made::by_itself();
+    let bench = made.bench();
+    let mut page = encrypted(&bench, &made);
+    page.write_all(format!("GET / HTTP/1.1\r\nHost: {}\r\n\r\n", bench.web).as_bytes()).unwrap();
+    let mut answer = String::new();
+    page.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 200 OK\r\n"), "{answer}");
+
+    let open = |origin: &str| {
+        let mut request = format!("wss://{}/ws", bench.web).into_client_request().unwrap();
+        request.headers_mut().insert("origin", origin.parse().unwrap());
+        client(request, encrypted(&bench, &made))
+    };
+    let (socket, _) = open(&format!("https://{}", bench.web)).unwrap();
+    let mut browser = Browser(socket);
+    let hello = browser.ask(&json!({"id": 0, "op": "hello", "version": 1, "name": "page"}));
+    assert!(hello["ok"]["session"].is_u64(), "{hello}");
+    // This answer is longer than a TLS record.
+    assert!(browser.ask(&json!({"id": 1, "op": "info"})).to_string().len() > 16 * 1024);
+    browser.send(&json!({"id": 2, "op": "subscribe", "every": 1}));
+    let states = (0..200).map(|_| browser.next()).filter(|message| message["event"] == "state").count();
+    assert!(states >= 199, "{states}");
+    // The page of the same address without encryption is another origin.
+    for origin in [format!("http://{}", bench.web), "https://evil.example".to_owned()] {
+        assert!(open(&origin).is_err(), "{origin}");
+    }
+    // Who does not encrypt gets no answer, and commands nothing.
+    let mut plain = TcpStream::connect(bench.web).unwrap();
+    plain.set_read_timeout(Some(PATIENCE)).unwrap();
+    plain.write_all(format!("GET / HTTP/1.1\r\nHost: {}\r\n\r\n", bench.web).as_bytes()).unwrap();
+    let mut rest = Vec::new();
+    // The server may also cut the connection.
+    let _ = plain.read_to_end(&mut rest);
+    assert!(!rest.starts_with(b"HTTP"), "{rest:?}");
+    let stop = browser.ask(&json!({"id": 3, "op": "estop"}));
+    assert_eq!(stop["ok"]["mode"], "estop", "{stop}");
+    let summary = bench.finish();
+    assert_eq!((summary.estops, summary.handshakes_failed), (1, 1));
 }
 
 #[test]

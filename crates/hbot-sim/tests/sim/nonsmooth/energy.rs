@@ -118,7 +118,7 @@ fn phenomena(dice: &mut Dice) -> Phenomena {
             damping: dice.figure(1e-3, 1.0, 10.0),
             inertia: dice.decade(1e-6, 1e-2),
             amplitude: 0.0,
-            rate: 0.25,
+            ..Hand::default()
         }),
         ..Phenomena::default()
     }

@@ -130,7 +130,8 @@ pub(super) fn held() -> Scene {
 /// Returns a scene in which a slow spring pulls joints whose friction falls when they begin to
 /// move, so that they stick and slip.
 pub(super) fn stick_slip() -> Scene {
-    let hand = Hand { stiffness: 3.0, damping: 0.0, inertia: 0.0, amplitude: 0.25, rate: 0.25 };
+    let hand =
+        Hand { stiffness: 3.0, damping: 0.0, inertia: 0.0, amplitude: 0.25, rate: 0.25, ..Hand::default() };
     let start = PlantState { steer: [0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() };
     Scene {
         name: "stick-slip",

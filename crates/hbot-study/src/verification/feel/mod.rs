@@ -16,9 +16,12 @@ use crate::whole::prototype;
 
 /// The hands that move the sphere, each with its name.
 const HANDS: [(&str, Hand); 3] = [
-    ("default", Hand { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.25, rate: 1.0 }),
-    ("strong", Hand { stiffness: 30.0, damping: 0.3, inertia: 4.0e-3, amplitude: 0.15, rate: 1.0 }),
-    ("finger", Hand { stiffness: 0.3, damping: 0.005, inertia: 2.0e-4, amplitude: 0.25, rate: 1.0 }),
+    ("default", Hand { rate: 1.0, ..Hand::USUAL }),
+    (
+        "strong",
+        Hand { stiffness: 30.0, damping: 0.3, inertia: 4.0e-3, amplitude: 0.15, rate: 1.0, ..Hand::USUAL },
+    ),
+    ("finger", Hand { stiffness: 0.3, damping: 0.005, inertia: 2.0e-4, rate: 1.0, ..Hand::USUAL }),
 ];
 /// Rates of the hand's motion, Hz.
 const RATES: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 20.0];

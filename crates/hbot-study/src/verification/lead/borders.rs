@@ -144,7 +144,7 @@ impl Case {
             {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": DAMPING, "fade_s": 0}
         ]});
         let Hold { stiffness: grip, damping, inertia, .. } = self.hold;
-        let hand = Hand { stiffness: grip, damping, inertia, amplitude: 0.0, rate: 0.0 };
+        let hand = Hand { stiffness: grip, damping, inertia, amplitude: 0.0, rate: 0.0, ..Hand::default() };
         let phenomena = Phenomena {
             motor: Some(motor(self.sampled.lag)),
             hand: (grip > 0.0).then_some(hand),

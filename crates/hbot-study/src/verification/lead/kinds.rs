@@ -36,7 +36,7 @@ const RATIO: f64 = 2.0;
 /// Kinds that give out energy on purpose. Nothing they do is a sign of delay.
 const ON_PURPOSE: [&str; 4] = ["constant", "pulse", "track", "vibration"];
 /// The default hand of the simulated rig, at rest.
-const HAND: Hand = Hand { stiffness: 3.0, damping: 0.05, inertia: 2.0e-3, amplitude: 0.0, rate: 0.0 };
+const HAND: Hand = Hand { amplitude: 0.0, rate: 0.0, ..Hand::USUAL };
 
 /// Returns `scene` with the torques of all effects multiplied by `gain`.
 fn scaled(scene: &CompiledScene, gain: f64) -> CompiledScene {

@@ -79,7 +79,8 @@ impl Setting {
     }
 
     pub(super) fn wanted(&self, stiffness: f64, guard: bool) -> Wanted {
-        let still = Hand { stiffness: 0.0, damping: self.own, inertia: 0.0, amplitude: 0.0, rate: 0.25 };
+        let still =
+            Hand { stiffness: 0.0, damping: self.own, inertia: 0.0, amplitude: 0.0, ..Hand::default() };
         // The answers arrive shortly before the end of a tick and are read at its end.
         let late = Link {
             latency_s: f64::from(self.delay - 1) * self.period() * (1.0 - 1.0e-3),

@@ -259,7 +259,7 @@ fn hands() -> [Option<Hand>; 3] {
             damping: hold.damping,
             inertia: hold.inertia,
             amplitude: 0.0,
-            rate: 0.25,
+            ..Hand::default()
         })
     })
 }

@@ -2,11 +2,12 @@
 
 use std::f64::consts::{PI, TAU};
 
-use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::render::Renderer;
 use hbot_core::render::around::{Spot, Swing};
 use hbot_core::render::effects::{Effect, Motion, Span};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
+
+use crate::{RigConfig, RunningScene, SceneFile};
 
 /// Duration of one swing from one half turn to the other and back, s.
 const SWING_S: f64 = 8.0;
@@ -21,23 +22,29 @@ const MOST_TURNS: usize = 30;
 const MOST_POINTS: usize = 2500;
 
 /// The points of a curve.
-type Points = Vec<(f64, f64)>;
+pub type Points = Vec<(f64, f64)>;
 
 /// A scene whose torque is computed, with the loop of the prototype.
-pub(crate) struct Probe {
+#[derive(Debug)]
+pub struct Probe {
     renderer: Renderer,
     scene: CompiledScene,
     names: Vec<String>,
 }
 
 /// Torque about an axis, N m, against the angle about it, rad, for both directions of a swing.
-pub(super) struct Curves {
-    pub(super) forth: Vec<(f64, f64)>,
-    pub(super) back: Vec<(f64, f64)>,
+#[derive(Debug)]
+pub struct Curves {
+    /// From minus half a turn to half a turn.
+    pub forth: Vec<(f64, f64)>,
+    /// And back.
+    pub back: Vec<(f64, f64)>,
 }
 
 impl Probe {
-    pub(crate) fn new(file: &SceneFile) -> Self {
+    /// Takes a scene. Its effects have faded in and are anchored at the identity.
+    #[must_use]
+    pub fn new(file: &SceneFile) -> Self {
         let names = file.effects().iter().map(|effect| effect.id().to_owned()).collect();
         let compiled = RunningScene::new().load(file.clone());
         // The plot shows the scene after its effects have faded in.
@@ -52,7 +59,8 @@ impl Probe {
 
     /// Returns a scene for each single effect, with the effect's id. Returns none if there is only
     /// one effect.
-    pub(super) fn parts(&self) -> Vec<(String, Self)> {
+    #[must_use]
+    pub fn parts(&self) -> Vec<(String, Self)> {
         if self.names.len() < 2 {
             return Vec::new();
         }
@@ -75,7 +83,8 @@ impl Probe {
 
     /// Returns the torque of the scene in frame N, N m, at each of these motions, one tick of
     /// `period_s` after the other. Effects are anchored at `anchor`.
-    pub(crate) fn along(
+    #[must_use]
+    pub fn along(
         &self,
         anchor: Quat,
         period_s: f64,
@@ -90,7 +99,8 @@ impl Probe {
     }
 
     /// Swings the sphere about the unit vector `axis` in frame N. Returns every `every`-th tick.
-    pub(super) fn swing(&self, axis: Vec3, every: u64) -> Curves {
+    #[must_use]
+    pub fn swing(&self, axis: Vec3, every: u64) -> Curves {
         let mut renderer = self.fresh();
         let mut curves = Curves { forth: Vec::new(), back: Vec::new() };
         let ticks = |time: f64| (time / DT).round() as u64;
@@ -121,12 +131,25 @@ impl Probe {
         curves
     }
 
+    /// Returns the torque about each axis of frame N, N m, against the angle about it, rad, from
+    /// minus half a turn to half a turn and back. Each has about `points` points.
+    #[must_use]
+    pub fn about_axes(&self, points: usize) -> [Points; 3] {
+        let ticks = (SWING_S / DT) as u64;
+        Vec3::AXES.map(|axis| {
+            let Curves { mut forth, back } = self.swing(axis, (ticks / points as u64).max(1));
+            forth.extend(back);
+            forth
+        })
+    }
+
     /// Holds the sphere still. Returns the duration (s), and the three components of the torque in
     /// frame N (N m) against time (s). Returns `None` if the torque does not change with time.
     ///
     /// The duration is the longest of [`STILL_S`] in which a component turns back at most
     /// [`MOST_TURNS`] times, so that a curve can be told from a band.
-    pub(super) fn still(&self) -> Option<(f64, [Points; 3])> {
+    #[must_use]
+    pub fn still(&self) -> Option<(f64, [Points; 3])> {
         let mut renderer = self.fresh();
         let motion = Motion { q: Quat::IDENTITY, omega: Vec3::ZERO };
         let ticks = |time: f64| (time / DT).round() as usize;
@@ -150,7 +173,8 @@ impl Probe {
     /// Returns whether the scene has a place into which the sphere falls from all sides. Then its
     /// energy is a landscape of more than one valley. A spring has one valley only, and the notches
     /// of a dial hold about its axis alone.
-    pub(super) fn has_wells(&self) -> bool {
+    #[must_use]
+    pub fn has_wells(&self) -> bool {
         // A swing this small stays in any notch.
         let swing = Swing { axes: Mat3::IDENTITY, turn: [1.0e-4; 3], speed: 1.0e-4 };
         let mut found = false;
@@ -172,7 +196,8 @@ impl Probe {
 
     /// Returns the smallest energy with the sphere's third axis along the unit vector `direction`,
     /// J.
-    pub(super) fn least_energy(&self, direction: Vec3) -> f64 {
+    #[must_use]
+    pub fn least_energy(&self, direction: Vec3) -> f64 {
         /// Number of turns about that axis that are tried, in steps of 5 degrees.
         const SPINS: u32 = 72;
         let renderer = self.fresh();
@@ -205,7 +230,7 @@ fn turns(torques: &[Vec3], k: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_config::scene::SHELF;
+    use crate::scene::SHELF;
 
     /// Returns how long the picture of a scene shows a sphere that is held still, s, and whether it
     /// shows a landscape.

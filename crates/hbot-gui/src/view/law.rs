@@ -1,0 +1,133 @@
+//! The torque of the running scene against angle, and where the sphere is on it now.
+
+use std::f64::consts::PI;
+
+use eframe::egui::{Role, Ui, WidgetInfo};
+use egui_plot::{GridMark, Line, LineStyle, Plot, Points};
+use hbot_core::rotation;
+
+use super::Desk;
+use super::theme::{Palette, weak};
+use crate::model::Model;
+use crate::model::sample::quaternion;
+
+/// Height of the plot, points.
+const HEIGHT: f32 = 130.0;
+/// The vertical axis ends at this multiple of the rig's torque limit at most. Walls that are many
+/// times as strong would flatten everything that the hand can feel.
+const BEYOND: f64 = 1.25;
+/// The vertical axis extends at least this far, N m.
+const LEAST: f64 = 0.02;
+
+/// Draws the torque about n1, n2 and n3 against the angle about each, with a dot for each axis.
+pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
+    desk.judged.take(&model.info);
+    let Some(curves) = desk.judged.curves(&model.scene.shown()) else { return };
+    let palette = Palette::of(ui);
+    let largest = curves.iter().flatten().fold(LEAST, |most, (_, torque)| most.max(torque.abs()));
+    let limit = model.info.limits.torque;
+    let end = 1.08 * if limit > 0.0 { largest.min(BEYOND * limit) } else { largest };
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 6.0;
+        weak(ui, "scene, N m about");
+        for (k, color) in palette.axes.into_iter().enumerate() {
+            ui.colored_label(color, format!("n{}", k + 1));
+        }
+        weak(ui, "; dots: now");
+    });
+    let dots = dots(model);
+    let degrees = |mark: GridMark, _: &_| format!("{:.0}\u{b0}", mark.value.to_degrees());
+    let quarter = |_| {
+        // The size of the step is that of a whole turn, so that the numbers are not dimmed.
+        let mark = |k: i32| GridMark { value: f64::from(k) * PI / 2.0, step_size: 2.0 * PI };
+        (-2..=2).map(mark).collect()
+    };
+    let plot = Plot::new("law")
+        .height(HEIGHT)
+        .width(ui.available_width() - 8.0)
+        .include_x(-PI)
+        .include_x(PI)
+        .include_y(-end)
+        .include_y(end)
+        .x_grid_spacer(quarter)
+        .x_axis_formatter(degrees)
+        .y_axis_min_width(34.0)
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_scroll(false)
+        .allow_boxed_zoom(false)
+        .show_x(false)
+        .show_y(false);
+    let shown = plot.show(ui, |plot| {
+        for (k, curve) in curves.iter().enumerate() {
+            let points: Vec<_> = curve.iter().map(|(x, y)| [*x, y.clamp(-end, end)]).collect();
+            plot.line(Line::new(format!("n{}", k + 1), points).color(palette.axes[k]).width(1.6));
+        }
+        if limit > 0.0 && end > limit {
+            for limit in [-limit, limit] {
+                let ends = vec![[-PI, limit], [PI, limit]];
+                let line = Line::new("limit", ends).color(palette.warn).style(LineStyle::dashed_loose());
+                plot.line(line.width(1.0));
+            }
+        }
+        for (k, [x, y]) in dots.iter().flatten().enumerate() {
+            let dot = Points::new(format!("now n{}", k + 1), vec![[*x, y.clamp(-end, end)]]);
+            plot.points(dot.color(palette.axes[k]).radius(4.0));
+        }
+    });
+    let text = "Torque of the scene against the angle about each axis";
+    shown.response.widget_info(|| WidgetInfo::labeled(Role::Image, true, text));
+}
+
+/// Returns the angle about each axis from the scene's anchor, rad, and the torque about it, N m.
+fn dots(model: &Model) -> Option<[[f64; 2]; 3]> {
+    let state = model.state.as_ref().filter(|_| model.is_live())?;
+    let anchor = model.placing().anchor(model.scene.laws());
+    let turn = rotation::difference(quaternion(state.q), anchor);
+    Some([0, 1, 2].map(|k| [turn[k], state.torque[k]]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::{commanding, see_state};
+    use glam::{DQuat, DVec3};
+    use hbot_api::{Mode, StateEvent};
+    use hbot_config::SceneFile;
+    use hbot_config::sweep::Probe;
+    use serde_json::json;
+
+    /// A spring that is anchored where the sphere was: its torque is on the curve that the panel
+    /// computes.
+    #[test]
+    fn the_dot_of_a_turned_sphere_is_on_the_curve_of_its_axis() {
+        let mut model = commanding(true);
+        model.scene.take(&json!({"name": "S", "effect": [
+            {"id": "s", "kind": "spring", "stiffness": 2.0, "damping": 0.0, "anchor": "here"}]}));
+        let array = |q: DQuat| [q.w, q.x, q.y, q.z];
+        let anchor = DQuat::from_scaled_axis(DVec3::new(0.4, -1.0, 0.3));
+        for (k, axis) in DVec3::AXES.into_iter().enumerate() {
+            let q = DQuat::from_scaled_axis(axis * 0.3) * anchor;
+            let state = StateEvent {
+                tick: 200 + k as u64,
+                t: 0.2 + k as f64,
+                mode: Mode::Active,
+                q: array(q),
+                reference: Some(array(anchor)),
+                torque: (axis * -0.6).to_array(),
+                ..StateEvent::default()
+            };
+            see_state(&mut model, state);
+            let dots = dots(&model).expect("a state");
+            let curve =
+                &Probe::new(&SceneFile::from_json(model.scene.to_json()).expect("legal")).about_axes(400)[k];
+            let near = curve.iter().min_by(|a, b| (a.0 - 0.3).abs().total_cmp(&(b.0 - 0.3).abs()));
+            let (_, torque) = near.expect("a point");
+            // The nearest point of the curve is within 0.02 rad, at 2 N m/rad.
+            assert!(
+                (dots[k][0] - 0.3).abs() < 1e-12 && (dots[k][1] - torque).abs() < 0.05,
+                "{dots:?} {near:?}"
+            );
+        }
+    }
+}
