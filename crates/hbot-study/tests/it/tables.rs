@@ -5,7 +5,6 @@ pub(crate) const ACCURACY: &str = include_str!("../../../../docs/accuracy/report
 const DESIGN: &str = include_str!("../../../../docs/design/report.md");
 const DESIGN_PAGE: &str = include_str!("../../../../docs/design-study.md");
 const PHYSICS: &str = include_str!("../../../../docs/internals/physics.md");
-const VELOCITY: &str = include_str!("../../../../docs/internals/velocity.md");
 
 /// Returns a cell of a report's table. `section` is the heading above the table, `row` holds the
 /// first cells of the row, and `column` is the head of the column. Panics unless exactly one cell
@@ -140,49 +139,4 @@ fn the_table_of_more_wheels_is_the_reports() {
         "inertia, g m²" => wheels(count, "inertia, kg m²"),
         column => wheels(count, column),
     });
-}
-
-/// For each table in docs/internals/velocity.md, the words that introduce it, and the name of its
-/// encoders in the report.
-const TABLES: [(&str, &str); 4] = [
-    ("4096 x 4 counts a turn on all joints, before", "16384"),
-    ("512 x 4 on all joints:", "2048"),
-    ("512 x 4 on the steering, 64 x 4 on the drives:", "2048_and_256"),
-    ("64 x 4 on all joints:", "256"),
-];
-
-/// Converts the name of a method that estimates joint rates from the form in
-/// docs/internals/velocity.md to that in the report. For example, `low_pass` with 100 Hz becomes
-/// `low_pass_100hz`.
-fn method(page: &str) -> String {
-    let (name, choice) = page.split_once(',').unwrap_or((page, ""));
-    let name = name.trim_matches('`');
-    let size = choice.split_whitespace().next().unwrap_or_default();
-    match name {
-        "controller" | "difference" => name.to_owned(),
-        "low_pass" => format!("low_pass_{size}hz"),
-        _ => format!("{name}_{size}"),
-    }
-}
-
-#[test]
-fn every_figure_of_the_tables_but_times_is_the_reports() {
-    let mut seen = 0;
-    for (begin, counts) in TABLES {
-        let table = VELOCITY.split(begin).nth(1).expect("a table for these encoders");
-        let table = table.split("\n\n").nth(1).expect("a table below its heading");
-        for (head, cells) in rows(table) {
-            for column in ["noise, held", "noise, slow", "noise, brisk", "lag, ms", "false slip, mm/s"] {
-                let at = head.iter().position(|name| *name == column).expect("a column");
-                let (ours, method) = (cells[at], method(cells[0]));
-                let theirs = cell(ACCURACY, "Joint rates", &[counts, &method], column);
-                assert!(
-                    agree(ours, &theirs),
-                    "docs/internals/velocity.md, {begin} {method}, {column}: {ours} for {theirs}"
-                );
-                seen += 1;
-            }
-        }
-    }
-    assert_eq!(seen, 4 * 9 * 5);
 }
