@@ -6,9 +6,9 @@
 //! off (Tukey's biweight). The drawing is one more observation: each unknown is 0 with its usual
 //! deviation as standard deviation. It decides about what the motion does not show.
 //!
-//! The covariance is estimated from how much the gradients of blocks of windows differ (a
-//! "sandwich"), because the errors of neighbouring windows are related, and because the rounding
-//! of counts at a slow motion is not noise.
+//! The covariance is estimated by leaving out one block of windows after another (the jackknife),
+//! because the errors of neighbouring windows are related, and because the rounding of counts at a
+//! slow motion is not noise.
 
 use hbot_core::{MAX_JOINTS, Rig, Vec3};
 
@@ -294,48 +294,52 @@ impl Fitting<'_> {
         (normal, slope)
     }
 
-    /// Returns the sum over blocks of windows of the outer products of their gradients, with a
-    /// factor for the unknowns that were fitted to the same windows.
-    fn scatter(&self, windows: &Windows, weights: &[f64], scale: f64) -> Square {
+    /// Returns the covariance of the unknowns by leaving out one block of windows after another (the
+    /// jackknife), and that of what was drawn. In contrast to the scatter of the gradients, it knows
+    /// that a block pulls the unknowns towards itself (MacKinnon and White 1985).
+    fn covariance(&self, windows: &Windows, weights: &[f64], scale: f64, normal: &Square) -> Option<Square> {
         let size = self.chosen.len();
-        let mut scatter = Square::zero(size);
         let length = (BLOCK_S / (self.motion.step_s * self.motion.hop() as f64)).round().max(1.0) as usize;
-        let mut blocks = 0_usize;
+        let mut blocks = 0.0;
+        let mut scatter = Square::zero(size);
+        let mut row = vec![0.0; size];
         for first in (0..weights.len()).step_by(length) {
-            let block = first..(first + length).min(weights.len());
             let mut gradient = vec![0.0; size];
-            for w in block.clone().filter(|w| weights[*w] > 0.0) {
+            let mut without = normal.clone();
+            let block = first..(first + length).min(weights.len());
+            blocks += f64::from(u8::from(block.clone().any(|w| weights[w] > 0.0 && self.moving[w])));
+            for w in block.filter(|w| weights[*w] > 0.0) {
                 let factor = weights[w] / (scale * scale);
-                for (k, gradient) in self.chosen.iter().zip(&mut gradient) {
-                    let by = &windows.by[w][*k];
-                    let sum: f64 = by.iter().zip(&windows.residual[w]).map(|(b, r)| b * r).sum();
-                    *gradient += factor * sum;
+                for j in 0..self.motion.joints {
+                    self.chosen.iter().zip(&mut row).for_each(|(k, row)| *row = windows.by[w][*k][j]);
+                    without.add_outer(&row, -factor);
+                    let residual = factor * windows.residual[w][j];
+                    gradient.iter_mut().zip(&row).for_each(|(sum, row)| *sum += row * residual);
                 }
             }
-            blocks += usize::from(block.into_iter().any(|w| weights[w] > 0.0 && self.moving[w]));
-            scatter.add_outer(&gradient, 1.0);
+            // What is left contains the drawing, so it is positive definite.
+            scatter.add_outer(&without.factor()?.solve(&gradient), 1.0);
         }
-        let freed = size.min(blocks.saturating_sub(1));
-        let factor = blocks as f64 / (blocks - freed).max(1) as f64;
-        let mut larger = Square::zero(size);
+        let inverse = normal.factor()?.inverse();
+        let mut drawn = Square::zero(size);
+        for (i, k) in self.chosen.iter().enumerate() {
+            drawn.add(i, i, self.usual[*k].powi(-2));
+        }
+        let mut covariance = inverse.product(&drawn).product(&inverse);
+        let share = (blocks - 1.0_f64).max(0.0) / f64::max(blocks, 1.0);
         for i in 0..size {
             for j in 0..size {
-                larger.add(i, j, factor * scatter.at(i, j));
+                covariance.add(i, j, share * scatter.at(i, j));
             }
         }
-        larger
+        Some(covariance)
     }
 
     fn finish(self, free: Free, windows: &Windows) -> Option<Fitted> {
         let scale = self.scale(windows);
         let weights = self.weights(windows, scale, false);
         let (normal, _) = self.normal(windows, &weights, scale);
-        let mut middle = self.scatter(windows, &weights, scale);
-        for (i, k) in self.chosen.iter().enumerate() {
-            middle.add(i, i, self.usual[*k].powi(-2));
-        }
-        let inverse = normal.factor()?.inverse();
-        let covariance = inverse.product(&middle).product(&inverse);
+        let covariance = self.covariance(windows, &weights, scale, &normal)?;
         // The turns of the whole frame count as known.
         let mut pinned = normal.clone();
         if free != Free::Zeros {

@@ -28,6 +28,9 @@ const MOST_LEFT_OUT: f64 = 0.5;
 const MISBUILT: f64 = 6.0;
 /// Largest error of a steering zero that can be found, rad.
 const FAR_ZERO: f64 = 0.3;
+/// Usual deviation of a steering zero that was set well, rad: that of the zero, and the turn of the
+/// wheel about its axis that comes with a tilt of the axis.
+const WELL_SET: f64 = ANGLE * std::f64::consts::SQRT_2;
 /// A parameter counts as seen if the motion leaves at most this fraction of its usual deviation.
 const SEEN: f64 = 0.3;
 /// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations.
@@ -234,7 +237,7 @@ pub fn identify(
     check(rig, &fitted)?;
     if what == What::Geometry && (0..rig.device.wheels().len()).all(|i| set_well(&fitted, i)) {
         // Zeros that were set well say how the whole frame is turned, as the axes do.
-        let begin = Begin { from: Some(&fitted.unknowns), zero: ANGLE };
+        let begin = Begin { from: Some(&fitted.unknowns), zero: WELL_SET };
         fitted = fit(rig, &motion, free, begin, progress).ok_or_else(impossible)?;
     }
     let found = Built::new(rig, &fitted.unknowns)?;
