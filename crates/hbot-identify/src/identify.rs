@@ -28,13 +28,11 @@ const MOST_LEFT_OUT: f64 = 0.5;
 const MISBUILT: f64 = 6.0;
 /// Largest error of a steering zero that can be found, rad.
 const FAR_ZERO: f64 = 0.3;
-/// Usual deviation of a steering zero that was set well, rad: that of the zero, and the turn of the
-/// wheel about its axis that comes with a tilt of the axis.
-const WELL_SET: f64 = ANGLE * std::f64::consts::SQRT_2;
 /// A parameter counts as seen if the motion leaves at most this fraction of its usual deviation.
 const SEEN: f64 = 0.3;
-/// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations.
-const NINETY_FIVE: f64 = 1.96;
+/// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations:
+/// Student's quantile for the thirty blocks of a minute, from which a deviation is estimated.
+const NINETY_FIVE: f64 = 2.05;
 /// An axis about which the sphere turned by less than this fraction of the most counts as missing.
 const LITTLE: f64 = 0.2;
 
@@ -237,7 +235,7 @@ pub fn identify(
     check(rig, &fitted)?;
     if what == What::Geometry && (0..rig.device.wheels().len()).all(|i| set_well(&fitted, i)) {
         // Zeros that were set well say how the whole frame is turned, as the axes do.
-        let begin = Begin { from: Some(&fitted.unknowns), zero: WELL_SET };
+        let begin = Begin { from: Some(&fitted.unknowns), zero: ANGLE };
         fitted = fit(rig, &motion, free, begin, progress).ok_or_else(impossible)?;
     }
     let found = Built::new(rig, &fitted.unknowns)?;
@@ -321,6 +319,17 @@ fn turned(of: &[f64]) -> Mat3 {
     let turn = Vec3::new(of[0], of[1], of[2]);
     let q = hbot_core::rotation::exp(turn);
     Mat3::from_quat(q)
+}
+
+/// Returns the zero that a rig file has for a wheel with the unknowns `of`, relative to the drawn
+/// one, rad: the turn of the wheel about its axis, from where the tilted axis alone has it.
+pub(crate) fn twist(device: &Device, wheel: usize, of: &[f64]) -> f64 {
+    let frame = frame_at_zero(device, wheel) * turned(&of[..3]);
+    let mut specs: Vec<WheelSpec> = device.wheels().iter().map(|wheel| *wheel.spec()).collect();
+    specs[wheel].axis = frame.col(2);
+    let Ok(tilted) = Device::new(device.sphere_radius(), device.sphere_mass(), &specs) else { return of[2] };
+    let turn = frame_at_zero(&tilted, wheel).transpose() * frame;
+    turn.col(0).y.atan2(turn.col(0).x) - drawn_zeros(device)[wheel]
 }
 
 /// The wheels that unknowns stand for.
