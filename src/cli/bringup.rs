@@ -101,9 +101,9 @@ pub(super) fn wheel_name(rig: &RigConfig, wheel: usize) -> String {
     format!("wheel {} (wheel[{wheel}])", rig.wheels[wheel])
 }
 
-/// Opens the lines of a rig, which is truly as `truth` says if it is simulated, runs `what` on them, and closes them. If a signal ends it, the motors
-/// are switched off first. The process then ends as with Ctrl-C, so that a loop in a shell does not
-/// continue with the next joint.
+/// Opens the lines of a rig, which is truly as `truth` says if it is simulated, runs `what` on
+/// them, and closes them. If a signal ends it, the motors are switched off first. The process then
+/// ends as with Ctrl-C, so that a loop in a shell does not continue with the next joint.
 fn on_the_lines<T>(
     rig: &RigConfig,
     truth: Truth<'_>,

@@ -164,8 +164,8 @@ pub fn fit(
 }
 
 /// Returns what the drawing says of the free unknowns `chosen`, as rows with the standard deviation
-/// 1. Each unknown is near 0 by its usual deviation, except the zero: the zero of a rig file is near
-/// that of the drawing, and a tilt of the axis turns the frame from which it is measured.
+/// 1. Each unknown is near 0 by its usual deviation, except the zero: the zero of a rig file is
+/// near that of the drawing, and a tilt of the axis turns the frame from which it is measured.
 fn drawn(rig: &Rig, usual: &[f64], chosen: &[usize]) -> Vec<Vec<f64>> {
     const H: f64 = 1.0e-6;
     let place = |k: usize| chosen.iter().position(|other| *other == k);
@@ -328,9 +328,9 @@ impl Fitting<'_> {
         (normal, slope)
     }
 
-    /// Returns the covariance of the unknowns by leaving out one block of windows after another (the
-    /// jackknife), and that of what was drawn. In contrast to the scatter of the gradients, it knows
-    /// that a block pulls the unknowns towards itself (MacKinnon and White 1985).
+    /// Returns the covariance of the unknowns by leaving out one block of windows after another
+    /// (the jackknife), and that of what was drawn. In contrast to the scatter of the gradients, it
+    /// knows that a block pulls the unknowns towards itself (MacKinnon and White 1985).
     fn covariance(&self, windows: &Windows, weights: &[f64], scale: f64, normal: &Square) -> Option<Square> {
         let size = self.chosen.len();
         let length = (BLOCK_S / (self.motion.step_s * self.motion.hop() as f64)).round().max(1.0) as usize;

@@ -48,8 +48,8 @@ pub(crate) struct CertifyArgs {
     /// turns the sphere for the geometry; of any use for the latency
     #[arg(value_name = "RUN.mcap")]
     runs: Vec<PathBuf>,
-    /// Let the motors move the free sphere as well, as `hbot rig identify --motors` does, for torque
-    /// accuracy and friction. No server may hold the rig
+    /// Let the motors move the free sphere as well, as `hbot rig identify --motors` does, for
+    /// torque accuracy and friction. No server may hold the rig
     #[arg(long)]
     motors: bool,
     #[command(flatten)]

@@ -15,8 +15,8 @@ const CLEAR: f64 = 40.0;
 /// A harmonic counts if its amplitude is at least this fraction of the continuous torque.
 const LEAST: f64 = 1.0e-3;
 
-/// Returns the joint and the periods in a turn of its encoder of the harmonic that lowers the sum of
-/// squares most. Returns `None` if no further harmonic is clear.
+/// Returns the joint and the periods in a turn of its encoder of the harmonic that lowers the sum
+/// of squares most. Returns `None` if no further harmonic is clear.
 pub(super) fn strongest(rows: &Rows<'_>, solved: &Solved) -> Option<(usize, u32)> {
     let mut best: Option<(f64, usize, u32)> = None;
     for j in 0..rows.joints() {

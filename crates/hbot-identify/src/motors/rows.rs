@@ -355,8 +355,8 @@ impl Part {
         self.nodes[k + 1].time_s - self.nodes[k].time_s
     }
 
-    /// Returns the share of step `k` in the integral of f g dzd, with the row g of joint `a` and the
-    /// rate zd of joint `b`.
+    /// Returns the share of step `k` in the integral of f g dzd, with the row g of joint `a` and
+    /// the rate zd of joint `b`.
     fn of_inertia(&self, k: usize, bump: [f64; 3], a: usize, b: usize) -> Vec3 {
         let rate = (self.nodes[k + 1].angles[b] - self.nodes[k].angles[b]) / self.dt(k);
         (self.nodes[k].rows[a] * bump[0] - self.nodes[k + 1].rows[a] * bump[2]) * rate

@@ -48,8 +48,8 @@ pub(crate) struct Motion {
     /// Speed of the motion by the motors about each axis, root mean square, rad/s
     #[arg(long, value_name = "RATE", default_value_t = 0.8, requires = "motors")]
     wander: f64,
-    /// Switch the motors off if the sphere, or a joint that is tested alone, turns faster than this,
-    /// rad/s
+    /// Switch the motors off if the sphere, or a joint that is tested alone, turns faster than
+    /// this, rad/s
     #[arg(long, value_name = "RATE", default_value_t = 6.0, requires = "motors")]
     speed: f64,
     /// Build the simulated rig from this rig file, which says its true friction, torque constants

@@ -38,8 +38,8 @@ const SINES: usize = 5;
 /// Time in which a joint must come to rest after its own test, s.
 const BRAKE_S: f64 = 1.0;
 
-/// Rate of a joint from which on it is braked with the whole torque, rad/s. Slower ones are braked in
-/// proportion.
+/// Rate of a joint from which on it is braked with the whole torque, rad/s. Slower ones are braked
+/// in proportion.
 const BRAKED: f64 = 0.3;
 
 /// How to move the sphere.

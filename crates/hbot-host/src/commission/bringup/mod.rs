@@ -232,7 +232,8 @@ impl Bench {
         self.orientation = odometry::advance(self.orientation, turn);
     }
 
-    /// Returns the orientation of the sphere at the last reading, relative to that at the first one.
+    /// Returns the orientation of the sphere at the last reading, relative to that at the first
+    /// one.
     #[must_use]
     pub fn orientation(&self) -> Quat {
         self.orientation

@@ -167,8 +167,8 @@ fn a_joint_is_braked_within_its_torque_and_its_motor_is_off_then() {
     assert!(rate(&mut bench) < 0.2 * before, "{before}");
 }
 
-/// No joint torque exceeds half of the continuous torque, no contact half of its grip, the torque on
-/// the sphere 30 % of the limit, and no torque changes faster than within 50 ms.
+/// No joint torque exceeds half of the continuous torque, no contact half of its grip, the torque
+/// on the sphere 30 % of the limit, and no torque changes faster than within 50 ms.
 #[test]
 fn an_excitation_keeps_all_limits() {
     let (mut bench, heard) = recorded();
