@@ -242,7 +242,7 @@ fn motors_that_turn_the_wrong_way_and_a_wrong_geometry_give_no_rig_file() {
         assert!(said.concat().contains(why), "{said:?}");
         assert!(!folder.join("never.toml").exists());
     };
-    refused("--built flat.toml", "the wheels contradict each other");
+    refused("--built flat.toml", "the joints contradict each other by");
     refused("--speed 0.2", "turned faster than --speed allows");
     refused("--built nowhere.toml", "nowhere.toml");
     refused("--port /dev/nowhere --built drawing.toml", "is a real rig, which is built as it is");

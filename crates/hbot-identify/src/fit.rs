@@ -6,16 +6,17 @@
 //! off (Tukey's biweight). The drawing is one more observation: each unknown is 0 with its usual
 //! deviation as standard deviation. It decides about what the motion does not show.
 //!
-//! The covariance is estimated from how much the gradients of blocks of windows differ (a
-//! "sandwich"), because the errors of neighbouring windows are related, and because the rounding
-//! of counts at a slow motion is not noise.
+//! The covariance is estimated by leaving out one block of windows after another (the jackknife),
+//! because the errors of neighbouring windows are related, and because the rounding of counts at a
+//! slow motion is not noise.
 
 use hbot_core::{MAX_JOINTS, Rig, Vec3};
 
+use crate::identify::twist;
 use crate::matrix::Square;
 use crate::model::{Model, Residual};
 use crate::motion::Motion;
-use crate::parameter::{OF_SPHERE, Quantity, all};
+use crate::parameter::{OF_SPHERE, OF_WHEEL, Quantity, all};
 
 /// Largest number of improvements.
 const MOST_STEPS: usize = 40;
@@ -29,7 +30,7 @@ const HUBER: f64 = 1.5;
 /// Number of first steps.
 const FIRST: usize = 4;
 /// Length of a block of windows whose errors count as related, s.
-const BLOCK_S: f64 = 1.0;
+const BLOCK_S: f64 = 2.0;
 /// The least rounding relative to that of counts that are spread evenly. Rounding errors of slow
 /// joints are related, so averages can be more exact than that.
 const LEAST_SCALE: f64 = 0.2;
@@ -121,7 +122,8 @@ pub fn fit(
     if count == 0 {
         return None;
     }
-    let mut fitting = Fitting { rig, motion, moving, usual, chosen, unknowns: vec![0.0; n] };
+    let drawn = drawn(rig, &usual, &chosen);
+    let mut fitting = Fitting { rig, motion, moving, usual, chosen, drawn, unknowns: vec![0.0; n] };
     if let Some(from) = from {
         fitting.unknowns.copy_from_slice(from);
     }
@@ -161,6 +163,30 @@ pub fn fit(
     fitting.finish(free, &windows)
 }
 
+/// Returns what the drawing says of the free unknowns `chosen`, as rows with the standard deviation
+/// 1. Each unknown is near 0 by its usual deviation, except the zero: the zero of a rig file is
+/// near that of the drawing, and a tilt of the axis turns the frame from which it is measured.
+fn drawn(rig: &Rig, usual: &[f64], chosen: &[usize]) -> Vec<Vec<f64>> {
+    const H: f64 = 1.0e-6;
+    let place = |k: usize| chosen.iter().position(|other| *other == k);
+    let mut rows = Vec::new();
+    for (at, k) in chosen.iter().enumerate() {
+        let mut row = vec![0.0; chosen.len()];
+        row[at] = 1.0 / usual[*k];
+        let (wheel, of) = (k / OF_WHEEL, k % OF_WHEEL);
+        let is_zero = Quantity::OF_WHEEL[of] == Quantity::Zero && wheel < rig.device.wheels().len();
+        for tilt in (0..2).filter(|_| is_zero) {
+            if let Some(at) = place(OF_WHEEL * wheel + tilt) {
+                let mut unknowns = [0.0; OF_WHEEL];
+                unknowns[tilt] = H;
+                row[at] = twist(&rig.device, wheel, &unknowns) / H / usual[*k];
+            }
+        }
+        rows.push(row);
+    }
+    rows
+}
+
 /// A fit that runs.
 struct Fitting<'a> {
     rig: &'a Rig,
@@ -169,6 +195,9 @@ struct Fitting<'a> {
     usual: Vec<f64>,
     /// The unknowns that are free.
     chosen: Vec<usize>,
+    /// What the drawing says: each of these rows times the free unknowns has the mean 0 and the
+    /// standard deviation 1.
+    drawn: Vec<Vec<f64>>,
     unknowns: Vec<f64>,
 }
 
@@ -264,9 +293,14 @@ impl Fitting<'_> {
             .collect()
     }
 
+    /// Returns a row times the free ones of `unknowns`.
+    fn times(&self, row: &[f64], unknowns: &[f64]) -> f64 {
+        row.iter().zip(&self.chosen).map(|(row, k)| row * unknowns[*k]).sum()
+    }
+
     fn cost(&self, windows: &Windows, weights: &[f64], scale: f64, unknowns: &[f64]) -> f64 {
         let seen: f64 = windows.residual.iter().zip(weights).map(|(r, w)| w * Self::square(r)).sum();
-        let drawn: f64 = self.chosen.iter().map(|k| (unknowns[*k] / self.usual[*k]).powi(2)).sum();
+        let drawn: f64 = self.drawn.iter().map(|row| self.times(row, unknowns).powi(2)).sum();
         seen / (scale * scale) + drawn
     }
 
@@ -286,56 +320,58 @@ impl Fitting<'_> {
                 slope.iter_mut().zip(&row).for_each(|(slope, row)| *slope += row * residual);
             }
         }
-        for (i, k) in self.chosen.iter().enumerate() {
-            let weight = self.usual[*k].powi(-2);
-            normal.add(i, i, weight);
-            slope[i] += weight * self.unknowns[*k];
+        for row in &self.drawn {
+            normal.add_outer(row, 1.0);
+            let off = self.times(row, &self.unknowns);
+            slope.iter_mut().zip(row).for_each(|(slope, row)| *slope += row * off);
         }
         (normal, slope)
     }
 
-    /// Returns the sum over blocks of windows of the outer products of their gradients, with a
-    /// factor for the unknowns that were fitted to the same windows.
-    fn scatter(&self, windows: &Windows, weights: &[f64], scale: f64) -> Square {
+    /// Returns the covariance of the unknowns by leaving out one block of windows after another
+    /// (the jackknife), and that of what was drawn. In contrast to the scatter of the gradients, it
+    /// knows that a block pulls the unknowns towards itself (MacKinnon and White 1985).
+    fn covariance(&self, windows: &Windows, weights: &[f64], scale: f64, normal: &Square) -> Option<Square> {
         let size = self.chosen.len();
-        let mut scatter = Square::zero(size);
         let length = (BLOCK_S / (self.motion.step_s * self.motion.hop() as f64)).round().max(1.0) as usize;
-        let mut blocks = 0_usize;
+        let mut blocks = 0.0;
+        let mut scatter = Square::zero(size);
+        let mut row = vec![0.0; size];
         for first in (0..weights.len()).step_by(length) {
-            let block = first..(first + length).min(weights.len());
             let mut gradient = vec![0.0; size];
-            for w in block.clone().filter(|w| weights[*w] > 0.0) {
+            let mut without = normal.clone();
+            let block = first..(first + length).min(weights.len());
+            blocks += f64::from(u8::from(block.clone().any(|w| weights[w] > 0.0 && self.moving[w])));
+            for w in block.filter(|w| weights[*w] > 0.0) {
                 let factor = weights[w] / (scale * scale);
-                for (k, gradient) in self.chosen.iter().zip(&mut gradient) {
-                    let by = &windows.by[w][*k];
-                    let sum: f64 = by.iter().zip(&windows.residual[w]).map(|(b, r)| b * r).sum();
-                    *gradient += factor * sum;
+                for j in 0..self.motion.joints {
+                    self.chosen.iter().zip(&mut row).for_each(|(k, row)| *row = windows.by[w][*k][j]);
+                    without.add_outer(&row, -factor);
+                    let residual = factor * windows.residual[w][j];
+                    gradient.iter_mut().zip(&row).for_each(|(sum, row)| *sum += row * residual);
                 }
             }
-            blocks += usize::from(block.into_iter().any(|w| weights[w] > 0.0 && self.moving[w]));
-            scatter.add_outer(&gradient, 1.0);
+            // What is left contains the drawing, so it is positive definite.
+            scatter.add_outer(&without.factor()?.solve(&gradient), 1.0);
         }
-        let freed = size.min(blocks.saturating_sub(1));
-        let factor = blocks as f64 / (blocks - freed).max(1) as f64;
-        let mut larger = Square::zero(size);
+        let inverse = normal.factor()?.inverse();
+        let mut drawn = Square::zero(size);
+        self.drawn.iter().for_each(|row| drawn.add_outer(row, 1.0));
+        let mut covariance = inverse.product(&drawn).product(&inverse);
+        let share = (blocks - 1.0_f64).max(0.0) / f64::max(blocks, 1.0);
         for i in 0..size {
             for j in 0..size {
-                larger.add(i, j, factor * scatter.at(i, j));
+                covariance.add(i, j, share * scatter.at(i, j));
             }
         }
-        larger
+        Some(covariance)
     }
 
     fn finish(self, free: Free, windows: &Windows) -> Option<Fitted> {
         let scale = self.scale(windows);
         let weights = self.weights(windows, scale, false);
         let (normal, _) = self.normal(windows, &weights, scale);
-        let mut middle = self.scatter(windows, &weights, scale);
-        for (i, k) in self.chosen.iter().enumerate() {
-            middle.add(i, i, self.usual[*k].powi(-2));
-        }
-        let inverse = normal.factor()?.inverse();
-        let covariance = inverse.product(&middle).product(&inverse);
+        let covariance = self.covariance(windows, &weights, scale, &normal)?;
         // The turns of the whole frame count as known.
         let mut pinned = normal.clone();
         if free != Free::Zeros {
@@ -402,7 +438,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 pub fn share_as_drawn(rig: &Rig, motion: &Motion) -> f64 {
     let n = crate::parameter::count(rig.device.wheels().len());
     let (chosen, moving) = (Vec::new(), motion.moving());
-    let fitting = Fitting { rig, motion, moving, usual: Vec::new(), chosen, unknowns: vec![0.0; n] };
+    let (usual, drawn, unknowns) = (Vec::new(), Vec::new(), vec![0.0; n]);
+    let fitting = Fitting { rig, motion, moving, usual, chosen, drawn, unknowns };
     let windows = fitting.windows(&fitting.unknowns, false);
     let moving = || (0..fitting.moving.len()).filter(|w| fitting.moving[*w]);
     let sum = |of: &[f64]| moving().map(|w| of[w] * of[w]).sum::<f64>();

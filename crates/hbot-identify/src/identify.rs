@@ -30,8 +30,9 @@ const MISBUILT: f64 = 6.0;
 const FAR_ZERO: f64 = 0.3;
 /// A parameter counts as seen if the motion leaves at most this fraction of its usual deviation.
 const SEEN: f64 = 0.3;
-/// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations.
-const NINETY_FIVE: f64 = 1.96;
+/// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations:
+/// Student's quantile for the thirty blocks of a minute, from which a deviation is estimated.
+const NINETY_FIVE: f64 = 2.05;
 /// An axis about which the sphere turned by less than this fraction of the most counts as missing.
 const LITTLE: f64 = 0.2;
 
@@ -318,6 +319,17 @@ fn turned(of: &[f64]) -> Mat3 {
     let turn = Vec3::new(of[0], of[1], of[2]);
     let q = hbot_core::rotation::exp(turn);
     Mat3::from_quat(q)
+}
+
+/// Returns the zero that a rig file has for a wheel with the unknowns `of`, relative to the drawn
+/// one, rad: the turn of the wheel about its axis, from where the tilted axis alone has it.
+pub(crate) fn twist(device: &Device, wheel: usize, of: &[f64]) -> f64 {
+    let frame = frame_at_zero(device, wheel) * turned(&of[..3]);
+    let mut specs: Vec<WheelSpec> = device.wheels().iter().map(|wheel| *wheel.spec()).collect();
+    specs[wheel].axis = frame.col(2);
+    let Ok(tilted) = Device::new(device.sphere_radius(), device.sphere_mass(), &specs) else { return of[2] };
+    let turn = frame_at_zero(&tilted, wheel).transpose() * frame;
+    turn.col(0).y.atan2(turn.col(0).x) - drawn_zeros(device)[wheel]
 }
 
 /// The wheels that unknowns stand for.

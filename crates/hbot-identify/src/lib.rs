@@ -13,7 +13,7 @@
 //! | [`model`] | the joint motion that no turn of the sphere explains, and its derivatives |
 //! | [`fit`] | the unknowns that explain the motion best, and their covariance |
 //! | [`compare`] | drift and torque of a geometry that was found, against the true one |
-//! | [`motors`] | torque constants, friction and inertias, from a motion under known torques |
+//! | [`motors`] | torque constants, friction and more, from a motion under known torques |
 //! | [`mod@identify`] | all of it: the values for the rig file, or why there are none |
 //!
 //! It is a library for tools. The control loop does not link it.

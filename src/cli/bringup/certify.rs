@@ -254,7 +254,7 @@ fn torque(page: &mut Page, known: &Known) {
     for value in &measured.values {
         let of = value.joint.map_or_else(|| "sphere".to_owned(), |j| joint_name(rig, j));
         let (factor, unit) = match value.name {
-            MotorName::TorqueScale => (1.0, ""),
+            MotorName::TorqueScale | MotorName::Loss => (1.0, ""),
             MotorName::Inertia => (1.0e6, ", 1e-6 kg m²"),
             MotorName::Viscous => (1.0e3, ", mN m s/rad"),
             MotorName::Coulomb | MotorName::Imbalance(_) | MotorName::Cogging(_) => (1.0e3, ", mN m"),

@@ -95,6 +95,8 @@ pub enum MotorName {
     Coulomb,
     /// Viscous friction, N m s/rad.
     Viscous,
+    /// Part of the motor's torque that its gear loses under load. No rig file has it.
+    Loss,
     /// Component of the imbalance along the sphere's axis 1, 2 or 3 (0 to 2), N m.
     Imbalance(usize),
     /// Amplitude of the cogging with this number of periods in a turn of the encoder, N m.
@@ -108,6 +110,7 @@ impl fmt::Display for MotorName {
             Self::Inertia => f.write_str("inertia"),
             Self::Coulomb => f.write_str("coulomb"),
             Self::Viscous => f.write_str("viscous"),
+            Self::Loss => f.write_str("gear loss"),
             Self::Imbalance(k) => write!(f, "imbalance {}", k + 1),
             Self::Cogging(per_turn) => write!(f, "cogging {per_turn}/turn"),
         }
@@ -237,6 +240,7 @@ fn told(rig: &Rig, slip: f64, rows: &Rows<'_>, solved: &Solved) -> Measured {
                 measured.values.push(value(Some(j), MotorName::Viscous, filed(j).friction.viscous));
                 measured.joints[j].friction.viscous = surely(found, NINETY_FIVE * deviation);
             }
+            Term::Loss(j) => measured.values.push(value(Some(j), MotorName::Loss, 0.0)),
             Term::CageCoulomb => {
                 measured.values.push(value(None, MotorName::Coulomb, known.sphere.coulomb));
                 measured.sphere.coulomb = surely(found, NINETY_FIVE * deviation);

@@ -39,6 +39,8 @@ pub(super) enum Term {
     Inertia(usize),
     Coulomb(usize),
     Viscous(usize),
+    /// Part of the motor's torque that its gear loses.
+    Loss(usize),
     CageCoulomb,
     CageViscous,
     Imbalance(usize),
@@ -71,7 +73,7 @@ impl Term {
         let continuous = |j: usize| rig.joints[j].continuous.max(1.0e-3);
         let sphere = 0.1 * rig.limits.torque.clamp(1.0e-2, 10.0);
         match self {
-            Self::Scale(_) => 0.1,
+            Self::Scale(_) | Self::Loss(_) => 0.1,
             // An inertia that the file leaves out is not more than a part of the sphere's.
             Self::Inertia(j) => {
                 let row = largest_row(rig, j);
@@ -148,6 +150,7 @@ impl<'a> Rows<'a> {
             .filter(driven)
             .map(Term::Scale)
             .chain((0..joints).flat_map(|j| [Term::Inertia(j), Term::Coulomb(j), Term::Viscous(j)]))
+            .chain((0..joints).filter(|j| driven(j) && rig.joints[*j].gear != 1.0).map(Term::Loss))
             .chain([Term::CageCoulomb, Term::CageViscous])
             .chain((0..3).map(Term::Imbalance))
             .chain([Term::Delay])
@@ -213,6 +216,7 @@ impl<'a> Rows<'a> {
                 Term::Inertia(j) => -part.of_inertia(k, bump, j, j),
                 Term::Coulomb(j) => middle(j) * -smooth_sign(step.rates[j]),
                 Term::Viscous(j) => middle(j) * -step.rates[j],
+                Term::Loss(j) => middle(j) * -(step.torque[j].abs() * smooth_sign(step.rates[j])),
                 Term::CageCoulomb => {
                     step.omega * (-bump[1] * dt / (step.omega.length_squared() + SMOOTH * SMOOTH).sqrt())
                 }

@@ -9,7 +9,7 @@ const REJECTED: f64 = 4.7;
 /// Number of times that the weights are computed.
 const ROUNDS: usize = 8;
 /// Number of windows in a row whose errors count as related.
-const BLOCK: usize = 8;
+const BLOCK: usize = 16;
 
 /// A solution.
 pub(super) struct Solved {
@@ -70,25 +70,25 @@ impl Solved {
             solved.residual = residual(rows, &solved.found);
         }
         let inverse = normal.factor()?.inverse();
-        let mut middle = Square::zero(count);
+        // The jackknife: one block of windows after another is left out. What is expected counts as
+        // one more observation, with the deviation 1.
+        let mut covariance = inverse.product(&inverse);
+        let blocks = windows.div_ceil(BLOCK) as f64;
         for first in (0..windows).step_by(BLOCK) {
             let mut gradient = vec![0.0; count];
+            let mut without = normal.clone();
             for r in 3 * first..3 * (first + BLOCK).min(windows) {
-                let weight = solved.weights[r / 3] / (solved.scale * solved.scale) * solved.residual[r];
-                (0..count).for_each(|k| gradient[k] += weight * rows.columns[k][r] * usual[k]);
+                let weight = solved.weights[r / 3] / (solved.scale * solved.scale);
+                (0..count).for_each(|k| row[k] = rows.columns[k][r] * usual[k]);
+                without.add_outer(&row, -weight);
+                gradient
+                    .iter_mut()
+                    .zip(&row)
+                    .for_each(|(sum, row)| *sum += weight * row * solved.residual[r]);
             }
-            middle.add_outer(&gradient, 1.0);
+            let change = without.factor()?.solve(&gradient);
+            covariance.add_outer(&change, (blocks - 1.0) / blocks);
         }
-        // The blocks were fitted by as many unknowns as there are.
-        let blocks = (windows as f64 / BLOCK as f64).max(count as f64 + 1.0);
-        let more = blocks / (blocks - count as f64);
-        let mut spread = Square::zero(count);
-        for a in 0..count {
-            for b in 0..count {
-                spread.add(a, b, more * middle.at(a, b) + if a == b { 1.0 } else { 0.0 });
-            }
-        }
-        let covariance = inverse.product(&spread).product(&inverse);
         solved.covariance = (0..count)
             .map(|a| (0..count).map(|b| usual[a] * usual[b] * covariance.at(a, b)).collect())
             .collect();

@@ -151,6 +151,12 @@ impl Bench {
         &self.notices
     }
 
+    /// Returns whether the motors are simulated.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        self.simulated
+    }
+
     /// Returns the properties of the rig that its file describes.
     #[must_use]
     pub fn rig(&self) -> &Rig {
