@@ -252,7 +252,7 @@ fn a_lead_makes_stiff_scenes_stable() {
 /// Both springs are stable in small swings. The second one is so in large ones too.
 #[test]
 fn a_spring_that_only_a_torque_at_its_limits_shakes_is_warned_of_as_such() {
-    const LIMITS: &str = "after a tap that takes the torque to its limits (0.80 N m, 200 N m/s)";
+    const LIMITS: &str = "after a tap that takes the torque to its limits (0.90 N m, 200 N m/s)";
     let rig = RigConfig::prototype();
     let said = |keys: &str| warnings_on(&rig, &effect("s", "spring", keys));
     let [tapped] = &said("stiffness = 300\ndamping = 0.08")[..] else { panic!("one warning") };
