@@ -213,13 +213,13 @@ fn a_matrix_is_made_of_a_number_and_edited() {
 fn the_shelf_says_what_a_scene_feels_like() {
     let bench = AloneServer::start(&ServerSetup::default());
     let (mut seat, _witness) = seated(&bench);
-    seat.pick("Scene file", "clay");
-    seat.until_text("A lump of clay: it keeps every shape");
-    // A file of the user comes after the ready-made scenes.
     let path = seat.out.path().join("scenes/mine.toml");
     std::fs::write(&path, "name = \"Mine\"\ndescription = \"It feels like nothing.\"\n").expect("written");
     seat.pick("Scene file", "mine");
     seat.until_text("It feels like nothing.");
+    seat.pick("Scene file", "clay");
+    seat.until_text("A lump of clay: it keeps every shape");
+    seat.pick("Scene file", "mine");
     std::fs::write(&path, "[[effect]]\nid = \"s\"\nkind = \"spring\"\nstiffness = -1\n").expect("written");
     seat.until_text("This file has mistakes");
 }

@@ -37,11 +37,12 @@ pub(crate) const CHOSEN: [u8; 3] = [0x00, 0x5c, 0x80];
 /// Colour of the axis n3 in the picture of the sphere, on a dark background.
 pub(crate) const N3: [u8; 3] = [0x56, 0xb4, 0xe9];
 
-/// Counts the white pixels in the picture of the sphere in a window of the size [`DESKTOP`].
+/// Counts the white pixels in the picture of the sphere in a window of the size [`DESKTOP`], below
+/// the legend. The picture of a spring has none.
 fn white_in_the_middle(pixels: &[u8]) -> usize {
     let middle = |k: usize| {
         let (x, y) = (k % DESKTOP[0] as usize, k / DESKTOP[0] as usize);
-        (300..950).contains(&x) && (30..420).contains(&y)
+        (300..950).contains(&x) && (92..420).contains(&y)
     };
     let white = |p: &[u8]| p.iter().all(|c| *c > 225);
     pixels.chunks_exact(3).enumerate().filter(|(k, p)| middle(*k) && white(p)).count()
@@ -109,7 +110,7 @@ fn pictures_of_eight_situations() {
     let felt = bench(&felt, &[]);
     let pixels = picture(&display, "felt", &felt.address.to_string(), DESKTOP, "dark");
     let white = white_in_the_middle(&pixels);
-    assert!(white > 900, "the walls are drawn and glow: {white} pixels");
+    assert!(white > 100, "the walls are drawn and glow: {white} pixels");
     felt.stop();
 
     let saturated = bench(&stiff, &[]);

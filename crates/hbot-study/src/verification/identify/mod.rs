@@ -113,7 +113,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
                     short(1e3 * shown.drawn[1]),
                     format!("{:.3} %", 100.0 * shown.stiffness[1]),
                     format!("{:.1} %", 100.0 * shown.stiffness[0]),
-                    short(1e3 * shown.zero),
+                    if shown.zero.is_finite() { short(1e3 * shown.zero) } else { "not found".to_owned() },
                 ]));
             }
         }
@@ -217,8 +217,7 @@ fn one(rig: &Rig, seed: u64, encoders: Encoders) -> Shown {
         let off = zeros.zeros.iter().zip(&truth.zeros).map(|(a, b)| (a - b).abs());
         shown.zero = off.fold(0.0, f64::max);
     } else {
-        // A whole turn would be as bad.
-        shown.zero = core::f64::consts::TAU;
+        shown.zero = f64::INFINITY;
     }
     shown
 }
