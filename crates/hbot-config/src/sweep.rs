@@ -146,8 +146,8 @@ impl Probe {
     /// Holds the sphere still. Returns the duration (s), and the three components of the torque in
     /// frame N (N m) against time (s). Returns `None` if the torque does not change with time.
     ///
-    /// The duration is the longest of [`STILL_S`] in which a component turns back at most
-    /// [`MOST_TURNS`] times, so that a curve can be told from a band.
+    /// The duration is the longest of 12, 2.5 and 0.8 s in which a component turns back at most
+    /// 30 times, so that a curve can be told from a band.
     #[must_use]
     pub fn still(&self) -> Option<(f64, [Points; 3])> {
         let mut renderer = self.fresh();

@@ -163,9 +163,9 @@ pub fn fit(
     fitting.finish(free, &windows)
 }
 
-/// Returns what the drawing says of the free unknowns `chosen`, as rows with the standard deviation
-/// 1. Each unknown is near 0 by its usual deviation, except the zero: the zero of a rig file is
-/// near that of the drawing, and a tilt of the axis turns the frame from which it is measured.
+/// Returns what the drawing says of the free unknowns `chosen`, as rows of unit standard deviation.
+/// Each unknown is near 0 by its usual deviation, except the zero: the zero of a rig file is near
+/// that of the drawing, and a tilt of the axis turns the frame from which it is measured.
 fn drawn(rig: &Rig, usual: &[f64], chosen: &[usize]) -> Vec<Vec<f64>> {
     const H: f64 = 1.0e-6;
     let place = |k: usize| chosen.iter().position(|other| *other == k);

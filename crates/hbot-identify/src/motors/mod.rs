@@ -1,9 +1,9 @@
 //! Torque constants, inertias, friction, imbalance and cogging, from a motion under known torques.
 //!
 //! The equation of motion is linear in all of them. It is multiplied by smooth bumps and integrated
-//! over short windows, by parts, so that no acceleration is needed ([`rows`]). The unknowns are
-//! those that leave the least of it ([`solve`]). Then harmonics of each rotor are looked for in
-//! what is left ([`cogging`]).
+//! over short windows, by parts, so that no acceleration is needed (`rows`). The unknowns are
+//! those that leave the least of it (`solve`). Then harmonics of each rotor are looked for in
+//! what is left (`cogging`).
 //!
 //! Forces alone show ratios only. The inertia of the sphere counts as known: that of a hollow
 //! sphere of the mass in the rig file. The geometry counts as known too, so find it first
