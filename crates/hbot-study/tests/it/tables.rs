@@ -2,6 +2,8 @@
 //! has written beside them. Times are not compared: they are the machine's.
 
 pub(crate) const ACCURACY: &str = include_str!("../../../../docs/accuracy/report.md");
+const IDENTIFY: &str = include_str!("../../../../docs/identify/report.md");
+const IDENTIFY_PAGE: &str = include_str!("../../../../docs/identify.md");
 const DESIGN: &str = include_str!("../../../../docs/design/report.md");
 const DESIGN_PAGE: &str = include_str!("../../../../docs/design-study.md");
 const PHYSICS: &str = include_str!("../../../../docs/internals/physics.md");
@@ -139,4 +141,32 @@ fn the_table_of_more_wheels_is_the_reports() {
         "inertia, g m²" => wheels(count, "inertia, kg m²"),
         column => wheels(count, column),
     });
+}
+
+/// The page says the largest value of all rigs, and the median in brackets.
+#[test]
+fn the_table_of_identified_rigs_is_the_reports() {
+    let of_page: Vec<_> = rows(IDENTIFY_PAGE).into_iter().filter(|(head, _)| head[0] == "encoders").collect();
+    assert_eq!(of_page.len(), 2);
+    for (head, cells) in of_page {
+        let section = format!("Encoders: {}\n", cells[0]);
+        let body = IDENTIFY.split("\n## ").find(|part| part.starts_with(&section)).expect("a section");
+        for (column, ours) in head.iter().zip(&cells).skip(1) {
+            let theirs = match *column {
+                "one turn, mrad" => "one turn, mrad",
+                "ten turns, mrad" => "ten turns",
+                "ten turns with the true geometry, mrad" => "ten with the truth",
+                "ten turns as drawn, mrad" => "ten as drawn",
+                "stiffness error, %" => "stiffness error",
+                _ => "as drawn",
+            };
+            let figure = |(head, cells): (Vec<&str>, Vec<&str>)| {
+                Some(number(cells[head.iter().position(|name| *name == theirs)?]))
+            };
+            let mut figures: Vec<f64> = rows(body).into_iter().filter_map(figure).collect();
+            figures.sort_by(f64::total_cmp);
+            assert_eq!(figures.len(), 30, "{section}");
+            assert_eq!(*ours, format!("{} ({})", figures[29], figures[15]), "{section}{column}");
+        }
+    }
 }
