@@ -39,7 +39,8 @@ eventually() {
     exit 1
 }
 
-listening() { address=$(grep -oE '127\.0\.0\.1:[0-9]+' "$work/server.log" | head -n 1) && [ -n "$address" ]; }
+# The web port stands in another line.
+listening() { address=$(grep listen "$work/server.log" | grep -oE '127\.0\.0\.1:[0-9]+' | head -n 1) && [ -n "$address" ]; }
 
 cp rigs/prototype.toml "$work/rig.toml"
 serve() {
