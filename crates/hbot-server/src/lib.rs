@@ -14,7 +14,6 @@
 //! small module stands in, and whoever asks for the part gets the error
 //! [`NotBuilt`](not_built::NotBuilt).
 
-#[cfg(any(feature = "live", feature = "tls"))]
 mod background;
 pub mod flight;
 #[cfg_attr(not(feature = "live"), path = "no_live.rs")]
