@@ -27,7 +27,7 @@ pub(crate) struct Recorded {
     pub(crate) path: PathBuf,
     /// The states in the order of time, at least one.
     pub(crate) states: Vec<StateEvent>,
-    /// One of so many states of the recording is kept.
+    /// One in this many states of the recording is kept.
     pub(crate) every: usize,
     /// Each scene as JSON, with its first tick, in the order of time.
     pub(crate) scenes: Vec<(u64, Value)>,
