@@ -19,7 +19,7 @@ if [ ! -x "$venv/bin/python" ]; then
     python3 -m venv "$venv"
 fi
 cd clients/python
-"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[gym,numpy,msgpack,lsl,mcap,toml]' \
+"$venv/bin/pip" install --quiet --disable-pip-version-check --editable '.[align,gym,numpy,msgpack,lsl,mcap,toml]' \
     matplotlib pytest==9.* pytest-timeout==2.* mypy==2.* ruff==0.* build==1.* hatchling==1.*
 
 # pip has rclpy for all Pythons that hbot is for. Without it this script ends here.
