@@ -241,7 +241,7 @@ async fn serve(
     secrets.extend(live_at.and_then(secrets::live_notice));
     let banner = banner(&rig, scene.name(), (address, web_at), time, expected);
     let warnings = Abilities::of(&rig).warnings(&scene);
-    let recording = recording(&args)?;
+    let recording = recording(&args, rig.certificate.clone())?;
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();
     let server = Server::start(ServerOptions {
@@ -305,8 +305,8 @@ async fn serve(
 }
 
 /// Returns what to record. The metadata of a recording name the rig file and the command line's
-/// changes to it, and this machine.
-fn recording(args: &ServerArgs) -> anyhow::Result<RecordOptions> {
+/// changes to it, the rig's certificate, and this machine.
+fn recording(args: &ServerArgs, certificate: Option<String>) -> anyhow::Result<RecordOptions> {
     if let Some((path, why)) = args.record.as_deref().and_then(|path| Some((path, unsuitable(path)?))) {
         bail!("--record {}: {why}. Name a new file that ends in .mcap, or a folder", path.display());
     }
@@ -322,6 +322,7 @@ fn recording(args: &ServerArgs) -> anyhow::Result<RecordOptions> {
         _ => {}
     }
     let mut about = BTreeMap::new();
+    about.extend(certificate.map(|name| ("certificate".to_owned(), name)));
     if let Some(path) = &args.rig {
         about.insert("rig_file".to_owned(), hbot_config::read_text(path)?);
     }

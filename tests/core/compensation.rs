@@ -11,7 +11,7 @@ use hbot_core::outputs::Outputs;
 use hbot_core::render::effects::Anchor;
 use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, Quat, Vec3, rotation};
-use hbot_sim::phenomena::{CageFriction, Eccentric, JointFriction, Phenomena};
+use hbot_sim::phenomena::{CageFriction, Eccentric, Gear, JointFriction, Phenomena};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
 const TRUE: JointFriction =
@@ -46,7 +46,13 @@ fn friction_is_fed_forward_by_a_smooth_sign_of_each_rate() {
     let known = Compensation { part: 0.8, smoothing: 0.02, ..rubbing(2.0e-4, 3.0e-5) };
     for size in [1.0e-4, 1.0e-3, 5.0e-3, 0.5] {
         let mut bench = Bench::active(knowing(known), CompiledScene::empty());
-        let out = turned(&mut bench, Vec3::new(0.6, -0.5, 0.3) * size, 5);
+        // It rises within 0.2 s.
+        let early = turned(&mut bench, Vec3::new(0.6, -0.5, 0.3) * size, 20);
+        for j in 0..4 {
+            let most = 0.8 * (0.12 * 2.0e-4 + 3.0e-5 * early.state.rate[j].abs());
+            assert!(early.state.joint_torque[j].abs() <= most, "joint {j}, {size}");
+        }
+        let out = turned(&mut bench, Vec3::new(0.6, -0.5, 0.3) * size, 200);
         for j in 0..4 {
             let rate = out.state.rate[j];
             let x = rate / 0.02;
@@ -64,16 +70,58 @@ fn friction_is_fed_forward_by_a_smooth_sign_of_each_rate() {
 #[test]
 fn friction_of_the_cage_is_fed_forward_along_the_motion_of_the_sphere() {
     let sphere = Friction { coulomb: 2.0e-3, viscous: 1.0e-3 };
-    let known = Compensation { sphere, part: 0.9, ..Compensation::default() };
+    let known = Compensation { sphere, part: 0.9, smoothing: 0.02, ..Compensation::default() };
     let mut bench = Bench::active(knowing(known), CompiledScene::empty());
     let omega = Vec3::new(0.6, -0.5, 0.3);
-    let out = turned(&mut bench, omega, 5);
+    let out = turned(&mut bench, omega, 220);
     let posture = Posture::new(&bench.rig().device, &[out.state.angle[0], out.state.angle[2]]);
     let made = posture.torque_on_sphere(&out.state.joint_torque[..4]);
     let (omega, speed) = (out.state.omega, out.state.omega.length());
     let x = speed / 0.02;
     let want = 0.9 * (2.0e-3 * x.powi(3) / (1.0 + x * x).powf(1.5) + 1.0e-3 * speed);
     assert!((made - omega / speed * want).length() < 1e-15, "{made}");
+}
+
+/// It stays for half a second at rest, so that a sphere in slow motion does not stick and slip, and
+/// ends at once if the sphere turns back.
+#[test]
+fn fed_friction_outlasts_a_short_rest_and_no_turn_back() {
+    let known = Compensation { part: 0.8, ..rubbing(2.0e-4, 0.0) };
+    let size = |out: &Outputs| out.state.joint_torque[..4].iter().map(|t| t.abs()).fold(0.0, f64::max);
+    let mut bench = Bench::active(knowing(known), CompiledScene::empty());
+    let omega = Vec3::new(0.6, -0.5, 0.3);
+    let all = size(&turned(&mut bench, omega, 300));
+    assert!((all - 1.6e-4).abs() < 1e-7, "{all}");
+    let held = size(&turned(&mut bench, Vec3::ZERO, 250));
+    assert!((held / all - 0.5).abs() < 0.03, "{held}");
+    assert_eq!(size(&turned(&mut bench, Vec3::ZERO, 270)), 0.0);
+    turned(&mut bench, omega, 300);
+    let out = turned(&mut bench, -omega, 3);
+    for j in 0..4 {
+        assert!(out.state.joint_torque[j] * out.state.rate[j] >= 0.0, "joint {j} is not pushed on");
+    }
+    assert!(size(&out) < 0.05 * all);
+}
+
+/// A gear that loses a tenth of its torque gets it back, in the direction of its motion, whether
+/// the torque of the scene moves the joint or brakes it.
+#[test]
+fn a_gears_loss_is_fed_forward_in_proportion_to_the_torque() {
+    let known = Compensation { part: 0.8, ..joints(|joint| joint.gear_loss = 0.1) };
+    let plain = altered(&knowing(known), |rig| rig.compensation = None);
+    for omega in [Vec3::new(0.6, -0.5, 0.3), Vec3::new(-0.6, 0.5, -0.3)] {
+        let run = |rig| {
+            let scene = spring_scene(1, 2.0, Vec3::new(0.1, 0.05, -0.1));
+            turned(&mut Bench::active(rig, scene), omega, 40)
+        };
+        let (without, with) = (run(plain), run(knowing(known)));
+        for j in 0..4 {
+            let (torque, rate) = (without.state.joint_torque[j], without.state.rate[j]);
+            let want = torque + 0.08 * torque.abs() * rate.signum();
+            // The smooth sign of rates above 0.3 rad/s is 1 to within 1e-3.
+            assert!((with.state.joint_torque[j] - want).abs() < 2e-4 * torque.abs() + 1e-12, "joint {j}");
+        }
+    }
 }
 
 #[test]
@@ -292,18 +340,22 @@ fn with_friction(joint: JointFriction, cage: f64) -> Phenomena {
     }
 }
 
-/// No hand: whatever was measured, up to twice the true friction, and however much of it is asked
-/// for, the sphere comes to rest, and no joint torque exceeds its limit.
+/// No hand: whatever was measured, up to twice the true friction and loss of the gears, and however
+/// much of it is asked for, the sphere comes to rest, and no joint torque exceeds its limit.
 #[test]
 fn a_sphere_without_a_hand_comes_to_rest_even_if_twice_its_friction_was_measured() {
     let mut rng = Rng(5);
     for case in 0..12 {
         let times = [2.0, 1.6, 1.0, 0.5][case % 4];
         let cage = if case % 3 == 0 { 1.0e-3 } else { 0.0 };
+        let loss = if case % 4 < 2 { 0.05 } else { 0.0 };
         let known = Compensation {
             part: 0.9,
             sphere: Friction { coulomb: cage * times, viscous: 0.0 },
-            ..rubbing(TRUE.coulomb * times, TRUE.viscous * times)
+            ..joints(|joint| {
+                joint.friction = Friction { coulomb: TRUE.coulomb * times, viscous: TRUE.viscous * times };
+                joint.gear_loss = loss * times;
+            })
         };
         let scene = match case % 2 {
             0 => CompiledScene::empty(),
@@ -315,7 +367,8 @@ fn a_sphere_without_a_hand_comes_to_rest_even_if_twice_its_friction_was_measured
             }
         };
         let rig = knowing(known);
-        let mut run = Loop::new(rig, scene, with_friction(TRUE, cage));
+        let gear = (loss > 0.0).then_some(Gear { backlash: 0.0, efficiency: 1.0 - loss, ..Gear::default() });
+        let mut run = Loop::new(rig, scene, Phenomena { gear, ..with_friction(TRUE, cage) });
         run.kick(rng.vector(3.0));
         let mut still = 0;
         let mut ticks = 0;
@@ -369,12 +422,8 @@ fn hysteresis(known: Option<Compensation>) -> f64 {
 
 #[test]
 fn friction_that_is_fed_forward_leaves_a_third_of_the_hysteresis_at_most() {
-    // The most that is legal, and the smoothing for small loads. The defaults (0.85, 0.02 rad/s)
-    // leave 35 %.
     let known = Compensation {
         sphere: Friction { coulomb: 2.0e-3, viscous: 0.0 },
-        part: 0.9,
-        smoothing: 0.005,
         ..rubbing(TRUE.coulomb, TRUE.viscous)
     };
     let (plain, fed) = (hysteresis(None), hysteresis(Some(known)));

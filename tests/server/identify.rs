@@ -269,13 +269,36 @@ fn a_certificate_says_what_was_measured_and_what_was_not() {
     assert!(bare.contains("N m/rad, with"), "the border needs no measurement:\n{bare}");
 
     record(folder, "drawing.toml", 20, "run.mcap");
-    run(folder, "rig certify drawing.toml run.mcap --motors --built true.toml --out whole").success();
+    run(
+        folder,
+        "rig certify drawing.toml run.mcap --motors --built true.toml --out whole --write named.toml",
+    )
+    .success();
     let (whole, html) = page("whole");
     println!("{whole}");
-    for said in ["wheel A, cone, mrad", "drift in a turn | ", "torque_scale | 1.0000 | 0.9", "SIMULATED"] {
+    for said in [
+        "wheel A, cone, mrad",
+        "drift in a turn | ",
+        "torque_scale | 1.0000 | 0.9",
+        "SIMULATED",
+        "bandwidth of the torque",
+        "a quarter of a turn late",
+    ] {
         assert!(whole.contains(said), "{said}:\n{whole}");
     }
     assert_eq!(whole.matches("not measured").count(), 1, "only lines under a load are missing:\n{whole}");
     assert!(html.contains("<svg") && html.contains("with the lead") && !html.contains("<img"));
+    // A recording names the certificate of its rig.
+    let named = std::fs::read_to_string(folder.join("named.toml")).expect("written");
+    let name = named.lines().find_map(|line| line.strip_prefix("certificate = ")).expect("a name");
+    assert!(whole.contains(name.trim_matches('"')), "{name}:\n{whole}");
+    record(folder, "named.toml", 1, "named.mcap");
+    let mut reader =
+        Reader::new(File::open(folder.join("named.mcap")).expect("recorded")).expect("a recording");
+    let about = std::iter::from_fn(|| reader.next().expect("readable")).find_map(|item| match item {
+        Item::About(about) => about.get("certificate").cloned(),
+        _ => None,
+    });
+    assert_eq!(about.as_deref(), Some(name.trim_matches('"')));
     assert!(folder.join("whole/drift.svg").is_file() && folder.join("whole/stiffness.svg").is_file());
 }

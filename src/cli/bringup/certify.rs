@@ -27,7 +27,7 @@ use self::latency::Latency;
 use self::page::Page;
 use super::identify::motors::{self, Motion};
 use super::identify::{News, read};
-use super::joint_name;
+use super::{edit, joint_name};
 use crate::cli::out::say;
 
 /// Number of turns over which the drift is computed, the time of each, s, and the time between two
@@ -60,6 +60,10 @@ pub(crate) struct CertifyArgs {
     /// Folder for certificate.md, certificate.html and the plots
     #[arg(long, value_name = "DIR", default_value = "certificate")]
     out: PathBuf,
+    /// Write the rig file with the name of this certificate, which recordings then contain, to this
+    /// file; it can be the rig file itself
+    #[arg(long, value_name = "FILE")]
+    write: Option<PathBuf>,
 }
 
 /// Everything that was measured.
@@ -82,9 +86,17 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     };
     let known = Known { rig, geometry, latency, motors };
     let text = hbot_config::read_text(&args.rig).with_context(|| args.rig.display().to_string())?;
-    let page = page_of(&known, &args.rig, &text)?;
+    let date = hbot_server::flight::utc(SystemTime::now());
+    let name = format!("{date}, rig file {:08x}", crc(text.as_bytes()));
+    let page = page_of(&known, &args.rig, &name)?;
     page.write(&args.out)?;
     say!("{}: written", args.out.join("certificate.html").display())?;
+    if let Some(file) = &args.write {
+        let mut document = edit::open(Some(&args.rig))?;
+        edit::put(document.as_item_mut(), "certificate", name.into());
+        edit::save(&document, file)?;
+        say!("{}: written", file.display())?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -114,18 +126,14 @@ fn recorded(
     Ok((found, latency))
 }
 
-fn page_of(known: &Known, file: &Path, text: &str) -> anyhow::Result<Page> {
+fn page_of(known: &Known, file: &Path, name: &str) -> anyhow::Result<Page> {
     let rig = &known.rig;
     let mut page = Page::new(&format!("Certificate of {}", rig.name));
     let simulated = if rig.link.port.is_simulated() { " The rig is SIMULATED." } else { "" };
     page.say(&format!(
-        "{}, hbot {}. Rig file: {} ({} bytes, CRC-32 {:08x}). \"95 %, ±\" is half the width of the interval that holds the truth in \
-         95 % of the cases.{simulated}",
-        hbot_server::flight::utc(SystemTime::now()),
-        env!("CARGO_PKG_VERSION"),
+        "{name} (CRC-32 of {}), hbot {}. \"95 %, ±\" is half the width of the interval that holds the truth in 95 % of the cases.{simulated}",
         file.display(),
-        text.len(),
-        crc(text.as_bytes()),
+        env!("CARGO_PKG_VERSION"),
     ));
     geometry(&mut page, known);
     torque(&mut page, known);
@@ -390,6 +398,11 @@ fn inertia_and_stiffness(page: &mut Page, known: &Known, file: &Path) -> anyhow:
         series.push(Series::new(name, points, colour));
     }
     rows.push(vec![
+        "bandwidth of the torque (half the power)".into(),
+        format!("{} Hz", short(bandwidth(known.rig.rig.timing.period_s(), known.rig.torque_lag))),
+        "a period's hold and `torque_lag`; computed".into(),
+    ]);
+    rows.push(vec![
         "stiffness lines under a load".into(),
         NOT.into(),
         "they need weights on the sphere".into(),
@@ -410,6 +423,7 @@ fn times(page: &mut Page, known: &Known) {
         return;
     };
     let how = format!("{} ticks of the recordings", latency.ticks());
+    let period_s = known.rig.rig.timing.period_s();
     let row = |what: &str, of: [f64; 4]| {
         let mut row = vec![what.to_owned()];
         row.extend(of.map(|s| format!("{:.3} ms", 1e3 * s)));
@@ -425,9 +439,39 @@ fn times(page: &mut Page, known: &Known) {
         ),
     ];
     page.table(&["figure", "median", "95 %", "99.9 %", "most", "how"], rows);
+    let [usual, _, most, _] = latency.whole(known.rig.torque_lag).map(|s| short(quarter(s, period_s)));
+    page.table(
+        &["figure", "value", "how"],
+        vec![vec![
+            "frequency at which the torque is a quarter of a turn late".into(),
+            format!("{usual} Hz, {most} Hz in one of a thousand ticks"),
+            "from the latency above and half a period, for which the torque is held; computed".into(),
+        ]],
+    );
     if latency.is_virtual() {
         page.say("The recording is of virtual time, in which no tick is late.");
     }
+}
+
+/// Returns the frequency at which half the power of a torque is left that is held for `period_s`
+/// and made with the time constant `lag_s`, Hz.
+fn bandwidth(period_s: f64, lag_s: f64) -> f64 {
+    let power = |hz: f64| {
+        let half = std::f64::consts::PI * hz * period_s;
+        (half.sin() / half).powi(2) / (1.0 + (std::f64::consts::TAU * hz * lag_s).powi(2))
+    };
+    // It falls up to the rate of the loop.
+    let (mut low, mut high) = (1.0e-3 / period_s, 1.0 / period_s);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if power(middle) > 0.5 { low = middle } else { high = middle }
+    }
+    low
+}
+
+/// Returns the frequency of which `latency_s` and the half of `period_s` are a quarter, Hz.
+fn quarter(latency_s: f64, period_s: f64) -> f64 {
+    0.25 / (latency_s + 0.5 * period_s)
 }
 
 /// The CRC-32 of IEEE 802.3, by which two rig files are told apart.

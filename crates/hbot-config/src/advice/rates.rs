@@ -178,6 +178,18 @@ impl RateAdvice {
         FELT * self.sampled.inertia.min_element() / self.rig.device.sphere_radius()
     }
 
+    /// Returns the noise of the joint rates in slow motion that the counts make: of the noisiest
+    /// joint, rms, rad/s. The rates of the motor controllers count as without noise.
+    #[must_use]
+    pub fn noise_at_rest(&self) -> f64 {
+        let noise = |j: usize| {
+            let weights = self.weights::<TAPS>(self.rig.methods.rate, j);
+            let squares = weights.iter().map(|weight| weight * weight).sum::<f64>();
+            self.rig.joints[j].radians_per_count() * (squares / 12.0).sqrt()
+        };
+        (0..self.rounding.len()).map(noise).fold(0.0, f64::max)
+    }
+
     /// Returns the figures of `estimate`.
     ///
     /// Noise and lag of an adaptive window depend on the motion. Its noise here is that of its

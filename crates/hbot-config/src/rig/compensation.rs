@@ -54,9 +54,9 @@ pub(crate) struct CompensationTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::COMPENSATED.least, max = legal::COMPENSATED.most))]
     pub(crate) friction: Option<f64>,
-    /// Rate at which a third of the dry friction is fed forward. Slower motion gets less: with
-    /// small loads, a smaller value leaves less hysteresis. It must be well above the noise of the
-    /// joint rates. If absent: 0.02.
+    /// Rate at which a third of the dry friction is fed forward. Slower motion gets less, so with
+    /// small loads a smaller value leaves less hysteresis. If absent: three times the noise of the
+    /// joint rates that the counts make, at least 0.005.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::SMOOTHING.least, max = legal::SMOOTHING.most), extend("unit" = legal::SMOOTHING.unit))]
     pub(crate) smoothing: Option<f64>,
@@ -77,8 +77,13 @@ impl Joint {
             *place = core::Harmonic { per_turn, amplitude, phase };
         }
         let friction = self.friction.unwrap_or_default().into();
-        core::Imperfect { friction, torque_scale: self.torque_scale, cogging }
+        core::Imperfect { friction, torque_scale: self.torque_scale, gear_loss: self.gear_loss, cogging }
     }
+}
+
+/// Returns whether the file says how the fed friction is smoothed.
+pub(super) fn says_smoothing(compensation: &Compensation) -> bool {
+    matches!(compensation, Compensation::Table(CompensationTable { smoothing: Some(_), .. }))
 }
 
 /// Returns what the file says of the rig's imperfections. Returns `None` if it says nothing, or if

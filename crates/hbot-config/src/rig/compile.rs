@@ -21,6 +21,10 @@ use crate::document::Report;
 const WATCHDOG_MS: u16 = 20;
 const WATCHDOG_SIM_MS: u16 = 50;
 
+/// Smoothing of the fed friction divided by the noise of the joint rates. A joint that rests is
+/// then fed a seventh of its friction (root mean square), which does not move it.
+const NOISES: f64 = 3.0;
+
 /// Finds the value that the core has refused, and returns its path in the rig file.
 fn place(mistake: &core::RigError) -> String {
     let field = match mistake.field {
@@ -80,6 +84,7 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let is_auto = file.r#loop.rate_estimate.is_auto();
     let mut config = RigConfig {
         name: file.name,
+        certificate: file.certificate,
         rig,
         wheels,
         ports,
@@ -100,6 +105,11 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     if is_auto && let Some(pick) = RateAdvice::of(&config).map(|advice| advice.pick()) {
         config.rig = config.rig.with(|parts| parts.methods.rate = pick.picked.estimate).ok()?;
         config.rate_pick = Some(pick);
+    }
+    if config.rig.compensation.is_some() && !compensation::says_smoothing(&file.r#loop.compensation) {
+        let noise = RateAdvice::of(&config).map_or(0.0, |advice| advice.noise_at_rest());
+        let smooth = |known: &mut core::Compensation| known.smoothing = known.smoothing.max(NOISES * noise);
+        config.rig = config.rig.with(|parts| parts.compensation.iter_mut().for_each(smooth)).ok()?;
     }
     Some(config)
 }

@@ -27,6 +27,11 @@ pub(crate) struct RigFile {
     #[serde(default = "rig_name")]
     #[schemars(length(min = 1, max = 100))]
     pub(crate) name: String,
+    /// Name of the certificate that `hbot rig certify` has written about the rig. Recordings
+    /// contain it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "String", length(min = 1, max = 100))]
+    pub(crate) certificate: Option<String>,
     /// The hollow sphere, which turns about its fixed centre.
     pub(crate) sphere: Sphere,
     /// The wheels. Each is driven, and is steered about an axis through the sphere's centre.
@@ -176,6 +181,11 @@ pub(crate) struct Joint {
     #[serde(default = "one")]
     #[schemars(range(min = legal::TORQUE_SCALE.least, max = legal::TORQUE_SCALE.most))]
     pub(crate) torque_scale: f64,
+    /// Part of the motor's torque that its gear loses while it turns under load. It is fed forward
+    /// like friction. Has no effect if the joint has no motor.
+    #[serde(default)]
+    #[schemars(range(min = legal::GEAR_LOSS.least, max = legal::GEAR_LOSS.most))]
+    pub(crate) gear_loss: f64,
     /// Measured friction of the joint with its motor and gear. It is fed forward (see
     /// `loop.compensation`). Absent: none is. Has no effect if the joint has no motor.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -43,6 +43,8 @@ pub const USUAL_LAG_S: f64 = 5.0e-4;
 pub struct RigConfig {
     /// Name of the rig, shown to people.
     pub name: String,
+    /// Name of the certificate of the rig, if it has one.
+    pub certificate: Option<String>,
     /// The data about the rig that the control law needs.
     pub rig: Rig,
     /// Names of the wheels, shown to people, in the order of the file.

@@ -37,8 +37,8 @@ pub(crate) struct Loop {
     /// period and `torque_lag` out of the loop, so that it is stable with stiffer scenes.
     pub(crate) lead: Lead,
     /// Whether the imperfections that this file says (`friction`, `cogging`, `torque_scale`,
-    /// `imbalance`) are fed forward: true, false, or a table of parameters. Nothing is if the file
-    /// says none.
+    /// `gear_loss`, `imbalance`) are fed forward: true, false, or a table of parameters. Nothing is
+    /// if the file says none.
     pub(crate) compensation: Compensation,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick. Never
     /// more than a quarter of the period. The loop measures which lead this machine needs. Between

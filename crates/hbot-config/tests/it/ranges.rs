@@ -123,6 +123,25 @@ fn of_the_rig_file() {
     });
 }
 
+/// Fed friction is smoothed over three times the noise that counts make in the joint rates.
+#[test]
+fn friction_is_smoothed_beyond_the_noise_of_the_rates() {
+    let smoothing = |rate: &str| {
+        let text = include_str!("../../../../rigs/prototype.toml")
+            .replace("rate_estimate = \"controller\"", &format!("rate_estimate = {rate}"))
+            .replace("mass = 0.467", "friction = { coulomb = 1e-3 }\nmass = 0.467");
+        let config = RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
+        config.rig.compensation.expect("friction").smoothing
+    };
+    assert_eq!(smoothing("'controller'"), 0.005, "the controllers' rates count as without noise");
+    // A difference of two angles, each rounded by a count of the steer joint: u sqrt(2/12)/h.
+    let noise = std::f64::consts::TAU / 16384.0 * f64::sqrt(1.0 / 6.0) / 1.0e-3;
+    let noisy = smoothing("'difference'");
+    assert!((noisy / (3.0 * noise) - 1.0).abs() < 1.0e-9, "{noisy}");
+    let own = "'difference'\ncompensation = { smoothing = 0.03 }";
+    assert_eq!(smoothing(own), 0.03);
+}
+
 /// Returns a TOML table that contains the default of each property of a schema.
 fn defaults(schema: &Value) -> toml::Table {
     let properties = schema["properties"].as_object().unwrap();

@@ -35,7 +35,7 @@ use crate::safety::passivity::{Guard, Ledger, Observer};
 use crate::safety::shaking;
 use crate::safety::shaping::{Blend, Stream};
 
-use self::compensation::Compensator;
+use self::compensation::{Compensator, Rising};
 use self::faults::Silence;
 pub use crate::motion::orientation::ALIGN_HISTORY;
 
@@ -120,6 +120,9 @@ pub struct Controller {
     uncertainty: Option<Uncertainty>,
     /// The local model that a client streams. All bits zero: none, as in older recordings.
     model: Modelled,
+    /// How the friction that is fed forward rises. `None` if nothing is known, and in older
+    /// recordings.
+    rising: Option<Rising>,
 }
 
 impl Controller {
@@ -172,6 +175,7 @@ impl Controller {
             ledger: rig.methods.passivity.filter(|limit| !limit.strict).map(|_| Ledger::START),
             shaking_stored: shaking::Stored::OFF,
             model: Modelled::NONE,
+            rising: Compensator::rising(&rig),
         }
     }
 

@@ -18,7 +18,7 @@ use std::fmt;
 use hbot_core::design::rig::{Friction, Harmonic, Imperfect, MAX_HARMONICS};
 use hbot_core::{MAX_JOINTS, Quat, Rig, Vec3};
 
-use self::rows::{Rows, Term};
+use self::rows::{Grain, Rows, Term};
 use self::solve::Solved;
 use crate::fit::share_as_drawn;
 use crate::motion::{Counts, Motion};
@@ -95,7 +95,7 @@ pub enum MotorName {
     Coulomb,
     /// Viscous friction, N m s/rad.
     Viscous,
-    /// Part of the motor's torque that its gear loses under load. No rig file has it.
+    /// Part of the motor's torque that its gear loses under load.
     Loss,
     /// Component of the imbalance along the sphere's axis 1, 2 or 3 (0 to 2), N m.
     Imbalance(usize),
@@ -153,6 +153,8 @@ pub enum MotorRefusal {
     Singular,
 }
 
+/// Largest part of its torque that a gear loses. A gear that loses more locks itself.
+const MOST_LOSS: f64 = 0.5;
 /// Largest slip divided by rolling distance. A cone that is wrong by half a degree makes 1 to 2 %.
 const MOST_SLIP: f64 = 0.03;
 /// Largest part of the torque that may be unexplained.
@@ -168,7 +170,7 @@ pub fn measure(rig: &Rig, from: Quat, samples: &[Sample]) -> Result<Measured, Mo
     if slip > MOST_SLIP {
         return Err(MotorRefusal::Geometry { slip });
     }
-    let mut rows = Rows::new(rig, from, samples);
+    let mut rows = Rows::new(rig, from, samples, Grain::USUAL);
     if rows.used_s() < LEAST_S {
         return Err(MotorRefusal::Still { used_s: rows.used_s() });
     }
@@ -180,6 +182,13 @@ pub fn measure(rig: &Rig, from: Quat, samples: &[Sample]) -> Result<Measured, Mo
     if solved.left > MOST_LEFT * rows.torque {
         return Err(MotorRefusal::Unexplained { part: solved.left / rows.torque });
     }
+    let mut other = Rows::new(rig, from, samples, Grain::OTHER);
+    for term in &rows.terms[other.terms.len()..] {
+        if let Term::Sine(joint, per_turn) = *term {
+            other.add_cogging(joint, per_turn);
+        }
+    }
+    solved.doubt(&Solved::new(&other).ok_or(MotorRefusal::Singular)?);
     Ok(told(rig, slip, &rows, &solved))
 }
 
@@ -240,7 +249,10 @@ fn told(rig: &Rig, slip: f64, rows: &Rows<'_>, solved: &Solved) -> Measured {
                 measured.values.push(value(Some(j), MotorName::Viscous, filed(j).friction.viscous));
                 measured.joints[j].friction.viscous = surely(found, NINETY_FIVE * deviation);
             }
-            Term::Loss(j) => measured.values.push(value(Some(j), MotorName::Loss, 0.0)),
+            Term::Loss(j) => {
+                measured.values.push(value(Some(j), MotorName::Loss, filed(j).gear_loss));
+                measured.joints[j].gear_loss = surely(found, NINETY_FIVE * deviation).min(MOST_LOSS);
+            }
             Term::CageCoulomb => {
                 measured.values.push(value(None, MotorName::Coulomb, known.sphere.coulomb));
                 measured.sphere.coulomb = surely(found, NINETY_FIVE * deviation);

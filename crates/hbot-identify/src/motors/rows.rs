@@ -21,16 +21,29 @@ use super::Sample;
 
 /// Time of a step, s. A step takes as many samples as fit.
 const STEP_S: f64 = 0.002;
-/// Length of a window, s. A harmonic of a rotor that passes much faster than this is not seen.
-const WINDOW_S: f64 = 0.12;
-/// Time between which rates are differences of angles, s.
-const RATE_S: f64 = 0.024;
 /// A longer time between two samples ends a part of the motion, s.
 const GAP_S: f64 = 0.01;
-/// Rate of a joint, and of the sphere, at which friction changes its sign smoothly, rad/s.
-const SMOOTH: f64 = 0.01;
 /// Speed of the sphere below which it could stick, rad/s.
 const SLOW: f64 = 0.06;
+
+/// How the equation is approximated.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grain {
+    /// Length of a window, s. A harmonic of a rotor that passes much faster than this is not seen.
+    window_s: f64,
+    /// Time between which rates are differences of angles, s.
+    rate_s: f64,
+    /// Rate of a joint, and of the sphere, at which friction changes its sign smoothly, rad/s.
+    smooth: f64,
+}
+
+impl Grain {
+    /// The best one. Shorter times are noisier, longer ones blur the moment at which friction
+    /// changes its sign.
+    pub(super) const USUAL: Self = Self { window_s: 0.12, rate_s: 0.024, smooth: 0.01 };
+    /// Another one, which shows how much values depend on it.
+    pub(super) const OTHER: Self = Self { window_s: 0.2, rate_s: 0.04, smooth: 0.02 };
+}
 
 /// One unknown of the equation of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -124,6 +137,7 @@ struct Part {
 /// The equation over all windows. Each window has three rows.
 pub(super) struct Rows<'a> {
     pub(super) rig: &'a Rig,
+    grain: Grain,
     parts: Vec<Part>,
     pub(super) terms: Vec<Term>,
     /// The columns of the unknowns, in the order of `terms`.
@@ -135,11 +149,11 @@ pub(super) struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    pub(super) fn new(rig: &'a Rig, from: Quat, samples: &[Sample]) -> Self {
+    pub(super) fn new(rig: &'a Rig, from: Quat, samples: &[Sample], grain: Grain) -> Self {
         let parts: Vec<Part> = samples
             .chunk_by(|a, b| b.time_s - a.time_s <= GAP_S)
             .scan(from, |q, part| {
-                let part = Part::new(rig, part, *q);
+                let part = Part::new(rig, part, *q, grain);
                 *q = part.nodes.last().map_or(*q, |node| node.q);
                 Some(part)
             })
@@ -155,8 +169,15 @@ impl<'a> Rows<'a> {
             .chain((0..3).map(Term::Imbalance))
             .chain([Term::Delay])
             .collect();
-        let mut rows =
-            Self { rig, parts, terms: Vec::new(), columns: Vec::new(), wanted: Vec::new(), torque: 0.0 };
+        let mut rows = Self {
+            rig,
+            grain,
+            parts,
+            terms: Vec::new(),
+            columns: Vec::new(),
+            wanted: Vec::new(),
+            torque: 0.0,
+        };
         rows.columns = terms.iter().map(|term| rows.column(*term)).collect();
         rows.terms = terms;
         rows.wanted = rows.known();
@@ -172,7 +193,7 @@ impl<'a> Rows<'a> {
 
     /// Returns the time of all windows, s.
     pub(super) fn used_s(&self) -> f64 {
-        0.5 * WINDOW_S * self.parts.iter().map(|part| part.windows.len() as f64).sum::<f64>()
+        0.5 * self.grain.window_s * self.parts.iter().map(|part| part.windows.len() as f64).sum::<f64>()
     }
 
     /// Adds the columns of a harmonic.
@@ -214,11 +235,11 @@ impl<'a> Rows<'a> {
             match term {
                 Term::Scale(j) => middle(j) * step.torque[j],
                 Term::Inertia(j) => -part.of_inertia(k, bump, j, j),
-                Term::Coulomb(j) => middle(j) * -smooth_sign(step.rates[j]),
+                Term::Coulomb(j) => middle(j) * -self.smooth_sign(step.rates[j]),
                 Term::Viscous(j) => middle(j) * -step.rates[j],
-                Term::Loss(j) => middle(j) * -(step.torque[j].abs() * smooth_sign(step.rates[j])),
+                Term::Loss(j) => middle(j) * -(step.torque[j].abs() * self.smooth_sign(step.rates[j])),
                 Term::CageCoulomb => {
-                    step.omega * (-bump[1] * dt / (step.omega.length_squared() + SMOOTH * SMOOTH).sqrt())
+                    step.omega * (-bump[1] * dt / step.omega.length().hypot(self.grain.smooth))
                 }
                 Term::CageViscous => step.omega * (-bump[1] * dt),
                 Term::Imbalance(axis) => {
@@ -263,18 +284,18 @@ impl<'a> Rows<'a> {
         all
     }
 
+    fn smooth_sign(&self, rate: f64) -> f64 {
+        rate / rate.hypot(self.grain.smooth)
+    }
+
     /// Returns the number of joints.
     pub(super) fn joints(&self) -> usize {
         self.rig.device.joints()
     }
 }
 
-fn smooth_sign(rate: f64) -> f64 {
-    rate / rate.hypot(SMOOTH)
-}
-
 impl Part {
-    fn new(rig: &Rig, samples: &[Sample], q: Quat) -> Self {
+    fn new(rig: &Rig, samples: &[Sample], q: Quat, grain: Grain) -> Self {
         let (joints, wheels) = (rig.device.joints(), rig.device.wheels().len());
         let mut part = Self { nodes: Vec::new(), steps: Vec::new(), windows: Vec::new() };
         let (mut whole, mut last) = (samples[0].counts.map(i64::from), samples[0].counts);
@@ -314,18 +335,18 @@ impl Part {
                 }
             }
         }
-        part.smooth();
-        part.cut();
+        part.smooth(grain.rate_s);
+        part.cut(grain.window_s);
         part
     }
 
-    /// Computes the smoothed rates of all steps.
-    fn smooth(&mut self) {
+    /// Computes the smoothed rates of all steps, over `rate_s`.
+    fn smooth(&mut self, rate_s: f64) {
         let mut turned = vec![Vec3::ZERO];
         for step in &self.steps {
             turned.push(turned[turned.len() - 1] + step.turn);
         }
-        let each = (0.5 * RATE_S / STEP_S).round().max(1.0) as usize;
+        let each = (0.5 * rate_s / STEP_S).round().max(1.0) as usize;
         let count = self.steps.len();
         for (k, step) in self.steps.iter_mut().enumerate() {
             let (a, b) = ((k + 1).saturating_sub(each), (k + each).min(count));
@@ -337,17 +358,17 @@ impl Part {
 
     /// Cuts the part into windows that overlap by half, and leaves out those in which the sphere
     /// could stick.
-    fn cut(&mut self) {
+    fn cut(&mut self, window_s: f64) {
         let Some(last) = self.nodes.last() else { return };
         let mut start_s = self.nodes[0].time_s;
-        while start_s + WINDOW_S <= last.time_s {
+        while start_s + window_s <= last.time_s {
             let first = self.nodes.partition_point(|node| node.time_s < start_s);
             let end =
-                self.nodes.partition_point(|node| node.time_s < start_s + WINDOW_S).min(self.steps.len());
+                self.nodes.partition_point(|node| node.time_s < start_s + window_s).min(self.steps.len());
             if end > first + 8 && self.steps[first..end].iter().all(|step| step.omega.length() > SLOW) {
                 self.windows.push([first, end]);
             }
-            start_s += 0.5 * WINDOW_S;
+            start_s += 0.5 * window_s;
         }
     }
 

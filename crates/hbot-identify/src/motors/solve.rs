@@ -97,6 +97,15 @@ impl Solved {
         Some(solved)
     }
 
+    /// Adds to the covariance what the unknowns differ from those of `other`, a solution of the
+    /// same equation with another approximation: an error that all windows have in common, which
+    /// the jackknife does not see.
+    pub(super) fn doubt(&mut self, other: &Self) {
+        for (k, row) in self.covariance.iter_mut().enumerate() {
+            row[k] += (self.found[k] - other.found[k]).powi(2);
+        }
+    }
+
     fn weigh(&mut self) {
         for (weight, left) in self.weights.iter_mut().zip(self.residual.chunks_exact(3)) {
             let far = (left.iter().map(|x| x * x).sum::<f64>() / 3.0).sqrt() / self.scale;

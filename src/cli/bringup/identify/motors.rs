@@ -227,6 +227,9 @@ fn write(drawing: Option<&Path>, rig: &RigConfig, found: &Measured, file: &Path)
         if seen(Some(j), MotorName::Inertia) {
             edit::put(table, "inertia", digits(found.inertia[j], 5).into());
         }
+        if seen(Some(j), MotorName::Loss) && (joint.gear_loss > 0.0 || table.get("gear_loss").is_some()) {
+            edit::put(table, "gear_loss", digits(joint.gear_loss, 3).into());
+        }
         if seen(Some(j), MotorName::Coulomb) {
             friction(table, joint.friction);
         }

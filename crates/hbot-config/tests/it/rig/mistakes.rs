@@ -17,7 +17,7 @@ fn types_names_and_keys() {
     assert_eq!(
         said("steer = { counts_per_turn = 4096", "steer = { geer = 17, counts_per_turn = 4096"),
         "x.toml:7:11: wheel[0].steer.geer: unknown key (did you mean `gear`?); legal: port, controller, counts_per_turn, \
-         gear, sign, zero, zero_offset, inertia, peak, continuous, torque_lag, rate_lag, torque_scale, friction, cogging, motor"
+         gear, sign, zero, zero_offset, inertia, peak, continuous, torque_lag, rate_lag, torque_scale, gear_loss, friction, cogging, motor"
     );
     assert_eq!(
         said("counts_per_turn = 4096", "counts_per_turn = 4096.5"),

@@ -20,6 +20,13 @@ impl Friction {
         omega * self.damping(omega.length_squared(), smoothing)
     }
 
+    /// Returns the part of the dry friction that is fed forward in steady motion at `rate` (rad/s),
+    /// with its sign.
+    #[inline]
+    pub(super) fn part(rate: Real, smoothing: Real) -> Real {
+        rate * Self { coulomb: 1.0, viscous: 0.0 }.damping(rate * rate, smoothing)
+    }
+
     /// Returns the torque divided by the rate whose square is `square`, N m s/rad.
     #[inline]
     fn damping(&self, square: Real, smoothing: Real) -> Real {

@@ -19,17 +19,19 @@
 mod cogging;
 mod friction;
 mod loan;
+mod rising;
 
 use self::loan::Loan;
+pub(super) use self::rising::Rising;
 use super::Controller;
 use super::torque::part_within;
 use crate::allocation;
 use crate::count::Count;
 use crate::design::device::MAX_JOINTS;
 use crate::design::kinematics::torque_of;
-use crate::design::rig::{Compensation, Rig};
+use crate::design::rig::{Compensation, Friction, Rig};
 use crate::outputs::Outputs;
-use crate::real::{Quat, Real, Vec3, fabs};
+use crate::real::{Quat, Real, Vec3, fabs, sqrt};
 
 /// Fraction of the measured dry friction of a joint below which the torque of a scene cannot move
 /// the joint from rest. The true friction is at least half of what was measured, or the measurement
@@ -71,6 +73,12 @@ impl Compensator {
             given: 0.0,
             loan: Loan::START,
         })
+    }
+
+    /// Returns how the fed friction of `rig` rises.
+    pub(super) fn rising(rig: &Rig) -> Option<Rising> {
+        let known = rig.compensation.filter(Compensation::is_some)?;
+        Some(Rising::new(known.joints.map(|joint| joint.gear_loss)))
     }
 
     /// Returns the energy that has been fed forward since the start, J.
@@ -141,17 +149,30 @@ impl Controller {
             let inertia = if j % 2 == 0 { spec.steer_inertia } else { spec.drive_inertia };
             now.kinetic += 0.5 * inertia * rate * rate;
             now.lost += friction.loss(rate * rate) * dt;
+            if let Some(rising) = &self.rising {
+                now.lost += rising.loss[j] * fabs(self.made.joints[j] * rate) * dt;
+            }
             now.quiet &= fabs(self.made.joints[j]) <= HOLDS * friction.coulomb;
             now.still &= fabs(rate) <= STILL * known.smoothing;
         }
         stage.loan.advance(&now, gain > 0.0);
         if gain == 0.0 {
+            if let Some(rising) = &mut self.rising {
+                rising.rest();
+            }
             return wanted;
         }
         let friction = known.part * stage.loan.gain() * gain;
         let mut on_sphere = stage.weight(self.orientation.q) * -gain;
         if known.sphere.is_some() {
-            on_sphere += known.sphere.along(omega, known.smoothing) * friction;
+            on_sphere += match &mut self.rising {
+                None => known.sphere.along(omega, known.smoothing),
+                Some(rising) => {
+                    let speed = sqrt(omega.length_squared());
+                    let part = Friction::part(speed, known.smoothing) / speed.max(Real::MIN_POSITIVE);
+                    rising.sphere(omega * part, dt) * known.sphere.coulomb + omega * known.sphere.viscous
+                }
+            } * friction;
         }
         if on_sphere != Vec3::ZERO {
             let rows = self.joints.posture.first_rows(count);
@@ -162,7 +183,17 @@ impl Controller {
                 continue;
             }
             let (imperfect, rate) = (&known.joints[j], self.joints.rate[j]);
-            wanted[j] += imperfect.friction.against(rate, known.smoothing) * friction;
+            wanted[j] += match &mut self.rising {
+                None => imperfect.friction.against(rate, known.smoothing),
+                Some(rising) => {
+                    let steady = Friction::part(rate, known.smoothing);
+                    let dry = imperfect.friction.coulomb * rising.joint(j, steady, dt);
+                    // A gear loses in proportion to the torque that it passes on. That is too much
+                    // to be held while the joint rests.
+                    let lost = rising.loss[j] * fabs(self.made.joints[j]) * steady;
+                    dry + lost + imperfect.friction.viscous * rate
+                }
+            } * friction;
             let gear = self.rig.joints[j].gear;
             for harmonic in &imperfect.cogging {
                 if harmonic.amplitude != 0.0 {

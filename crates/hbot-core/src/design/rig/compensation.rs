@@ -37,6 +37,9 @@ pub struct Imperfect {
     pub friction: Friction,
     /// Torque that the motor makes for each N m that its controller is commanded to make.
     pub torque_scale: Real,
+    /// Part of the motor's torque that its gear loses while it turns under load.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub gear_loss: Real,
     /// Torque that the motor's magnets make at the joint without current. Harmonics with the
     /// amplitude 0 are not used.
     pub cogging: [Harmonic; MAX_HARMONICS],
@@ -72,6 +75,7 @@ impl Default for Imperfect {
         Self {
             friction: Friction::default(),
             torque_scale: 1.0,
+            gear_loss: 0.0,
             cogging: [Harmonic::default(); MAX_HARMONICS],
         }
     }
@@ -79,14 +83,14 @@ impl Default for Imperfect {
 
 impl Default for Compensation {
     /// Returns a rig without imperfections. Of friction, 85 % would be fed forward, with a
-    /// smoothing of 0.02 rad/s.
+    /// smoothing of 0.005 rad/s.
     fn default() -> Self {
         Self {
             joints: [Imperfect::default(); MAX_JOINTS],
             sphere: Friction::default(),
             imbalance: Vec3::ZERO,
             part: 0.85,
-            smoothing: 0.02,
+            smoothing: 0.005,
         }
     }
 }
@@ -113,6 +117,7 @@ impl Compensation {
         let plain = |joint: &Imperfect| {
             !joint.friction.is_some()
                 && joint.torque_scale == 1.0
+                && joint.gear_loss == 0.0
                 && joint.cogging.iter().all(|harmonic| harmonic.amplitude == 0.0)
         };
         self.sphere.is_some() || self.imbalance != Vec3::ZERO || !self.joints.iter().all(plain)
@@ -162,6 +167,7 @@ impl Imperfect {
             .into_iter()
             .flatten()
             .chain(legal::TORQUE_SCALE.check("torque_scale", self.torque_scale))
+            .chain(legal::GEAR_LOSS.check("gear_loss", self.gear_loss))
             .chain(harmonics)
     }
 }

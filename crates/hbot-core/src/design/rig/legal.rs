@@ -84,6 +84,8 @@ pub const COULOMB: Range = Range::from(0.0, 10.0, "N m");
 pub const VISCOUS: Range = Range::from(0.0, 10.0, "N m s/rad");
 /// Permitted range of the torque that a motor makes for each N m of its command.
 pub const TORQUE_SCALE: Range = Range::from(0.5, 2.0, "");
+/// Permitted range of the part of its torque that a gear loses.
+pub const GEAR_LOSS: Range = Range::from(0.0, 0.5, "");
 /// Permitted range of the amplitude of a harmonic of the cogging, N m at the joint.
 pub const COGGING: Range = Range::from(0.0, 10.0, "N m");
 /// Permitted range of the phase of a harmonic of the cogging, rad.

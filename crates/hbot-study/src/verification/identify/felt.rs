@@ -42,8 +42,6 @@ const START_S: f64 = 0.7;
 /// Weak motors: all by this, and each by up to this in addition.
 const WEAK: f64 = 0.95;
 const SPREAD: f64 = 0.02;
-/// Smoothing of the friction that is fed forward, rad/s: the default, and one for small loads.
-const SMOOTHINGS: [f64; 2] = [0.02, 0.005];
 /// Bounds of the issue for the slope after, R² after, the part of the hysteresis that is left, and
 /// the torque that turns the sphere, N m.
 const SLOPE: f64 = 0.01;
@@ -60,6 +58,8 @@ struct Felt {
     r2: f64,
     /// Difference of the torque between the ways up and down, for each load, N m.
     hysteresis: [f64; 2],
+    /// The same for the larger load, with less than half of it, N m.
+    middle: f64,
     /// Torque that turns the sphere without a spring, N m.
     back: f64,
     active: bool,
@@ -79,11 +79,10 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     report.family("identify_table3_{gear}_{believed}_{felt}_{number} | see the name | what a hand feels of a spring of 4 N m/rad, worst axis: `slope` (fraction) and `hysteresis` (N m) at 0.8 N m, `small_hysteresis` at 0.1 N m, `back` (N m): torque that turns the free sphere");
     report.heading("Table III: springs before and after");
     report.say(&format!(
-        "The prototype with random geometry, motors that make {WEAK} of the torque that they are commanded (each within ±{SPREAD}), Coulomb and viscous friction in each joint and in the cage. A load about n1, n2 and n3 rises, falls and reverses within {LOAD_S} s on a spring of {STIFFNESS} N m/rad. *drawn*: the loop believes the drawing. *identified*: `rig identify` has found the geometry in 60 s of turns by hand, and `rig identify --motors` the rest in 60 s; friction is fed forward with the default part, 0.85, and a smoothing of {} or {} rad/s. *loss*: each drive's gear also loses 10 % of the torque that it passes on, and has half a degree of play; no key of a rig file makes up for that.",
-        SMOOTHINGS[0], SMOOTHINGS[1]
+        "The prototype with random geometry, motors that make {WEAK} of the torque that they are commanded (each within ±{SPREAD}), Coulomb and viscous friction in each joint and in the cage. A load about n1, n2 and n3 rises, falls and reverses within {LOAD_S} s on a spring of {STIFFNESS} N m/rad. *drawn*: the loop believes the drawing. *identified*: `rig identify` has found the geometry in 60 s of turns by hand, and `rig identify --motors` the rest in 60 s; friction is fed forward with the defaults: a part of 0.85, and a smoothing of 0.005 rad/s. *loss*: each drive's gear also loses 10 % of the torque that it passes on, and has half a degree of play. At rest nothing makes up for the loss, so near the largest load, where the sphere turns back, all of it stays; *middle*: hysteresis with less than half of the load."
     ));
     let mut table = vec![head(
-        "rig | loop believes | slope error at 0.1 N m | at 0.8 N m | least R² | hysteresis at 0.1 N m, mN m | at 0.8 N m | back-driving, mN m",
+        "rig | loop believes | slope error at 0.1 N m | at 0.8 N m | least R² | hysteresis at 0.1 N m, mN m | at 0.8 N m | at 0.8 N m, middle | back-driving, mN m",
     )];
     let mut motors = vec![head(
         "rig | torque constants, largest error | Coulomb, largest error | intervals that hold the truth",
@@ -91,6 +90,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     let count = if context.quick { 1 } else { 3 };
     let mut worst: Option<(Felt, Felt)> = None;
     let mut constants = 0.0_f64;
+    let mut held = [0.0; 2];
     for (name, gear) in [("plain", None), ("loss", Some(Gear::default()))] {
         for seed in 0..count {
             context.go_on()?;
@@ -98,21 +98,9 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
             let label = format!("{name} {seed}");
             let drawn = felt(context, &rigs, &rigs.drawing)?;
             table.push(told(&label, "drawing", &drawn));
-            let (mut all, mut tried) = (Vec::new(), Vec::new());
-            for smoothing in SMOOTHINGS {
-                let mut config = rigs.identified.clone();
-                let smooth = config.rig.with(|parts| {
-                    if let Some(known) = &mut parts.compensation {
-                        known.smoothing = smoothing;
-                    }
-                });
-                config.rig = smooth.unwrap_or_else(|e| unreachable!("a legal smoothing: {e}"));
-                let felt = felt(context, &rigs, &config)?;
-                table.push(told(&label, &format!("identified, {smoothing} rad/s"), &felt));
-                tried.push(felt);
-            }
-            all.extend(tried.iter().copied());
-            for (believed, felt) in [("drawn", &drawn), ("identified", &all[1])] {
+            let after = felt(context, &rigs, &rigs.identified)?;
+            table.push(told(&label, "identified", &after));
+            for (believed, felt) in [("drawn", &drawn), ("identified", &after)] {
                 let mut figure = |what: &str, value: f64| {
                     report.figure(format!("identify_table3_{name}_{believed}_{what}_{seed}"), value);
                 };
@@ -121,16 +109,17 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
                 figure("small_hysteresis", felt.hysteresis[0]);
                 figure("back", felt.back);
             }
-            let [scale, coulomb, held, intervals] = rigs.errors();
+            let [scale, coulomb, true_ones, intervals] = rigs.errors();
             motors.push(row([
                 label,
                 format!("{:.3} %", 100.0 * scale),
                 format!("{:.1} %", 100.0 * coulomb),
-                format!("{held:.0} of {intervals:.0}"),
+                format!("{true_ones:.0} of {intervals:.0}"),
             ]));
             if gear.is_none() {
+                held = [held[0] + true_ones, held[1] + intervals];
                 constants = constants.max(scale);
-                worst = Some(worst.map_or((drawn, all[1]), |(a, b)| (a.worse(&drawn), b.worse(&all[1]))));
+                worst = Some(worst.map_or((drawn, after), |(a, b)| (a.worse(&drawn), b.worse(&after))));
             }
         }
     }
@@ -152,6 +141,17 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     }
     report.check_within("table III: torque that turns the sphere after, N m,", after.back, BACK);
     report.check_within("table III: error of a torque constant,", constants, 0.01);
+    let [least, most] = super::HELD;
+    let part = held[0] / held[1].max(1.0);
+    report.check(
+        format!(
+            "table III: {:.0} to {:.0} % of the motors' intervals hold the truth",
+            100.0 * least,
+            100.0 * most
+        ),
+        format!("{:.1} % of {:.0}", 100.0 * part, held[1]),
+        part >= least && (part <= most || context.quick),
+    );
     Ok(())
 }
 
@@ -166,6 +166,7 @@ fn told(rig: &str, believed: &str, felt: &Felt) -> Vec<String> {
         format!("{:.5}", felt.r2),
         milli(felt.hysteresis[0]),
         milli(felt.hysteresis[1]),
+        milli(felt.middle),
         milli(felt.back),
     ])
 }
@@ -289,6 +290,7 @@ impl Felt {
             slope: more(self.slope, other.slope),
             r2: self.r2.min(other.r2),
             hysteresis: more(self.hysteresis, other.hysteresis),
+            middle: self.middle.max(other.middle),
             back: self.back.max(other.back),
             active: self.active && other.active,
         }
@@ -297,7 +299,8 @@ impl Felt {
 
 /// Measures what a hand feels of the rig `rigs` if the loop believes `config`.
 fn felt(context: &Context, rigs: &Rigs, config: &RigConfig) -> Result<Felt, Interrupted> {
-    let mut felt = Felt { slope: [0.0; 2], r2: 1.0, hysteresis: [0.0; 2], back: 0.0, active: true };
+    let mut felt =
+        Felt { slope: [0.0; 2], r2: 1.0, hysteresis: [0.0; 2], middle: 0.0, back: 0.0, active: true };
     for axis in Vec3::AXES {
         for (k, load) in LOADS.into_iter().enumerate() {
             context.go_on()?;
@@ -305,6 +308,9 @@ fn felt(context: &Context, rigs: &Rigs, config: &RigConfig) -> Result<Felt, Inte
             felt.slope[k] = felt.slope[k].max((line.slope / STIFFNESS - 1.0).abs());
             felt.r2 = felt.r2.min(line.r2);
             felt.hysteresis[k] = felt.hysteresis[k].max(line.hysteresis);
+            if k == 1 {
+                felt.middle = felt.middle.max(line.middle);
+            }
             felt.active &= line.active;
         }
         felt.back = felt.back.max(back_driven(rigs, config, axis));
@@ -337,7 +343,9 @@ fn started(rigs: &Rigs, config: &RigConfig, stiffness: f64) -> Whole {
 struct Line {
     slope: f64,
     r2: f64,
+    /// Difference between the ways up and down, in any range of the load and in the middle half.
     hysteresis: f64,
+    middle: f64,
     active: bool,
 }
 
@@ -377,8 +385,12 @@ fn line(rigs: &Rigs, config: &RigConfig, axis: Vec3, most: f64) -> Line {
     }
     let [down, up] = taken;
     let apart = |((a, n), (b, m)): (&(f64, f64), &(f64, f64))| (a / n - b / m).abs();
-    let hysteresis = down.iter().zip(&up).filter(|((_, n), (_, m))| *n > 0.0 && *m > 0.0).map(apart);
-    Line { slope: xy / xx, r2: xy * xy / (xx * yy), hysteresis: hysteresis.fold(0.0, f64::max), active }
+    let within = |ranges: core::ops::Range<usize>| {
+        let both = down[ranges.clone()].iter().zip(&up[ranges]);
+        both.filter(|((_, n), (_, m))| *n > 0.0 && *m > 0.0).map(apart).fold(0.0, f64::max)
+    };
+    let (hysteresis, middle) = (within(0..RANGES), within(RANGES / 4..3 * RANGES / 4));
+    Line { slope: xy / xx, r2: xy * xy / (xx * yy), hysteresis, middle, active }
 }
 
 /// Returns the mean torque with which a hand turns the sphere about `axis` without a spring, N m.
