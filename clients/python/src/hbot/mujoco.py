@@ -255,15 +255,15 @@ class Hand:
     ) -> tuple[Array, Array, float]:
         """Step; the sphere turns from `last` to `state` in `steps`, and on until `most` steps.
 
-        Returns the pull on the body (N m) and its error (rad), in the world, and the work of the
-        sphere (J).
+        Returns the pull (N m) before the limit and its error (rad), in the world, and the work of
+        the sphere (J).
         """
         turn = np.array(turns.log(turns.times(state.q, turns.conjugate(last.q))))
         omega, pulled = np.array(state.omega), np.zeros(3)
         for step in range(max(steps if most is None else most, 0)):
             # The body's pose and rate are those of this step only after its first half.
             mujoco.mj_step1(self.model, data)
-            pull, _ = self._pull(data, last.q, turn * (step / steps), omega, turned)
+            pull = self._limited(self._pull(data, last.q, turn * (step / steps), omega, turned)[0])
             # By the trapezoidal rule: half of it here, half at the end of the step.
             pulled += pull if step > 0 else 0.5 * pull
             data.xfrc_applied[self._body, 3:] = pull
@@ -275,7 +275,7 @@ class Hand:
         mujoco.mj_comVel(self.model, data)
         part = 1.0 if most is None else most / steps
         pull, error = self._pull(data, last.q, turn * part, omega, turned)
-        work = float((pulled + 0.5 * pull) @ turn) / steps if steps > 0 else 0.0
+        work = float((pulled + 0.5 * self._limited(pull)) @ turn) / steps if steps > 0 else 0.0
         return pull, error, work
 
     def _pull(
@@ -287,8 +287,15 @@ class Hand:
         pose = data.xquat[self._body].tolist()
         error = np.array(turns.log(turns.times(target, turns.conjugate(pose))))
         rate = omega - data.cvel[self._body, :3]
-        pull = self._spring * error + self._damper * rate
-        return pull * min(1.0, self._most / max(float(np.linalg.norm(pull)), 1e-12)), error
+        return self._spring * error + self._damper * rate, error
+
+    def _limited(self, pull: Array) -> Array:
+        """Return what the body gets of a pull: no more than the hand feels.
+
+        The rig limits the model itself, in every tick: a model of the limited pull would be stiff
+        where the limited pull is constant, so the hand would lose energy whenever it yields.
+        """
+        return pull * min(1.0, self._most / max(float(np.linalg.norm(pull)), 1e-12))
 
     def _hold(self, data: mujoco.MjData) -> Array:
         """Return the force that holds a free body in its place, as stiff as the steps allow."""
