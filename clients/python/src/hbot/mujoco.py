@@ -137,7 +137,7 @@ class Hand:
             else (render.stiffness_stable, render.damping, render.inertia)
         )
         # Damping for each stiffness with which a spring is stable, and a third more, s.
-        self._relaxation = 1.33 * damping / stable
+        self._least_relaxation = 1.33 * damping / stable
         self._gain = gain
         # The rig gives no more, so the body must not get more than the hand feels.
         self._most = rig.info.limits.torque / gain
@@ -181,6 +181,9 @@ class Hand:
         mujoco.mj_forward(model, self.data)
         # Damped so that a light body has followed within a period of the client.
         self._damper = 1.2 * float(np.sqrt(self._spring * max(least, needed)))
+        # The loop renders the coupling's damper too. In the torque it would be as late as the
+        # model, and a late damper drives what it should damp.
+        self._relaxation = max(self._least_relaxation, self._damper / self._spring)
 
     def _inertia(self, dof: int) -> float:
         """Return what a degree of freedom moves, kg m²."""
@@ -226,7 +229,8 @@ class Hand:
         ]
         pull, error, work = self._advance(data, last, state, steps)
         self.steps += steps
-        self._last, self._time = state, data.time
+        if steps > 0:  # Otherwise the way to this state belongs to the next step.
+            self._last, self._time = state, data.time
         self.work += work
         return self._linear(state, pull, error, axes, [copy - still for copy in copies])
 
@@ -260,10 +264,12 @@ class Hand:
         """
         turn = np.array(turns.log(turns.times(state.q, turns.conjugate(last.q))))
         omega, pulled = np.array(state.omega), np.zeros(3)
+        # The way in the interval is straight. The sphere arrives with a rate of its own.
+        mean = turn / (state.t - last.t)
         for step in range(max(steps if most is None else most, 0)):
             # The body's pose and rate are those of this step only after its first half.
             mujoco.mj_step1(self.model, data)
-            pull = self._limited(self._pull(data, last.q, turn * (step / steps), omega, turned)[0])
+            pull = self._limited(self._pull(data, last.q, turn * (step / steps), mean, turned)[0])
             # By the trapezoidal rule: half of it here, half at the end of the step.
             pulled += pull if step > 0 else 0.5 * pull
             data.xfrc_applied[self._body, 3:] = pull
@@ -323,9 +329,10 @@ class Hand:
         planes = self._planes(error, axes)
         for plane in planes:
             normal = np.array(plane.normal)
-            push = most * max(0.0, -plane.offset)
+            push = plane.stiffness * max(0.0, -plane.offset)
             if push > 0.0:
-                torque += push * normal
+                damped = plane.damping * float(normal @ np.array(state.omega))
+                torque += (push + max(damped, -push)) * normal
                 rest = np.eye(3) - np.outer(normal, normal)
                 found = rest @ found @ rest
         values, vectors = np.linalg.eigh(found)
@@ -366,9 +373,15 @@ class Hand:
                 kept.append(normal)
                 offset = float(gap) - float(error @ normal)
                 if abs(offset) < 3.0:
-                    planes.append(
-                        Plane(normal, offset, self.stiffness, self._relaxation * self.stiffness)
-                    )
+                    planes.append(Plane(normal, offset, self.stiffness))
+        # Several contacts together are not stiffer than the coupling through which they are felt.
+        entered = [np.array(plane.normal) for plane in planes if plane.offset < 0.0]
+        share = 1.0
+        if entered:
+            share = 1.0 / float(np.linalg.eigvalsh(sum(np.outer(n, n) for n in entered))[-1])
+        for at, plane in enumerate(planes):
+            stiffness = self.stiffness * (share if plane.offset < 0.0 else 1.0)
+            planes[at] = Plane(plane.normal, plane.offset, stiffness, self._relaxation * stiffness)
         return planes
 
 
