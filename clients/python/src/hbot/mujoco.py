@@ -43,8 +43,10 @@ if TYPE_CHECKING:
 Array = Any
 """An array of numpy."""
 
-PROBE = 1e-3
-"""Turn by which the local stiffness is found, rad."""
+PROBE = 3e-3
+"""Turn by which the local stiffness is found, rad: about what a hand turns while a model is in
+force. With a smaller one, contacts that stick and slide in turn would seem as stiff as they are
+only until they slide, and the hand would lose energy."""
 LONGEST_STEP = 0.1
 """Time between two states after which the simulation has been paused, s."""
 HORIZON = 0.016

@@ -73,7 +73,9 @@ fn body(op: &Op) -> Value {
         Op::Controllers => json!({"controllers": [{"joint": 0, "id": 3, "moons": 4}]}),
         Op::Align(_) | Op::AlignDirection(_) => json!({"angle": 0.25}),
         Op::Enable | Op::Disable | Op::Reset | Op::Estop => json!({"mode": "idle"}),
-        Op::Advance { ticks } => serde_json::to_value(crate::StateEvent { tick: *ticks, ..Default::default() }).unwrap(),
+        Op::Advance { ticks } => {
+            serde_json::to_value(crate::StateEvent { tick: *ticks, ..Default::default() }).unwrap()
+        }
         Op::Ping { data } => json!({"data": data, "tick": 5, "t": 0.005}),
         _ => json!({}),
     }

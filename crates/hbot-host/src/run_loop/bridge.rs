@@ -222,8 +222,8 @@ impl LoopEnd {
         self.waker.estop.load(Ordering::Acquire) && self.waker.estop.swap(false, Ordering::AcqRel)
     }
 
-    /// Returns whether a loop in virtual time may run the tick `tick` now. An emergency stop needs no
-    /// permission.
+    /// Returns whether a loop in virtual time may run the tick `tick` now. An emergency stop needs
+    /// no permission.
     #[must_use]
     pub fn may_run(&self, tick: u64) -> bool {
         tick < self.waker.until.load(Ordering::Acquire) || self.waker.estop.load(Ordering::Acquire)

@@ -160,7 +160,8 @@ impl Hub {
     /// Lets virtual time pass. The answer is sent when the last tick has run.
     fn advance(&mut self, session: u64, id: Option<Id>, ticks: u64) -> Result<(), ErrorBody> {
         let Some(last) = self.end.advance(ticks) else {
-            let message = "op advance: this loop runs in wall-clock time; legal: a server with `--time virtual`";
+            let message =
+                "op advance: this loop runs in wall-clock time; legal: a server with `--time virtual`";
             return Err(ErrorBody::new(ErrorCode::OutOfRange, message));
         };
         self.advancing.push((session, id, last));
