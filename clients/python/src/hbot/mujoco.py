@@ -43,10 +43,11 @@ if TYPE_CHECKING:
 Array = Any
 """An array of numpy."""
 
-PROBE = 3e-3
-"""Turn by which the local stiffness is found, rad: about what a hand turns while a model is in
-force. With a smaller one, contacts that stick and slide in turn would seem as stiff as they are
-only until they slide, and the hand would lose energy."""
+PROBE = (1e-3, 2e-2)
+"""Least and largest turn by which the local stiffness is found, rad.
+
+Between them it is twice the last one, about what the sphere turns while the model is in force. What
+sticks and slides in turn would else seem as stiff as it is only until it slides."""
 LONGEST_STEP = 0.1
 """Time between two states after which the simulation has been paused, s."""
 HORIZON = 0.016
@@ -225,16 +226,18 @@ class Hand:
         steps = round((state.t - self._begin - data.time) / self.model.opt.timestep)
         axes = self._axes()
         probed = max(steps, round(HORIZON / self.model.opt.timestep))
+        turned = np.linalg.norm(turns.log(turns.times(state.q, turns.conjugate(last.q))))
+        probe = float(np.clip(2.0 * turned, *PROBE))
         still, *copies = [
             self._turned(last, state, steps, probed, turn)
-            for turn in (np.zeros(3), *(axes * PROBE))
+            for turn in (np.zeros(3), *(axes * probe))
         ]
         pull, error, work = self._advance(data, last, state, steps)
         self.steps += steps
         if steps > 0:  # Otherwise the way to this state belongs to the next step.
             self._last, self._time = state, data.time
         self.work += work
-        return self._linear(state, pull, error, axes, [copy - still for copy in copies])
+        return self._linear(state, pull, error, axes, [(copy - still) / probe for copy in copies])
 
     def _axes(self) -> Array:
         """Axes about which the joint lets the body turn, as rows."""
@@ -314,15 +317,14 @@ class Hand:
         return mass * (pace**2 * way - pace * velocity - self.model.opt.gravity)
 
     def _linear(
-        self, state: State, pull: Array, error: Array, axes: Array, changes: list[Array]
+        self, state: State, pull: Array, error: Array, axes: Array, slopes: list[Array]
     ) -> Model:
         """Return the model that has the torque and the stiffness that were found."""
         gain, most = self._gain, self.stiffness
         free = axes.T @ axes
         found = sum(
             (
-                np.outer(gain * change / PROBE, axis)
-                for axis, change in zip(axes, changes, strict=True)
+                np.outer(gain * slope, axis) for axis, slope in zip(axes, slopes, strict=True)
             ),
             np.zeros((3, 3)),
         )

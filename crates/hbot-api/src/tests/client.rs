@@ -127,7 +127,7 @@ fn every_helper_asks_its_op_in_both_encodings() {
         client.estop().unwrap();
         assert_eq!(client.advance(7).unwrap().tick, 7);
         assert_eq!(client.ping(json!([1, "x"])).unwrap().data, json!([1, "x"]));
-        for _ in 0..20 {
+        for _ in 0..21 {
             assert_eq!(client.next_event(SOON).unwrap(), Some(Event::State(samples::state())));
         }
         assert_eq!(client.next_event(Duration::ZERO).unwrap(), None);

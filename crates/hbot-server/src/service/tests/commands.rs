@@ -208,8 +208,8 @@ fn what_moves_the_rig_needs_the_lease_and_what_stops_it_does_not() {
     assert_eq!(mode(holder.call(Op::Reset)), "idle");
     let summary = bench.finish();
     assert_eq!(summary.refused_streams, 6);
-    assert_eq!((summary.refused.of(ErrorCode::NotHolder), summary.refused.of(ErrorCode::Busy)), (10, 1));
-    assert_eq!(summary.refused.total(), 11);
+    assert_eq!((summary.refused.of(ErrorCode::NotHolder), summary.refused.of(ErrorCode::Busy)), (11, 1));
+    assert_eq!(summary.refused.total(), 12);
 }
 
 #[test]
