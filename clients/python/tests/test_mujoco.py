@@ -60,6 +60,10 @@ class Still:
         return (0.0, 0.0, self.rate)
 
 
+MOTOR = {"torque_scale": 1.0, "lag_s": 0.0005, "thermal_time_s": 1e5}
+"""Motors that follow as late as the rig file says, so the lead is right, and stay cold."""
+
+
 def simple_rig(stable: float = 10.0) -> Any:
     """Return what `Hand` asks of a rig."""
     render = SimpleNamespace(stiffness_stable=stable, damping=0.02, inertia=3e-3)
@@ -298,14 +302,16 @@ def test_the_energy_of_a_late_simulation_is_that_of_the_rig(
     """In virtual time, where the age of a model does not depend on this machine.
 
     The simulated hand turns the sphere, up to the torque limit of the rig. At random, a model is 8
-    ms late in the mean and up to 95 ms, as on a busy machine.
+    ms late in the mean and up to 95 ms, as on a busy machine. The simulation takes the way of the
+    sphere in such an interval as straight, so it misses a part of the work.
     """
     xml = runpy.run_path(str(EXAMPLES / f"mujoco_{example}.py"))
     model = mujoco.MjModel.from_xml_string(xml["VALVE" if example == "valve" else "LOCK"])
     random = np.random.default_rng(1)
     with hbot.connect(virtual_server.address) as rig, rig.lease():
         rig.advance(1)
-        rig.load_scene({"name": example, "effect": [], "simulate": {"hand": {}}})
+        simulated = {"hand": {}, "motor": MOTOR}
+        rig.load_scene({"name": example, "effect": [], "simulate": simulated})
         rig.enable()
         state = begun = rig.advance(1000)
         body = hbot.mujoco.Hand(rig, model, example)
@@ -316,12 +322,12 @@ def test_the_energy_of_a_late_simulation_is_that_of_the_rig(
                 rig.advance(ticks)
             rig._connection.post("model", {**sent, "valid_ms": 100, "tick": state.tick})
             state = rig.advance(max(1, 5 - ticks))
-        assert state.mode == "active"
+        assert state.mode == "active", state.fault
         assert not [event for event in rig.events(0.0) if isinstance(event, hbot.RefusedEvent)]
     given = begun.energy - state.energy
     print(f"{example}, {late}: {body.work:.4f} J in the simulation, {given:.4f} J by the rig")
     assert given > 0.03, "the hand pays for friction and contacts"
-    assert body.work == pytest.approx(given, rel=0.05)
+    assert body.work == pytest.approx(given, rel=0.05 if late == "4 ms" else 0.1)
 
 
 def test_the_program_of_the_page_runs(server: Server) -> None:

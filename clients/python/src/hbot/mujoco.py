@@ -225,6 +225,7 @@ class Hand:
         assert last is not None
         steps = round((state.t - self._begin - data.time) / self.model.opt.timestep)
         axes = self._axes()
+        self._free = axes.T @ axes
         probed = max(steps, round(HORIZON / self.model.opt.timestep))
         turned = np.linalg.norm(turns.log(turns.times(state.q, turns.conjugate(last.q))))
         probe = float(np.clip(2.0 * turned, *PROBE))
@@ -297,7 +298,8 @@ class Hand:
         target = turns.times(now, self._anchor)
         pose = data.xquat[self._body].tolist()
         error = np.array(turns.log(turns.times(target, turns.conjugate(pose))))
-        rate = omega - data.cvel[self._body, :3]
+        # About the axes that the joint does not have, nothing in the simulation swings.
+        rate = self._free @ (omega - data.cvel[self._body, :3])
         return self._spring * error + self._damper * rate, error
 
     def _limited(self, pull: Array) -> Array:
@@ -321,11 +323,9 @@ class Hand:
     ) -> Model:
         """Return the model that has the torque and the stiffness that were found."""
         gain, most = self._gain, self.stiffness
-        free = axes.T @ axes
+        free = self._free
         found = sum(
-            (
-                np.outer(gain * slope, axis) for axis, slope in zip(axes, slopes, strict=True)
-            ),
+            (np.outer(gain * slope, axis) for axis, slope in zip(axes, slopes, strict=True)),
             np.zeros((3, 3)),
         )
         found = free @ (0.5 * (found + found.T)) @ free
@@ -340,8 +340,10 @@ class Hand:
                 rest = np.eye(3) - np.outer(normal, normal)
                 found = rest @ found @ rest
         values, vectors = np.linalg.eigh(found)
-        stiffness = (vectors * np.clip(values, 0.0, most)) @ vectors.T + most * (np.eye(3) - free)
-        damping = self._relaxation * stiffness
+        stiffness = (vectors * np.clip(values, 0.0, most)) @ vectors.T
+        held = most * (np.eye(3) - free)
+        damping = self._relaxation * stiffness + self._least_relaxation * held
+        stiffness += held
         torque += damping @ np.array(state.omega)
         return Model(torque, stiffness, damping, state.q, planes, soften=True)
 
@@ -358,7 +360,7 @@ class Hand:
             if self._kind == mujoco.mjtJoint.mjJNT_FREE
             else data.xanchor[self._joint]
         )
-        free = axes.T @ axes
+        free = self._free
         for k in range(data.ncon):
             contact = data.contact[k]
             ours = [bool(self._geoms[geom]) for geom in contact.geom]
