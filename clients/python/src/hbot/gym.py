@@ -7,10 +7,9 @@
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
 The task is to turn the sphere to a goal, which is drawn at each reset. The action is the torque on
-the sphere. A step ends `every` ticks after the one before. On a server in virtual time (`hbot server
---time virtual`) the rig waits for the program between two steps, so a step takes as long as it
-takes to compute, and equal actions from an equal state have equal results. In real time the rig
-does not wait: if the program was too late, the step ends with the next state, and
+the sphere. A step ends `every` ticks after the one before. A server in virtual time waits for the
+program between two steps, so what happens does not depend on how quick the program is. In real time
+the rig does not wait: if the program was too late, the step ends with the next state, and
 `info["skipped"]` counts the ticks.
 """
 

@@ -327,6 +327,12 @@ impl ServiceEnd {
         }
     }
 
+    /// Returns whether the loop waits for permission after the tick `tick`.
+    #[must_use]
+    pub fn waits_after(&self, tick: u64) -> bool {
+        self.waker.until.load(Ordering::Relaxed) <= tick.saturating_add(1)
+    }
+
     /// Lets the loop run without waiting for [`advance`](Self::advance).
     pub fn run_freely(&mut self) {
         self.run_until(FREELY);

@@ -96,6 +96,11 @@ fn virtual_time_passes_in_the_steps_of_the_holder_until_it_gives_the_lease_back(
         let stream = state.client.unwrap();
         assert_eq!((stream.seq, state.mode == Mode::Active), (Some(seq), seq > 1));
     }
+    // An answer comes, however many orders of a tick wait before it: the loop takes seven.
+    for seq in 0..20 {
+        client.torque(pushed(seq, 0.0)).unwrap();
+    }
+    assert_eq!(mode(client.call(Op::Disable)), "active");
     // A stop acts while time waits, and other clients cannot make it pass.
     let mut other = bench.client("other");
     assert_eq!(refused(other.call(Op::Advance { ticks: 1 })).code, ErrorCode::NotHolder);
