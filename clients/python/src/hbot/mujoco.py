@@ -76,11 +76,13 @@ class Felt:
     work: float
     """Energy that the hand gave to the simulation, J."""
     rig_work: float
-    """The same by the rig's own observer, J."""
+    """The same by the rig's own observer, J, without the pauses."""
     imbalance: float
     """Fraction by which `work` differs from `rig_work`. Energy that delays create or consume."""
     age_ticks: float
     """Median age of the model in force, ticks since its state."""
+    pauses: int
+    """How often the simulation was paused or reset, so that the coupling began anew."""
 
 
 class Hand:
@@ -90,6 +92,7 @@ class Hand:
         model, data: the simulation. A program may read and change them between two updates.
         work: energy that the hand has given to the simulation, J.
         steps: number of steps so far.
+        begins: number of times the coupling has begun anew.
     """
 
     def __init__(
@@ -156,6 +159,7 @@ class Hand:
         self._time = self.data.time
         self.work = 0.0
         self.steps = 0
+        self.begins = 0
 
     def _grasp(self, inertia: float, margin: float) -> None:
         """Scale the body, and find what belongs to it."""
@@ -216,6 +220,7 @@ class Hand:
         paused = last is None or not 0.0 < state.t - last.t < LONGEST_STEP
         if self._anchor is None or paused or data.time < self._time:
             self._last, self._time = state, data.time
+            self.begins += 1
             mujoco.mj_forward(self.model, data)
             pose = data.xquat[self._body].tolist()
             self._anchor = turns.times(turns.conjugate(state.q), pose)
@@ -412,7 +417,7 @@ def run(
         ValueError: as `Hand`.
     """
     hand = Hand(rig, model, body, **options)
-    updates, spent = 0, 0.0
+    updates, spent, rig_work = 0, 0.0, 0.0
     ages: list[int] = []
     first: State | None = None
     newest: State | None = None
@@ -423,11 +428,13 @@ def run(
         window = viewers.launch_passive(model, hand.data)
 
     def torque(state: State) -> Model | None:
-        nonlocal updates, spent, first, newest
+        nonlocal updates, spent, rig_work, first, newest
         if first is not None and state.client is not None:
             ages.append(state.client.age_ticks)
-        begun = time.perf_counter()
+        begun, begins = time.perf_counter(), hand.begins
         made = hand.update(state)
+        if newest is not None and hand.begins == begins:
+            rig_work += newest.energy - state.energy
         updates += 1
         first, newest = first or state, state
         if each is not None:
@@ -446,8 +453,7 @@ def run(
         if window is not None:
             window.close()
     if first is None or newest is None:
-        return Felt(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    rig_work = first.energy - newest.energy
+        return Felt(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
     return Felt(
         updates,
         hand.steps,
@@ -456,4 +462,5 @@ def run(
         rig_work,
         hand.work / rig_work - 1.0 if rig_work else 0.0,
         median(ages or [0]),
+        hand.begins - 1,
     )

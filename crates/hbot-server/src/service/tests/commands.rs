@@ -100,7 +100,7 @@ fn virtual_time_passes_in_the_steps_of_the_holder_until_it_gives_the_lease_back(
     for seq in 0..20 {
         client.torque(pushed(seq, 0.0)).unwrap();
     }
-    assert_eq!(mode(client.call(Op::Disable)), "active");
+    assert_eq!(mode(client.call(Op::Disable)), "idle");
     // A stop acts while time waits, and other clients cannot make it pass.
     let mut other = bench.client("other");
     assert_eq!(refused(other.call(Op::Advance { ticks: 1 })).code, ErrorCode::NotHolder);
