@@ -73,7 +73,7 @@ def test_events() -> None:
         if name != "state":
             cell = table[f"`{name}`"][1]
             legal = choices(kind, "cause") if "cause" in names(kind) else set()
-            assert named(cell) - {"load_scene"} - legal == names(kind), name
+            assert named(cell) - {"info", "load_scene"} - legal == names(kind), name
     assert choices(hbot.LeaseEvent, "cause") <= named(table["`lease`"][1])
 
 

@@ -294,7 +294,7 @@ def test_the_hand_pays_for_what_the_simulation_takes(rate_hz: int) -> None:
     assert rendered == pytest.approx(body.work, rel=0.05)
 
 
-@pytest.mark.parametrize("late", ["4 ms", "at random"])
+@pytest.mark.parametrize("late", ["2 ms", "at random"])
 @pytest.mark.parametrize("example", ["valve", "key"])
 def test_the_energy_of_a_late_simulation_is_that_of_the_rig(
     virtual_server: Server, example: str, late: str
@@ -317,7 +317,7 @@ def test_the_energy_of_a_late_simulation_is_that_of_the_rig(
         body = hbot.mujoco.Hand(rig, model, example)
         while state.t < begun.t + 12.0:
             sent = body.update(state).fields()
-            ticks = 4 if late == "4 ms" else int(min(random.exponential(8.0), 95.0))
+            ticks = 2 if late == "2 ms" else int(min(random.exponential(8.0), 95.0))
             if ticks > 0:
                 rig.advance(ticks)
             rig._connection.post("model", {**sent, "valid_ms": 100, "tick": state.tick})
@@ -327,7 +327,7 @@ def test_the_energy_of_a_late_simulation_is_that_of_the_rig(
     given = begun.energy - state.energy
     print(f"{example}, {late}: {body.work:.4f} J in the simulation, {given:.4f} J by the rig")
     assert given > 0.03, "the hand pays for friction and contacts"
-    assert body.work == pytest.approx(given, rel=0.05 if late == "4 ms" else 0.1)
+    assert body.work == pytest.approx(given, rel=0.05 if late == "2 ms" else 0.1)
 
 
 def test_the_program_of_the_page_runs(server: Server) -> None:
