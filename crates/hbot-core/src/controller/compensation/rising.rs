@@ -3,8 +3,9 @@
 //! Friction that is fed forward as soon as a joint moves makes the joint slip: the faster it turns,
 //! the less friction is left to brake it. On a spring in slow motion the sphere then stops, waits
 //! and slips again, although little friction would be left in steady motion. So what is fed rises
-//! more slowly than such a slip, which lasts about 0.1 s with a spring of 4 N m/rad, and it outlasts
-//! a short rest. It ends at once if the joint turns back, and never exceeds what friction takes.
+//! more slowly than such a slip, which lasts about 0.1 s with a spring of 4 N m/rad, and it
+//! outlasts a short rest. It ends at once if the joint turns back, and never exceeds what friction
+//! takes.
 
 use crate::design::device::MAX_JOINTS;
 use crate::real::{Real, Vec3, fabs, sqrt};
