@@ -9,10 +9,6 @@ use serde_json::{Map, Value};
 /// instead of `id`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "nearly all of them are states; a box would cost an allocation each"
-)]
 pub enum Event {
     /// State of the rig in one tick. Sent only to clients that have subscribed.
     State(StateEvent),
