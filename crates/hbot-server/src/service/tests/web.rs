@@ -124,18 +124,21 @@ fn text(first: u8, payload: &[u8]) -> Vec<u8> {
 
 #[test]
 fn messages_are_those_of_tcp_in_both_encodings() {
-    let bench = bench();
+    // More messages may wait than are counted here, so a busy machine loses none.
+    let bounds = Bounds { outgoing: 1000, ..TestOptions::default().bounds };
+    let breath = Duration::from_millis(1);
+    let bench = TestService::start(TestOptions { bounds, breath, ..TestOptions::default() });
     let mut browser = Browser::greeted(&bench);
     let data = json!([1, {"a": "\n"}, "x".repeat(1500)]);
     let answer = browser.ask(&json!({"id": "p", "op": "ping", "data": data}));
     assert_eq!((&answer["id"], &answer["ok"]["data"]), (&json!("p"), &data));
     assert!(browser.ask(&json!({"id": 2, "op": "info"})).to_string().len() > 20_000, "a long answer");
     browser.send(&json!({"id": 3, "op": "subscribe", "every": 1}));
-    let mut states = (0..2000).map(|_| browser.next()).filter(|state| state["event"] == "state");
+    let mut states = (0..500).map(|_| browser.next()).filter(|state| state["event"] == "state");
     let first = states.next().unwrap()["tick"].as_u64().unwrap();
     assert_eq!(
         states.map(|state| state["tick"].as_u64().unwrap()).last().unwrap(),
-        first + 1998,
+        first + 498,
         "one is the answer"
     );
 
