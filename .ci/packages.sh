@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 target=${CARGO_TARGET_DIR:-$PWD/target}
-built=${HBOT_BUILT:-$target/debug}
+built=$(realpath "${HBOT_BUILT:-$target/debug}")
 packages=(lintian dpkg-dev groff-base)
 [ "${1:-}" != --clean-root ] || packages+=(debootstrap)
 .ci/install.sh "${packages[@]}"
