@@ -93,6 +93,11 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             Event::Scene(scene) if !args.json => {
                 format!("{}  scene: {}", time_of_day(SystemTime::now()), foreign(&scene.name))
             }
+            Event::Set(set) if !args.json => {
+                let values = set.parameters.iter().map(|(name, value)| format!("{name} = {value}"));
+                let values = values.collect::<Vec<_>>().join(", ");
+                format!("{}  {}: {}", time_of_day(SystemTime::now()), foreign(&set.effect), foreign(&values))
+            }
             Event::Dropped(dropped) if !args.json => {
                 format!("{} samples lost: reading too slowly", dropped.count)
             }

@@ -156,6 +156,8 @@ typedef enum hbot_event_kind {
   // The sphere shakes by itself, or has its full torque again: `tick`, `t`, and in `text` what
   // was found.
   HBOT_EVENT_KIND_SHAKING = 7,
+  // Parameters of an effect have changed: `tick`, and in `text` the id of the effect.
+  HBOT_EVENT_KIND_SET = 8,
 } hbot_event_kind;
 
 // Why the lease has another holder.
@@ -331,7 +333,7 @@ typedef struct hbot_event {
   enum hbot_status status;
   // Text for people. A longer text is cut.
   char text[512];
-  // Name of the client that asked for what a fault, lease or scene event reports, or of the
+  // Name of the client that asked for what a fault, lease, scene or set event reports, or of the
   // signal that stopped the rig. Empty if the rig stopped by itself.
   char by[72];
   // Session of that client; 0 if there is none.

@@ -40,6 +40,8 @@ pub enum HbotEventKind {
     /// The sphere shakes by itself, or has its full torque again: `tick`, `t`, and in `text` what
     /// was found.
     Shaking = 7,
+    /// Parameters of an effect have changed: `tick`, and in `text` the id of the effect.
+    Set = 8,
 }
 
 /// Why the lease has another holder.
@@ -86,7 +88,7 @@ pub struct HbotEvent {
     pub status: HbotStatus,
     /// Text for people. A longer text is cut.
     pub text: [c_char; 512],
-    /// Name of the client that asked for what a fault, lease or scene event reports, or of the
+    /// Name of the client that asked for what a fault, lease, scene or set event reports, or of the
     /// signal that stopped the rig. Empty if the rig stopped by itself.
     pub by: [c_char; 72],
     /// Session of that client; 0 if there is none.
@@ -145,6 +147,9 @@ impl HbotEvent {
                 tick: scene.tick,
                 ..Self::new(HbotEventKind::Scene, &scene.name).by(scene.by.as_ref())
             },
+            Event::Set(set) => {
+                Self { tick: set.tick, ..Self::new(HbotEventKind::Set, &set.effect).by(set.by.as_ref()) }
+            }
             Event::Dropped(dropped) => {
                 Self { count: dropped.count, total: dropped.total, ..Self::new(HbotEventKind::Dropped, "") }
             }

@@ -3,6 +3,7 @@
 use crate::names::names;
 use crate::{EffectCost, ErrorCode, Fault, Mode, StateEvent};
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 /// A message that the server sends without a request from the client. It has a field `event`
 /// instead of `id`.
@@ -22,6 +23,8 @@ pub enum Event {
     Lease(LeaseEvent),
     /// The rig has begun to render another scene. Sent to all clients.
     Scene(SceneEvent),
+    /// Parameters of an effect have changed. Sent to all clients.
+    Set(SetEvent),
     /// State messages were dropped because this client reads too slowly.
     Dropped(DroppedEvent),
     /// Some of this client's stream messages were refused. Sent at most once per second.
@@ -46,6 +49,8 @@ names! {
         Lease = "lease",
         /// The event [`Event::Scene`]: the rig has begun to render another scene.
         Scene = "scene",
+        /// The event [`Event::Set`]: parameters of an effect have changed.
+        Set = "set",
         /// The event [`Event::Dropped`]: state messages were dropped.
         Dropped = "dropped",
         /// The event [`Event::Refused`]: stream messages were refused.
@@ -66,6 +71,7 @@ impl Event {
             Self::Fault(_) => EventName::Fault,
             Self::Lease(_) => EventName::Lease,
             Self::Scene(_) => EventName::Scene,
+            Self::Set(_) => EventName::Set,
             Self::Dropped(_) => EventName::Dropped,
             Self::Refused(_) => EventName::Refused,
             Self::Shaking(_) => EventName::Shaking,
@@ -144,6 +150,23 @@ pub struct SceneEvent {
     /// Effects of the new scene, with the computing time that each needs.
     pub effects: Vec<EffectCost>,
     /// Who loaded the scene.
+    #[serde(default)]
+    pub by: Option<Requester>,
+}
+
+/// The fields of [`Event::Set`], sent when the rig has begun to render changed parameters of an
+/// effect.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SetEvent {
+    /// Number of the first tick that renders the change.
+    pub tick: u64,
+    /// Id of the effect.
+    pub effect: String,
+    /// The new values by the names of the parameters, as `info` gives them.
+    pub parameters: Map<String, Value>,
+    /// Warnings about the changed scene, as in [`SetOk`](crate::SetOk).
+    pub warnings: Vec<String>,
+    /// Who changed them.
     #[serde(default)]
     pub by: Option<Requester>,
 }

@@ -87,7 +87,7 @@ pub use encoding::{Encoding, MessageEncodeError};
 pub use error::{ErrorBody, ErrorCode, RequestRefusal};
 pub use event::{
     DroppedEvent, Event, EventName, FaultEvent, LeaseCause, LeaseEvent, RefusedEvent, Requester, SceneEvent,
-    ShakingEvent, StoppingEvent,
+    SetEvent, ShakingEvent, StoppingEvent,
 };
 pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};

@@ -184,6 +184,22 @@ class SceneEvent:
 
 
 @dataclass(frozen=True, slots=True)
+class SetEvent:
+    """Parameters of an effect have changed."""
+
+    tick: int
+    """First tick that renders the change."""
+    effect: str
+    """Id of the effect."""
+    parameters: dict[str, Any]
+    """New values by the names of the parameters."""
+    warnings: tuple[str, ...]
+    """Warnings about the changed scene."""
+    by: Requester | None = None
+    """Who changed them."""
+
+
+@dataclass(frozen=True, slots=True)
 class DroppedEvent:
     """The server dropped states because this client read too slowly."""
 
@@ -258,6 +274,7 @@ Event: TypeAlias = (
     FaultEvent
     | LeaseEvent
     | SceneEvent
+    | SetEvent
     | DroppedEvent
     | RefusedEvent
     | ShakingEvent
@@ -270,6 +287,7 @@ EVENTS: Mapping[str, type[Any]] = {
     "fault": FaultEvent,
     "lease": LeaseEvent,
     "scene": SceneEvent,
+    "set": SetEvent,
     "dropped": DroppedEvent,
     "refused": RefusedEvent,
     "shaking": ShakingEvent,

@@ -250,7 +250,14 @@ pub(super) fn events() -> Vec<ServerMessage> {
         Event::Fault(FaultEvent { mode: Mode::Estop, fault: None, by: signal, ..fault }),
         Event::Lease(lease),
         Event::Lease(LeaseEvent { holder: None, session: None, cause: LeaseCause::Released, by: None }),
-        Event::Scene(SceneEvent { tick: 77, name: "Dial".into(), effects, by }),
+        Event::Scene(SceneEvent { tick: 77, name: "Dial".into(), effects, by: by.clone() }),
+        Event::Set(SetEvent {
+            tick: 78,
+            effect: "spring".into(),
+            parameters: serde_json::Map::from_iter([("stiffness".into(), 2.5.into())]),
+            warnings: vec!["spring: too stiff".into()],
+            by,
+        }),
         Event::Dropped(DroppedEvent { count: 3, total: 300 }),
         Event::Refused(RefusedEvent {
             count: 1,

@@ -1,7 +1,6 @@
 //! Moments that explain the curves of the plots: another scene, a changed parameter, a stop.
 
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
 
 use super::SPAN_S;
 
@@ -12,9 +11,6 @@ const MAX_MARKS: usize = 64;
 const MERGED_S: f64 = 1.0;
 /// Time in which the server blends the torque after a change, s (docs/effects.md).
 const BLEND_S: f64 = 0.05;
-/// A change of the scene that the panel hears of within this time after its own request is the one
-/// that it asked for.
-const OWN: Duration = Duration::from_secs(5);
 
 /// What happened at a mark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +37,6 @@ pub(crate) struct Marks {
     /// The newest change of the scene, and the time from which the torque is that of the new scene
     /// alone, s.
     changed: Option<(Mark, f64)>,
-    /// When this panel last changed the scene.
-    own: Option<Instant>,
 }
 
 impl Marks {
@@ -50,7 +44,6 @@ impl Marks {
     /// addition to the blend.
     pub(crate) fn add(&mut self, mark: Mark, fading_s: f64) {
         if mark.what != What::Fault {
-            self.own = Some(Instant::now());
             self.changed = Some((mark.clone(), mark.t + BLEND_S.max(fading_s)));
         }
         if let Some(last) = self.list.back_mut()
@@ -65,11 +58,6 @@ impl Marks {
             self.list.pop_front();
         }
         self.list.push_back(mark);
-    }
-
-    /// Returns whether a change of the scene that is seen now comes from another client.
-    pub(crate) fn is_foreign(&self) -> bool {
-        self.own.is_none_or(|own| own.elapsed() > OWN)
     }
 
     /// Returns the marks from the time `from` to the time `to`, oldest first.

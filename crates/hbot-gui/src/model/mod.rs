@@ -22,8 +22,8 @@ use std::time::{Duration, Instant};
 
 use glam::DQuat;
 use hbot_api::{
-    ControllerInfo, FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, ShakingEvent, StateEvent,
-    StatsOk,
+    ControllerInfo, FaultEvent, HelloOk, InfoOk, LeaseCause, Mode, SceneEvent, SetEvent, ShakingEvent,
+    StateEvent, StatsOk,
 };
 
 pub(crate) use film::Film;
@@ -304,11 +304,6 @@ impl Model {
                 let known = !self.info.scene.is_null();
                 if self.scene.take(&info.scene) && known {
                     self.marks.fades(self.scene.fading_s());
-                    // A change that this delivery reports has no mark yet.
-                    let told = self.unmarked.iter().any(|(what, ..)| *what != What::Fault);
-                    if !told && self.marks.is_foreign() {
-                        self.unmarked.push((What::Set, "changed by another client".to_owned(), None));
-                    }
                 }
                 self.info = *info;
             }
@@ -319,6 +314,7 @@ impl Model {
             News::Fault(fault) => self.fault(fault),
             News::Shaking(shaking) => self.shaking(shaking),
             News::Scene(scene) => self.scene_loaded(scene),
+            News::Set(set) => self.parameters_set(set),
             News::Dropped(dropped) => self.dropped = dropped.total,
             News::Stop { server, result } => self.stop_answered(&server, result),
             News::Answer { intent, result } => self.answer(&intent, result),
@@ -384,14 +380,24 @@ impl Model {
         self.scene.take_costs(scene.effects);
     }
 
+    fn parameters_set(&mut self, set: SetEvent) {
+        let SetEvent { tick, effect, parameters, by, .. } = set;
+        let by = by.filter(|by| by.session.is_none_or(|session| !self.sessions.contains(session)));
+        for (key, value) in parameters {
+            self.scene.set(&effect, &key, &value);
+            // Lists and matrices are too long for a mark.
+            let shown = if value.is_array() { String::new() } else { format!(" = {value}") };
+            let text = format!("{effect}: {key}{shown}");
+            if let Some(by) = &by {
+                self.messages.add(Weight::Good, format!("{text}, set by {}", self.who(by)));
+            }
+            self.unmarked.push((What::Set, text, Some(tick)));
+        }
+    }
+
     fn answer(&mut self, intent: &Intent, result: Result<(), String>) {
         if let Intent::Set { effect, key, value } = intent {
             self.scene.answered(effect, key, value, result.is_ok());
-            if result.is_ok() {
-                // Lists and matrices are too long for a mark.
-                let value = if value.is_array() { String::new() } else { format!(" = {value}") };
-                self.unmarked.push((What::Set, format!("{effect}: {key}{value}"), None));
-            }
         }
         if let Err(why) = result {
             self.messages.add(Weight::Bad, format!("{}: {why}", intent.name()));

@@ -128,13 +128,18 @@ impl Scene {
         if self.pending.get(&place) == Some(value) {
             self.pending.remove(&place);
         }
-        let Some(effect) = self.effects.iter_mut().find(|e| e.id == effect) else { return };
         if taken {
-            effect.parameters.insert(key.to_owned(), value.clone());
-            self.file = SceneFile::from_json(self.to_json()).ok();
-            // Makes the panel apply the next answer to `info` in any case.
-            self.told = Value::Null;
+            self.set(effect, key, value);
         }
+    }
+
+    /// Records a parameter value that the server now uses.
+    pub(crate) fn set(&mut self, effect: &str, key: &str, value: &Value) {
+        let Some(effect) = self.effects.iter_mut().find(|e| e.id == effect) else { return };
+        effect.parameters.insert(key.to_owned(), value.clone());
+        self.file = SceneFile::from_json(self.to_json()).ok();
+        // Makes the panel apply the next answer to `info` in any case.
+        self.told = Value::Null;
     }
 
     /// Discards the parameter values that were not answered. Called after the connection was lost.

@@ -21,8 +21,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use hbot_api::{
-    ControllerInfo, DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, ShakingEvent, StatsOk,
-    Token, Trust, client_name,
+    ControllerInfo, DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, SetEvent,
+    ShakingEvent, StatsOk, Token, Trust, client_name,
 };
 use serde_json::Value;
 
@@ -166,6 +166,7 @@ pub(crate) enum News {
     /// The sphere shakes by itself, or has its full torque again.
     Shaking(ShakingEvent),
     Scene(SceneEvent),
+    Set(SetEvent),
     Dropped(DroppedEvent),
     /// The result of a stop of the rig at the address `server`.
     Stop {

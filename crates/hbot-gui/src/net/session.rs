@@ -20,9 +20,6 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(2);
 const STATS_EVERY: Duration = Duration::from_secs(1);
 /// Time between two requests for what the motor controllers report about themselves.
 const CONTROLLERS_EVERY: Duration = Duration::from_secs(1);
-/// Time between two requests for `info`. They are repeated because no event reports the parameters
-/// that another client has changed.
-const INFO_EVERY: Duration = Duration::from_secs(2);
 /// Time in which the simulated hand follows the pointer, ms. It is some frames of the window, so
 /// that the hand moves evenly.
 const HAND_MS: u64 = 50;
@@ -133,7 +130,8 @@ struct Session<'a> {
     mailbox: &'a Mailbox,
     lease: Lease,
     stats_due: Instant,
-    info_due: Instant,
+    /// Whether the panel does not know the description of the rig or the running scene.
+    info_due: bool,
     /// `None` if the server does not know the request, because it is older than this panel.
     controllers_due: Option<Instant>,
 }
@@ -154,7 +152,7 @@ impl<'a> Session<'a> {
             mailbox,
             lease: Lease::Unknown,
             stats_due: now,
-            info_due: now,
+            info_due: true,
             controllers_due: Some(now),
         }
     }
@@ -207,9 +205,6 @@ impl<'a> Session<'a> {
             Ok(()) => Ok(()),
             Err(error) => Err(error.to_string()),
         };
-        if matches!(intent, Intent::Load { .. }) {
-            self.info_due = Instant::now();
-        }
         self.mailbox.post(answer(intent, told, &self.options.server));
         result.or_else(survivable)
     }
@@ -291,10 +286,8 @@ impl<'a> Session<'a> {
     /// Asks the server for `info`, for the statistics and for the motor controllers when their time
     /// has come.
     fn poll(&mut self) -> Result<(), ClientError> {
-        if Instant::now() >= self.info_due {
-            let info = self.client.info();
-            self.info_due = Instant::now() + INFO_EVERY;
-            match info {
+        if std::mem::take(&mut self.info_due) {
+            match self.client.info() {
                 Ok(info) => {
                     // Events report only changes of the lease, so a panel that only watches learns
                     // the present holder here.
@@ -336,9 +329,10 @@ impl<'a> Session<'a> {
             Event::State(state) => self.mailbox.sample(state),
             Event::Fault(fault) => self.mailbox.post(News::Fault(fault)),
             Event::Scene(scene) => {
-                self.info_due = Instant::now();
+                self.info_due = true;
                 self.mailbox.post(News::Scene(scene));
             }
+            Event::Set(set) => self.mailbox.post(News::Set(set)),
             Event::Lease(LeaseEvent { holder, session, cause, .. }) => {
                 self.lease = self.lease_of(holder, session);
                 self.mailbox.post(News::Lease { lease: self.lease.clone(), cause: Some(cause) });

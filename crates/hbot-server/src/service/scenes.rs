@@ -4,8 +4,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
-use hbot_api::{EffectCost, ErrorBody, ErrorCode, Id, LoadSceneOk, OpName, Requester, SceneEvent, SetOk};
-use hbot_config::scene::{EffectPlace, SHELF, SetError, ShelfScene, Simulate};
+use hbot_api::{
+    EffectCost, ErrorBody, ErrorCode, Event, Id, LoadSceneOk, OpName, Requester, SceneEvent, SetEvent, SetOk,
+};
+use hbot_config::scene::{EffectPlace, SHELF, SceneEffect, SetError, ShelfScene, Simulate};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Rig;
 use serde_json::{Map, Value, json};
@@ -19,12 +21,12 @@ use hbot_config::advice::Abilities;
 use hbot_host::run_loop::bridge::ServiceEnd;
 use hbot_host::run_loop::sample::Sample;
 
-/// Largest number of scenes that are being loaded at a time.
-const MAX_LOADING: usize = 4;
+/// Largest number of scenes that are being loaded, and of changes that wait behind them, at a time.
+const MAX_WAITING: usize = 4;
 /// Largest length of an error message about a scene, bytes.
 const MAX_MESSAGE: usize = 8192;
 
-/// The running scene, and the scenes that are being loaded.
+/// The running scene, and the changes that the loop does not render yet.
 pub(super) struct Scenes {
     running: RunningScene,
     /// The function that gives the simulated rig the phenomena of a scene. `None` with a real rig.
@@ -41,8 +43,9 @@ pub(super) struct Scenes {
     outlook: Outlook,
     /// Warnings about the running scene.
     warnings: Vec<String>,
-    /// The scenes that are being loaded, in the order in which they were sent to the loop.
-    loading: VecDeque<Loading>,
+    /// The changes whose requests have not been answered yet, in the order in which they were sent
+    /// to the loop.
+    waiting: VecDeque<Waiting>,
     measuring: JoinSet<Measured>,
     /// Passes scenes to the recorder.
     notes: Notes,
@@ -50,20 +53,25 @@ pub(super) struct Scenes {
     changed: Arc<Notify>,
 }
 
-/// A scene that has been sent to the loop, and whose `load_scene` request has not been answered
-/// yet.
-struct Loading {
+/// A scene that has been sent to the loop, and whose `load_scene` or `set` request has not been
+/// answered yet.
+struct Waiting {
     revision: u64,
     session: u64,
     id: Option<Id>,
     by: Option<Requester>,
-    name: String,
-    effects: Vec<EffectCost>,
-    ignored: Vec<String>,
     warnings: Vec<String>,
-    measured: bool,
+    change: Change,
     /// The first tick that rendered the scene. `None` before it.
     tick: Option<u64>,
+}
+
+/// What a client has changed.
+enum Change {
+    /// Another scene: `load_scene`. `measured` tells whether the costs of its effects are known.
+    Scene { name: String, effects: Vec<EffectCost>, ignored: Vec<String>, measured: bool },
+    /// Parameters of an effect: `set`.
+    Parameters { effect: String, parameters: Map<String, Value> },
 }
 
 /// The measured computing time of each effect of a scene, ns per tick.
@@ -72,13 +80,13 @@ pub(super) struct Measured {
     costs: Vec<u64>,
 }
 
-/// A scene that has been rendered and measured, with the answer to its client and the event for all
-/// clients.
-pub(super) struct Loaded {
+/// A change that is rendered, with the answer to its client and the event for all clients. The
+/// effects of another scene have been measured too.
+pub(super) struct Changed {
     pub(super) session: u64,
     pub(super) id: Option<Id>,
-    pub(super) answer: LoadSceneOk,
-    pub(super) event: SceneEvent,
+    pub(super) answer: Value,
+    pub(super) event: Event,
 }
 
 impl Scenes {
@@ -101,7 +109,7 @@ impl Scenes {
             abilities,
             outlook,
             warnings,
-            loading: VecDeque::new(),
+            waiting: VecDeque::new(),
             measuring: JoinSet::new(),
             notes,
             changed,
@@ -166,7 +174,7 @@ impl Scenes {
     }
 
     /// Sends a new scene to the loop for a client, and starts to measure its effects on another
-    /// thread. When the scene has been rendered and measured, [`next_loaded`](Self::next_loaded)
+    /// thread. When the scene has been rendered and measured, [`next_changed`](Self::next_changed)
     /// returns the answer.
     ///
     /// # Errors
@@ -182,9 +190,7 @@ impl Scenes {
         scene: Value,
         by: Option<Requester>,
     ) -> Result<(), ErrorBody> {
-        if self.loading.len() >= MAX_LOADING || !end.can_install() {
-            return Err(busy(OpName::LoadScene));
-        }
+        self.admit(end, OpName::LoadScene)?;
         let file = read(scene)?;
         let ignored = match (file.simulate(), &mut self.phenomena) {
             (None, _) => Vec::new(),
@@ -211,25 +217,15 @@ impl Scenes {
         });
         let (name, effects) = (file.name().to_owned(), effects.collect());
         tracing::info!(session, name, "scene loaded");
-        self.loading.push_back(Loading {
-            revision,
-            session,
-            id,
-            by,
-            name,
-            effects,
-            ignored,
-            warnings,
-            measured: false,
-            tick: None,
-        });
+        let change = Change::Scene { name, effects, ignored, measured: false };
+        self.waiting.push_back(Waiting { revision, session, id, by, warnings, change, tick: None });
         self.measuring.spawn_blocking(move || Measured { revision, costs: cost::measure(&rig, &parts) });
         self.changed.notify_one();
         Ok(())
     }
 
-    /// Changes parameters of an effect in the running scene. Returns warnings about the changed
-    /// scene, as in the answer to `load_scene`.
+    /// Changes parameters of an effect in the running scene for a client. When the change is
+    /// rendered, [`next_changed`](Self::next_changed) returns the answer.
     ///
     /// # Errors
     /// Fails if the effect or a parameter does not exist, if a value is not legal, or if the loop
@@ -238,36 +234,51 @@ impl Scenes {
     pub(super) fn set(
         &mut self,
         end: &mut ServiceEnd,
-        effect: &str,
-        parameters: &Map<String, Value>,
-    ) -> Result<SetOk, ErrorBody> {
-        if !end.can_install() {
-            return Err(busy(OpName::Set));
-        }
-        let compiled = self.running.set(effect, parameters).map_err(|error| {
+        session: u64,
+        id: Option<Id>,
+        (effect, parameters): (String, Map<String, Value>),
+        by: Option<Requester>,
+    ) -> Result<(), ErrorBody> {
+        self.admit(end, OpName::Set)?;
+        let compiled = self.running.set(&effect, &parameters).map_err(|error| {
             let code = match &error {
                 SetError::UnknownEffect { .. } => ErrorCode::UnknownEffect,
                 SetError::Malformed(_) => ErrorCode::BadRequest,
                 SetError::Invalid(_) => ErrorCode::OutOfRange,
             };
-            ErrorBody::new(code, shortened(set_refusal(effect, &error)))
+            ErrorBody::new(code, shortened(set_refusal(&effect, &error)))
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))?;
         self.warnings = self.abilities.warnings(self.running.file());
-        Ok(SetOk { warnings: self.warnings.clone() })
+        let (revision, warnings) = (self.running.revision(), self.warnings.clone());
+        let changed = self.file().effects().iter().find(|e| e.id() == effect).map(SceneEffect::to_json);
+        let mut parameters = parameters;
+        for (name, value) in &mut parameters {
+            if let Some(new) = changed.as_ref().and_then(|changed| changed.get(name)) {
+                value.clone_from(new);
+            }
+        }
+        let change = Change::Parameters { effect, parameters };
+        self.waiting.push_back(Waiting { revision, session, id, by, warnings, change, tick: None });
+        Ok(())
     }
 
-    /// Returns whether a scene is being loaded.
-    pub(super) fn is_loading(&self) -> bool {
-        !self.loading.is_empty()
+    /// Checks that the loop can take another scene.
+    fn admit(&self, end: &mut ServiceEnd, op: OpName) -> Result<(), ErrorBody> {
+        if self.waiting.len() < MAX_WAITING && end.can_install() { Ok(()) } else { Err(busy(op)) }
     }
 
-    /// Records which of the scenes that are being loaded have been rendered, according to a sample.
+    /// Returns whether a change has not been answered yet.
+    pub(super) fn is_waiting(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
+    /// Records which of the changes have been rendered, according to a sample.
     pub(super) fn rendered(&mut self, sample: &Sample) {
-        for loading in &mut self.loading {
-            if loading.tick.is_none() && sample.scene >= loading.revision {
-                loading.tick = Some(sample.state.tick);
+        for waiting in &mut self.waiting {
+            if waiting.tick.is_none() && sample.scene >= waiting.revision {
+                waiting.tick = Some(sample.state.tick);
             }
         }
     }
@@ -283,33 +294,43 @@ impl Scenes {
 
     /// Records the measured computing time of a scene's effects. If the measurement failed, the
     /// reported time is zero.
-    pub(super) fn measured(&mut self, measured: Result<Measured, JoinError>) {
-        match measured {
-            Ok(Measured { revision, costs }) => {
-                if let Some(loading) = self.loading.iter_mut().find(|loading| loading.revision == revision) {
-                    loading.measured = true;
-                    for (effect, cost) in loading.effects.iter_mut().zip(costs) {
-                        effect.cost_ns = cost;
-                    }
-                }
-            }
+    pub(super) fn measured(&mut self, result: Result<Measured, JoinError>) {
+        let (revision, costs) = match result {
+            Ok(Measured { revision, costs }) => (Some(revision), costs),
             Err(error) => {
                 tracing::error!(%error, "effects could not be measured");
-                if let Some(loading) = self.loading.iter_mut().find(|loading| !loading.measured) {
-                    loading.measured = true;
-                }
+                (None, Vec::new())
+            }
+        };
+        for waiting in &mut self.waiting {
+            let Change::Scene { effects, measured, .. } = &mut waiting.change else { continue };
+            if revision.map_or(!*measured, |revision| revision == waiting.revision) {
+                *measured = true;
+                effects.iter_mut().zip(costs).for_each(|(effect, cost)| effect.cost_ns = cost);
+                return;
             }
         }
     }
 
-    /// Removes and returns the oldest scene that is being loaded, if it has been rendered and
-    /// measured.
-    pub(super) fn next_loaded(&mut self) -> Option<Loaded> {
-        let front = self.loading.front()?;
-        let tick = front.tick.filter(|_| front.measured)?;
-        let Loading { session, id, by, name, effects, ignored, warnings, .. } = self.loading.pop_front()?;
-        let answer = LoadSceneOk { effects: effects.clone(), ignored, warnings };
-        Some(Loaded { session, id, answer, event: SceneEvent { tick, name, effects, by } })
+    /// Removes and returns the oldest change, if it has been rendered and what it needs measured.
+    pub(super) fn next_changed(&mut self) -> Option<Changed> {
+        let front = self.waiting.front()?;
+        let tick = front.tick?;
+        if matches!(front.change, Change::Scene { measured: false, .. }) {
+            return None;
+        }
+        let Waiting { session, id, by, warnings, change, .. } = self.waiting.pop_front()?;
+        let (answer, event) = match change {
+            Change::Scene { name, effects, ignored, .. } => (
+                json!(LoadSceneOk { effects: effects.clone(), ignored, warnings }),
+                Event::Scene(SceneEvent { tick, name, effects, by }),
+            ),
+            Change::Parameters { effect, parameters } => (
+                json!(SetOk { warnings: warnings.clone() }),
+                Event::Set(SetEvent { tick, effect, parameters, warnings, by }),
+            ),
+        };
+        Some(Changed { session, id, answer, event })
     }
 }
 
@@ -381,6 +402,7 @@ fn shortened(mut message: String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hbot_api::EventName;
     use hbot_host::run_loop::bridge::bridge;
 
     #[tokio::test]
@@ -392,23 +414,46 @@ mod tests {
             Scenes::new(running, None, &RigConfig::prototype(), Notes::default(), Arc::default());
         let scene = json!({"name": "Air", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
         let ann = Some(Requester { name: "ann".to_owned(), session: Some(3) });
-        scenes.load(&mut end, 3, None, scene.clone(), ann.clone()).unwrap();
+        scenes.load(&mut end, 3, None, scene, ann.clone()).unwrap();
         let first = scenes.running.revision();
-        scenes.load(&mut end, 4, None, scene, None).unwrap();
+        let damping = Map::from_iter([("damping".to_owned(), json!(0.2))]);
+        scenes.set(&mut end, 4, None, ("air".to_owned(), damping.clone()), ann.clone()).unwrap();
         let second = scenes.running.revision();
-        let measured = |revision, cost| Ok(Measured { revision, costs: vec![cost] });
         scenes.rendered(&Sample { scene: first - 1, ..crate::still::still(6) });
-        scenes.measured(measured(first, 42));
-        assert!(scenes.next_loaded().is_none(), "measured and not rendered");
+        let measured = |revision| Ok(Measured { revision, costs: vec![42] });
+        scenes.measured(measured(first));
+        assert!(scenes.next_changed().is_none(), "measured and not rendered");
         scenes.rendered(&Sample { scene: first, ..crate::still::still(7) });
+        let loaded = scenes.next_changed().expect("both");
+        assert_eq!((loaded.session, &loaded.answer["effects"][0]["cost_ns"]), (3, &json!(42)));
+        let Event::Scene(event) = loaded.event else { panic!("a scene") };
+        assert_eq!((event.tick, event.by), (7, ann.clone()));
+        assert!(scenes.next_changed().is_none(), "the loop has the scene and not its change");
         scenes.rendered(&Sample { scene: second, ..crate::still::still(8) });
-        let loaded = scenes.next_loaded().expect("both");
-        assert_eq!((loaded.session, loaded.event.tick, loaded.answer.effects[0].cost_ns), (3, 7, 42));
-        assert_eq!(loaded.event.by, ann);
-        assert!(scenes.next_loaded().is_none() && scenes.is_loading(), "rendered and not measured");
-        scenes.measured(measured(second, 43));
-        let loaded = scenes.next_loaded().expect("both");
-        assert_eq!((loaded.session, loaded.event.tick, loaded.answer.effects[0].cost_ns), (4, 8, 43));
-        assert!(!scenes.is_loading());
+        let set = scenes.next_changed().expect("rendered; a change is not measured");
+        let warnings = Vec::new();
+        assert_eq!((set.session, &set.answer), (4, &json!({"warnings": []})));
+        let (tick, effect) = (8, "air".to_owned());
+        assert_eq!(set.event, Event::Set(SetEvent { tick, effect, parameters: damping, warnings, by: ann }));
+        assert!(!scenes.is_waiting());
+    }
+
+    #[tokio::test]
+    async fn a_change_waits_for_the_scene_before_it_that_is_not_measured() {
+        let (_loop_end, mut end) = bridge().unwrap();
+        let mut running = RunningScene::new();
+        let _ = running.load(SceneFile::default_scene());
+        let mut scenes =
+            Scenes::new(running, None, &RigConfig::prototype(), Notes::default(), Arc::default());
+        scenes.load(&mut end, 3, None, json!("clay"), None).unwrap();
+        let first = scenes.running.revision();
+        let id = scenes.file().effects()[0].id().to_owned();
+        scenes.set(&mut end, 3, None, (id, Map::from_iter([("gain".to_owned(), json!(0.5))])), None).unwrap();
+        scenes.rendered(&Sample { scene: scenes.running.revision(), ..crate::still::still(7) });
+        assert!(scenes.next_changed().is_none(), "the event of the scene comes before that of its change");
+        scenes.measured(Ok(Measured { revision: first, costs: Vec::new() }));
+        let events =
+            [scenes.next_changed(), scenes.next_changed()].map(|change| change.unwrap().event.name());
+        assert_eq!(events, [EventName::Scene, EventName::Set].map(Some));
     }
 }

@@ -12,8 +12,6 @@ import { put, showMessages, showState } from './state.js';
 
 /** States per second that the page asks for. */
 const STATES = 60;
-/** No event reports what other clients `set`, so `info` is asked for again after this time, ms. */
-const INFO_EVERY = 2000;
 /** The server needs some time to know up to which stiffness a changed scene is stable, ms. */
 const STABLE_AFTER = 150;
 /** A connection over which no state comes for this time is replaced, ms. */
@@ -51,6 +49,7 @@ const link = new Link(`${scheme}//${location.host}/ws`, 'page', {
     const loaded = rig.event(message);
     if (message.event === 'lease' && !rig.commands) hand.drop();
     if (loaded) askInfo();
+    if (message.event === 'set') askInfoIn(STABLE_AFTER);
     changed();
   },
 });
@@ -67,7 +66,6 @@ async function ask(op, fields, what = op) {
   try {
     const ok = await link.request(op, fields);
     if (ok.warnings) rig.warnings = ok.warnings;
-    if (op === 'set') askInfoIn(STABLE_AFTER);
     changed();
     return true;
   } catch (error) {
@@ -83,7 +81,6 @@ function askInfoIn(ms) {
 }
 
 async function askInfo() {
-  askInfoIn(INFO_EVERY);
   try {
     const info = await link.request('info');
     rig.take(info);

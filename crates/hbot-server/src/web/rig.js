@@ -126,6 +126,13 @@ export class Rig {
         this.say(`scene: ${message.name}${message.by ? `, loaded by ${this.name(message.by)}` : ''}`);
         this.wishes.clear();
         return true;
+      case 'set':
+        this.warnings = message.warnings;
+        if (message.by && !this.own.has(message.by.session)) {
+          const values = Object.entries(message.parameters).map(([key, value]) => `${key} = ${JSON.stringify(value)}`);
+          this.say(`${message.effect}: ${values.join(', ')}, set by ${this.name(message.by)}`);
+        }
+        return false;
       case 'shaking':
         this.say(message.message, message.shaking);
         this.shaking = message.shaking ? message : null;

@@ -12,7 +12,7 @@ from pathlib import Path
 from .. import clock
 from ..environment import server_address
 from ..errors import ConnectionLost, HbotError, NoServer, TimedOut
-from ..events import Event, FaultEvent, SceneEvent
+from ..events import Event, FaultEvent, SceneEvent, SetEvent
 from ..opening import connect
 from ..program import one_line_errors
 from ..rig import Rig
@@ -153,7 +153,7 @@ class Publisher:
         text = marker(event)
         if text is None or self.outlets is None:
             return
-        tick = event.tick if isinstance(event, FaultEvent | SceneEvent) else None
+        tick = event.tick if isinstance(event, FaultEvent | SceneEvent | SetEvent) else None
         if tick is None or self._offset is None:
             self.outlets.mark(text)
         else:

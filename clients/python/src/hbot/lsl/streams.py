@@ -13,6 +13,7 @@ from ..events import (
     LeaseEvent,
     LostEvent,
     SceneEvent,
+    SetEvent,
     State,
     StoppingEvent,
 )
@@ -77,6 +78,9 @@ def marker(event: Event) -> str | None:
             return f"reset: {event.mode}"
         case SceneEvent():
             return f"scene {event.name}"
+        case SetEvent():
+            values = ", ".join(f"{name} = {value}" for name, value in event.parameters.items())
+            return f"set {event.effect}: {values}"
         case LeaseEvent(holder=None):
             return f"lease {event.cause}"
         case LeaseEvent():

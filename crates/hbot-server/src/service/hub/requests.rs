@@ -114,8 +114,9 @@ impl Hub {
             }
             Op::LoadScene { scene } => self.load_scene(session, id, scene)?,
             Op::Set { effect, parameters } => {
-                let answer = self.scenes.set(&mut self.end, &effect, &parameters)?;
-                self.respond(session, &Response::ok(id, serde_json::json!(answer)));
+                let by = self.publisher.requester(session);
+                self.scenes.set(&mut self.end, session, id, (effect, parameters), by)?;
+                self.publisher.expect_answer(session);
             }
             Op::Torque(torque) => {
                 let command = self.torque(&torque);

@@ -10,7 +10,7 @@ use super::super::convert;
 use super::super::flights::Written;
 use super::super::orders::Asker;
 use super::super::refusals::refusal;
-use super::super::scenes::{Loaded, Measured};
+use super::super::scenes::{Changed, Measured};
 use super::{Hub, LEASE_LOST};
 use hbot_host::run_loop::sample::Sample;
 
@@ -39,9 +39,9 @@ impl Hub {
         if !self.orders.is_empty() {
             self.answered(sample);
         }
-        if self.scenes.is_loading() {
+        if self.scenes.is_waiting() {
             self.scenes.rendered(sample);
-            self.loaded();
+            self.rendered();
         }
         self.flights.record(sample);
         let incident = self.incidents.look(sample, &self.end, &mut self.flights, &mut self.stats.counts);
@@ -133,15 +133,15 @@ impl Hub {
     /// Records the measured computing time of a scene's effects.
     pub(in crate::service) fn measured(&mut self, measured: Result<Measured, JoinError>) {
         self.scenes.measured(measured);
-        self.loaded();
+        self.rendered();
     }
 
-    /// Answers the `load_scene` requests whose scenes are loaded completely, in the order of the
-    /// requests.
-    fn loaded(&mut self) {
-        while let Some(Loaded { session, id, answer, event }) = self.scenes.next_loaded() {
+    /// Answers the `load_scene` and `set` requests whose changes are rendered, in the order of the
+    /// requests, and tells all clients.
+    fn rendered(&mut self) {
+        while let Some(Changed { session, id, answer, event }) = self.scenes.next_changed() {
             self.answer(session, id, answer);
-            self.publisher.broadcast(&Event::Scene(event));
+            self.publisher.broadcast(&event);
             self.publisher.answered(session);
         }
     }

@@ -98,6 +98,20 @@ fn info_has_the_warnings_of_the_running_scene() {
 }
 
 #[test]
+fn all_clients_hear_what_one_sets() {
+    let bench = bench();
+    let mut watcher = bench.client("watcher");
+    let mut client = bench.holder();
+    client.call(set("spring", json!({"stiffness": 2}))).unwrap();
+    let set = event(&mut watcher, "a change", |event| match event {
+        Event::Set(set) => Some(set.clone()),
+        _ => None,
+    });
+    assert_eq!((set.effect.as_str(), json!(set.parameters)), ("spring", json!({"stiffness": 2.0})));
+    assert_eq!(set.by.unwrap().session, Some(client.hello().session));
+}
+
+#[test]
 fn a_scene_with_mistakes_changes_nothing_and_all_are_told() {
     let bench = bench();
     let mut client = bench.holder();
