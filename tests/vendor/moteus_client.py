@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
 """The vendor's own client, unchanged, drives virtual moteus servos: query, zero, torque, watchdog, fault.
+Then the vendor's moteus_tool, unchanged, asks them, stops one and moves its zero.
 
     moteus_client.py PORT
 """
 
 import asyncio
+import json
 import math
+import subprocess
 import sys
 
 import moteus
@@ -90,7 +93,46 @@ async def main(port):
     assert values[Register.FAULT] == 0, values
     print("fault: 39 outside of servopos limits, cleared by a stop")
 
+    # The tool stops this one, and must find the whole turns again after its own zero.
+    await steer.set_position(**torque(0.1, watchdog_timeout=math.nan))
+    await state(steer, Mode.POSITION, "before the tool")
     transport.close()
 
 
+def tool(port, *action):
+    """What moteus_tool prints for servo STEER."""
+    command = [sys.executable, "-m", "moteus.moteus_tool", "--fdcanusb", port, "-t", str(STEER), *action]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=30).stdout
+
+
+async def look(port):
+    transport = moteus.Fdcanusb(port)
+    values = (await moteus.Controller(id=STEER, transport=transport).query()).values
+    transport.close()
+    return values
+
+
+def tools(port):
+    tool(port, "--stop")
+    values = asyncio.run(look(port))
+    assert values[Register.MODE] == Mode.STOPPED and values[Register.TORQUE] == 0.0, values
+    info = json.loads(tool(port, "--info"))
+    assert info["model"] == "4" and info["serial_number"] == "A" * 15 + "B", info
+    assert info["uuid"] == "68626f74-0000-0000-0000-000000000001", info
+    settings = dict(line.split() for line in tool(port, "--dump-config").splitlines() if line)
+    assert (settings["servo.timeout_mode"], settings["id.id"]) == ("0", "1"), settings
+    assert settings["motor_position.output.offset"] == "0", settings
+    # Two thirds of a turn away from the zero of the encoder.
+    before = values[Register.POSITION]
+    tool(port, "--zero-offset")
+    after = asyncio.run(look(port))
+    assert abs(after[Register.POSITION]) < 2e-2 + abs(after[Register.VELOCITY]), (before, after)
+    settings = dict(line.split() for line in tool(port, "--dump-config").splitlines() if line)
+    offset = float(settings["motor_position.output.offset"])
+    away = offset + before
+    assert abs(away - round(away)) < 2e-2 + abs(after[Register.VELOCITY]), (before, offset)
+    print("moteus_tool: --stop, --info, --dump-config, --zero-offset")
+
+
 asyncio.run(main(sys.argv[1]))
+tools(sys.argv[1])

@@ -566,6 +566,10 @@ enum hbot_status hbot_reset(struct hbot_client *client, enum hbot_mode *mode);
 // Emergency stop: zero torque in the next tick. Needs no lease. `mode` as for hbot_enable().
 enum hbot_status hbot_estop(struct hbot_client *client, enum hbot_mode *mode);
 
+// Makes a simulated rig in virtual time run `ticks` ticks and then wait. `*state` receives the
+// state of the last of them.
+enum hbot_status hbot_advance(struct hbot_client *client, uint64_t ticks, struct hbot_state *state);
+
 // Asks whether the server answers. `tick` and `t` receive the number and the time, s, of its last
 // tick; both can be NULL.
 enum hbot_status hbot_ping(struct hbot_client *client, uint64_t *tick, double *t);

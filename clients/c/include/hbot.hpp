@@ -103,6 +103,13 @@ public:
         return tick;
     }
 
+    // The state after `ticks` ticks of virtual time.
+    hbot_state advance(std::uint64_t ticks) {
+        hbot_state state{};
+        check(hbot_advance(client_, ticks, &state));
+        return state;
+    }
+
     void acquire(bool steal = false) { check(hbot_acquire(client_, steal)); }
     void release() { check(hbot_release(client_)); }
     hbot_mode enable() { return read<hbot_mode>(hbot_enable); }

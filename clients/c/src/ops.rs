@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::boundary::{Out, input, text};
 use crate::client::{HbotClient, Inner, with};
-use crate::state::HbotMode;
+use crate::state::{HbotMode, HbotState};
 use crate::status::{Failure, HbotStatus};
 
 /// Takes the lease, which is the right to command. With `steal` also if another client has it;
@@ -88,6 +88,24 @@ unsafe fn change(client: *mut HbotClient, mode: *mut HbotMode, op: Op) -> HbotSt
             if let Ok(out) = Out::new(mode, "mode") {
                 out.write(changed.into());
             }
+            Ok(HbotStatus::Ok)
+        })
+    }
+}
+
+/// Makes a simulated rig in virtual time run `ticks` ticks and then wait. `*state` receives the
+/// state of the last of them.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hbot_advance(
+    client: *mut HbotClient,
+    ticks: u64,
+    state: *mut HbotState,
+) -> HbotStatus {
+    // SAFETY: the contract of all functions, stated at the crate.
+    unsafe {
+        with(client, |inner| {
+            let out = Out::new(state, "state")?;
+            out.write(HbotState::of(&inner.client.advance(ticks)?)?);
             Ok(HbotStatus::Ok)
         })
     }

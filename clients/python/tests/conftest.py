@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from serving import Server
@@ -31,20 +32,33 @@ def server(shared_server: Server) -> Server:
     return shared_server
 
 
-@pytest.fixture
-def unled_server(tmp_path: Path) -> Iterator[Server]:
-    """Start a server for one test, whose rig renders without a lead."""
-    server = Server(tmp_path, edits={"lead = true": "lead = false"})
+@pytest.fixture(scope="session")
+def virtual_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Start one server in virtual time, 1000 ticks a second, for the tests that let it pass."""
+    folder = tmp_path_factory.mktemp("virtual")
+    server = Server(folder, rate_hz=1000, options=["--time", "virtual"])
     yield server
     server.kill()
 
 
 @pytest.fixture
-def own_server(tmp_path: Path) -> Iterator[Server]:
+def start_server(tmp_path: Path) -> Iterator[Callable[..., Server]]:
+    """Return a function that starts a server for one test, with the arguments of `Server`."""
+    started: list[Server] = []
+
+    def start(**options: Any) -> Server:
+        started.append(Server(tmp_path, **options))
+        return started[-1]
+
+    yield start
+    for server in started:
+        server.kill()
+
+
+@pytest.fixture
+def own_server(start_server: Callable[..., Server]) -> Server:
     """Start a server for one test, which may kill it."""
-    server = Server(tmp_path)
-    yield server
-    server.kill()
+    return start_server()
 
 
 @pytest.fixture(params=["json", "msgpack"])

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import hbot
 
-REPOSITORY = Path(__file__).parents[3]
+REPOSITORY = Path(__file__).resolve().parents[3]
 SCENES = REPOSITORY / "scenes"
 PATIENCE_S = 20.0
 """Longest time that a test waits for anything. A busy machine can stop a program for seconds."""

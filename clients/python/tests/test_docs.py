@@ -6,6 +6,7 @@ import asyncio
 import dataclasses
 import inspect
 import re
+from collections.abc import Callable
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -16,6 +17,8 @@ from hbot import answers, events, info, ops, scenes, wire
 from hbot.wire import Splitter
 
 PAGE = (REPOSITORY / "docs" / "api.md").read_text(encoding="utf-8")
+UNLED = {"lead = true": "lead = false"}
+"""The change of the rig file for a rig that renders without a lead."""
 
 
 def rows(heading: str) -> dict[str, list[str]]:
@@ -70,7 +73,7 @@ def test_events() -> None:
         if name != "state":
             cell = table[f"`{name}`"][1]
             legal = choices(kind, "cause") if "cause" in names(kind) else set()
-            assert named(cell) - {"load_scene"} - legal == names(kind), name
+            assert named(cell) - {"info", "load_scene"} - legal == names(kind), name
     assert choices(hbot.LeaseEvent, "cause") <= named(table["`lease`"][1])
 
 
@@ -239,13 +242,13 @@ def test_the_programs_of_the_pages_run(
 
 
 def test_the_stiffnesses_of_the_page_are_those_of_its_formula_and_of_info(
-    unled_server: Server,
+    start_server: Callable[..., Server],
 ) -> None:
     page = (REPOSITORY / "docs" / "clients.md").read_text("utf-8")
     assert "K = (b + B) / (h (1/2 + D) + lag)" in page
     (row,) = re.findall(r"(?m)^\| largest stable stiffness of the prototype at 1 kHz .*$", page)
     damping, *shown = (float(number) for number in re.findall(r"([\d.]+) N m", row))
-    with hbot.connect(unled_server.address) as rig:
+    with hbot.connect(start_server(edits=UNLED).address) as rig:
         render, h = rig.info.render, 1.0 / rig.info.rig.rate_hz
     assert render is not None
     assert render.damping == damping
@@ -263,14 +266,14 @@ def test_the_stiffnesses_of_the_page_are_those_of_its_formula_and_of_info(
     assert 0.98 * first < render.stiffness_stable < first
 
 
-def test_the_spring_of_the_page_is_the_quaternion_law(unled_server: Server) -> None:
+def test_the_spring_of_the_page_is_the_quaternion_law(start_server: Callable[..., Server]) -> None:
     """The server's own spring and that of the page ask for the same torque at the same state."""
     (block,) = (block for block in programs("docs/clients.md") if "def spring" in block)
     own: dict[str, Any] = {}
     exec(compile(block.partition("\nwith ")[0], "docs/clients.md", "exec"), own)
     law = {"id": "s", "kind": "spring", "law": "quaternion"}
     law |= {"stiffness": own["STIFFNESS"], "damping": own["DAMPING"]}
-    with hbot.connect(unled_server.address, name="me") as rig, rig.lease():
+    with hbot.connect(start_server(edits=UNLED).address, name="me") as rig, rig.lease():
         rig.load_scene({"name": "Law", "effect": [law]})
         rig.enable()
         active = [state for state in rig.states(duration=2.0) if state.mode == "active"]

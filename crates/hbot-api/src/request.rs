@@ -109,6 +109,12 @@ pub enum Op {
     /// Performs an emergency stop. It is never refused, and all other fields of the message are
     /// ignored. Answer: [`ModeOk`](crate::ModeOk).
     Estop,
+    /// Makes a simulated rig in virtual time run some ticks and then wait. Answer: the
+    /// [`StateEvent`](crate::StateEvent) of the last of them.
+    Advance {
+        /// Number of ticks, from 1 to [`MAX_EVERY`].
+        ticks: u64,
+    },
     /// Tests whether the server answers. Answer: [`PingOk`](crate::PingOk).
     Ping {
         /// Any value. The answer contains it unchanged.

@@ -328,6 +328,10 @@ class Rig:
         """Stop the motors in the next tick. Needs no lease. Returns the mode."""
         return await self._call(ops.estop())
 
+    async def advance(self, ticks: int) -> State:
+        """Let virtual time pass; see the blocking client."""
+        return await self._call(ops.advance(ticks))
+
     async def ping(self, data: Any = None) -> Pong:
         """Test the connection. Returns `data` as it came back, and the last tick."""
         return await self._call(ops.ping(data))

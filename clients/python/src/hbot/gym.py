@@ -7,8 +7,10 @@
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
 The task is to turn the sphere to a goal, which is drawn at each reset. The action is the torque on
-the sphere. A rig runs in real time: a step ends `every` ticks after the one before. If the program
-was later than that, the step ends with the next state, and `info["skipped"]` counts the ticks.
+the sphere. A step ends `every` ticks after the one before. A server in virtual time waits for the
+program between two steps, so what happens does not depend on how quick the program is. In real time
+the rig does not wait: if the program was too late, the step ends with the next state, and
+`info["skipped"]` counts the ticks.
 """
 
 from __future__ import annotations
@@ -19,9 +21,8 @@ from contextlib import ExitStack
 from typing import Any
 
 from . import turns
-from .clock import refuse_virtual_time
 from .connection import no_state
-from .errors import Faulted, MissingExtra, TimedOut
+from .errors import Faulted, MissingExtra, OutOfRange, TimedOut
 from .events import State
 from .opening import connect
 from .scenes import Scene
@@ -92,14 +93,12 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
 
         Raises:
             NoServer, Refused, IllegalInput: as `hbot.connect`.
-            VirtualTime: the server runs in virtual time, which does not wait for a program.
             ValueError: `every` is not legal.
         """
         self._stack = ExitStack()
         self.render_mode = None
         self.rig = self._stack.enter_context(connect(address, **{"name": "gym", **options}))
         try:
-            refuse_virtual_time(self.rig, "hbot.gym")
             rate = self.rig.hello.rate_hz
             if not 1 <= every <= rate / 4:
                 raise ValueError(f"every is {every}; legal: 1 to {rate / 4:.0f} ticks")
@@ -109,6 +108,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         self._every, self._scene, self._goal_angle = every, scene, goal_angle
         self._reward, self._tolerance = reward, tolerance
         self._valid_ms = math.ceil(2000 * every / rate)
+        self._held = False
         self._states: Any = None
         limits = self.rig.info.limits
         unit = spaces.Box(-1.0, 1.0, (4,))
@@ -137,12 +137,16 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
             OutOfRange: the sphere is too far from the reference of the scene.
         """
         super().reset(seed=seed)
-        if self._states is None:
+        if not self._held:
             self._stack.enter_context(self.rig.lease())
+            self._held = True
+            try:
+                self.rig.advance(1)
+            except OutOfRange:  # The server runs in real time.
+                self._states, self._wait = self._stack.enter_context(
+                    self.rig._subscription(self._every)
+                )
             self.rig.load_scene(self._scene)
-            self._states, self._wait = self._stack.enter_context(
-                self.rig._subscription(self._every)
-            )
         self.rig.enable()
         begun = self._next()
         self._state = begun
@@ -167,7 +171,8 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         """
         wanted = np.clip(np.asarray(action, dtype=float), self._torques.low, self._torques.high)
         before = self._state
-        self._states.newest(0.0)  # States that came before this torque do not show what it does.
+        if self._states is not None:
+            self._states.newest(0.0)  # States from before this torque do not show what it does.
         self.rig.torque(
             wanted.tolist(), self._valid_ms, tick=before.tick, seq=before.tick, wait=False
         )
@@ -186,9 +191,12 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
 
     def _next(self) -> State:
         """Return the newest state that was not returned before."""
-        state, _ = self._states.newest(self._wait)
-        if state is None:
-            raise no_state(self._wait)
+        if self._states is None:
+            state = self.rig.advance(self._every)
+        else:
+            state, _ = self._states.newest(self._wait)
+            if state is None:
+                raise no_state(self._wait)
         if not self.rig._connection.holds_lease:
             raise self.rig._connection.not_holder("gym", self.rig._connection.lost_lease_to)
         if state.mode in ("fault", "estop"):

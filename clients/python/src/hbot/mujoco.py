@@ -43,8 +43,11 @@ if TYPE_CHECKING:
 Array = Any
 """An array of numpy."""
 
-PROBE = 1e-3
-"""Turn by which the local stiffness is found, rad."""
+PROBE = (1e-3, 2e-2)
+"""Least and largest turn by which the local stiffness is found, rad.
+
+Between them it is twice the last one, about what the sphere turns while the model is in force. What
+sticks and slides in turn would else seem as stiff as it is only until it slides."""
 LONGEST_STEP = 0.1
 """Time between two states after which the simulation has been paused, s."""
 HORIZON = 0.016
@@ -73,11 +76,13 @@ class Felt:
     work: float
     """Energy that the hand gave to the simulation, J."""
     rig_work: float
-    """The same by the rig's own observer, J."""
+    """The same by the rig's own observer, J, without the pauses."""
     imbalance: float
     """Fraction by which `work` differs from `rig_work`. Energy that delays create or consume."""
     age_ticks: float
     """Median age of the model in force, ticks since its state."""
+    pauses: int
+    """How often the simulation was paused or reset, so that the coupling began anew."""
 
 
 class Hand:
@@ -87,6 +92,7 @@ class Hand:
         model, data: the simulation. A program may read and change them between two updates.
         work: energy that the hand has given to the simulation, J.
         steps: number of steps so far.
+        begins: number of times the coupling has begun anew.
     """
 
     def __init__(
@@ -137,7 +143,7 @@ class Hand:
             else (render.stiffness_stable, render.damping, render.inertia)
         )
         # Damping for each stiffness with which a spring is stable, and a third more, s.
-        self._relaxation = 1.33 * damping / stable
+        self._least_relaxation = 1.33 * damping / stable
         self._gain = gain
         # The rig gives no more, so the body must not get more than the hand feels.
         self._most = rig.info.limits.torque / gain
@@ -153,6 +159,7 @@ class Hand:
         self._time = self.data.time
         self.work = 0.0
         self.steps = 0
+        self.begins = 0
 
     def _grasp(self, inertia: float, margin: float) -> None:
         """Scale the body, and find what belongs to it."""
@@ -181,6 +188,9 @@ class Hand:
         mujoco.mj_forward(model, self.data)
         # Damped so that a light body has followed within a period of the client.
         self._damper = 1.2 * float(np.sqrt(self._spring * max(least, needed)))
+        # The loop renders the coupling's damper too. In the torque it would be as late as the
+        # model, and a late damper drives what it should damp.
+        self._relaxation = max(self._least_relaxation, self._damper / self._spring)
 
     def _inertia(self, dof: int) -> float:
         """Return what a degree of freedom moves, kg m²."""
@@ -210,6 +220,7 @@ class Hand:
         paused = last is None or not 0.0 < state.t - last.t < LONGEST_STEP
         if self._anchor is None or paused or data.time < self._time:
             self._last, self._time = state, data.time
+            self.begins += 1
             mujoco.mj_forward(self.model, data)
             pose = data.xquat[self._body].tolist()
             self._anchor = turns.times(turns.conjugate(state.q), pose)
@@ -219,16 +230,20 @@ class Hand:
         assert last is not None
         steps = round((state.t - self._begin - data.time) / self.model.opt.timestep)
         axes = self._axes()
+        self._free = axes.T @ axes
         probed = max(steps, round(HORIZON / self.model.opt.timestep))
+        turned = np.linalg.norm(turns.log(turns.times(state.q, turns.conjugate(last.q))))
+        probe = float(np.clip(2.0 * turned, *PROBE))
         still, *copies = [
             self._turned(last, state, steps, probed, turn)
-            for turn in (np.zeros(3), *(axes * PROBE))
+            for turn in (np.zeros(3), *(axes * probe))
         ]
         pull, error, work = self._advance(data, last, state, steps)
         self.steps += steps
-        self._last, self._time = state, data.time
+        if steps > 0:  # Otherwise the way to this state belongs to the next step.
+            self._last, self._time = state, data.time
         self.work += work
-        return self._linear(state, pull, error, axes, [copy - still for copy in copies])
+        return self._linear(state, pull, error, axes, [(copy - still) / probe for copy in copies])
 
     def _axes(self) -> Array:
         """Axes about which the joint lets the body turn, as rows."""
@@ -255,15 +270,17 @@ class Hand:
     ) -> tuple[Array, Array, float]:
         """Step; the sphere turns from `last` to `state` in `steps`, and on until `most` steps.
 
-        Returns the pull on the body (N m) and its error (rad), in the world, and the work of the
-        sphere (J).
+        Returns the pull (N m) before the limit and its error (rad), in the world, and the work of
+        the sphere (J).
         """
         turn = np.array(turns.log(turns.times(state.q, turns.conjugate(last.q))))
         omega, pulled = np.array(state.omega), np.zeros(3)
+        # The way in the interval is straight. The sphere arrives with a rate of its own.
+        mean = turn / (state.t - last.t)
         for step in range(max(steps if most is None else most, 0)):
             # The body's pose and rate are those of this step only after its first half.
             mujoco.mj_step1(self.model, data)
-            pull, _ = self._pull(data, last.q, turn * (step / steps), omega, turned)
+            pull = self._limited(self._pull(data, last.q, turn * (step / steps), mean, turned)[0])
             # By the trapezoidal rule: half of it here, half at the end of the step.
             pulled += pull if step > 0 else 0.5 * pull
             data.xfrc_applied[self._body, 3:] = pull
@@ -275,7 +292,7 @@ class Hand:
         mujoco.mj_comVel(self.model, data)
         part = 1.0 if most is None else most / steps
         pull, error = self._pull(data, last.q, turn * part, omega, turned)
-        work = float((pulled + 0.5 * pull) @ turn) / steps if steps > 0 else 0.0
+        work = float((pulled + 0.5 * self._limited(pull)) @ turn) / steps if steps > 0 else 0.0
         return pull, error, work
 
     def _pull(
@@ -286,9 +303,17 @@ class Hand:
         target = turns.times(now, self._anchor)
         pose = data.xquat[self._body].tolist()
         error = np.array(turns.log(turns.times(target, turns.conjugate(pose))))
-        rate = omega - data.cvel[self._body, :3]
-        pull = self._spring * error + self._damper * rate
-        return pull * min(1.0, self._most / max(float(np.linalg.norm(pull)), 1e-12)), error
+        # About the axes that the joint does not have, nothing in the simulation swings.
+        rate = self._free @ (omega - data.cvel[self._body, :3])
+        return self._spring * error + self._damper * rate, error
+
+    def _limited(self, pull: Array) -> Array:
+        """Return what the body gets of a pull: no more than the hand feels.
+
+        The rig limits the model itself, in every tick: a model of the limited pull would be stiff
+        where the limited pull is constant, so the hand would lose energy whenever it yields.
+        """
+        return pull * min(1.0, self._most / max(float(np.linalg.norm(pull)), 1e-12))
 
     def _hold(self, data: mujoco.MjData) -> Array:
         """Return the force that holds a free body in its place, as stiff as the steps allow."""
@@ -299,16 +324,13 @@ class Hand:
         return mass * (pace**2 * way - pace * velocity - self.model.opt.gravity)
 
     def _linear(
-        self, state: State, pull: Array, error: Array, axes: Array, changes: list[Array]
+        self, state: State, pull: Array, error: Array, axes: Array, slopes: list[Array]
     ) -> Model:
         """Return the model that has the torque and the stiffness that were found."""
         gain, most = self._gain, self.stiffness
-        free = axes.T @ axes
+        free = self._free
         found = sum(
-            (
-                np.outer(gain * change / PROBE, axis)
-                for axis, change in zip(axes, changes, strict=True)
-            ),
+            (np.outer(gain * slope, axis) for axis, slope in zip(axes, slopes, strict=True)),
             np.zeros((3, 3)),
         )
         found = free @ (0.5 * (found + found.T)) @ free
@@ -316,14 +338,17 @@ class Hand:
         planes = self._planes(error, axes)
         for plane in planes:
             normal = np.array(plane.normal)
-            push = most * max(0.0, -plane.offset)
+            push = plane.stiffness * max(0.0, -plane.offset)
             if push > 0.0:
-                torque += push * normal
+                damped = plane.damping * float(normal @ np.array(state.omega))
+                torque += (push + max(damped, -push)) * normal
                 rest = np.eye(3) - np.outer(normal, normal)
                 found = rest @ found @ rest
         values, vectors = np.linalg.eigh(found)
-        stiffness = (vectors * np.clip(values, 0.0, most)) @ vectors.T + most * (np.eye(3) - free)
-        damping = self._relaxation * stiffness
+        stiffness = (vectors * np.clip(values, 0.0, most)) @ vectors.T
+        held = most * (np.eye(3) - free)
+        damping = self._relaxation * stiffness + self._least_relaxation * held
+        stiffness += held
         torque += damping @ np.array(state.omega)
         return Model(torque, stiffness, damping, state.q, planes, soften=True)
 
@@ -340,7 +365,7 @@ class Hand:
             if self._kind == mujoco.mjtJoint.mjJNT_FREE
             else data.xanchor[self._joint]
         )
-        free = axes.T @ axes
+        free = self._free
         for k in range(data.ncon):
             contact = data.contact[k]
             ours = [bool(self._geoms[geom]) for geom in contact.geom]
@@ -359,9 +384,15 @@ class Hand:
                 kept.append(normal)
                 offset = float(gap) - float(error @ normal)
                 if abs(offset) < 3.0:
-                    planes.append(
-                        Plane(normal, offset, self.stiffness, self._relaxation * self.stiffness)
-                    )
+                    planes.append(Plane(normal, offset, self.stiffness))
+        # Several contacts together are not stiffer than the coupling through which they are felt.
+        entered = [np.array(plane.normal) for plane in planes if plane.offset < 0.0]
+        share = 1.0
+        if entered:
+            share = 1.0 / float(np.linalg.eigvalsh(sum(np.outer(n, n) for n in entered))[-1])
+        for at, plane in enumerate(planes):
+            stiffness = self.stiffness * (share if plane.offset < 0.0 else 1.0)
+            planes[at] = Plane(plane.normal, plane.offset, stiffness, self._relaxation * stiffness)
         return planes
 
 
@@ -386,7 +417,7 @@ def run(
         ValueError: as `Hand`.
     """
     hand = Hand(rig, model, body, **options)
-    updates, spent = 0, 0.0
+    updates, spent, rig_work = 0, 0.0, 0.0
     ages: list[int] = []
     first: State | None = None
     newest: State | None = None
@@ -397,11 +428,13 @@ def run(
         window = viewers.launch_passive(model, hand.data)
 
     def torque(state: State) -> Model | None:
-        nonlocal updates, spent, first, newest
+        nonlocal updates, spent, rig_work, first, newest
         if first is not None and state.client is not None:
             ages.append(state.client.age_ticks)
-        begun = time.perf_counter()
+        begun, begins = time.perf_counter(), hand.begins
         made = hand.update(state)
+        if newest is not None and hand.begins == begins:
+            rig_work += newest.energy - state.energy
         updates += 1
         first, newest = first or state, state
         if each is not None:
@@ -420,8 +453,7 @@ def run(
         if window is not None:
             window.close()
     if first is None or newest is None:
-        return Felt(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    rig_work = first.energy - newest.energy
+        return Felt(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
     return Felt(
         updates,
         hand.steps,
@@ -430,4 +462,5 @@ def run(
         rig_work,
         hand.work / rig_work - 1.0 if rig_work else 0.0,
         median(ages or [0]),
+        hand.begins - 1,
     )

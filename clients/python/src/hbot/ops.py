@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 from .answers import Changed, Controller, Controllers, Loaded, Pong, Stats
 from .checks import finite
 from .decode import decode
-from .events import Mode
+from .events import Mode, State
 from .info import Info
 from .models import Model
 from .scenes import Explain, Scene, open_scene
@@ -192,6 +192,11 @@ def reset() -> Request[Mode]:
 def estop() -> Request[Mode]:
     """Stop the motors."""
     return Request("estop", {}, _mode)
+
+
+def advance(ticks: int) -> Request[State]:
+    """Let virtual time pass."""
+    return Request("advance", {"ticks": ticks}, lambda body: decode(State, body))
 
 
 def ping(data: Any) -> Request[Pong]:

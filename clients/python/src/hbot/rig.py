@@ -346,6 +346,19 @@ class Rig:
         """Stop the motors in the next tick. Needs no lease. Returns the mode."""
         return self._call(ops.estop())
 
+    def advance(self, ticks: int) -> State:
+        """Let a simulated rig in virtual time run `ticks` ticks, 1 to 1000000, and then wait.
+
+        Returns the state of the last of them. A torque or a model that was sent before with
+        `wait=False` acts in all of them. From the first call until the lease is given back, time
+        passes only here, and by one tick for each other call that waits for the loop.
+
+        Raises:
+            OutOfRange: the server runs in real time.
+            NotHolder: this client does not hold the lease.
+        """
+        return self._call(ops.advance(ticks))
+
     def ping(self, data: Any = None) -> Pong:
         """Test the connection. Returns `data` as it came back, and the last tick."""
         return self._call(ops.ping(data))

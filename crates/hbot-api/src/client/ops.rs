@@ -4,7 +4,8 @@ use super::connect::typed;
 use super::{Client, ClientError};
 use crate::{
     Align, AlignDirection, AlignOk, ControllerInfo, ControllersOk, HandCommand, InfoOk, LoadSceneOk, Mode,
-    ModeOk, ModelCommand, ModelOk, Op, PingOk, ReferenceCommand, SetOk, StatsOk, SubscribeOk, TorqueCommand,
+    ModeOk, ModelCommand, ModelOk, Op, PingOk, ReferenceCommand, SetOk, StateEvent, StatsOk, SubscribeOk,
+    TorqueCommand,
 };
 use serde_json::{Map, Value};
 
@@ -124,6 +125,13 @@ impl Client {
     /// on.
     pub fn estop(&mut self) -> Result<Mode, ClientError> {
         self.mode(Op::Estop)
+    }
+
+    /// Makes a simulated rig in virtual time run `ticks` ticks, from 1 to
+    /// [`MAX_EVERY`](crate::MAX_EVERY), and then wait. Returns the state of the last of them. A
+    /// torque or a model that was sent before acts in all of them.
+    pub fn advance(&mut self, ticks: u64) -> Result<StateEvent, ClientError> {
+        self.call(Op::Advance { ticks }).and_then(typed)
     }
 
     /// Tests whether the server answers. The answer contains `data` unchanged.

@@ -175,6 +175,10 @@ impl Fields<'_> {
         Ok(Op::Subscribe { every: self.integer("every", 1, MAX_EVERY)? })
     }
 
+    pub(super) fn advance(&mut self) -> Result<Op, ErrorBody> {
+        Ok(Op::Advance { ticks: self.integer("ticks", 1, MAX_EVERY)? })
+    }
+
     pub(super) fn acquire(&mut self) -> Result<Op, ErrorBody> {
         Ok(Op::Acquire { steal: self.flag("steal")? })
     }

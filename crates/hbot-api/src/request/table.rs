@@ -211,6 +211,8 @@ ops! {
     Reset = "reset": OpRow::new(Who::Holder, &[]).rearming() => |_| Ok(Op::Reset),
     /// The op [`Op::Estop`](crate::Op::Estop), the emergency stop.
     Estop = "estop": OpRow::new(Who::Any, &[]).stopping(Stop::Estop) => |_| Ok(Op::Estop),
+    /// The op [`Op::Advance`](crate::Op::Advance), which makes virtual time pass.
+    Advance = "advance": OpRow::new(Who::Holder, &[must("ticks")]) => Fields::advance,
     /// The op [`Op::Ping`](crate::Op::Ping), which tests the connection.
     Ping = "ping": OpRow::new(Who::Any, &[may("data")]) => Fields::ping,
 }

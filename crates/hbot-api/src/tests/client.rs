@@ -73,6 +73,9 @@ fn body(op: &Op) -> Value {
         Op::Controllers => json!({"controllers": [{"joint": 0, "id": 3, "moons": 4}]}),
         Op::Align(_) | Op::AlignDirection(_) => json!({"angle": 0.25}),
         Op::Enable | Op::Disable | Op::Reset | Op::Estop => json!({"mode": "idle"}),
+        Op::Advance { ticks } => {
+            serde_json::to_value(crate::StateEvent { tick: *ticks, ..Default::default() }).unwrap()
+        }
         Op::Ping { data } => json!({"data": data, "tick": 5, "t": 0.005}),
         _ => json!({}),
     }
@@ -122,8 +125,9 @@ fn every_helper_asks_its_op_in_both_encodings() {
         client.disable().unwrap();
         client.reset().unwrap();
         client.estop().unwrap();
+        assert_eq!(client.advance(7).unwrap().tick, 7);
         assert_eq!(client.ping(json!([1, "x"])).unwrap().data, json!([1, "x"]));
-        for _ in 0..20 {
+        for _ in 0..21 {
             assert_eq!(client.next_event(SOON).unwrap(), Some(Event::State(samples::state())));
         }
         assert_eq!(client.next_event(Duration::ZERO).unwrap(), None);

@@ -90,6 +90,7 @@ fn op() -> impl Strategy<Value = Op> {
             })
         ),
         (1..=MAX_EVERY).prop_map(|every| Op::Subscribe { every }),
+        (1..=MAX_EVERY).prop_map(|ticks| Op::Advance { ticks }),
         any::<bool>().prop_map(|steal| Op::Acquire { steal }),
         object().prop_map(|scene| Op::LoadScene { scene: scene.into() }),
         (name, object()).prop_map(|(effect, parameters)| Op::Set { effect, parameters }),

@@ -127,6 +127,7 @@ pub(super) fn requests() -> Vec<Request> {
         request(15, Op::Disable),
         request(16, Op::Reset),
         request(17, Op::Estop),
+        request(23, Op::Advance { ticks: 10 }),
         request(-1, Op::Ping { data: Value::Null }),
         request(i64::MIN, Op::Ping { data: json!([{"ä": [null, true, -1, 0.5, "\n"]}, 300]) }),
     ]

@@ -135,7 +135,7 @@ impl Host {
                 (vec![attached.bus], Some(attached.simulator))
             }
         };
-        let (loop_end, end) = bridge()?;
+        let (loop_end, mut end) = bridge()?;
         let motors = Motors::new(buses, &layout, rig.link.watchdog_ms);
         let engine = Engine::new(
             motors,
@@ -149,7 +149,11 @@ impl Host {
         let time_waits = shared.is_some();
         let stop = StopFlag::default();
         let (thread, origin) = match time {
-            Time::Virtual => in_virtual_time(engine, &rig, ticks, stop.clone())?,
+            Time::Virtual => {
+                let (thread, origin) = in_virtual_time(engine, &rig, ticks, stop.clone())?;
+                end.in_virtual_time(thread.thread().clone());
+                (thread, origin)
+            }
             Time::Wall => {
                 let (period_ns, early_ns) = (rig.rig.timing.period_ns, rig.early_ns);
                 let schedule = Schedule { period_ns, early_ns, ticks, shared };

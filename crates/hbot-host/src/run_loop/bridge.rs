@@ -9,6 +9,7 @@ use std::io;
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering, fence};
+use std::thread::Thread;
 
 use hbot_core::CompiledScene;
 use hbot_core::inputs::{Command, ModelCommand, OnClientLost};
@@ -78,6 +79,8 @@ pub struct ServiceEnd {
     samples: Consumer<Sample>,
     waker: Arc<Waker>,
     next_ticket: u64,
+    /// The loop's thread, if the loop runs in virtual time.
+    in_virtual_time: Option<Thread>,
 }
 
 /// A notification from the loop that samples are waiting: its file descriptor becomes readable. It
@@ -99,6 +102,8 @@ struct Waker {
     armed: AtomicU8,
     /// Tick number of the newest sample that the loop has published.
     tick: AtomicU64,
+    /// Tick before which a loop in virtual time waits, or [`FREELY`].
+    until: AtomicU64,
     /// True if an emergency stop is requested. It takes effect before all orders that wait in the
     /// ring.
     estop: AtomicBool,
@@ -117,6 +122,9 @@ const NOTABLE: u8 = 1;
 /// Value of [`Waker::armed`]: the service sleeps until the next sample is published.
 const EVERY: u8 = 2;
 
+/// Value of [`Waker::until`]: the loop does not wait.
+const FREELY: u64 = u64::MAX;
+
 /// Creates the bridge between the control loop and the service. Returns the loop's end and the
 /// service's end.
 ///
@@ -127,6 +135,7 @@ pub fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
     let waker = Arc::new(Waker {
         armed: AtomicU8::new(AWAKE),
         tick: AtomicU64::new(0),
+        until: AtomicU64::new(FREELY),
         estop: AtomicBool::new(false),
         signalled: AtomicBool::new(false),
         ended: AtomicBool::new(false),
@@ -154,6 +163,7 @@ pub fn bridge() -> io::Result<(LoopEnd, ServiceEnd)> {
         samples: samples_out,
         waker,
         next_ticket: 1,
+        in_virtual_time: None,
     };
     Ok((inner, outer))
 }
@@ -210,6 +220,13 @@ impl LoopEnd {
     pub fn take_estop(&self) -> bool {
         // A plain load comes first, because a swap in every tick would cost a locked instruction.
         self.waker.estop.load(Ordering::Acquire) && self.waker.estop.swap(false, Ordering::AcqRel)
+    }
+
+    /// Returns whether a loop in virtual time may run the tick `tick` now. An emergency stop needs
+    /// no permission.
+    #[must_use]
+    pub fn may_run(&self, tick: u64) -> bool {
+        tick < self.waker.until.load(Ordering::Acquire) || self.waker.estop.load(Ordering::Acquire)
     }
 
     /// Returns whether the ring of samples to the service is full, so that the next sample would be
@@ -280,7 +297,52 @@ impl ServiceEnd {
         if !self.can_install() {
             return Err(Busy);
         }
-        self.scenes.push(scene).map_err(|_| Busy)
+        self.scenes.push(scene).map_err(|_| Busy)?;
+        self.let_it_answer();
+        Ok(())
+    }
+
+    /// Tells this end that the loop runs in virtual time, in the thread `thread`, so that it can be
+    /// made to wait.
+    pub fn in_virtual_time(&mut self, thread: Thread) {
+        self.in_virtual_time = Some(thread);
+    }
+
+    /// Makes the loop run `ticks` more ticks and then wait for the next call. Returns the number of
+    /// the last of them, or `None` if the loop runs in wall-clock time. While the loop still runs
+    /// freely, it may run a few ticks more before it waits.
+    pub fn advance(&mut self, ticks: u64) -> Option<u64> {
+        self.in_virtual_time.as_ref()?;
+        let until = self.waker.until.load(Ordering::Relaxed);
+        let next = self.tick() + 1;
+        let from = if until == FREELY { next } else { until.max(next) };
+        self.run_until(from.saturating_add(ticks));
+        Some(from.saturating_add(ticks) - 1)
+    }
+
+    /// Lets a loop that waits run one tick more, so that it takes what it was given.
+    pub fn let_it_answer(&mut self) {
+        if self.waker.until.load(Ordering::Relaxed) != FREELY {
+            self.advance(1);
+        }
+    }
+
+    /// Returns whether the loop waits for permission after the tick `tick`.
+    #[must_use]
+    pub fn waits_after(&self, tick: u64) -> bool {
+        self.waker.until.load(Ordering::Relaxed) <= tick.saturating_add(1)
+    }
+
+    /// Lets the loop run without waiting for [`advance`](Self::advance).
+    pub fn run_freely(&mut self) {
+        self.run_until(FREELY);
+    }
+
+    fn run_until(&mut self, tick: u64) {
+        self.waker.until.store(tick, Ordering::Release);
+        if let Some(thread) = &self.in_virtual_time {
+            thread.unpark();
+        }
     }
 
     /// Removes and returns the oldest waiting sample, if any.

@@ -131,14 +131,23 @@ pub fn wall(
     })
 }
 
+/// Longest time after which a loop that waits for permission looks for a stop.
+const LOOK_FOR_STOP: Duration = Duration::from_millis(10);
+
 /// Runs ticks as fast as the machine allows, in lock-step with a simulated rig at the other end of
-/// the line. It waits only while the ring of samples is full, so that no sample is lost.
+/// the line. It waits while the ring of samples is full, so that no sample is lost, and after the
+/// ticks that [`advance`](bridge::ServiceEnd::advance) permits.
 pub fn lockstep(mut engine: Engine, period_ns: u64, ticks: Option<u64>, stop: &StopFlag) -> Ended {
     let mut tick = 0;
     guarded(&mut engine, Duration::ZERO, |engine| {
         while !stop.is_set() && ticks.is_none_or(|n| tick < n) {
             while engine.bridge().is_full() && !stop.is_set() {
                 std::thread::yield_now();
+            }
+            if !engine.bridge().may_run(tick) {
+                // Whoever permits a tick unparks this thread. A stop does not.
+                std::thread::park_timeout(LOOK_FOR_STOP);
+                continue;
             }
             let t_ns = tick * period_ns;
             engine.tick(&TickTime { tick, t_ns, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 });

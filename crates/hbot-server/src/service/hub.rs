@@ -101,6 +101,9 @@ pub(super) struct Hub {
     hand: SceneHand,
     flights: Flights,
     latest: Option<Sample>,
+    /// Requests to let virtual time pass, until the tick in question has run: who has asked, and
+    /// this tick.
+    advancing: Vec<(u64, Option<Id>, u64)>,
     /// What the controller of each joint last reported about itself.
     telemetry: [Telemetry; MAX_JOINTS],
     /// Limits how often long messages are read.
@@ -160,6 +163,7 @@ impl Hub {
             hand: SceneHand::new(hand),
             flights: Flights::new(flight_dir, rig.rig.timing.period_ns, notes, Arc::clone(&changed)),
             latest: None,
+            advancing: Vec::new(),
             telemetry: [Telemetry::default(); MAX_JOINTS],
             long_messages: LongMessages::default(),
             wrong_tokens: WrongTokens::default(),
@@ -214,10 +218,10 @@ impl Hub {
         self.end.is_over()
     }
 
-    /// Returns whether any client is subscribed to states. If not, samples wait until a notable one
+    /// Returns whether any client waits for states. If not, samples wait until a notable one
     /// arrives.
     pub(super) fn is_watched(&self) -> bool {
-        self.publisher.is_watched()
+        self.publisher.is_watched() || !self.advancing.is_empty()
     }
 
     pub(super) fn long_messages(&mut self) -> &mut LongMessages {
@@ -347,12 +351,19 @@ impl Hub {
     /// # Errors
     /// Fails if too many orders are pending.
     fn order(&mut self, session: u64, id: Option<Id>, op: OpName, command: Command) -> Result<(), ErrorBody> {
+        let answers = id.is_some();
         let placed = self.orders.place(&mut self.end, session, id, op, command);
-        self.placed(session, op, placed)
+        self.placed(session, (op, answers), placed)
     }
 
-    /// Notes that an order of a client waits for its answer.
-    fn placed(&mut self, session: u64, op: OpName, placed: Result<(), Busy>) -> Result<(), ErrorBody> {
+    /// Notes that an order of a client waits for the loop. If the client waits for the answer, lets
+    /// the loop run a tick.
+    fn placed(
+        &mut self,
+        session: u64,
+        (op, answers): (OpName, bool),
+        placed: Result<(), Busy>,
+    ) -> Result<(), ErrorBody> {
         placed.map_err(|_| {
             ErrorBody::new(
                 ErrorCode::Busy,
@@ -360,11 +371,15 @@ impl Hub {
             )
         })?;
         self.publisher.expect_answer(session);
+        if answers || !op.row().stream {
+            self.end.let_it_answer();
+        }
         Ok(())
     }
 
     pub(super) fn order_internally(&mut self, what: &'static str, command: Command) {
         self.orders.insist(&mut self.end, Asker::Service(what), command);
+        self.end.let_it_answer();
     }
 
     /// Announces a change of the lease, caused by the client `by`, to all clients. If the lease was
@@ -373,6 +388,7 @@ impl Hub {
         // A stream or a moving hand must not continue under the next holder, or without a holder.
         if cause != LeaseCause::Acquired {
             self.hand.resume();
+            self.end.run_freely();
         }
         match cause {
             LeaseCause::Stolen => {

@@ -147,6 +147,14 @@ impl Orders {
         self.pending.pop_front().map(|(_, asker)| (asker, lost))
     }
 
+    /// Returns whether anybody waits for the answer to an order.
+    pub(super) fn is_awaited(&self) -> bool {
+        self.pending.iter().any(|(_, asker)| match asker {
+            Asker::Client { id, op, .. } => id.is_some() || !op.row().stream,
+            Asker::Service(_) => true,
+        })
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.pending.is_empty()
     }

@@ -42,6 +42,21 @@ fn stream(sample: &Sample) -> Option<(Option<u64>, u64)> {
     Some((seq, sample.state.tick.wrapping_sub(age_ticks)))
 }
 
+/// Stores the state of `sample` in `event`, without the stream message `foreign` of an earlier
+/// holder. `hand` returns the torque of the simulated hand, N m, if there is one.
+fn fill(
+    event: &mut StateEvent,
+    sample: &Sample,
+    foreign: Option<(Option<u64>, u64)>,
+    hand: impl Fn() -> Option<[f64; 3]>,
+) {
+    convert::fill(event, sample);
+    event.hand = hand();
+    if foreign.is_some() && stream(sample) == foreign {
+        event.client = None;
+    }
+}
+
 impl Publisher {
     pub(super) fn new(changed: Arc<Notify>, notes: Notes) -> Self {
         Self {
@@ -167,11 +182,7 @@ impl Publisher {
             if !filled {
                 filled = true;
                 if let Event::State(event) = state {
-                    convert::fill(event, sample);
-                    event.hand = hand();
-                    if foreign_stream.is_some() && stream(sample) == *foreign_stream {
-                        event.client = None;
-                    }
+                    fill(event, sample, *foreign_stream, &hand);
                 }
             }
             if let Some(event) = peer.dropped_event() {
@@ -182,6 +193,13 @@ impl Publisher {
             let _ = peer.outbox.send(frames.of(peer.encoding, state));
         }
         dropped
+    }
+
+    /// Returns the state of `sample`, as [`publish`](Self::publish) sends it.
+    pub(super) fn state(&self, sample: &Sample, hand: impl Fn() -> Option<[f64; 3]>) -> StateEvent {
+        let mut event = StateEvent::default();
+        fill(&mut event, sample, self.foreign_stream, hand);
+        event
     }
 
     /// Sends a message to one client. If there is no room for the message, the client will be

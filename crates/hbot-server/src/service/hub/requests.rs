@@ -148,12 +148,26 @@ impl Hub {
             Op::Reset => self.order(session, id, name, Command::Reset)?,
             Op::Disable => self.order(session, id, name, Command::Disable)?,
             Op::Estop => self.estop(session, id),
+            Op::Advance { ticks } => self.advance(session, id, ticks)?,
             Op::Ping { data } => {
                 let tick = self.end.tick();
                 let t = convert::seconds(tick * self.rig.rig.timing.period_ns);
                 self.answer(session, id, PingOk { data, tick, t });
             }
         }
+        Ok(())
+    }
+
+    /// Lets virtual time pass. The answer is sent when the last tick has run.
+    fn advance(&mut self, session: u64, id: Option<Id>, ticks: u64) -> Result<(), ErrorBody> {
+        let Some(last) = self.end.advance(ticks) else {
+            let message =
+                "op advance: this loop runs in wall-clock time; legal: a server with `--time virtual`";
+            return Err(ErrorBody::new(ErrorCode::OutOfRange, message));
+        };
+        self.advancing.push((session, id, last));
+        self.publisher.expect_answer(session);
+        self.changed.notify_one();
         Ok(())
     }
 
@@ -259,8 +273,9 @@ impl Hub {
             blend_ticks: request.blend_ms.map(|ms| if ms == 0 { 0 } else { self.ticks(ms) }),
             stamp: Stamp { seq: request.seq, tick: request.tick },
         };
+        let answers = id.is_some();
         let placed = self.orders.place_model(&mut self.end, (session, id), command, (&model, scale));
-        self.placed(session, OpName::Model, placed)
+        self.placed(session, (OpName::Model, answers), placed)
     }
 
     fn align(&self, align: &Align) -> Command {

@@ -54,6 +54,16 @@ impl Hub {
         if self.publisher.is_watched() {
             self.stats.counts.dropped_states += self.publisher.publish(sample, || self.hand.torque());
         }
+        // The loop takes few orders in a tick. An answer must not wait for the next `advance`.
+        if self.end.waits_after(sample.state.tick) && self.orders.is_awaited() {
+            self.end.let_it_answer();
+        }
+        while self.advancing.first().is_some_and(|(_, _, last)| *last <= sample.state.tick) {
+            let (session, id, _) = self.advancing.remove(0);
+            let state = self.publisher.state(sample, || self.hand.torque());
+            self.answer(session, id, state);
+            self.publisher.answered(session);
+        }
     }
 
     /// Passes each answer in a sample on to the client or the part of the service that sent the

@@ -157,7 +157,7 @@ impl TestService {
                     ticks,
                     breath,
                 } = options;
-                let (loop_end, end) = bridge().unwrap();
+                let (loop_end, mut end) = bridge().unwrap();
                 let mut running = RunningScene::new();
                 let compiled = Box::new(running.load(scene));
                 let mut line = Memory::new(simulated_as(&rig, |_| ()), calls);
@@ -179,6 +179,7 @@ impl TestService {
                 let ticking = std::thread::spawn(move || {
                     lockstep(engine, period_ns, ticks, &stop_loop);
                 });
+                end.in_virtual_time(ticking.thread().clone());
                 let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
                 let web = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap();
                 let addresses = (listener.local_addr().unwrap(), web.local_addr().unwrap());

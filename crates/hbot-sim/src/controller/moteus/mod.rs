@@ -9,6 +9,7 @@
 //! | `registers` | subframes, and the conversion of values to integers |
 //! | `servo` | modes, watchdog, faults, and the contents of each register |
 //! | `console` | the text console with the settings, carried inside frames |
+//! | `telemetry` | what the console tells about the servo's firmware |
 //!
 //! They differ from the vendor's servos in four ways. Position gains are always 0, so that only the
 //! feedforward torque acts. A servo is enabled at once. When its watchdog expires it gives no
@@ -19,6 +20,7 @@ mod console;
 mod line;
 mod registers;
 mod servo;
+mod telemetry;
 
 use hbot_core::design::device::MAX_JOINTS;
 

@@ -7,7 +7,7 @@ use hbot_core::design::device::MAX_JOINTS;
 use super::command::{
     COMMAND, COMMANDS, DEFAULTS, FEEDFORWARD, IGNORE_BOUNDS, MAPPINGS, MAX_TORQUE, WATCHDOG, mapping,
 };
-use super::console::Console;
+use super::console::{Console, Order};
 use super::registers::{
     CURRENT, NOT_WRITABLE, OUT_OF_RANGE, POSITION, POWER, Reader, Refusal, TEMPERATURE, TORQUE, UNKNOWN,
     VELOCITY, VOLTAGE, Value, put, put_varuint,
@@ -94,7 +94,8 @@ impl Servo {
     /// Sets the zero of the position as a servo does at power-on. At power-on the encoder measures
     /// the rotor's angle only within one turn, so the zero is at the nearest whole turn.
     fn find_zero(&mut self, joint: usize, joints: &Joints, angles: &[f64; MAX_JOINTS]) {
-        self.origin = joints.turns_at(joint, angles).round();
+        let offset = self.console.offset();
+        self.origin = (joints.turns_at(joint, angles) + offset).round() - offset;
         self.homed = 1;
     }
 
@@ -184,6 +185,7 @@ impl Servo {
                     let room = if code == 0x40 {
                         self.console.hear(&frame.bytes(size as usize)?);
                         scene.joints.set_filter(scene.joint, self.console.filter());
+                        self.obey_console(scene);
                         48
                     } else {
                         size as usize
@@ -226,11 +228,7 @@ impl Servo {
                 self.command = DEFAULTS;
                 self.ordered = Some(value as u8);
             }
-            0x130 => {
-                let away = self.position(scene) - f64::from(value);
-                self.origin += away.round();
-                self.homed = 2;
-            }
+            0x130 => self.rezero(scene, f64::from(value)),
             0x131 => {
                 self.origin += self.position(scene) - f64::from(value);
                 self.homed = 2;
@@ -324,6 +322,27 @@ impl Servo {
         self.watch(scene.now_ns, scene.joint, scene.joints);
     }
 
+    /// Carries out what the console's commands have asked for.
+    fn obey_console(&mut self, scene: &mut Scene<'_, '_>) {
+        for order in self.console.take_orders() {
+            match order {
+                Order::Stop => self.obey(scene, STOPPED),
+                Order::Rezero(turns) => self.rezero(scene, turns),
+                Order::SetOutput(turns) => {
+                    let away = self.position(scene) - turns;
+                    self.origin += away;
+                    self.console.set_offset((self.console.offset() - away) % 1.0);
+                }
+            }
+        }
+    }
+
+    /// Moves the zero by whole turns, so that the position is the nearest to `turns`.
+    fn rezero(&mut self, scene: &Scene<'_, '_>, turns: f64) {
+        self.origin += (self.position(scene) - turns).round();
+        self.homed = 2;
+    }
+
     fn run(&mut self, scene: &Scene<'_, '_>) {
         let at = self.position(scene);
         let outside = self.console.bounds().is_some_and(|(least, most)| !(least..=most).contains(&at));
@@ -343,6 +362,6 @@ impl Servo {
 
 /// Values that registers 0x100 to 0x102 contain: the model (moteus r4.11), the firmware version,
 /// and version 5 of the register map.
-const MODEL: i32 = 4;
-const FIRMWARE: i32 = 0x010f;
+pub(super) const MODEL: i32 = 4;
+pub(super) const FIRMWARE: i32 = 0x010f;
 const REGISTER_MAP: i32 = 5;
