@@ -10,13 +10,10 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 target=${CARGO_TARGET_DIR:-$PWD/target}
-built=${HBOT_BUILT:-$target/debug}
+built=$(realpath "${HBOT_BUILT:-$target/debug}")
 packages=(lintian dpkg-dev groff-base)
 [ "${1:-}" != --clean-root ] || packages+=(debootstrap)
 .ci/install.sh "${packages[@]}"
-export PATH=$PATH:$target/tools/bin
-command -v cargo-deb >/dev/null || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=$target/tools/build \
-    cargo install cargo-deb --version 3.8.0 --locked --debug --no-default-features --quiet --root "$target/tools"
 [ -n "${HBOT_BUILT:-}" ] || cargo build --workspace --features full --locked --quiet
 
 echo "-- packages"
@@ -27,6 +24,19 @@ for page in target/deb/*/man/*; do
     [ -z "$warnings" ] || { echo "$page: $warnings" >&2; exit 1; }
 done
 lintian --fail-on error --allow-root target/debian/*.deb
+
+echo "-- packages of the last version, where a commit came after it"
+copy=$(mktemp -d)
+trap 'rm -rf "$copy"' EXIT
+git clone --quiet --shared . "$copy"
+git -C "$copy" tag "v$("$built/hbot" --version | cut -d ' ' -f 2)"
+echo 'name = "Later"' >"$copy/scenes/later.toml"
+git -C "$copy" add scenes/later.toml
+git -C "$copy" -c user.name=later -c user.email=later@example.org commit --quiet --message later
+CARGO_TARGET_DIR=$target "$copy/contrib/package.sh" --last "$built" >/dev/null
+(cd "$copy/target/debian" && sha256sum --check --quiet SHA256SUMS)
+scenes=$(dpkg --contents "$copy"/target/debian/hbot-panel_*.deb | grep -c 'scenes/.*toml')
+[ "$scenes" = "$(git ls-files 'scenes/*.toml' | wc -l)" ] || { echo "$scenes scenes of the last version" >&2; exit 1; }
 
 if [ "${1:-}" = --clean-root ]; then
     echo "-- a clean root"

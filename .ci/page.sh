@@ -6,13 +6,16 @@
 #
 # HBOT_PAGE=crates/hbot-server/src/web takes the files of the page from there, without building the server.
 #
-# Needs target/debug/hbot, node and chromium. Installs playwright-core from npm into target/ci.
+# Also runs the clients of docs/websocket.md: in JavaScript in the page, in C# with Mono.
+#
+# Needs target/debug/hbot, node, chromium and mono. Installs playwright-core from npm into target/ci.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 hbot=$PWD/${HBOT:-target/debug/hbot}
 [ -x "$hbot" ] || { echo "$hbot is missing: cargo build" >&2; exit 1; }
 command -v npm >/dev/null || .ci/install.sh --no-install-recommends nodejs npm
+command -v mono >/dev/null || .ci/install.sh --no-install-recommends mono-mcs mono-runtime libmono-system4.0-cil
 command -v chromium >/dev/null || .ci/install.sh --no-install-recommends chromium fonts-dejavu-core
 home=target/ci/page
 mkdir -p "$home"
@@ -30,4 +33,5 @@ pictures=${1:-$work/pictures}
 mkdir -p "$pictures"
 # The script starts servers, holds them and ends them.
 XDG_STATE_HOME=$work node "$home/page.mjs" "$hbot" "$pictures"
+XDG_STATE_HOME=$work node "$home/clients.mjs" "$hbot" "$work"
 echo "the page shows, takes, turns, stops and finds the rig again ($((bytes / 1000)) kB)"

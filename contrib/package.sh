@@ -1,18 +1,50 @@
 #!/usr/bin/env bash
-# Makes the Debian packages hbot and hbot-panel in target/debian. It needs cargo-deb (`cargo install cargo-deb`), dpkg-dev
-# and Python. docs/install.md describes the packages.
+# Makes the Debian packages hbot and hbot-panel in target/debian. It needs dpkg-dev and Python, and installs cargo-deb into
+# target/tools if there is none. docs/install.md describes the packages.
 #
 #     contrib/package.sh               builds both programs with all features and all optimisation first
 #     contrib/package.sh target/debug  takes the programs from this folder; build them with `--features full`
+#     contrib/package.sh --last        does the first with the last version, the newest tag v* before the present commit,
+#                                      and adds SHA256SUMS. A folder after it is taken as above
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+version() { sed -n '/^\[workspace.package\]/,/^$/s/^version = "\(.*\)"/\1/p' "$1/Cargo.toml"; }
+fail() { echo "$*" >&2; exit 1; }
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+
+if [ "${1:-}" = --last ]; then
+    shift
+    tag=$(git describe --tags --abbrev=0 --match 'v[0-9]*' 2>/dev/null) ||
+        fail "no version has a tag yet; the present one gets its tag by: git tag v$(version .)"
+    tree=$(mktemp -d)
+    trap 'rm -rf "$tree"' EXIT
+    git -c advice.detachedHead=false clone --quiet --depth 1 --branch "$tag" "file://$PWD" "$tree"
+    [ "v$(version "$tree")" = "$tag" ] || fail "the tag $tag is on version $(version "$tree") of Cargo.toml"
+    [ $# -eq 0 ] || set -- "$(realpath "$1")"
+    CARGO_TARGET_DIR=$target "$tree/contrib/package.sh" "$@"
+    mkdir -p target/debian
+    rm -f target/debian/*
+    cp "$tree"/target/debian/*.deb target/debian/
+    cd target/debian
+    sha256sum -- *.deb | tee SHA256SUMS
+    exit
+fi
 
 if [ $# -gt 0 ]; then
     built=$(realpath "$1")
 else
     cargo build --release --locked --package hbot --package hbot-gui --features full
-    built=$(realpath "${CARGO_TARGET_DIR:-target}")/release
+    built=$target/release
 fi
+for program in hbot hbot-gui; do
+    said=$("$built/$program" --version)
+    [ "$said" = "$program $(version .)" ] || fail "$built/$program is $said, and the sources are version $(version .)"
+done
+
+export PATH=$PATH:$target/tools/bin
+command -v cargo-deb >/dev/null || CARGO_PROFILE_DEV_DEBUG=none CARGO_TARGET_DIR=$target/tools/build \
+    cargo install cargo-deb --version 3.8.0 --locked --debug --no-default-features --quiet --root "$target/tools"
 
 # cargo-deb takes programs from the folder `release` of a target folder.
 work=$(mktemp -d)

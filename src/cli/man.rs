@@ -1,6 +1,6 @@
 //! `hbot man`: writes the man pages of all commands, for the Debian package.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -17,7 +17,12 @@ pub(crate) struct ManArgs {
 }
 
 pub(crate) fn run(args: &ManArgs) -> anyhow::Result<ExitCode> {
-    clap_mangen::generate_to(Cli::command(), &args.folder)
-        .with_context(|| format!("man pages in {}", args.folder.display()))?;
+    write(&args.folder)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the man pages of all commands into a folder that exists.
+pub(super) fn write(folder: &Path) -> anyhow::Result<()> {
+    clap_mangen::generate_to(Cli::command(), folder)
+        .with_context(|| format!("man pages in {}", folder.display()))
 }

@@ -96,7 +96,7 @@ enum Command {
     Enable(Commanding),
     /// Leave a fault or an emergency stop after its cause is gone
     Reset(Commanding),
-    /// Print a script that completes commands in a shell
+    /// Print a script that completes commands in a shell, or install it and the man pages
     Completions(completions::CompletionsArgs),
     /// Write the man pages of all commands into a folder
     #[command(hide = true)]
@@ -104,6 +104,13 @@ enum Command {
     /// Switch motors off if `hbot server` or `hbot rig` dies (started by them)
     #[command(name = LAST_WORD, hide = true)]
     LastWord,
+}
+
+/// Returns the folder of this user that an environment variable names, or else the one below the
+/// home (XDG base directories). Returns `None` if neither is an absolute path.
+fn own_folder(variable: &str, below_home: &str) -> Option<PathBuf> {
+    let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    absolute(variable).or_else(|| absolute("HOME").map(|home| home.join(below_home)))
 }
 
 /// The server to connect to, with the files that authenticate both sides.

@@ -30,7 +30,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use super::console::Console;
 use super::record::file_or_folder;
 use super::sockets::Web;
-use super::{secrets, sockets, status, style};
+use super::{own_folder, secrets, sockets, status, style};
 
 /// Exit code of a server whose run was good and whose recording was not: a file could not be
 /// written to its end.
@@ -420,7 +420,5 @@ fn live_or_simulated(port: &Port) -> String {
 /// Returns the directory for flight logs, in the user's state directory (XDG base directories).
 /// Returns `None` if neither `XDG_STATE_HOME` nor `HOME` is an absolute path.
 pub(crate) fn flight_dir() -> Option<PathBuf> {
-    let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
-    let state = absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")));
-    state.map(|dir| dir.join("hbot/flight"))
+    own_folder("XDG_STATE_HOME", ".local/state").map(|dir| dir.join("hbot/flight"))
 }

@@ -423,6 +423,30 @@ fn a_script_completes_commands_in_each_shell() {
     }
 }
 
+/// As after `cargo install`: the program is in a folder `bin`, and man looks beside it.
+#[test]
+fn one_command_installs_completions_and_man_pages() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [bin, home] = ["cargo/bin", "home"].map(|name| folder.path().join(name));
+    std::fs::create_dir_all(&bin).expect("a folder");
+    std::fs::copy(hbot().get_program(), bin.join("hbot")).expect("copied");
+    let mut command = assert_cmd::Command::new(bin.join("hbot"));
+    command.args(["completions", "--install"]).env("HOME", &home).env_remove("XDG_DATA_HOME");
+    let said = command.assert().success().get_output().stdout.clone();
+    let said = String::from_utf8(said).expect("UTF-8");
+    for (file, text) in [
+        ("cargo/share/man/man1/hbot-server.1", r"\-\-rig"),
+        ("home/.local/share/bash-completion/completions/hbot", "complete"),
+        ("home/.local/share/fish/vendor_completions.d/hbot.fish", "scene"),
+    ] {
+        let path = folder.path().join(file);
+        assert!(std::fs::read_to_string(&path).expect(file).contains(text), "{file}");
+        assert!(said.contains(&path.parent().expect("a folder").display().to_string()), "{file}: {said}");
+    }
+    // Without a home there is no place for them.
+    command.env_remove("HOME").assert().failure().stderr(contains("XDG_DATA_HOME"));
+}
+
 #[test]
 fn every_command_has_a_man_page_that_names_its_options() {
     let folder = tempfile::tempdir().expect("a folder");

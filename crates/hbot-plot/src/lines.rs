@@ -138,7 +138,8 @@ impl Lines {
     {
         let (area, legend) = rooms(whole, self.series.iter().map(|series| series.name.as_str()));
         self.legend(Legend::on(&legend, TOP))?;
-        let words = Words { title: &self.title, x: &self.x, y: &self.y, x_marks: MARKS, pale: PALE };
+        let words =
+            Words { title: &self.title, x: &self.x, y: &self.y, x_marks: MARKS, pale: PALE, above: 0 };
         let mut chart = plane(&area, &words, x, y)?;
         for series in &self.series {
             let colour = COLOURS[series.colour % COLOURS.len()];

@@ -2,10 +2,13 @@
 
 use std::ops::Range;
 
+use plotters::coord::ranged1d::{BoldPoints, Ranged as _};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::plane::{Axis, Legend, MARKS, PALE, TOP, Words, plane, rooms};
-use crate::{COLOURS, Failed, SIZE, Surface, drawn, failed};
+use crate::{COLOURS, Failed, SIZE, Surface, drawn, failed, short};
 
 /// One point of a [`NamedPoints`] plot.
 #[derive(Debug, Clone)]
@@ -40,6 +43,10 @@ pub struct NamedPoints {
     pub x: String,
     /// Label of the y axis.
     pub y: String,
+    /// A second x axis above the plot: its label, and its value for an x of 1. `None` for none.
+    pub above: Option<(String, f64)>,
+    /// A dashed level with a name: the name, and its y value, above 0. `None` for none.
+    pub level: Option<(String, f64)>,
     /// The groups of points.
     pub groups: Vec<PointGroup>,
 }
@@ -48,6 +55,8 @@ pub struct NamedPoints {
 const LETTER: [i32; 2] = [7, 15];
 /// Half the height of the ends of a spread's bar, pixels.
 const END: i32 = 5;
+/// Height of the room for the second x axis, pixels.
+const ABOVE: u32 = 34;
 
 /// A rectangle of pixels: left, top, right, bottom.
 type Room = [i32; 4];
@@ -85,10 +94,23 @@ impl NamedPoints {
     fn draw(&self, whole: &Surface<'_>) -> Result<(), Failed> {
         let (area, legend) = rooms(whole, self.groups.iter().map(|group| group.name.as_str()));
         self.legend(Legend::on(&legend, TOP))?;
-        let words = Words { title: &self.title, x: &self.x, y: &self.y, x_marks: MARKS, pale: PALE };
+        // The second axis is between the title and the plot.
+        let (below, title, above) = match self.above {
+            Some(_) => {
+                let area = area.margin(12, 0, 0, 0);
+                (area.titled(&self.title, ("sans-serif", 20)).map_err(failed)?, "", ABOVE)
+            }
+            None => (area.clone(), self.title.as_str(), 0),
+        };
+        let words = Words { title, x: &self.x, y: &self.y, x_marks: MARKS, pale: PALE, above };
         let [x, y] = self.ranges();
-        let chart = plane(&area, &words, Axis::even(x), Axis { coordinate: y.log_scale(), rounding: 0.0 })?;
+        let vertical = Axis { coordinate: y.clone().log_scale(), rounding: 0.0 };
+        let chart = plane(&below, &words, Axis::even(x.clone()), vertical)?;
         let mut taken: Vec<Room> = Vec::new();
+        if let Some((name, level)) = &self.level {
+            let ends = [x.start, x.end].map(|x| chart.backend_coord(&(x, *level)));
+            taken.push(dashed(&area, name, ends)?);
+        }
         for (colour, point) in self.points() {
             let at = |x: f64| chart.backend_coord(&(x, point.y));
             let [(left, y), (x, _), (right, _)] = [point.spread[0], point.x, point.spread[1]].map(at);
@@ -102,7 +124,11 @@ impl NamedPoints {
             area.draw(&Circle::new((x, y), 4, colour.filled())).map_err(failed)?;
             taken.push([left.min(x - 5), y - 6, right.max(x + 5), y + 6]);
         }
-        self.names(&area, &mut taken, |x, y| chart.backend_coord(&(x, y)))
+        self.names(&area, &mut taken, |x, y| chart.backend_coord(&(x, y)))?;
+        match &self.above {
+            Some((label, factor)) => second(&area, label, x, *factor, |x| chart.backend_coord(&(x, y.end))),
+            None => Ok(()),
+        }
     }
 
     /// Writes the names beside their points, where they cover neither points nor other names.
@@ -134,6 +160,44 @@ impl NamedPoints {
     }
 }
 
+/// Draws a second x axis above the plot, with `factor` times the values of the first, which has the
+/// range `x`. `place` returns the pixel of an x value at the upper edge of the plot.
+fn second(
+    area: &Surface<'_>,
+    label: &str,
+    x: Range<f64>,
+    factor: f64,
+    place: impl Fn(f64) -> (i32, i32),
+) -> Result<(), Failed> {
+    let [(left, top), (right, _)] = [x.start, x.end].map(&place);
+    area.draw(&PathElement::new(vec![(left, top), (right, top)], BLACK.stroke_width(1))).map_err(failed)?;
+    let above =
+        |size: i32| ("sans-serif", size).into_font().color(&BLACK).pos(Pos::new(HPos::Center, VPos::Bottom));
+    let axis = RangedCoordf64::from(x.start * factor..x.end * factor);
+    for value in axis.key_points(BoldPoints(MARKS)) {
+        let (at, _) = place(value / factor);
+        area.draw(&PathElement::new(vec![(at, top), (at, top - 5)], BLACK.stroke_width(1)))
+            .map_err(failed)?;
+        area.draw(&Text::new(short(value), (at, top - 8), above(14))).map_err(failed)?;
+    }
+    let middle = (left.midpoint(right), top - 26);
+    area.draw(&Text::new(label.to_owned(), middle, above(15))).map_err(failed)
+}
+
+/// Draws a dashed grey line between two points at one height, with its name above its right end.
+/// Returns the room of the name.
+fn dashed(area: &Surface<'_>, name: &str, [(left, y), (right, _)]: [(i32, i32); 2]) -> Result<Room, Failed> {
+    let grey = COLOURS[6];
+    for x in (left..right).step_by(10) {
+        area.draw(&PathElement::new(vec![(x, y), (right.min(x + 6), y)], grey.stroke_width(1)))
+            .map_err(failed)?;
+    }
+    let font = ("sans-serif", 13).into_font().color(&grey);
+    let end = font.pos(Pos::new(HPos::Right, VPos::Bottom));
+    area.draw(&Text::new(name.to_owned(), (right - 4, y - 3), end)).map_err(failed)?;
+    Ok([right - 4 - name.chars().count() as i32 * LETTER[0], y - 3 - LETTER[1], right, y])
+}
+
 /// Returns a room for a name of `letters` letters near the point at `at` that overlaps none of
 /// `taken`: right of the bar that ends at `right`, or else above or below the point, as near as
 /// possible.
@@ -163,13 +227,18 @@ mod tests {
             title: "Costs".to_owned(),
             x: "ns".to_owned(),
             y: "rad".to_owned(),
+            above: Some(("per cent".to_owned(), 100.0)),
+            level: Some(("a floor".to_owned(), 1e-5)),
             groups: vec![
                 group("named", 0, vec![point("euler", 10.0, 1e-3), point("midpoint", 20.0, 1e-6)]),
                 group("unnamed", 1, vec![point("", 20.0, 1e-4), point("no place", 20.0, 0.0)]),
             ],
         };
         let svg = plot.svg();
-        for text in ["Costs", "ns", "rad", "named", "unnamed", "euler", "midpoint"] {
+        // 15 ns are 1500 per cent of a nanosecond.
+        for text in
+            ["Costs", "ns", "rad", "named", "unnamed", "euler", "midpoint", "per cent", "1500", "a floor"]
+        {
             assert!(svg.contains(text), "{text}");
         }
         assert!(!svg.contains("no place"), "it has no place on a logarithmic axis");

@@ -84,7 +84,7 @@ impl PlotPanel {
             self.legend(Legend::on(&right, 30))?;
             area = left;
         }
-        let words = Words { title: "", x: &self.x, y: &self.y, x_marks: self.x_range.1, pale: 1 };
+        let words = Words { title: "", x: &self.x, y: &self.y, x_marks: self.x_range.1, pale: 1, above: 0 };
         let [x, y] = [&self.x_range.0, &self.y_range].map(|range| Axis::even(range.clone()));
         let mut chart = plane(&area, &words, x, y)?;
         for strokes in self.limit.map(|limit| self.beyond(limit)).into_iter().flatten() {

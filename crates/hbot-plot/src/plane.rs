@@ -18,6 +18,8 @@ pub(crate) struct Words<'a> {
     pub(crate) x_marks: usize,
     /// Largest number of parts into which pale lines divide the distance between two labels.
     pub(crate) pale: usize,
+    /// Height of the room that is left free above the plot, for a second x axis, pixels.
+    pub(crate) above: u32,
 }
 
 /// Approximate number of labels on the x axis of a plot that fills its picture, for
@@ -82,6 +84,7 @@ where
     }
     let mut chart = builder
         .margin(12)
+        .margin_top(12 + words.above)
         .x_label_area_size(46)
         .y_label_area_size(74)
         .build_cartesian_2d(x.coordinate, y.coordinate)

@@ -56,7 +56,8 @@ impl Scatter {
     fn draw(&self, whole: &Surface<'_>) -> Result<(), Failed> {
         let names = self.clouds.iter().map(|cloud| cloud.name.as_str());
         let (area, legend) = rooms(whole, names.chain([self.mark.0.as_str()]));
-        let words = Words { title: &self.title, x: &self.x, y: &self.y, x_marks: MARKS, pale: PALE };
+        let words =
+            Words { title: &self.title, x: &self.x, y: &self.y, x_marks: MARKS, pale: PALE, above: 0 };
         let [x, y] = [self.range(|p| p.0), self.range(|p| p.1)].map(Axis::even);
         let mut chart = plane(&area, &words, x, y)?;
         for cloud in &self.clouds {

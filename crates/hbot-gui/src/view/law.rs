@@ -43,6 +43,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
         (-2..=2).map(mark).collect()
     };
     let plot = Plot::new("law")
+        .grid_color(palette.plot_grid())
         .height(HEIGHT)
         .width(ui.available_width() - 8.0)
         .include_x(-PI)

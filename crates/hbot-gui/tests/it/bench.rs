@@ -86,6 +86,11 @@ impl AloneServer {
         bench
     }
 
+    /// Starts a server in virtual time that renders this scene on the prototype.
+    pub(crate) fn with_scene(scene: &str) -> Self {
+        Self::start(&ServerSetup { scene, ..ServerSetup::default() })
+    }
+
     /// Starts a server without waiting for other servers to end. The caller must hold the guard of
     /// [`alone`].
     pub(crate) fn beside(setup: &ServerSetup<'_>) -> Self {

@@ -241,7 +241,7 @@ fn recover_waits_until_the_sphere_is_near_its_reference() {
         "[0.9950041652780258, 0.09983341664682815, 0, 0]",
         "[0.9210609940028851, 0.3894183423086505, 0, 0]",
     );
-    let bench = AloneServer::start(&ServerSetup { scene: &far, ..ServerSetup::default() });
+    let bench = AloneServer::with_scene(&far);
     let mut witness = Witness::new(&bench);
     let mut seat = Seat::at(bench.address);
     seat.until_text("you command");

@@ -7,7 +7,7 @@ use egui_kittest::kittest::Queryable as _;
 use glam::{DQuat, DVec3};
 use hbot_api::{Mode, StateEvent};
 
-use crate::bench::{AloneServer, Seat, ServerSetup, Witness};
+use crate::bench::{AloneServer, Seat, Witness};
 use crate::controls::seated;
 
 /// A spring, and a hand that holds still until somebody moves it.
@@ -57,7 +57,7 @@ fn rested(witness: &mut Witness) -> StateEvent {
 
 #[test]
 fn a_dragged_sphere_feels_the_spring() {
-    let bench = AloneServer::start(&ServerSetup { scene: SPRING, ..ServerSetup::default() });
+    let bench = AloneServer::with_scene(SPRING);
     let (mut seat, mut witness) = seated(&bench);
     let (middle, radius) = sphere(&seat);
     let before = turned(&rested(&mut witness));
@@ -89,7 +89,7 @@ fn a_dragged_sphere_feels_the_spring() {
 
 #[test]
 fn with_shift_or_beside_the_sphere_a_drag_turns_the_view_alone() {
-    let bench = AloneServer::start(&ServerSetup { scene: SPRING, ..ServerSetup::default() });
+    let bench = AloneServer::with_scene(SPRING);
     let (mut seat, mut witness) = seated(&bench);
     let (middle, radius) = sphere(&seat);
     for (from, modifiers) in [(middle, Modifiers::SHIFT), (middle + vec2(1.3 * radius, 0.0), Modifiers::NONE)]
@@ -105,7 +105,7 @@ fn with_shift_or_beside_the_sphere_a_drag_turns_the_view_alone() {
 
 #[test]
 fn the_wheel_twists_the_held_sphere_and_arrow_keys_turn_it() {
-    let bench = AloneServer::start(&ServerSetup { scene: SPRING, ..ServerSetup::default() });
+    let bench = AloneServer::with_scene(SPRING);
     let (mut seat, mut witness) = seated(&bench);
     let (middle, _) = sphere(&seat);
     drag(&mut seat, middle, Vec2::ZERO, Modifiers::NONE);
@@ -139,7 +139,7 @@ fn the_wheel_twists_the_held_sphere_and_arrow_keys_turn_it() {
 
 #[test]
 fn who_does_not_command_turns_the_view_alone() {
-    let bench = AloneServer::start(&ServerSetup { scene: SPRING, ..ServerSetup::default() });
+    let bench = AloneServer::with_scene(SPRING);
     let (mut seat, mut witness) = seated(&bench);
     let (middle, radius) = sphere(&seat);
     drag(&mut seat, middle, vec2(0.3 * radius, 0.0), Modifiers::NONE);

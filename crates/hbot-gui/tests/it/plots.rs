@@ -30,12 +30,12 @@ struct Row {
 }
 
 fn moved() -> (AloneServer, Seat) {
-    moving(false)
+    moving(MOVED, false)
 }
 
-/// Starts a server, in real time if `paced`, and a panel that shows it.
-fn moving(paced: bool) -> (AloneServer, Seat) {
-    let bench = AloneServer::start(&ServerSetup { scene: MOVED, paced, ..ServerSetup::default() });
+/// Starts a server with this scene, in real time if `paced`, and a panel that shows it.
+fn moving(scene: &str, paced: bool) -> (AloneServer, Seat) {
+    let bench = AloneServer::start(&ServerSetup { scene, paced, ..ServerSetup::default() });
     let options = PanelOptions { samples_per_s: 60, ..PanelOptions::new(&bench.address.to_string()) };
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");
@@ -107,7 +107,7 @@ fn the_ground_is_light_or_dark() {
 fn a_fit_describes_the_stiffness_since_its_last_change() {
     // In real time the samples before the change stay in the plot for ten seconds. The lead of 2.2
     // ms adds 2.2 ms times the stiffness to the damping of 0.02 N m s/rad.
-    let (_bench, mut seat) = moving(true);
+    let (_bench, mut seat) = moving(MOVED, true);
     seat.click("Torque / deflection");
     seat.until_text("n1 2.000 (0.0244)");
     seat.type_number("Stiffness value", "3");
@@ -119,17 +119,14 @@ fn a_fit_describes_the_stiffness_since_its_last_change() {
 fn a_wall_is_not_told_as_a_spring() {
     let scene =
         MOVED.replace("kind = \"spring\"\nstiffness = 2", "kind = \"end_stop\"\ncone = 0.05\nstiffness = 2");
-    let bench = AloneServer::start(&ServerSetup { scene: &scene, ..ServerSetup::default() });
-    let options = PanelOptions { samples_per_s: 60, ..PanelOptions::new(&bench.address.to_string()) };
-    let mut seat = Seat::with(options);
-    seat.until_text("ACTIVE");
+    let (_bench, mut seat) = moving(&scene, false);
     seat.click("Torque / deflection");
     seat.until_text("is not one spring");
 }
 
 #[test]
 fn every_plot_marks_scenes_changed_parameters_and_stops() {
-    let (_bench, mut seat) = moving(true);
+    let (_bench, mut seat) = moving(MOVED, true);
     seat.until_text("you command");
     seat.type_number("Stiffness value", "1.5");
     for (plot, axis) in [

@@ -115,7 +115,7 @@ fn one_of_each() -> String {
 fn parameters_of_every_kind_are_drawn_from_their_schema_and_reach_the_server() {
     let scene = one_of_each();
     assert_ne!(scene, STILL);
-    let bench = AloneServer::start(&ServerSetup { scene: &scene, ..ServerSetup::default() });
+    let bench = AloneServer::with_scene(&scene);
     let mut witness = Witness::new(&bench);
     let mut seat = Seat::at(bench.address);
     seat.until_text("you command");
@@ -229,7 +229,7 @@ fn the_picture_shows_the_wall_that_the_hand_meets() {
     let wall = "name = \"Wall\"\n[[effect]]\nid = \"wall\"\nkind = \"end_stop\"\ncone = 0.1\nstiffness = 2\n";
     let held = "[simulate]\nhand = { stiffness = 50, damping = 1, amplitude = 0.3, rate = 0.1 }\n";
     let scene = format!("{wall}{held}");
-    let bench = AloneServer::start(&ServerSetup { scene: &scene, ..ServerSetup::default() });
+    let bench = AloneServer::with_scene(&scene);
     let (mut seat, _witness) = seated(&bench);
     seat.until_text("; the hand meets wall");
     seat.until("free inside", |harness| {

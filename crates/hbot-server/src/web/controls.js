@@ -101,7 +101,7 @@ export class Controls {
       if (border === null) return;
       const shakes = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: may shake`));
       text.className = shakes || get() > border ? 'warn' : 'weak';
-      put(text, `in this scene expected to be stable up to ${border.toFixed(2)} N m/rad (mark)`);
+      put(text, `Expected to be stable up to ${border.toFixed(2)} N m/rad in this scene (mark)`);
     });
     return text;
   }

@@ -215,7 +215,7 @@ function palette() {
   const of = (name) => style.getPropertyValue(`--${name}`).trim();
   return {
     axes: [of('axis1'), of('axis2'), of('axis3')], sphere: [of('sphere'), of('edge')],
-    ...Object.fromEntries(['torque', 'ghost', 'grid', 'wheel', 'weak', 'hand', 'line', 'text'].map((k) => [k, of(k)])),
+    ...Object.fromEntries(['torque', 'ghost', 'grid', 'ground', 'wheel', 'weak', 'hand', 'line', 'text'].map((k) => [k, of(k)])),
   };
 }
 dark.onchange = () => {
@@ -231,7 +231,8 @@ function words() {
   if (!state) return;
   const turned = rotation(state.q);
   const angle = length(turned);
-  const figure = (x) => x.toFixed(3).padStart(7);
+  // A rounded number that is zero has no sign.
+  const figure = (x) => (Math.round(1000 * x) / 1000 + 0).toFixed(3).padStart(7);
   if (legend.children.length === 0) {
     for (const name of ['torque', 'ghost', 'weak', 'weak']) {
       legend.append(Object.assign(document.createElement('p'), { className: name }));

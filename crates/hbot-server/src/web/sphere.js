@@ -126,13 +126,23 @@ class Drawing {
     this.head(this.point(from), this.point(to), 5 + 2 * width, colour, this.hides(to) ? 0.35 : 1);
   }
 
-  text(p, text, colour) {
+  /** Writes a text `beyond` px behind the point p, seen from the centre. Its edge is that of the ground. */
+  text(p, text, colour, beyond = 0) {
     const { c } = this;
-    const [x, y] = this.point(p);
-    c.globalAlpha = this.hides(p) ? 0.5 : 1;
-    c.fillStyle = colour;
+    const [x0, y0] = this.point(p);
+    const [dx, dy] = [x0 - this.at.x, y0 - this.at.y];
+    const run = Math.hypot(dx, dy);
+    // An axis along the line of sight has no direction in the picture.
+    const [ux, uy] = run > 1 ? [dx / run, dy / run] : [0.7, -0.7];
+    const [x, y] = [x0 + beyond * ux, y0 + beyond * uy];
+    c.globalAlpha = this.hides(p) ? 0.6 : 1;
+    c.strokeStyle = this.colours.ground;
+    c.lineWidth = 3;
+    c.lineJoin = 'round';
     c.textAlign = 'center';
     c.textBaseline = 'middle';
+    c.strokeText(text, x, y);
+    c.fillStyle = colour;
     c.fillText(text, x, y);
     c.globalAlpha = 1;
   }
@@ -187,8 +197,8 @@ class Drawing {
     AXES.forEach((axis, k) => {
       const [tip, colour] = [rotated(q, axis), this.colours.axes[k]];
       this.arrow([0, 0, 0], scaled(tip, 1.3), colour, 2.5);
-      this.text(scaled(tip, 1.42), `s${k + 1}`, colour);
       if (!this.hides(tip)) this.dot(tip, 3.5, colour);
+      this.text(scaled(tip, 1.3), `s${k + 1}`, colour, 14);
     });
   }
 
@@ -283,7 +293,7 @@ export function draw(canvas, rig, camera, colours, held) {
     state.joints[2 * k]?.angle ?? 0, state.joints[2 * k + 1]?.angle ?? 0));
   drawing.torque(state.torque, limit);
   if (held) drawing.grip(rotated(q, held.grip), held.pointer, state.torque, limit);
-  const corner = new Drawing(context, camera.frame, { x: width - 40, y: 44, radius: 24 }, colours);
+  const corner = new Drawing(context, camera.frame, { x: width - 44, y: 48, radius: 24 }, colours);
   AXES.forEach((axis, k) => {
     const colour = colours.axes[k];
     context.strokeStyle = context.fillStyle = colour;
@@ -292,6 +302,6 @@ export function draw(canvas, rig, camera, colours, held) {
     context.moveTo(...corner.point([0, 0, 0]));
     context.lineTo(...corner.point(axis));
     context.stroke();
-    context.fillText(`n${k + 1}`, ...corner.point(scaled(axis, 1.4)));
+    corner.text(axis, `n${k + 1}`, colour, 12);
   });
 }

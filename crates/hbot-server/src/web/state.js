@@ -30,6 +30,8 @@ const METERS = [
 });
 $('meters').append(...METERS.map(({ row }) => row));
 
+const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}.`;
+
 /** Returns the paragraphs below the headline: `[weight, text]`. */
 function details(rig) {
   const head = rig.headline;
@@ -42,7 +44,7 @@ function details(rig) {
     return [
       ['strong', "Cut the motors' power."],
       ['', 'STOP or Esc tries again. This message ends when a state shows no torque.'],
-      ['', `${stop.why ?? 'the server has not confirmed the stop'}.`],
+      ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
       ...old];
   }
   if (head === 'NO CONTACT') {

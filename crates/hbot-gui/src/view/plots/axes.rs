@@ -5,6 +5,7 @@ use egui_plot::{AxisHints, GridInput, GridMark, Plot};
 
 use super::PlotDesk;
 use crate::view::round_up;
+use crate::view::theme::Palette;
 
 /// Least width of the vertical axis, points. It holds the name of the axis and a number such as
 /// -0.002.
@@ -24,6 +25,7 @@ pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a>
         // Leaves room for the right half of the last number on the horizontal axis.
         .width(ui.available_width() - 12.0)
         .y_axis_label(y)
+        .grid_color(Palette::of(ui).plot_grid())
         .custom_x_axes(vec![AxisHints::new_x().min_thickness(x_axis_height)])
         .y_axis_min_width(Y_AXIS_WIDTH)
         .x_grid_spacer(|input| round_steps(input, 9.0))

@@ -82,7 +82,7 @@ fn controls(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act
         for (which, name) in Which::ALL {
             ui.selectable_value(&mut plots.which, which, name);
         }
-        ui.separator();
+        ui.add_space(8.0);
         let window =
             ComboBox::from_id_salt("window").selected_text(format!("{} s", plots.window)).width(52.0);
         let response = window.show_ui(ui, |ui| {

@@ -1,8 +1,9 @@
 //! Lines, arrows and texts in three dimensions.
 
 use std::cell::RefCell;
+use std::sync::Arc;
 
-use eframe::egui::{Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, vec2};
+use eframe::egui::{Color32, FontId, Galley, Painter, Pos2, Rect, Shape, Stroke, Ui, Vec2, vec2};
 use glam::DVec3;
 
 use crate::view::camera::Projection;
@@ -16,11 +17,27 @@ pub(super) struct Drawing {
     pub(super) painter: Painter,
     pub(super) view: Projection,
     pub(super) palette: Palette,
-    /// The places of the names that have been written.
-    pub(super) written: RefCell<Vec<Rect>>,
+    /// Colour of the background.
+    pub(super) ground: Color32,
+    /// The names that are to be written, and the point of the picture about which each belongs.
+    pub(super) names: RefCell<Vec<(Pos2, Arc<Galley>)>>,
+    /// The places of names that have been written, and of marks that no name may cover.
+    pub(super) taken: RefCell<Vec<Rect>>,
 }
 
 impl Drawing {
+    pub(super) fn new(ui: &Ui, painter: &Painter, view: Projection) -> Self {
+        let (palette, ground) = (Palette::of(ui), ui.visuals().panel_fill);
+        Self {
+            painter: painter.clone(),
+            view,
+            palette,
+            ground,
+            names: RefCell::default(),
+            taken: RefCell::default(),
+        }
+    }
+
     /// Draws either the hidden or the visible parts of a line.
     pub(super) fn runs(&self, line: &[DVec3], hidden: bool, stroke: Stroke) {
         for run in line.chunk_by(|a, b| self.view.is_hidden(*a) == self.view.is_hidden(*b)) {
@@ -61,14 +78,33 @@ impl Drawing {
         self.painter.add(Shape::convex_polygon(points, color, Stroke::NONE));
     }
 
-    /// Writes a name at a place, or beside it if another name is there.
-    pub(super) fn text(&self, at: DVec3, text: &str, color: Color32) {
-        let dim = if self.view.is_hidden(at) { 0.5 } else { 1.0 };
+    /// Notes a name to be written at a place, `beyond` points farther from the sphere's centre.
+    pub(super) fn text(&self, at: DVec3, text: &str, color: Color32, beyond: f32) {
+        let dim = if self.view.is_hidden(at) { 0.6 } else { 1.0 };
+        let point = self.view.point(at);
+        let out = point - self.view.point(DVec3::ZERO);
+        // An axis along the line of sight has no direction in the picture.
+        let out = if out.length() > 1.0 { out.normalized() } else { vec2(0.7, -0.7) };
         let color = color.gamma_multiply(dim);
         let galley = self.painter.layout_no_wrap(text.to_owned(), FontId::proportional(13.0), color);
-        let place = free_place(&self.written.borrow(), self.view.point(at), galley.size());
-        self.painter.galley(place.min, galley, color);
-        self.written.borrow_mut().push(place);
+        self.names.borrow_mut().push((point + beyond * out, galley));
+    }
+
+    /// Keeps names away from a point of the picture that has a mark.
+    pub(super) fn keep_free(&self, at: DVec3) {
+        self.taken.borrow_mut().push(Rect::from_center_size(self.view.point(at), vec2(9.0, 9.0)));
+    }
+
+    /// Writes all names, each at its place or beside it if another name or a mark is there. They
+    /// are the last to be drawn, so that no line crosses them.
+    pub(super) fn write_names(&self) {
+        let mut taken = self.taken.borrow_mut();
+        for (at, galley) in self.names.borrow_mut().drain(..) {
+            let place = free_place(&taken, at, galley.size());
+            self.painter.rect_filled(place.expand2(vec2(2.0, -1.0)), 4.0, self.ground.gamma_multiply(0.6));
+            self.painter.galley(place.min, galley, Color32::PLACEHOLDER);
+            taken.push(place);
+        }
     }
 }
 

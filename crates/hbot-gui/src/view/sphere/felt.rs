@@ -40,7 +40,7 @@ impl Drawing {
                 }
                 self.painter.circle_filled(point, lerp(2.5..=4.5, glow), color);
             }
-            Form::Label(at, text) => self.text(*at, text, seen),
+            Form::Label(at, text) => self.text(*at, text, seen, 0.0),
         }
     }
 

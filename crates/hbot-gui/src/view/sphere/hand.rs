@@ -64,142 +64,140 @@ impl Held {
     }
 }
 
-/// Turns the sphere or the view as the user asks with pointer and keys.
-pub(super) fn control(
-    ui: &Ui,
-    response: &Response,
-    model: &Model,
-    desk: &mut Desk,
-    view: Projection,
-    intents: &mut Vec<Intent>,
-) {
-    if !model.has_hand() {
-        // Who loses the lease or the connection has lost the hand: the scene moves it again.
-        desk.hand = None;
-    }
-    let before = desk.hand.map(|held| held.q);
-    fingers(ui, desk, view.radius, intents);
-    pointer(ui, response, model, desk, view, intents);
-    wheel(ui, response, desk, view);
-    keys(ui, response, model, desk, view, intents);
-    if let Some(held) = &desk.hand
-        && Some(held.q) != before
-    {
-        intents.push(held.intent());
-    }
-    if response.double_clicked() {
-        desk.camera = Default::default();
-    }
+/// What turns the sphere or the view: the picture, and what the user does there in one frame.
+pub(super) struct Control<'a> {
+    pub(super) ui: &'a Ui,
+    /// The response of the picture.
+    pub(super) response: &'a Response,
+    pub(super) model: &'a Model,
+    pub(super) desk: &'a mut Desk,
+    pub(super) view: Projection,
+    pub(super) intents: &'a mut Vec<Intent>,
 }
 
-fn let_go(desk: &mut Desk, intents: &mut Vec<Intent>) {
-    if desk.hand.take().is_some() {
-        intents.push(Intent::Hand(None));
-    }
-}
-
-/// Lets two fingers turn and zoom the view.
-fn fingers(ui: &Ui, desk: &mut Desk, radius: f32, intents: &mut Vec<Intent>) {
-    let Some(touch) = ui.input(|input| input.multi_touch()) else { return };
-    let_go(desk, intents);
-    desk.camera.orbit(touch.translation_delta, radius);
-    desk.camera.zoom_by(f64::from(touch.zoom_delta));
-}
-
-fn pointer(
-    ui: &Ui,
-    response: &Response,
-    model: &Model,
-    desk: &mut Desk,
-    view: Projection,
-    intents: &mut Vec<Intent>,
-) {
-    let (at, pressed, shift, fingers) = ui.input(|input| {
-        let fingers = input.multi_touch().is_some();
-        (input.pointer.interact_pos(), input.pointer.primary_pressed(), input.modifiers.shift, fingers)
-    });
-    let down = response.is_pointer_button_down_on() && !fingers;
-    match (&mut desk.hand, at.filter(|_| down)) {
-        (Some(held), Some(at)) => {
-            if let Some(last) = held.pointer.replace(at) {
-                let motion = view.motion(at - last);
-                held.turn(view.eye.cross(motion));
-            }
+impl Control<'_> {
+    /// Turns the sphere or the view as the user asks with pointer and keys.
+    pub(super) fn act(mut self) {
+        if !self.model.has_hand() {
+            // Who loses the lease or the connection has lost the hand: the scene moves it again.
+            self.desk.hand = None;
         }
-        (Some(Held { pointer: Some(_), .. }), None) => let_go(desk, intents),
-        (None, Some(at)) if pressed && !shift && model.has_hand() => {
-            if let (Some(touched), Some(state)) = (view.touched(at), &model.state) {
-                let q = quaternion(state.q);
-                let held = Held { q, grip: q.conjugate() * touched, pointer: Some(at) };
-                intents.push(held.intent());
-                desk.hand = Some(held);
-            }
+        let before = self.desk.hand.map(|held| held.q);
+        self.fingers();
+        self.pointer();
+        self.wheel();
+        self.keys();
+        if let Some(held) = &self.desk.hand
+            && Some(held.q) != before
+        {
+            self.intents.push(held.intent());
         }
-        _ => {}
-    }
-    if response.dragged() && desk.hand.is_none() && !fingers {
-        desk.camera.orbit(response.drag_delta(), view.radius);
-    }
-}
-
-/// Lets the mouse wheel twist the sphere about the line of sight while the hand holds it, and zoom
-/// otherwise.
-fn wheel(ui: &Ui, response: &Response, desk: &mut Desk, view: Projection) {
-    let scrolled = f64::from(ui.input(|input| input.smooth_scroll_delta.y));
-    if let Some(held) = &mut desk.hand {
-        held.turn(view.eye * (TWIST * scrolled));
-    } else if response.hovered() {
-        desk.camera.zoom_by((ZOOM * scrolled).exp());
-    }
-}
-
-fn keys(
-    ui: &Ui,
-    response: &Response,
-    model: &Model,
-    desk: &mut Desk,
-    view: Projection,
-    intents: &mut Vec<Intent>,
-) {
-    let has_focus = response.has_focus();
-    let arrows = if has_focus {
-        // The arrow keys would otherwise move the focus.
-        let filter = EventFilter { horizontal_arrows: true, vertical_arrows: true, ..EventFilter::default() };
-        ui.memory_mut(|memory| memory.set_focus_lock_filter(response.id, filter));
-        arrow_keys(ui)
-    } else {
-        Vec2::ZERO
-    };
-    let by_keys = desk.hand.is_some_and(|held| held.pointer.is_none());
-    let (shift, seconds, near, far) = ui.input(|input| {
-        let near = has_focus && (input.key_pressed(Key::Plus) || input.key_pressed(Key::Equals));
-        let far = has_focus && input.key_pressed(Key::Minus);
-        (input.modifiers.shift, input.stable_dt.min(LONGEST_FRAME), near, far)
-    });
-    desk.camera.zoom_by(1.1_f64.powi(i32::from(near) - i32::from(far)));
-    if arrows == Vec2::ZERO {
-        if by_keys {
-            let_go(desk, intents);
+        if self.response.double_clicked() {
+            self.desk.camera = Default::default();
         }
-        return;
     }
-    // A key that is held down moves the sphere in each frame.
-    ui.ctx().request_repaint();
-    let angle = arrows * (KEY_RATE as f32) * seconds;
-    if desk.hand.is_none()
-        && !shift
-        && model.has_hand()
-        && let Some(state) = &model.state
-    {
+
+    fn let_go(&mut self) {
+        if self.desk.hand.take().is_some() {
+            self.intents.push(Intent::Hand(None));
+        }
+    }
+
+    /// Takes hold of the sphere at the point `touched`, a unit vector in frame N, if there is a
+    /// hand.
+    fn take(&mut self, touched: DVec3, pointer: Option<Pos2>) -> Option<Held> {
+        let state = self.model.state.as_ref().filter(|_| self.model.has_hand())?;
         let q = quaternion(state.q);
-        desk.hand = Some(Held { q, grip: q.conjugate() * view.eye, pointer: None });
+        let held = Held { q, grip: q.conjugate() * touched, pointer };
+        self.desk.hand = Some(held);
+        Some(held)
     }
-    match &mut desk.hand {
-        Some(held) if held.pointer.is_none() => {
-            held.turn(view.eye.cross(view.motion(angle * view.radius)));
+
+    /// Lets two fingers turn and zoom the view.
+    fn fingers(&mut self) {
+        let Some(touch) = self.ui.input(|input| input.multi_touch()) else { return };
+        self.let_go();
+        self.desk.camera.orbit(touch.translation_delta, self.view.radius);
+        self.desk.camera.zoom_by(f64::from(touch.zoom_delta));
+    }
+
+    fn pointer(&mut self) {
+        let (at, pressed, shift, fingers) = self.ui.input(|input| {
+            let fingers = input.multi_touch().is_some();
+            let pressed = input.pointer.primary_pressed();
+            (input.pointer.interact_pos(), pressed, input.modifiers.shift, fingers)
+        });
+        let down = self.response.is_pointer_button_down_on() && !fingers;
+        match (&mut self.desk.hand, at.filter(|_| down)) {
+            (Some(held), Some(at)) => {
+                if let Some(last) = held.pointer.replace(at) {
+                    let motion = self.view.motion(at - last);
+                    held.turn(self.view.eye.cross(motion));
+                }
+            }
+            (Some(Held { pointer: Some(_), .. }), None) => self.let_go(),
+            (None, Some(at)) if pressed && !shift => {
+                if let Some(touched) = self.view.touched(at)
+                    && let Some(held) = self.take(touched, Some(at))
+                {
+                    self.intents.push(held.intent());
+                }
+            }
+            _ => {}
         }
-        Some(_) => {}
-        None => desk.camera.orbit(angle, 1.0),
+        if self.response.dragged() && self.desk.hand.is_none() && !fingers {
+            self.desk.camera.orbit(self.response.drag_delta(), self.view.radius);
+        }
+    }
+
+    /// Lets the mouse wheel twist the sphere about the line of sight while the hand holds it, and
+    /// zoom otherwise.
+    fn wheel(&mut self) {
+        let scrolled = f64::from(self.ui.input(|input| input.smooth_scroll_delta.y));
+        if let Some(held) = &mut self.desk.hand {
+            held.turn(self.view.eye * (TWIST * scrolled));
+        } else if self.response.hovered() {
+            self.desk.camera.zoom_by((ZOOM * scrolled).exp());
+        }
+    }
+
+    fn keys(&mut self) {
+        let has_focus = self.response.has_focus();
+        let arrows = if has_focus {
+            // The arrow keys would otherwise move the focus.
+            let filter =
+                EventFilter { horizontal_arrows: true, vertical_arrows: true, ..EventFilter::default() };
+            self.ui.memory_mut(|memory| memory.set_focus_lock_filter(self.response.id, filter));
+            arrow_keys(self.ui)
+        } else {
+            Vec2::ZERO
+        };
+        let by_keys = self.desk.hand.is_some_and(|held| held.pointer.is_none());
+        let (shift, seconds, near, far) = self.ui.input(|input| {
+            let near = has_focus && (input.key_pressed(Key::Plus) || input.key_pressed(Key::Equals));
+            let far = has_focus && input.key_pressed(Key::Minus);
+            (input.modifiers.shift, input.stable_dt.min(LONGEST_FRAME), near, far)
+        });
+        self.desk.camera.zoom_by(1.1_f64.powi(i32::from(near) - i32::from(far)));
+        if arrows == Vec2::ZERO {
+            if by_keys {
+                self.let_go();
+            }
+            return;
+        }
+        // A key that is held down moves the sphere in each frame.
+        self.ui.ctx().request_repaint();
+        let angle = arrows * (KEY_RATE as f32) * seconds;
+        if self.desk.hand.is_none() && !shift {
+            self.take(self.view.eye, None);
+        }
+        match &mut self.desk.hand {
+            Some(held) if held.pointer.is_none() => {
+                held.turn(self.view.eye.cross(self.view.motion(angle * self.view.radius)));
+            }
+            Some(_) => {}
+            None => self.desk.camera.orbit(angle, 1.0),
+        }
     }
 }
 

@@ -40,7 +40,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     let room = rect.with_max_y(rect.bottom() - READOUTS);
     let middle = room.center();
     let radius = (room.width().min(room.height()) / 2.0 / REACH as f32).max(10.0);
-    hand::control(ui, &response, model, desk, desk.camera.onto(middle, radius), intents);
+    let view = desk.camera.onto(middle, radius);
+    hand::Control { ui, response: &response, model, desk, view, intents }.act();
     let state = model.state.as_ref();
     let q = state.map_or(DQuat::IDENTITY, |state| quaternion(state.q));
     let shapes = state.map_or_else(Shapes::default, |_| {
@@ -48,9 +49,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     });
     response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, describe(state, &shapes)));
 
-    let palette = Palette::of(ui);
-    let written = Default::default();
-    let draw = Drawing { painter, view: desk.camera.onto(middle, radius), palette, written };
+    let draw = Drawing::new(ui, &painter, desk.camera.onto(middle, radius));
+    let palette = draw.palette;
     draw.sphere(q);
     if let Some(reference) = state.and_then(|state| state.reference) {
         draw.ghost(quaternion(reference));
@@ -72,7 +72,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         draw.hand(held, &push, model.info.limits.torque, sphere);
         push
     });
-    draw.corner(rect, desk);
+    draw.write_names();
+    let corner = desk.camera.unzoomed().onto(rect.right_top() + vec2(-50.0, 52.0), 26.0);
+    Drawing::new(ui, &painter, corner).corner();
     readouts(&draw.painter, rect, state, palette);
     legend(&draw.painter, rect, (state, push), &shapes, palette);
     if rect.width() > 500.0 {

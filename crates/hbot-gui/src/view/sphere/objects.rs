@@ -1,12 +1,11 @@
 //! The objects of the picture: the sphere with its axes, the reference, wheels and torque.
 
-use eframe::egui::{self, Align2, FontId, Mesh, Pos2, Shape, Stroke, Vec2, vec2};
+use eframe::egui::{Mesh, Pos2, Shape, Stroke, Vec2, vec2};
 use glam::{DQuat, DVec3};
 
 use super::drawing::{CIRCLE, Drawing, circle, segment};
 use super::hand::{Held, Push};
 use super::{PUSH_LENGTH, TORQUE_LENGTH};
-use crate::view::Desk;
 use crate::view::wheels::Contact;
 
 impl Drawing {
@@ -50,10 +49,12 @@ impl Drawing {
             let color = self.palette.axes[k];
             let axis = q * axis;
             self.arrow(DVec3::ZERO, axis * 1.3, Stroke::new(2.5, color));
-            self.text(axis * 1.42, &format!("s{}", k + 1), color);
+            self.text(axis * 1.3, &format!("s{}", k + 1), color, 14.0);
+            self.keep_free(axis * 1.3);
             // A mark where the axis leaves the sphere. It turns with the surface.
             if !self.view.is_hidden(axis) {
                 self.painter.circle_filled(self.view.point(axis), 3.5, color);
+                self.keep_free(axis);
             }
         }
     }
@@ -68,6 +69,7 @@ impl Drawing {
             // These end before the labels at the ends of the sphere's own axes.
             self.dashes(&segment(axis, axis * 1.16), Stroke::new(1.5, color));
             self.painter.circle_stroke(self.view.point(axis * 1.16), 4.0, Stroke::new(1.2, color));
+            self.keep_free(axis * 1.16);
         }
     }
 
@@ -89,7 +91,7 @@ impl Drawing {
         // The rolling direction at the contact.
         let (from, to) = (centre - contact.rolling * 0.3, centre + contact.rolling * 0.3);
         self.arrow(from, to, Stroke::new(1.5, color));
-        self.text(contact.axis * 1.56, name, color);
+        self.text(contact.axis * 1.5, name, color, 9.0);
     }
 
     pub(super) fn torque(&self, torque: DVec3, limit: f64) {
@@ -143,22 +145,15 @@ impl Drawing {
         self.head(at, to, 16.0, color);
     }
 
-    /// Draws the directions of the axes of frame N in a corner of the picture.
-    pub(super) fn corner(&self, rect: egui::Rect, desk: &Desk) {
-        let view = desk.camera.unzoomed().onto(rect.right_top() + vec2(-46.0, 48.0), 26.0);
+    /// Draws the directions of the axes of frame N, in the corner of the picture that `view` shows.
+    pub(super) fn corner(&self) {
         for (k, axis) in DVec3::AXES.into_iter().enumerate() {
             let color = self.palette.axes[k];
-            let tip = view.point(axis);
-            self.painter.line_segment([view.point(DVec3::ZERO), tip], Stroke::new(2.0, color));
-            let font = FontId::proportional(12.0);
-            self.painter.text(
-                view.point(axis * 1.4),
-                Align2::CENTER_CENTER,
-                format!("n{}", k + 1),
-                font,
-                color,
-            );
+            let ends = [DVec3::ZERO, axis].map(|p| self.view.point(p));
+            self.painter.line_segment(ends, Stroke::new(2.0, color));
+            self.text(axis, &format!("n{}", k + 1), color, 11.0);
         }
+        self.write_names();
     }
 }
 

@@ -138,7 +138,11 @@ pub(super) fn study(
         )),
     }
     tell(report, &found);
-    draw(report, &found);
+    report.plot(
+        "tick",
+        "What accuracy costs: error in 10 s of brisk motion against the time of a tick, for every odometry method and path, with exact readings and with the prototype's encoders",
+        picture(&found),
+    );
     Ok(found)
 }
 
@@ -286,9 +290,9 @@ fn figures(report: &mut Report, found: &Found) {
     report.figure(format!("tick_{name}_max_hz"), LOAD * 1.0e9 / time.median);
 }
 
-/// Plots what accuracy costs: each method at its error and time, with the prototype's encoders and
-/// with exact readings.
-fn draw(report: &mut Report, found: &[Found]) {
+/// Returns a picture of what accuracy costs: each method at its error and time, with the
+/// prototype's encoders and with exact readings.
+fn picture(found: &[Found]) -> String {
     let point = |found: &Found, y: f64, named: bool| {
         let preset = if found.is_preset { format!(" ({})", found.name) } else { String::new() };
         let name = if named { format!("{}{preset}", found.methods) } else { String::new() };
@@ -303,15 +307,13 @@ fn draw(report: &mut Report, found: &[Found]) {
         group("exact readings", 0, true, |found| found.budget.both),
         group("16384 counts a turn", 1, false, |found| found.error),
     ];
-    let named = NamedPoints {
+    NamedPoints {
         title: "What accuracy costs: the tick with every method".to_owned(),
         x: "ns a tick: median, bar from quartile to quartile".to_owned(),
         y: "error of the orientation in 10 s, rad".to_owned(),
+        above: Some((format!("per cent of the period of a tick at {RATE} Hz"), 100.0e-9 * f64::from(RATE))),
+        level: found.first().map(|found| ("the encoders' floor".to_owned(), found.budget.counts)),
         groups,
-    };
-    report.plot(
-        "tick",
-        "What accuracy costs: error in 10 s of brisk motion against the time of a tick, for every odometry method and path, with exact readings and with the prototype's encoders",
-        named.svg(),
-    );
+    }
+    .svg()
 }
