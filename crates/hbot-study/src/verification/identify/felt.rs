@@ -42,7 +42,7 @@ const START_S: f64 = 0.7;
 /// Weak motors: all by this, and each by up to this in addition.
 const WEAK: f64 = 0.95;
 const SPREAD: f64 = 0.02;
-/// Bounds of the issue for the slope after, R² after, the part of the hysteresis that is left, and
+/// Bounds for the slope after, R² after, the part of the hysteresis that is left, and
 /// the torque that turns the sphere, N m.
 const SLOPE: f64 = 0.01;
 const R2: f64 = 0.999;
