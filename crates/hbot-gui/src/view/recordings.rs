@@ -110,7 +110,7 @@ fn open(ui: &mut Ui, reels: &mut Reels, acts: &mut Vec<Act>) {
         weak(ui, title);
         for file in files {
             let name = file.path.file_name().unwrap_or_default().to_string_lossy();
-            let button = egui::Button::new(name.clone()).truncate();
+            let button = egui::Button::new(name.clone()).wrap();
             if named(ui.add(button), &name).on_hover_text(about(file)).clicked() {
                 acts.push(Act::Open(file.path.clone()));
             }
