@@ -62,12 +62,13 @@ pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
     let path = pty.path().display();
     say!("{path}")?;
     note!(
-        "Simulated {} controllers of {} answer there; Ctrl-C ends. A server whose rig file has this protocol moves them: \
+        "Simulated {} controllers of {} answer there; Ctrl-C, or the end of standard input, ends them. A server whose rig file has this protocol moves them: \
          `hbot server --rig FILE --port {path}`",
         protocol.name(),
         config.name
     );
     // A script ends them by closing standard input.
     std::io::copy(&mut std::io::stdin(), &mut std::io::sink())?;
+    note!("standard input has ended, and the controllers with it");
     Ok(ExitCode::SUCCESS)
 }

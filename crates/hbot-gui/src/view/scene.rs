@@ -65,7 +65,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     law::show(ui, model, desk);
     let may = model.may_command();
     for effect in model.scene.effects() {
-        ui.push_id(&effect.id, |ui| {
+        // What is being typed into a control is kept when something appears above the effect.
+        let alone = egui::UiBuilder::new().scope_id(egui::Id::new(("effect", &effect.id)));
+        ui.scope_builder(alone, |ui| {
             egui::Frame::group(ui.style()).show(ui, |ui| {
                 ui.set_width(ui.available_width());
                 ui.add_enabled_ui(may, |ui| one(ui, model, effect, desk, acts));
