@@ -66,7 +66,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     let may = model.may_command();
     for effect in model.scene.effects() {
         // What is being typed into a control is kept when something appears above the effect.
-        let alone = egui::UiBuilder::new().scope_id(egui::Id::new(("effect", &effect.id)));
+        let alone = egui::UiBuilder::new().scope_id(egui::Id::unique(("effect", &effect.id)));
         ui.scope_builder(alone, |ui| {
             egui::Frame::group(ui.style()).show(ui, |ui| {
                 ui.set_width(ui.available_width());
