@@ -164,7 +164,7 @@ impl Panel {
         }
     }
 
-    /// Runs `work` in a thread of its own, because it can take long.
+    /// Runs `work` in a separate thread, because it can take long.
     fn apart(&self, name: &str, work: impl FnOnce() + Send + 'static) {
         if let Err(error) = std::thread::Builder::new().name(name.to_owned()).spawn(work) {
             self.network.mailbox.post(News::Note(Err(error.to_string())));

@@ -87,7 +87,7 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     let known = Known { rig, geometry, latency, motors };
     let text = hbot_config::read_text(&args.rig).with_context(|| args.rig.display().to_string())?;
     let date = hbot_server::flight::utc(SystemTime::now());
-    let name = format!("{date}, rig file {:08x}", crc(text.as_bytes()));
+    let name = format!("{date}, rig file {:08x}", crc32fast::hash(text.as_bytes()));
     let page = page_of(&known, &args.rig, &name)?;
     page.write(&args.out)?;
     say!("{}: written", args.out.join("certificate.html").display())?;
@@ -472,11 +472,4 @@ fn bandwidth(period_s: f64, lag_s: f64) -> f64 {
 /// Returns the frequency of which `latency_s` and the half of `period_s` are a quarter, Hz.
 fn quarter(latency_s: f64, period_s: f64) -> f64 {
     0.25 / (latency_s + 0.5 * period_s)
-}
-
-/// The CRC-32 of IEEE 802.3, by which two rig files are told apart.
-fn crc(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(u32::MAX, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg()))
-    })
 }

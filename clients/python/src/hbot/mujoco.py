@@ -275,7 +275,8 @@ class Hand:
         """
         turn = np.array(turns.log(turns.times(state.q, turns.conjugate(last.q))))
         omega, pulled = np.array(state.omega), np.zeros(3)
-        # The way in the interval is straight. The sphere arrives with a rate of its own.
+        # The sphere is taken to turn at its mean rate until the end of the interval, and to have
+        # the rate of `state` there.
         mean = turn / (state.t - last.t)
         for step in range(max(steps if most is None else most, 0)):
             # The body's pose and rate are those of this step only after its first half.

@@ -387,11 +387,8 @@ impl Model {
             self.scene.set(&effect, &key, &value);
             // Lists and matrices are too long for a mark.
             let shown = if value.is_array() { String::new() } else { format!(" = {value}") };
-            let text = format!("{effect}: {key}{shown}");
-            if let Some(by) = &by {
-                self.messages.add(Weight::Good, format!("{text}, set by {}", self.who(by)));
-            }
-            self.unmarked.push((What::Set, text, Some(tick)));
+            let by = by.as_ref().map(|by| format!(", set by {}", self.who(by))).unwrap_or_default();
+            self.unmarked.push((What::Set, format!("{effect}: {key}{shown}{by}"), Some(tick)));
         }
     }
 

@@ -23,6 +23,8 @@ const CONTROLLERS_EVERY: Duration = Duration::from_secs(1);
 /// Time in which the simulated hand follows the pointer, ms. It is some frames of the window, so
 /// that the hand moves evenly.
 const HAND_MS: u64 = 50;
+/// Pause after a request for `info` that failed.
+const INFO_AGAIN: Duration = Duration::from_secs(1);
 /// Longest time to wait for an event from the server before the next request of the user is sent.
 const IDLE: Duration = Duration::from_millis(5);
 
@@ -130,8 +132,8 @@ struct Session<'a> {
     mailbox: &'a Mailbox,
     lease: Lease,
     stats_due: Instant,
-    /// Whether the panel does not know the description of the rig or the running scene.
-    info_due: bool,
+    /// When to ask for `info`. `None` while the panel knows the rig and the running scene.
+    info_due: Option<Instant>,
     /// `None` if the server does not know the request, because it is older than this panel.
     controllers_due: Option<Instant>,
 }
@@ -152,7 +154,7 @@ impl<'a> Session<'a> {
             mailbox,
             lease: Lease::Unknown,
             stats_due: now,
-            info_due: true,
+            info_due: Some(now),
             controllers_due: Some(now),
         }
     }
@@ -286,9 +288,10 @@ impl<'a> Session<'a> {
     /// Asks the server for `info`, for the statistics and for the motor controllers when their time
     /// has come.
     fn poll(&mut self) -> Result<(), ClientError> {
-        if std::mem::take(&mut self.info_due) {
+        if self.info_due.is_some_and(|due| Instant::now() >= due) {
             match self.client.info() {
                 Ok(info) => {
+                    self.info_due = None;
                     // Events report only changes of the lease, so a panel that only watches learns
                     // the present holder here.
                     if self.lease == Lease::Unknown
@@ -298,7 +301,10 @@ impl<'a> Session<'a> {
                     }
                     self.mailbox.post(News::Info(Box::new(info)));
                 }
-                Err(error) => survivable(error)?,
+                Err(error) => {
+                    self.info_due = Some(Instant::now() + INFO_AGAIN);
+                    survivable(error)?;
+                }
             }
         }
         if Instant::now() >= self.stats_due {
@@ -329,7 +335,7 @@ impl<'a> Session<'a> {
             Event::State(state) => self.mailbox.sample(state),
             Event::Fault(fault) => self.mailbox.post(News::Fault(fault)),
             Event::Scene(scene) => {
-                self.info_due = true;
+                self.info_due = Some(Instant::now());
                 self.mailbox.post(News::Scene(scene));
             }
             Event::Set(set) => self.mailbox.post(News::Set(set)),

@@ -145,7 +145,8 @@ pub fn lockstep(mut engine: Engine, period_ns: u64, ticks: Option<u64>, stop: &S
                 std::thread::yield_now();
             }
             if !engine.bridge().may_run(tick) {
-                // Whoever permits a tick unparks this thread. A stop does not.
+                // The service unparks this thread when it permits a tick. An emergency stop does
+                // not, so the thread looks for one.
                 std::thread::park_timeout(LOOK_FOR_STOP);
                 continue;
             }

@@ -236,7 +236,7 @@ impl Scenes {
         end: &mut ServiceEnd,
         session: u64,
         id: Option<Id>,
-        (effect, parameters): (String, Map<String, Value>),
+        (effect, mut parameters): (String, Map<String, Value>),
         by: Option<Requester>,
     ) -> Result<(), ErrorBody> {
         self.admit(end, OpName::Set)?;
@@ -253,7 +253,6 @@ impl Scenes {
         self.warnings = self.abilities.warnings(self.running.file());
         let (revision, warnings) = (self.running.revision(), self.warnings.clone());
         let changed = self.file().effects().iter().find(|e| e.id() == effect).map(SceneEffect::to_json);
-        let mut parameters = parameters;
         for (name, value) in &mut parameters {
             if let Some(new) = changed.as_ref().and_then(|changed| changed.get(name)) {
                 value.clone_from(new);
@@ -403,15 +402,20 @@ fn shortened(mut message: String) -> String {
 mod tests {
     use super::*;
     use hbot_api::EventName;
-    use hbot_host::run_loop::bridge::bridge;
+    use hbot_host::run_loop::bridge::{LoopEnd, bridge};
+
+    /// Returns the default scene of a real rig, with both ends of the bridge to its loop.
+    fn scenes() -> (LoopEnd, ServiceEnd, Scenes) {
+        let (loop_end, end) = bridge().unwrap();
+        let mut running = RunningScene::new();
+        let _ = running.load(SceneFile::default_scene());
+        let rig = RigConfig::prototype();
+        (loop_end, end, Scenes::new(running, None, &rig, Notes::default(), Arc::default()))
+    }
 
     #[tokio::test]
     async fn a_scene_is_answered_once_it_is_rendered_and_measured() {
-        let (_loop_end, mut end) = bridge().unwrap();
-        let mut running = RunningScene::new();
-        let _ = running.load(SceneFile::default_scene());
-        let mut scenes =
-            Scenes::new(running, None, &RigConfig::prototype(), Notes::default(), Arc::default());
+        let (_loop_end, mut end, mut scenes) = scenes();
         let scene = json!({"name": "Air", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
         let ann = Some(Requester { name: "ann".to_owned(), session: Some(3) });
         scenes.load(&mut end, 3, None, scene, ann.clone()).unwrap();
@@ -440,11 +444,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_change_waits_for_the_scene_before_it_that_is_not_measured() {
-        let (_loop_end, mut end) = bridge().unwrap();
-        let mut running = RunningScene::new();
-        let _ = running.load(SceneFile::default_scene());
-        let mut scenes =
-            Scenes::new(running, None, &RigConfig::prototype(), Notes::default(), Arc::default());
+        let (_loop_end, mut end, mut scenes) = scenes();
         scenes.load(&mut end, 3, None, json!("clay"), None).unwrap();
         let first = scenes.running.revision();
         let id = scenes.file().effects()[0].id().to_owned();

@@ -14,6 +14,8 @@ import { put, showMessages, showState } from './state.js';
 const STATES = 60;
 /** The server needs some time to know up to which stiffness a changed scene is stable, ms. */
 const STABLE_AFTER = 150;
+/** Pause after a request for `info` that failed, ms. */
+const INFO_AGAIN = 1000;
 /** A connection over which no state comes for this time is replaced, ms. */
 const RENEW_AFTER = 4000;
 /** Figures in words change at most this often, ms. */
@@ -90,6 +92,7 @@ async function askInfo() {
     showScene();
   } catch (error) {
     if (link.isOpen) tell('info')(error);
+    askInfoIn(INFO_AGAIN);
   }
 }
 

@@ -128,10 +128,6 @@ export class Rig {
         return true;
       case 'set':
         this.warnings = message.warnings;
-        if (message.by && !this.own.has(message.by.session)) {
-          const values = Object.entries(message.parameters).map(([key, value]) => `${key} = ${JSON.stringify(value)}`);
-          this.say(`${message.effect}: ${values.join(', ')}, set by ${this.name(message.by)}`);
-        }
         return false;
       case 'shaking':
         this.say(message.message, message.shaking);

@@ -23,7 +23,8 @@ pub(crate) struct Rising {
     joints: [Real; MAX_JOINTS],
     /// Part of the sphere's dry friction, along its angular velocity.
     sphere: Vec3,
-    /// Part of the torque that the gear of each joint loses.
+    /// Part of the torque that the gear of each joint loses: that of the rig, kept here because a
+    /// recorded rig lacks it.
     pub(super) loss: [Real; MAX_JOINTS],
 }
 
