@@ -1,9 +1,9 @@
 //! The server's answers to requests.
 
 use crate::untyped;
-use crate::{Encoding, ErrorBody, Event, Id, Mode};
+use crate::{Encoding, ErrorBody, Event, Id};
 use serde::ser::SerializeMap;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 
 /// Largest nesting depth of lists and maps in an answer. It exceeds that of a request, because an
@@ -103,104 +103,4 @@ impl ServerMessage {
         };
         Ok(Self::Response(Response { id, result }))
     }
-}
-
-/// The answer to the op `hello`. It describes the server.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HelloOk {
-    /// Name and version of the server program, such as `hbot 0.1.0`.
-    pub server: String,
-    /// Version of the messages that the server uses: [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION).
-    pub version: u64,
-    /// Name of the rig.
-    pub rig: String,
-    /// Tick rate of the loop, Hz.
-    #[serde(serialize_with = "crate::finite::scalar")]
-    pub rate_hz: f64,
-    /// Number of this connection. No other connection to the server has it.
-    pub session: u64,
-}
-
-/// The answer to the op `subscribe`, with which a client asks for state messages.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SubscribeOk {
-    /// Number of ticks from one state message to the next, at least 1.
-    pub every: u64,
-}
-
-/// The answer to the op `load_scene`, with which a client loads a scene.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct LoadSceneOk {
-    /// Effects of the loaded scene, in the order of the scene.
-    pub effects: Vec<EffectCost>,
-    /// Simulated phenomena in the scene that have no effect because the rig is real.
-    pub ignored: Vec<String>,
-    /// What the rig cannot make of the scene or may not keep stable, what has no effect in the
-    /// scene, and what the simulated rig keeps of an earlier scene: one sentence each, for people.
-    /// Empty if a server does not send it.
-    #[serde(default)]
-    pub warnings: Vec<String>,
-}
-
-/// The answer to the op `set`, with which a client changes parameters of an effect.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SetOk {
-    /// What the rig cannot make of the changed scene or may not keep stable, and what has no effect
-    /// in it: one sentence each, for people. Empty if a server does not send it.
-    #[serde(default)]
-    pub warnings: Vec<String>,
-}
-
-/// An effect of a scene, with the computing time that it needs in each tick.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct EffectCost {
-    /// Id of the effect in the scene.
-    pub id: String,
-    /// Kind of the effect, such as `spring`.
-    pub kind: String,
-    /// Computing time of the effect in each tick, ns.
-    pub cost_ns: u64,
-}
-
-/// The answer to the ops `enable`, `disable`, `reset` and `estop`, with which a client changes the
-/// mode of the rig.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ModeOk {
-    /// Mode of the rig from the next tick on.
-    pub mode: Mode,
-}
-
-/// The answer to the ops `align` and `align_direction`, with which a client sends an orientation or
-/// a direction measured from outside.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct AlignOk {
-    /// Angle between the measured orientation and the server's own at the time of the measurement,
-    /// 0 to pi rad.
-    #[serde(serialize_with = "crate::finite::scalar")]
-    pub angle: f64,
-    /// False if a measurement with a sigma does not correct the orientation: it is too far from the
-    /// server's own, or its weight is 0.
-    #[serde(default = "yes", skip_serializing_if = "is_true")]
-    pub used: bool,
-}
-
-fn yes() -> bool {
-    true
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
-fn is_true(used: &bool) -> bool {
-    *used
-}
-
-/// The answer to the op `ping`, with which a client tests the connection.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PingOk {
-    /// The data of the request, unchanged. Null if the request had none.
-    pub data: Value,
-    /// Number of the last tick of the control loop.
-    pub tick: u64,
-    /// Time of the last tick, in seconds since the control loop began.
-    #[serde(serialize_with = "crate::finite::scalar")]
-    pub t: f64,
 }

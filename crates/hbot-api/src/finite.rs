@@ -35,3 +35,8 @@ pub(crate) fn optional_array<S: Serializer, const N: usize>(
         None => serializer.serialize_none(),
     }
 }
+
+/// Returns true if a flag is not set, for fields that are then not sent.
+pub(crate) fn is_false(flag: &bool) -> bool {
+    !flag
+}

@@ -51,37 +51,31 @@
 mod answer;
 mod axes;
 mod client;
-mod controllers;
 mod counts;
 mod encoding;
 mod error;
 mod event;
+mod fields;
 mod finite;
 mod frame;
 mod id;
-mod info;
-mod model;
+mod mode;
 mod names;
+mod ops;
 mod request;
 mod state;
-mod stats;
 mod stop;
-mod stream;
 #[cfg(test)]
 mod tests;
 mod text;
 mod untyped;
-mod words;
 
-pub use answer::{
-    AlignOk, EffectCost, HelloOk, LoadSceneOk, ModeOk, PingOk, Response, ServerMessage, SetOk, SubscribeOk,
-};
+pub use answer::{Response, ServerMessage};
 pub use axes::Axes;
 pub use client::{
     Client, ClientError, ConnectOptions, LatePolicy, RenderEnd, RenderOptions, RenderReport, Trust,
     client_name, time_of_day,
 };
-pub use controllers::{ControllerFlag, ControllerInfo, ControllersOk};
 pub use counts::CountsByName;
 pub use encoding::{Encoding, MessageEncodeError};
 pub use error::{ErrorBody, ErrorCode, RequestRefusal};
@@ -91,23 +85,12 @@ pub use event::{
 };
 pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};
-pub use info::{
-    ClientLostPolicy, ClockInfo, EnergyInfo, FaultWords, InfoOk, JointInfo, KindInfo, LeaseInfo, LimitsInfo,
-    LoopInfo, ModeWords, PassivityInfo, RenderInfo, RigInfo, SceneInfo, SphereInfo, StableInfo, TractionInfo,
-    WheelInfo,
-};
-pub use model::{
-    Impedance, MAX_ASYMMETRY, MAX_BLEND_MS, MAX_OFFSET, MAX_PLANES, ModelCommand, ModelOk, PlaneCommand,
-};
+pub use mode::{Fault, Mode};
 pub use names::Name;
-pub use request::{Field, Hello, MAX_EVERY, MAX_NAME_BYTES, Op, OpName, OpRow, Request, Token, Who};
-pub use state::{ClientStream, Fault, JointState, Mode, StateEvent, StateTiming};
-pub use stats::{Distribution, StatsOk};
+pub use ops::*;
+pub use request::Request;
+pub use state::{ClientStream, JointState, StateEvent, StateTiming};
 pub use stop::{Stop, StopFinder, asks_estop, may_be_long};
-pub use stream::{
-    Align, AlignDirection, DEFAULT_OVER_MS, DEFAULT_VALID_MS, HandCommand, HandHold, MAX_MAGNITUDE,
-    MAX_OVER_MS, MAX_VALID_MS, MIN_QUATERNION_NORM, MIN_SIGMA, ReferenceCommand, TorqueCommand,
-};
 pub use text::{Plain, is_plain};
 
 /// Version of the messages. A client names its version in its first message. The version increases

@@ -1,8 +1,31 @@
 //! Closed lists of names: enums whose variants, order and text in messages are written once.
 
 /// Defines an enum whose variants have names in messages. Generates `ALL`, `as_str`, `Display`,
-/// `FromStr` and serde from one list, so that none of them can miss a name.
+/// `FromStr` and serde from one list, so that none of them can miss a name. In the second form, each
+/// name has words for people, which a function of the given name returns.
 macro_rules! names {
+    (
+        $(#[$meta:meta])*
+        pub enum $Type:ident { $($(#[$doc:meta])* $Variant:ident = $name:tt: $words:expr,)+ }
+
+        $(#[$about:meta])*
+        fn $function:ident() -> $Words:ty;
+    ) => {
+        names! {
+            $(#[$meta])*
+            pub enum $Type { $($(#[$doc])* $Variant = $name,)+ }
+        }
+
+        impl $Type {
+            $(#[$about])*
+            #[must_use]
+            pub const fn $function(self) -> $Words {
+                match self {
+                    $(Self::$Variant => $words,)+
+                }
+            }
+        }
+    };
     (
         $(#[$meta:meta])*
         pub enum $Type:ident { $($(#[$doc:meta])* $Variant:ident = $name:tt,)+ }

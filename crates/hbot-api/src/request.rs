@@ -1,24 +1,14 @@
-//! The requests that a client can send.
+//! One message from a client.
 
-mod fields;
-mod parse;
-mod table;
-
-pub(crate) use fields::Excerpt;
-pub use table::{Field, OpName, OpRow, Who};
-
+use crate::fields::{Excerpt, Fields, Shown, bad, illegal};
+use crate::ops::check_version;
 use crate::{
-    Align, AlignDirection, Encoding, HandCommand, Id, ModelCommand, ReferenceCommand, TorqueCommand,
+    Encoding, ErrorBody, Field, Id, MAX_DEPTH, MAX_SHORT_REQUEST_BYTES, Op, OpName, RequestRefusal,
+    asks_estop, untyped,
 };
 use serde::Serialize;
-use serde_json::{Map, Value};
-use std::fmt;
-
-/// Largest number of ticks from one state message to the next that a client can request.
-pub const MAX_EVERY: u64 = 1_000_000;
-
-/// Largest length of a client's name, in bytes of UTF-8.
-pub const MAX_NAME_BYTES: usize = 64;
+use serde_json::Value;
+use std::borrow::Cow;
 
 /// One message from a client. After reading, every number is finite and in range, and every
 /// quaternion has unit norm. The server checks later whether the request is legal for the rig, the
@@ -33,136 +23,147 @@ pub struct Request {
     pub op: Op,
 }
 
-/// The operations (ops) that a client can request. They are described in `docs/api.md`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(tag = "op", rename_all = "snake_case")]
-pub enum Op {
-    /// Introduces the client. This must be the first message, and is sent only once. Answer:
-    /// [`HelloOk`](crate::HelloOk).
-    Hello(Hello),
-    /// Asks for the description of the rig, the kinds of effects and the scene. Answer:
-    /// [`InfoOk`](crate::InfoOk).
-    Info,
-    /// Subscribes to state messages, one every `every` ticks. Replaces an earlier subscription.
-    /// Answer: [`SubscribeOk`](crate::SubscribeOk).
-    Subscribe {
-        /// Number of ticks from one state message to the next, from 1 to [`MAX_EVERY`].
-        every: u64,
-    },
-    /// Ends the subscription to state messages. The answer has no data.
-    Unsubscribe,
-    /// Asks for the statistics and counters of the control loop and the service. Answer:
-    /// [`StatsOk`](crate::StatsOk).
-    Stats,
-    /// Asks what the motor controller of each joint reports about itself. Answer:
-    /// [`ControllersOk`](crate::ControllersOk).
-    Controllers,
-    /// Takes the lease, which is the right to command. The answer has no data, or is
-    /// [`ErrorCode::Busy`](crate::ErrorCode::Busy).
-    Acquire {
-        /// Whether to take the lease even if another client holds it.
-        #[serde(skip_serializing_if = "is_false")]
-        steal: bool,
-    },
-    /// Gives the lease back, so that another client can take it. The answer has no data.
-    Release,
-    /// Loads another scene and starts to render it. Answer: [`LoadSceneOk`](crate::LoadSceneOk).
-    LoadScene {
-        /// The scene, a map with the structure of a scene file, or the name of a ready-made scene.
-        /// Neither the content of the map nor the name has been checked.
-        scene: Value,
-    },
-    /// Changes parameters of an effect in the running scene. The torque changes gradually. The
-    /// answer has no data.
-    Set {
-        /// Id of an effect in the running scene.
-        effect: String,
-        /// New values of at least one parameter of the effect. The values have not been checked. No
-        /// parameter is called `id`, `op`, `effect` or `kind`.
-        #[serde(flatten)]
-        parameters: Map<String, Value>,
-    },
-    /// Sends a torque that the client computes itself. Clients send it repeatedly. It is answered
-    /// only if it has an id; the answer has no data.
-    Torque(TorqueCommand),
-    /// Sends a new reference orientation for an effect. Clients send it repeatedly. It is answered
-    /// only if it has an id; the answer has no data.
-    Reference(ReferenceCommand),
-    /// Sends a local model: a torque, and how it changes as the sphere turns. Clients send it
-    /// repeatedly. It is answered only if it has an id. Answer: [`ModelOk`](crate::ModelOk).
-    Model(Box<ModelCommand>),
-    /// Sends the sphere's orientation as measured from outside, for example by a camera. It is
-    /// answered only if it has an id. Answer: [`AlignOk`](crate::AlignOk).
-    Align(Align),
-    /// Moves the simulated hand. Only a simulated rig has one. Clients send it repeatedly. It is
-    /// answered only if it has an id; the answer has no data.
-    Hand(HandCommand),
-    /// Sends a direction of the sphere as measured, for example that of gravity. It is answered
-    /// only if it has an id. Answer: [`AlignOk`](crate::AlignOk).
-    AlignDirection(AlignDirection),
-    /// Begins to render the scene. Answer: [`ModeOk`](crate::ModeOk).
-    Enable,
-    /// Ends rendering. Answer: [`ModeOk`](crate::ModeOk).
-    Disable,
-    /// Ends a fault or an emergency stop. Answer: [`ModeOk`](crate::ModeOk).
-    Reset,
-    /// Performs an emergency stop. It is never refused, and all other fields of the message are
-    /// ignored. Answer: [`ModeOk`](crate::ModeOk).
-    Estop,
-    /// Makes a simulated rig in virtual time run some ticks and then wait. Answer: the
-    /// [`StateEvent`](crate::StateEvent) of the last of them.
-    Advance {
-        /// Number of ticks, from 1 to [`MAX_EVERY`].
-        ticks: u64,
-    },
-    /// Tests whether the server answers. Answer: [`PingOk`](crate::PingOk).
-    Ping {
-        /// Any value. The answer contains it unchanged.
-        #[serde(skip_serializing_if = "Value::is_null")]
-        data: Value,
-    },
-}
+impl Request {
+    /// Reads a request. `bytes` is the message without the newline (JSON) or length (MessagePack)
+    /// that frames it.
+    ///
+    /// # Errors
+    ///
+    /// Fails with a [`RequestRefusal`] if the bytes are not a legal request. It contains the id if
+    /// the id can be read, so that the client learns which request was refused.
+    pub fn read(encoding: Encoding, bytes: &[u8]) -> Result<Self, RequestRefusal> {
+        Self::read_within(encoding, bytes, MAX_DEPTH)
+    }
 
-/// The first message of a client, which introduces it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Hello {
-    /// Version of the messages that the client uses: [`PROTOCOL_VERSION`](crate::PROTOCOL_VERSION).
-    pub version: u64,
-    /// Name of the client, shown to people: 1 to [`MAX_NAME_BYTES`] bytes without control or
-    /// invisible characters (see [`is_plain`](crate::is_plain)).
-    pub name: String,
-    /// Token of the server. A server that other machines can reach requires it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub token: Option<Token>,
-    /// Encoding of all messages after the answer to this one. The answer itself is still JSON.
-    pub encoding: Encoding,
-}
+    /// Reads the first message of a connection, a line of JSON without its newline. This message
+    /// must be a hello, which contains no list and no map, so reading stops at the first of either.
+    /// This limits the work that an unknown client can cause.
+    ///
+    /// # Errors
+    ///
+    /// Fails like [`read`](Self::read).
+    pub fn read_first(line: &[u8]) -> Result<Self, RequestRefusal> {
+        Self::read_within(Encoding::Json, line, 1)
+    }
 
-/// A secret text. Debug output does not show it.
-#[derive(Clone, PartialEq, Eq, Serialize)]
-#[serde(transparent)]
-pub struct Token(String);
+    fn read_within(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Self, RequestRefusal> {
+        // Checked before parsing, because an `estop` in a damaged message is obeyed too.
+        if asks_estop(bytes) {
+            return Ok(Self { id: id_of(encoding, bytes), op: Op::Estop });
+        }
+        if let Some((few, problem)) = untyped::read_few(encoding, bytes, depth) {
+            let problem = problem.map(|problem| problem.to_string());
+            return parse(few.op.map(Ok), Fields(few.others), problem);
+        }
+        // Reads the general form: the message has many fields, or something is wrong with it.
+        let untyped = untyped::read(encoding, bytes, depth).map_err(|message| RequestRefusal {
+            id: None,
+            op: None,
+            error: bad(message),
+        })?;
+        let (op, fields) = split(untyped.value)?;
+        parse(op, fields, untyped.problem.map(|problem| problem.to_string()))
+    }
 
-impl Token {
-    /// Returns the secret text. To check it, use a comparison that takes constant time.
-    #[must_use]
-    pub fn reveal(&self) -> &str {
-        &self.0
+    /// Reads a request from a value that was decoded elsewhere. Unlike [`read`](Self::read), it
+    /// cannot notice mistakes that some decoders hide: they turn NaN into null, or keep only the
+    /// last of two equal keys.
+    ///
+    /// # Errors
+    ///
+    /// Fails like [`read`](Self::read).
+    pub fn from_value(value: Value) -> Result<Self, RequestRefusal> {
+        let (op, fields) = split(value)?;
+        parse(op, fields, None)
     }
 }
 
-impl From<String> for Token {
-    fn from(secret: String) -> Self {
-        Self(secret)
+/// Returns the id of an `estop` message. Returns `None` if the id cannot be read, or if the message
+/// is so long that reading it would delay other clients.
+fn id_of(encoding: Encoding, bytes: &[u8]) -> Option<Id> {
+    if bytes.len() > MAX_SHORT_REQUEST_BYTES {
+        return None;
+    }
+    let (few, _) = untyped::read_few(encoding, bytes, MAX_DEPTH)?;
+    Fields(few.others).take("id").and_then(|id| Id::from_value(id).ok())
+}
+
+/// The content of the field `op` of a message: the text, or the value if it is not text. `None` if
+/// the field is absent.
+type Found<'a> = Option<Result<Cow<'a, str>, Value>>;
+
+/// Separates the field `op` of a message from its other fields.
+fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), RequestRefusal> {
+    let Value::Object(map) = value else {
+        let error = bad(format!("the message is {}; legal: a map with \"op\"", Shown(&value)));
+        return Err(RequestRefusal { id: None, op: None, error });
+    };
+    let mut fields = Fields(map.into_iter().map(|(name, value)| (Cow::Owned(name), value)).collect());
+    let op = fields.take("op").map(|op| match op {
+        Value::String(name) => Ok(Cow::Owned(name)),
+        other => Err(other),
+    });
+    Ok((op, fields))
+}
+
+fn parse(
+    found: Found<'_>,
+    mut fields: Fields<'_>,
+    problem: Option<String>,
+) -> Result<Request, RequestRefusal> {
+    let id = fields.take("id").map(Id::from_value).transpose();
+    // An `estop` that is written with escapes is found only here, not in the bytes.
+    if matches!(&found, Some(Ok(op)) if *op == OpName::Estop.as_str()) {
+        return Ok(Request { id: id.unwrap_or_default(), op: Op::Estop });
+    }
+    let id = id.map_err(|id| RequestRefusal { id: None, op: None, error: illegal("id", &id, Id::LEGAL) })?;
+    let mut known = None;
+    match op(found, &mut fields, problem, &mut known) {
+        Ok(op) => Ok(Request { id, op }),
+        Err(error) => Err(RequestRefusal { id, op: known, error }),
     }
 }
 
-impl fmt::Debug for Token {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Token(..)")
+/// Converts the content of the field `op` and the other fields of a message to an [`Op`]. Sets
+/// `known` to the op's name as soon as the name is recognized, so that a refusal can contain it.
+fn op(
+    found: Found<'_>,
+    fields: &mut Fields<'_>,
+    problem: Option<String>,
+    known: &mut Option<OpName>,
+) -> Result<Op, ErrorBody> {
+    let legal = || OpName::ALL.map(OpName::as_str).join(", ");
+    let name = match found {
+        Some(Ok(name)) => name,
+        Some(Err(other)) => return Err(illegal("op", &other, legal())),
+        None => {
+            return Err(bad(
+                problem.unwrap_or_else(|| format!("field \"op\" is missing; legal: {}", legal()))
+            ));
+        }
+    };
+    let Ok(name) = name.parse::<OpName>() else {
+        return Err(bad(format!("unknown op {:?}; legal: {}", Excerpt(&name), legal())));
+    };
+    *known = Some(name);
+    if let Some(problem) = problem {
+        return Err(bad(problem));
     }
+    if name == OpName::Hello {
+        check_version(fields)?;
+    }
+    if !name.row().parameters {
+        check_names(name, fields)?;
+    }
+    Op::read(name, fields)
 }
 
-fn is_false(flag: &bool) -> bool {
-    !flag
+fn check_names(op: OpName, fields: &Fields<'_>) -> Result<(), ErrorBody> {
+    let legal = op.row().fields.iter().map(|Field { name, .. }| *name);
+    let Some((unknown, _)) = fields.0.iter().find(|(name, _)| !legal.clone().any(|legal| legal == name))
+    else {
+        return Ok(());
+    };
+    let legal = ["id", "op"].into_iter().chain(legal).collect::<Vec<_>>().join(", ");
+    Err(bad(format!("unknown field {:?} of op {op}; legal: {legal}", Excerpt(unknown))))
 }

@@ -1,7 +1,6 @@
 //! The state message: what the loop did in one tick.
 
-use crate::finite;
-use crate::names::names;
+use crate::{Fault, Mode, finite};
 use serde::{Deserialize, Serialize};
 
 /// The state of the rig in one tick, sent to clients that have subscribed. All fields belong to
@@ -136,53 +135,4 @@ pub struct StateTiming {
     /// there is no torque.
     #[serde(default, serialize_with = "finite::scalar")]
     pub lead_us: f64,
-}
-
-names! {
-    /// The mode of the rig, which says what the control law is doing.
-    pub enum Mode {
-        /// The zeros of the steer joints are not known yet. There is no torque.
-        Unreferenced = "unreferenced",
-        /// The rig is ready to be enabled. There is no torque.
-        Idle = "idle",
-        /// The rig was enabled, and the torque rises over 0.5 s.
-        Enabling = "enabling",
-        /// The rig renders the scene.
-        Active = "active",
-        /// A fault has stopped the rig. There is no torque until a reset.
-        Fault = "fault",
-        /// An emergency stop has stopped the rig. There is no torque until a reset.
-        Estop = "estop",
-    }
-}
-
-names! {
-    /// The cause of a fault, which makes the rig stop by itself.
-    pub enum Fault {
-        /// No new reading came from a motor controller for `timeout_ticks` ticks (a key of the rig
-        /// file).
-        LinkLost = "link_lost",
-        /// Too many damaged frames were received on the serial line.
-        LinkCorrupt = "link_corrupt",
-        /// A motor controller has reported a fault.
-        ControllerFault = "controller_fault",
-        /// The sphere turns faster than the limit in the rig file.
-        Overspeed = "overspeed",
-        /// A motor controller has reported too much current, or the energy delivered to the hand
-        /// exceeds the rig's limit.
-        Overtorque = "overtorque",
-        /// The slip between a wheel and the sphere exceeds the rig's limit.
-        Slip = "slip",
-        /// A computed value is not a finite number.
-        NonFinite = "non_finite",
-        /// A reading from a motor controller contains values that are physically impossible.
-        ImplausibleFeedback = "implausible_feedback",
-        /// The control loop could not keep its tick rate.
-        Deadline = "deadline",
-        /// The connection of the client that holds the lease ended, and the rig file makes this a
-        /// fault.
-        ClientLost = "client_lost",
-        /// A motor or its motor controller is too hot.
-        Thermal = "thermal",
-    }
 }

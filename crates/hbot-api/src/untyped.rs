@@ -29,7 +29,7 @@ pub(crate) struct IllegalValue {
 impl fmt::Display for IllegalValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, legal, path } = self;
-        write!(f, "field {:?} {what}; legal: {legal}", crate::request::Excerpt(path))
+        write!(f, "field {:?} {what}; legal: {legal}", crate::fields::Excerpt(path))
     }
 }
 

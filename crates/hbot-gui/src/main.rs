@@ -54,7 +54,7 @@ struct Args {
     /// Save a picture of the window as a PNG file, then exit
     #[arg(long, value_name = "FILE", value_parser = PathBufValueParser::new().try_map(png))]
     picture: Option<PathBuf>,
-    /// Time from the start until the picture is taken, 0 to 3600 s
+    /// Time from the first frame until the picture is taken, 0 to 3600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 5, requires = "picture", value_parser = clap::value_parser!(u64).range(0..=3600))]
     picture_after: u64,
     /// Print a script that completes options in a shell

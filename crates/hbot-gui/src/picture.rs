@@ -11,25 +11,28 @@ use eframe::egui::{self, ColorImage};
 #[derive(Debug)]
 pub struct Picture {
     path: PathBuf,
-    due: Instant,
+    after: Duration,
+    /// `None` before the first frame.
+    due: Option<Instant>,
     /// Receives the picture some frames after it was requested. `None` before the request.
     asked: Option<std::sync::mpsc::Receiver<std::sync::Arc<ColorImage>>>,
 }
 
 impl Picture {
     /// Creates a plan to save a picture of the window to the PNG file `path`, when the time `after`
-    /// has passed.
+    /// has passed since the first frame.
     #[must_use]
     pub fn new(path: PathBuf, after: Duration) -> Self {
-        Self { path, due: Instant::now() + after, asked: None }
+        Self { path, after, due: None, asked: None }
     }
 
     /// Takes and saves the picture when its time has come. Call this once per frame. Returns `None`
     /// until the picture has been saved or saving has failed, then the result.
     pub fn frame(&mut self, ctx: &egui::Context) -> Option<anyhow::Result<()>> {
         let now = Instant::now();
-        if now < self.due {
-            ctx.request_repaint_after(self.due - now);
+        let due = *self.due.get_or_insert(now + self.after);
+        if now < due {
+            ctx.request_repaint_after(due - now);
             return None;
         }
         ctx.request_repaint();

@@ -31,11 +31,11 @@ const fn joints_tab([width, _]: [u32; 2]) -> [u32; 2] {
     [width - if width < 1100 { 214 } else { 248 }, 45]
 }
 
-/// Takes a picture of a state in both sizes, and calls `meanwhile` with the size of each window
-/// while it is open. `check` gets the pixels.
+/// Takes a picture of a state in both sizes after `seconds`, and calls `meanwhile` with the size of
+/// each window while it is open. `check` gets the pixels.
 fn pictures(
     displays: &[Display; 2],
-    state: &str,
+    (state, seconds): (&str, u32),
     server: SocketAddr,
     meanwhile: impl Fn(&Display, [u32; 2]) + Sync,
     check: impl Fn(&str, &[u8]) + Sync,
@@ -47,7 +47,8 @@ fn pictures(
             scope.spawn(move || {
                 let name = format!("{state}-{}x{}", size[0], size[1]);
                 let args = ["--server", server, "--theme", "dark"];
-                let pixels = Shot::start(display, &name, &args, size, 10).pixels(|| meanwhile(display, size));
+                let pixels =
+                    Shot::start(display, &name, &args, size, seconds).pixels(|| meanwhile(display, size));
                 assert!(count(&pixels, STOP) > 8_000, "{name}: the stop button is there, and big");
                 check(&name, &pixels);
             });
@@ -65,7 +66,7 @@ fn pictures_of_each_state() {
     let spring = include_str!("../../../../scenes/spring.toml");
     let setup = ServerSetup { scene: spring, paced: true, ..ServerSetup::default() };
     let bench = AloneServer::beside(&setup);
-    let see = |state: &str,
+    let see = |state: (&str, u32),
                meanwhile: &(dyn Fn(&Display, [u32; 2]) + Sync),
                check: &(dyn Fn(&str, &[u8]) + Sync)| {
         pictures(&displays, state, bench.address, meanwhile, check);
@@ -75,16 +76,17 @@ fn pictures_of_each_state() {
     let title = |display: &Display, _: [u32; 2]| {
         titles.fetch_add(usize::from(display.has_window("SIMULATED: Hbot prototype")), Ordering::Relaxed);
     };
-    see("simulated", &title, &|name, pixels| {
+    // The picture for the documentation shows curves over the whole width of the plot.
+    see(("simulated", 12), &title, &|name, pixels| {
         assert!(count(pixels, N3) > 200 && count(pixels, WARN) > 1_000, "{name}: the badge and curves");
         assert!(titles.load(Ordering::Relaxed) > 0, "the title says it too");
     });
     let mut other = bench.client("panel anna@lab2");
     other.acquire(true).expect("stolen");
-    see("observer", &nothing, &|name, pixels| {
+    see(("observer", 4), &nothing, &|name, pixels| {
         assert!(count(pixels, WARN) > 1_000 && count(pixels, GOOD) > 50, "{name}");
     });
-    see("taking-over", &|display, size| display.click(lease_button(size)), &|name, pixels| {
+    see(("taking-over", 5), &|display, size| display.click(lease_button(size)), &|name, pixels| {
         // The frame of the question.
         assert!(count(pixels, WARN) > 3_000, "{name}");
     });
@@ -95,7 +97,7 @@ fn pictures_of_each_state() {
 
     let rig = [("speed = 30 ", "speed = 0.05 ")];
     let fault = AloneServer::beside(&ServerSetup { scene: "name = \"Nothing\"", rig: &rig, ..setup });
-    pictures(&displays, "fault", fault.address, nothing, |name, pixels| {
+    pictures(&displays, ("fault", 4), fault.address, nothing, |name, pixels| {
         assert!(count(pixels, BAD) > 100, "{name}: the fault is told");
     });
     fault.stop();
@@ -108,7 +110,7 @@ fn joints(displays: &[Display; 2], scene: &str) {
     let setup = ServerSetup { scene, file: MOTEUS, paced: true, ..ServerSetup::default() };
     let bench = AloneServer::beside(&setup);
     let open = |display: &Display, size| display.click(joints_tab(size));
-    pictures(displays, "joints", bench.address, open, |name, pixels| {
+    pictures(displays, ("joints", 5), bench.address, open, |name, pixels| {
         let size = SIZES.into_iter().find(|[width, height]| pixels.len() == (3 * width * height) as usize);
         let [width, _] = size.expect("one of the sizes");
         let [x, y] = joints_tab([width, 0]);
@@ -133,7 +135,7 @@ fn silent(displays: &[Display; 2], bench: &AloneServer, state: &str, stopped: bo
             display.click(STOP_BUTTON);
         }
     };
-    pictures(displays, state, wire.address, meanwhile, |name, pixels| {
+    pictures(displays, (state, 8), wire.address, meanwhile, |name, pixels| {
         let lamps = if stopped { STOP } else { BAD };
         assert!(count(pixels, lamps) > 100 && count(pixels, GOOD) < 50, "{name}: nothing looks well");
     });
@@ -167,7 +169,7 @@ fn live(displays: &[Display; 2], scene: &str) {
         let mut commander = commander.lock().expect("no panic");
         let _ = commander.reset().and_then(|_| commander.enable());
     };
-    pictures(displays, "live", server.address, meanwhile, |name, pixels| {
+    pictures(displays, ("live", 6), server.address, meanwhile, |name, pixels| {
         // The badge has the colour of the stop button.
         assert!(count(pixels, STOP) > 14_000, "{name}: {}", count(pixels, STOP));
         assert!(titles.load(Ordering::Relaxed) > 0, "the title says it too");

@@ -1,9 +1,13 @@
-//! The local model that a client streams: not only a torque, but also how it changes as the sphere
-//! turns.
+//! The op `model`: a local model that a client streams. It is not only a torque, but also how the
+//! torque changes as the sphere turns.
 
-use crate::finite;
+use super::{MAX_MAGNITUDE, MAX_VALID_MS, Op, OpRow, Who, may, must};
+use crate::fields::{Excerpt, Fields, LEGAL_VECTOR, array, bad, illegal, normalized, number};
+use crate::{ErrorBody, finite};
 use serde::ser::{Error, SerializeSeq};
 use serde::{Deserialize, Serialize, Serializer};
+use serde_json::Value;
+use std::borrow::Cow;
 
 /// Largest number of half-spaces in a model.
 pub const MAX_PLANES: usize = 8;
@@ -17,6 +21,23 @@ pub const MAX_OFFSET: f64 = 6.3;
 /// Largest asymmetry of a stiffness or damping, relative to its largest element. Rounding makes
 /// less; what is left is taken out by the mean of both halves.
 pub const MAX_ASYMMETRY: f64 = 1e-6;
+
+pub(super) const ROW: OpRow = OpRow::new(
+    Who::Holder,
+    &[
+        may("torque"),
+        may("stiffness"),
+        may("damping"),
+        may("pose"),
+        may("planes"),
+        must("valid_ms"),
+        may("blend_ms"),
+        may("soften"),
+        may("tick"),
+        may("seq"),
+    ],
+)
+.stream();
 
 /// A local model of the torque on the sphere. The server renders it in every tick of its loop until
 /// it expires, and then lets it fall to zero over 20 ms. Its torque is added to that of the scene:
@@ -50,7 +71,7 @@ pub struct ModelCommand {
     pub blend_ms: Option<u64>,
     /// Whether a model that the loop does not keep stable is rendered with less stiffness. If
     /// false, the server refuses it.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "finite::is_false")]
     pub soften: bool,
     /// Tick of the state message from which the client computed this model. The server refuses a
     /// tick older than the rig's `max_age_ticks`.
@@ -164,6 +185,88 @@ pub struct ModelOk {
     pub stiffness_scale: f64,
 }
 
-fn is_false(flag: &bool) -> bool {
-    !flag
+pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+    Ok(Op::Model(Box::new(ModelCommand {
+        torque: fields.optional_vector("torque")?.unwrap_or([0.0; 3]),
+        stiffness: impedance(fields, "stiffness")?,
+        damping: impedance(fields, "damping")?,
+        pose: fields.optional_quaternion("pose")?,
+        planes: planes(fields, "planes")?,
+        valid_ms: fields.integer("valid_ms", 1, MAX_VALID_MS)?,
+        blend_ms: fields.optional_integer("blend_ms", 0, MAX_BLEND_MS)?,
+        soften: fields.flag("soften")?,
+        tick: fields.optional_integer("tick", 0, u64::MAX)?,
+        seq: fields.optional_integer("seq", 0, u64::MAX)?,
+    })))
 }
+
+/// Removes an optional stiffness or damping. It is 0 if the field is absent. Fails if it is
+/// negative about an axis of frame N, or not symmetric. Its other eigenvalues are not checked.
+fn impedance(fields: &mut Fields<'_>, name: &str) -> Result<Impedance, ErrorBody> {
+    let Some(value) = fields.take(name) else { return Ok(Impedance::default()) };
+    let Value::Array(items) = &value else {
+        if !value.is_number() {
+            return Err(illegal(name, &value, LEGAL_IMPEDANCE));
+        }
+        return number(name, &value, 0.0, MAX_MAGNITUDE).map(Impedance::All);
+    };
+    if items.len() != 3 {
+        return Err(illegal(name, &value, LEGAL_IMPEDANCE));
+    }
+    let mut rows = [[0.0; 3]; 3];
+    for (i, item) in items.iter().enumerate() {
+        if items.iter().any(Value::is_array) {
+            rows[i] = array(&format!("{name}[{i}]"), item, LEGAL_VECTOR, MAX_MAGNITUDE)?;
+        }
+        let own = if item.is_array() { &item[i] } else { item };
+        rows[i][i] = number(format_args!("{name}[{i}]"), own, 0.0, MAX_MAGNITUDE)?;
+    }
+    if !items.iter().any(Value::is_array) {
+        return Ok(Impedance::Axes([rows[0][0], rows[1][1], rows[2][2]]));
+    }
+    let largest = rows.as_flattened().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+        let [above, below] = [rows[i][j], rows[j][i]];
+        if (above - below).abs() > MAX_ASYMMETRY * largest {
+            return Err(bad(format!(
+                "field \"{name}[{i}][{j}]\" is {above}, and \"{name}[{j}][{i}]\" is {below}; legal: a symmetric matrix"
+            )));
+        }
+    }
+    Ok(Impedance::Matrix(rows))
+}
+
+/// Removes an optional list of half-spaces.
+fn planes(fields: &mut Fields<'_>, name: &str) -> Result<Vec<PlaneCommand>, ErrorBody> {
+    let legal = format_args!("a list of at most {MAX_PLANES} maps");
+    let items = match fields.take(name) {
+        None => return Ok(Vec::new()),
+        Some(Value::Array(items)) if items.len() <= MAX_PLANES => items,
+        Some(other) => return Err(illegal(name, &other, legal)),
+    };
+    let plane = |(i, item): (usize, Value)| {
+        let Value::Object(map) = item else {
+            return Err(illegal(format_args!("{name}[{i}]"), &item, "a map with \"normal\""));
+        };
+        let path = |key: &str| format!("{name}[{i}].{key}");
+        if let Some(key) = map.keys().find(|key| !PLANE.contains(&key.as_str())) {
+            let legal = PLANE.join(", ");
+            return Err(bad(format!("unknown field {:?}; legal: {legal}", Excerpt(&path(key)))));
+        }
+        let mut fields = Fields(map.into_iter().map(|(key, x)| (Cow::Owned(path(&key)), x)).collect());
+        let normal = fields.required(&path("normal"), LEGAL_NORMAL)?;
+        Ok(PlaneCommand {
+            normal: normalized(&path("normal"), &normal, LEGAL_NORMAL)?,
+            offset: fields.optional_number(&path("offset"), -MAX_OFFSET, MAX_OFFSET)?.unwrap_or(0.0),
+            stiffness: fields.number(&path("stiffness"), 0.0, MAX_MAGNITUDE)?,
+            damping: fields.optional_number(&path("damping"), 0.0, MAX_MAGNITUDE)?.unwrap_or(0.0),
+        })
+    };
+    items.into_iter().enumerate().map(plane).collect()
+}
+
+const LEGAL_NORMAL: &str = "a list of 3 numbers of norm 1";
+const LEGAL_IMPEDANCE: &str = "a number from 0, 3 of them, or the 3 rows of a symmetric matrix";
+
+/// The fields of a half-space in a model.
+const PLANE: [&str; 4] = ["normal", "offset", "stiffness", "damping"];

@@ -1,12 +1,8 @@
 //! Reads the fields of a request one by one. Errors name the field.
 
 use crate::untyped::Named;
-use crate::{
-    ErrorBody, ErrorCode, Impedance, MAX_ASYMMETRY, MAX_MAGNITUDE, MAX_OFFSET, MAX_PLANES,
-    MIN_QUATERNION_NORM, MIN_SIGMA, PlaneCommand, is_plain,
-};
+use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM, MIN_SIGMA, is_plain};
 use serde_json::Value;
-use std::borrow::Cow;
 use std::fmt;
 
 /// The fields of a request that have not been read yet. Reading a field removes it.
@@ -30,7 +26,7 @@ impl Fields<'_> {
         self.remove(name).filter(|value| !value.is_null())
     }
 
-    fn required(&mut self, name: &str, legal: impl fmt::Display) -> Result<Value, ErrorBody> {
+    pub(crate) fn required(&mut self, name: &str, legal: impl fmt::Display) -> Result<Value, ErrorBody> {
         match self.remove(name) {
             Some(value) => Ok(value),
             None => Err(bad(format!("field {name:?} is missing; legal: {legal}"))),
@@ -109,71 +105,6 @@ impl Fields<'_> {
         self.take(name).map(|value| normalized(name, &value, LEGAL_QUATERNION)).transpose()
     }
 
-    /// Removes an optional stiffness or damping. It is 0 if the field is absent. Fails if it is
-    /// negative about an axis of frame N, or not symmetric. Its other eigenvalues are not checked.
-    pub(crate) fn impedance(&mut self, name: &str) -> Result<Impedance, ErrorBody> {
-        let Some(value) = self.take(name) else { return Ok(Impedance::default()) };
-        let Value::Array(items) = &value else {
-            if !value.is_number() {
-                return Err(illegal(name, &value, LEGAL_IMPEDANCE));
-            }
-            return number(name, &value, 0.0, MAX_MAGNITUDE).map(Impedance::All);
-        };
-        if items.len() != 3 {
-            return Err(illegal(name, &value, LEGAL_IMPEDANCE));
-        }
-        let mut rows = [[0.0; 3]; 3];
-        for (i, item) in items.iter().enumerate() {
-            if items.iter().any(Value::is_array) {
-                rows[i] = array(&format!("{name}[{i}]"), item, LEGAL_VECTOR, MAX_MAGNITUDE)?;
-            }
-            let own = if item.is_array() { &item[i] } else { item };
-            rows[i][i] = number(format_args!("{name}[{i}]"), own, 0.0, MAX_MAGNITUDE)?;
-        }
-        if !items.iter().any(Value::is_array) {
-            return Ok(Impedance::Axes([rows[0][0], rows[1][1], rows[2][2]]));
-        }
-        let largest = rows.as_flattened().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
-            let [above, below] = [rows[i][j], rows[j][i]];
-            if (above - below).abs() > MAX_ASYMMETRY * largest {
-                return Err(bad(format!(
-                    "field \"{name}[{i}][{j}]\" is {above}, and \"{name}[{j}][{i}]\" is {below}; legal: a symmetric matrix"
-                )));
-            }
-        }
-        Ok(Impedance::Matrix(rows))
-    }
-
-    /// Removes an optional list of half-spaces.
-    pub(crate) fn planes(&mut self, name: &str) -> Result<Vec<PlaneCommand>, ErrorBody> {
-        let legal = format_args!("a list of at most {MAX_PLANES} maps");
-        let items = match self.take(name) {
-            None => return Ok(Vec::new()),
-            Some(Value::Array(items)) if items.len() <= MAX_PLANES => items,
-            Some(other) => return Err(illegal(name, &other, legal)),
-        };
-        let plane = |(i, item): (usize, Value)| {
-            let Value::Object(map) = item else {
-                return Err(illegal(format_args!("{name}[{i}]"), &item, "a map with \"normal\""));
-            };
-            let path = |key: &str| format!("{name}[{i}].{key}");
-            if let Some(key) = map.keys().find(|key| !PLANE.contains(&key.as_str())) {
-                let legal = PLANE.join(", ");
-                return Err(bad(format!("unknown field {:?}; legal: {legal}", Excerpt(&path(key)))));
-            }
-            let mut fields = Fields(map.into_iter().map(|(key, x)| (Cow::Owned(path(&key)), x)).collect());
-            let normal = fields.required(&path("normal"), LEGAL_NORMAL)?;
-            Ok(PlaneCommand {
-                normal: normalized(&path("normal"), &normal, LEGAL_NORMAL)?,
-                offset: fields.optional_number(&path("offset"), -MAX_OFFSET, MAX_OFFSET)?.unwrap_or(0.0),
-                stiffness: fields.number(&path("stiffness"), 0.0, MAX_MAGNITUDE)?,
-                damping: fields.optional_number(&path("damping"), 0.0, MAX_MAGNITUDE)?.unwrap_or(0.0),
-            })
-        };
-        items.into_iter().enumerate().map(plane).collect()
-    }
-
     pub(crate) fn flag(&mut self, name: &str) -> Result<bool, ErrorBody> {
         match self.take(name) {
             None => Ok(false),
@@ -204,24 +135,19 @@ fn integer(name: &str, value: &Value, from: u64, to: u64) -> Result<u64, ErrorBo
     }
 }
 
-fn number(name: impl fmt::Display, value: &Value, from: f64, to: f64) -> Result<f64, ErrorBody> {
+pub(crate) fn number(name: impl fmt::Display, value: &Value, from: f64, to: f64) -> Result<f64, ErrorBody> {
     match value.as_f64() {
         Some(number) if (from..=to).contains(&number) => Ok(number),
         _ => Err(illegal(name, value, Real(from, to))),
     }
 }
 
-const LEGAL_VECTOR: &str = "a list of 3 numbers, each from -1e6 to 1e6";
+pub(crate) const LEGAL_VECTOR: &str = "a list of 3 numbers, each from -1e6 to 1e6";
 const LEGAL_DIRECTION: &str = "a list of 3 numbers, not all zero";
 const LEGAL_SIGMA: &str = "a list of 3 numbers, each from 1e-5 to 3.141592653589793";
 const LEGAL_QUATERNION: &str = "a list of 4 numbers [w, x, y, z] of norm 1";
-const LEGAL_NORMAL: &str = "a list of 3 numbers of norm 1";
-const LEGAL_IMPEDANCE: &str = "a number from 0, 3 of them, or the 3 rows of a symmetric matrix";
 
-/// The fields of a half-space in a model.
-const PLANE: [&str; 4] = ["normal", "offset", "stiffness", "damping"];
-
-fn array<const N: usize>(
+pub(crate) fn array<const N: usize>(
     name: &str,
     value: &Value,
     legal: &'static str,
@@ -239,7 +165,11 @@ fn array<const N: usize>(
 }
 
 /// Returns a vector or quaternion scaled to unit norm.
-fn normalized<const N: usize>(name: &str, value: &Value, legal: &'static str) -> Result<[f64; N], ErrorBody> {
+pub(crate) fn normalized<const N: usize>(
+    name: &str,
+    value: &Value,
+    legal: &'static str,
+) -> Result<[f64; N], ErrorBody> {
     let q: [f64; N] = array(name, value, legal, MAX_MAGNITUDE)?;
     let norm2: f64 = q.iter().map(|x| x * x).sum();
     let norm = norm2.sqrt();

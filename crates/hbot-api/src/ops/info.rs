@@ -1,13 +1,16 @@
-//! The answer to the op `info`.
+//! The op `info`.
 //!
 //! A field that the server does not send is read as its default (0, an empty list, `None`). The
 //! types thus also serve clients of older servers.
 
+use super::{OpRow, Who};
 use crate::finite;
 use crate::names::names;
 use crate::{FaultEvent, Mode};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+pub(super) const ROW: OpRow = OpRow::new(Who::Any, &[]).weighing(500);
 
 /// The answer to the op `info`. It describes the rig and the running scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -1,7 +1,10 @@
-//! The answer to the op `stats`.
+//! The op `stats`.
 
+use super::{OpRow, Who};
 use crate::{CountsByName, ErrorCode, Fault, finite};
 use serde::{Deserialize, Serialize};
+
+pub(super) const ROW: OpRow = OpRow::new(Who::Any, &[]).weighing(100);
 
 /// The answer to the op `stats`: distributions of times and counts of events since the server
 /// started. A field that the server does not send is read as 0.

@@ -1,8 +1,11 @@
-//! The answer to the op `controllers`.
+//! The op `controllers`.
 
+use super::{OpRow, Who};
 use crate::finite;
 use crate::names::names;
 use serde::{Deserialize, Serialize};
+
+pub(super) const ROW: OpRow = OpRow::new(Who::Any, &[]).weighing(100);
 
 /// The answer to the op `controllers`, with which a client asks what the motor controllers report
 /// about themselves.

@@ -1,0 +1,19 @@
+//! The ops `subscribe` and `unsubscribe`: state messages.
+
+use super::{MAX_EVERY, Op, OpRow, Who, must};
+use crate::ErrorBody;
+use crate::fields::Fields;
+use serde::{Deserialize, Serialize};
+
+pub(super) const ROW: OpRow = OpRow::new(Who::Any, &[must("every")]);
+
+/// The answer to the op `subscribe`, with which a client asks for state messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SubscribeOk {
+    /// Number of ticks from one state message to the next, at least 1.
+    pub every: u64,
+}
+
+pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+    Ok(Op::Subscribe { every: fields.integer("every", 1, MAX_EVERY)? })
+}
