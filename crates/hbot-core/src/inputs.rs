@@ -252,6 +252,9 @@ pub enum Command {
     /// torque is added to the scene's torque. [`Commands::push_model`] adds it together with the
     /// model.
     Model(ModelCommand),
+    /// Has no effect. Its answer tells a client the mode, after a stop that did not come as a
+    /// command.
+    Confirm,
 }
 
 /// What a client says about a model that it streams.

@@ -82,7 +82,7 @@ impl Controller {
                 self.align_direction(body, world, sigma, seen)
             }
             // It has no meaning without its model.
-            Command::Model(_) => Reply::Done,
+            Command::Model(_) | Command::Confirm => Reply::Done,
             Command::ClientLost(policy) => {
                 match policy {
                     OnClientLost::Ramp => self.end_streams(tick),

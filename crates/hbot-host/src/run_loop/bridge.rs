@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering, fence};
 use std::thread::Thread;
 
 use hbot_core::CompiledScene;
-use hbot_core::inputs::{Command, ModelCommand, OnClientLost};
+use hbot_core::inputs::{Command, ModelCommand};
 use hbot_core::render::model::LocalModel;
 use hbot_core::safety::mode::{Cause, Mode};
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -29,12 +29,6 @@ const SAMPLES: usize = 4096;
 const MANY_UNANNOUNCED: usize = 64;
 const ORDERS: usize = 256;
 const SCENES: usize = 4;
-
-/// The command that is sent through the ring after an emergency stop, so that the client gets an
-/// answer to the stop. The stop itself does not pass through the ring, and takes effect in the tick
-/// of this answer or an earlier one. The command itself has no effect. A second stop in its
-/// place, a few ticks after the first, would undo a reset that was ordered in between.
-pub const CONFIRMED: Command = Command::ClientLost(OnClientLost::Keep);
 
 /// A command on its way to the loop, with the number that identifies its answer.
 #[derive(Debug, Clone, Copy)]
@@ -246,9 +240,10 @@ impl ServiceEnd {
     pub fn order(&mut self, command: Command) -> Result<u64, Busy> {
         if command == Command::Estop {
             // The flag takes effect at once, whatever waits in the ring, and even if the ring has
-            // no room for the confirmation.
+            // no room for the confirmation. A second stop in its place, a few ticks after the
+            // first, would undo a reset that was ordered in between.
             self.emergency_stop().stop();
-            return self.order(CONFIRMED);
+            return self.order(Command::Confirm);
         }
         self.push(command, None)
     }

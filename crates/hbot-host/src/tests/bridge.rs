@@ -10,7 +10,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl};
 
 use crate::rig::layout::Layout;
-use crate::run_loop::bridge::{Busy, CONFIRMED, bridge};
+use crate::run_loop::bridge::{Busy, bridge};
 use crate::run_loop::sample::Sample;
 use crate::tests::scripted::ScriptedBus;
 use crate::tests::tick_bench::{TickBench, default_scene};
@@ -42,7 +42,7 @@ fn an_emergency_stop_passes_by_the_orders_and_is_taken_once() {
     assert_eq!(outer.order(Command::Estop), Ok(1));
     assert!(inner.take_estop() && !inner.take_estop(), "once");
     // The order in the ring is for the answer alone.
-    assert_eq!(inner.take_order().map(|order| (order.ticket, order.command)), Some((1, CONFIRMED)));
+    assert_eq!(inner.take_order().map(|order| (order.ticket, order.command)), Some((1, Command::Confirm)));
     while outer.order(Command::Enable).is_ok() {}
     assert_eq!(outer.order(Command::Estop), Err(Busy), "there is no room for an answer");
     assert!(inner.take_estop(), "it stops all the same");

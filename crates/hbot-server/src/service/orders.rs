@@ -224,6 +224,6 @@ mod tests {
         assert_eq!(place(OpName::Torque, Command::Reset), 0);
         assert_eq!(place(OpName::Enable, Command::Enable), MAX_ORDERS - MAX_STREAMS);
         assert_eq!(place(OpName::Disable, Command::Disable), MAX_DISABLES - MAX_ORDERS);
-        assert!(place(OpName::Estop, hbot_host::run_loop::bridge::CONFIRMED) > 0);
+        assert!(place(OpName::Estop, Command::Confirm) > 0);
     }
 }

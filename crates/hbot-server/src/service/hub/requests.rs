@@ -12,7 +12,6 @@ use serde_json::Value;
 use super::super::info::Now;
 use super::super::{controllers, convert};
 use super::Hub;
-use hbot_host::run_loop::bridge::CONFIRMED;
 
 impl Hub {
     /// Executes or refuses a message that a client has sent after its hello. Returns false if the
@@ -211,7 +210,7 @@ impl Hub {
     /// time.
     fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
         tracing::warn!(session, name = self.publisher.name(session), "estop");
-        if self.order(session, id.clone(), OpName::Estop, CONFIRMED).is_err() {
+        if self.order(session, id.clone(), OpName::Estop, Command::Confirm).is_err() {
             // No further order can wait for an answer now, but the loop executes the stop in its
             // next tick.
             self.answer(session, id, ModeOk { mode: Mode::Estop });
