@@ -17,45 +17,20 @@
 //!
 //! Random numbers come from a seed. Equal parameters and equal input bytes give equal output bytes.
 
-pub use hbot_config::scene::{
-    CageFriction, Cogging, Compliance, Eccentric, Encoder, Gear, Hand, Imbalance, JointFriction, Link, Motor,
-    Pivoting, Simulate as Phenomena, Slip, TorqueConstants, WheelModules,
-};
+pub use hbot_config::scene::Simulate as Phenomena;
+pub use hbot_config::scene::simulate::*;
 
-/// Returns a copy of `phenomena` that keeps only those that act in the plant, such as friction and
-/// slip. Those of encoders, motors, line and hand become `None`.
+/// Returns a copy of `phenomena` without those that do not act in the plant.
 #[must_use]
 pub fn of_plant(phenomena: &Phenomena) -> Phenomena {
-    // Fields are listed by name so that a new phenomenon fails to compile until it is assigned
-    // here.
-    let Phenomena {
-        joint_friction,
-        cage_friction,
-        slip,
-        pivoting,
-        eccentric,
-        imbalance,
-        wheel_modules,
-        gear,
-        compliance,
-        encoder: _,
-        motor: _,
-        torque_constants: _,
-        cogging: _,
-        link: _,
-        hand: _,
-    } = *phenomena;
     Phenomena {
-        joint_friction,
-        cage_friction,
-        slip,
-        pivoting,
-        eccentric,
-        imbalance,
-        wheel_modules,
-        gear,
-        compliance,
-        ..Phenomena::default()
+        encoder: None,
+        motor: None,
+        torque_constants: None,
+        cogging: None,
+        link: None,
+        hand: None,
+        ..*phenomena
     }
 }
 

@@ -6,7 +6,7 @@ mod files;
 mod kinds;
 mod running;
 mod shelf;
-mod simulate;
+pub mod simulate;
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -22,10 +22,7 @@ pub use self::kinds::IdleKey;
 use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KindEntry, unit_vector};
 pub use self::running::{EffectPlace, RunningScene, SetError};
 pub use self::shelf::{SHELF, ShelfScene};
-pub use self::simulate::{
-    CageFriction, Cogging, Compliance, Eccentric, Encoder, Gear, Hand, Imbalance, JointFriction, Link, Motor,
-    Pivoting, Simulate, Slip, TorqueConstants, WheelModules,
-};
+pub use self::simulate::*;
 use crate::angle::to_radians;
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
