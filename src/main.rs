@@ -16,7 +16,7 @@ fn main() -> ExitCode {
         Ok(cli) => {
             hbot_host::run_loop::signals::outlive_file_limits().map_err(Into::into).and_then(|()| cli.run())
         }
-        Err(answer) => cli::out::answer(&answer, &arguments),
+        Err(answer) => cli::out::answer(answer, &arguments),
     };
     done.unwrap_or_else(|error| {
         cli::out::error(&error);

@@ -4,6 +4,8 @@ use std::io::{BufRead as _, IsTerminal as _, Write as _};
 
 use anyhow::bail;
 
+use super::out::fitted;
+
 /// Returns whether a person at a terminal can be asked.
 pub(crate) fn somebody_is_there() -> bool {
     std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
@@ -14,6 +16,7 @@ pub(crate) fn at_terminal(prompt: &str) -> anyhow::Result<Option<String>> {
     if !somebody_is_there() {
         return Ok(None);
     }
+    let prompt = fitted(format_args!("{prompt}"), std::io::stderr());
     write!(anstream::stderr(), "{prompt}")?;
     std::io::stderr().flush()?;
     let mut line = String::new();

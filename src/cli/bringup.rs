@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use hbot_config::{Override, RigConfig};
-use hbot_host::bus::{Lag, field};
+use hbot_host::bus::{Lag, each_once, field};
 use hbot_host::commission::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
 use hbot_host::commission::bringup::scan::scan;
 use hbot_host::commission::bringup::{Bench, Interrupted, Truth, open};
@@ -21,7 +21,7 @@ use hbot_host::rig::last_word::Program;
 use hbot_host::run_loop::signals;
 use serde_json::json;
 
-use super::out::{note, say};
+use super::out::{note, tell};
 use super::style;
 pub(crate) use calibrate::{CalibrateArgs, run_calibrate};
 pub(crate) use certify::{CertifyArgs, run_certify};
@@ -137,11 +137,11 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
     let mut good = true;
     for line in scan(&rig)? {
         good &= line.is_good();
-        say!("{}{}{}: {} answer", style::NAME, line.port, style::OFF, line.found.len())?;
+        tell!("{}{}{}: {} answer", style::NAME, line.port, style::OFF, line.found.len())?;
         for it in &line.found {
             let supply = it.supply_v.map_or(String::new(), |volts| format!(", {volts:.1} V"));
             let zero = it.zero.map_or(String::new(), |zero| format!(", zero {zero}"));
-            say!("  {}: {}, firmware {}{supply}{zero}", it.id, it.model, it.firmware)?;
+            tell!("  {}: {}, firmware {}{supply}{zero}", it.id, it.model, it.firmware)?;
             let lag = |lag: &Lag, what| {
                 format!("{what} {:.1} ms late ({} {:.0} Hz)", 1e3 * lag.seconds, lag.setting, lag.hz)
             };
@@ -150,14 +150,15 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
                 it.filtering.rate.as_ref().map(|it| lag(it, "rate")),
             ];
             if lags.iter().any(Option::is_some) {
-                say!("     {}", lags.into_iter().flatten().collect::<Vec<_>>().join(", "))?;
-            }
-            for warning in it.filtering.warnings(&it.id.to_string(), &rig) {
-                say!("     {}{warning}{}", style::WARN, style::OFF)?;
+                tell!("     {}", lags.into_iter().flatten().collect::<Vec<_>>().join(", "))?;
             }
             for remedy in &it.remedies {
-                say!("     {}{}{}\n       {}", style::BAD, remedy.what, style::OFF, remedy.command)?;
+                tell!("     {}{}{}\n       {}", style::BAD, remedy.what, style::OFF, remedy.command)?;
             }
+        }
+        for warning in each_once(line.found.iter().map(|it| (it.id.to_string(), it.filtering.warnings(&rig))))
+        {
+            tell!("  {}note:{} {warning}", style::WARN, style::OFF)?;
         }
         for (ids, what) in [
             (&line.twice, "more than one controller has the id: connect one at a time and give each its own"),
@@ -165,7 +166,7 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
             (&line.others, "answers and is not in the rig file: disconnect it, or name it there"),
         ] {
             for id in ids {
-                say!("  {}{id}: {what}{}", style::BAD, style::OFF)?;
+                tell!("  {}{id}: {what}{}", style::BAD, style::OFF)?;
             }
         }
     }
@@ -200,7 +201,7 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
     })?;
     let good = outcome.verdict == Verdict::Good;
     let colour = if good { style::GOOD } else { style::BAD };
-    say!(
+    tell!(
         "joint {}, {}: {:+.4} rad by its counts, {:+.4} rad by its rates, at most {:.2} rad/s\n  {colour}{}{}",
         args.joint,
         joint_name(&rig, number),
@@ -210,21 +211,21 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
         outcome.verdict,
         style::OFF
     )?;
-    if args.torque == TestTorque::Auto {
-        say!("  the torque rose to {:.2} mN m", 1e3 * outcome.torque)?;
+    if args.torque == TestTorque::Auto && outcome.verdict != Verdict::Turns {
+        tell!("  the torque rose to {:.2} mN m", 1e3 * outcome.torque)?;
     }
     match outcome.verdict {
         Verdict::Good => {
-            say!("  {}", compared(&outcome))?;
+            tell!("  {}", compared(&outcome))?;
             let turned = (outcome.torque > 0.0) != rig.rig.joints[number].reversed;
             let sense = if turned { "in" } else { "against" };
-            say!(
+            tell!(
                 "  by the rig file's sign it has turned {sense} its positive sense; `hbot rig calibrate` tells whether that is so\n  \
                  where another joint than the {} has turned, `controller` of the two is exchanged in the rig file",
                 joint_name(&rig, number)
             )?;
         }
-        Verdict::Gear(ratio) if ratio.is_finite() => say!(
+        Verdict::Gear(ratio) if ratio.is_finite() => tell!(
             "  {} would have them agree; the rig file has {}",
             format_args!("{}.gear = {:.3}", field(number), ratio * rig.rig.joints[number].gear),
             rig.rig.joints[number].gear
@@ -238,8 +239,9 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
 fn compared(outcome: &Outcome) -> String {
     let Outcome { torque, moved, by_rate, .. } = outcome;
     format!(
-        "under {torque:+} N m its counts went the way of the torque, by {moved:+.4} rad; the rates that its controller reports \
+        "under {:+.2} mN m its counts went the way of the torque, by {moved:+.4} rad; the rates that its controller reports \
          add up to {by_rate:+.4} rad, which differs by {:.1} % (good: less than {:.0} %)",
+        1e3 * torque,
         100.0 * (by_rate / moved - 1.0).abs(),
         100.0 * DISAGREEMENT
     )
@@ -260,7 +262,7 @@ mod tests {
             verdict: Verdict::Good,
         };
         let said = compared(&outcome);
-        for words in ["+0.01 N m", "+0.3000 rad", "+0.3030 rad", "differs by 1.0 %", "less than 10 %"] {
+        for words in ["+10.00 mN m", "+0.3000 rad", "+0.3030 rad", "differs by 1.0 %", "less than 10 %"] {
             assert!(said.contains(words), "{said}");
         }
     }

@@ -13,7 +13,7 @@ use hbot_host::commission::doctor::{
 };
 use serde_json::{Value, json};
 
-use super::out::say;
+use super::out::{say, tell};
 use super::{ServerAddress, orders, server, show, style};
 
 /// Number of flight logs that are listed.
@@ -115,7 +115,7 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
             show::print(stats)?;
         }
         for log in &logs {
-            say!("  flight log       {}", log.display())?;
+            tell!("  flight log       {}", log.display())?;
         }
         let (colour, word) = mark(worst);
         say!("\n{colour}{word}{}", style::OFF)?;
@@ -134,9 +134,9 @@ fn mark(mark: Mark) -> (anstyle::Style, &'static str) {
 fn show(finding: &Finding) -> anyhow::Result<()> {
     let (colour, word) = mark(finding.mark);
     let off = style::OFF;
-    say!("  {:<16} {colour}{word:<14}{off} {}", finding.id, finding.found)?;
+    tell!("  {:<16} {colour}{word:<14}{off} {}", finding.id, finding.found)?;
     if let Some(mend) = &finding.mend {
-        say!("  {:<16} {:<14} {}to mend it: {mend}{off}", "", "", style::DIM)?;
+        tell!("  {:<16} {}to mend it: {mend}{off}", "", style::DIM)?;
     }
     Ok(())
 }

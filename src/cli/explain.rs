@@ -59,8 +59,47 @@ struct History {
     faults: u32,
 }
 
+/// What a recording tells.
+enum Read {
+    /// The time before the wanted fault or stop.
+    Stopped(Box<History>),
+    /// A run without a fault or stop.
+    Healthy(Whole),
+}
+
+/// A whole run: its length, and the largest of what has a limit.
+#[derive(Default)]
+struct Whole {
+    states: u64,
+    /// Times of the first and of the last state, s.
+    range: Option<(f64, f64)>,
+    /// Speed of the sphere, rad/s.
+    speed: f64,
+    /// Torque on it, N m.
+    torque: f64,
+    /// Part of what friction holds at a contact.
+    traction: f64,
+    /// Lateness of a tick, us.
+    late_us: f64,
+    about: BTreeMap<String, String>,
+}
+
+impl Whole {
+    fn add(&mut self, state: &State) {
+        self.states += 1;
+        self.range = Some((self.range.map_or(state.t, |(first, _)| first), state.t));
+        self.speed = self.speed.max(findings::length(state.omega.as_ref()));
+        self.torque = self.torque.max(findings::length(state.torque.as_ref()));
+        self.traction = self.traction.max(state.traction);
+        self.late_us = self.late_us.max(state.timing.as_ref().map_or(0.0, |timing| timing.lateness_us));
+    }
+}
+
 pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
-    let history = read(args)?;
+    let history = match read(args)? {
+        Read::Stopped(history) => history,
+        Read::Healthy(whole) => return healthy(args, &whole),
+    };
     let rig = rig(args, &history.about)?;
     let Some(last) = history.states.last() else { bail!("the recording has no state") };
     let name = if last.fault.is_empty() { last.mode.as_str() } else { last.fault.as_str() };
@@ -101,6 +140,27 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Says that nothing went wrong, and how near the run came to its limits.
+fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
+    let rig = rig(args, &whole.about)?;
+    let (good, bold, off) = (style::GOOD, style::NAME, style::OFF);
+    tell!(
+        "{good}nothing went wrong{off}: no fault and no emergency stop in {:.3} s ({} states), {bold}{}{off}",
+        whole.range.map_or(0.0, |(first, last)| last - first),
+        whole.states,
+        foreign(&rig.name)
+    )?;
+    let limits = &rig.rig.limits;
+    tell!("  {:<10} up to {:.2} rad/s (limit {} rad/s)", "speed", whole.speed, limits.speed)?;
+    tell!("  {:<10} up to {:.3} N m (limit {} N m)", "torque", whole.torque, limits.torque)?;
+    tell!("  {:<10} up to {:.0} % of what friction holds", "grip", 100.0 * whole.traction)?;
+    tell!("  {:<10} the latest tick began {:.1} ms late", "loop", 1.0e-3 * whole.late_us)?;
+    if args.plot.is_some() {
+        note!("--plot draws the time before a fault, and there is none");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
 /// Returns the rig of a recording.
 fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<RigConfig> {
     if let Some(path) = &args.rig {
@@ -117,7 +177,7 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
 }
 
 /// Reads the time before the wanted fault.
-fn read(args: &ExplainArgs) -> anyhow::Result<History> {
+fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
     let path = &args.file;
     refuse_folder(path, "the file of a recording (MCAP)")?;
     if path.extension().is_some_and(|end| end == "csv") {
@@ -149,6 +209,9 @@ fn read(args: &ExplainArgs) -> anyhow::Result<History> {
 struct Gathered {
     about: BTreeMap<String, String>,
     recent: VecDeque<State>,
+    whole: Whole,
+    /// Whether a state is one of a fault or an emergency stop.
+    stopped: bool,
     scene: Option<(SceneFile, f64)>,
     holder: Option<String>,
     faults: u32,
@@ -173,6 +236,8 @@ impl Gathered {
 
     fn state(&mut self, state: State, wanted: u32) {
         let stopped = |state: &State| ["fault", "estop"].contains(&state.mode.as_str());
+        self.whole.add(&state);
+        self.stopped |= stopped(&state);
         let begins = stopped(&state) && self.recent.back().is_some_and(|before| !stopped(before));
         self.recent.push_back(state);
         let newest = self.recent.back().map_or(0.0, |state| state.t);
@@ -215,11 +280,19 @@ impl Gathered {
         }
     }
 
-    fn history(self, path: &Path, wanted: u32) -> anyhow::Result<History> {
+    fn history(self, path: &Path, wanted: u32) -> anyhow::Result<Read> {
         match self.found {
-            Some(found) => Ok(History { faults: self.faults, ..found }),
+            Some(found) => Ok(Read::Stopped(Box::new(History { faults: self.faults, ..found }))),
+            None if self.whole.states == 0 => bail!("{}: the recording has no state", path.display()),
+            None if self.stopped && self.faults == 0 => bail!(
+                "{}: the rig is stopped from the first state on, so what happened before is not in this recording",
+                path.display()
+            ),
+            None if self.faults == 0 && wanted == 1 => {
+                Ok(Read::Healthy(Whole { about: self.about, ..self.whole }))
+            }
             None if self.faults == 0 => {
-                bail!("{}: no fault and no emergency stop begins in this recording", path.display())
+                bail!("{}: fault {wanted} is not in it; it has none", path.display())
             }
             None => bail!("{}: fault {wanted} is not in it; legal: 1 to {}", path.display(), self.faults),
         }

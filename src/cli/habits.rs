@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use hbot_config::did_you_mean;
 
 /// Words that are no commands of hbot, and the command that does what they ask for.
 const HABITS: [(&[&str], &str); 12] = [
@@ -44,6 +45,17 @@ pub(crate) fn without_cargo_s_dashes(arguments: impl Iterator<Item = OsString>) 
         }
     }
     arguments
+}
+
+/// Keeps of several commands that are similar to a mistyped one the most similar one.
+pub(crate) fn keep_the_most_similar(answer: &mut clap::Error) {
+    let word = answer.get(ContextKind::InvalidSubcommand).cloned();
+    let similar = answer.get(ContextKind::SuggestedSubcommand).cloned();
+    if let (Some(ContextValue::String(word)), Some(ContextValue::Strings(similar))) = (word, similar)
+        && let Some(best) = did_you_mean(&word, similar.iter().map(String::as_str))
+    {
+        answer.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![best.to_owned()]));
+    }
 }
 
 /// Returns what a user who typed an unknown command means. Returns `None` if `answer` is another

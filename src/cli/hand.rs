@@ -7,13 +7,15 @@ use std::time::Duration;
 
 use anyhow::{anyhow, bail};
 use clap::{Args, Subcommand};
-use hbot_api::{Client, ClientError, Event, HandCommand, HandHold, InfoOk, MAX_OVER_MS, Op, StateEvent};
+use hbot_api::{
+    Client, ClientError, Event, HandCommand, HandHold, InfoOk, MAX_OVER_MS, Mode, Op, StateEvent,
+};
 use hbot_config::SceneFile;
 use hbot_config::sweep::Probe;
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Curve, PlotPanel, sheet};
 
-use super::out::say;
+use super::out::{say, tell};
 use super::scene::plot::{svg, write};
 use super::{Commanding, orders};
 
@@ -23,6 +25,10 @@ const ROWS: usize = 12;
 const SILENCE: Duration = Duration::from_secs(2);
 /// Time for which the hand rests at the end of the turn, s.
 const REST_S: f64 = 0.3;
+/// Below this rate about the axis the sphere counts as still, rad/s.
+const STILL: f64 = 0.02;
+/// A fraction of a limit at which it counts as reached.
+const AT_LIMIT: f64 = 0.98;
 
 /// The subcommands of `hbot hand`.
 #[derive(Debug, Subcommand)]
@@ -100,6 +106,9 @@ pub(crate) fn run(command: &HandCommands) -> anyhow::Result<ExitCode> {
     let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args))?;
     let points = points(&info, &states, args.axis.unit)?;
     table(&points)?;
+    for line in told(&info, &states, &points, &args.axis, args.angle.to_degrees()) {
+        tell!("{line}")?;
+    }
     if let Some(path) = &args.out {
         write(path, &picture(&info, &points, args.axis.name))?;
         say!("{}", path.display())?;
@@ -170,6 +179,62 @@ fn table(points: &[Point]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Says in sentences where the sphere stopped, if the hand asked for `wanted` degrees, and whether
+/// limits have cut the torque off.
+fn told(
+    info: &InfoOk,
+    states: &[StateEvent],
+    points: &[Point],
+    axis: &NamedAxis,
+    wanted: f64,
+) -> Vec<String> {
+    let (first, last, end) = (&states[0], &states[states.len() - 1], &points[points.len() - 1]);
+    let since = |state: &StateEvent| state.t - first.t;
+    let mut lines = Vec::new();
+    let rate = |state: &StateEvent| Vec3::from_array(state.omega).dot(axis.unit);
+    let moving = states.iter().rposition(|state| rate(state).abs() > STILL);
+    lines.push(match moving.map(|at| states.get(at + 1)) {
+        None => "the sphere did not turn".to_owned(),
+        Some(None) => {
+            format!("the sphere still turns after {:.2} s, with {:.2} rad/s", since(last), rate(last).abs())
+        }
+        Some(Some(stopped)) => format!(
+            "the sphere stopped after {:.2} s at {:.2} deg; the hand asked for {wanted:.2} deg",
+            since(stopped),
+            end.angle.to_degrees()
+        ),
+    });
+    if let Some((state, _)) =
+        states.iter().zip(points).find(|(state, _)| !matches!(state.mode, Mode::Active | Mode::Enabling))
+    {
+        lines.push(format!(
+            "the rig was not active after {:.2} s but {}: it makes no torque then",
+            since(state),
+            state.mode.as_str()
+        ));
+    }
+    let most = info.limits.torque;
+    let full = |state: &StateEvent| Vec3::from_array(state.torque).length() >= AT_LIMIT * most;
+    if let Some((state, point)) = states.iter().zip(points).find(|(state, _)| full(state)) {
+        lines.push(format!(
+            "the rig reached its largest torque of {most} N m (limits.torque) after {:.2} s at {:.2} deg",
+            since(state),
+            point.angle.to_degrees()
+        ));
+    } else if let Some((state, point)) =
+        states.iter().zip(points).find(|(state, _)| state.mode == Mode::Active && state.scale < AT_LIMIT)
+    {
+        lines.push(format!(
+            "motors, friction or torque_rate limited the torque to {:.0} % of what the scene asked for, first after {:.2} s at \
+             {:.2} deg",
+            100.0 * states.iter().map(|state| state.scale).fold(1.0, f64::min),
+            since(state),
+            point.angle.to_degrees()
+        ));
+    }
+    lines
+}
+
 /// Returns the picture of torque against angle as SVG.
 fn picture(info: &InfoOk, points: &[Point], axis: &str) -> String {
     let curve = |name: &str, colour, dashed, value: fn(&Point) -> f64| Curve {
@@ -201,6 +266,40 @@ fn picture(info: &InfoOk, points: &[Point], axis: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The sphere turns with 1 rad/s for half a second. From 0.3 s on the torque is `torque`, N m.
+    fn turned(torque: f64, scale: f64) -> Vec<String> {
+        let states: Vec<StateEvent> = (0..=100)
+            .map(|k| {
+                let t = f64::from(k) * 0.01;
+                let late = t > 0.295;
+                StateEvent {
+                    t,
+                    mode: Mode::Active,
+                    omega: [0.0, 0.0, if t < 0.495 { 1.0 } else { 0.0 }],
+                    torque: [0.0, 0.0, if late { -torque } else { 0.0 }],
+                    scale: if late { scale } else { 1.0 },
+                    ..StateEvent::default()
+                }
+            })
+            .collect();
+        let point = |state: &StateEvent| Point { angle: state.t.min(0.5), hand: 0.0, rig: 0.0, law: 0.0 };
+        let points: Vec<Point> = states.iter().map(point).collect();
+        let limits = hbot_api::LimitsInfo { torque: 0.9, ..Default::default() };
+        let info = InfoOk { limits, ..InfoOk::default() };
+        let axis = NamedAxis { name: "n3", unit: Vec3::Z };
+        told(&info, &states, &points, &axis, 40.0)
+    }
+
+    #[test]
+    fn where_the_sphere_stopped_and_which_limit_it_reached_is_said() {
+        let stopped = "the sphere stopped after 0.50 s at 28.65 deg; the hand asked for 40.00 deg";
+        assert_eq!(turned(0.5, 1.0), [stopped]);
+        let limit = "the rig reached its largest torque of 0.9 N m (limits.torque) after 0.30 s at 17.19 deg";
+        assert_eq!(turned(0.9, 0.4), [stopped, limit]);
+        let said = turned(0.5, 0.4);
+        assert!(said[1].contains("to 40 % of what the scene asked for, first after 0.30 s"), "{said:?}");
+    }
 
     #[test]
     fn angles_and_times_have_their_units() {

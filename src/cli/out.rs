@@ -77,7 +77,7 @@ pub(crate) fn aside(text: Arguments<'_>) {
 }
 
 /// Returns a text whose lines fit the terminal that `output` writes to, if it is one.
-fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> String {
+pub(crate) fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> String {
     let text = text.to_string();
     terminal::columns(output).map_or_else(|| text.clone(), |columns| terminal::wrapped(&text, columns))
 }
@@ -119,8 +119,9 @@ pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
 
 /// Prints clap's answer to the command line `arguments`: an error, the help or the version. A
 /// command that hbot calls by another name is named.
-pub(crate) fn answer(answer: &clap::Error, arguments: &[OsString]) -> anyhow::Result<ExitCode> {
-    let printed = match habits::meant(answer, arguments) {
+pub(crate) fn answer(mut answer: clap::Error, arguments: &[OsString]) -> anyhow::Result<ExitCode> {
+    habits::keep_the_most_similar(&mut answer);
+    let printed = match habits::meant(&answer, arguments) {
         Some(meant) => {
             error(&meant);
             Ok(())

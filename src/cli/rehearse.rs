@@ -1,6 +1,7 @@
 //! `hbot controllers`: simulated motor controllers behind a pseudo-terminal, so that a vendor's
 //! tool, a driver or a server can be tried on them.
 
+use std::io::BufRead as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -8,6 +9,10 @@ use anyhow::anyhow;
 use clap::{Args, ValueEnum};
 use hbot_config::RigConfig;
 use hbot_config::rig::Protocol;
+use hbot_host::commission::bringup::Truth;
+use hbot_host::rig::attach::urgent;
+use hbot_sim::controller::InjectedFault;
+use hbot_sim::phenomena::{CageFriction, Hand, JointFriction, Phenomena};
 use hbot_sim::pty::{PtyOptions, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 
@@ -45,6 +50,17 @@ impl From<Spoken> for Protocol {
     }
 }
 
+/// What a person does at the rig, by the word that is typed for it.
+const WORDS: [(&str, &str, fn(&mut SimulatedRig)); 5] = [
+    ("turn", "a hand turns the sphere about all axes", |rig| rig.set_hand(Truth::turned().phenomena.hand)),
+    ("hold", "a hand holds the sphere still", |rig| {
+        rig.set_hand(Some(Hand { stiffness: 50.0, damping: 1.0, amplitude: 0.0, ..Hand::default() }));
+    }),
+    ("free", "no hand is on the sphere", |rig| rig.set_hand(None)),
+    ("unplug", "the line is cut", |rig| rig.inject(InjectedFault::Deaf(true))),
+    ("plug", "the line is whole again", |rig| rig.inject(InjectedFault::Deaf(false))),
+];
+
 /// Runs the controllers until standard input ends or the program is interrupted.
 pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
     let config = RigConfig::load(args.rig.as_deref(), &[])?;
@@ -57,18 +73,46 @@ pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
     }
     let mut simulated = SimulatedConfig::new(&rig);
     simulated.line = protocol.into();
-    let rig = SimulatedRig::new(&simulated).map_err(|error| anyhow!("{error}"))?;
-    let pty = spawn_pty(rig, PtyOptions::default()).map_err(|error| anyhow!("{error}"))?;
+    // The friction that the rig file says, or that of bearings: without any, nothing comes to rest.
+    let measured = rig.compensation.as_ref();
+    let joints_rub = measured.is_some_and(|it| it.joints.iter().any(|joint| joint.friction.is_some()));
+    let sphere_rubs = measured.is_some_and(|it| it.sphere.is_some());
+    simulated.phenomena = Phenomena {
+        joint_friction: (!joints_rub).then(JointFriction::default),
+        cage_friction: (!sphere_rubs).then(CageFriction::default),
+        ..Phenomena::default()
+    };
+    simulated.imperfect = rig.compensation;
+    let mut rig = SimulatedRig::new(&simulated).map_err(|error| anyhow!("{error}"))?;
+    if protocol == config.link.protocol {
+        for (joint, id) in config.controllers.iter().enumerate() {
+            rig.controllers_mut().set_id(joint, *id as u8);
+        }
+    }
+    let options = PtyOptions { on_start: Box::new(urgent), ..PtyOptions::default() };
+    let pty = spawn_pty(rig, options).map_err(|error| anyhow!("{error}"))?;
     let path = pty.path().display();
     say!("{path}")?;
     note!(
-        "Simulated {} controllers of {} answer there; Ctrl-C, or the end of standard input, ends them. A server whose rig file has this protocol moves them: \
-         `hbot server --rig FILE --port {path}`",
+        "Simulated {} controllers of {} answer there. A server whose rig file has this protocol moves them: \
+         `hbot server --rig FILE --port {path}`\nType a word and Enter; Ctrl-C, or the end of standard input, ends them",
         protocol.name(),
         config.name
     );
+    for (word, what, _) in WORDS {
+        note!("  {word:<8} {what}");
+    }
     // A script ends them by closing standard input.
-    std::io::copy(&mut std::io::stdin(), &mut std::io::sink())?;
+    for line in std::io::stdin().lock().lines() {
+        let line = line?;
+        match WORDS.iter().find(|(word, ..)| *word == line.trim()) {
+            Some((_, what, act)) => {
+                pty.post(*act).map_err(|error| anyhow!("{error}"))?;
+                note!("{what}");
+            }
+            None => note!("{:?} is none of {}", line.trim(), WORDS.map(|(word, ..)| word).join(", ")),
+        }
+    }
     note!("standard input has ended, and the controllers with it");
     Ok(ExitCode::SUCCESS)
 }

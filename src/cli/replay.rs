@@ -50,9 +50,9 @@ fn seconds(text: &str) -> Result<f64, String> {
 pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
     let name = || args.file.display().to_string();
+    let other = args.scene.as_deref().map(scene::scene).transpose()?;
     refuse_folder(&args.file, "the file of a recording (MCAP)")?;
     let file = BufReader::new(File::open(&args.file).with_context(name)?);
-    let other = args.scene.as_deref().map(scene::scene).transpose()?;
     let compiled = other.clone().map(|other| Box::new(renumbered(&RunningScene::new().load(other))));
     let replay = Replay::new(file, compiled).with_context(name)?;
     let period_ns = period_ns(replay.about()).with_context(name)?;

@@ -11,13 +11,14 @@ use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
 use hbot_config::rig::Port;
 use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::design::kinematics::Posture;
-use hbot_core::design::rig::{Joint, Zero};
+use hbot_core::design::rig::Joint;
 use hbot_core::design::singularity::{
     Indices, Meeting, actuation_margin, boundary_determinant, closest_approach, interior_margin_over_all,
 };
 use hbot_core::{Device, Vec3};
 use hbot_host::bus::{BusTraffic, driver, late_rates};
 use hbot_host::commission::doctor::{MOST_LOAD, highest_rate, punctuality};
+use hbot_host::rig::host::uncalibrated;
 
 use super::out::tell;
 use super::scene::plot::{svg, write};
@@ -79,16 +80,10 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         tell!("  {}rates:{} {}", style::NAME, style::OFF, pick.sentence())?;
     }
     if let Some(advice) = late_rates(&config) {
-        tell!("  {}advice:{} {advice}", style::NAME, style::OFF)?;
+        tell!("  {}note:{} {advice}", style::NAME, style::OFF)?;
     }
-    for wheel in &warnings.uncalibrated {
-        tell!(
-            "  {}warning:{} {} leaves its steering zero to a calibration: the rig stays unreferenced until \
-             `hbot rig calibrate` has measured zero_offset and `zero` has another value (docs/files.md)",
-            style::WARN,
-            style::OFF,
-            bringup::wheel_name(&config, *wheel)
-        )?;
+    for warning in &warnings.uncalibrated {
+        tell!("  {}warning:{} {warning}", style::WARN, style::OFF)?;
     }
     geometry(&config, &warnings)?;
     abilities(&config, &warnings)?;
@@ -103,8 +98,8 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
 
 /// What `hbot rig check` warns about. It is found first, so that the headline can count it.
 struct Warnings {
-    /// The wheels that leave their steering zero to a calibration, from 0.
-    uncalibrated: Vec<usize>,
+    /// A sentence for each wheel that leaves its steering zero to a calibration.
+    uncalibrated: Vec<String>,
     /// The pairs of wheels that can collide, from 0.
     colliding: Vec<[usize; 2]>,
     /// The least spectral index of the driven joints over all postures.
@@ -124,7 +119,7 @@ impl Warnings {
         let driven: Vec<bool> = joints[..device.joints()].iter().map(|joint| joint.peak > 0.0).collect();
         let margins = torus(device).map(|th| actuation_margin(&Posture::new(device, &th), &driven));
         Self {
-            uncalibrated: (0..wheels.len()).filter(|i| joints[2 * i].zero == Zero::Calibrate).collect(),
+            uncalibrated: uncalibrated(config),
             colliding: pairs.filter(can_collide).collect(),
             actuation: margins.fold(f64::INFINITY, f64::min),
             unlimited: config.rig.limits.traction.is_none().then(|| largest_push(config)),

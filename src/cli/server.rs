@@ -16,6 +16,7 @@ use hbot_config::advice::Abilities;
 use hbot_config::rig::Port;
 use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_host::commission::expectation::{self, Expectation};
+use hbot_host::rig::host::uncalibrated;
 use hbot_host::rig::last_word::Program;
 use hbot_host::run_loop::signals;
 use hbot_host::run_loop::stop_signal::StopSignal;
@@ -240,7 +241,8 @@ async fn serve(
     let mut secrets = secrets::notices(&rig, args.metrics_token_file.as_deref());
     secrets.extend(live_at.and_then(secrets::live_notice));
     let banner = banner(&rig, scene.name(), (address, web_at), time, expected);
-    let warnings = Abilities::of(&rig).warnings(&scene);
+    let mut warnings = uncalibrated(&rig);
+    warnings.extend(Abilities::of(&rig).warnings(&scene));
     let recording = recording(&args, rig.certificate.clone())?;
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();

@@ -74,11 +74,11 @@ fn a_scan_lists_the_controllers_of_a_line_whatever_they_speak() {
 
 #[test]
 fn a_check_recommends_the_rates_of_a_kalman_filter_where_those_of_the_controllers_are_late() {
-    let advice = "advice: the rates of the controllers are 3.9 ms late";
+    let advice = "note: the rates of the controllers are 3.9 ms late";
     run(&["rig", "check", MOTEUS])
         .success()
         .stdout(contains(advice).and(contains("rate_estimate = \"kalman\"")));
-    run(&["rig", "check"]).success().stdout(contains("advice").not());
+    run(&["rig", "check"]).success().stdout(contains("note:").not());
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn each_joint_of_the_simulated_rig_passes_its_test() {
     for joint in ["1", "2", "3", "4"] {
         run(&["rig", "test", "--joint", joint, "--torque", "0.01", "--speed", "50"])
             .success()
-            .stdout(contains("good").and(contains(" N m its counts went the way of the torque, by +0.")));
+            .stdout(contains("good").and(contains(" mN m its counts went the way of the torque, by +0.")));
     }
     run(&["rig", "test", "--joint", "5", "--torque", "0.01"]).failure().stderr(contains("1 to 4"));
     run(&["rig", "test", "--joint", "1", "--torque", "2"]).failure().stderr(contains("0.93"));

@@ -48,13 +48,13 @@ fn an_overspeed_is_told_in_ten_lines_and_drawn() {
 }
 
 #[test]
-fn a_recording_without_a_fault_says_so() {
+fn a_recording_without_a_fault_says_that_nothing_went_wrong() {
     let state = tempfile::tempdir().expect("a folder");
     let run = state.path().join("run.mcap");
     let args = ["--time", "virtual", "--duration", "1", "--record", text(&run)];
     assert!(Process::start(&args, state.path()).end().1.success());
-    explain(&[text(&run)])
-        .failure()
-        .stderr(contains("no fault and no emergency stop begins in this recording"));
+    let said = contains("nothing went wrong: no fault and no emergency stop in ");
+    explain(&[text(&run)]).success().stdout(said.and(contains("(limit 30 rad/s)")));
+    explain(&[text(&run), "--number", "2"]).failure().stderr(contains("it has none"));
     explain(&["log.csv"]).failure().stderr(contains("ends in .mcap"));
 }

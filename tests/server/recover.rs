@@ -1,12 +1,13 @@
 //! `hbot recover`, and `hbot controllers`: commands that need no server.
 
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
 
 use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 
-use crate::process::{Process, hbot};
+use crate::process::{Process, hbot, patient_rig};
+use hbot_testing::patience::eventually;
 
 #[test]
 fn a_recording_that_was_cut_off_becomes_a_whole_one() {
@@ -30,18 +31,55 @@ fn a_recording_that_was_cut_off_becomes_a_whole_one() {
     assert!(!out.exists(), "nothing is left of a failure");
 }
 
+/// Starts simulated controllers. Returns them with their port.
+fn controllers(args: &[&str]) -> (std::process::Child, String) {
+    let mut command = hbot();
+    command.arg("controllers").args(args).stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut controllers = command.stderr(Stdio::null()).spawn().expect("it runs");
+    let mut path = String::new();
+    let mut out = BufReader::new(controllers.stdout.take().expect("piped"));
+    out.read_line(&mut path).expect("a path");
+    (controllers, path.trim().to_owned())
+}
+
 #[test]
 fn simulated_controllers_answer_a_scan_until_their_input_ends() {
     for (protocol, rig) in [("moteus", "rigs/prototype-moteus.toml"), ("hbot", "rigs/prototype.toml")] {
-        let mut command = hbot();
-        command.args(["controllers", "--protocol", protocol]).stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut controllers = command.stderr(Stdio::null()).spawn().expect("it runs");
-        let mut path = String::new();
-        let mut out = BufReader::new(controllers.stdout.take().expect("piped"));
-        out.read_line(&mut path).expect("a path");
+        let (mut controllers, path) = controllers(&["--protocol", protocol]);
         let mut scan = assert_cmd::Command::from_std(hbot());
-        scan.args(["rig", "scan", "--rig", rig, "--port", path.trim()]).assert().stdout(contains("4 answer"));
+        scan.args(["rig", "scan", "--rig", rig, "--port", &path]).assert().stdout(contains("4 answer"));
         drop(controllers.stdin.take());
         assert!(controllers.wait().expect("it ends").success());
     }
+}
+
+/// The simulated joints come to rest, so that they are tested one after the other and again, and a
+/// hand turns the sphere when it is asked to.
+#[test]
+fn a_rig_is_rehearsed_on_simulated_controllers() {
+    let state = tempfile::tempdir().expect("a folder");
+    let rig = patient_rig(state.path());
+    let (mut controllers, path) = controllers(&["--rig", &rig]);
+    let mut hands = controllers.stdin.take().expect("piped");
+    let run = |command: &str, options: &[&str]| {
+        let mut program = assert_cmd::Command::from_std(hbot());
+        program.args(["rig", command, "--rig", &rig, "--port", &path]).args(options);
+        let output = program.output().expect("it runs");
+        [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat()
+    };
+    // A machine that stands still for long makes controllers fall silent, and words take effect in
+    // another process.
+    for joint in ["1", "2", "3", "4", "1"] {
+        eventually("a test of a joint", || {
+            let said = run("test", &["--joint", joint, "--torque", "auto"]);
+            assert!(!said.contains("it turned before"), "{said}");
+            said.contains("the torque rose to")
+        });
+    }
+    writeln!(hands, "turn").expect("it reads");
+    eventually("a calibration", || run("calibrate", &["--seconds", "5"]).contains("steering zero off by"));
+    writeln!(hands, "free\nunplug").expect("it reads");
+    eventually("the line is cut", || run("scan", &[]).contains("no answer"));
+    drop(hands);
+    assert!(controllers.wait().expect("it ends").success());
 }

@@ -266,6 +266,8 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
     // A mistyped word still gets the most similar command, and so does one after another command.
     run(&["serer"]).code(2).stderr(contains("'server'"));
     run(&["scene", "lod"]).code(2).stderr(contains("'load'"));
+    run(&["estopp"]).code(2).stderr(contains("exists: 'estop'\n"));
+    run(&["enabel"]).code(2).stderr(contains("exists: 'enable'\n"));
 }
 
 /// `cargo run server -- --help` passes the two dashes on.

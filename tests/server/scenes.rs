@@ -139,7 +139,7 @@ fn every_kind_is_listed_in_one_line_and_shown_with_its_parameters_ranges_and_def
         hbot_config::scene::kinds().into_iter().chain(hbot_config::scene::phenomena()).collect();
     for listed in &all {
         let line = list.lines().find(|line| line.split_whitespace().next() == Some(listed.name));
-        let words = line.and_then(|line| line.split_once(' ')).expect(listed.name).1.trim();
+        let words = line.and_then(|line| line.trim_start().split_once(' ')).expect(listed.name).1.trim();
         assert!(listed.description.starts_with(words) && words.ends_with('.'), "{}: {words}", listed.name);
     }
     // The others are two empty lines, the heading of the phenomena, and the last line.

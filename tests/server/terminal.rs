@@ -9,7 +9,7 @@ use std::process::{Child, Command};
 use hbot_testing::lines::JsonLines;
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{Winsize, tcsetwinsize};
+use rustix::termios::{Winsize, tcsetwinsize, ttyname};
 
 use crate::process::{Killed, Process, hbot, patient_rig};
 
@@ -118,5 +118,36 @@ fn info_and_the_answer_to_a_stop_break_between_words() {
         let mut terminal = Terminal::open();
         let _run = Killed(terminal.run(hbot().args([command, "--server", &server.address])));
         assert_fit(&terminal.read_until(end));
+    }
+}
+
+/// Runs a command to its end. Returns what the terminal shows.
+fn shown_by(terminal: &mut Terminal, program: &[&str]) -> String {
+    let mut shell = Command::new("sh");
+    let _ended = Killed(terminal.run(shell.args(["-c", "\"$0\" \"$@\"; echo THE END"]).args(program)));
+    terminal.read_until("THE END")
+}
+
+/// To change the settings of the terminal in which a command runs would leave the shell unusable,
+/// and stop a command that runs in the background.
+#[test]
+fn a_scan_of_the_terminal_in_which_it_runs_is_refused() {
+    let mut terminal = Terminal::open();
+    let port = ttyname(&terminal.far, Vec::new()).expect("a name").into_string().expect("UTF-8");
+    // Only the terminal of a session is meant, so the command begins one.
+    let program = hbot().get_program().to_str().expect("UTF-8").to_owned();
+    let scan = ["setsid", "--ctty", "--wait", &program, "rig", "scan", "--port", &port];
+    let said = shown_by(&mut terminal, &scan);
+    assert!(said.contains("it is the terminal of this command"), "{said}");
+}
+
+#[test]
+fn lists_end_at_80_columns() {
+    let program = hbot().get_program().to_str().expect("UTF-8").to_owned();
+    for words in ["scene list", "scene kinds", "scene kinds spring", "rig test --joint 1 --torque auto"] {
+        let words: Vec<&str> = [program.as_str()].into_iter().chain(words.split(' ')).collect();
+        let said = shown_by(&mut Terminal::open(), &words);
+        assert!(said.lines().count() > 5, "{said}");
+        assert_fit(&said);
     }
 }

@@ -116,7 +116,8 @@ pub(crate) fn found(value: &Value) -> String {
 
 /// Returns the word in `known` that is most similar to the unknown word `word`, for the hint "did
 /// you mean". Returns `None` if no word is similar enough.
-pub(crate) fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+#[must_use]
+pub fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     // No known word is this long, and the comparison takes time proportional to both lengths.
     if word.len() > 100 {
         return None;

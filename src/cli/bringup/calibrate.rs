@@ -14,7 +14,7 @@ use hbot_core::design::rig::Zero;
 use hbot_host::commission::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
 use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
 
-use super::super::out::{refuse_folder, say};
+use super::super::out::{refuse_folder, tell};
 use super::super::style;
 use super::{Which, edit, joint_name, on_the_lines, wheel_name};
 
@@ -73,24 +73,24 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     }
     let counts = on_the_lines(&rig, Truth::turned(), |bench| {
         if rig.link.port.is_simulated() {
-            say!(
+            tell!(
                 "the simulated hand turns the sphere about all axes for {} s, faster than real time",
                 args.seconds
             )?;
         } else {
-            say!(
+            tell!(
                 "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
                 args.seconds
             )?;
         }
         Ok(watch(bench, args.seconds)?)
     })?;
-    say!("the sphere can rest: computing from {} readings", counts.len())?;
+    tell!("the sphere can rest: computing from {} readings", counts.len())?;
     let told = told(&rig, &counts)?;
-    say!("{}\n{}", told.words.trim_end(), to_paste(&rig, &told))?;
+    tell!("{}\n{}", told.words.trim_end(), to_paste(&rig, &told))?;
     if let Some(file) = &args.write {
         write(args.which.rig.as_deref(), &told.corrections, file)?;
-        say!("{} has {} correction(s)", file.display(), told.corrections.len())?;
+        tell!("{} has {} correction(s)", file.display(), told.corrections.len())?;
     }
     Ok(if told.as_filed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

@@ -15,7 +15,7 @@ use hbot_config::RigConfig;
 use hbot_identify::identify::{Identified, Name, Value};
 use hbot_identify::{Recorded, What, identify};
 
-use super::super::out::{note, refuse_folder, say};
+use super::super::out::{note, refuse_folder, tell};
 use super::super::style;
 use super::{Which, edit};
 
@@ -66,7 +66,7 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     report(&rig, &recordings, &found)?;
     if what != found.what {
         let (warn, off) = (style::WARN, style::OFF);
-        say!(
+        tell!(
             "\n{warn}only the zeros are seen{off}: {:.1} s of motion are too short for the geometry. Turn for at least 10 s, better a \
              minute, about n1, n2 and n3",
             found.moving_s
@@ -74,7 +74,7 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(file) = &args.out {
         write(args.which.rig.as_deref(), &rig, &found, file)?;
-        say!("{}: written", file.display())?;
+        tell!("{}: written", file.display())?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -121,30 +121,30 @@ impl News {
 fn report(rig: &RigConfig, recordings: &[Recorded], found: &Identified) -> anyhow::Result<()> {
     let all_s: f64 = recordings.iter().map(Recorded::seconds).sum();
     let turns = found.turned / std::f64::consts::TAU;
-    say!(
+    tell!(
         "{all_s:.1} s without torque, the sphere moves in {:.1} s: {:.1}, {:.1} and {:.1} turns in all about n1, n2 and n3",
         found.moving_s,
         turns.x,
         turns.y,
         turns.z
     )?;
-    say!(
+    tell!(
         "slip over rolling, root mean square: {:.3} % as drawn, {:.3} % as found; {:.1} % of the motion fits to no geometry and is left out",
         100.0 * found.share[0],
         100.0 * found.share[1],
         100.0 * found.left_out
     )?;
-    say!("\n{:<24} {:>12} {:>12} {:>12}  seen", "parameter", "drawn", "found", "95 %, +-")?;
+    tell!("\n{:<24} {:>12} {:>12} {:>12}  seen", "parameter", "drawn", "found", "95 %, +-")?;
     for value in &found.values {
-        say!("{}", row(rig, value))?;
+        tell!("{}", row(rig, value))?;
     }
     let missing = found.missing();
     if !missing.is_empty() {
-        say!("\n{}", more(&missing, found))?;
+        tell!("\n{}", more(&missing, found))?;
     }
     let centre = |value: &&Value| matches!(value.name, Name::Centre(_)) && value.found.abs() > value.interval;
     if found.values.iter().any(|value| centre(&value)) {
-        say!("the sphere's centre is not where the steering axes meet; a rig file cannot say it")?;
+        tell!("the sphere's centre is not where the steering axes meet; a rig file cannot say it")?;
     }
     Ok(())
 }

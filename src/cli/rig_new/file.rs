@@ -43,9 +43,18 @@ pub(super) fn text(answers: &Answers) -> anyhow::Result<String> {
     }
     let (rate, why) = rate(answers);
     let (torque, from) = torque(answers);
+    writeln!(text, "\n[loop]\nrate_hz = {rate} # {why}")?;
+    let late = Protocol::from(answers.protocol).rate_lag();
+    if late * f64::from(rate) > 1.0 {
+        writeln!(
+            text,
+            "rate_estimate = \"kalman\" # from the positions: the controllers' own rates are {:.1} ms late",
+            1e3 * late
+        )?;
+    }
     write!(
         text,
-        "\n[loop]\nrate_hz = {rate} # {why}\n\n\
+        "\n\
          [link]\nport = {} # \"sim\", or a device such as \"/dev/ttyACM0\"\nprotocol = {protocol:?} # docs/controllers.md\n\n\
          [limits]\n# {from}\ntorque = {torque} # N m on the sphere: begin low\ntorque_rate = 20 # N m/s: begin low\n\
          speed = 10 # rad/s\ntraction = {{ mu = {}, normal_force = {} }} # N, on each wheel\n",
@@ -144,6 +153,7 @@ fn real(x: f64) -> String {
 #[cfg(test)]
 mod tests {
     use hbot_config::RigConfig;
+    use hbot_host::bus::late_rates;
 
     use super::*;
 
@@ -182,6 +192,7 @@ mod tests {
                 assert!((spec.cone - 10_f64.to_radians()).abs() < 1.0e-12, "{}", spec.cone);
                 assert_eq!((spec.radius, rig.rig.joints[1].peak), (0.0155, 0.14));
                 assert_eq!(rig.link.baud, BAUD);
+                assert_eq!(late_rates(&rig), None, "{protocol:?}");
                 // `hbot rig check` accepts the line, and a faster loop would not fit.
                 let most = line_rate(&driver(rig.link.protocol).traffic(2 * wheels as usize), BAUD);
                 let rate = f64::from(rig.rate_hz);

@@ -4,7 +4,7 @@ use anyhow::bail;
 use hbot_config::scene::{Listed, kinds, phenomena};
 use serde_json::json;
 
-use super::{say, style};
+use super::{say, style, tell};
 
 pub(super) fn run(only: Option<&str>, as_json: bool) -> anyhow::Result<()> {
     if as_json {
@@ -20,29 +20,29 @@ pub(super) fn run(only: Option<&str>, as_json: bool) -> anyhow::Result<()> {
         return describe(listed);
     }
     kinds().iter().try_for_each(summarize)?;
-    say!("\n{}The table [simulate], for the simulated rig alone:{}", style::NAME, style::OFF)?;
+    tell!("\n{}The table [simulate], for the simulated rig alone:{}", style::NAME, style::OFF)?;
     phenomena().iter().try_for_each(summarize)?;
-    say!("\n`hbot scene kinds KIND` shows one of them with its parameters")
+    tell!("\n`hbot scene kinds KIND` shows one of them with its parameters")
 }
 
 /// Prints the name of a kind or phenomenon and the first sentence of its description.
 fn summarize(listed: &Listed) -> anyhow::Result<()> {
     let sentence = listed.description.split_inclusive(". ").next().unwrap_or_default();
-    say!("{}{:14}{} {}", style::GOOD, listed.name, style::OFF, sentence.trim_end())
+    tell!("  {}{:15}{} {}", style::GOOD, listed.name, style::OFF, sentence.trim_end())
 }
 
 fn describe(listed: &Listed) -> anyhow::Result<()> {
-    say!("{}{}{}  {}", style::GOOD, listed.name, style::OFF, listed.description)?;
+    tell!("{}{}{}  {}", style::GOOD, listed.name, style::OFF, listed.description)?;
     for parameter in listed.parameters() {
-        say!(
-            "  {}{:14}{} {}; default {}",
+        tell!(
+            "  {}{:15}{} {}; default {}",
             style::NAME,
             parameter.name,
             style::OFF,
             parameter.legal,
             parameter.default
         )?;
-        say!("  {:14} {}{}{}", "", style::DIM, parameter.description, style::OFF)?;
+        tell!("  {:15} {}{}{}", "", style::DIM, parameter.description, style::OFF)?;
     }
-    say!("")
+    tell!("")
 }

@@ -10,7 +10,7 @@ use hbot_config::scene::{SHELF, ShelfScene};
 use hbot_config::{RigConfig, SceneFile};
 use serde_json::json;
 
-use super::{plot, say, style};
+use super::{plot, say, style, tell};
 
 pub(super) fn list(as_json: bool) -> anyhow::Result<()> {
     if as_json {
@@ -27,10 +27,10 @@ pub(super) fn list(as_json: bool) -> anyhow::Result<()> {
     }
     for entry in SHELF {
         let scene = entry.scene();
-        say!("{}{:22}{} {}", style::NAME, entry.file, style::OFF, scene.description())?;
-        say!("{:22} {}{}{}", "", style::DIM, kinds(&scene).join(", "), style::OFF)?;
+        tell!("  {}{:22}{} {}", style::NAME, entry.file, style::OFF, scene.description())?;
+        tell!("  {:22} {}{}{}", "", style::DIM, kinds(&scene).join(", "), style::OFF)?;
     }
-    say!(
+    tell!(
         "\n`hbot scene load NAME` loads one into a running server, and `hbot server --scene NAME` starts with it"
     )
 }

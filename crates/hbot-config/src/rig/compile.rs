@@ -61,7 +61,8 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let device = exact_zeros(device(&file, report)?, &file, &joints);
     let zero_offsets = each_joint(&file).map(|(_, settings)| settings.zero_offset).collect();
     let driven = each_joint(&file).filter(|(_, settings)| settings.motor);
-    let torque_lag = driven.map(|(_, settings)| settings.torque_lag).fold(0.0, f64::max);
+    let usual = file.link.protocol.torque_lag();
+    let torque_lag = driven.map(|(_, joint)| joint.torque_lag.unwrap_or(usual)).fold(0.0, f64::max);
     let usual = file.link.protocol.rate_lag();
     let rate_lag = each_joint(&file).map(|(_, joint)| joint.rate_lag.unwrap_or(usual)).fold(0.0, f64::max);
     let methods = core::Methods {

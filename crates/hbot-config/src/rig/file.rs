@@ -11,7 +11,6 @@ use hbot_core::design::rig::{self as core, MAX_HARMONICS, legal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::USUAL_LAG_S;
 use super::compensation::{Friction, Harmonic};
 use super::settings::{Api, Limits, Link, Loop, Protocol};
 
@@ -163,11 +162,12 @@ pub(crate) struct Joint {
     #[schemars(with = "f64", range(max = legal::PEAK.most), extend("exclusiveMinimum" = legal::PEAK.least, "unit" = legal::PEAK.unit))]
     pub(crate) continuous: Option<f64>,
     /// Time constant with which the joint torque follows a command. It depends on the current loop
-    /// of the motor controller: a bandwidth of f Hz makes it 1/(2 pi f). The stiffness that the rig
-    /// can render depends on it. Has no effect if the joint has no motor.
-    #[serde(default = "usual_lag")]
-    #[schemars(range(min = 0.0, max = 0.1), extend("unit" = "s"))]
-    pub(crate) torque_lag: f64,
+    /// of the motor controller: a bandwidth of f Hz makes it 1/(2 pi f). If absent: 0.0005 with
+    /// protocol `hbot`, 0.0008 (200 Hz) with `moteus`, 0.001 (1000 rad/s) with `odrive`. The
+    /// stiffness that the rig can render depends on it. Has no effect if the joint has no motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(min = 0.0, max = 0.1), extend("unit" = "s"))]
+    pub(crate) torque_lag: Option<f64>,
     /// Delay of the rate that the motor controller reports behind the true rate of the joint, which
     /// a filter in the controller causes. moteus: 4.96 / (2 pi f) with the setting
     /// `motor_position.sources.N.pll_filter_hz` of f Hz. ODrive: 2/b with an encoder bandwidth of b
@@ -226,10 +226,6 @@ fn forwards() -> i8 {
 
 fn unknown() -> core::Zero {
     core::Zero::Calibrate
-}
-
-fn usual_lag() -> f64 {
-    USUAL_LAG_S
 }
 
 fn yes() -> bool {

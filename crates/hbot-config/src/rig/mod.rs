@@ -33,8 +33,9 @@ const PROTOTYPE: &str = include_str!("../../../../rigs/prototype.toml");
 static SCHEMA: LazyLock<Value> = LazyLock::new(schema::of::<file::RigFile>);
 
 /// Time constant with which the torque of a joint follows a command if the rig file does not say
-/// it, s. Also that of the simulated rig's motors, if a scene switches their phenomenon on and
-/// gives no time. It is usual for motors of this size (docs/internals/physics.md, section 8).
+/// it and its protocol is hbot's own, s. Also that of the simulated rig's motors, if a scene
+/// switches their phenomenon on and gives no time. It is usual for motors of this size
+/// (docs/internals/physics.md, section 8).
 pub const USUAL_LAG_S: f64 = 5.0e-4;
 
 /// A rig file that has been checked and is ready for use. Every number is in range, and the

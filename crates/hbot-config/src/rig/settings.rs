@@ -9,6 +9,7 @@ use hbot_core::inputs::OnClientLost;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::USUAL_LAG_S;
 use super::compensation::Compensation;
 use super::methods::{Accuracy, Lead, Passivity, Preset, RateEstimate, RateMethod};
 
@@ -176,6 +177,19 @@ impl Protocol {
             Self::Hbot => None,
             Self::Moteus => Some(1 << 17),
             Self::Odrive => Some(1 << 21),
+        }
+    }
+
+    /// Returns the time constant with which a motor's torque follows a command with the settings
+    /// that the vendor of the controller chooses, s: 1 / (2 pi f), with the f = 200 Hz of
+    /// `moteus_tool --calibrate`, or 1/w with the `current_control_bandwidth` of w = 1000 rad/s of
+    /// an ODrive. Controllers with hbot's own protocol are taken to have a loop of about 300 Hz.
+    #[must_use]
+    pub const fn torque_lag(self) -> f64 {
+        match self {
+            Self::Hbot => USUAL_LAG_S,
+            Self::Moteus => 1.0 / (std::f64::consts::TAU * 200.0),
+            Self::Odrive => 1.0 / 1000.0,
         }
     }
 

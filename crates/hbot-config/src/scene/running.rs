@@ -10,6 +10,7 @@ use super::{KindEntry, SceneEffect, SceneFile, check_numbers};
 use crate::angle::to_radians;
 use crate::diagnostic::Diagnostics;
 use crate::document::Report;
+use crate::legal::did_you_mean;
 use crate::validate::{is_typed, validate};
 
 /// The scene that the control loop runs. Every change returns a new [`CompiledScene`], which the
@@ -52,12 +53,15 @@ pub struct EffectPlace {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SetError {
     /// No effect of the scene has the requested id.
-    #[error("no effect has the id {id:?}; legal: {}", if legal.is_empty() { "none, the scene is empty".to_owned() } else { legal.join(", ") })]
+    #[error("no effect has the id {id:?}{}; legal: {}", meant.as_ref().map_or_else(String::new, |meant| format!(" (did you mean `{meant}`?)")), if legal.is_empty() { "none, the scene is empty".to_owned() } else { legal.join(", ") })]
     UnknownEffect {
         /// The requested id.
         id: String,
         /// The ids of the effects in the scene.
         legal: Vec<String>,
+        /// The id that was probably meant: that of the first effect whose kind was named, or a
+        /// similar one.
+        meant: Option<String>,
     },
     /// The effect has no such parameter, or a value has the wrong type, such as a text in place of
     /// a number. The paths in the diagnostics begin at the effect.
@@ -126,8 +130,12 @@ impl RunningScene {
     /// every mistake. The scene stays unchanged.
     pub fn set(&mut self, effect: &str, parameters: &Map<String, Value>) -> Result<CompiledScene, SetError> {
         let Some(index) = self.index_of(effect) else {
-            let legal = self.file.effects.iter().map(|e| e.id.clone()).collect();
-            return Err(SetError::UnknownEffect { id: effect.to_owned(), legal });
+            let all = &self.file.effects;
+            let ids = || all.iter().map(|e| e.id.as_str());
+            let of_kind = all.iter().find(|e| e.kind_name() == effect).map(|e| e.id.as_str());
+            let meant = of_kind.or_else(|| did_you_mean(effect, ids())).map(str::to_owned);
+            let legal = ids().map(str::to_owned).collect();
+            return Err(SetError::UnknownEffect { id: effect.to_owned(), legal, meant });
         };
         let changed = self.file.effects[index].with(parameters)?;
         let before = std::mem::replace(&mut self.file.effects[index], changed);

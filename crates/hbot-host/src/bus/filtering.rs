@@ -32,20 +32,20 @@ pub struct Filtering {
 }
 
 impl Filtering {
-    /// Returns a sentence for each delay that is longer than the rig file of `config` says. `joint`
-    /// names the joint's table in the rig file.
+    /// Returns a sentence for each delay that is longer than the rig
+    /// file of `config` says.
     #[must_use]
-    pub fn warnings(&self, joint: &str, config: &RigConfig) -> Vec<String> {
+    pub fn warnings(&self, config: &RigConfig) -> Vec<String> {
         let said = [
             (&self.torque, "the torque", "torque_lag", config.torque_lag),
-            (&self.rate, "the rate that it reports", "rate_lag", config.rate_lag),
+            (&self.rate, "the reported rate", "rate_lag", config.rate_lag),
         ];
         let mut found = Vec::new();
         for (lag, what, key, ours) in said {
             let Some(Lag { setting, hz, seconds }) = lag else { continue };
             if *seconds > ours * (1.0 + ROUNDED) {
                 found.push(format!(
-                    "{joint}: its controller has {setting} = {:.0} Hz, so {what} is {:.1} ms late and not {:.1} ms as in \
+                    "{setting} = {:.0} Hz in the controller, so {what} is {:.1} ms late and not {:.1} ms as in \
                      the rig file, which promises stiffer springs than are stable: write {key} = {:.4}, or calibrate \
                      the motor with a higher bandwidth (docs/controllers.md)",
                     hz,
@@ -62,11 +62,22 @@ impl Filtering {
 /// Returns the warnings about the controllers on one line, which have been met.
 #[must_use]
 pub fn filtering_warnings(config: &RigConfig, expected: &Expected) -> Vec<String> {
-    let one = |at| {
-        let joint = expected.joint(at).map_or(String::new(), |joint| field(joint.number));
-        expected.filtering(at).warnings(&joint, config)
-    };
-    (0..expected.joints()).flat_map(one).collect()
+    let one = |at| Some((field(expected.joint(at)?.number), expected.filtering(at).warnings(config)));
+    each_once((0..expected.joints()).filter_map(one))
+}
+
+/// Returns each warning once, with the names of all that it is about in front.
+pub fn each_once(warnings: impl Iterator<Item = (String, Vec<String>)>) -> Vec<String> {
+    let mut all: Vec<(String, String)> = Vec::new();
+    for (name, warnings) in warnings {
+        for warning in warnings {
+            match all.iter_mut().find(|(_, other)| *other == warning) {
+                Some((names, _)) => *names = format!("{names}, {name}"),
+                None => all.push((name.clone(), warning)),
+            }
+        }
+    }
+    all.into_iter().map(|(names, warning)| format!("{names}: {warning}")).collect()
 }
 
 /// Returns the advice to compute the rates from the positions, if the rates that the controllers
@@ -107,22 +118,26 @@ mod tests {
     #[test]
     fn a_rig_file_that_promises_more_than_the_settings_is_warned_of() {
         let rig = config("rate_lag = 0.0039");
-        assert_eq!(of(200.0, 200.0).warnings("wheel[0].steer", &rig), Vec::<String>::new());
-        assert_eq!(of(1000.0, 1000.0).warnings("wheel[0].steer", &rig), Vec::<String>::new());
-        assert_eq!(Filtering::default().warnings("wheel[0].steer", &rig), Vec::<String>::new());
-        let said = of(100.0, 150.0).warnings("wheel[1].drive", &rig);
+        assert_eq!(of(200.0, 200.0).warnings(&rig), Vec::<String>::new());
+        assert_eq!(of(1000.0, 1000.0).warnings(&rig), Vec::<String>::new());
+        assert_eq!(Filtering::default().warnings(&rig), Vec::<String>::new());
+        let said = of(100.0, 150.0).warnings(&rig);
         assert_eq!(said.len(), 2, "{said:?}");
         for (words, said) in [
-            (
-                "wheel[1].drive: its controller has t = 100 Hz, so the torque is 1.6 ms late and not 0.8 ms",
-                &said[0],
-            ),
+            ("t = 100 Hz in the controller, so the torque is 1.6 ms late and not 0.8 ms", &said[0]),
             ("write torque_lag = 0.0016", &said[0]),
-            ("has r = 150 Hz, so the rate that it reports is 5.3 ms late and not 3.9 ms", &said[1]),
+            ("r = 150 Hz in the controller, so the reported rate is 5.3 ms late and not 3.9 ms", &said[1]),
             ("write rate_lag = 0.0053", &said[1]),
         ] {
             assert!(said.contains(words), "{words}: {said}");
         }
+    }
+
+    #[test]
+    fn one_warning_about_several_joints_is_there_once_with_their_names() {
+        let of = |name: &str, all: &[&str]| (name.to_owned(), all.iter().map(|&it| it.to_owned()).collect());
+        let said = each_once([of("a", &["late"]), of("b", &["late", "hot"]), of("c", &["late"])].into_iter());
+        assert_eq!(said, ["a, b, c: late", "b: hot"]);
     }
 
     #[test]

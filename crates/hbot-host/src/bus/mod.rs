@@ -24,7 +24,7 @@ use hbot_config::rig as config;
 use hbot_core::MAX_JOINTS;
 use hbot_core::inputs::Complaints;
 
-pub use self::filtering::{Filtering, Lag, filtering_warnings, late_rates};
+pub use self::filtering::{Filtering, Lag, each_once, filtering_warnings, late_rates};
 pub use self::meet::{Expected, ExpectedJoint, Found, MeetError, Remedy, converse, field};
 pub use self::obedience::Obedience;
 pub use self::telemetry::{Telemetry, TelemetryLog};

@@ -19,6 +19,7 @@ use std::time::{Duration, Instant};
 
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
+use rustix::termios::tcgetsid;
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort as _, StopBits, TTYPort};
 use thiserror::Error;
 
@@ -226,6 +227,11 @@ fn open(path: &Path, baud: u32) -> io::Result<Held> {
     // Opened first, because nobody can open the port after `TTYPort` has it exclusively.
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let line = rustix::fs::open(path, flags, Mode::empty())?;
+    // Only the terminal that controls this process tells its session. To change its settings would
+    // leave the user's shell unusable, or stop this process if it runs in the background.
+    if tcgetsid(&line).is_ok() {
+        return Err(io::Error::other("it is the terminal of this command; name the port of the controllers"));
+    }
     let port = serialport::new(path.to_string_lossy(), baud)
         .data_bits(DataBits::Eight)
         .parity(Parity::None)

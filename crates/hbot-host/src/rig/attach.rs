@@ -172,8 +172,8 @@ pub(crate) fn met(rig: &RigConfig, layout: &Layout, mut line: Box<dyn Line>) -> 
     Ok((expected, bus))
 }
 
-/// Requests a real-time priority for the thread of the simulated rig.
-fn urgent() {
+/// Requests a real-time priority for the thread of the simulated rig, which calls it.
+pub fn urgent() {
     // If the system refuses the priority, it also refuses it to the loop, which reports it.
     let _ = real_time(SIMULATOR_PRIORITY);
 }
@@ -246,8 +246,8 @@ mod tests {
         let mut notices = Vec::new();
         let met = serial(&rig, &[device], &Layout::of(&rig), None, false, &mut notices);
         assert_eq!(met.map(|lines| lines.len()).map_err(|error| error.to_string()), Ok(1));
-        let right = "wheel[0].drive: its controller has motor_position.sources.0.pll_filter_hz = 100 Hz, so the rate that \
-                     it reports is 7.9 ms late and not 3.9 ms";
+        let right = "wheel[0].drive: motor_position.sources.0.pll_filter_hz = 100 Hz in the controller, so the reported \
+                     rate is 7.9 ms late and not 3.9 ms";
         assert!(notices.len() == 1 && notices[0].starts_with(right), "{notices:?}");
     }
 

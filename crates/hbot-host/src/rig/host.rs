@@ -101,8 +101,7 @@ impl Host {
             built::check(&rig, built).map_err(AttachError::from)?;
         }
         let processor = rig.cpu.map(Processor::new).transpose()?;
-        let mut notices = uncalibrated(&rig);
-        notices.extend(late_rates(&rig));
+        let mut notices: Vec<String> = late_rates(&rig).into_iter().collect();
         notices.extend(rig.rate_pick.as_ref().map(RatePick::sentence));
         let wake_latency = limit_wake_latency(&rig, time, &mut notices);
         if time == Time::Wall {
@@ -272,15 +271,16 @@ fn spawn(body: impl FnOnce() -> Ended + Send + 'static) -> std::io::Result<JoinH
     std::thread::Builder::new().name("hbot-loop".to_owned()).spawn(body)
 }
 
-/// Returns a notice for the user for each wheel whose steering zero is not known yet.
-fn uncalibrated(rig: &RigConfig) -> Vec<String> {
+/// Returns a warning for each wheel whose steering zero is not known yet.
+#[must_use]
+pub fn uncalibrated(rig: &RigConfig) -> Vec<String> {
     let wheels = rig.wheels.iter().enumerate();
     wheels
         .filter(|(wheel, _)| rig.rig.joints[2 * wheel].zero == Zero::Calibrate)
-        .map(|(_, name)| {
+        .map(|(wheel, name)| {
             format!(
-                "wheel {name}: its steering zero is left to a calibration: the rig stays unreferenced; run `hbot rig calibrate` and \
-                 set wheel.steer.zero and zero_offset as it says"
+                "wheel {name} (wheel[{wheel}]) leaves its steering zero to a calibration: the rig stays unreferenced until \
+                 `hbot rig calibrate` has measured zero_offset and `zero` has another value (docs/files.md)"
             )
         })
         .collect()

@@ -19,6 +19,10 @@ const FAR: f64 = 0.3;
 const RAMP_S: f64 = 4.0;
 /// Turn of the joint after which [`ramp`] ends, rad.
 const RAMP_FAR: f64 = 0.05;
+/// Longest time for which a test waits for a joint to come to rest, s.
+const REST_S: f64 = 2.0;
+/// Time without motion after which a joint that has turned rests, s.
+const SETTLED_S: f64 = 0.1;
 /// Smallest turn of a joint that counts as motion, rad.
 const STILL: f64 = 0.02;
 /// Largest change of the counts of an encoder whose joint does not move.
@@ -177,32 +181,47 @@ fn push_and_stop(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Res
 fn push(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outcome, Interrupted> {
     let (Push::Fixed(torque) | Push::Ramp(torque)) = *way;
     let (lasts, far) = way.ends();
-    let period = bench.period_s();
-    let before = bench.exchange(None)?;
+    let came = bench.time_s();
+    let mut before = bench.exchange(None)?;
+    // A joint that turns this fast would move noticeably during the test without any torque, so it
+    // cannot be judged. A rate that is not a number is treated the same way.
+    let rests = |reading: &JointReadings| reading.rates[joint].abs() <= STILL / HOLD_S;
+    // When it was last seen turning. A rate that passes through zero is no rest.
+    let mut turned = if rests(&before) { f64::NEG_INFINITY } else { came };
+    while bench.time_s() - turned < SETTLED_S && bench.time_s() - came < REST_S {
+        before = bench.exchange(None)?;
+        if !rests(&before) {
+            turned = bench.time_s();
+        }
+    }
     let joints = bench.rig().device.joints();
     let moved = |bench: &Bench, reading: &JointReadings, j: usize| {
         bench.turned(j, reading.counts[j].wrapping_sub(before.counts[j]))
     };
     let mut outcome =
         Outcome { joint, torque, moved: 0.0, by_rate: 0.0, fastest: 0.0, verdict: Verdict::Stands };
-    // A joint that turns this fast would move noticeably during the test without any torque, so it
-    // cannot be judged. A rate that is not a number is treated the same way.
-    if !(before.rates[joint].abs() <= STILL / HOLD_S) {
-        outcome.verdict = Verdict::Turns;
-        return Ok(outcome);
+    if bench.time_s() - turned < SETTLED_S {
+        return Ok(Outcome { torque: 0.0, verdict: Verdict::Turns, ..outcome });
     }
-    let (mut last_rate, mut last, mut too_fast) = (0.0, before, None);
-    for k in 1..=(lasts / period) as u32 {
+    // On a real line an exchange lasts longer than a period, so the times are those of the clock.
+    let begun = bench.sent_s();
+    let (mut last_rate, mut last, mut time, mut too_fast) = (0.0, before, 0.0, None);
+    let mut sum = 0.0;
+    while time < lasts {
         let mut asked = [0.0; MAX_JOINTS];
-        asked[joint] = way.torque(f64::from(k) * period);
+        asked[joint] = way.torque(time);
         if let Push::Ramp(_) = way {
             outcome.torque = asked[joint];
         }
         let reading = bench.exchange(Some(&asked))?;
+        let passed = bench.sent_s() - begun - time;
+        time += passed;
         let rate = reading.rates[joint];
         last = reading;
         outcome.moved = moved(bench, &reading, joint);
-        outcome.by_rate += 0.5 * (rate + last_rate) * period;
+        sum += 0.5 * (rate + last_rate) * passed;
+        // Rates that are late have not yet told of the last part of the turn.
+        outcome.by_rate = sum + bench.rate_lag * rate;
         outcome.fastest = outcome.fastest.max(rate.abs());
         last_rate = rate;
         if reading.complaints != Complaints::default() {

@@ -71,6 +71,8 @@ pub struct Bench {
     counts: Option<[i32; MAX_JOINTS]>,
     /// If this flag is set, no further command with torque is sent.
     stop: StopFlag,
+    /// Delay of the rates that the controllers report, s.
+    rate_lag: f64,
     notices: Vec<String>,
 }
 
@@ -122,7 +124,7 @@ pub fn open(
     };
     let motors = Motors::new(buses, &layout, WATCHDOG_MS.max(rig.link.watchdog_ms));
     let mut bench = Bench::new(&rig.rig, motors, simulated);
-    (bench.stop, bench.notices) = (stop, notices);
+    (bench.stop, bench.rate_lag, bench.notices) = (stop, rig.rate_lag, notices);
     Ok(bench)
 }
 
@@ -141,6 +143,7 @@ impl Bench {
             orientation: Quat::IDENTITY,
             counts: None,
             stop: StopFlag::default(),
+            rate_lag: 0.0,
             notices: Vec::new(),
         }
     }

@@ -180,8 +180,7 @@ mod tests {
                 assert!((told / expected - 1.0).abs() < 1e-3, "{at}: {told} for {expected}");
             }
         }
-        let warnings: Vec<Vec<String>> =
-            scanned.found.iter().map(|it| it.filtering.warnings(&it.id.to_string(), &rig)).collect();
+        let warnings: Vec<Vec<String>> = scanned.found.iter().map(|it| it.filtering.warnings(&rig)).collect();
         assert!(warnings[0].is_empty() && warnings[3].is_empty(), "{warnings:?}");
         assert!(warnings[1][0].contains("write rate_lag = 0.0079"), "{warnings:?}");
         assert!(warnings[2][0].contains("write torque_lag = 0.0032"), "{warnings:?}");

@@ -142,6 +142,53 @@ fn a_motor_whose_counts_fall_under_a_positive_torque_is_named_before_any_loop_is
     }
 }
 
+/// A line on which the clock runs, and each command takes a millisecond.
+struct Slow(Memory, Instant);
+
+impl Slow {
+    fn now_ns(&self) -> u64 {
+        self.1.elapsed().as_nanos() as u64
+    }
+}
+
+impl Line for Slow {
+    fn read(&mut self, _now_ns: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.0.read(self.now_ns(), buffer)
+    }
+
+    fn write(&mut self, _now_ns: u64, bytes: &[u8]) -> std::io::Result<usize> {
+        // Time is the subject: an exchange lasts twice its period.
+        std::thread::sleep(Duration::from_millis(1));
+        self.0.write(self.now_ns(), bytes)
+    }
+}
+
+/// Rates are added up over the time that has passed, and what late rates do not tell yet is added.
+#[test]
+fn counts_and_rates_agree_on_a_slow_line_and_with_late_rates() {
+    let mut slow = on(Slow(Memory::new(simulated(), mpsc::channel().1), Instant::now()));
+    slow.simulated = false;
+    assert_eq!(test(&mut slow, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
+    let text = include_str!("../../../../../rigs/prototype-moteus.toml");
+    let rig = RigConfig::from_toml(text, "x.toml").unwrap();
+    let helper = Program::this("nothing");
+    let mut servos = open(&rig, Truth::default(), StopFlag::default(), &helper).unwrap();
+    let outcome = test(&mut servos, 1, 0.005, 50.0).unwrap();
+    // 3.9 ms of the 0.1 s that the test lasts would be missing. What is left comes of the
+    // acceleration, which changes the rate by a tenth in that time.
+    assert!((outcome.by_rate / outcome.moved - 1.0).abs() < 0.01, "{outcome:?}");
+}
+
+#[test]
+fn a_joint_that_comes_to_rest_soon_is_waited_for() {
+    let friction = JointFriction { coulomb: 1.0e-3, breakaway: 1.0e-3, ..JointFriction::default() };
+    let phenomena = Phenomena { joint_friction: Some(friction), ..Phenomena::default() };
+    let mut bench = bench(|config| config.phenomena = phenomena, false, |_| ());
+    for torque in [0.01, -0.01, 0.01] {
+        assert_eq!(test(&mut bench, 1, torque, 50.0).unwrap().verdict, Verdict::Good);
+    }
+}
+
 #[test]
 fn a_joint_that_turns_already_is_not_judged_by_that() {
     let mut bench = bench(|_| (), false, |_| ());
