@@ -20,7 +20,7 @@ impl Complex {
     }
 
     pub(super) fn size(self) -> f64 {
-        self.re.hypot(self.im)
+        (self.re * self.re + self.im * self.im).sqrt()
     }
 
     pub(super) fn inverse(self) -> Self {

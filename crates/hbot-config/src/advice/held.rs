@@ -2,7 +2,7 @@
 //! along the region outside the unit circle. What belongs to the rig and the hold alone is computed
 //! once for all scenes.
 
-use std::cell::{Cell, RefCell};
+use std::cell::{Cell, OnceCell};
 use std::f64::consts::PI;
 
 use hbot_core::{Mat3, Vec3};
@@ -24,12 +24,14 @@ const FAR: f64 = 1.0e3;
 /// Largest number of points at which the determinant is computed. A usual scene needs a few
 /// hundred.
 const MOST_POINTS: u32 = 20_000;
-/// Ratio between the angles of two points on the circle, before points are added where the
-/// determinant turns quickly.
-const RATIO: f64 = 1.5;
-/// Largest change of the determinant between two points: of its angle (rad), and of the logarithm
-/// of its size.
-const STEP: f64 = 0.8;
+/// Ratio between the distances or angles of two points, and the largest difference between two
+/// angles (rad), before points are added where the determinant turns quickly.
+const RATIO: f64 = 4.0;
+const ANGLE: f64 = 0.8;
+/// Largest change of the determinant between two points: the tangent of its angle, of 0.8 rad, and
+/// the square of its size, of a factor exp(0.8).
+const MOST_ANGLE: f64 = 1.03;
+const MOST_SIZE: f64 = 4.95;
 /// Number of points between two others whose responses are kept: those of five halvings.
 const KEPT: usize = 32;
 
@@ -46,7 +48,7 @@ pub(super) struct Held<'a> {
     /// and their distance or angle.
     points: Vec<(bool, f64)>,
     /// For each of these points, its responses and those at halvings up to the next point.
-    kept: RefCell<Vec<Option<Point>>>,
+    kept: Vec<OnceCell<Point>>,
 }
 
 /// The responses of the three axes at one z.
@@ -74,14 +76,14 @@ impl<'a> Held<'a> {
         let distances = std::iter::successors(Some(FAR), |beyond| Some(beyond / RATIO));
         let distances = distances.take_while(|beyond| *beyond > 0.1 * slowest).chain([0.0]);
         let angles = std::iter::successors(Some(slowest), |angle| {
-            (*angle < PI).then(|| (angle * RATIO).min(angle + 0.4).min(PI))
+            (*angle < PI).then(|| (angle * RATIO).min(angle + ANGLE).min(PI))
         });
         let points: Vec<_> = distances.map(|x| (false, x)).chain(angles.map(|x| (true, x))).collect();
         Self {
             sampled,
             axes: [0, 1, 2].map(|k| Axis::new(sampled, sampled.inertia[k], hold)),
             free: hold.stiffness == 0.0,
-            kept: RefCell::new(vec![None; points.len() * KEPT]),
+            kept: vec![OnceCell::new(); points.len() * KEPT],
             points,
         }
     }
@@ -107,9 +109,14 @@ impl<'a> Held<'a> {
     fn turns(&self, scene: &Scene, limit: Option<Limit>) -> (f64, u32) {
         let closed = Closed::new(self.sampled, scene, limit);
         let left = Cell::new(MOST_POINTS);
-        let count = |at: Place, (circle, place): (bool, f64)| {
+        let count = |(index, number): Place, (circle, place): (bool, f64)| {
             left.set(left.get().saturating_sub(1));
-            closed.at(&self.point(at, circle, place))
+            let compute = || self.compute(circle, place);
+            if number < KEPT {
+                closed.at(self.kept[index * KEPT + number].get_or_init(compute))
+            } else {
+                closed.at(&compute())
+            }
         };
         let mut sum = 0.0;
         let mut last: Option<(bool, f64, Complex)> = None;
@@ -124,19 +131,6 @@ impl<'a> Held<'a> {
             last = Some((circle, place, next));
         }
         (sum, left.get())
-    }
-
-    fn point(&self, (index, number): Place, circle: bool, place: f64) -> Point {
-        if number >= KEPT {
-            return self.compute(circle, place);
-        }
-        let slot = index * KEPT + number;
-        let known = self.kept.borrow()[slot];
-        known.unwrap_or_else(|| {
-            let point = self.compute(circle, place);
-            self.kept.borrow_mut()[slot] = Some(point);
-            point
-        })
     }
 
     fn compute(&self, circle: bool, place: f64) -> Point {
@@ -160,9 +154,9 @@ impl<'a> Held<'a> {
 /// Returns the angle by which the determinant turns from one place to another, rad. Adds places
 /// between them where it changes quickly. `number` is that of the middle between them.
 ///
-/// Between a place and the middle it may change by [`STEP`] in angle and in the logarithm of its
-/// size. The size matters where several axes have equal zeros: their turns add up to whole ones,
-/// which the angle alone does not show.
+/// Between a place and the middle it may change by [`MOST_ANGLE`] and [`MOST_SIZE`]. The size
+/// matters where several axes have equal zeros: their turns add up to whole ones, which the angle
+/// alone does not show.
 fn turned(
     at: &impl Fn(usize, f64) -> Complex,
     number: usize,
@@ -170,19 +164,22 @@ fn turned(
     to: (f64, Complex),
     left: &Cell<u32>,
 ) -> f64 {
-    let place = 0.5 * (from.0 + to.0);
+    // The last stretch to the circle ends at the distance 0.
+    let place = if to.0 > 0.0 { (from.0 * to.0).sqrt() } else { 0.5 * from.0 };
     let middle = (place, at(number, place));
-    let (first, second) = (middle.1 * from.1.inverse(), to.1 * middle.1.inverse());
-    let (most_angle, most_size) = (STEP.tan(), (2.0 * STEP).exp());
-    let little = |ratio: Complex| {
-        let square = ratio.re * ratio.re + ratio.im * ratio.im;
-        ratio.im.abs() < most_angle * ratio.re && square < most_size && square * most_size > 1.0
+    // The ratio of two values, times the square of the first one's size.
+    let over = |to: Complex, from: Complex| to * Complex { im: -from.im, ..from };
+    let little = |to: Complex, from: Complex| {
+        let ratio = over(to, from);
+        let square = |x: Complex| x.re * x.re + x.im * x.im;
+        let (before, after) = (square(from), square(to));
+        ratio.im.abs() < MOST_ANGLE * ratio.re && after < MOST_SIZE * before && before < MOST_SIZE * after
     };
-    if little(first) && little(second) {
-        return (first * second).angle();
+    if little(middle.1, from.1) && little(to.1, middle.1) {
+        return over(to.1, from.1).angle();
     }
     if left.get() == 0 || number >= FINEST {
-        return first.angle() + second.angle();
+        return over(middle.1, from.1).angle() + over(to.1, middle.1).angle();
     }
     turned(at, 2 * number, from, middle, left) + turned(at, 2 * number + 1, middle, to, left)
 }
@@ -191,9 +188,9 @@ fn turned(
 struct Closed {
     period: f64,
     limit: Option<(Limit, [Direction; 3])>,
-    stiffness: Mat3,
-    damping: Mat3,
-    masses: Vec<(Mat3, f64)>,
+    stiffness: [[f64; 3]; 3],
+    damping: [[f64; 3]; 3],
+    masses: Vec<([[f64; 3]; 3], f64)>,
 }
 
 /// A direction of torque, with the sizes of a scene about it.
@@ -227,6 +224,10 @@ impl Closed {
             let axes = principal(&((all + all.transpose()) * 0.5)).1;
             (limit, [0, 1, 2].map(|k| Direction::new(axes.col(k), &stiffness, &damping, &masses)))
         });
+        // By columns.
+        let columns = |m: &Mat3| m.to_cols_array_2d();
+        let masses = masses.iter().map(|(m, part)| (columns(m), *part)).collect();
+        let (stiffness, damping) = (columns(&stiffness), columns(&damping));
         Self { period: sampled.period, limit, stiffness, damping, masses }
     }
 
@@ -241,33 +242,38 @@ impl Closed {
         let mut m = [[Complex::real(0.0); 3]; 3];
         for (j, [angle, rate]) in responses.iter().enumerate() {
             for (i, row) in m.iter_mut().enumerate() {
-                row[j] = *angle * self.stiffness.col(j)[i] + *rate * self.damping.col(j)[i];
+                row[j] = *angle * self.stiffness[j][i] + *rate * self.damping[j][i];
             }
         }
         for (mass, response) in masses {
             for (j, [_, rate]) in responses.iter().enumerate() {
                 let response = *rate * response;
                 for (i, row) in m.iter_mut().enumerate() {
-                    row[j] = row[j] + response * mass.col(j)[i];
+                    row[j] = row[j] + response * mass[j][i];
                 }
             }
         }
         if let Some((limit, directions)) = &self.limit {
-            // The torque about each direction, times the part of it that is made.
-            let mut made = [[Complex::real(0.0); 3]; 3];
-            for direction in directions {
+            // The part of the torque about each direction that is made.
+            let parts = directions.each_ref().map(|direction| {
                 let masses = self.masses.iter().zip(&direction.masses);
                 let masses = masses.map(|((_, part), size)| mass(*part) * *size);
                 let spring = Complex { re: direction.damping, im: -direction.stiffness / *pace };
                 let asked = masses.fold(spring, |sum, mass| sum + mass).size();
-                let part = limit.part(limit.speed * asked, *pace);
-                for j in 0..3 {
-                    let of = |i: usize| m[i][j] * direction.axis[i];
-                    let about = (of(0) + of(1) + of(2)) * part;
-                    (0..3).for_each(|i| made[i][j] = made[i][j] + about * direction.axis[i]);
+                limit.part(limit.speed * asked, *pace)
+            });
+            if parts.iter().any(|part| *part != one) {
+                let mut made = [[Complex::real(0.0); 3]; 3];
+                for (Direction { axis, .. }, part) in directions.iter().zip(parts) {
+                    let axis = axis.to_array();
+                    for j in 0..3 {
+                        let of = |i: usize| m[i][j] * axis[i];
+                        let about = (of(0) + of(1) + of(2)) * part;
+                        (0..3).for_each(|i| made[i][j] = made[i][j] + about * axis[i]);
+                    }
                 }
+                m = made;
             }
-            m = made;
         }
         for (k, row) in m.iter_mut().enumerate() {
             row[k] = row[k] + *level;

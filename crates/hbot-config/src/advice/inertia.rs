@@ -72,8 +72,12 @@ pub(super) fn least(device: &Device) -> Option<(Vec3, Mat3)> {
 /// Jacobi.
 pub(super) fn principal(matrix: &Mat3) -> (Vec3, Mat3) {
     let (mut m, mut axes) = (*matrix, Mat3::IDENTITY);
-    // Each sweep squares the size of what is off the diagonal, about.
+    // Each sweep squares the size of what is off the diagonal, about, until rounding is left.
     for _ in 0..12 {
+        let off = m.col(1)[0].abs() + m.col(2)[0].abs() + m.col(2)[1].abs();
+        if off <= 1.0e-18 * (m.x_axis.x.abs() + m.y_axis.y.abs() + m.z_axis.z.abs()) {
+            break;
+        }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let off = m.col(q)[p];
             if off == 0.0 {

@@ -1,6 +1,7 @@
 //! Judges a scene: whether the loop keeps it stable at each place where its laws are steepest or
 //! change, which effect shakes the sphere if not, and what would be stable there.
 
+use std::cell::Cell;
 use std::f64::consts::PI;
 
 use hbot_core::render::around::{Linear, Place, Spot, Swing};
@@ -24,6 +25,8 @@ pub(super) const SOFT: f64 = 0.1;
 /// Slowest and fastest swing by which laws are linearised, rad/s and rad per tick.
 pub(super) const SLOWEST: f64 = 6.0;
 const FASTEST: f64 = 1.5;
+/// Paces about the axes with which the search for a swing begins, rad/s.
+pub(super) const QUICK_PACES: Vec3 = Vec3::splat(200.0);
 /// Product of the pace of a damping alone and the time by which it is late, from which it may shake
 /// the sphere.
 const QUICK: f64 = 0.4;
@@ -40,9 +43,34 @@ pub(super) const SAME: f64 = 1.0 - 1.0e-9;
 
 /// A swing at a place with the speed `speed` (rad/s), and the holds in which the sphere may be.
 struct Swinging<'a> {
-    holds: &'a [Held<'a>; 3],
+    holds: &'a Holds<'a>,
     place: &'a Place,
     speed: f64,
+    start: &'a Start,
+}
+
+/// The holds in which a sphere may be.
+struct Holds<'a> {
+    /// With the inertia of the rig's lightest posture.
+    usual: [Held<'a>; 3],
+    /// With the smallest inertia about all axes. The axis of the smallest inertia turns with the
+    /// posture, and a damping that is just small enough for another axis may meet it.
+    light: [Held<'a>; 3],
+}
+
+/// What is known of a place before a swing there is examined.
+pub(super) struct Start {
+    /// Paces about the rig's axes with which the search for those of the swing begins, rad/s.
+    paces: Cell<Vec3>,
+    /// Bit by bit the effects that make no torque in the largest swing about any axis, such as a
+    /// wall that is far away.
+    far: u64,
+}
+
+impl Start {
+    pub(super) fn new() -> Self {
+        Self { paces: Cell::new(QUICK_PACES), far: 0 }
+    }
 }
 
 /// Judges scenes by the sampled loop of a rig.
@@ -69,12 +97,17 @@ impl Judge {
     pub fn findings(&self, scene: &CompiledScene) -> Vec<Finding> {
         let mut found: Vec<Finding> = Vec::new();
         let mut judged = Vec::new();
-        let holds = HOLDS.map(|hold| Held::new(&self.sampled, &hold));
+        let Sampled { inertia, .. } = self.sampled;
+        let light = Sampled { inertia: Vec3::splat(inertia.min_element()), ..self.sampled.clone() };
+        let [usual, light] =
+            [&self.sampled, &light].map(|sampled| HOLDS.map(|hold| Held::new(sampled, &hold)));
+        let holds = Holds { usual, light };
         let places = self.places(scene);
         for (place, leans) in &places {
             let speeds = if *leans { &SPEEDS[..] } else { &SPEEDS[..4] };
+            let start = &self.start(scene, place);
             for speed in speeds {
-                let swinging = Swinging { holds: &holds, place, speed: *speed };
+                let swinging = Swinging { holds: &holds, place, speed: *speed, start };
                 if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut judged, &found) {
                     keep(&mut found, finding);
                 }
@@ -86,8 +119,9 @@ impl Judge {
         }
         // What shakes at its own places is not looked for elsewhere.
         for place in self.away(scene) {
+            let start = &self.start(scene, &place);
             for speed in &SPEEDS[..4] {
-                let swinging = Swinging { holds: &holds, place: &place, speed: *speed };
+                let swinging = Swinging { holds: &holds, place: &place, speed: *speed, start };
                 if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut judged, &found)
                     && found.iter().all(|other| other.effect != finding.effect || other.away)
                 {
@@ -112,20 +146,39 @@ impl Judge {
     /// linearised effects, and their sum.
     #[must_use]
     pub fn around(&self, scene: &CompiledScene, place: &Place, speed: f64) -> (Vec<Linear>, Scene) {
-        self.around_at(scene, place, speed, SLOWEST)
+        self.around_at(scene, place, speed, SLOWEST, &Start::new())
+    }
+
+    /// Returns what is known of `place` before swings there are examined.
+    fn start(&self, scene: &CompiledScene, place: &Place) -> Start {
+        let speed = SPEEDS[3];
+        let swing = Swing { axes: self.sampled.axes, turn: [speed / SLOWEST; 3], speed };
+        let (mut far, mut bit) = (0, 1);
+        scene.all_around(
+            place,
+            Quat::IDENTITY,
+            &swing,
+            |_| false,
+            |part| {
+                far |= if part == Linear::NONE { bit } else { 0 };
+                bit <<= 1;
+            },
+        );
+        Start { far, ..Start::new() }
     }
 
     /// Returns what [`around`](Self::around) returns, for swings of the pace `least` (rad/s) at
-    /// least.
+    /// least. Begins with the paces of `start`, and leaves there those that it finds.
     pub(super) fn around_at(
         &self,
         scene: &CompiledScene,
         place: &Place,
         speed: f64,
         least: f64,
+        start: &Start,
     ) -> (Vec<Linear>, Scene) {
         let axes = self.sampled.axes;
-        let mut pace = Vec3::splat(200.0);
+        let (mut pace, far) = (start.paces.get(), start.far);
         let mut parts = Vec::new();
         let mut sum = Linear::NONE;
         // The size of a swing follows from its pace, which follows from the stiffness that a swing
@@ -133,9 +186,8 @@ impl Judge {
         for _ in 0..3 {
             let turn = [pace.x, pace.y, pace.z].map(|pace| speed / pace);
             let swing = Swing { axes, turn, speed };
-            parts = (0..scene.effects().len())
-                .map(|index| scene.around(index, place, Quat::IDENTITY, &swing))
-                .collect();
+            parts.clear();
+            scene.all_around(place, Quat::IDENTITY, &swing, |i| far & 1 << i != 0, |part| parts.push(part));
             // A torque that a hand holds adds a part that is not symmetric. In balance the hand's
             // own torque takes it away.
             parts.iter_mut().for_each(|part: &mut Linear| {
@@ -152,10 +204,11 @@ impl Judge {
                 let own = (stiffness.col(k)[k].max(0.0) / self.sampled.inertia[k]).sqrt();
                 pace[k] = own.max(least).min(FASTEST / self.sampled.period);
             }
-            if (pace - before).abs().max_element() < 0.02 * pace.min_element() {
+            if ((pace - before) / pace).abs().max_element() < 0.02 {
                 break;
             }
         }
+        start.paces.set(pace);
         let mut masses = Vec::new();
         scene.masses(self.sampled.inertia.min_element(), self.sampled.period, |mass, smoothing| {
             masses.push((mass, smoothing));
@@ -165,15 +218,21 @@ impl Judge {
 
     /// Returns the first hold in which the loop does not keep `scene` stable in a swing of the
     /// speed `speed`, rad/s.
-    fn shakes(&self, holds: &[Held<'_>; 3], scene: &Scene, speed: f64) -> Option<Hold> {
+    fn shakes(&self, holds: &Holds<'_>, scene: &Scene, speed: f64) -> Option<Hold> {
         let limit = self.limit(scene, speed);
         let (more, most) = (times(scene, MARGIN), limit.map(|_| times(scene, LIMITED_MARGIN)));
-        let unstable = |(held, _): &(&Held<'_>, Hold)| {
-            let is_stable =
-                |scenes: &[Scene; 2], limit| scenes.iter().all(|scene| held.is_stable(scene, limit));
-            !is_stable(&more, None) || most.as_ref().is_some_and(|most| !is_stable(most, limit))
+        // A damping far below what shakes the sphere by itself may be a little larger.
+        let Sampled { lead, rate_lag, taps, inertia, .. } = &self.sampled;
+        let damping = principal(&(scene.damping + scene.stiffness * *lead)).0.max_element();
+        let fast = damping / inertia.min_element() * (self.sampled.lateness() + rate_lag);
+        let is_slow = fast < QUICK && taps.is_empty() && scene.masses.is_empty();
+        let unstable = |(k, held): &(usize, &Held<'_>)| {
+            let is_stable = |scenes: &[Scene], limit| scenes.iter().all(|scene| held.is_stable(scene, limit));
+            !is_stable(&more[usize::from(is_slow)..], None)
+                || most.as_ref().is_some_and(|most| !is_stable(most, limit))
+                || !is_slow && !holds.light[*k].is_stable(scene, None)
         };
-        holds.iter().zip(HOLDS).find(unstable).map(|(_, hold)| hold)
+        holds.usual.iter().enumerate().find(unstable).map(|(k, _)| HOLDS[k])
     }
 
     /// Returns the limits of the torque if they change what swings of the speed `speed` (rad/s)
@@ -203,8 +262,8 @@ impl Judge {
         judged: &mut Vec<(Scene, Option<Limit>)>,
         found: &[Finding],
     ) -> Option<Finding> {
-        let Swinging { holds, place, speed } = *swinging;
-        let (parts, sum) = self.around_at(scene, place, speed, least);
+        let Swinging { holds, place, speed, start } = *swinging;
+        let (parts, sum) = self.around_at(scene, place, speed, least, start);
         // A damping that is too large makes swings that are faster than those of the stiffness, and
         // smaller: a quarter of one takes as long as the torque is late.
         let fast = principal(&sum.damping).0.max_element() / self.sampled.inertia.min_element();
@@ -232,11 +291,14 @@ impl Judge {
         let inwards = Scene { damping: sum.damping + wall, ..sum.clone() };
         let sided = (place.spot == Spot::Wall).then(|| self.shakes(holds, &inwards, speed)).flatten();
         let Some(hold) = self.shakes(holds, &sum, speed).or(sided) else {
-            return self.ringing(&holds[0], place, &parts, &sum);
+            return self.ringing(&holds.usual[0], place, &parts, &sum);
         };
         let stable = |scene: Scene| self.shakes(holds, &scene, speed).is_none();
         let small_swings_are_stable = |scene: &Scene| {
-            times(scene, MARGIN).iter().all(|scene| holds.iter().all(|held| held.is_stable(scene, None)))
+            let in_all =
+                |holds: &[Held<'_>], scene: &Scene| holds.iter().all(|held| held.is_stable(scene, None));
+            times(scene, MARGIN).iter().all(|scene| in_all(&holds.usual, scene))
+                && in_all(&holds.light, scene)
         };
         let without = Scene { stiffness: Mat3::ZERO, ..inwards };
         if !stable(without.clone()) {

@@ -1,11 +1,11 @@
 //! Where a scene is judged: at the places of its laws, where the sphere rests and leans, and where
 //! a tap takes it.
 
-use hbot_core::render::around::{Place, Spot};
+use hbot_core::render::around::{Place, Spot, Swing};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 use super::inertia::principal;
-use super::judge::{Judge, SAME, SOFT, SPEEDS};
+use super::judge::{Judge, QUICK_PACES, SAME, SLOWEST, SOFT, SPEEDS};
 
 /// Part of the largest torque below which a sphere rests.
 pub(super) const ENOUGH: f64 = 1.0e-2;
@@ -46,11 +46,13 @@ impl Judge {
         scene.places(Quat::IDENTITY, |place| {
             here = here.or(Some(place.rest_at(Quat::IDENTITY)));
             // What an effect without stiffness and damping does to the others is nothing.
-            let acts = |speed: &f64| {
-                let part = self.around(scene, &place, *speed).0[place.effect];
+            let acts = |(speed, pace): (f64, f64)| {
+                let swing = Swing { axes: self.sampled.axes, turn: [speed / pace; 3], speed };
+                let part = scene.around(place.effect, &place, Quat::IDENTITY, &swing);
                 size(&part.stiffness).max(size(&part.damping)) > NOTHING
             };
-            if ![&SPEEDS[3], &SPEEDS[0]].into_iter().any(acts) {
+            let swings = [SPEEDS[3], SPEEDS[0]].map(|speed| [(speed, QUICK_PACES.x), (speed, SLOWEST)]);
+            if !swings.into_iter().flatten().any(acts) {
                 return;
             }
             // Where more torque is wanted than the rig makes, the sphere does not stay.
@@ -119,6 +121,9 @@ impl Judge {
     /// or finds no rest.
     #[must_use]
     pub fn rest(&self, scene: &CompiledScene, place: &Place) -> Option<Place> {
+        /// Largest number of steps, and the part of the torque that a slow one leaves.
+        const STEPS: i32 = 60;
+        const SLOW: f64 = 0.9;
         let enough = ENOUGH * self.torque;
         let (mut at, mut torque) = (*place, pull(scene, place));
         if torque.length() <= enough {
@@ -127,8 +132,10 @@ impl Judge {
         // Newton's steps by the stiffness there, as Levenberg and Marquardt shorten them: as long
         // as they lead downhill, so that the effects do work on the way. The torque may grow.
         let mut caution = 1.0e-3;
-        let mut stiffness = None;
-        for _ in 0..60 {
+        // Dry friction is stiff in a swing, and makes steps short. If a few of them in a row take
+        // so little away that the rest of them do not suffice, there is no rest.
+        let (mut stiffness, mut slow) = (None, 0);
+        for count in 0..STEPS {
             let matrix = *stiffness.get_or_insert_with(|| self.around(scene, &at, SPEEDS[0]).1.stiffness);
             let (sizes, axes) = principal(&matrix);
             let size = sizes.abs() + caution * sizes.abs().max_element() + 1.0e-9;
@@ -137,6 +144,9 @@ impl Judge {
             let next = at.rest_at(rotation::exp(step) * at.q);
             let left = pull(scene, &next);
             if (torque + left).dot(step) > 0.0 {
+                let ratio = left.length() / torque.length();
+                let last = left.length() * ratio.powi(STEPS - count);
+                slow = if (SLOW..1.0).contains(&ratio) && last > enough { slow + 1 } else { 0 };
                 (at, torque, stiffness) = (next, left, None);
                 caution = (0.2 * caution).max(1.0e-6);
             } else {
@@ -145,7 +155,7 @@ impl Judge {
             if torque.length() <= enough {
                 return Some(at);
             }
-            if caution > 1.0e6 {
+            if caution > 1.0e6 || slow == 4 {
                 return None;
             }
         }

@@ -1,8 +1,9 @@
 //! What is said of scenes: which effects shake the sphere, and which keys have no effect.
 
-use hbot_config::advice::Abilities;
+use hbot_config::advice::{Abilities, StiffnessBound};
 use hbot_config::scene::kinds;
-use hbot_config::{RigConfig, SceneFile};
+use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_core::{Mat3, Vec3};
 use serde_json::{Value, json};
 
 /// Returns the prototype without a lead, whose borders have simple formulas.
@@ -353,4 +354,22 @@ fn an_effect_at_random_without_torque_changes_no_warning() {
     }
     assert!(warned > 35 && warned < 90, "{warned} of 105 are warned of");
     assert!(legal > 180, "{legal} of 210 are legal");
+}
+
+/// The axis of the smallest inertia turns with the posture. A damping that is stable about the axes
+/// of one posture can shake the sphere in another.
+#[test]
+fn a_damping_is_judged_with_the_smallest_inertia_about_any_axis() {
+    let mut judge = Abilities::of(&unled()).judge.expect("legal inertias");
+    let least = judge.sampled.inertia.min_element();
+    judge.sampled.inertia = Vec3::new(1.0, 2.0, 2.0) * least;
+    judge.sampled.axes = Mat3::IDENTITY;
+    let most = StiffnessBound::of(&unled()).expect("legal inertias").most_damping();
+    for (part, warned) in [(0.9, false), (1.1, true)] {
+        let damping = json!([[0, 0, 0], [0, part * most, 0], [0, 0, 0]]);
+        let scene = json!({"effect": [{"id": "d", "kind": "damper", "damping": damping}]});
+        let file = SceneFile::from_json(scene).unwrap_or_else(|error| panic!("{error}"));
+        let found = judge.findings(&RunningScene::new().load(file));
+        assert_eq!(!found.is_empty(), warned, "{part}: {found:?}");
+    }
 }

@@ -17,7 +17,7 @@ use crate::rotation;
 
 /// Number of moments of a swing at which a law is evaluated. The moments are symmetric, so a
 /// constant torque and all even harmonics leave no rest.
-const MOMENTS: u32 = 16;
+const MOMENTS: usize = 16;
 
 /// What a place of a law is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,6 +86,26 @@ pub struct Linear {
     pub damping: Mat3,
 }
 
+/// The moments of a swing at which laws are evaluated.
+struct Moments<'a> {
+    swing: &'a Swing,
+    /// Sine and cosine of each phase.
+    phases: [[Real; 2]; MOMENTS],
+    /// Orientations of a sphere that swings about each axis.
+    q: [[Quat; MOMENTS]; 3],
+}
+
+impl<'a> Moments<'a> {
+    fn new(place: &Place, swing: &'a Swing) -> Self {
+        let phases = core::array::from_fn(|moment| {
+            let (sine, cosine) = sincos((moment as Real + 0.5) * (TURN / MOMENTS as Real));
+            [sine, cosine]
+        });
+        let at = |k: usize, sine: Real| rotation::exp(swing.axes.col(k) * (swing.turn[k] * sine)) * place.q;
+        Self { swing, phases, q: [0, 1, 2].map(|k| phases.map(|[sine, _]| at(k, sine))) }
+    }
+}
+
 impl Linear {
     /// No stiffness and no damping.
     pub const NONE: Self = Self { stiffness: Mat3::ZERO, damping: Mat3::ZERO };
@@ -125,32 +145,63 @@ impl CompiledScene {
     /// Panics if `index` is not below the number of effects.
     #[must_use]
     pub fn around(&self, index: usize, place: &Place, here: Quat, swing: &Swing) -> Linear {
+        let mut shared = Shared::EMPTY;
+        self.in_swing(index, place, here, &Moments::new(place, swing), &mut shared)
+    }
+
+    /// Calls `visit` for each effect of the scene, in their order, with its stiffness and damping
+    /// as [`around`](Self::around) returns them. Those whose index is `idle` count as none.
+    pub fn all_around(
+        &self,
+        place: &Place,
+        here: Quat,
+        swing: &Swing,
+        idle: impl Fn(usize) -> bool,
+        mut visit: impl FnMut(Linear),
+    ) {
+        let (moments, mut shared) = (Moments::new(place, swing), Shared::EMPTY);
+        for index in 0..self.effects().len() {
+            visit(if idle(index) {
+                Linear::NONE
+            } else {
+                self.in_swing(index, place, here, &moments, &mut shared)
+            });
+        }
+    }
+
+    fn in_swing(
+        &self,
+        index: usize,
+        place: &Place,
+        here: Quat,
+        moments: &Moments<'_>,
+        shared: &mut Shared,
+    ) -> Linear {
         let effect = &self.effects()[index];
         if !acts(effect) {
             return Linear::NONE;
         }
         let reference = placed(effect, here);
-        let mut shared = Shared::EMPTY;
         let mut settled = if place.effect == index { place.memory } else { Memory::None };
         // The memory settles at the place itself: dry friction sticks there.
-        self.torque(effect, &reference, Motion { q: place.q, omega: Vec3::ZERO }, &mut settled, &mut shared);
+        self.torque(effect, &reference, Motion { q: place.q, omega: Vec3::ZERO }, &mut settled, shared);
+        let Moments { swing, phases, q } = moments;
         let (mut stiffness, mut damping) = ([Vec3::ZERO; 3], [Vec3::ZERO; 3]);
         for k in 0..3 {
             let (axis, turn) = (swing.axes.col(k), swing.turn[k]);
             let mut memory = settled;
             // The first cycle brings a law with a memory into its steady cycle.
-            let first = if effect.kind.remembers() { 0 } else { MOMENTS };
-            for moment in first..2 * MOMENTS {
-                let phase = (moment as Real + 0.5) * (TURN / MOMENTS as Real);
-                let (sine, cosine) = sincos(phase);
-                let motion = Motion {
-                    q: rotation::exp(axis * (turn * sine)) * place.q,
-                    omega: axis * (swing.speed * cosine),
-                };
-                let torque = self.torque(effect, &reference, motion, &mut memory, &mut shared);
-                if moment >= MOMENTS {
-                    stiffness[k] -= torque * (sine * 2.0 / (MOMENTS as Real * turn));
-                    damping[k] -= torque * (cosine * 2.0 / (MOMENTS as Real * swing.speed));
+            for is_steady in [false, true] {
+                if !is_steady && !effect.kind.remembers() {
+                    continue;
+                }
+                for (q, [sine, cosine]) in q[k].iter().zip(phases) {
+                    let motion = Motion { q: *q, omega: axis * (swing.speed * cosine) };
+                    let torque = self.torque(effect, &reference, motion, &mut memory, shared);
+                    if is_steady {
+                        stiffness[k] -= torque * (sine * 2.0 / (MOMENTS as Real * turn));
+                        damping[k] -= torque * (cosine * 2.0 / (MOMENTS as Real * swing.speed));
+                    }
                 }
             }
         }
