@@ -50,8 +50,10 @@ impl From<Spoken> for Protocol {
     }
 }
 
-/// What a person does at the rig, by the word that is typed for it.
-const WORDS: [(&str, &str, fn(&mut SimulatedRig)); 5] = [
+/// What a person does at the rig: the word that is typed for it, what it means, and what happens.
+type Deed = (&'static str, &'static str, fn(&mut SimulatedRig));
+
+const DEEDS: [Deed; 5] = [
     ("turn", "a hand turns the sphere about all axes", |rig| rig.set_hand(Truth::turned().phenomena.hand)),
     ("hold", "a hand holds the sphere still", |rig| {
         rig.set_hand(Some(Hand { stiffness: 50.0, damping: 1.0, amplitude: 0.0, ..Hand::default() }));
@@ -99,18 +101,18 @@ pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
         protocol.name(),
         config.name
     );
-    for (word, what, _) in WORDS {
+    for (word, what, _) in DEEDS {
         note!("  {word:<8} {what}");
     }
     // A script ends them by closing standard input.
     for line in std::io::stdin().lock().lines() {
         let line = line?;
-        match WORDS.iter().find(|(word, ..)| *word == line.trim()) {
+        match DEEDS.iter().find(|(word, ..)| *word == line.trim()) {
             Some((_, what, act)) => {
                 pty.post(*act).map_err(|error| anyhow!("{error}"))?;
                 note!("{what}");
             }
-            None => note!("{:?} is none of {}", line.trim(), WORDS.map(|(word, ..)| word).join(", ")),
+            None => note!("{:?} is none of {}", line.trim(), DEEDS.map(|(word, ..)| word).join(", ")),
         }
     }
     note!("standard input has ended, and the controllers with it");

@@ -170,7 +170,10 @@ fn a_set_that_cannot_be_made_steals_nothing() {
             "effect \"spring\": stiffness: -1 is out of range",
         ),
         (&["set", "spring", "stifness=2", "--steal"], "effect \"spring\": stifness: unknown key"),
-        (&["set", "sprung", "stiffness=2", "--steal"], "no effect has the id \"sprung\"; legal: spring"),
+        (
+            &["set", "sprung", "stiffness=2", "--steal"],
+            "no effect has the id \"sprung\" (did you mean `spring`?); legal: spring",
+        ),
     ] {
         other.ask(r#"{"id": 1, "op": "acquire"}"#);
         run(&server, &["info"]).success().stdout(contains("lease      held by a test"));

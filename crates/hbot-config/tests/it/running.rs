@@ -76,6 +76,8 @@ fn what_is_refused_changes_nothing() {
     let before = running.clone();
     for (effect, parameters, said) in [
         ("wind", json!({}), "no effect has the id \"wind\"; legal: spring, air"),
+        // The kind of an effect in place of its id.
+        ("damper", json!({}), "no effect has the id \"damper\" (did you mean `air`?); legal: spring, air"),
         ("spring", json!({"stiffness": -1}), "stiffness: -1 is out of range; legal: 0 to 1000 N m/rad"),
         (
             "spring",
@@ -110,7 +112,7 @@ fn what_is_refused_changes_nothing() {
     ] {
         let error = running.set(effect, &map(parameters)).unwrap_err();
         assert_eq!(error.to_string(), said);
-        assert_eq!(matches!(error, SetError::UnknownEffect { .. }), effect == "wind");
+        assert_eq!(matches!(error, SetError::UnknownEffect { .. }), ["wind", "damper"].contains(&effect));
         let malformed = ["unknown key", "cannot be set", "found null", "found the string"];
         let malformed = malformed.iter().any(|words| said.contains(words));
         assert_eq!(matches!(error, SetError::Malformed(_)), malformed, "{said}");
