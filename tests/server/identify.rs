@@ -226,6 +226,42 @@ fn motors_find_torque_constants_friction_imbalance_and_cogging() {
     assert!((found.imbalance - truth.imbalance).length() < 1e-4, "{}", found.imbalance);
 }
 
+/// The mass in the file is an eighth too small, and so are the values of the first motion. An added
+/// inertia, half of the sphere's, shows their scale.
+#[test]
+fn an_added_inertia_shows_the_scale_of_all_values() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("written");
+    let of_mass = |text: &str, mass: f64| text.replace("mass = 0.467 ", &format!("mass = {mass} "));
+    write("light.toml", &of_mass(&kept(), 0.41));
+    write("true.toml", &imperfect());
+    write("loaded.toml", &of_mass(&imperfect(), 0.7));
+    // 2/3 m R² of the added 0.233 kg.
+    let motors = |args: &str| run(folder, &format!("rig identify --motors {args}"));
+    motors("--rig light.toml --built true.toml --out first.toml").success();
+    motors("--rig first.toml --built loaded.toml --added 1.6161e-3 --out second.toml")
+        .success()
+        .stdout(contains("the added inertia shows that of the sphere: 1.1"));
+    let [first, second, truth] = ["first.toml", "second.toml", "true.toml"]
+        .map(|file| RigConfig::from_path(&folder.join(file)).expect("legal").rig);
+    // 1 % is what is asked of torque constants.
+    let near = |found: f64, truth: f64| (found / truth - 1.0).abs() < 0.01;
+    assert!(near(second.device.sphere_mass(), truth.device.sphere_mass()), "{}", second.device.sphere_mass());
+    let [first, second, truth] = [first, second, truth].map(|rig| rig.compensation.expect("imperfections"));
+    for j in 0..4 {
+        let scale = |known: &hbot_core::design::rig::Compensation| known.joints[j].torque_scale;
+        assert!(scale(&first) < 0.9 * scale(&truth), "joint {j}: {first:?}");
+        assert!(near(scale(&second), scale(&truth)), "joint {j}: {second:?}");
+    }
+    assert!((second.sphere.coulomb / truth.sphere.coulomb - 1.0).abs() < 0.1, "{:?}", second.sphere);
+    // Without an added inertia nothing is written.
+    motors("--rig first.toml --built true.toml --added 1.6161e-3 --out never.toml")
+        .code(1)
+        .stdout(contains("too little to show"));
+    assert!(!folder.join("never.toml").exists());
+}
+
 /// A sphere that is held, and motors whose signs are wrong, give no rig file.
 #[test]
 fn motors_that_turn_the_wrong_way_and_a_wrong_geometry_give_no_rig_file() {

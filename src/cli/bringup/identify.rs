@@ -42,6 +42,11 @@ pub(crate) struct IdentifyArgs {
     motors: bool,
     #[command(flatten)]
     motion: motors::Motion,
+    /// Inertia that has been added to the sphere since the rig file was written by `--motors`, the
+    /// same about all axes, kg m². It shows the scale of all values, which otherwise is that of a
+    /// hollow sphere of sphere.mass
+    #[arg(long, value_name = "INERTIA", requires = "motors")]
+    added: Option<f64>,
     /// Write the rig file with the values found to this file; it can be the rig file itself
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,

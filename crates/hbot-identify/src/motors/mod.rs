@@ -6,11 +6,13 @@
 //! what is left (`cogging`).
 //!
 //! Forces alone show ratios only. The inertia of the sphere counts as known: that of a hollow
-//! sphere of the mass in the rig file. The geometry counts as known too, so find it first
+//! sphere of the mass in the rig file. A second motion with a known inertia that was added shows it
+//! ([`Measured::with_added`]). The geometry counts as known too, so find it first
 //! ([`mod@crate::identify`]).
 
 mod cogging;
 mod rows;
+mod scale;
 mod solve;
 
 use std::fmt;
@@ -19,6 +21,7 @@ use hbot_core::design::rig::{Friction, Harmonic, Imperfect, MAX_HARMONICS};
 use hbot_core::{MAX_JOINTS, Quat, Rig, Vec3};
 
 use self::rows::{Grain, Rows, Term};
+pub use self::scale::SphereInertia;
 use self::solve::Solved;
 use crate::fit::share_as_drawn;
 use crate::motion::{Counts, Motion};
@@ -147,6 +150,16 @@ pub enum MotorRefusal {
     Unexplained {
         /// Part of the torque that is unexplained.
         part: f64,
+    },
+    /// An added inertia does not show.
+    #[error(
+        "the motors seem weaker by {:.1} % with the added inertia: too little to show the sphere's own. Add more (half of the sphere's \
+         shows it well), and give the rig file that was measured without it",
+        100.0 * .weaker
+    )]
+    Added {
+        /// Part by which the motors seem weaker.
+        weaker: f64,
     },
     /// The unknowns cannot be told apart.
     #[error("the motion does not tell the unknowns apart: let it run longer")]

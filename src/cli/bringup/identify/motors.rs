@@ -13,7 +13,7 @@ use hbot_host::bus::field;
 use hbot_host::commission::bringup::excite::{Ended, Exchange, Excitation, brake, excite};
 use hbot_host::commission::bringup::joint::{Verdict, ramp};
 use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
-use hbot_identify::motors::{Measured, MotorName, MotorValue, Sample, measure};
+use hbot_identify::motors::{Measured, MotorName, MotorValue, Sample, SphereInertia, measure};
 use toml_edit::{Array, InlineTable, Item};
 
 use super::super::{edit, joint_name, on_the_lines};
@@ -63,6 +63,9 @@ pub(super) fn run(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.out {
         refuse_folder(file, "the rig file to write")?;
     }
+    if let Some(added) = args.added {
+        positive("--added", added, "kg m²")?;
+    }
     let found = match measured(&rig, &args.motion)? {
         Ok(found) => found,
         Err(why) => {
@@ -70,9 +73,17 @@ pub(super) fn run(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    report(&rig, &found)?;
+    let (found, inertia) = match args.added.map(|added| found.clone().with_added(&rig.rig, added)) {
+        None => (found, None),
+        Some(Ok((found, inertia))) => (found, Some(inertia)),
+        Some(Err(why)) => {
+            say!("{}{why}{}", style::BAD, style::OFF)?;
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    report(&rig, &found, inertia)?;
     if let Some(file) = &args.out {
-        write(args.which.rig.as_deref(), &rig, &found, file)?;
+        write(args.which.rig.as_deref(), &rig, &found, inertia, file)?;
         say!("{}: written", file.display())?;
     }
     Ok(ExitCode::SUCCESS)
@@ -82,11 +93,8 @@ pub(super) fn run(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
 /// result if a motor does not do what it is told, or if something ended the motion.
 pub(crate) fn measured(rig: &RigConfig, motion: &Motion) -> anyhow::Result<Result<Measured, String>> {
     let Motion { seconds, wander, speed, .. } = *motion;
-    for (name, value) in [("--wander", wander), ("--speed", speed)] {
-        if !(value > 0.0 && value.is_finite()) {
-            bail!("{name} {value} is out of range; legal: above 0 rad/s");
-        }
-    }
+    positive("--wander", wander, "rad/s")?;
+    positive("--speed", speed, "rad/s")?;
     let built = motion.built.as_deref().map(RigConfig::from_path).transpose()?;
     say!(
         "the motors move the sphere for {seconds} s, with at most half of what they can hold continuously: hands off, and one at the switch"
@@ -116,6 +124,14 @@ pub(crate) fn measured(rig: &RigConfig, motion: &Motion) -> anyhow::Result<Resul
     };
     note!("{}computing from {} readings{}", style::DIM, log.len(), style::OFF);
     Ok(measure(&rig.rig, from, &log).map_err(|refusal| refusal.to_string()))
+}
+
+/// Refuses the value of an option that is not above 0.
+fn positive(option: &str, value: f64, unit: &str) -> anyhow::Result<()> {
+    if !(value > 0.0 && value.is_finite()) {
+        bail!("{option} {value} is out of range; legal: above 0 {unit}");
+    }
+    Ok(())
 }
 
 /// Tests that each motor turns its joint the right way, before the joints act together. Returns the
@@ -157,7 +173,7 @@ fn rest(bench: &mut Bench) -> Result<(), Interrupted> {
 }
 
 /// Prints what was found.
-fn report(rig: &RigConfig, found: &Measured) -> anyhow::Result<()> {
+fn report(rig: &RigConfig, found: &Measured, inertia: Option<SphereInertia>) -> anyhow::Result<()> {
     say!(
         "{:.1} s of motion count; the equation of motion leaves {:.2} mN m of {:.1} mN m (root mean square); the torques act {:.2} ms \
          after they are commanded",
@@ -170,9 +186,16 @@ fn report(rig: &RigConfig, found: &Measured) -> anyhow::Result<()> {
     for value in &found.values {
         say!("{}", row(rig, value))?;
     }
-    let known = "the inertia of the sphere counts as known: that of a hollow sphere of sphere.mass. If it is wrong by 1 %, so are all \
-                 values except torque_scale divided by another one";
-    say!("{known}")?;
+    match inertia {
+        None => say!(
+            "the inertia of the sphere counts as known: that of a hollow sphere of sphere.mass. If it is wrong by 1 %, so are all \
+             values except torque_scale divided by another one. `--added` measures it"
+        )?,
+        Some(SphereInertia { factor, interval }) => say!(
+            "the added inertia shows that of the sphere: {factor:.4} (+- {interval:.4}) times that of a hollow sphere of sphere.mass. \
+             Take off what was added. Friction and imbalance of the sphere are those of the rig file in this scale"
+        )?,
+    }
     if found.slip > INEXACT {
         say!(
             "{}the joints contradict each other by {:.2} % of their motion{}: the geometry is not exact, and the values may be wrong by \
@@ -209,7 +232,13 @@ fn row(rig: &RigConfig, value: &MotorValue) -> String {
 }
 
 /// Writes the rig file with the values found. Comments and the order of the keys stay.
-fn write(drawing: Option<&Path>, rig: &RigConfig, found: &Measured, file: &Path) -> anyhow::Result<()> {
+fn write(
+    drawing: Option<&Path>,
+    rig: &RigConfig,
+    found: &Measured,
+    inertia: Option<SphereInertia>,
+    file: &Path,
+) -> anyhow::Result<()> {
     let mut document = edit::open(drawing)?;
     let seen = |joint: Option<usize>, name: MotorName| {
         found.values.iter().any(|value| value.joint == joint && value.name == name && value.seen)
@@ -253,6 +282,10 @@ fn write(drawing: Option<&Path>, rig: &RigConfig, found: &Measured, file: &Path)
         }
     }
     let sphere = &mut document["sphere"];
+    if let Some(inertia) = inertia {
+        let mass = rig.rig.device.sphere_mass() * inertia.factor;
+        edit::put(sphere, "mass", digits(mass, 5).into());
+    }
     friction(sphere, found.sphere);
     if found.imbalance != hbot_core::Vec3::ZERO || sphere.get("imbalance").is_some() {
         let torque: Array = found.imbalance.to_array().iter().map(|x| digits(*x, 4)).collect();
