@@ -1,8 +1,8 @@
 //! Closed lists of names: enums whose variants, order and text in messages are written once.
 
 /// Defines an enum whose variants have names in messages. Generates `ALL`, `as_str`, `Display`,
-/// `FromStr` and serde from one list, so that none of them can miss a name. In the second form, each
-/// name has words for people, which a function of the given name returns.
+/// `FromStr` and serde from one list, so that none of them can miss a name. In the second form,
+/// each name has words for people, which a function of the given name returns.
 macro_rules! names {
     (
         $(#[$meta:meta])*

@@ -1,6 +1,6 @@
-//! The scale of a measurement. Forces alone show ratios, so [`measure`](super::measure) believes the
-//! inertia of the sphere. A known inertia that is added to the sphere shows it: it makes all motors
-//! seem weaker by the same factor.
+//! The scale of a measurement. Forces alone show ratios, so [`measure`](super::measure) believes
+//! the inertia of the sphere. A known inertia that is added to the sphere shows it: it makes all
+//! motors seem weaker by the same factor.
 
 use hbot_core::Rig;
 use hbot_core::design::rig::Friction;
