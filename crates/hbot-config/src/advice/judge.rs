@@ -1,7 +1,6 @@
 //! Judges a scene: whether the loop keeps it stable at each place where its laws are steepest or
 //! change, which effect shakes the sphere if not, and what would be stable there.
 
-use std::cell::Cell;
 use std::f64::consts::PI;
 
 use hbot_core::render::around::{Linear, Place, Spot, Swing};
@@ -46,7 +45,8 @@ struct Swinging<'a> {
     holds: &'a Holds<'a>,
     place: &'a Place,
     speed: f64,
-    start: &'a Start,
+    /// Bit by bit the effects that are far away from the place.
+    far: u64,
 }
 
 /// The holds in which a sphere may be.
@@ -56,21 +56,6 @@ struct Holds<'a> {
     /// With the smallest inertia about all axes. The axis of the smallest inertia turns with the
     /// posture, and a damping that is just small enough for another axis may meet it.
     light: [Held<'a>; 3],
-}
-
-/// What is known of a place before a swing there is examined.
-pub(super) struct Start {
-    /// Paces about the rig's axes with which the search for those of the swing begins, rad/s.
-    paces: Cell<Vec3>,
-    /// Bit by bit the effects that make no torque in the largest swing about any axis, such as a
-    /// wall that is far away.
-    far: u64,
-}
-
-impl Start {
-    pub(super) fn new() -> Self {
-        Self { paces: Cell::new(QUICK_PACES), far: 0 }
-    }
 }
 
 /// Judges scenes by the sampled loop of a rig.
@@ -105,9 +90,9 @@ impl Judge {
         let places = self.places(scene);
         for (place, leans) in &places {
             let speeds = if *leans { &SPEEDS[..] } else { &SPEEDS[..4] };
-            let start = &self.start(scene, place);
+            let far = self.far(scene, place);
             for speed in speeds {
-                let swinging = Swinging { holds: &holds, place, speed: *speed, start };
+                let swinging = Swinging { holds: &holds, place, speed: *speed, far };
                 if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut judged, &found) {
                     keep(&mut found, finding);
                 }
@@ -119,9 +104,9 @@ impl Judge {
         }
         // What shakes at its own places is not looked for elsewhere.
         for place in self.away(scene) {
-            let start = &self.start(scene, &place);
+            let far = self.far(scene, &place);
             for speed in &SPEEDS[..4] {
-                let swinging = Swinging { holds: &holds, place: &place, speed: *speed, start };
+                let swinging = Swinging { holds: &holds, place: &place, speed: *speed, far };
                 if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut judged, &found)
                     && found.iter().all(|other| other.effect != finding.effect || other.away)
                 {
@@ -146,11 +131,12 @@ impl Judge {
     /// linearised effects, and their sum.
     #[must_use]
     pub fn around(&self, scene: &CompiledScene, place: &Place, speed: f64) -> (Vec<Linear>, Scene) {
-        self.around_at(scene, place, speed, SLOWEST, &Start::new())
+        self.around_at(scene, place, speed, SLOWEST, 0)
     }
 
-    /// Returns what is known of `place` before swings there are examined.
-    fn start(&self, scene: &CompiledScene, place: &Place) -> Start {
+    /// Returns bit by bit the effects that make no torque in the largest swing about any axis at
+    /// `place`, such as a wall that is far away.
+    fn far(&self, scene: &CompiledScene, place: &Place) -> u64 {
         let speed = SPEEDS[3];
         let swing = Swing { axes: self.sampled.axes, turn: [speed / SLOWEST; 3], speed };
         let (mut far, mut bit) = (0, 1);
@@ -164,21 +150,21 @@ impl Judge {
                 bit <<= 1;
             },
         );
-        Start { far, ..Start::new() }
+        far
     }
 
     /// Returns what [`around`](Self::around) returns, for swings of the pace `least` (rad/s) at
-    /// least. Begins with the paces of `start`, and leaves there those that it finds.
+    /// least. The effects `far` (bit by bit) take no part.
     pub(super) fn around_at(
         &self,
         scene: &CompiledScene,
         place: &Place,
         speed: f64,
         least: f64,
-        start: &Start,
+        far: u64,
     ) -> (Vec<Linear>, Scene) {
         let axes = self.sampled.axes;
-        let (mut pace, far) = (start.paces.get(), start.far);
+        let mut pace = QUICK_PACES;
         let mut parts = Vec::new();
         let mut sum = Linear::NONE;
         // The size of a swing follows from its pace, which follows from the stiffness that a swing
@@ -204,11 +190,10 @@ impl Judge {
                 let own = (stiffness.col(k)[k].max(0.0) / self.sampled.inertia[k]).sqrt();
                 pace[k] = own.max(least).min(FASTEST / self.sampled.period);
             }
-            if ((pace - before) / pace).abs().max_element() < 0.02 {
+            if (pace - before).abs().max_element() < 0.02 * pace.min_element() {
                 break;
             }
         }
-        start.paces.set(pace);
         let mut masses = Vec::new();
         scene.masses(self.sampled.inertia.min_element(), self.sampled.period, |mass, smoothing| {
             masses.push((mass, smoothing));
@@ -262,8 +247,8 @@ impl Judge {
         judged: &mut Vec<(Scene, Option<Limit>)>,
         found: &[Finding],
     ) -> Option<Finding> {
-        let Swinging { holds, place, speed, start } = *swinging;
-        let (parts, sum) = self.around_at(scene, place, speed, least, start);
+        let Swinging { holds, place, speed, far } = *swinging;
+        let (parts, sum) = self.around_at(scene, place, speed, least, far);
         // A damping that is too large makes swings that are faster than those of the stiffness, and
         // smaller: a quarter of one takes as long as the torque is late.
         let fast = principal(&sum.damping).0.max_element() / self.sampled.inertia.min_element();

@@ -121,9 +121,6 @@ impl Judge {
     /// or finds no rest.
     #[must_use]
     pub fn rest(&self, scene: &CompiledScene, place: &Place) -> Option<Place> {
-        /// Largest number of steps, and the part of the torque that a slow one leaves.
-        const STEPS: i32 = 60;
-        const SLOW: f64 = 0.9;
         let enough = ENOUGH * self.torque;
         let (mut at, mut torque) = (*place, pull(scene, place));
         if torque.length() <= enough {
@@ -132,30 +129,28 @@ impl Judge {
         // Newton's steps by the stiffness there, as Levenberg and Marquardt shorten them: as long
         // as they lead downhill, so that the effects do work on the way. The torque may grow.
         let mut caution = 1.0e-3;
-        // Dry friction is stiff in a swing, and makes steps short. If a few of them in a row take
-        // so little away that the rest of them do not suffice, there is no rest.
-        let (mut stiffness, mut slow) = (None, 0);
-        for count in 0..STEPS {
+        // Dry friction is stiff in a swing and holds nothing back here: where a step takes less
+        // than half of the torque away, the next one is longer.
+        let (mut stiffness, mut stride) = (None, 1.0);
+        for _ in 0..60 {
             let matrix = *stiffness.get_or_insert_with(|| self.around(scene, &at, SPEEDS[0]).1.stiffness);
             let (sizes, axes) = principal(&matrix);
             let size = sizes.abs() + caution * sizes.abs().max_element() + 1.0e-9;
             let step = axes * ((axes.transpose() * torque) / size);
-            let step = step.clamp_length_max(0.5);
+            let step = (step * stride).clamp_length_max(0.5);
             let next = at.rest_at(rotation::exp(step) * at.q);
             let left = pull(scene, &next);
             if (torque + left).dot(step) > 0.0 {
-                let ratio = left.length() / torque.length();
-                let last = left.length() * ratio.powi(STEPS - count);
-                slow = if (SLOW..1.0).contains(&ratio) && last > enough { slow + 1 } else { 0 };
+                stride = if left.dot(step) > 0.5 * torque.dot(step) { 2.0 * stride } else { 1.0 };
                 (at, torque, stiffness) = (next, left, None);
                 caution = (0.2 * caution).max(1.0e-6);
             } else {
-                caution = 5.0 * caution.max(1.0e-2);
+                (caution, stride) = (5.0 * caution.max(1.0e-2), 1.0);
             }
             if torque.length() <= enough {
                 return Some(at);
             }
-            if caution > 1.0e6 || slow == 4 {
+            if caution > 1.0e6 {
                 return None;
             }
         }
