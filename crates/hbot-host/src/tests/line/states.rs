@@ -124,7 +124,7 @@ fn a_stop_that_is_confirmed_later_does_not_undo_a_reset() {
     bench.end.emergency_stop().stop();
     assert_eq!(bench.tick().state.mode, Mode::Estop);
     assert!(off(&fake));
-    let confirmed = bench.end.order(Command::Confirm).expect("a place");
+    let confirmed = bench.end.order(hbot_core::inputs::Command::Confirm).expect("a place");
     let sample = bench.order(Order::Reset);
     assert_eq!(sample.state.mode, Mode::Idle, "one estop stops once");
     assert_eq!(sample.answers[0].map(|answer| answer.ticket), Some(confirmed), "and is answered");
