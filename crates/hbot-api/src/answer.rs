@@ -11,7 +11,8 @@ use serde_json::{Map, Value};
 const ANSWER_DEPTH: usize = crate::MAX_DEPTH + 8;
 
 /// The answer to one request, sent as `{"id", "ok"}` or `{"id", "error"}`. A sender uses the type
-/// of the body for `T`, such as [`PingOk`](crate::PingOk). A receiver gets the body as an untyped value.
+/// of the body for `T`, such as [`PingOk`](crate::PingOk). A receiver gets the body as an untyped
+/// value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response<T = Value> {
     /// Id of the request that is answered. `None` if the request had no readable id.
