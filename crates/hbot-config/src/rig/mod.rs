@@ -209,8 +209,13 @@ impl RigConfig {
     /// `rigs/prototype.toml`.
     #[must_use]
     pub fn prototype() -> Self {
-        Self::from_toml(PROTOTYPE, "rigs/prototype.toml")
-            .unwrap_or_else(|mistakes| panic!("the rig file that is built in is legal, by test:\n{mistakes}"))
+        // Tests ask for it some hundred thousand times.
+        static READ: LazyLock<RigConfig> = LazyLock::new(|| {
+            RigConfig::from_toml(PROTOTYPE, "rigs/prototype.toml").unwrap_or_else(|mistakes| {
+                panic!("the rig file that is built in is legal, by test:\n{mistakes}")
+            })
+        });
+        READ.clone()
     }
 
     /// Reads a rig from the text of a rig file. `file` is the name of the file in messages.
