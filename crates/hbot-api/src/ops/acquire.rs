@@ -4,7 +4,7 @@ use super::{Op, OpRow, Who, may};
 use crate::ErrorBody;
 use crate::fields::Fields;
 
-// All clients are told of both.
+// Both weigh much, because each sends an event to all clients.
 pub(super) const ROW: OpRow = OpRow::new(Who::Any, &[may("steal")]).weighing(100);
 pub(super) const RELEASE_ROW: OpRow = OpRow::new(Who::Any, &[]).weighing(100);
 

@@ -32,8 +32,7 @@ pub struct Filtering {
 }
 
 impl Filtering {
-    /// Returns a sentence for each delay that is longer than the rig
-    /// file of `config` says.
+    /// Returns a sentence for each delay that is longer than the rig file of `config` says.
     #[must_use]
     pub fn warnings(&self, config: &RigConfig) -> Vec<String> {
         let said = [
