@@ -44,6 +44,8 @@ pub enum Free {
     GeometryAndCentre,
     /// The steering zeros alone.
     Zeros,
+    /// The zeros, cones and radii.
+    ZerosConesAndRadii,
 }
 
 impl Free {
@@ -52,6 +54,9 @@ impl Free {
             Self::Geometry => !matches!(quantity, Quantity::Centre(_)),
             Self::GeometryAndCentre => true,
             Self::Zeros => quantity == Quantity::Zero,
+            Self::ZerosConesAndRadii => {
+                matches!(quantity, Quantity::Zero | Quantity::Cone | Quantity::Radius)
+            }
         }
     }
 }
@@ -372,9 +377,9 @@ impl Fitting<'_> {
         let weights = self.weights(windows, scale, false);
         let (normal, _) = self.normal(windows, &weights, scale);
         let covariance = self.covariance(windows, &weights, scale, &normal)?;
-        // The turns of the whole frame count as known.
+        // The turns of the whole frame count as known. Zeros alone do not turn it.
         let mut pinned = normal.clone();
-        if free != Free::Zeros {
+        if free.has(Quantity::Tilt(0)) {
             for turn in self.turns_of_the_frame() {
                 pinned.add_outer(&turn, 1.0e8 * crate::parameter::ANGLE.powi(-2));
             }

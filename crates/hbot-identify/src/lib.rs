@@ -14,10 +14,12 @@
 //! | [`fit`] | the unknowns that explain the motion best, and their covariance |
 //! | [`compare`] | drift and torque of a geometry that was found, against the true one |
 //! | [`motors`] | torque constants, friction and more, from a motion under known torques |
+//! | [`mod@calibrate`] | wrong signs, zeros far off, exchanged joints |
 //! | [`mod@identify`] | all of it: the values for the rig file, or why there are none |
 //!
 //! It is a library for tools. The control loop does not link it.
 
+pub mod calibrate;
 pub mod compare;
 pub mod fit;
 pub mod identify;

@@ -11,16 +11,14 @@ use anyhow::Context as _;
 use clap::Args;
 use hbot_config::RigConfig;
 use hbot_core::design::rig::Zero;
-use hbot_host::commission::bringup::calibrate::{Calibration, Counts, calibrate, exchanged, explains, still};
 use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
+use hbot_identify::calibrate::{Calibration, calibrate, exchanged, explains, still};
+use hbot_identify::motion::Counts;
 
 use super::super::out::{refuse_folder, tell};
 use super::super::style;
 use super::{Which, edit, joint_name, on_the_lines, wheel_name};
 
-/// Time between two readings, s. It is long enough that one count is small relative to the motion,
-/// and short enough that the steer angles hardly change.
-const APART_S: f64 = 0.02;
 /// Error of a zero that is as small as it can be made by hand, rad.
 const TRIFLE: f64 = 0.01;
 /// Relative difference of two wheels' radii that is too large for a misread caliper.
@@ -90,7 +88,12 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     tell!("{}\n{}", told.words.trim_end(), to_paste(&rig, &told))?;
     if let Some(file) = &args.write {
         write(args.which.rig.as_deref(), &told.corrections, file)?;
-        tell!("{} has {} correction(s)", file.display(), told.corrections.len())?;
+        let what = match told.corrections.len() {
+            0 => "the values that it had: there was nothing to correct".to_owned(),
+            1 => "1 correction".to_owned(),
+            n => format!("{n} corrections"),
+        };
+        tell!("{} has {what}", file.display())?;
     }
     Ok(if told.as_filed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -161,16 +164,8 @@ fn correct(document: &mut toml_edit::DocumentMut, corrections: &[Correction]) ->
 
 /// Records the counts of all joints for `seconds`, with motors off.
 fn watch(bench: &mut Bench, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
-    let every = (APART_S / bench.period_s()).round().max(1.0) as u32;
     let ticks = (f64::from(seconds) / bench.period_s()) as u32;
-    let mut counts = Vec::new();
-    for tick in 0..ticks {
-        let reading = bench.exchange(None)?;
-        if tick.is_multiple_of(every) {
-            counts.push(reading.counts);
-        }
-    }
-    Ok(counts)
+    (0..ticks).map(|_| Ok(bench.exchange(None)?.counts)).collect()
 }
 
 /// Evaluates recorded counts.
@@ -194,7 +189,7 @@ fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<Told> {
     let found = calibrate(&rig.rig, counts).context("nothing has moved: turn the sphere while this runs")?;
     let mut told = report(rig, &found)?;
     let words = &mut told.words;
-    if found.known && !explains(&rig.rig, &found) {
+    if !explains(&rig.rig, &found) {
         match exchanged(&rig.rig, counts) {
             Some((a, b)) => writeln!(
                 words,
@@ -229,15 +224,15 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
         100.0 * found.after
     )?;
     let (bad, off) = (style::BAD, style::OFF);
+    if !explains(&rig.rig, found) {
+        // The zeros found are not valid then and must not be set.
+        return Ok(Told { words, as_filed: false, corrections });
+    }
     if !found.known {
         writeln!(
             words,
             "  {bad}not enough was turned to tell the zeros{off}: turn further, about all three axes, and longer"
         )?;
-        return Ok(Told { words, as_filed: false, corrections });
-    }
-    if !explains(&rig.rig, found) {
-        // The zeros found are not valid then and must not be set.
         return Ok(Told { words, as_filed: false, corrections });
     }
     let mut as_filed = true;

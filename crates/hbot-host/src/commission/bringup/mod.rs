@@ -1,9 +1,7 @@
 //! Bringing a rig up, before any loop is closed over it: who answers on its lines ([`scan`]), one
-//! joint at a time under a small torque ([`joint`]), what the joints say of each other while a
-//! person turns the sphere ([`calibrate`]), and a gentle motion by all motors, once the signs are
-//! known ([`excite`]). A wrong sign or zero in a closed loop is a runaway.
+//! joint at a time under a small torque ([`joint`]), and a gentle motion by all motors, once the
+//! signs are known ([`excite`]). A wrong sign or zero in a closed loop is a runaway.
 
-pub mod calibrate;
 pub mod excite;
 pub mod joint;
 pub mod scan;

@@ -5,13 +5,13 @@ mod wiring;
 
 use std::sync::mpsc;
 
+use hbot_identify::calibrate::{Calibration, calibrate};
 use hbot_link::ToController;
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::{JointFriction, Phenomena};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use hbot_testing::prototype::{simulated, simulated_as};
 
-use super::calibrate::{Calibration, Counts, calibrate};
 use super::joint::{Verdict, ramp, test};
 use super::*;
 use crate::line::{Line, Memory};
@@ -41,13 +41,7 @@ fn on_rig(rig: &RigConfig, line: impl Line + 'static) -> Bench {
 }
 
 fn watched(bench: &mut Bench) -> Calibration {
-    let mut counts: Vec<Counts> = Vec::new();
-    for k in 0..20_000 {
-        let reading = bench.exchange(None).unwrap();
-        if k % 20 == 0 {
-            counts.push(reading.counts);
-        }
-    }
+    let counts: Vec<_> = (0..20_000).map(|_| bench.exchange(None).unwrap().counts).collect();
     let rig = *bench.rig();
     calibrate(&rig, &counts).unwrap()
 }

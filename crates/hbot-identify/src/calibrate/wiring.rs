@@ -2,13 +2,16 @@
 
 use hbot_core::Rig;
 
-use super::{Calibration, Counts, calibrate};
+use super::{Calibration, Search, calibrate};
+use crate::motion::Counts;
 
 /// Largest ratio of slip to rolling distance that bearings, rubber and encoders cause in a rig that
 /// is built as its file states.
 const ORDINARY: f64 = 0.05;
 /// A cone angle that differs from the rig file by this much cannot be a manufacturing error, rad.
 const MISBUILT: f64 = 0.15;
+/// Largest fraction of the motion that a geometry that counts as right does not explain.
+const MOST_LEFT_OUT: f64 = 0.5;
 
 /// Returns the numbers of the joints whose encoder counts have not changed. A change by one count
 /// is ignored, because an encoder at rest can jitter by one count.
@@ -27,7 +30,7 @@ pub fn explains(rig: &Rig, found: &Calibration) -> bool {
         let filed = filed.spec();
         (0.5..=2.0).contains(&(wheel.radius / filed.radius)) && (wheel.cone - filed.cone).abs() < MISBUILT
     });
-    like && found.after <= ORDINARY
+    like && found.after <= ORDINARY && found.left_out <= MOST_LEFT_OUT
 }
 
 /// Returns the numbers of two joints whose encoder counts explain the readings if they are
@@ -36,12 +39,16 @@ pub fn explains(rig: &Rig, found: &Calibration) -> bool {
 pub fn exchanged(rig: &Rig, counts: &[Counts]) -> Option<(usize, usize)> {
     let n = rig.device.joints();
     let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
-    let explained = |(a, b): (usize, usize)| {
+    let swapped = |(a, b): (usize, usize)| {
         let mut other = counts.to_vec();
         other.iter_mut().for_each(|now| now.swap(a, b));
-        calibrate(rig, &other)
-            .filter(|found| found.known && explains(rig, found))
-            .map(|found| (found.after, (a, b)))
+        other
     };
-    pairs.filter_map(explained).min_by(|x, y| x.0.total_cmp(&y.0)).map(|(_, pair)| pair)
+    let cost = |pair| {
+        let other = swapped(pair);
+        Search::new(rig, &other).map(|search| (search.whole_cost(&search.coarse()), pair))
+    };
+    let (_, pair) = pairs.filter_map(cost).min_by(|x, y| x.0.total_cmp(&y.0))?;
+    let found = calibrate(rig, &swapped(pair))?;
+    (found.known && explains(rig, &found)).then_some(pair)
 }

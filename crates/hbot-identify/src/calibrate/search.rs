@@ -1,7 +1,9 @@
 //! Finds signs and rough zeros by trying all of them. Among those that explain the counts well, it
 //! chooses the one with the fewest errors in the rig file.
 
-use super::{Fit, Guess, within};
+use hbot_core::{MAX_JOINTS, MAX_WHEELS};
+
+use super::{Guess, Search, within};
 
 /// Number of steering zeros, evenly spread over a turn, that the search tries for each wheel.
 const GRID: usize = 36;
@@ -28,19 +30,19 @@ impl Guess {
     /// sign has the same effect as another wheel's zero that is off by half a turn.
     fn wrong(&self, count: usize) -> f64 {
         let flips = self.flipped.iter().filter(|flipped| **flipped).count() as f64;
-        let zeros = self.wheels[..count].iter().map(|wheel| {
-            let off = within(wheel[0]).abs();
+        let zeros = self.zeros[..count].iter().map(|zero| {
+            let off = within(*zero).abs();
             if off < RIGHT { 0.0 } else { 1.0 + 0.1 * off }
         });
         flips + zeros.sum::<f64>()
     }
 }
 
-impl Fit<'_> {
+impl Search<'_> {
     /// Finds the signs and rough steering zeros of all wheels: first those of two wheels together,
     /// then those of each further wheel relative to the wheels before it.
     pub(super) fn coarse(&self) -> Guess {
-        let mut found = self.as_filed();
+        let mut found = Guess { flipped: [false; MAX_JOINTS], zeros: [0.0; MAX_WHEELS] };
         let first: Vec<Guess> =
             self.variants(&found, 0).flat_map(|guess| self.variants(&guess, 1).collect::<Vec<_>>()).collect();
         found = self.best(&found, first, 2);
@@ -56,7 +58,7 @@ impl Fit<'_> {
         (0..4 * GRID).map(move |k| {
             let mut other = guess;
             (other.flipped[2 * wheel], other.flipped[2 * wheel + 1]) = (k & 1 != 0, k & 2 != 0);
-            other.wheels[wheel][0] = std::f64::consts::TAU * (k / 4) as f64 / GRID as f64;
+            other.zeros[wheel] = std::f64::consts::TAU * (k / 4) as f64 / GRID as f64;
             other
         })
     }
@@ -66,21 +68,16 @@ impl Fit<'_> {
     /// guesses that then explain the readings well, it chooses the one that implies the fewest
     /// errors in the rig file.
     fn best(&self, filed: &Guess, guesses: Vec<Guess>, count: usize) -> Guess {
-        let Some(device) = self.device(filed, count) else { return *filed };
+        let Some(device) = self.device(count) else { return *filed };
         let every = self.steps.len().div_ceil(COARSE);
-        let mut slips = Vec::new();
-        let mut cost = |guess: &Guess| {
-            slips.clear();
-            self.slips(guess, &device, every, &mut slips);
-            slips.iter().map(|s| s * s).sum::<f64>()
-        };
+        let cost = |guess: &Guess| self.cost(guess, &device, every);
         let mut costed: Vec<(f64, Guess)> = guesses.into_iter().map(|guess| (cost(&guess), guess)).collect();
         costed.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut closer: Vec<(f64, Guess)> = Vec::new();
         for (c, guess) in costed {
             let alike = |other: &&(f64, Guess)| other.1.flipped == guess.flipped;
             let near = |other: &(f64, Guess)| {
-                (0..count).all(|i| within(other.1.wheels[i][0] - guess.wheels[i][0]).abs() < APART)
+                (0..count).all(|i| within(other.1.zeros[i] - guess.zeros[i]).abs() < APART)
             };
             if closer.iter().filter(alike).count() < LOOKED_AT && !closer.iter().filter(alike).any(near) {
                 closer.push((c, guess));
@@ -93,7 +90,7 @@ impl Fit<'_> {
                 for wheel in 0..count {
                     for way in [-step, step] {
                         let mut other = *guess;
-                        other.wheels[wheel][0] += way;
+                        other.zeros[wheel] += way;
                         let d = cost(&other);
                         if d < *c {
                             (*c, *guess) = (d, other);

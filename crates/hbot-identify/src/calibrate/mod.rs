@@ -1,12 +1,9 @@
-//! Finds signs, steering zeros, wheel radii and cone angles by comparing the joints with each
-//! other.
+//! Signs and steering zeros that are wrong by any amount: the first look at a rig.
 //!
-//! If the sphere turns without slip, its three speeds determine the rates of all 2n joints. The
-//! encoders then show zero slip only if the rig is as its file states. First all signs are tried
-//! with zeros on a grid, wheel by wheel (`search`). Then zeros, radii and cones are fitted together
-//! (`fit`). If this leaves slip unexplained, the wiring can be wrong (`wiring`).
+//! First all signs are tried with zeros on a grid, wheel by wheel (`search`). From the best guess
+//! on, zeros, radii and cones are fitted as for the whole geometry ([`mod@crate::fit`]). If this
+//! leaves slip unexplained, the wiring can be wrong (`wiring`).
 
-mod fit;
 mod search;
 mod wiring;
 
@@ -16,15 +13,19 @@ use hbot_core::design::kinematics::Posture;
 
 pub use wiring::{exchanged, explains, still};
 
+use crate::fit::{Begin, Free, fit, share_as_drawn};
+use crate::motion::{Counts, Motion};
+use crate::parameter::{OF_WHEEL, count};
+
 /// Standard deviation below which a steering zero counts as determined, rad.
 const KNOWN: f64 = 0.05;
-/// Number of fitted parameters per wheel: steering zero, logarithm of the radius divided by that of
-/// the rig file, and cone angle.
-const PARAMETERS: usize = 3;
-
-/// The encoder counts of all joints at one moment, in the order of the rig and with the sign of
-/// their motor controllers.
-pub type Counts = [i32; MAX_JOINTS];
+/// Time between two readings that the search compares, s. It is long enough that one count is small
+/// relative to the motion, and short enough that the steer angles hardly change.
+const APART_S: f64 = 0.02;
+/// Places of a wheel's unknowns in the fit.
+const ZERO: usize = 2;
+const CONE: usize = 3;
+const RADIUS: usize = 5;
 
 /// The result of a calibration: the values found for the wheels, and how well they explain the
 /// readings.
@@ -36,8 +37,10 @@ pub struct Calibration {
     /// the rig file.
     pub before: f64,
     /// Root mean square slip of the wheels divided by their rolling distance, with the values that
-    /// the calibration found.
+    /// the calibration found, where the motion fits to them.
     pub after: f64,
+    /// Fraction of the motion that does not fit to them.
+    pub left_out: f64,
     /// True if the motion was sufficient to determine the steering zeros of all wheels.
     pub known: bool,
 }
@@ -67,11 +70,12 @@ struct Step {
     turn: [f64; MAX_JOINTS],
 }
 
-/// One possible set of signs and wheel parameters that could explain the readings.
+/// Signs and steering zeros that could explain the readings.
 #[derive(Clone, Copy)]
 struct Guess {
     flipped: [bool; MAX_JOINTS],
-    wheels: [[f64; PARAMETERS]; MAX_WHEELS],
+    /// True steer angle where the rig file assumes the zero, rad.
+    zeros: [f64; MAX_WHEELS],
 }
 
 /// Returns the angle wrapped to the range from -pi to pi, rad.
@@ -79,7 +83,8 @@ fn within(angle: f64) -> f64 {
     angle.sin().atan2(angle.cos())
 }
 
-struct Fit<'a> {
+/// What the search for signs and zeros compares.
+struct Search<'a> {
     rig: &'a Rig,
     steps: Vec<Step>,
     /// Root mean square distance that the wheels roll in one step, m.
@@ -87,36 +92,45 @@ struct Fit<'a> {
 }
 
 /// Finds the signs, steering zeros, wheel radii and cone angles that explain the encoder counts
-/// best. Returns `None` if the drive joints have not moved.
+/// best. `counts` has a reading for each period of the rig. Returns `None` if the drive joints have
+/// not moved.
 #[must_use]
 pub fn calibrate(rig: &Rig, counts: &[Counts]) -> Option<Calibration> {
-    let fit = Fit::new(rig, counts)?;
-    let file = fit.as_filed();
-    let before = fit.share(&file);
-    let mut guess = fit.coarse();
-    let deviations = fit.refine(&mut guess);
+    let guess = Search::new(rig, counts)?.coarse();
+    let motion = |counts| Motion::new(rig, &[counts], rig.timing.period_s());
     let n = rig.device.wheels().len();
+    let mut from = vec![0.0; count(n)];
+    (0..n).for_each(|i| from[OF_WHEEL * i + ZERO] = within(guess.zeros[i]));
+    let signed =
+        |now: &Counts| std::array::from_fn(|j| if guess.flipped[j] { now[j].wrapping_neg() } else { now[j] });
+    let begin = Begin { from: Some(&from), zero: std::f64::consts::PI };
+    let turned = motion(counts.iter().map(signed).collect());
+    let fitted = fit(rig, &turned, Free::ZerosConesAndRadii, begin, &mut |_, _| ())?;
     let wheels: Vec<WheelFound> = (0..n)
         .map(|i| {
-            let [zero, scale, cone] = guess.wheels[i];
+            let of = &fitted.unknowns[OF_WHEEL * i..OF_WHEEL * (i + 1)];
+            let (zero, drawn) = (OF_WHEEL * i + ZERO, rig.device.wheels()[i].spec());
             WheelFound {
                 wrong_sign: [guess.flipped[2 * i], guess.flipped[2 * i + 1]],
-                zero: within(zero),
-                zero_deviation: deviations[i],
-                radius: rig.device.wheels()[i].spec().radius * scale.exp(),
-                cone,
+                zero: within(of[ZERO]),
+                zero_deviation: fitted.covariance[zero][zero].max(0.0).sqrt().max(fitted.relative[zero]),
+                radius: drawn.radius * of[RADIUS].exp(),
+                cone: drawn.cone + of[CONE],
             }
         })
         .collect();
     let known = wheels.iter().all(|wheel| wheel.zero_deviation < KNOWN);
-    Some(Calibration { wheels, before, after: fit.share(&guess), known })
+    let before = share_as_drawn(rig, &motion(counts.to_vec()));
+    Some(Calibration { wheels, before, after: fitted.share, left_out: fitted.left_out, known })
 }
 
-impl<'a> Fit<'a> {
+impl<'a> Search<'a> {
     fn new(rig: &'a Rig, counts: &[Counts]) -> Option<Self> {
         let joints = rig.device.joints();
         let radians: Vec<f64> = rig.joints[..joints].iter().map(|joint| joint.radians_per_count()).collect();
-        let steps: Vec<Step> = counts
+        let every = (APART_S / rig.timing.period_s()).round().max(1.0) as usize;
+        let apart: Vec<&Counts> = counts.iter().step_by(every).collect();
+        let steps: Vec<Step> = apart
             .windows(2)
             .map(|pair| {
                 let mut step = Step { angle: [0.0; MAX_WHEELS], turn: [0.0; MAX_JOINTS] };
@@ -141,53 +155,35 @@ impl<'a> Fit<'a> {
         (rolled > 1.0e-6).then_some(Self { rig, steps, rolled })
     }
 
-    fn as_filed(&self) -> Guess {
-        let mut guess = Guess { flipped: [false; MAX_JOINTS], wheels: [[0.0; PARAMETERS]; MAX_WHEELS] };
-        for (wheel, filed) in guess.wheels.iter_mut().zip(self.rig.device.wheels()) {
-            *wheel = [0.0, 0.0, filed.spec().cone];
-        }
-        guess
-    }
-
-    /// Returns the rig's geometry with the radii and cone angles of `guess`, reduced to the first
-    /// `count` wheels. Returns `None` if these values are not a valid geometry.
-    fn device(&self, guess: &Guess, count: usize) -> Option<Device> {
+    /// Returns the rig's geometry, reduced to the first `count` wheels.
+    fn device(&self, count: usize) -> Option<Device> {
         let filed = &self.rig.device;
-        let specs: Vec<_> = filed.wheels()[..count]
-            .iter()
-            .zip(&guess.wheels)
-            .map(|(wheel, [_, scale, cone])| {
-                let mut spec = *wheel.spec();
-                (spec.radius, spec.cone) = (spec.radius * scale.exp(), *cone);
-                spec
-            })
-            .collect();
+        let specs: Vec<_> = filed.wheels()[..count].iter().map(|wheel| *wheel.spec()).collect();
         Device::new(filed.sphere_radius(), filed.sphere_mass(), &specs).ok()
     }
 
-    /// Appends to `out` the slip that `guess` leaves at each wheel of `device`, divided by the
-    /// rolling distance. Only every `every`th step is used.
-    fn slips(&self, guess: &Guess, device: &Device, every: usize, out: &mut Vec<f64>) {
+    /// Returns the sum of the squares of the slips that `guess` leaves at the wheels of `device`,
+    /// divided by the square of the rolling distance. Only every `every`th step is used.
+    fn cost(&self, guess: &Guess, device: &Device, every: usize) -> f64 {
         let count = device.wheels().len();
+        let mut sum = 0.0;
         for step in self.steps.iter().step_by(every.max(1)) {
             let (mut angle, mut turn) = ([0.0; MAX_WHEELS], [0.0; MAX_JOINTS]);
             for i in 0..count {
                 let sign = |j: usize| if guess.flipped[j] { -1.0 } else { 1.0 };
-                angle[i] = sign(2 * i) * step.angle[i] + guess.wheels[i][0];
+                angle[i] = sign(2 * i) * step.angle[i] + guess.zeros[i];
                 turn[2 * i] = sign(2 * i) * step.turn[2 * i];
                 turn[2 * i + 1] = sign(2 * i + 1) * step.turn[2 * i + 1];
             }
             let forward = Posture::new(device, &angle[..count]).forward(device, &turn);
-            out.extend(forward.slip[..count].iter().flatten().map(|slip| slip / self.rolled));
+            sum +=
+                forward.slip[..count].iter().flatten().map(|slip| (slip / self.rolled).powi(2)).sum::<f64>();
         }
+        sum
     }
 
-    /// Returns the root mean square slip that `guess` leaves, divided by the rolling distance. It
-    /// is infinite if the guess is not a valid geometry.
-    fn share(&self, guess: &Guess) -> f64 {
-        let Some(device) = self.device(guess, self.rig.device.wheels().len()) else { return f64::INFINITY };
-        let mut slips = Vec::new();
-        self.slips(guess, &device, 1, &mut slips);
-        (slips.iter().map(|s| s * s).sum::<f64>() / self.steps.len() as f64).sqrt()
+    /// Returns the cost of `guess` for all wheels and steps.
+    fn whole_cost(&self, guess: &Guess) -> f64 {
+        self.cost(guess, &self.rig.device, 1)
     }
 }
