@@ -5,6 +5,7 @@ use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::Stdio;
 
+use assert_cmd::assert::Assert;
 use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 use rustix::process::{Pid, Signal, kill_process};
@@ -12,8 +13,16 @@ use serde_json::Value;
 
 use crate::process::{Process, hbot};
 
-fn run(args: &[&str]) -> assert_cmd::assert::Assert {
+fn run(args: &[&str]) -> Assert {
     assert_cmd::Command::from_std(hbot()).args(args).timeout(std::time::Duration::from_secs(120)).assert()
+}
+
+/// Checks a rig file of this text.
+fn check(text: &str) -> Assert {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("rig.toml");
+    std::fs::write(&path, text).expect("written");
+    run(&["rig", "check", path.to_str().expect("UTF-8")])
 }
 
 #[test]
@@ -50,12 +59,6 @@ fn odrives_are_listed_and_pass_their_test_and_calibration() {
 
 #[test]
 fn four_odrives_on_one_bus_are_too_many_and_two_fit() {
-    let check = |text: &str| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("rig.toml");
-        std::fs::write(&path, text).expect("written");
-        run(&["rig", "check", path.to_str().expect("UTF-8")])
-    };
     let two = include_str!("../../rigs/prototype-odrive.toml")
         .replace("port = \"sim\" ", "port = [\"/dev/ttyACM0\", \"/dev/ttyACM1\"] ");
     check(&two).success().stdout(contains("line /dev/ttyACM1, 1000 Hz, 2 joints").and(contains("fits")));
@@ -75,22 +78,18 @@ fn a_scan_lists_the_controllers_of_a_line_whatever_they_speak() {
 #[test]
 fn a_check_recommends_the_rates_of_a_kalman_filter_where_those_of_the_controllers_are_late() {
     let advice = "note: the rates of the controllers are 3.9 ms late";
-    run(&["rig", "check", MOTEUS])
-        .success()
-        .stdout(contains(advice).and(contains("rate_estimate = \"kalman\"")));
+    let text = include_str!("../../rigs/prototype-moteus.toml").replace("\"auto\" ", "\"controller\" ");
+    check(&text).success().stdout(contains(advice).and(contains("rate_estimate = \"kalman\"")));
     run(&["rig", "check"]).success().stdout(contains("note:").not());
 }
 
 #[test]
 fn a_check_says_which_rate_estimate_was_picked_and_why() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("rig.toml");
-    let text = include_str!("../../rigs/prototype.toml").replace("\"controller\" #", "\"auto\" #");
-    std::fs::write(&path, text).expect("written");
-    let check = |rig: &str| run(&["rig", "check", rig]).success();
     let said = "rates: rate_estimate = \"auto\" picked kalman with acceleration = ";
+    let text = include_str!("../../rigs/prototype.toml").replace("\"controller\" #", "\"auto\" #");
     let why = contains("3.3 mN m that a hand feels").and(contains("because rate_lag is 0"));
-    check(path.to_str().expect("UTF-8")).stdout(contains(said).and(why));
+    check(&text).success().stdout(contains(said).and(why));
+    run(&["rig", "check", MOTEUS]).success().stdout(contains(said).and(contains("note:").not()));
     run(&["rig", "check"]).success().stdout(contains("picked").not());
 }
 
@@ -106,12 +105,6 @@ fn servos_pass_their_test_and_calibration() {
 
 #[test]
 fn a_can_bus_that_is_too_slow_for_the_rate_is_refused_with_what_would_do() {
-    let check = |text: &str| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("rig.toml");
-        std::fs::write(&path, text).expect("written");
-        run(&["rig", "check", path.to_str().expect("UTF-8")])
-    };
     let one = include_str!("../../rigs/prototype-moteus.toml")
         .replace("port = \"sim\" ", "port = \"/dev/ttyACM0\" ");
     check(&one)

@@ -31,7 +31,7 @@ fn servos(estimate: &str, hz: f64) -> RigConfig {
 /// without the passivity stage, which would hide that a spring is too stiff.
 fn rig(text: &str, estimate: &str, lag: f64) -> RigConfig {
     let text = text
-        .replace("rate_estimate = \"controller\"", &format!("rate_estimate = \"{estimate}\""))
+        .replace("rate_estimate = \"auto\"", &format!("rate_estimate = \"{estimate}\""))
         .replace("rate_lag = ", &format!("rate_lag = {lag} #"));
     let mut rig = RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|e| panic!("{e}"));
     let plain = rig.rig.with(|parts| (parts.methods.passivity, parts.lead) = (None, None));

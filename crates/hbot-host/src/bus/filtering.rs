@@ -103,6 +103,7 @@ mod tests {
     fn config(lines: &str) -> RigConfig {
         let text = include_str!("../../../../rigs/prototype-moteus.toml");
         let text = text.replace("rate_lag = 0.0039 ", &format!("{lines} #"));
+        let text = text.replace("rate_estimate = \"auto\"", "rate_estimate = \"controller\"");
         RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|e| panic!("{e}"))
     }
 
