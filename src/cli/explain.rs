@@ -178,11 +178,8 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
 
 /// Reads the time before the wanted fault.
 fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
-    let path = &args.file;
+    let path = &hbot_record::named(&args.file);
     refuse_folder(path, "the file of a recording (MCAP)")?;
-    if path.extension().is_some_and(|end| end == "csv") {
-        bail!("{}: the recording beside it has the same name and ends in .mcap", path.display());
-    }
     let name = || path.display().to_string();
     let mut reader = Reader::new(BufReader::new(File::open(path).with_context(name)?)).with_context(name)?;
     let mut gathered = Gathered::default();

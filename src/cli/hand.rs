@@ -8,7 +8,8 @@ use std::time::Duration;
 use anyhow::{anyhow, bail};
 use clap::{Args, Subcommand};
 use hbot_api::{
-    Client, ClientError, Event, HandCommand, HandHold, InfoOk, MAX_OVER_MS, Mode, Op, StateEvent,
+    Client, ClientError, ErrorBody, ErrorCode, Event, HandCommand, HandHold, InfoOk, MAX_OVER_MS, Mode, Op,
+    StateEvent,
 };
 use hbot_config::SceneFile;
 use hbot_config::sweep::Probe;
@@ -17,24 +18,32 @@ use hbot_plot::{Curve, PlotPanel, sheet};
 
 use super::out::{say, tell};
 use super::scene::plot::{svg, write};
+use super::show;
 use super::{Commanding, orders};
 
 /// Number of rows of the table.
 const ROWS: usize = 12;
 /// Longest time without a state after which the command gives up.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Time for which the hand rests at the end of the turn, s.
-const REST_S: f64 = 0.3;
-/// Below this rate about the axis the sphere counts as still, rad/s.
+/// Longest time for which the hand waits at the end of the turn until the sphere rests, s.
+const REST_S: f64 = 3.0;
+/// Time for which the sphere is still when it counts as at rest, s.
+const STILL_S: f64 = 0.1;
+/// Below this rate about the axis the sphere counts as still, rad/s: in a slow turn below a part of
+/// the turn's rate.
 const STILL: f64 = 0.02;
+const STILL_PART: f64 = 0.2;
 /// A fraction of a limit at which it counts as reached.
 const AT_LIMIT: f64 = 0.98;
 
 /// The subcommands of `hbot hand`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum HandCommands {
-    /// Turn the sphere and print the torque against the angle, beside that of the scene's law
+    /// Turn the sphere from where it is and print the torque against the angle, beside that of the
+    /// scene's law. The hand stays at the end of the turn
     Turn(TurnArgs),
+    /// Let go of the sphere
+    Release(Commanding),
 }
 
 /// Options of `hbot hand turn`.
@@ -97,16 +106,21 @@ struct Point {
 }
 
 pub(crate) fn run(command: &HandCommands) -> anyhow::Result<ExitCode> {
-    let HandCommands::Turn(args) = command;
-    let mut client = orders::connect(&args.to.address, "hbot hand")?;
+    let (HandCommands::Turn(TurnArgs { to, .. }) | HandCommands::Release(to)) = command;
+    let mut client = orders::connect(&to.address, "hbot hand")?;
     let info = client.info().map_err(orders::remedied)?;
     if !info.rig.simulated {
         bail!("this server drives a real rig; only a simulated one has a hand that a program moves");
     }
+    let HandCommands::Turn(args) = command else {
+        orders::holding(&mut client, to.steal, |client| client.call(Op::Hand(HandCommand::RELEASE)))?;
+        tell!("the hand has let go of the sphere")?;
+        return Ok(ExitCode::SUCCESS);
+    };
     let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args))?;
     let points = points(&info, &states, args.axis.unit)?;
     table(&points)?;
-    for line in told(&info, &states, &points, &args.axis, args.angle.to_degrees()) {
+    for line in told(&info, &states, &points, args) {
         tell!("{line}")?;
     }
     if let Some(path) = &args.out {
@@ -120,7 +134,7 @@ pub(crate) fn run(command: &HandCommands) -> anyhow::Result<ExitCode> {
 fn turn(client: &mut Client, args: &TurnArgs) -> Result<Vec<StateEvent>, ClientError> {
     let rate_hz = client.hello().rate_hz;
     client.subscribe(1)?;
-    let begin = next(client)?;
+    let begin = next(client, 0.0)?;
     let to = rotation::exp(args.axis.unit * args.angle) * quat(begin.q);
     let hold = HandHold {
         q: [to.w, to.x, to.y, to.z],
@@ -130,19 +144,44 @@ fn turn(client: &mut Client, args: &TurnArgs) -> Result<Vec<StateEvent>, ClientE
         inertia: None,
     };
     client.call(Op::Hand(HandCommand::Hold(hold)))?;
-    let ticks = ((args.over + REST_S) * rate_hz) as u64;
+    let ticks = |s: f64| (s * rate_hz) as u64;
+    let (over, longest) = (begin.tick + ticks(args.over), begin.tick + ticks(args.over + REST_S));
+    let (mut moved, begun) = (begin.tick, begin.t);
     let mut states = vec![begin];
-    while states[states.len() - 1].tick < states[0].tick + ticks {
-        states.push(next(client)?);
+    loop {
+        let last = &states[states.len() - 1];
+        if !is_still(last, args) {
+            moved = last.tick;
+        }
+        if last.tick >= longest || last.tick >= over && last.tick >= moved + ticks(STILL_S) {
+            break;
+        }
+        let since = last.t - begun;
+        states.push(next(client, since)?);
     }
     client.unsubscribe()?;
     Ok(states)
 }
 
-fn next(client: &mut Client) -> Result<StateEvent, ClientError> {
+/// Returns whether the sphere does not turn about the axis.
+fn is_still(state: &StateEvent, args: &TurnArgs) -> bool {
+    let rate = Vec3::from_array(state.omega).dot(args.axis.unit);
+    rate.abs() < STILL.min(STILL_PART * args.angle.abs() / args.over)
+}
+
+/// Returns the next state. Fails if another client takes the lease. `since` is the time since the
+/// turn began, s.
+fn next(client: &mut Client, since: f64) -> Result<StateEvent, ClientError> {
+    let own = client.hello().session;
     loop {
         match client.next_event(SILENCE)? {
             Some(Event::State(state)) => return Ok(state),
+            Some(Event::Lease(lease)) if lease.session != Some(own) => {
+                let holder = lease.holder.unwrap_or_else(|| "nobody".to_owned());
+                let said =
+                    format!("the lease was lost {since:.1} s after the turn began; now {holder:?} holds it");
+                return Err(ClientError::Server(ErrorBody::new(ErrorCode::NotHolder, said)));
+            }
             Some(_) => {}
             None => return Err(ClientError::NoState { after: SILENCE }),
         }
@@ -179,38 +218,33 @@ fn table(points: &[Point]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Says in sentences where the sphere stopped, if the hand asked for `wanted` degrees, and whether
-/// limits have cut the torque off.
-fn told(
-    info: &InfoOk,
-    states: &[StateEvent],
-    points: &[Point],
-    axis: &NamedAxis,
-    wanted: f64,
-) -> Vec<String> {
+/// Says in sentences where the sphere stopped, and whether limits have cut the torque off.
+fn told(info: &InfoOk, states: &[StateEvent], points: &[Point], args: &TurnArgs) -> Vec<String> {
     let (first, last, end) = (&states[0], &states[states.len() - 1], &points[points.len() - 1]);
     let since = |state: &StateEvent| state.t - first.t;
     let mut lines = Vec::new();
-    let rate = |state: &StateEvent| Vec3::from_array(state.omega).dot(axis.unit);
-    let moving = states.iter().rposition(|state| rate(state).abs() > STILL);
+    let rate = |state: &StateEvent| Vec3::from_array(state.omega).dot(args.axis.unit);
+    let moving = states.iter().rposition(|state| !is_still(state, args));
     lines.push(match moving.map(|at| states.get(at + 1)) {
         None => "the sphere did not turn".to_owned(),
         Some(None) => {
             format!("the sphere still turns after {:.2} s, with {:.2} rad/s", since(last), rate(last).abs())
         }
         Some(Some(stopped)) => format!(
-            "the sphere stopped after {:.2} s at {:.2} deg; the hand asked for {wanted:.2} deg",
+            "the sphere stopped after {:.2} s at {:.2} deg; the hand asked for {:.2} deg",
             since(stopped),
-            end.angle.to_degrees()
+            end.angle.to_degrees(),
+            args.angle.to_degrees()
         ),
     });
     if let Some((state, _)) =
         states.iter().zip(points).find(|(state, _)| !matches!(state.mode, Mode::Active | Mode::Enabling))
     {
         lines.push(format!(
-            "the rig was not active after {:.2} s but {}: it makes no torque then",
+            "after {:.2} s the rig made no torque, because it was in the mode {}{}",
             since(state),
-            state.mode.as_str()
+            state.mode,
+            show::next(state.mode)
         ));
     }
     let most = info.limits.torque;
@@ -267,6 +301,12 @@ fn picture(info: &InfoOk, points: &[Point], axis: &str) -> String {
 mod tests {
     use super::*;
 
+    #[derive(Debug, clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: TurnArgs,
+    }
+
     /// The sphere turns with 1 rad/s for half a second. From 0.3 s on the torque is `torque`, N m.
     fn turned(torque: f64, scale: f64) -> Vec<String> {
         let states: Vec<StateEvent> = (0..=100)
@@ -287,8 +327,8 @@ mod tests {
         let points: Vec<Point> = states.iter().map(point).collect();
         let limits = hbot_api::LimitsInfo { torque: 0.9, ..Default::default() };
         let info = InfoOk { limits, ..InfoOk::default() };
-        let axis = NamedAxis { name: "n3", unit: Vec3::Z };
-        told(&info, &states, &points, &axis, 40.0)
+        let Line { args } = clap::Parser::try_parse_from(["hbot", "n3", "40deg"]).unwrap();
+        told(&info, &states, &points, &args)
     }
 
     #[test]

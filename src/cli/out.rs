@@ -15,6 +15,7 @@ use std::ffi::OsString;
 use std::fmt::{Arguments, Display};
 use std::fs::File;
 use std::io::{ErrorKind, Result, Write as _};
+use std::os::unix::fs::FileTypeExt as _;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -100,9 +101,12 @@ fn foreign_lines(text: &str) -> String {
     text.lines().map(|line| foreign(line).to_string()).collect::<Vec<_>>().join("\n  ")
 }
 
-/// Fails if `path` is a folder. `wanted` says which file to name instead.
+/// Fails if `path` is a folder or a pipe. `wanted` says which file to name instead.
 pub(crate) fn refuse_folder(path: &Path, wanted: &str) -> anyhow::Result<()> {
+    let is_pipe = path.metadata().is_ok_and(|found| found.file_type().is_fifo());
     ensure!(!path.is_dir(), "{}: this is a folder. Name {wanted}", path.display());
+    // Opening a pipe would wait for its other end.
+    ensure!(!is_pipe, "{}: this is a pipe. Name {wanted}", path.display());
     Ok(())
 }
 
@@ -124,6 +128,11 @@ pub(crate) fn answer(mut answer: clap::Error, arguments: &[OsString]) -> anyhow:
     let printed = match habits::meant(&answer, arguments) {
         Some(meant) => {
             error(&meant);
+            Ok(())
+        }
+        // clap breaks the lines of its help, but not those of its errors.
+        None if answer.use_stderr() => {
+            note!("{}", answer.render().ansi().to_string().trim_end());
             Ok(())
         }
         None => answer.print(),

@@ -40,7 +40,7 @@ pub(crate) struct ReplayArgs {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
+    match text.trim_end_matches('s').parse::<f64>() {
         Ok(s) if (0.0..=1.0e9).contains(&s) => Ok(s),
         _ => Err("a number of seconds from 0 to 1e9".to_owned()),
     }
@@ -49,10 +49,11 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// Replays a recording. Returns success only if every bit of it agrees.
 pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
-    let name = || args.file.display().to_string();
+    let path = hbot_record::named(&args.file);
+    let name = || path.display().to_string();
     let other = args.scene.as_deref().map(scene::scene).transpose()?;
-    refuse_folder(&args.file, "the file of a recording (MCAP)")?;
-    let file = BufReader::new(File::open(&args.file).with_context(name)?);
+    refuse_folder(&path, "the file of a recording (MCAP)")?;
+    let file = BufReader::new(File::open(&path).with_context(name)?);
     let compiled = other.clone().map(|other| Box::new(renumbered(&RunningScene::new().load(other))));
     let replay = Replay::new(file, compiled).with_context(name)?;
     let period_ns = period_ns(replay.about()).with_context(name)?;

@@ -141,7 +141,7 @@ pub(crate) fn hertz(text: &str) -> Result<u32, String> {
 }
 
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
+    match text.trim_end_matches('s').parse::<f64>() {
         Ok(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
         _ => Err("a number of seconds above 0, at most 1e9".to_owned()),
     }
@@ -391,11 +391,12 @@ fn banner(
         too_slow(rig, expected)
     };
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
+    let here = if cfg!(debug_assertions) { "in this debug build" } else { "here" };
     let web = web.map_or_else(String::new, |at| format!("\n  web      {name}{at}{off}"));
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
     format!(
         "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}{cpu}, \
-         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}",
+         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick {here} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}",
         env!("CARGO_PKG_VERSION"),
         live_or_simulated(&rig.link.port),
         rig.name,

@@ -1,9 +1,10 @@
 //! The addresses on which `hbot server` listens.
 
+use std::fmt::Display;
 use std::io::ErrorKind;
 use std::net::SocketAddr;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use hbot_config::rig::ApiConfig;
 use hbot_server::web::DEFAULT_WEB_PORT;
 use tokio::net::TcpListener;
@@ -22,10 +23,9 @@ pub(crate) fn address(text: &str) -> Result<SocketAddr, String> {
 /// Returns a socket that listens on `at`, for the command line's `option`. An error states the
 /// reason and how to correct it.
 pub(crate) async fn bind(at: SocketAddr, option: &str) -> anyhow::Result<TcpListener> {
-    TcpListener::bind(at).await.map_err(|error| {
-        let what = cannot_listen(at, option, error.kind());
-        anyhow::Error::from(error).context(what)
-    })
+    TcpListener::bind(at)
+        .await
+        .map_err(|error| anyhow!("{}", cannot_listen(at, option, error.kind(), &error)))
 }
 
 /// Returns a socket and its address, if the option is given.
@@ -103,7 +103,7 @@ pub(crate) async fn bind_web(
     }
 }
 
-fn cannot_listen(at: SocketAddr, option: &str, kind: ErrorKind) -> String {
+fn cannot_listen(at: SocketAddr, option: &str, kind: ErrorKind, why: &dyn Display) -> String {
     let free = format!("`{option} {}:0` takes a free port", at.ip());
     let what = match kind {
         ErrorKind::AddrInUse => format!("is another hbot server running there? {free}"),
@@ -113,7 +113,7 @@ fn cannot_listen(at: SocketAddr, option: &str, kind: ErrorKind) -> String {
         ErrorKind::AddrNotAvailable => "this machine does not have the address".to_owned(),
         _ => free,
     };
-    format!("cannot listen on {at}: {what}")
+    format!("cannot listen on {at} ({why}): {what}")
 }
 
 #[cfg(test)]
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn what_hinders_a_socket_is_named() {
-        let said = |kind| cannot_listen(SocketAddr::from(([127, 0, 0, 1], 80)), "--listen", kind);
+        let said = |kind| cannot_listen(SocketAddr::from(([127, 0, 0, 1], 80)), "--listen", kind, &"why");
         assert!(said(ErrorKind::AddrInUse).contains("another hbot server"));
         let denied = said(ErrorKind::PermissionDenied);
         assert!(denied.contains("below 1024 need a right") && !denied.contains("another"), "{denied}");

@@ -227,7 +227,7 @@ fn ctrl_c_ends_a_calibration_while_it_computes() {
         .expect("it runs");
     let mut lines =
         BufReader::new(child.stdout.take().expect("piped")).lines().map(|line| line.expect("UTF-8"));
-    lines.find(|line| line.contains("computing from 6000 readings")).expect("it computes");
+    lines.find(|line| line.contains("computing from 120000 readings")).expect("it computes");
     kill_process(Pid::from_child(&child), Signal::INT).expect("it is there");
     assert_eq!(child.wait().expect("it ends").signal(), Some(Signal::INT.as_raw()));
     assert_eq!(lines.next(), None, "it went on");

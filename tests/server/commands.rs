@@ -73,7 +73,7 @@ fn set_changes_the_running_scene_and_show_prints_it() {
     let text = String::from_utf8(shown.get_output().stdout.clone()).expect("UTF-8");
     let scene = SceneFile::from_toml(&text, "shown").unwrap_or_else(|error| panic!("{error}\n{text}"));
     assert_eq!((scene.name(), &scene.effects()[0].to_json()["stiffness"]), ("Spring", &2.0.into()));
-    // The prototype keeps 495 N m/rad at most (docs/stability.md). Nobody types 500 on purpose.
+    // The prototype keeps 496 N m/rad at most (docs/stability.md). Nobody types 500 on purpose.
     for (stiffness, warned) in [("300", false), ("500", true), ("[[1, 0, 0], [0, 500, 0], [0, 0, 1]]", true)]
     {
         let set = run(&server, &["set", "spring", &format!("stiffness={stiffness}"), "deadband=0"]).success();

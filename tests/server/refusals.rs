@@ -375,6 +375,11 @@ fn a_folder_in_place_of_a_file_is_told_with_what_is_wanted() {
     ] {
         run(command).failure().stderr(contains("this is a folder. ").and(contains(wanted)));
     }
+    // Nothing waits for the other end of a pipe.
+    let pipe = format!("{folder}/pipe");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");
+    assert!(made.success());
+    run(&["replay", &pipe]).failure().stderr(contains("this is a pipe. Name the file of a recording (MCAP)"));
 }
 
 #[test]

@@ -1,11 +1,15 @@
 //! End-to-end tests in wall-clock time: loop, pseudo-terminal, simulated rig, TCP.
 
+use std::process::Stdio;
+
 use hbot_testing::far::Far;
 use hbot_testing::lines::{JsonLines, norm, vector};
 use hbot_testing::patience::{PATIENCE, eventually};
+use predicates::prelude::PredicateBooleanExt as _;
+use predicates::str::contains;
 use rustix::process::Signal;
 
-use crate::process::{Process, STOPPING, patient_rig};
+use crate::process::{Process, STOPPING, hbot, patient_rig};
 
 /// Starts a server in wall-clock time, with long timeouts on its line.
 fn server(args: &[&str], state: &std::path::Path) -> Process {
@@ -246,4 +250,33 @@ fn push_once(client: &mut JsonLines, seq: u64) -> Option<u64> {
     assert!(sent_whole, "the torque that was sent, in N");
     assert_eq!(begun["client"]["seq"], seq);
     Some(tick(&last) - tick(&begun))
+}
+
+/// The command says where the sphere stopped, that another client has taken the lease, and what to
+/// do about a rig that makes no torque.
+#[test]
+fn a_hand_turns_the_sphere_and_says_what_became_of_it() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(&[], state.path());
+    let command = |args: &[&str]| {
+        let mut command = hbot();
+        command.args(args).args(["--server", &server.address]);
+        assert_cmd::Command::from_std(command).timeout(PATIENCE).assert()
+    };
+    let turn = ["hand", "turn", "n3", "20deg", "--over", "1s"];
+    command(&turn)
+        .success()
+        .stdout(contains("the sphere stopped after ").and(contains("asked for 20.00 deg")));
+    let mut client = JsonLines::greeted(&server.address);
+    let mut slow = hbot();
+    slow.args(["hand", "turn", "n3", "60deg", "--over", "60s", "--server", &server.address]);
+    let slow = slow.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it starts");
+    client.until(|value| value["event"] == "lease" && value["cause"] == "acquired");
+    command(&["set", "spring", "stiffness=2", "--steal"]).success();
+    let ended = slow.wait_with_output().expect("it ends");
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert!(!ended.status.success() && said.contains("the lease was lost "), "{said}");
+    command(&["hand", "release"]).success().stdout(contains("has let go"));
+    command(&["estop"]).success();
+    command(&turn).success().stdout(contains("`hbot reset`, then `hbot enable`"));
 }

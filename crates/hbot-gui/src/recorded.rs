@@ -45,10 +45,8 @@ impl Recorded {
     /// # Errors
     /// Fails if the file cannot be read, or if it has no state.
     pub(crate) fn read(path: &Path) -> anyhow::Result<Self> {
+        let path = &hbot_record::named(path);
         let name = || path.display().to_string();
-        if path.extension().is_some_and(|end| end == "csv") {
-            bail!("{}: the recording beside it has the same name and ends in .mcap", path.display());
-        }
         let file = File::open(path).with_context(name)?;
         let mut reader = Reader::new(BufReader::new(file)).with_context(name)?;
         let mut all = Self { path: path.to_owned(), every: 1, ..Self::default() };

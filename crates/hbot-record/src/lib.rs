@@ -24,9 +24,19 @@ pub mod told;
 pub mod topic;
 pub mod writer;
 
+use std::path::{Path, PathBuf};
+
 pub use client::ClientRecording;
 pub use exact::Exact;
 pub use reader::Reader;
 pub use replay::Replay;
 pub use topic::Topic;
 pub use writer::{About, Writer};
+
+/// Returns the recording that `path` names: for the CSV file of a flight log, the recording beside
+/// it, if there is one.
+#[must_use]
+pub fn named(path: &Path) -> PathBuf {
+    let beside = path.with_extension("mcap");
+    if path.extension().is_some_and(|end| end == "csv") && beside.exists() { beside } else { path.to_owned() }
+}

@@ -43,7 +43,9 @@ pub enum ReplayError {
     )]
     OfReplay,
     /// The file has nothing to replay.
-    #[error("no exact inputs in the wanted part, or the file is cut off before the first second")]
+    #[error(
+        "no exact inputs in the wanted part: the run ends earlier, or the file is cut off before the first second"
+    )]
     Empty,
 }
 

@@ -22,7 +22,12 @@ use super::{Which, edit, joint_name, on_the_lines, wheel_name};
 /// Error of a zero that is as small as it can be made by hand, rad.
 const TRIFLE: f64 = 0.01;
 /// Relative difference of two wheels' radii that is too large for a misread caliper.
-const CALIPER: f64 = 0.1;
+const CALIPER: f64 = 0.03;
+/// Difference of a cone angle from the rig file that is no tolerance of manufacture, rad.
+const MISBUILT: f64 = 0.02;
+/// Slip divided by rolling distance from which on the rig file counts as wrong, although signs,
+/// zeros, radii and cones were fitted.
+const DOUBTFUL: f64 = 0.03;
 
 /// Options of `hbot rig calibrate`.
 #[derive(Debug, Args)]
@@ -89,7 +94,8 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.write {
         write(args.which.rig.as_deref(), &told.corrections, file)?;
         let what = match told.corrections.len() {
-            0 => "the values that it had: there was nothing to correct".to_owned(),
+            0 if told.as_filed => "the values that it had: there was nothing to correct".to_owned(),
+            0 => "the values that it had: correct first what stands above".to_owned(),
             1 => "1 correction".to_owned(),
             n => format!("{n} corrections"),
         };
@@ -204,7 +210,8 @@ fn told(rig: &RigConfig, counts: &[Counts]) -> anyhow::Result<Told> {
             )?,
             None => writeln!(
                 words,
-                "  {}no signs, zeros, radii, cones or two exchanged joints explain it{}: look for slip, play, or a wrong gear (`hbot rig test`)",
+                "  {}no signs, zeros, radii, cones or two exchanged joints explain it{}: look in the rig file for a wrong gear, a wrong axis, and the \
+                 order of the controllers, then for slip and play",
                 style::BAD,
                 style::OFF
             )?,
@@ -235,6 +242,14 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
         )?;
         return Ok(Told { words, as_filed: false, corrections });
     }
+    if found.after > DOUBTFUL {
+        writeln!(
+            words,
+            "  {bad}signs, zeros, radii and cones do not explain the motion{off}: an axis in the rig file is wrong, or a wheel slips. Correct \
+             the axes, or record a minute of motion and run `hbot rig identify`"
+        )?;
+        return Ok(Told { words, as_filed: false, corrections });
+    }
     let mut as_filed = true;
     for (i, wheel) in found.wheels.iter().enumerate() {
         let name = wheel_name(rig, i);
@@ -262,6 +277,16 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
             1000.0 * wheel.radius,
             wheel.cone
         )?;
+        let cone = rig.rig.device.wheels()[i].spec().cone;
+        if (wheel.cone - cone).abs() > MISBUILT {
+            as_filed = false;
+            writeln!(
+                words,
+                "  {bad}{name}: the cone is {:.4} rad, and {cone:.4} in the rig file{off}: measure it, or record a minute of motion and \
+                 run `hbot rig identify`",
+                wheel.cone
+            )?;
+        }
         if zero_wrong {
             let filed = rig.zero_offsets[2 * i];
             let lasts = match rig.rig.joints[2 * i].zero {
@@ -275,12 +300,16 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
     }
     if let Some((most, least, apart)) = radii_apart(rig, found) {
         as_filed = false;
+        let gear = |wheel: usize| rig.rig.joints[2 * wheel + 1].gear;
+        let gears = [gear(most) / (1.0 + apart), gear(least) * (1.0 + apart)];
         let [most, least] = [most, least].map(|wheel| wheel_name(rig, wheel));
         writeln!(
             words,
-            "  {bad}{most} rolls {:.0} % further than {least} for what the file says of both{off}: measure their radii; where \
-             those are right, the gear of one drive is wrong (`hbot rig test` tells which)",
-            100.0 * apart
+            "  {bad}{most} rolls {:.0} % further than {least} for what the file says of both{off}: measure their radii. Where those are \
+             right, a gear is wrong: that of the drive of {most} would be {:.2}, or that of {least} {:.2}",
+            100.0 * apart,
+            gears[0],
+            gears[1]
         )?;
     }
     corrections.sort_by_key(|correction| correction.joint);

@@ -87,7 +87,8 @@ fn text(name: &str, chosen: &[Listed]) -> String {
     );
     for (i, kind) in chosen.iter().enumerate() {
         let earlier = chosen[..i].iter().filter(|other| other.name == kind.name).count();
-        let snippet = kind.snippet();
+        // Without damping, what is stiff would swing for long.
+        let snippet = kind.snippet().replace("damping = 0 #", "damping = 0.01 #");
         let id = format!("id = \"{}\"", kind.name);
         let snippet = match earlier {
             0 => snippet,
@@ -101,6 +102,14 @@ fn text(name: &str, chosen: &[Listed]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_new_spring_is_not_warned_of() {
+        let text = text("Usual", &named(&["spring".to_owned()]).unwrap());
+        let scene = SceneFile::from_toml(&text, "x.toml").unwrap();
+        let abilities = hbot_config::advice::Abilities::of(&hbot_config::RigConfig::prototype());
+        assert_eq!(abilities.warnings(&scene), Vec::<String>::new());
+    }
 
     #[test]
     fn a_new_scene_of_every_kind_is_legal_and_ids_differ() {

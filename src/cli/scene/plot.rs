@@ -28,7 +28,8 @@ pub(crate) struct PlotArgs {
     /// Draw up to this angle, degrees, -180 to 180
     #[arg(long, value_name = "DEG", default_value_t = 180.0, value_parser = degrees, allow_hyphen_values = true)]
     to: f64,
-    /// Axis to turn about: x, y, z, or three numbers such as 1,0,-1; can be given several times
+    /// Axis to turn about: n1 or x, n2 or y, n3 or z, or three numbers such as 1,0,-1; can be
+    /// given several times
     /// [default: x y z]
     #[arg(long, value_name = "AXIS", value_parser = axis, allow_hyphen_values = true)]
     axis: Vec<Axis>,
@@ -42,11 +43,11 @@ pub(super) struct Axis {
 }
 
 fn axis(text: &str) -> Result<Axis, String> {
-    let wrong = || "x, y, z, or three numbers, not all zero, such as 1,0,-1".to_owned();
+    let wrong = || "n1, n2, n3, x, y, z, or three numbers, not all zero, such as 1,0,-1".to_owned();
     let v = match text {
-        "x" => Vec3::X,
-        "y" => Vec3::Y,
-        "z" => Vec3::Z,
+        "x" | "n1" => Vec3::X,
+        "y" | "n2" => Vec3::Y,
+        "z" | "n3" => Vec3::Z,
         _ => {
             let numbers: Vec<f64> =
                 text.split(',').map(|x| x.trim().parse()).collect::<Result<_, _>>().map_err(|_| wrong())?;

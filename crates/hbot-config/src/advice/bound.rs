@@ -82,11 +82,14 @@ impl StiffnessBound {
         Self { sampled, count, border }
     }
 
-    /// Returns the same rig with a loop of `rate_hz` ticks per second, and with the rates of its
-    /// motor controllers.
+    /// Returns the same rig with a loop of `rate_hz` ticks per second. An estimate of the joint
+    /// rates keeps its length in ticks, and a lead its part of the loop's time constant.
     #[must_use]
     pub fn at_rate(&self, rate_hz: f64) -> Self {
-        let sampled = Sampled { period: 1.0 / rate_hz, taps: Vec::new(), ..self.sampled.clone() };
+        let (before, period) = (&self.sampled, 1.0 / rate_hz);
+        let taps = before.taps.iter().map(|tap| tap * before.period / period).collect();
+        let mut sampled = Sampled { period, taps, ..before.clone() };
+        sampled.lead *= sampled.lateness() / before.lateness();
         Self::new(sampled, self.count)
     }
 

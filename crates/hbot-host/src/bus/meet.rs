@@ -27,7 +27,7 @@ const NOTES: usize = 1 + MAX_JOINTS;
 pub enum MeetError {
     /// The controllers did not answer in time.
     #[error(
-        "no answer from the motor controllers on {port} within {} ms: check power, cable and baud rate",
+        "no answer from the motor controllers on {port} within {} ms: check power and cable, and whether the rig file has their protocol and baud rate",
         u64::from(TRIES) * u64::try_from(WAIT.as_millis()).unwrap_or(0)
     )]
     Silent {

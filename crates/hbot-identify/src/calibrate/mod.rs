@@ -22,6 +22,9 @@ const KNOWN: f64 = 0.05;
 /// Time between two readings that the search compares, s. It is long enough that one count is small
 /// relative to the motion, and short enough that the steer angles hardly change.
 const APART_S: f64 = 0.02;
+/// Largest number of readings to which zeros, radii and cones are fitted. If there are more, some
+/// are left out.
+const MOST_READINGS: usize = 10_000;
 /// Places of a wheel's unknowns in the fit.
 const ZERO: usize = 2;
 const CONE: usize = 3;
@@ -97,7 +100,12 @@ struct Search<'a> {
 #[must_use]
 pub fn calibrate(rig: &Rig, counts: &[Counts]) -> Option<Calibration> {
     let guess = Search::new(rig, counts)?.coarse();
-    let motion = |counts| Motion::new(rig, &[counts], rig.timing.period_s());
+    // A fit to a rig file that is wrong needs all its steps.
+    let every = counts.len().div_ceil(MOST_READINGS);
+    let motion = |counts: Vec<Counts>| {
+        let counts = counts.into_iter().step_by(every).collect();
+        Motion::new(rig, &[counts], every as f64 * rig.timing.period_s())
+    };
     let n = rig.device.wheels().len();
     let mut from = vec![0.0; count(n)];
     (0..n).for_each(|i| from[OF_WHEEL * i + ZERO] = within(guess.zeros[i]));

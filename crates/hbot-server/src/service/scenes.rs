@@ -202,7 +202,7 @@ impl Scenes {
             }
         };
         let mut warnings = self.abilities.warnings(&file);
-        warnings.extend(self.kept(&file).map(|(name, simulate)| keeps(name, simulate)));
+        warnings.extend(self.kept(&file).and_then(|(name, simulate)| keeps(name, simulate)));
         let compiled = self.running.load(file);
         let (rig, parts) = (self.rig, compiled.clone());
         self.notes.scene(&compiled, self.running.file());
@@ -359,14 +359,17 @@ fn named(file: &SceneFile) -> Option<(String, Simulate)> {
 }
 
 /// Returns the warning about a scene that names no phenomena, while the simulated rig has those of
-/// the earlier scene `name`.
-fn keeps(name: &str, simulate: &Simulate) -> String {
+/// the earlier scene `name`. A hand alone is no reason for one: without it, nothing would be felt.
+fn keeps(name: &str, simulate: &Simulate) -> Option<String> {
     let all = names(&json!(simulate));
+    if all == ["hand"] {
+        return None;
+    }
     let all = if all.is_empty() { "no hand and no other phenomenon".to_owned() } else { all.join(", ") };
-    format!(
+    Some(format!(
         "simulate: this scene has no such table, so the simulated rig keeps that of the scene {name:?}: {all}. \
          A table with `hand = {{}}` alone gives back the default hand on an ideal rig, which holds the sphere where it is then"
-    )
+    ))
 }
 
 /// Reads a scene that a client has sent: a map with the structure of a scene file, or the name of a

@@ -9,8 +9,11 @@ use super::*;
 
 /// Returns the counts of the simulated prototype while a hand turns it.
 fn watched() -> Vec<Counts> {
-    let mut bench =
-        open(&RigConfig::prototype(), Truth::turned(), StopFlag::default(), &Program::this("none")).unwrap();
+    watched_on(&RigConfig::prototype())
+}
+
+fn watched_on(rig: &RigConfig) -> Vec<Counts> {
+    let mut bench = open(rig, Truth::turned(), StopFlag::default(), &Program::this("none")).unwrap();
     watch(&mut bench, 20).unwrap()
 }
 
@@ -61,9 +64,32 @@ fn a_wrong_gear_is_neither_a_radius_nor_a_zero() {
         !as_filed && words.contains("wheel A (wheel[0]) rolls 18 % further than wheel B (wheel[1])"),
         "{words}"
     );
-    assert!(words.contains("the gear of one drive is wrong"), "{words}");
+    assert!(
+        words.contains("a gear is wrong: that of the drive of wheel A (wheel[0]) would be 17.0"),
+        "{words}"
+    );
     let Told { words, as_filed, .. } = told(&mistaken("gear = 1 ", "gear = 2 "), &watched()).unwrap();
     assert!(!as_filed && words.contains("a wrong gear") && !words.contains("zero_offset"), "{words}");
+}
+
+/// What `rig calibrate` does not write is told, and the rig is not called as its file says. Three
+/// wheels show the axis of one; two show axes and zeros only together.
+#[test]
+fn a_wrong_cone_radius_or_axis_is_told() {
+    let file = include_str!("../../../../rigs/three_wheels.toml");
+    let read = |text: &str| RigConfig::from_toml(text, "three.toml").unwrap();
+    let counts = watched_on(&read(file));
+    for (key, wrong, words) in [
+        ("cone = ", "cone = 0.24 #", "the cone is "),
+        ("radius = 0.0135", "radius = 0.0145", "rolls 7 % further"),
+        ("axis = ", "axis = [0.8211, 0.07, -0.5707] #", "an axis in the rig file is wrong"),
+    ] {
+        assert!(file.contains(key), "{key}");
+        let rig = read(&file.replacen(key, wrong, 1));
+        let Told { words: said, as_filed, corrections } = told(&rig, &counts).unwrap();
+        assert!(!as_filed && said.contains(words), "{wrong}: {said}");
+        assert_eq!(corrections, [], "{wrong}: {said}");
+    }
 }
 
 #[test]

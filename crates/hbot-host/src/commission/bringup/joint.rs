@@ -79,7 +79,7 @@ impl fmt::Display for Verdict {
             Self::Good => f.write_str("good"),
             Self::Turns => f.write_str("it turned before there was any torque: let it come to rest"),
             Self::Stands => f.write_str(
-                "its counts did not move. Where the wheel did, its encoder is dead: check the encoder's cable, and do not raise \
+                "its counts hardly moved. Where the wheel did, its encoder is dead: check the encoder's cable, and do not raise \
                  --torque, since nothing watches how fast it turns. Where it did not: raise --torque, free the wheel, or check the motor's \
                  leads",
             ),

@@ -70,12 +70,13 @@ pub fn highest_rate(config: &RigConfig, measured: &Punctuality) -> Finding {
         let now = f64::from(config.rate_hz);
         found += &format!(
             ". The torque is one period old, so a faster loop makes stiffer springs: with a damping of {USUAL_DAMPING} N m \
-             s/rad and motors that follow in {:.1} ms a spring is stable up to {:.1} N m/rad at {now:.0} Hz and {:.1} at \
-             {rate:.0} Hz",
+             s/rad and motors that follow in {:.1} ms a spring is stable up to {:.1} N m/rad at {now:.0} Hz",
             1.0e3 * bound.sampled().lag,
-            at(now),
-            at(rate)
+            at(now)
         );
+        if rate != now {
+            found += &format!(" and {:.1} at {rate:.0} Hz", at(rate));
+        }
     }
     if f64::from(config.rate_hz) <= together {
         return Finding::new("rate", Mark::Good, found, "");

@@ -219,7 +219,7 @@ fn the_hand_of_an_earlier_scene_is_named_when_it_stays() {
     }
 
     // The scene with which the server starts counts too, but not on a real rig.
-    let first = SceneFile::from_json(json!({"name": "First", "simulate": {"hand": {}}})).unwrap();
+    let first = SceneFile::from_json(json!({"name": "First", "simulate": {"hand": {}, "slip": {}}})).unwrap();
     let phenomena: Option<SetPhenomena> = Some(Box::new(|_| ()));
     for (phenomena, count) in [(phenomena, 1), (None, 0)] {
         let scene_at_start = first.clone();
@@ -228,7 +228,8 @@ fn the_hand_of_an_earlier_scene_is_named_when_it_stays() {
         let warnings = bench.holder().call(scene(plain.clone())).unwrap()["warnings"].clone();
         let warnings = warnings.as_array().unwrap();
         assert_eq!(warnings.len(), count, "{warnings:?}");
-        let names_first = |warning: &Value| warning.as_str().unwrap().contains("the scene \"First\": hand. ");
+        let names_first =
+            |warning: &Value| warning.as_str().unwrap().contains("the scene \"First\": slip, hand. ");
         assert!(warnings.iter().all(names_first), "{warnings:?}");
     }
 }
