@@ -391,12 +391,12 @@ fn banner(
         too_slow(rig, expected)
     };
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
-    let here = if cfg!(debug_assertions) { "in this debug build" } else { "here" };
+    let debug = if cfg!(debug_assertions) { " in a debug build" } else { "" };
     let web = web.map_or_else(String::new, |at| format!("\n  web      {name}{at}{off}"));
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
     format!(
         "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}{cpu}, \
-         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick {here} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}",
+         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}",
         env!("CARGO_PKG_VERSION"),
         live_or_simulated(&rig.link.port),
         rig.name,

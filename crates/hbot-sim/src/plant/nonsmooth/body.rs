@@ -6,7 +6,7 @@ use hbot_core::design::kinematics::ContactFrame;
 use hbot_core::{Vec3, rotation};
 
 use super::super::weights::Module;
-use super::compliance::Bent;
+use super::compliance::{Bent, Late};
 use super::law::{Element, Law, Row};
 use super::solver::StepProblem;
 use super::{Frictions, JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
@@ -267,7 +267,9 @@ impl Body {
                 let grip = largest_grip(&slip);
                 let law = match &self.phenomena.compliance {
                     None => Law::Friction { limit: h * grip },
-                    Some(parts) => self.bent.law(parts, i, [along.dot(speeds), across.dot(speeds)], grip, h),
+                    Some(parts) => {
+                        self.bent.law(parts, self.late(), i, [along.dot(speeds), across.dot(speeds)], grip, h)
+                    }
                 };
                 put(law, 2, [along, across, Row::EMPTY]);
             }
@@ -416,11 +418,11 @@ impl Body {
         }
         if let (Some(parts), Some(at)) = (&self.phenomena.compliance, self.centre_at()) {
             problem.springs = true;
-            self.bent.hold_centre(problem, parts, self.device.sphere_mass(), at, h);
+            self.bent.hold_centre(problem, parts, self.late(), self.device.sphere_mass(), at, h);
             if self.phenomena.slip.is_none() {
                 let before = self.speeds(state);
                 for i in 0..self.wheels() {
-                    self.bent.hold(problem, parts, i, &self.slip_rows(now, i), &before, h);
+                    self.bent.hold(problem, parts, self.late(), i, &self.slip_rows(now, i), &before, h);
                 }
             }
         }
@@ -434,6 +436,11 @@ impl Body {
     /// other.
     pub(super) fn has_mean_angles(&self) -> bool {
         self.phenomena.compliance.is_some() && self.phenomena.gear.is_none()
+    }
+
+    /// Returns which speeds stretch the springs of contacts and cage.
+    fn late(&self) -> Late {
+        if self.has_mean_angles() { Late::MIDPOINT } else { Late::EULER }
     }
 
     /// Stores the speeds of the sphere in `state`, and those of the joints.
@@ -460,11 +467,12 @@ impl Body {
     ) {
         let (Some(parts), Some(at)) = (self.phenomena.compliance, self.centre_at()) else { return };
         let mut slid = elements.iter().filter(|element| matches!(element.law, Law::Elastic { .. }));
+        let late = self.late();
         for i in 0..self.wheels() {
-            let rates = self.slip_rows(now, i).map(|row| 0.5 * (row.dot(before) + row.dot(after)));
-            self.bent.stretch(&parts, i, rates, slid.next(), h);
+            let mixed = |row: Row| (1.0 - late.0) * row.dot(before) + late.0 * row.dot(after);
+            self.bent.stretch(&parts, late, i, self.slip_rows(now, i).map(mixed), slid.next(), h);
         }
-        self.bent.move_centre(Vec3::from_slice(&after[at..at + 3]), h);
+        self.bent.move_centre(late, Vec3::from_slice(&after[at..at + 3]), h);
     }
 }
 

@@ -1,21 +1,24 @@
-//! Contacts and a cage that give way: springs and dampers between parts, without numerical damping.
+//! Contacts and a cage that give way: springs and dampers between parts.
 //!
 //! A spring of stiffness k and damping d acts against the velocity v = W u of one row. With the
 //! speeds u before and u' after a step of h seconds, its stretch z becomes
 //!
-//! z' = z + h s        s = W (u + u') / 2        impulse p = h (k (z + z') / 2 + d s)
+//! z' = z + h s        s = W ((1 - t) u + t u')        impulse p = h (k (z + t h s) + d s)
 //!
-//! The work of the impulse is p s, because masses are constant and M (u' - u) = -Wᵀ p. The energy
-//! k z² / 2 changes by h k s (z + z') / 2. So kinetic plus elastic energy falls by exactly h d s²
-//! in each step, at any stiffness: this is the implicit midpoint rule. All angles advance at the
-//! mean of u and u' too. With gears they advance at u' instead, and h W u' / 2 lies between their
-//! stretch and z, which never grows: h (u' - (u + u') / 2) sums up to the difference of two speeds.
-//! In terms of u' the impulse is
+//! With t = 1/2 this is the implicit midpoint rule. The work of the impulse is p s, because masses
+//! are constant and M (u' - u) = -Wᵀ p. The energy k z² / 2 changes by h k s (z + z') / 2. So
+//! kinetic plus elastic energy falls by exactly h d s² in each step, at any stiffness, without
+//! numerical damping. All angles advance at the mean of u and u' too.
 //!
-//! p = base + gain W u'        gain = h (h k / 2 + d) / 2        base = h k z + gain W u
+//! With gears t is 1, and the angles advance at u': implicit Euler, as for all other laws. Then no
+//! step raises the energy. With t = 1/2 it could: flanks and losses of gears act against u', and a
+//! spring that is too stiff for the step swings so that u' is nearly -u. In terms of u' the impulse
+//! is
+//!
+//! p = base + gain W u'      gain = t h (t h k + d)      base = h k z + (1 - t) h (t h k + d) W u
 //!
 //! A contact that can slip limits the impulse to `limit`. Then s is the part of the velocity that
-//! stretches the spring, and p W (u + u') / 2 - p s >= 0 is lost by friction.
+//! stretches the spring, and what is left of the velocity is lost by friction.
 
 use hbot_core::Vec3;
 use hbot_core::design::device::MAX_WHEELS;
@@ -36,10 +39,21 @@ pub(super) struct Bent {
     pub(super) velocity: Vec3,
 }
 
-/// Returns the growth of a spring's impulse with the velocity at the end of a step of `h` seconds,
-/// kg. `stiffness` is in N/m and `damping` in N s/m.
-fn gain(stiffness: f64, damping: f64, h: f64) -> f64 {
-    0.5 * h * (0.5 * h * stiffness + damping)
+/// The part t of the speeds at the end of a step in the velocity that stretches a spring.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Late(pub(super) f64);
+
+impl Late {
+    /// The implicit midpoint rule, and implicit Euler.
+    pub(super) const MIDPOINT: Self = Self(0.5);
+    pub(super) const EULER: Self = Self(1.0);
+
+    /// Returns the growth of a spring's impulse with the velocities before and after a step of `h`
+    /// seconds, kg. `stiffness` is in N/m and `damping` in N s/m.
+    fn gains(self, stiffness: f64, damping: f64, h: f64) -> [f64; 2] {
+        let all = h * (self.0 * h * stiffness + damping);
+        [(1.0 - self.0) * all, self.0 * all]
+    }
 }
 
 impl Bent {
@@ -51,9 +65,17 @@ impl Bent {
 
     /// Returns the law of contact `i`, which slides if the force on it exceeds `grip` (N). `rates`
     /// are the slip velocities of the contact before the step.
-    pub(super) fn law(&self, parts: &Compliance, i: usize, rates: [f64; 2], grip: f64, h: f64) -> Law {
-        let gain = gain(parts.contact_stiffness, parts.contact_damping, h);
-        let base = [0, 1].map(|k| h * parts.contact_stiffness * self.contacts[i][k] + gain * rates[k]);
+    pub(super) fn law(
+        &self,
+        parts: &Compliance,
+        late: Late,
+        i: usize,
+        rates: [f64; 2],
+        grip: f64,
+        h: f64,
+    ) -> Law {
+        let [first, gain] = late.gains(parts.contact_stiffness, parts.contact_damping, h);
+        let base = [0, 1].map(|k| h * parts.contact_stiffness * self.contacts[i][k] + first * rates[k]);
         Law::Elastic { limit: h * grip, base, gain }
     }
 
@@ -63,12 +85,13 @@ impl Bent {
         &self,
         problem: &mut StepProblem,
         parts: &Compliance,
+        late: Late,
         i: usize,
         rows: &[Row; 2],
         before: &Vector,
         h: f64,
     ) {
-        let law = self.law(parts, i, [0, 1].map(|k| rows[k].dot(before)), f64::INFINITY, h);
+        let law = self.law(parts, late, i, [0, 1].map(|k| rows[k].dot(before)), f64::INFINITY, h);
         let Law::Elastic { base, gain, .. } = law else { return };
         for (row, base) in rows.iter().zip(base) {
             problem.weigh(row, row, gain);
@@ -82,24 +105,26 @@ impl Bent {
         &self,
         problem: &mut StepProblem,
         parts: &Compliance,
+        late: Late,
         mass: f64,
         at: usize,
         h: f64,
     ) {
-        let gain = gain(parts.cage_stiffness, parts.cage_damping, h);
+        let [first, gain] = late.gains(parts.cage_stiffness, parts.cage_damping, h);
         for k in 0..3 {
             let velocity = self.velocity[k];
             problem.mass[at + k][at + k] += mass + gain;
-            problem.momentum[at + k] += (mass - gain) * velocity - h * parts.cage_stiffness * self.centre[k];
+            problem.momentum[at + k] += (mass - first) * velocity - h * parts.cage_stiffness * self.centre[k];
         }
     }
 
-    /// Advances the stretch of contact `i` over a step of `h` seconds. `rates` are the means of its
-    /// slip velocities before and after the step. `slid` is the element of its law, or `None` if
+    /// Advances the stretch of contact `i` over a step of `h` seconds. `rates` are the velocities
+    /// that stretch it if it does not slide. `slid` is the element of its law, or `None` if
     /// the contact cannot slide.
     pub(super) fn stretch(
         &mut self,
         parts: &Compliance,
+        late: Late,
         i: usize,
         rates: [f64; 2],
         slid: Option<&Element>,
@@ -109,7 +134,7 @@ impl Bent {
         for c in 0..2 {
             let z = &mut self.contacts[i][c];
             *z += h * match slid {
-                Some(element) => (element.impulse[c] / h - k * *z) / (0.5 * h * k + parts.contact_damping),
+                Some(element) => (element.impulse[c] / h - k * *z) / (late.0 * h * k + parts.contact_damping),
                 None => rates[c],
             };
         }
@@ -117,8 +142,8 @@ impl Bent {
 
     /// Moves the sphere's centre over a step of `h` seconds, at whose end it has the velocity
     /// `velocity` (m/s).
-    pub(super) fn move_centre(&mut self, velocity: Vec3, h: f64) {
-        self.centre += (self.velocity + velocity) * (0.5 * h);
+    pub(super) fn move_centre(&mut self, late: Late, velocity: Vec3, h: f64) {
+        self.centre += (self.velocity * (1.0 - late.0) + velocity * late.0) * h;
         self.velocity = velocity;
     }
 }

@@ -2,7 +2,7 @@
 
 use hbot_core::Vec3;
 use hbot_core::WheelSpec;
-use hbot_sim::phenomena::{CageFriction, Compliance, JointFriction, Phenomena, Slip};
+use hbot_sim::phenomena::{CageFriction, Compliance, Gear, JointFriction, Phenomena, Slip};
 use hbot_sim::plant::{Dynamics, Method, Plant, PlantState};
 use hbot_testing::prototype::{device, device_with};
 
@@ -99,6 +99,23 @@ fn with_dry_friction_the_energy_grows_by_no_more_than_half_a_step_of_friction() 
     }
     // The sphere came to rest. What is left rings between wheels and sphere.
     assert!(before < 0.05 * start, "{before:e} of {start:e}");
+}
+
+/// Flanks and losses of gears act at the speed at the end of a step, and behind gears springs do so
+/// too. So no step adds energy, also where a spring is too stiff for the step.
+#[test]
+fn behind_gears_the_energy_never_grows() {
+    for stiffness in [1.0e5, 1.0e9] {
+        for efficiency in [0.01, 0.5, 1.0] {
+            let gear = Gear { backlash: 0.02, efficiency, rotor_share: 0.3 };
+            let phenomena = Phenomena { gear: Some(gear), ..with(undamped(stiffness)) };
+            let mut before = f64::INFINITY;
+            shaken(&phenomena, 1.0e-3, 2000, |energy| {
+                assert!(energy <= before * (1.0 + 1e-9), "{phenomena:?}: {before:e} {energy:e}");
+                before = energy;
+            });
+        }
+    }
 }
 
 /// The stiffer the parts, the less they matter: the difference from the stiffest falls in
