@@ -6,7 +6,7 @@ use hbot_core::design::kinematics::ContactFrame;
 use hbot_core::{Vec3, rotation};
 
 use super::super::weights::Module;
-use super::compliance::{Bent, Late};
+use super::compliance::{Bent, Springs};
 use super::law::{Element, Law, Row};
 use super::solver::StepProblem;
 use super::{Frictions, JointTorques, MAX_SPEEDS, Motor, PlantState, Vector};
@@ -265,10 +265,10 @@ impl Body {
             if let Some(slip) = self.phenomena.slip {
                 let [along, across] = self.slip_rows(now, i);
                 let grip = largest_grip(&slip);
-                let law = match &self.phenomena.compliance {
+                let law = match self.springs(h) {
                     None => Law::Friction { limit: h * grip },
-                    Some(parts) => {
-                        self.bent.law(parts, self.late(), i, [along.dot(speeds), across.dot(speeds)], grip, h)
+                    Some(springs) => {
+                        self.bent.law(&springs, i, [along.dot(speeds), across.dot(speeds)], grip)
                     }
                 };
                 put(law, 2, [along, across, Row::EMPTY]);
@@ -416,13 +416,13 @@ impl Body {
                 problem.momentum[at] += mass * self.motors[i].rate;
             }
         }
-        if let (Some(parts), Some(at)) = (&self.phenomena.compliance, self.centre_at()) {
+        if let (Some(springs), Some(at)) = (self.springs(h), self.centre_at()) {
             problem.springs = true;
-            self.bent.hold_centre(problem, parts, self.late(), self.device.sphere_mass(), at, h);
+            self.bent.hold_centre(problem, &springs, self.device.sphere_mass(), at);
             if self.phenomena.slip.is_none() {
                 let before = self.speeds(state);
                 for i in 0..self.wheels() {
-                    self.bent.hold(problem, parts, self.late(), i, &self.slip_rows(now, i), &before, h);
+                    self.bent.hold(problem, &springs, i, &self.slip_rows(now, i), &before);
                 }
             }
         }
@@ -438,9 +438,10 @@ impl Body {
         self.phenomena.compliance.is_some() && self.phenomena.gear.is_none()
     }
 
-    /// Returns which speeds stretch the springs of contacts and cage.
-    fn late(&self) -> Late {
-        if self.has_mean_angles() { Late::MIDPOINT } else { Late::EULER }
+    /// Returns the springs of contacts and cage in a step of `h` seconds, if there are any.
+    fn springs(&self, h: f64) -> Option<Springs> {
+        let late = if self.has_mean_angles() { 0.5 } else { 1.0 };
+        self.phenomena.compliance.map(|parts| Springs { parts, late, h })
     }
 
     /// Stores the speeds of the sphere in `state`, and those of the joints.
@@ -465,14 +466,13 @@ impl Body {
         [before, after]: [&Vector; 2],
         h: f64,
     ) {
-        let (Some(parts), Some(at)) = (self.phenomena.compliance, self.centre_at()) else { return };
+        let (Some(springs), Some(at)) = (self.springs(h), self.centre_at()) else { return };
         let mut slid = elements.iter().filter(|element| matches!(element.law, Law::Elastic { .. }));
-        let late = self.late();
         for i in 0..self.wheels() {
-            let mixed = |row: Row| (1.0 - late.0) * row.dot(before) + late.0 * row.dot(after);
-            self.bent.stretch(&parts, late, i, self.slip_rows(now, i).map(mixed), slid.next(), h);
+            let mixed = |row: Row| springs.mixed(row.dot(before), row.dot(after));
+            self.bent.stretch(&springs, i, self.slip_rows(now, i).map(mixed), slid.next());
         }
-        self.bent.move_centre(late, Vec3::from_slice(&after[at..at + 3]), h);
+        self.bent.move_centre(&springs, Vec3::from_slice(&after[at..at + 3]));
     }
 }
 

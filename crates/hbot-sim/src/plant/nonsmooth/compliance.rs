@@ -39,20 +39,31 @@ pub(super) struct Bent {
     pub(super) velocity: Vec3,
 }
 
-/// The part t of the speeds at the end of a step in the velocity that stretches a spring.
+/// The springs of contacts and cage in one step.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Late(pub(super) f64);
+pub(super) struct Springs {
+    pub(super) parts: Compliance,
+    /// The part t of the speeds at the end of the step in the velocity that stretches a spring: 1/2
+    /// for the implicit midpoint rule, 1 for implicit Euler.
+    pub(super) late: f64,
+    /// Length of the step, s.
+    pub(super) h: f64,
+}
 
-impl Late {
-    /// The implicit midpoint rule, and implicit Euler.
-    pub(super) const MIDPOINT: Self = Self(0.5);
-    pub(super) const EULER: Self = Self(1.0);
+impl Springs {
+    /// Returns the growth of a spring's impulse with the velocities before and after the step, kg.
+    /// `stiffness` is in N/m and `damping` in N s/m.
+    fn gains(&self, stiffness: f64, damping: f64) -> [f64; 2] {
+        let all = self.h * (self.late * self.h * stiffness + damping);
+        [(1.0 - self.late) * all, self.late * all]
+    }
 
-    /// Returns the growth of a spring's impulse with the velocities before and after a step of `h`
-    /// seconds, kg. `stiffness` is in N/m and `damping` in N s/m.
-    fn gains(self, stiffness: f64, damping: f64, h: f64) -> [f64; 2] {
-        let all = h * (self.0 * h * stiffness + damping);
-        [(1.0 - self.0) * all, self.0 * all]
+    /// Returns the velocity that stretches a spring, from those before and after the step.
+    pub(super) fn mixed<T>(&self, before: T, after: T) -> T
+    where
+        T: std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>,
+    {
+        before * (1.0 - self.late) + after * self.late
     }
 }
 
@@ -65,16 +76,9 @@ impl Bent {
 
     /// Returns the law of contact `i`, which slides if the force on it exceeds `grip` (N). `rates`
     /// are the slip velocities of the contact before the step.
-    pub(super) fn law(
-        &self,
-        parts: &Compliance,
-        late: Late,
-        i: usize,
-        rates: [f64; 2],
-        grip: f64,
-        h: f64,
-    ) -> Law {
-        let [first, gain] = late.gains(parts.contact_stiffness, parts.contact_damping, h);
+    pub(super) fn law(&self, springs: &Springs, i: usize, rates: [f64; 2], grip: f64) -> Law {
+        let Springs { parts, h, .. } = springs;
+        let [first, gain] = springs.gains(parts.contact_stiffness, parts.contact_damping);
         let base = [0, 1].map(|k| h * parts.contact_stiffness * self.contacts[i][k] + first * rates[k]);
         Law::Elastic { limit: h * grip, base, gain }
     }
@@ -84,14 +88,12 @@ impl Bent {
     pub(super) fn hold(
         &self,
         problem: &mut StepProblem,
-        parts: &Compliance,
-        late: Late,
+        springs: &Springs,
         i: usize,
         rows: &[Row; 2],
         before: &Vector,
-        h: f64,
     ) {
-        let law = self.law(parts, late, i, [0, 1].map(|k| rows[k].dot(before)), f64::INFINITY, h);
+        let law = self.law(springs, i, [0, 1].map(|k| rows[k].dot(before)), f64::INFINITY);
         let Law::Elastic { base, gain, .. } = law else { return };
         for (row, base) in rows.iter().zip(base) {
             problem.weigh(row, row, gain);
@@ -101,16 +103,9 @@ impl Bent {
 
     /// Adds the cage to `problem`, in which the velocity of the centre of a sphere of `mass` (kg)
     /// has the index `at` and the two after it.
-    pub(super) fn hold_centre(
-        &self,
-        problem: &mut StepProblem,
-        parts: &Compliance,
-        late: Late,
-        mass: f64,
-        at: usize,
-        h: f64,
-    ) {
-        let [first, gain] = late.gains(parts.cage_stiffness, parts.cage_damping, h);
+    pub(super) fn hold_centre(&self, problem: &mut StepProblem, springs: &Springs, mass: f64, at: usize) {
+        let Springs { parts, h, .. } = springs;
+        let [first, gain] = springs.gains(parts.cage_stiffness, parts.cage_damping);
         for k in 0..3 {
             let velocity = self.velocity[k];
             problem.mass[at + k][at + k] += mass + gain;
@@ -121,20 +116,13 @@ impl Bent {
     /// Advances the stretch of contact `i` over a step of `h` seconds. `rates` are the velocities
     /// that stretch it if it does not slide. `slid` is the element of its law, or `None` if
     /// the contact cannot slide.
-    pub(super) fn stretch(
-        &mut self,
-        parts: &Compliance,
-        late: Late,
-        i: usize,
-        rates: [f64; 2],
-        slid: Option<&Element>,
-        h: f64,
-    ) {
+    pub(super) fn stretch(&mut self, springs: &Springs, i: usize, rates: [f64; 2], slid: Option<&Element>) {
+        let Springs { parts, late, h } = springs;
         let k = parts.contact_stiffness;
         for c in 0..2 {
             let z = &mut self.contacts[i][c];
             *z += h * match slid {
-                Some(element) => (element.impulse[c] / h - k * *z) / (late.0 * h * k + parts.contact_damping),
+                Some(element) => (element.impulse[c] / h - k * *z) / (late * h * k + parts.contact_damping),
                 None => rates[c],
             };
         }
@@ -142,8 +130,8 @@ impl Bent {
 
     /// Moves the sphere's centre over a step of `h` seconds, at whose end it has the velocity
     /// `velocity` (m/s).
-    pub(super) fn move_centre(&mut self, late: Late, velocity: Vec3, h: f64) {
-        self.centre += (self.velocity * (1.0 - late.0) + velocity * late.0) * h;
+    pub(super) fn move_centre(&mut self, springs: &Springs, velocity: Vec3) {
+        self.centre += springs.mixed(self.velocity, velocity) * springs.h;
         self.velocity = velocity;
     }
 }

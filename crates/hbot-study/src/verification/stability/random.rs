@@ -198,14 +198,12 @@ pub(super) fn measure(context: &Context) -> Result<Search, Interrupted> {
 mod tests {
     use super::*;
 
-    /// Rigs on which earlier versions of the plant broke: stiff contacts behind gears with a large
-    /// loss.
+    /// A rig on which an earlier version of the plant broke: stiff contacts behind gears with a
+    /// large loss.
     #[test]
-    fn rigs_that_once_broke_the_plant_do_not() {
-        for seed in [2_647_579_110_490_112_412] {
-            let found = search(seed, 1, || true);
-            assert_eq!(found.broken, 0, "{found:?}");
-        }
+    fn a_rig_that_once_broke_the_plant_does_not() {
+        let found = search(2_647_579_110_490_112_412, 1, || true);
+        assert_eq!(found.broken, 0, "{found:?}");
     }
 
     /// A short search breaks nothing, reaches the nonsmooth plant and fast spheres, and gives the
