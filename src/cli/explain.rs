@@ -19,7 +19,7 @@ use hbot_record::messages::hbot::State;
 use hbot_record::reader::{Item, ReadError};
 use hbot_record::told::{Told, told};
 
-use super::out::{foreign, note, refuse_folder, tell};
+use super::out::{foreign, note, refuse_folder_or_pipe, tell};
 use super::scene::plot::{svg, write};
 use super::style;
 
@@ -178,8 +178,8 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
 
 /// Reads the time before the wanted fault.
 fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
-    let path = &hbot_record::named(&args.file);
-    refuse_folder(path, "the file of a recording (MCAP)")?;
+    let path = &hbot_record::recording_of(&args.file);
+    refuse_folder_or_pipe(path, "the file of a recording (MCAP)")?;
     let name = || path.display().to_string();
     let mut reader = Reader::new(BufReader::new(File::open(path).with_context(name)?)).with_context(name)?;
     let mut gathered = Gathered::default();

@@ -102,7 +102,7 @@ fn foreign_lines(text: &str) -> String {
 }
 
 /// Fails if `path` is a folder or a pipe. `wanted` says which file to name instead.
-pub(crate) fn refuse_folder(path: &Path, wanted: &str) -> anyhow::Result<()> {
+pub(crate) fn refuse_folder_or_pipe(path: &Path, wanted: &str) -> anyhow::Result<()> {
     let is_pipe = path.metadata().is_ok_and(|found| found.file_type().is_fifo());
     ensure!(!path.is_dir(), "{}: this is a folder. Name {wanted}", path.display());
     // Opening a pipe would wait for its other end.
@@ -112,7 +112,7 @@ pub(crate) fn refuse_folder(path: &Path, wanted: &str) -> anyhow::Result<()> {
 
 /// Creates a file that must not exist yet.
 pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
-    refuse_folder(path, "a new file")?;
+    refuse_folder_or_pipe(path, "a new file")?;
     File::create_new(path).map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => {
             anyhow!("{}: the file exists already. Name another one, or remove it first", path.display())

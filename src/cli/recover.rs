@@ -10,7 +10,7 @@ use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_record::recover::recover;
 
-use super::out::{create_new, refuse_folder, tell};
+use super::out::{create_new, refuse_folder_or_pipe, tell};
 use super::record::new_recording;
 use super::style;
 
@@ -27,7 +27,7 @@ pub(crate) struct RecoverArgs {
 /// Copies what can be read. Returns success if the recording was only cut off, not damaged.
 pub(crate) fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
     let name = || args.file.display().to_string();
-    refuse_folder(&args.file, "the file of a recording (MCAP)")?;
+    refuse_folder_or_pipe(&args.file, "the file of a recording (MCAP)")?;
     let from = BufReader::new(File::open(&args.file).with_context(name)?);
     let into = BufWriter::new(create_new(&args.out)?);
     let found = match recover(from, into) {

@@ -15,7 +15,7 @@ use hbot_config::{RunningScene, SceneFile};
 use hbot_record::replay::{Flaw, Replay, ReplayError, Replayed, Report, renumbered};
 use hbot_record::{About, Writer, public};
 
-use super::out::{create_new, refuse_folder, say};
+use super::out::{create_new, refuse_folder_or_pipe, say};
 use super::record::new_recording;
 use super::{scene, style};
 
@@ -40,7 +40,7 @@ pub(crate) struct ReplayArgs {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    match text.trim_end_matches('s').parse::<f64>() {
+    match text.strip_suffix('s').unwrap_or(text).parse::<f64>() {
         Ok(s) if (0.0..=1.0e9).contains(&s) => Ok(s),
         _ => Err("a number of seconds from 0 to 1e9".to_owned()),
     }
@@ -49,10 +49,10 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// Replays a recording. Returns success only if every bit of it agrees.
 pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
-    let path = hbot_record::named(&args.file);
+    let path = hbot_record::recording_of(&args.file);
     let name = || path.display().to_string();
     let other = args.scene.as_deref().map(scene::scene).transpose()?;
-    refuse_folder(&path, "the file of a recording (MCAP)")?;
+    refuse_folder_or_pipe(&path, "the file of a recording (MCAP)")?;
     let file = BufReader::new(File::open(&path).with_context(name)?);
     let compiled = other.clone().map(|other| Box::new(renumbered(&RunningScene::new().load(other))));
     let replay = Replay::new(file, compiled).with_context(name)?;

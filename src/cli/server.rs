@@ -141,7 +141,7 @@ pub(crate) fn hertz(text: &str) -> Result<u32, String> {
 }
 
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    match text.trim_end_matches('s').parse::<f64>() {
+    match text.strip_suffix('s').unwrap_or(text).parse::<f64>() {
         Ok(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
         _ => Err("a number of seconds above 0, at most 1e9".to_owned()),
     }

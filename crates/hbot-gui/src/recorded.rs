@@ -45,7 +45,7 @@ impl Recorded {
     /// # Errors
     /// Fails if the file cannot be read, or if it has no state.
     pub(crate) fn read(path: &Path) -> anyhow::Result<Self> {
-        let path = &hbot_record::named(path);
+        let path = &hbot_record::recording_of(path);
         let name = || path.display().to_string();
         let file = File::open(path).with_context(name)?;
         let mut reader = Reader::new(BufReader::new(file)).with_context(name)?;

@@ -36,7 +36,7 @@ pub use writer::{About, Writer};
 /// Returns the recording that `path` names: for the CSV file of a flight log, the recording beside
 /// it, if there is one.
 #[must_use]
-pub fn named(path: &Path) -> PathBuf {
+pub fn recording_of(path: &Path) -> PathBuf {
     let beside = path.with_extension("mcap");
     if path.extension().is_some_and(|end| end == "csv") && beside.exists() { beside } else { path.to_owned() }
 }

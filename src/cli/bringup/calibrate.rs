@@ -15,7 +15,7 @@ use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
 use hbot_identify::calibrate::{Calibration, calibrate, exchanged, explains, still};
 use hbot_identify::motion::Counts;
 
-use super::super::out::{refuse_folder, tell};
+use super::super::out::{refuse_folder_or_pipe, tell};
 use super::super::style;
 use super::{Which, edit, joint_name, on_the_lines, wheel_name};
 
@@ -72,7 +72,7 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     // A person turns the sphere for a while before the file is written.
     if let Some(file) = &args.write {
-        refuse_folder(file, "the rig file to write")?;
+        refuse_folder_or_pipe(file, "the rig file to write")?;
     }
     let counts = on_the_lines(&rig, Truth::turned(), |bench| {
         if rig.link.port.is_simulated() {

@@ -15,7 +15,7 @@ use hbot_config::RigConfig;
 use hbot_identify::identify::{Identified, Name, Value};
 use hbot_identify::{Recorded, What, identify};
 
-use super::super::out::{note, refuse_folder, tell};
+use super::super::out::{note, refuse_folder_or_pipe, tell};
 use super::super::style;
 use super::{Which, edit};
 
@@ -58,7 +58,7 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     }
     let rig = args.which.load()?;
     if let Some(file) = &args.out {
-        refuse_folder(file, "the rig file to write")?;
+        refuse_folder_or_pipe(file, "the rig file to write")?;
     }
     let mut news = News::new();
     let mut recordings = Vec::new();
@@ -87,7 +87,7 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
 /// Reads the counts of one recording.
 pub(super) fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Result<Recorded> {
     let name = || run.display().to_string();
-    refuse_folder(run, "the file of a recording (MCAP)")?;
+    refuse_folder_or_pipe(run, "the file of a recording (MCAP)")?;
     let file = BufReader::new(File::open(run).with_context(name)?);
     let mut reading = |ticks| news.tell(|| format!("{}: {ticks} ticks read", run.display()));
     let recorded = Recorded::read(file, rig, &mut reading).with_context(name)?;

@@ -11,7 +11,7 @@ use hbot_config::sweep::{Curves, Probe};
 use hbot_core::Vec3;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
-use super::super::out::refuse_folder;
+use super::super::out::refuse_folder_or_pipe;
 use super::{Which, say, warn};
 
 /// Options of `hbot scene plot`.
@@ -98,7 +98,7 @@ fn here(scene: &Path) -> PathBuf {
 }
 
 pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
-    refuse_folder(path, "a file for the picture")?;
+    refuse_folder_or_pipe(path, "a file for the picture")?;
     std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
 }
 

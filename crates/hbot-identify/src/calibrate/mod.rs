@@ -100,7 +100,7 @@ struct Search<'a> {
 #[must_use]
 pub fn calibrate(rig: &Rig, counts: &[Counts]) -> Option<Calibration> {
     let guess = Search::new(rig, counts)?.coarse();
-    // A fit to a rig file that is wrong needs all its steps.
+    // If the rig file is wrong, the fit takes its largest number of improvements.
     let every = counts.len().div_ceil(MOST_READINGS);
     let motion = |counts: Vec<Counts>| {
         let counts = counts.into_iter().step_by(every).collect();

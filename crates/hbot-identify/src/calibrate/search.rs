@@ -7,8 +7,8 @@ use super::{Guess, Search, within};
 
 /// Number of steering zeros, evenly spread over a turn, that the search tries for each wheel.
 const GRID: usize = 36;
-/// Largest number of steps that the search for signs and zeros uses. The fit that follows uses all
-/// steps.
+/// Largest number of steps that the search for signs and zeros uses. The fit that follows uses
+/// more of the motion.
 const COARSE: usize = 60;
 /// Number of guesses that are refined for each combination of signs, best first.
 const LOOKED_AT: usize = 6;

@@ -18,7 +18,7 @@ use toml_edit::{Array, InlineTable, Item};
 
 use super::super::{edit, joint_name, on_the_lines};
 use super::IdentifyArgs;
-use crate::cli::out::{note, refuse_folder, say};
+use crate::cli::out::{note, refuse_folder_or_pipe, say};
 use crate::cli::style;
 
 /// Joint rate below which a joint rests, rad/s.
@@ -61,7 +61,7 @@ pub(crate) struct Motion {
 pub(super) fn run(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     if let Some(file) = &args.out {
-        refuse_folder(file, "the rig file to write")?;
+        refuse_folder_or_pipe(file, "the rig file to write")?;
     }
     if let Some(added) = args.added {
         positive("--added", added, "kg m²")?;

@@ -113,7 +113,7 @@ impl Bent {
         }
     }
 
-    /// Advances the stretch of contact `i` over a step of `h` seconds. `rates` are the velocities
+    /// Advances the stretch of contact `i` over a step. `rates` are the velocities
     /// that stretch it if it does not slide. `slid` is the element of its law, or `None` if
     /// the contact cannot slide.
     pub(super) fn stretch(&mut self, springs: &Springs, i: usize, rates: [f64; 2], slid: Option<&Element>) {
@@ -128,7 +128,7 @@ impl Bent {
         }
     }
 
-    /// Moves the sphere's centre over a step of `h` seconds, at whose end it has the velocity
+    /// Moves the sphere's centre over a step, at whose end it has the velocity
     /// `velocity` (m/s).
     pub(super) fn move_centre(&mut self, springs: &Springs, velocity: Vec3) {
         self.centre += springs.mixed(self.velocity, velocity) * springs.h;
