@@ -40,10 +40,8 @@ const AT_LIMIT: f64 = 0.98;
 #[derive(Debug, Subcommand)]
 pub(crate) enum HandCommands {
     /// Turn the sphere from where it is and print the torque against the angle, beside that of the
-    /// scene's law. The hand stays at the end of the turn
+    /// scene's law. After that, the hand moves as the scene says
     Turn(TurnArgs),
-    /// Let go of the sphere
-    Release(Commanding),
 }
 
 /// Options of `hbot hand turn`.
@@ -105,18 +103,12 @@ struct Point {
     law: f64,
 }
 
-pub(crate) fn run(command: &HandCommands) -> anyhow::Result<ExitCode> {
-    let (HandCommands::Turn(TurnArgs { to, .. }) | HandCommands::Release(to)) = command;
-    let mut client = orders::connect(&to.address, "hbot hand")?;
+pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<ExitCode> {
+    let mut client = orders::connect(&args.to.address, "hbot hand")?;
     let info = client.info().map_err(orders::remedied)?;
     if !info.rig.simulated {
         bail!("this server drives a real rig; only a simulated one has a hand that a program moves");
     }
-    let HandCommands::Turn(args) = command else {
-        orders::holding(&mut client, to.steal, |client| client.call(Op::Hand(HandCommand::RELEASE)))?;
-        tell!("the hand has let go of the sphere")?;
-        return Ok(ExitCode::SUCCESS);
-    };
     let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args))?;
     let points = points(&info, &states, args.axis.unit)?;
     table(&points)?;

@@ -103,14 +103,17 @@ pub(crate) fn holding<T>(
 /// Adds to an error from the server what the command line can do about it.
 pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
     let remedy = match error.code() {
-        Some(ErrorCode::Busy) => match holder(&error) {
-            Some(name) if name.starts_with(PANEL) => {
-                "press `Release` in that panel, or start it as an observer by `hbot-gui --observe`. Or add `--steal` to take \
-                 the lease from it"
-            }
-            Some(_) => "add `--steal` to take the lease from that client",
-            None => return error.into(),
-        },
+        Some(ErrorCode::Busy) => {
+            let Some(name) = holder(&error) else { return error.into() };
+            let at_panel = if name.starts_with(PANEL) {
+                "press `Release` in that panel, or start it as an observer by `hbot-gui --observe`. Or "
+            } else {
+                ""
+            };
+            return anyhow::anyhow!(
+                "{name:?} holds the lease: {at_panel}add `--steal` to take the lease from that client"
+            );
+        }
         Some(ErrorCode::Faulted) => {
             "`hbot info` shows the cause. When it is gone, run `hbot reset`, then `hbot enable`"
         }

@@ -93,6 +93,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     if let Some(out) = &drawing {
         tell!("\ndrawing {}", out.display())?;
     }
+    // The headline has left a small terminal by now.
+    let lines = if fits { "every line fits" } else { "a line does not fit" };
+    tell!("\n{}{}{}: a legal design{}; {lines}", style::NAME, config.name, style::OFF, warnings.in_words())?;
     Ok(if fits { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

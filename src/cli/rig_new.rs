@@ -163,6 +163,12 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
     if args.file.exists() {
         bail!("{} exists already: name another file", args.file.display());
     }
+    // Before the questions, so that no answer is lost.
+    if let Some(folder) =
+        args.file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
+    {
+        bail!("{}: there is no folder {}", args.file.display(), folder.display());
+    }
     if !somebody_is_there() {
         note!("there is no terminal, so nothing is asked: what no option gives has its default");
     }

@@ -243,7 +243,7 @@ async fn serve(
     let banner = banner(&rig, scene.name(), (address, web_at), time, expected);
     let mut warnings = uncalibrated(&rig);
     warnings.extend(Abilities::of(&rig).warnings(&scene));
-    let recording = recording(&args, rig.certificate.clone())?;
+    let recording = recording(&args, &rig)?;
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();
     let server = Server::start(ServerOptions {
@@ -307,8 +307,8 @@ async fn serve(
 }
 
 /// Returns what to record. The metadata of a recording name the rig file and the command line's
-/// changes to it, the rig's certificate, and this machine.
-fn recording(args: &ServerArgs, certificate: Option<String>) -> anyhow::Result<RecordOptions> {
+/// changes to it, the port, the rig's certificate, and this machine.
+fn recording(args: &ServerArgs, rig: &RigConfig) -> anyhow::Result<RecordOptions> {
     if let Some((path, why)) = args.record.as_deref().and_then(|path| Some((path, unsuitable(path)?))) {
         bail!("--record {}: {why}. Name a new file that ends in .mcap, or a folder", path.display());
     }
@@ -324,7 +324,8 @@ fn recording(args: &ServerArgs, certificate: Option<String>) -> anyhow::Result<R
         _ => {}
     }
     let mut about = BTreeMap::new();
-    about.extend(certificate.map(|name| ("certificate".to_owned(), name)));
+    about.extend(rig.certificate.clone().map(|name| ("certificate".to_owned(), name)));
+    about.insert("port".to_owned(), rig.link.port.to_string());
     if let Some(path) = &args.rig {
         about.insert("rig_file".to_owned(), hbot_config::read_text(path)?);
     }

@@ -18,12 +18,21 @@ use super::{Commanding, orders, show, style};
 #[derive(Debug, Args)]
 pub(crate) struct SetArgs {
     /// Id of the effect in the running scene, such as `spring`
+    #[arg(value_parser = id)]
     effect: String,
     /// Parameters, such as `stiffness=2`, `cone="35 deg"` or `axis=[0,0,1]`
     #[arg(required = true, value_name = "KEY=VALUE", value_parser = assignment)]
     values: Vec<(String, Value)>,
     #[command(flatten)]
     to: Commanding,
+}
+
+/// Refuses a parameter where the id of the effect is missing.
+fn id(text: &str) -> Result<String, String> {
+    if text.contains('=') {
+        return Err(format!("name the effect first: hbot set spring {text}"));
+    }
+    Ok(text.to_owned())
 }
 
 /// Parses `KEY=VALUE`. A value that is no JSON is a text, so that texts need no quotes.

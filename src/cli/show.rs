@@ -53,10 +53,10 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     )?;
     if let Some(passivity) = limits.passivity {
         tell!(
-            "  passivity  damps what delay creates beyond {} J, with a store of {} J, by up to {} N m s/rad",
+            "  passivity  damps what delay creates beyond {} J, with a store of {} J, by up to {:.2} N m s/rad",
             number(passivity.allowance),
             number(passivity.store),
-            number(passivity.damping)
+            passivity.damping
         )?;
     }
     if let Some([a, b, c]) = info.capability {

@@ -183,6 +183,7 @@ fn a_new_rig_file_without_a_terminal_has_defaults_and_says_so() {
         .stderr(contains("nothing is asked: what no option gives has its default"));
     let text = std::fs::read_to_string(path).expect("it is written");
     assert!(text.contains("cone = \"12 deg\"") && text.contains("port = \"sim\""), "{text}");
+    run(&["rig", "new", "/nowhere/new.toml"]).failure().stderr(contains("there is no folder /nowhere"));
 }
 
 /// What `rig new` writes, `rig check` accepts, also where the line carries less than 1 kHz.

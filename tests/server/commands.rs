@@ -88,6 +88,7 @@ fn set_changes_the_running_scene_and_show_prints_it() {
     run(&server, &["set", "sprung", "stiffness=2"]).failure().stderr(contains("legal: spring"));
     run(&server, &["set", "spring", "stifness=2"]).failure().stderr(contains("did you mean `stiffness`"));
     run(&server, &["set", "spring", "stiffness"]).code(2).stderr(contains("KEY=VALUE"));
+    run(&server, &["set", "stiffness=2"]).code(2).stderr(contains("name the effect first"));
 }
 
 /// `enable` after a stop sends the user to `info`, so `info` must say what to do.
@@ -282,6 +283,8 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
     hbot(&["server", "--listen", "127.0.0.1:0", "--record", file])
         .failure()
         .stderr(contains(file).and(contains("exists already. Name another one, or a folder")));
+    hbot(&["replay", file, "--from", "1000"]).failure().stderr(contains("the run ends earlier"));
+    hbot(&["rig", "identify", "--rig", &rig, file]).stderr(contains("recorded on the simulated rig"));
     std::fs::write(other, "mine").expect("written");
     hbot(&["replay", file, "--scene", "clay", "--out", other])
         .failure()

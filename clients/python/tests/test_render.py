@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from serving import RATE_HZ, Server, running
@@ -203,7 +203,7 @@ def test_states_before_the_first_call_are_not_skipped_by_it(rig: hbot.Rig) -> No
         assert rendering.result.skipped == 2
 
 
-def test_refused_torques_are_counted(rig: hbot.Rig) -> None:
+def test_refused_torques_are_counted(rig: hbot.Rig, caplog: pytest.LogCaptureFixture) -> None:
     """A function so slow that its state is older than the rig allows, when its torque arrives."""
     late_s = 1.5 * rig.info.limits.max_age_ticks / RATE_HZ
 
@@ -218,6 +218,8 @@ def test_refused_torques_are_counted(rig: hbot.Rig) -> None:
         assert 1 <= done.refused <= done.calls
         assert done.refused == refused[-1].total
         assert "max_age_ticks" in refused[-1].message
+        (told,) = [line for line in caplog.messages if "refused messages" in line]
+        assert "max_age_ticks" in told
         again = rig.render(damper, duration=0.2)
         assert again.refused + done.refused <= done.calls + 1, "an earlier refusal counts once"
 
@@ -244,3 +246,21 @@ def test_a_text_in_place_of_numbers_is_refused_before_it_is_sent(server: Server)
             rig.reference("spring", q=[1.0, 0.0, 0.0, 0.0], omega=text)
         with pytest.raises(TypeError, match="q is the text"):
             rig.align(text, weight=1.0)
+        with pytest.raises(TypeError, match="stiffness is the text"):
+            rig.model(100, stiffness=text)
+
+
+def test_values_of_another_type_are_refused_with_their_names(server: Server) -> None:
+    number: Any = 0.5
+    plane: Any = hbot.Plane((0.0, 0.0, 1.0), 0.1, stiffness=4.0)
+    with pytest.raises(hbot.IllegalInput, match="the address is 4268; legal: a text"):
+        hbot.connect(cast("Any", 4268))
+    with hbot.connect(server.address, name="types") as rig, rig.lease():
+        with pytest.raises(TypeError, match=r"q is 0\.5; legal: a list of numbers"):
+            rig.hand(number)
+        with pytest.raises(TypeError, match=r"torque is 0\.5"):
+            rig.render(lambda _state: number, duration=1.0)
+        with pytest.raises(TypeError, match=r"planes is one hbot\.Plane"):
+            rig.model(100, planes=plane)
+        with pytest.raises(TypeError, match=r"planes has \{\}; legal: a list of hbot\.Plane"):
+            rig.model(100, planes=cast("Any", [{}]))

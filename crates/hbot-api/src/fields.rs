@@ -145,7 +145,7 @@ pub(crate) fn number(name: impl fmt::Display, value: &Value, from: f64, to: f64)
 pub(crate) const LEGAL_VECTOR: &str = "a list of 3 numbers, each from -1e6 to 1e6";
 const LEGAL_DIRECTION: &str = "a list of 3 numbers, not all zero";
 const LEGAL_SIGMA: &str = "a list of 3 numbers, each from 1e-5 to 3.141592653589793";
-const LEGAL_QUATERNION: &str = "a list of 4 numbers [w, x, y, z] of norm 1";
+const LEGAL_QUATERNION: &str = "a list of 4 numbers [w, x, y, z] whose norm is at least 0.001";
 
 pub(crate) fn array<const N: usize>(
     name: &str,

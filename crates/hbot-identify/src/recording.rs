@@ -24,6 +24,8 @@ pub struct Recorded {
     pub period_s: f64,
     /// Time during which a motor pushed, s. It is left out.
     pub pushed_s: f64,
+    /// Whether the port of the recorded server was a simulated rig.
+    pub simulated: bool,
 }
 
 /// The reason why a recording cannot be used.
@@ -88,6 +90,7 @@ impl Recorded {
             same_joints(&recorded.rig, &rig.rig)?;
         }
         let mut taken = Taken::new(rig, recorded.as_ref(), period_ns.max(1) as f64 * 1.0e-9);
+        taken.recorded.simulated = about.get("port").is_some_and(|port| port.starts_with("sim"));
         let mut ticks = 0;
         while let Some(item) = reader.next()? {
             let Item::Message { topic, data, .. } = item else {

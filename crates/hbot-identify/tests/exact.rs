@@ -32,7 +32,7 @@ fn turned(rig: &Rig, built: &Built, wander: &Wander, seconds: f64) -> (Vec<Count
 }
 
 fn recorded(counts: Vec<Counts>) -> [Recorded; 1] {
-    [Recorded { parts: vec![counts], period_s: H, pushed_s: 0.0 }]
+    [Recorded { parts: vec![counts], period_s: H, pushed_s: 0.0, simulated: true }]
 }
 
 fn found_in(rig: &Rig, counts: Vec<Counts>) -> Result<Identified, Refusal> {
@@ -184,7 +184,8 @@ fn recordings_that_contradict_themselves_are_refused() {
     assert!(refusal.to_string().contains("another rig"), "{refusal}");
 
     // Motors that push.
-    let pushed = [Recorded { parts: vec![counts[..500].to_vec()], period_s: H, pushed_s: 29.5 }];
+    let pushed =
+        [Recorded { parts: vec![counts[..500].to_vec()], period_s: H, pushed_s: 29.5, simulated: true }];
     let refusal = identify(&rig, &pushed, What::Geometry, &mut |_, _| ()).expect_err("motors push");
     assert!(matches!(refusal, Refusal::Pushes { .. }), "{refusal}");
 }

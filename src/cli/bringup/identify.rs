@@ -91,14 +91,16 @@ pub(super) fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Resu
     let file = BufReader::new(File::open(run).with_context(name)?);
     let mut reading = |ticks| news.tell(|| format!("{}: {ticks} ticks read", run.display()));
     let recorded = Recorded::read(file, rig, &mut reading).with_context(name)?;
-    if recorded.pushed_s > 0.0 {
+    let (warn, off) = (style::WARN, style::OFF);
+    if recorded.simulated {
         note!(
-            "{}note{}: {}: motors push in {:.1} s of it, which are left out",
-            style::WARN,
-            style::OFF,
-            run.display(),
-            recorded.pushed_s
+            "{warn}note{off}: {}: recorded on the simulated rig, so it says nothing about a real one",
+            run.display()
         );
+    }
+    if recorded.pushed_s > 0.0 {
+        let pushed_s = recorded.pushed_s;
+        note!("{warn}note{off}: {}: motors push in {pushed_s:.1} s of it, which are left out", run.display());
     }
     Ok(recorded)
 }

@@ -6,6 +6,7 @@ The front ends `Rig` and `aio.Rig` share this module.
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -38,6 +39,8 @@ from .events import (
 from .info import Hello
 from .mailbox import Mailbox
 from .transport import ALERT, Tls, Transport, open_transport
+
+_LOG = logging.getLogger("hbot")
 
 HEARTBEAT_S = 1.0
 """After this time without a message from the server, the client sends a `ping`, s."""
@@ -279,6 +282,8 @@ class Connection:
             if isinstance(event, LeaseEvent):
                 self._take_lease(event)
             elif isinstance(event, RefusedEvent):
+                if self.refused == 0:
+                    _LOG.warning("the server refused messages, the last: %s", event.message)
                 self.refused = event.total
             elif isinstance(event, DroppedEvent):
                 self.dropped = event.total

@@ -56,6 +56,7 @@ class Model:
         """Return the fields of the message.
 
         Raises:
+            TypeError: a value is of another type.
             ValueError: a number is not finite.
         """
         fields: dict[str, Any] = {
@@ -66,6 +67,8 @@ class Model:
         if self.pose is not None:
             # All digits: the server takes a unit quaternion as it is.
             fields["pose"] = finite("pose", self.pose)
+        if isinstance(self.planes, Plane):
+            raise TypeError("planes is one hbot.Plane; legal: a list of them")
         if len(self.planes) > 0:
             fields["planes"] = [_plane(plane) for plane in self.planes]
         if self.blend_ms is not None:
@@ -81,6 +84,8 @@ def _short(numbers: list[float]) -> list[float]:
 
 
 def _impedance(name: str, value: Impedance) -> float | list[float] | list[list[float]]:
+    if isinstance(value, str):
+        raise TypeError(f"{name} is the text {value!r}; legal: a number, 3 of them, or 3 rows of 3")
     if not isinstance(value, Iterable):
         return finite(name, [value])[0]
     rows = list(value)
@@ -90,6 +95,8 @@ def _impedance(name: str, value: Impedance) -> float | list[float] | list[list[f
 
 
 def _plane(plane: Plane) -> dict[str, Any]:
+    if not isinstance(plane, Plane):
+        raise TypeError(f"planes has {plane!r}; legal: a list of hbot.Plane")
     offset, stiffness, damping = _short(
         finite("plane", [plane.offset, plane.stiffness, plane.damping])
     )

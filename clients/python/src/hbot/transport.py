@@ -37,8 +37,10 @@ def split_address(address: str) -> tuple[str, int]:
     The default port is 4268.
 
     Raises:
-        IllegalInput: the port is no number from 1 to 65535.
+        IllegalInput: it is no text, or the port is no number from 1 to 65535.
     """
+    if not isinstance(address, str):
+        raise IllegalInput(f"the address is {address!r}; legal: a text such as '127.0.0.1:4268'")
     host, colon, port = address.rpartition(":")
     if not colon or (":" in host and not host.endswith("]")):
         return address.strip("[]"), DEFAULT_PORT

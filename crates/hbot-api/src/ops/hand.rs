@@ -60,7 +60,7 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
         return match fields.0.iter().find(|(_, value)| !value.is_null()) {
             None => Ok(Op::Hand(HandCommand::RELEASE)),
             Some((field, _)) => {
-                Err(bad(format!("field {field:?} goes with \"q\"; legal with \"release\": no other field")))
+                Err(bad(format!("field {field:?} is there beside \"release\"; legal: no other field")))
             }
         };
     }

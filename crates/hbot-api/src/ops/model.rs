@@ -265,7 +265,7 @@ fn planes(fields: &mut Fields<'_>, name: &str) -> Result<Vec<PlaneCommand>, Erro
     items.into_iter().enumerate().map(plane).collect()
 }
 
-const LEGAL_NORMAL: &str = "a list of 3 numbers of norm 1";
+const LEGAL_NORMAL: &str = "a list of 3 numbers whose norm is at least 0.001";
 const LEGAL_IMPEDANCE: &str = "a number from 0, 3 of them, or the 3 rows of a symmetric matrix";
 
 /// The fields of a half-space in a model.

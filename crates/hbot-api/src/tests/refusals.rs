@@ -100,7 +100,7 @@ fn messages_name_field_and_what_is_legal() {
         (
             "model",
             r#""planes":[{"normal":[0,0,0],"stiffness":1}],"valid_ms":1"#,
-            r#"field "planes[0].normal" has norm 0; legal: a list of 3 numbers of norm 1"#,
+            r#"field "planes[0].normal" has norm 0; legal: a list of 3 numbers whose norm is at least 0.001"#,
         ),
         (
             "model",

@@ -236,32 +236,33 @@ impl Closed {
         let Point { pace, back, level, responses } = point;
         let one = Complex::real(1.0);
         let difference = (one - *back) * (1.0 / self.period);
-        // A virtual mass resists the change of the rate since the last tick, smoothed.
-        let mass = |part: f64| difference * part * (one - *back * (1.0 - part)).inverse();
-        let masses = self.masses.iter().map(|(m, part)| (m, mass(*part)));
+        // What is asked about each direction of the limits.
+        let spring = |of: &Direction| Complex { re: of.damping, im: -of.stiffness / *pace };
+        let mut asked = self.limit.as_ref().map(|(_, directions)| directions.each_ref().map(spring));
         let mut m = [[Complex::real(0.0); 3]; 3];
         for (j, [angle, rate]) in responses.iter().enumerate() {
             for (i, row) in m.iter_mut().enumerate() {
                 row[j] = *angle * self.stiffness[j][i] + *rate * self.damping[j][i];
             }
         }
-        for (mass, response) in masses {
+        for (n, (mass, part)) in self.masses.iter().enumerate() {
+            // A virtual mass resists the change of the rate since the last tick, smoothed.
+            let smoothed = difference * *part * (one - *back * (1.0 - part)).inverse();
+            if let (Some(asked), Some((_, directions))) = (&mut asked, &self.limit) {
+                for (asked, direction) in asked.iter_mut().zip(directions) {
+                    *asked = *asked + smoothed * direction.masses[n];
+                }
+            }
             for (j, [_, rate]) in responses.iter().enumerate() {
-                let response = *rate * response;
+                let response = *rate * smoothed;
                 for (i, row) in m.iter_mut().enumerate() {
                     row[j] = row[j] + response * mass[j][i];
                 }
             }
         }
-        if let Some((limit, directions)) = &self.limit {
+        if let (Some((limit, directions)), Some(asked)) = (&self.limit, asked) {
             // The part of the torque about each direction that is made.
-            let parts = directions.each_ref().map(|direction| {
-                let masses = self.masses.iter().zip(&direction.masses);
-                let masses = masses.map(|((_, part), size)| mass(*part) * *size);
-                let spring = Complex { re: direction.damping, im: -direction.stiffness / *pace };
-                let asked = masses.fold(spring, |sum, mass| sum + mass).size();
-                limit.part(limit.speed * asked, *pace)
-            });
+            let parts = asked.map(|asked| limit.part(limit.speed * asked.size(), *pace));
             if parts.iter().any(|part| *part != one) {
                 let mut made = [[Complex::real(0.0); 3]; 3];
                 for (Direction { axis, .. }, part) in directions.iter().zip(parts) {

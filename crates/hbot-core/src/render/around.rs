@@ -12,7 +12,7 @@ use crate::real::{Mat3, Quat, Real, TURN, Vec3, sincos};
 use crate::render::effects::{
     Anchor, Effect, Kind, Memory, Motion, Now, Reference, Shared, largest, mass_scale,
 };
-use crate::render::scene::CompiledScene;
+use crate::render::scene::{CompiledScene, MAX_EFFECTS};
 use crate::rotation;
 
 /// Number of moments of a swing at which a law is evaluated. The moments are symmetric, so a
@@ -87,23 +87,44 @@ pub struct Linear {
 }
 
 /// The moments of a swing at which laws are evaluated.
-struct Moments<'a> {
-    swing: &'a Swing,
+struct Moments {
     /// Sine and cosine of each phase.
     phases: [[Real; 2]; MOMENTS],
     /// Orientations of a sphere that swings about each axis.
     q: [[Quat; MOMENTS]; 3],
 }
 
-impl<'a> Moments<'a> {
-    fn new(place: &Place, swing: &'a Swing) -> Self {
+impl Moments {
+    fn new(place: &Place, swing: &Swing) -> Self {
         let phases = core::array::from_fn(|moment| {
             let (sine, cosine) = sincos((moment as Real + 0.5) * (TURN / MOMENTS as Real));
             [sine, cosine]
         });
         let at = |k: usize, sine: Real| rotation::exp(swing.axes.col(k) * (swing.turn[k] * sine)) * place.q;
-        Self { swing, phases, q: [0, 1, 2].map(|k| phases.map(|[sine, _]| at(k, sine))) }
+        Self { phases, q: [0, 1, 2].map(|k| phases.map(|[sine, _]| at(k, sine))) }
     }
+}
+
+/// An effect during a swing.
+#[derive(Clone, Copy)]
+struct Swung {
+    /// `None` if the effect takes no part.
+    reference: Option<Reference>,
+    /// Its memory at the place, and in the swing.
+    settled: Memory,
+    memory: Memory,
+    stiffness: [Vec3; 3],
+    damping: [Vec3; 3],
+}
+
+impl Swung {
+    const STILL: Self = Self {
+        reference: None,
+        settled: Memory::None,
+        memory: Memory::None,
+        stiffness: [Vec3::ZERO; 3],
+        damping: [Vec3::ZERO; 3],
+    };
 }
 
 impl Linear {
@@ -145,8 +166,20 @@ impl CompiledScene {
     /// Panics if `index` is not below the number of effects.
     #[must_use]
     pub fn around(&self, index: usize, place: &Place, here: Quat, swing: &Swing) -> Linear {
-        let mut shared = Shared::EMPTY;
-        self.in_swing(index, place, here, &Moments::new(place, swing), &mut shared)
+        let mut all = [Linear::NONE; MAX_EFFECTS];
+        let mut linear = all.iter_mut();
+        self.all_around(
+            place,
+            here,
+            swing,
+            |i| i != index,
+            |part| {
+                if let Some(linear) = linear.next() {
+                    *linear = part;
+                }
+            },
+        );
+        all[index]
     }
 
     /// Calls `visit` for each effect of the scene, in their order, with its stiffness and damping
@@ -159,55 +192,49 @@ impl CompiledScene {
         idle: impl Fn(usize) -> bool,
         mut visit: impl FnMut(Linear),
     ) {
-        let (moments, mut shared) = (Moments::new(place, swing), Shared::EMPTY);
-        for index in 0..self.effects().len() {
-            visit(if idle(index) {
-                Linear::NONE
-            } else {
-                self.in_swing(index, place, here, &moments, &mut shared)
-            });
-        }
-    }
-
-    fn in_swing(
-        &self,
-        index: usize,
-        place: &Place,
-        here: Quat,
-        moments: &Moments<'_>,
-        shared: &mut Shared,
-    ) -> Linear {
-        let effect = &self.effects()[index];
-        if !acts(effect) {
-            return Linear::NONE;
-        }
-        let reference = placed(effect, here);
-        let mut settled = if place.effect == index { place.memory } else { Memory::None };
+        let Moments { phases, q } = Moments::new(place, swing);
+        let effects = self.effects();
+        let (mut swung, mut shared) = ([Swung::STILL; MAX_EFFECTS], Shared::EMPTY);
         // The memory settles at the place itself: dry friction sticks there.
-        self.torque(effect, &reference, Motion { q: place.q, omega: Vec3::ZERO }, &mut settled, shared);
-        let Moments { swing, phases, q } = moments;
-        let (mut stiffness, mut damping) = ([Vec3::ZERO; 3], [Vec3::ZERO; 3]);
+        let at_place = Motion { q: place.q, omega: Vec3::ZERO };
+        for (index, (effect, swung)) in effects.iter().zip(&mut swung).enumerate() {
+            if acts(effect) && !idle(index) {
+                let reference = placed(effect, here);
+                let mut settled = if place.effect == index { place.memory } else { Memory::None };
+                self.torque(effect, &reference, at_place, &mut settled, &mut shared);
+                *swung = Swung { reference: Some(reference), settled, ..Swung::STILL };
+            }
+        }
         for k in 0..3 {
             let (axis, turn) = (swing.axes.col(k), swing.turn[k]);
-            let mut memory = settled;
+            swung.iter_mut().for_each(|swung| swung.memory = swung.settled);
             // The first cycle brings a law with a memory into its steady cycle.
             for is_steady in [false, true] {
-                if !is_steady && !effect.kind.remembers() {
-                    continue;
-                }
                 for (q, [sine, cosine]) in q[k].iter().zip(phases) {
                     let motion = Motion { q: *q, omega: axis * (swing.speed * cosine) };
-                    let torque = self.torque(effect, &reference, motion, &mut memory, shared);
-                    if is_steady {
-                        stiffness[k] -= torque * (sine * 2.0 / (MOMENTS as Real * turn));
-                        damping[k] -= torque * (cosine * 2.0 / (MOMENTS as Real * swing.speed));
+                    shared.begin();
+                    for (effect, swung) in effects.iter().zip(&mut swung) {
+                        let Some(reference) = &swung.reference else { continue };
+                        if !is_steady && !effect.kind.remembers() {
+                            continue;
+                        }
+                        let torque = self.torque(effect, reference, motion, &mut swung.memory, &mut shared);
+                        if is_steady {
+                            swung.stiffness[k] -= torque * (sine * 2.0 / (MOMENTS as Real * turn));
+                            swung.damping[k] -= torque * (cosine * 2.0 / (MOMENTS as Real * swing.speed));
+                        }
                     }
                 }
             }
         }
         let back = swing.axes.transpose();
-        let whole = |columns: [Vec3; 3]| Mat3::from_cols(columns[0], columns[1], columns[2]) * back;
-        Linear { stiffness: whole(stiffness), damping: whole(damping) }
+        let whole = |[x, y, z]: [Vec3; 3]| Mat3::from_cols(x, y, z) * back;
+        for Swung { reference, stiffness, damping, .. } in &swung[..effects.len()] {
+            visit(match reference {
+                Some(_) => Linear { stiffness: whole(*stiffness), damping: whole(*damping) },
+                None => Linear::NONE,
+            });
+        }
     }
 
     /// Calls `visit` for each virtual mass of the scene: its inertia in frame N (kg m², with the
@@ -235,6 +262,7 @@ impl CompiledScene {
         for k in 0..samples {
             let q = rotation::exp(axis * (step * k as Real)) * from;
             let [mut still, mut turning] = [0.0; 2];
+            shared.begin();
             for effect in self.effects().iter().filter(|effect| acts(effect)) {
                 let reference = placed(effect, here);
                 let mut about = |omega| {
@@ -268,13 +296,15 @@ impl CompiledScene {
         let (mut memory, mut shared) = (place.memory, Shared::EMPTY);
         let mut at = |q| {
             let motion = Motion { q, omega: Vec3::ZERO };
+            shared.begin();
             self.torque(effect, &reference, motion, &mut memory, &mut shared)
         };
         at(place.q);
         at(q)
     }
 
-    /// Returns the torque of `effect` with its gain, N m. The time stands still.
+    /// Returns the torque of `effect` with its gain, N m. The time stands still. What effects share
+    /// begins anew with each motion.
     fn torque(
         &self,
         effect: &Effect,
@@ -283,11 +313,10 @@ impl CompiledScene {
         memory: &mut Memory,
         shared: &mut Shared,
     ) -> Vec3 {
-        shared.begin();
         let numbers = self.numbers(effect.numbers);
         effect.kind.render(
             effect.gain,
-            Now { motion, dt: 0.0, lead: 0.0, ahead: 0.0, reference, numbers, shared, shares: false },
+            Now { motion, dt: 0.0, lead: 0.0, ahead: 0.0, reference, numbers, shared, shares: true },
             memory,
         )
     }

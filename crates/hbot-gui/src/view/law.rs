@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use eframe::egui::{Role, Ui, WidgetInfo};
-use egui_plot::{GridMark, Line, LineStyle, Plot, Points};
+use egui_plot::{GridMark, Line, LineStyle, Plot, PlotBounds, Points};
 use hbot_core::rotation;
 
 use super::Desk;
@@ -46,10 +46,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
         .grid_color(palette.plot_grid())
         .height(HEIGHT)
         .width(ui.available_width() - 8.0)
-        .include_x(-PI)
-        .include_x(PI)
-        .include_y(-end)
-        .include_y(end)
+        .auto_bounds(false)
         .x_grid_spacer(quarter)
         .x_axis_formatter(degrees)
         .y_axis_min_width(34.0)
@@ -60,8 +57,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
         .show_x(false)
         .show_y(false);
     let shown = plot.show(ui, |plot| {
+        plot.set_plot_bounds(PlotBounds::from_min_max([-PI, -end], [PI, end]));
         for (k, curve) in curves.iter().enumerate() {
-            let points: Vec<_> = curve.iter().map(|(x, y)| [*x, y.clamp(-end, end)]).collect();
+            let points: Vec<_> = curve.iter().map(|(x, y)| [*x, *y]).collect();
             plot.line(Line::new(format!("n{}", k + 1), points).color(palette.axes[k]).width(1.6));
         }
         if limit > 0.0 && end > limit {

@@ -12,6 +12,8 @@ use crate::net::Intent;
 /// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
 /// holds the explanation of every fault and its remedy without scrolling.
 const STATUS: [f32; 2] = [88.0, 150.0];
+/// Height of the bars, points. In a low window, the explanation of a fault takes their place.
+const BARS: f32 = 114.0;
 /// A window of at least this height is tall, points.
 const TALL: f32 = 720.0;
 /// Names of the bars and their hover texts, which also explain the units.
@@ -35,7 +37,12 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     if response.clicked() {
         intents.push(Intent::Stop);
     }
-    ui.vertical_centered(|ui| weak(ui, "Esc or Space, anywhere in this window"));
+    let keys = if ui.input(|input| input.focused) {
+        "Esc or Space, anywhere in this window"
+    } else {
+        "The keys go to another window"
+    };
+    ui.vertical_centered(|ui| weak(ui, keys));
 }
 
 /// Draws the buttons that enable, disable and reset the rig, what the rig does now, and how near it
@@ -44,13 +51,17 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
-    status(ui, model, palette);
-    ui.add_enabled_ui(model.is_certain(), |ui| meters(ui, model, palette));
+    if is_low(ui) && model.headline() == Headline::Mode(Mode::Fault) {
+        status(ui, model, palette, STATUS[0] + BARS);
+    } else {
+        status(ui, model, palette, STATUS[usize::from(!is_low(ui))]);
+        ui.add_enabled_ui(model.is_certain(), |ui| meters(ui, model, palette));
+    }
 }
 
-/// Draws what the rig does now, and what the user must know about it. The box has a fixed height,
-/// so that the sliders below it stay in their place; a longer text scrolls in it.
-fn status(ui: &mut Ui, model: &Model, palette: Palette) {
+/// Draws what the rig does now, and what the user must know about it, in a box whose text is
+/// `height` points high. So the sliders below it stay in their place; a longer text scrolls.
+fn status(ui: &mut Ui, model: &Model, palette: Palette, height: f32) {
     let headline = model.headline();
     // The edge is as wide in all states, so that nothing below the box moves.
     let edge = egui::Frame::group(ui.style()).stroke.color;
@@ -64,18 +75,17 @@ fn status(ui: &mut Ui, model: &Model, palette: Palette) {
         }
         Headline::Mode(_) => frame.stroke((2.0, palette.headline(headline))),
     };
-    let height = if ui.ctx().content_rect().height() < TALL { STATUS[0] } else { STATUS[1] };
     frame.show(ui, |ui| {
         ui.set_width(ui.available_width());
         ui.set_height(height);
         ui.spacing_mut().item_spacing.y = 3.0;
-        let title = RichText::new(headline.text()).strong().size(18.0);
-        if headline == Headline::NotStopped {
+        let color = if headline == Headline::NotStopped {
             ui.visuals_mut().override_text_color = Some(egui::Color32::WHITE);
-            ui.label(title);
+            egui::Color32::WHITE
         } else {
-            ui.label(title.color(palette.headline(headline)));
-        }
+            palette.headline(headline)
+        };
+        ui.label(RichText::new(headline.text()).strong().size(18.0).color(color));
         let area = ScrollArea::vertical().id_salt("status").auto_shrink(false);
         area.show(ui, |ui| details(ui, model, headline, palette));
     });
@@ -84,7 +94,8 @@ fn status(ui: &mut Ui, model: &Model, palette: Palette) {
 fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
-            ui.add(egui::Label::new(RichText::new("Cut the motors' power.").strong().size(15.0)).wrap());
+            let cut = RichText::new("Cut the motors' power.").strong().size(15.0);
+            ui.add(egui::Label::new(cut.color(egui::Color32::WHITE)).wrap());
             if let Some(stop) = model.unconfirmed_stop() {
                 ui.add(egui::Label::new(stop.way_out(&model.server)).wrap());
                 ui.add(egui::Label::new(format!("At {}: {}.", stop.server, stop.why())).wrap());
@@ -165,11 +176,18 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     if let Some(text) = too_fast(model, state) {
         coloured(ui, palette.warn, text);
     }
-    ui.add(egui::Label::new(cure).wrap());
+    // What was found comes before the usual remedy. A simulated rig has no plug that is loose.
     match &model.fault {
-        Some(told) => weak(ui, format!("{fault}: {}", without_log(&told.message))),
-        None => weak(ui, fault.as_str()),
-    };
+        Some(told) => {
+            ui.add(egui::Label::new(format!("{fault}: {}", without_log(&told.message))).wrap());
+            if model.is_simulated() {
+                weak(ui, cure);
+                return;
+            }
+        }
+        None => drop(weak(ui, fault.as_str())),
+    }
+    ui.add(egui::Label::new(cure).wrap());
 }
 
 /// Says that the sphere must slow down before a reset, if it is still as fast as in the fault
@@ -237,6 +255,7 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
         for name in METERS {
             meter(ui, palette, name, 0.0, "-".to_owned());
         }
+        lead(ui, palette, 0.0);
         return;
     };
     let limits = &model.info.limits;
@@ -250,7 +269,7 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
         (state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
         (share(state.slip, limits.slip), format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip)),
         if is_cut {
-            (1.0, format!("{:.0} % cut off by limits", 100.0 * lost))
+            (lost, format!("{:.0} % cut off by limits", 100.0 * lost))
         } else {
             (0.0, "none".to_owned())
         },
@@ -258,11 +277,24 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
     for (name, (share, figures)) in METERS.into_iter().zip(values) {
         meter(ui, palette, name, share, figures);
     }
-    if state.timing.lead_us > 0.0 {
-        let text = format!("rendered {:.2} ms ahead", 1.0e-3 * state.timing.lead_us);
-        let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
+    lead(ui, palette, state.timing.lead_us);
+}
+
+/// Draws how far ahead the scene is rendered. The line keeps its place; a low window has none.
+fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
+    if is_low(ui) {
+        return;
+    }
+    let ahead = lead_us > 0.0;
+    let text = if ahead { format!("rendered {:.2} ms ahead", 1.0e-3 * lead_us) } else { " ".to_owned() };
+    let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
+    if ahead {
         line.on_hover_text(LEAD);
     }
+}
+
+fn is_low(ui: &Ui) -> bool {
+    ui.ctx().content_rect().height() < TALL
 }
 
 fn share(value: f64, limit: f64) -> f64 {
@@ -308,7 +340,7 @@ mod tests {
             state.timing.lead_us = lead_us;
             model.state = Some(state);
             let draw = move |ui: &mut Ui| meters(ui, &model, Palette::of(ui));
-            let mut seen = Harness::builder().with_size([600.0, 400.0]).build_ui(draw);
+            let mut seen = Harness::builder().with_size([600.0, TALL]).build_ui(draw);
             seen.run_steps(4);
             assert_eq!(seen.query_by_label("rendered 2.20 ms ahead").is_some(), told);
         }

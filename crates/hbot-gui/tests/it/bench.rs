@@ -300,19 +300,8 @@ impl Seat {
         self.frame();
     }
 
-    /// Returns the texts that the last frame has painted, also those without an own node for screen
-    /// readers, such as the legend of the sphere.
     pub(crate) fn painted(&self) -> Vec<String> {
-        fn collect(shape: &Shape, texts: &mut Vec<String>) {
-            match shape {
-                Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect(shape, texts)),
-                Shape::Text(shape) => texts.push(shape.galley.text().to_owned()),
-                _ => {}
-            }
-        }
-        let mut texts = Vec::new();
-        self.harness.output().shapes.iter().for_each(|shape| collect(&shape.shape, &mut texts));
-        texts
+        painted(&self.harness)
     }
 
     pub(crate) fn is_enabled(&self, label: &str) -> bool {
@@ -323,6 +312,21 @@ impl Seat {
     pub(crate) fn texts(&self) -> String {
         format!("{:?}", self.harness.root())
     }
+}
+
+/// Returns the texts that the last frame has painted, also those without an own node for screen
+/// readers, such as the legend of the sphere.
+pub(crate) fn painted(harness: &Harness<'static, Option<Panel>>) -> Vec<String> {
+    fn collect(shape: &Shape, texts: &mut Vec<String>) {
+        match shape {
+            Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect(shape, texts)),
+            Shape::Text(shape) => texts.push(shape.galley.text().to_owned()),
+            _ => {}
+        }
+    }
+    let mut texts = Vec::new();
+    harness.output().shapes.iter().for_each(|shape| collect(&shape.shape, &mut texts));
+    texts
 }
 
 /// A TCP connection between a panel and its server. A test can freeze it, so that no bytes arrive

@@ -51,27 +51,29 @@ impl Models {
             });
         }
         let Some(bound) = &self.bound else { return Ok((model, 1.0)) };
+        let unstable = |found: UnstableModel| self.unstable(&found, !request.planes.is_empty());
         if !request.soften {
-            return bound.check(&model).map(|()| (model, 1.0)).map_err(|found| self.unstable(&found));
+            return bound.check(&model).map(|()| (model, 1.0)).map_err(unstable);
         }
-        let part = bound.softened(&model).map_err(|found| self.unstable(&found))?;
+        let part = bound.softened(&model).map_err(unstable)?;
         if part < 1.0 {
             model.soften(part);
         }
         Ok((model, part))
     }
 
-    fn unstable(&self, found: &UnstableModel) -> ErrorBody {
+    fn unstable(&self, found: &UnstableModel, planes: bool) -> ErrorBody {
         let UnstableModel { axis, stiffness, damping, stable, most_damping } = *found;
         let axis = axis.to_array().map(|x| (x * 100.0).round() / 100.0 + 0.0);
         let rate = self.rate_hz;
+        let entered = if planes { " with all planes entered" } else { "" };
         let message = if damping >= most_damping {
             format!(
-                "op model: it may shake the sphere about {axis:?}: the damping, {damping:.3} N m s/rad with all planes entered, acts too late; at {rate} Hz legal: less than {most_damping:.3}"
+                "op model: it may shake the sphere about {axis:?}: the damping, {damping:.3} N m s/rad{entered}, acts too late; at {rate} Hz legal: less than {most_damping:.3}"
             )
         } else {
             format!(
-                "op model: it may shake the sphere about {axis:?}: with all planes entered it has {stiffness:.2} N m/rad and a damping of {damping:.4} N m s/rad; at {rate} Hz legal with this damping: at most {stable:.2} N m/rad. Send less stiffness, more damping, or soften = true"
+                "op model: it may shake the sphere about {axis:?}: it has {stiffness:.2} N m/rad and a damping of {damping:.4} N m s/rad{entered}; at {rate} Hz legal with this damping: at most {stable:.2} N m/rad. Send less stiffness, more damping, or soften = true"
             )
         };
         ErrorBody::new(ErrorCode::OutOfRange, message)

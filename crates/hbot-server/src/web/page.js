@@ -65,6 +65,7 @@ function tell(what) {
 
 /** Sends a request. Returns whether it was carried out; if not, the person reads why. */
 async function ask(op, fields, what = op) {
+  rig.refusal = null;
   try {
     const ok = await link.request(op, fields);
     if (ok.warnings) rig.warnings = ok.warnings;
@@ -72,6 +73,7 @@ async function ask(op, fields, what = op) {
     return true;
   } catch (error) {
     tell(what)(error);
+    if (op === 'enable') rig.refusal = error.message;
     return false;
   }
 }
@@ -218,7 +220,7 @@ function palette() {
   const of = (name) => style.getPropertyValue(`--${name}`).trim();
   return {
     axes: [of('axis1'), of('axis2'), of('axis3')], sphere: [of('sphere'), of('edge')],
-    ...Object.fromEntries(['torque', 'ghost', 'grid', 'ground', 'wheel', 'weak', 'hand', 'line', 'text'].map((k) => [k, of(k)])),
+    ...Object.fromEntries(['torque', 'ghost', 'grid', 'ground', 'wheel', 'weak', 'hand', 'line', 'text', 'warn'].map((k) => [k, of(k)])),
   };
 }
 dark.onchange = () => {
@@ -244,7 +246,7 @@ function words() {
   put(legend.children[0], `torque ${length(state.torque).toFixed(3)} N m`);
   put(legend.children[1], state.reference ? 'reference, dashed' : 'no reference');
   put(legend.children[2], `turned ${turned.map(figure).join(' ')} rad`);
-  put(legend.children[3], `angle ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
+  put(legend.children[3], `from home ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
   const away = rig.away;
   $('sphere').setAttribute('aria-label', `Sphere: turned ${angle.toFixed(2)} rad, torque `
     + `${length(state.torque).toFixed(2)} N m${away === null ? '' : `, ${away.toFixed(2)} rad from its reference`}`);

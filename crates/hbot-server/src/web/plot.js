@@ -135,6 +135,10 @@ export function plotCurves(canvas, curves, present, colours, limit) {
   c.rect(left, top, width - left - right, height - top - bottom);
   c.clip();
   curves.forEach((curve, k) => line(curve, colours.axes[k]));
+  if (limit > 0 && end > limit) {
+    c.setLineDash([6, 6]);
+    for (const v of [-limit, limit]) line([[-Math.PI, v], [Math.PI, v]], colours.warn);
+  }
   c.restore();
   present?.torque.forEach((torque, k) => {
     c.fillStyle = colours.axes[k];

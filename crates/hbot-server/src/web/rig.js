@@ -233,6 +233,13 @@ export class Rig {
     return this.state?.reference ? length(this.deflection(this.state)) : null;
   }
 
+  /** Whether the effect whose reference counts is placed where the sphere is when it is enabled. */
+  get beginsHere() {
+    const placed = (this.info?.scene?.effect ?? []).map((effect) => (
+      effect.anchor ?? this.kind(effect.kind)?.schema.properties?.anchor?.default));
+    return placed.find((anchor) => anchor !== undefined) === 'here';
+  }
+
   kind(name) {
     return this.info?.effects.find((kind) => kind.name === name);
   }

@@ -283,12 +283,13 @@ export function draw(canvas, rig, camera, colours, held) {
   const drawing = new Drawing(context, camera.frame, place(width, height), colours);
   const { state, info } = rig;
   const limit = info?.limits.torque ?? 0;
-  const q = state?.q ?? [1, 0, 0, 0];
+  // Without a state there is no pose to show.
+  if (!state) return;
+  const { q } = state;
   context.font = '13px system-ui, sans-serif';
   drawing.sphere(q);
-  if (state?.reference) drawing.reference(state.reference);
+  if (state.reference) drawing.reference(state.reference);
   drawing.axes(q);
-  if (!state) return;
   info?.rig.wheels.forEach((wheel, k) => drawing.wheel(wheel, info.rig.sphere.radius,
     state.joints[2 * k]?.angle ?? 0, state.joints[2 * k + 1]?.angle ?? 0));
   drawing.torque(state.torque, limit);

@@ -62,10 +62,11 @@ function details(rig) {
     const words = rig.info?.faults?.find((fault) => fault.name === state.fault);
     const who = by ? ` It was ${rig.name(by)}.` : '';
     const told = rig.fault ? `: ${rig.fault.message.split('; flight log:')[0]}` : '';
+    // What was found comes before the usual remedy. A simulated rig has no plug that could be loose.
     return [
       ['bad', `${words?.sentence ?? state.fault}${who}`],
-      ['', words?.remedy ?? ''],
-      ['weak', `${state.fault}${told}`]];
+      ['', `${state.fault}${told}`],
+      [rig.isSimulated && told ? 'weak' : '', words?.remedy ?? '']];
   }
   if (state.mode === 'estop') {
     return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['', wayOn(rig)]];
@@ -73,6 +74,7 @@ function details(rig) {
   const shaken = rig.shaking
     ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
+  if (state.mode === 'idle' && rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
   return [...shaken, ['weak', mode]];
 }
 
@@ -88,13 +90,13 @@ let shown = '';
 /** Draws everything that is text, without the scene. */
 export function showState(rig) {
   const head = rig.headline;
-  const box = $('box');
   const lines = details(rig).filter(([, text]) => text);
   const key = JSON.stringify([head, lines]);
   if (key !== shown) {
     shown = key;
-    box.dataset.head = head.toLowerCase().replace(' ', '-');
+    document.body.dataset.head = head.toLowerCase().replace(' ', '-');
     put($('headline'), head);
+    put($('chip'), head);
     $('details').replaceChildren(...lines.map(([weight, text]) => {
       const line = document.createElement('p');
       line.className = weight;
@@ -145,6 +147,7 @@ function orders(rig) {
   const away = rig.away;
   put($('distance'), !rig.state ? 'Distance: not known.'
     : away === null ? 'No reference: nothing pulls at once.'
+      : rig.beginsHere ? 'The scene begins where the sphere is.'
       : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
 }
 
@@ -161,7 +164,7 @@ function meters(rig) {
     [share(state.slip, limits.slip),
       `${(1e3 * state.slip).toFixed(1)} / ${(1e3 * limits.slip).toFixed(0)} mm/s`],
     1 - state.scale > 0.0005
-      ? [1, `${(100 * (1 - state.scale)).toFixed(0)} % cut off`] : [0, 'none'],
+      ? [1 - state.scale, `${(100 * (1 - state.scale)).toFixed(0)} % cut off`] : [0, 'none'],
   ];
   METERS.forEach(({ meter, figures, name }, k) => {
     const [value, text] = values[k];

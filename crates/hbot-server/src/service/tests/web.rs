@@ -221,8 +221,9 @@ fn behind_tls_the_page_and_the_api_are_served_and_nothing_without_it() {
     // This answer is longer than a TLS record.
     assert!(browser.ask(&json!({"id": 1, "op": "info"})).to_string().len() > 16 * 1024);
     browser.send(&json!({"id": 2, "op": "subscribe", "every": 1}));
-    let states = (0..200).map(|_| browser.next()).filter(|message| message["event"] == "state").count();
-    assert!(states >= 199, "{states}");
+    // On a busy machine, a `dropped` comes between them.
+    let states = std::iter::repeat_with(|| browser.next()).filter(|message| message["event"] == "state");
+    assert_eq!(states.take(200).count(), 200);
     // The page of the same address without encryption is another origin.
     for origin in [format!("http://{}", bench.web), "https://evil.example".to_owned()] {
         assert!(open(&origin).is_err(), "{origin}");

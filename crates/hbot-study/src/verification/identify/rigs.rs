@@ -69,7 +69,7 @@ pub(super) fn counts(
 
 /// Returns a recording with one part.
 pub(super) fn recorded(counts: Vec<Counts>) -> [Recorded; 1] {
-    [Recorded { parts: vec![counts], period_s: H, pushed_s: 0.0 }]
+    [Recorded { parts: vec![counts], period_s: H, pushed_s: 0.0, simulated: true }]
 }
 
 /// Returns the geometry of `rig` with other wheels and zeros.
