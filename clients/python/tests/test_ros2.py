@@ -137,7 +137,9 @@ def test_a_command_is_as_old_as_the_pose_that_it_names(server: Server, peer: Pee
     commands = peer.publisher(WrenchStamped, "/hbot/command/wrench")
     peer.until(lambda: commands.get_subscription_count(), "the program takes commands")
     with hbot.connect(server.address, name="watch") as rig:
-        for late, least, most in ((0, 1, OLDER - 1), (OLDER, OLDER + 1, 10 * OLDER)):
+        # How long a command is on its way depends on the machine: the middles are compared.
+        middles: list[int] = []
+        for late, least in ((0, 1), (OLDER, OLDER + 1)):
             ages: list[int] = []
 
             def push(late: int = late, ages: list[int] = ages) -> bool:
@@ -154,7 +156,8 @@ def test_a_command_is_as_old_as_the_pose_that_it_names(server: Server, peer: Pee
             peer.until(push, "commands act")
             late_ages = sorted(ages[20:])
             assert least <= late_ages[0], "the age counts from the pose that was named"
-            assert late_ages[len(late_ages) // 2] < most
+            middles.append(late_ages[len(late_ages) // 2])
+        assert middles[1] - middles[0] > OLDER // 2, middles
     assert "command:" not in peer.log()
 
 
