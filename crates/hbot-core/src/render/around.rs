@@ -179,7 +179,7 @@ impl CompiledScene {
                 }
             },
         );
-        all[index]
+        all[..self.effects().len()][index]
     }
 
     /// Calls `visit` for each effect of the scene, in their order, with its stiffness and damping
