@@ -100,7 +100,8 @@ struct Point {
     angle: f64,
     hand: f64,
     rig: f64,
-    law: f64,
+    /// `None` if the state does not show where the effects are anchored.
+    law: Option<f64>,
 }
 
 pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<ExitCode> {
@@ -188,24 +189,32 @@ fn quat([w, x, y, z]: [f64; 4]) -> Quat {
 fn points(info: &InfoOk, states: &[StateEvent], axis: Vec3) -> anyhow::Result<Vec<Point>> {
     let scene = SceneFile::from_json(info.scene.clone()).map_err(|error| anyhow!("{error}"))?;
     let first = &states[0];
-    let anchor = quat(first.reference.unwrap_or(first.q));
+    let probe = Probe::new(&scene);
+    let anchor = probe.anchor(quat(first.reference.unwrap_or(first.q)));
     let period_s = 1.0 / f64::from(info.rig.rate_hz);
     let motion = |state: &StateEvent| (quat(state.q), Vec3::from_array(state.omega));
-    let law = Probe::new(&scene).along(anchor, period_s, states.iter().map(motion));
-    let point = |(state, law): (&StateEvent, Vec3)| Point {
+    let law = anchor.map(|anchor| probe.along(anchor, period_s, states.iter().map(motion)));
+    let point = |(k, state): (usize, &StateEvent)| Point {
         angle: rotation::difference(quat(state.q), quat(first.q)).dot(axis),
         hand: Vec3::from_array(state.hand.unwrap_or_default()).dot(axis),
         rig: Vec3::from_array(state.torque).dot(axis),
-        law: law.dot(axis),
+        law: law.as_ref().map(|law| law[k].dot(axis)),
     };
-    Ok(states.iter().zip(law).map(point).collect())
+    Ok(states.iter().enumerate().map(point).collect())
 }
 
 fn table(points: &[Point]) -> anyhow::Result<()> {
     say!("  angle, deg   hand, N m    rig, N m    law, N m")?;
     for row in 0..=ROWS {
         let Point { angle, hand, rig, law } = &points[row * (points.len() - 1) / ROWS];
-        say!("{:12.2}{hand:12.4}{rig:12.4}{law:12.4}", angle.to_degrees())?;
+        let law = law.map_or_else(|| "-".to_owned(), |law| format!("{law:.4}"));
+        say!("{:12.2}{hand:12.4}{rig:12.4}{law:>12}", angle.to_degrees())?;
+    }
+    if points.iter().any(|point| point.law.is_none()) {
+        tell!(
+            "the law is not known: the scene has an absolute reference first, and another one that is where the sphere was when \
+             the scene began; load that effect alone"
+        )?;
     }
     Ok(())
 }
@@ -263,15 +272,15 @@ fn told(info: &InfoOk, states: &[StateEvent], points: &[Point], args: &TurnArgs)
 
 /// Returns the picture of torque against angle as SVG.
 fn picture(info: &InfoOk, points: &[Point], axis: &str) -> String {
-    let curve = |name: &str, colour, dashed, value: fn(&Point) -> f64| Curve {
+    let curve = |name: &str, colour, dashed, value: fn(&Point) -> Option<f64>| Curve {
         name: Some(name.to_owned()),
-        points: points.iter().map(|point| (point.angle.to_degrees(), value(point))).collect(),
+        points: points.iter().filter_map(|point| Some((point.angle.to_degrees(), value(point)?))).collect(),
         colour,
         dashed,
     };
     let curves = vec![
-        curve("hand, on the sphere", Some(0), false, |point| point.hand),
-        curve("rig, on the sphere", Some(1), false, |point| point.rig),
+        curve("hand, on the sphere", Some(0), false, |point| Some(point.hand)),
+        curve("rig, on the sphere", Some(1), false, |point| Some(point.rig)),
         curve("law of the scene", None, true, |point| point.law),
     ];
     let all = || curves.iter().flat_map(|curve| &curve.points);
@@ -315,7 +324,7 @@ mod tests {
                 }
             })
             .collect();
-        let point = |state: &StateEvent| Point { angle: state.t.min(0.5), hand: 0.0, rig: 0.0, law: 0.0 };
+        let point = |state: &StateEvent| Point { angle: state.t.min(0.5), hand: 0.0, rig: 0.0, law: None };
         let points: Vec<Point> = states.iter().map(point).collect();
         let limits = hbot_api::LimitsInfo { torque: 0.9, ..Default::default() };
         let info = InfoOk { limits, ..InfoOk::default() };

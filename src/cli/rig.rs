@@ -251,7 +251,7 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     let Some(expected) = StiffnessBound::of(config) else { return Ok(()) };
     let [most, with] = expected.most();
     tell!(
-        "\nstiffness to expect at {} Hz, from a reading to its torque D = {} tick, lag of the motors {} ms (torque_lag), \
+        "\nstiffness to expect at {} Hz, from a reading to its torque D = {} tick, lag of the motors {:.3} ms (torque_lag), \
          least apparent inertia J = {:.2e} kg m²",
         config.rate_hz,
         expected.sampled().delay,

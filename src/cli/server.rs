@@ -61,7 +61,7 @@ pub(crate) struct ServerArgs {
     scene: Option<PathBuf>,
     /// `sim` for the simulated rig, `sim:pty` for the same behind a pseudo-terminal, or a serial
     /// device
-    #[arg(long, value_name = "sim|sim:pty|DEVICE")]
+    #[arg(long, value_name = "sim|sim:pty|DEVICE", value_parser = device)]
     port: Option<String>,
     /// Address to listen on; addresses other than loopback need a token
     #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address)]
@@ -391,24 +391,35 @@ fn banner(
     } else {
         too_slow(rig, expected)
     };
+    let port = &rig.link.port;
+    let baud = if port.is_simulated() { String::new() } else { format!(" at {} baud", rig.link.baud) };
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
     let debug = if cfg!(debug_assertions) { " in a debug build" } else { "" };
     let web = web.map_or_else(String::new, |at| format!("\n  web      {name}{at}{off}"));
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
     format!(
-        "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {} at {} baud\n  rate     {} Hz, {how}{cpu}, \
+        "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {}{baud}\n  rate     {} Hz, {how}{cpu}, \
          accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}",
         env!("CARGO_PKG_VERSION"),
-        live_or_simulated(&rig.link.port),
+        live_or_simulated(port),
         rig.name,
         2 * wheels,
-        rig.link.port,
-        rig.link.baud,
+        port,
         rig.rate_hz,
         rig.accuracy,
         expected.name(),
         expected.ns * 1.0e-3,
     )
+}
+
+/// Parses the name of a port. A TCP port is a likely slip of the pen.
+fn device(text: &str) -> Result<String, String> {
+    match text.rsplit(':').next().and_then(|end| end.parse::<u16>().ok()) {
+        None => Ok(text.to_owned()),
+        Some(number) => Err(format!(
+            "a serial device such as /dev/ttyACM0, or sim; clients connect to --listen 127.0.0.1:{number}"
+        )),
+    }
 }
 
 /// Returns the words that say whether motors can push, and how torque comes on.

@@ -160,12 +160,12 @@ const COLUMNS: &str = "\
 Columns:
   t s          time since the start of the loop, s
   mode         mode of the rig, or its fault
-  orientation  of the sphere in frame N, a quaternion (terminals below 128 columns: `deg`, its
-               angle in degrees)
+  orientation  of the sphere in frame N, a quaternion; in a terminal of fewer
+               than 128 columns `deg`, its angle in degrees
   torque N m   torque on the sphere about n1 n2 n3, and its length
-  rate rad/s   angular velocity of the sphere about n1 n2 n3 (terminals below 128 columns: its
-               length)
-  scale        part of the wanted torque that is applied after all limits: 1 is all of it
+  rate rad/s   angular velocity of the sphere about n1 n2 n3; in a terminal of
+               fewer than 128 columns its length
+  scale        part of the wanted torque that is applied after all limits
   late us      time from the deadline of the tick to its start, microseconds";
 
 /// Which columns a row has.

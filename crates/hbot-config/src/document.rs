@@ -42,9 +42,8 @@ struct Place {
 /// full of mistakes, because any client can send such a value.
 const MOST_MISTAKES: usize = 100;
 
-/// Largest number of syntax errors that are reported. After the first few, the parser's messages
-/// are rarely useful.
-const MOST_SYNTAX_ERRORS: usize = 10;
+/// Largest number of syntax errors that are reported. Those after the first often follow from it.
+const MOST_SYNTAX_ERRORS: usize = 3;
 
 impl Document {
     /// Parses a TOML text into a tree of values. `file` is the name of the file in messages.

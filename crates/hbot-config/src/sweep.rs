@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use hbot_core::render::Renderer;
 use hbot_core::render::around::{Spot, Swing};
-use hbot_core::render::effects::{Effect, Motion, Span};
+use hbot_core::render::effects::{Anchor, Effect, Motion, Span};
 use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 use crate::{RigConfig, RunningScene, SceneFile};
@@ -79,6 +79,18 @@ impl Probe {
         let mut renderer = self.renderer.clone();
         renderer.adopt(&self.scene, Quat::IDENTITY);
         renderer
+    }
+
+    /// Returns the orientation at which the effects are anchored, if the first one with a reference
+    /// pulls to `reference`. Returns `None` if this does not show: that effect is absolute, and
+    /// another one is anchored where the sphere was.
+    #[must_use]
+    pub fn anchor(&self, reference: Quat) -> Option<Quat> {
+        let mut targets = self.scene.effects().iter().filter_map(|effect| effect.kind.reference());
+        match targets.next() {
+            Some((turn, Anchor::Here)) => Some(turn.conjugate() * reference),
+            _ => targets.all(|(_, anchor)| anchor == Anchor::Absolute).then_some(Quat::IDENTITY),
+        }
     }
 
     /// Returns the torque of the scene in frame N, N m, at each of these motions, one tick of
@@ -237,6 +249,24 @@ mod tests {
     fn shows(file: &SceneFile) -> (Option<f64>, bool) {
         let probe = Probe::new(file);
         (probe.still().map(|(time, _)| time), probe.has_wells())
+    }
+
+    /// A state shows only where the first effect with a reference pulls to.
+    #[test]
+    fn the_anchor_shows_if_the_first_reference_has_it() {
+        let of = |[first, second]: [&str; 2]| {
+            let effect = |id, keys| format!("[[effect]]\nid = '{id}'\nkind = 'spring'\n{keys}\n");
+            let text = effect('a', first) + &effect('b', second);
+            let file = SceneFile::from_toml(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
+            let turned = rotation::exp(Vec3::X * 0.7);
+            Probe::new(&file).anchor(turned).map(|anchor| anchor.angle_between(turned))
+        };
+        let here = "anchor = 'here'";
+        assert_eq!(of([here, ""]), Some(0.0));
+        assert_eq!(of(["", here]), None);
+        assert!((of(["", ""]).expect("it shows") - 0.7).abs() < 1e-9);
+        let beside = of(["anchor = 'here'\nreference = [0, 1, 0, 0]", here]);
+        assert!((beside.expect("it shows") - std::f64::consts::PI).abs() < 1e-9);
     }
 
     #[test]

@@ -29,12 +29,12 @@ pub(super) fn text(answers: &Answers) -> anyhow::Result<String> {
         let angle = std::f64::consts::TAU * f64::from(wheel) / f64::from(answers.wheels);
         write!(
             text,
-            "\n[[wheel]]\nname = \"{}\"\naxis = [{:.6}, {:.6}, -1] # measure: from the centre to the wheel, z up; any length\n\
+            "\n[[wheel]]\nname = \"{}\"\naxis = [{}, {}, -1] # measure: from the centre to the wheel, z up; any length\n\
              cone = \"{} deg\" # between the steering axis and the contact's normal; must not be 0\n\
              radius = {} # m\n",
             char::from(b'A' + wheel as u8),
-            angle.cos(),
-            angle.sin(),
+            digits(angle.cos()),
+            digits(angle.sin()),
             answers.cone_deg,
             real(answers.wheel_radius),
         )?;
@@ -129,9 +129,11 @@ fn joint(text: &mut String, answers: &Answers, number: u32) -> std::fmt::Result 
     writeln!(text, "gear = {} # turns of the motor per turn of the joint", real(motor.gear))?;
     writeln!(text, "sign = 1 # `hbot rig calibrate` tells whether it is -1")?;
     if steer {
+        // Controllers with ids report no index.
+        let other = if answers.protocol == Controllers::Hbot { "index" } else { "absolute" };
         writeln!(
             text,
-            "zero = \"assume\" # a person sets the wheels to zero before power goes on; or \"index\", \"absolute\""
+            "zero = \"assume\" # a person sets the wheels to zero before power goes on; or \"{other}\""
         )?;
     }
     writeln!(
@@ -142,6 +144,12 @@ fn joint(text: &mut String, answers: &Answers, number: u32) -> std::fmt::Result 
         real(motor.peak),
         real(rounded(0.1 * motor.peak)),
     )
+}
+
+/// Returns a number with at most six decimals.
+fn digits(x: f64) -> f64 {
+    // Plus 0, which takes the sign of -0 away.
+    (x * 1.0e6).round() / 1.0e6 + 0.0
 }
 
 /// Returns a number with three significant digits.

@@ -37,7 +37,7 @@ const NUMBERS: [Number; 10] = [
         words: "mass of the sphere, kg",
         unit: "kilograms",
         quantity: Quantity::Mass,
-        help: "Of the sphere alone. A hollow sphere is assumed: `inertia` in the file says otherwise.",
+        help: "Of the sphere alone. It counts as a thin shell.",
         given: |args| args.mass,
         place: |answers| &mut answers.mass,
     },

@@ -18,7 +18,7 @@ pub(crate) struct NewArgs {
     /// Name of the scene, shown to people
     #[arg(long)]
     name: Option<String>,
-    /// Kinds of effects, as `hbot scene kinds` lists them
+    /// Kinds of effects, as `hbot scene kinds` lists them, with commas between them
     #[arg(long = "effect", value_name = "KIND", value_delimiter = ',')]
     effects: Vec<String>,
 }
@@ -28,11 +28,12 @@ pub(super) fn run(args: &NewArgs) -> anyhow::Result<()> {
     if args.file.exists() {
         bail!("{file} exists already: name another file");
     }
+    let chosen = if args.effects.is_empty() { None } else { Some(named(&args.effects)?) };
     let name = match &args.name {
         Some(name) => name.clone(),
         None => asked("name of the scene", "My scene")?,
     };
-    let chosen = if args.effects.is_empty() { ask_for_kinds()? } else { named(&args.effects)? };
+    let chosen = chosen.map_or_else(ask_for_kinds, Ok)?;
     let text = text(&name, &chosen);
     if let Err(mistakes) = SceneFile::from_toml(&text, "the scene") {
         bail!("{mistakes}");

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,6 +30,10 @@ def one_line_errors(*more: type[Exception]) -> Iterator[None]:
     expected: tuple[type[Exception], ...] = (HbotError, OSError, *more)
     try:
         yield
+    except BrokenPipeError:
+        # Who reads standard output has enough, such as `head`. Python must not write the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(1) from None
     except expected as error:
         print(f"error: {str(error) or type(error).__name__}", file=sys.stderr, flush=True)
         raise SystemExit(1) from error

@@ -60,7 +60,7 @@ pub enum ClientError {
     Io(io::Error),
     /// The server sent something that is not a message of this protocol. It is probably another
     /// program or another version.
-    #[error("the server sent what is no message of its: {0}")]
+    #[error("the server sent a message that cannot be read: {0}")]
     Protocol(String),
     /// The TLS connection failed, or the server requires encryption and the client does not use it.
     #[error("{0}")]

@@ -87,7 +87,7 @@ impl Judge {
         let [usual, light] =
             [&self.sampled, &light].map(|sampled| HOLDS.map(|hold| Held::new(sampled, &hold)));
         let holds = Holds { usual, light };
-        let places = self.places(scene);
+        let (places, here) = self.places(scene);
         for (place, leans) in &places {
             let speeds = if *leans { &SPEEDS[..] } else { &SPEEDS[..4] };
             let far = self.far(scene, place);
@@ -103,7 +103,7 @@ impl Judge {
             bouncing.into_iter().for_each(|finding| keep(&mut found, finding));
         }
         // What shakes at its own places is not looked for elsewhere.
-        for place in self.away(scene) {
+        for place in self.away(scene, here) {
             let far = self.far(scene, &place);
             for speed in &SPEEDS[..4] {
                 let swinging = Swinging { holds: &holds, place: &place, speed: *speed, far };

@@ -23,8 +23,9 @@ const MOST_PLACES: usize = 64;
 
 impl Judge {
     /// Returns the places of the scene, each orientation once: walls also a little inside, and
-    /// where the sphere rests if the effects pull it away from a place.
-    pub(super) fn places(&self, scene: &CompiledScene) -> Vec<(Place, bool)> {
+    /// where the sphere rests if the effects pull it away from a place; and where it rests if it
+    /// starts at the first place.
+    pub(super) fn places(&self, scene: &CompiledScene) -> (Vec<(Place, bool)>, Option<Place>) {
         /// Depth at which a hand leans against a wall or a spring, rad, and the part of the largest
         /// torque with which it does so at most.
         const LEANING: (f64, f64) = (0.01, 0.9);
@@ -43,6 +44,13 @@ impl Judge {
         let mut rests = Vec::new();
         let mut here = None;
         let mut sought: Vec<(Quat, Option<Place>)> = Vec::new();
+        let mut rest_from = |place: &Place| {
+            let same = |(q, _): &&(Quat, Option<Place>)| q.dot(place.q).abs() > SAME;
+            let known = sought.iter().find(same).map(|(_, rest)| *rest);
+            let rest = known.unwrap_or_else(|| self.rest(scene, place));
+            sought.push((place.q, rest));
+            rest
+        };
         scene.places(Quat::IDENTITY, |place| {
             here = here.or(Some(place.rest_at(Quat::IDENTITY)));
             // What an effect without stiffness and damping does to the others is nothing.
@@ -56,9 +64,7 @@ impl Judge {
                 return;
             }
             // Where more torque is wanted than the rig makes, the sphere does not stay.
-            let same = |(q, _): &&(Quat, Option<Place>)| q.dot(place.q).abs() > SAME;
-            let rest = sought.iter().find(same).map_or_else(|| self.rest(scene, &place), |(_, rest)| *rest);
-            sought.push((place.q, rest));
+            let rest = rest_from(&place);
             if rest.is_none() || pull(scene, &place).length() <= self.torque {
                 add(place, false);
             }
@@ -72,18 +78,15 @@ impl Judge {
             rests.extend(rest);
         });
         // After the effects' own places, so that those keep their names.
-        let here = here.map(|here| self.rest(scene, &here).unwrap_or(here));
+        let here = here.map(|here| rest_from(&here).unwrap_or(here));
         let held = rests.into_iter().chain(here).filter(|rest| self.is_held(scene, rest));
         held.for_each(|rest| add(rest, false));
-        all
+        (all, here)
     }
 
-    /// Returns the places to which a sphere turns after a tap about the axes that nothing holds. A
-    /// law can be steeper there.
-    pub(super) fn away(&self, scene: &CompiledScene) -> Vec<Place> {
-        let mut here = None;
-        scene.places(Quat::IDENTITY, |place| here = here.or(Some(place.rest_at(Quat::IDENTITY))));
-        let here = here.map(|here| self.rest(scene, &here).unwrap_or(here));
+    /// Returns the places to which a sphere that rests at `here` turns after a tap about the axes
+    /// that nothing holds. A law can be steeper there.
+    pub(super) fn away(&self, scene: &CompiledScene, here: Option<Place>) -> Vec<Place> {
         let mut all = Vec::new();
         if let Some(here) = here.filter(|here| pull(scene, here).length() <= ENOUGH * self.torque) {
             let (sizes, axes) = principal(&self.around(scene, &here, SPEEDS[1]).1.stiffness);

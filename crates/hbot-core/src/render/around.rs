@@ -108,23 +108,12 @@ impl Moments {
 /// An effect during a swing.
 #[derive(Clone, Copy)]
 struct Swung {
-    /// `None` if the effect takes no part.
-    reference: Option<Reference>,
+    reference: Reference,
     /// Its memory at the place, and in the swing.
     settled: Memory,
     memory: Memory,
     stiffness: [Vec3; 3],
     damping: [Vec3; 3],
-}
-
-impl Swung {
-    const STILL: Self = Self {
-        reference: None,
-        settled: Memory::None,
-        memory: Memory::None,
-        stiffness: [Vec3::ZERO; 3],
-        damping: [Vec3::ZERO; 3],
-    };
 }
 
 impl Linear {
@@ -194,7 +183,9 @@ impl CompiledScene {
     ) {
         let Moments { phases, q } = Moments::new(place, swing);
         let effects = self.effects();
-        let (mut swung, mut shared) = ([Swung::STILL; MAX_EFFECTS], Shared::EMPTY);
+        // `None` for an effect that takes no part.
+        let mut swung: [Option<Swung>; MAX_EFFECTS] = [None; MAX_EFFECTS];
+        let mut shared = Shared::EMPTY;
         // The memory settles at the place itself: dry friction sticks there.
         let at_place = Motion { q: place.q, omega: Vec3::ZERO };
         for (index, (effect, swung)) in effects.iter().zip(&mut swung).enumerate() {
@@ -202,23 +193,25 @@ impl CompiledScene {
                 let reference = placed(effect, here);
                 let mut settled = if place.effect == index { place.memory } else { Memory::None };
                 self.torque(effect, &reference, at_place, &mut settled, &mut shared);
-                *swung = Swung { reference: Some(reference), settled, ..Swung::STILL };
+                let (stiffness, damping) = ([Vec3::ZERO; 3], [Vec3::ZERO; 3]);
+                *swung = Some(Swung { reference, settled, memory: settled, stiffness, damping });
             }
         }
         for k in 0..3 {
             let (axis, turn) = (swing.axes.col(k), swing.turn[k]);
-            swung.iter_mut().for_each(|swung| swung.memory = swung.settled);
+            swung.iter_mut().flatten().for_each(|swung| swung.memory = swung.settled);
             // The first cycle brings a law with a memory into its steady cycle.
             for is_steady in [false, true] {
                 for (q, [sine, cosine]) in q[k].iter().zip(phases) {
                     let motion = Motion { q: *q, omega: axis * (swing.speed * cosine) };
                     shared.begin();
                     for (effect, swung) in effects.iter().zip(&mut swung) {
-                        let Some(reference) = &swung.reference else { continue };
+                        let Some(swung) = swung else { continue };
                         if !is_steady && !effect.kind.remembers() {
                             continue;
                         }
-                        let torque = self.torque(effect, reference, motion, &mut swung.memory, &mut shared);
+                        let Swung { reference, memory, .. } = swung;
+                        let torque = self.torque(effect, reference, motion, memory, &mut shared);
                         if is_steady {
                             swung.stiffness[k] -= torque * (sine * 2.0 / (MOMENTS as Real * turn));
                             swung.damping[k] -= torque * (cosine * 2.0 / (MOMENTS as Real * swing.speed));
@@ -229,11 +222,11 @@ impl CompiledScene {
         }
         let back = swing.axes.transpose();
         let whole = |[x, y, z]: [Vec3; 3]| Mat3::from_cols(x, y, z) * back;
-        for Swung { reference, stiffness, damping, .. } in &swung[..effects.len()] {
-            visit(match reference {
-                Some(_) => Linear { stiffness: whole(*stiffness), damping: whole(*damping) },
-                None => Linear::NONE,
-            });
+        for swung in &swung[..effects.len()] {
+            visit(swung.map_or(Linear::NONE, |Swung { stiffness, damping, .. }| Linear {
+                stiffness: whole(stiffness),
+                damping: whole(damping),
+            }));
         }
     }
 

@@ -12,7 +12,7 @@ use crate::net::Intent;
 /// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
 /// holds the explanation of every fault and its remedy without scrolling.
 const STATUS: [f32; 2] = [88.0, 150.0];
-/// Height of the bars, points. In a low window, the explanation of a fault takes their place.
+/// Height of the bars, points. In a low window, what is wrong takes their place.
 const BARS: f32 = 114.0;
 /// A window of at least this height is tall, points.
 const TALL: f32 = 720.0;
@@ -51,7 +51,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
-    if is_low(ui) && model.headline() == Headline::Mode(Mode::Fault) {
+    let is_wrong =
+        matches!(model.headline(), Headline::NotStopped | Headline::NoContact | Headline::Mode(Mode::Fault));
+    if is_low(ui) && is_wrong {
         status(ui, model, palette, STATUS[0] + BARS);
     } else {
         status(ui, model, palette, STATUS[usize::from(!is_low(ui))]);

@@ -29,6 +29,8 @@ fn a_stop_that_failed_is_shown_above_all_else() {
             assert!(shows(&seen, words), "{words}, lost: {lost}");
         }
         assert!(!shows(&seen, "ACTIVE") && !shows(&seen, "NO CONTACT"));
+        // The text takes the place of the bars in this low window.
+        assert!(!shows(&seen, "0.00 / 0.90 N m"));
     }
 }
 
@@ -95,7 +97,7 @@ fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
 
 #[test]
 fn who_commands_and_the_bars_are_grey_while_they_are_not_certain() {
-    let mut seen = window(SIZES[1], commanding(false));
+    let mut seen = window(SIZES[0], commanding(false));
     let is_grey = |seen: &Seen| {
         let grey = |text: &str| {
             let it = texts(seen).into_iter().find(|it| it.text == text).expect("a painted text");
