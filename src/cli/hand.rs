@@ -40,14 +40,14 @@ const AT_LIMIT: f64 = 0.98;
 #[derive(Debug, Subcommand)]
 pub(crate) enum HandCommands {
     /// Turn the sphere from where it is and print the torque against the angle, beside that of the
-    /// scene's law. After that, the hand moves as the scene says
+    /// scene's law. After that, the hand of the scene holds the sphere where it is
     Turn(TurnArgs),
 }
 
 /// Options of `hbot hand turn`.
 #[derive(Debug, Args)]
 pub(crate) struct TurnArgs {
-    /// Axis: n1, n2 or n3
+    /// Axis: n1 or x, n2 or y, n3 or z
     #[arg(value_parser = axis)]
     axis: NamedAxis,
     /// Angle, such as 40deg or 0.7rad, at most half a turn
@@ -74,9 +74,9 @@ struct NamedAxis {
 }
 
 fn axis(text: &str) -> Result<NamedAxis, String> {
-    let all = [("n1", Vec3::X), ("n2", Vec3::Y), ("n3", Vec3::Z)];
-    let found = all.into_iter().find(|(name, _)| *name == text);
-    found.map(|(name, unit)| NamedAxis { name, unit }).ok_or_else(|| "n1, n2 or n3".to_owned())
+    let all = [("n1", "x", Vec3::X), ("n2", "y", Vec3::Y), ("n3", "z", Vec3::Z)];
+    let found = all.into_iter().find(|(name, other, _)| [*name, *other].contains(&text));
+    found.map(|(name, _, unit)| NamedAxis { name, unit }).ok_or_else(|| "n1, n2 or n3".to_owned())
 }
 
 /// Parses an angle with its unit. Returns it in rad.
@@ -115,6 +115,11 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     table(&points)?;
     for line in told(&info, &states, &points, args) {
         tell!("{line}")?;
+    }
+    // Where no hand held the sphere before, none does after the turn.
+    if states[0].hand.is_some() {
+        let back = (-1.0e4 * args.angle.to_degrees()).round() / 1.0e4;
+        tell!("the hand stays there; `hbot hand turn {} {back}deg` turns it back", args.axis.name)?;
     }
     if let Some(path) = &args.out {
         write(path, &picture(&info, &points, args.axis.name))?;

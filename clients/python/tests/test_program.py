@@ -85,3 +85,21 @@ def test_other_exceptions_pass(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ZeroDivisionError), hbot.one_line_errors():
         _ = 1 / 0
     assert capsys.readouterr().err == ""
+
+
+def test_a_reader_that_has_enough_ends_the_program_without_a_word() -> None:
+    code = """if True:
+        import hbot
+        with hbot.one_line_errors():
+            while True:
+                print("a line", flush=True)
+    """
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as program:
+        assert program.stdout is not None
+        assert program.stderr is not None
+        program.stdout.readline()
+        program.stdout.close()
+        assert program.stderr.read() == ""
+        assert program.wait(PATIENCE_S) == 1
