@@ -217,8 +217,8 @@ fn table(points: &[Point]) -> anyhow::Result<()> {
     }
     if points.iter().any(|point| point.law.is_none()) {
         tell!(
-            "the law is not known: the scene has an absolute reference first, and another one that is where the sphere was when \
-             the scene began; load that effect alone"
+            "the law is not known: an effect is anchored where the sphere was when the scene began, and the state shows only the \
+             reference of the first effect, which is absolute. Load the anchored effect alone"
         )?;
     }
     Ok(())

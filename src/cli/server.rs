@@ -414,7 +414,9 @@ fn banner(
 
 /// Parses the name of a port. A TCP port is a likely slip of the pen.
 fn device(text: &str) -> Result<String, String> {
-    match text.rsplit(':').next().and_then(|end| end.parse::<u16>().ok()) {
+    // A device under /dev can end in a number as well.
+    let number = text.rsplit(':').next().filter(|_| !text.contains('/'));
+    match number.and_then(|end| end.parse::<u16>().ok()) {
         None => Ok(text.to_owned()),
         Some(number) => Err(format!(
             "a serial device such as /dev/ttyACM0, or sim; clients connect to --listen 127.0.0.1:{number}"

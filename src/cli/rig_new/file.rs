@@ -130,10 +130,10 @@ fn joint(text: &mut String, answers: &Answers, number: u32) -> std::fmt::Result 
     writeln!(text, "sign = 1 # `hbot rig calibrate` tells whether it is -1")?;
     if steer {
         // Controllers with ids report no index.
-        let other = if answers.protocol == Controllers::Hbot { "index" } else { "absolute" };
+        let index = if answers.protocol == Controllers::Hbot { "\"index\", " } else { "" };
         writeln!(
             text,
-            "zero = \"assume\" # a person sets the wheels to zero before power goes on; or \"{other}\""
+            "zero = \"assume\" # a person sets the wheels to zero before power goes on; or {index}\"absolute\""
         )?;
     }
     writeln!(

@@ -46,8 +46,10 @@ impl Judge {
         let mut sought: Vec<(Quat, Option<Place>)> = Vec::new();
         let mut rest_from = |place: &Place| {
             let same = |(q, _): &&(Quat, Option<Place>)| q.dot(place.q).abs() > SAME;
-            let known = sought.iter().find(same).map(|(_, rest)| *rest);
-            let rest = known.unwrap_or_else(|| self.rest(scene, place));
+            if let Some((_, rest)) = sought.iter().find(same) {
+                return *rest;
+            }
+            let rest = self.rest(scene, place);
             sought.push((place.q, rest));
             rest
         };

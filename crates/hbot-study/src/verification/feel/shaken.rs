@@ -137,7 +137,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<[String; 2
     report.table(&table);
     report.check(
         format!(
-            "Held, with passivity: every scene below {CALM} rad/s but for three that are beyond the stage's largest damping"
+            "Held, with passivity: every scene stays below {CALM} rad/s. Three that need more damping than the stage may add do not count"
         ),
         format!("{:.3} rad/s at most ({})", held_most.1, held_most.0),
         held_most.1 <= CALM,
