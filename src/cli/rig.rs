@@ -134,13 +134,20 @@ impl Warnings {
         self.actuation < 0.05
     }
 
-    /// Returns the number of warnings as the end of the headline. Empty if there is none.
+    /// Returns number and kinds of the warnings as the end of the headline. Empty if there is none.
     fn in_words(&self) -> String {
-        let others = usize::from(self.is_weak()) + usize::from(self.unlimited.is_some());
-        match self.uncalibrated.len() + self.colliding.len() + others {
+        let kinds = [
+            ("steering zero not known", self.uncalibrated.len()),
+            ("wheels can collide", self.colliding.len()),
+            ("weak at some steering angles", usize::from(self.is_weak())),
+            ("no limits.traction", usize::from(self.unlimited.is_some())),
+        ];
+        let count: usize = kinds.iter().map(|(_, count)| count).sum();
+        let names: Vec<&str> = kinds.iter().filter(|(_, count)| *count > 0).map(|(name, _)| *name).collect();
+        match count {
             0 => String::new(),
-            1 => ", 1 warning".to_owned(),
-            count => format!(", {count} warnings"),
+            1 => format!(", 1 warning ({})", names.join(", ")),
+            _ => format!(", {count} warnings ({})", names.join(", ")),
         }
     }
 }

@@ -399,7 +399,7 @@ fn banner(
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
     format!(
         "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {}{baud}\n  rate     {} Hz, {how}{cpu}, \
-         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}",
+         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}\n  {NEXT}",
         env!("CARGO_PKG_VERSION"),
         live_or_simulated(port),
         rig.name,
@@ -411,6 +411,10 @@ fn banner(
         expected.ns * 1.0e-3,
     )
 }
+
+/// What a user can do while the server runs.
+const NEXT: &str =
+    "Ctrl-C stops it; in another terminal, `watch` shows the sphere and `set` changes an effect";
 
 /// Parses the name of a port. A TCP port is a likely slip of the pen.
 fn device(text: &str) -> Result<String, String> {

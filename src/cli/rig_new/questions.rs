@@ -28,7 +28,7 @@ const NUMBERS: [Number; 10] = [
         words: "radius of the sphere, m",
         unit: "metres",
         quantity: Quantity::Length,
-        help: "Half the sphere's diameter.",
+        help: "Of the ball that the wheels touch, without the cage: half its diameter, or its circumference / 6.28.",
         given: |args| args.radius,
         place: |answers| &mut answers.radius,
     },

@@ -87,7 +87,7 @@ pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
     ensure!(args.from < args.to, "--from {} is not below --to {}", args.from, args.to);
     let out = args.out.clone().unwrap_or_else(|| here(&args.which.scene));
     write(&out, &draw(&scene, &axes, args.from..args.to, &abilities))?;
-    say!("{}", out.display())?;
+    say!("{} shows the torque against the angle", out.display())?;
     warn(&abilities.warnings(&scene))
 }
 

@@ -146,7 +146,12 @@ class Connection:
         Returns:
             False if the connection takes no more bytes. The message is not sent then, because it
             would be old when it arrives; `lost.sends` counts it.
+
+        Raises:
+            NotHolder: another client has taken the lease from this one.
         """
+        if self.lost_lease_to is not None:
+            raise self.not_holder(op, self.lost_lease_to)
         data = self._encode({"op": op, **fields})
         if self._error is None and not self._transport.writable():
             self._lose(sends=1)

@@ -181,7 +181,8 @@ class Rig:
                 20 ms.
             tick: the tick of the state from which it was computed.
             seq: a number of your choice. States return it as `state.client.seq`.
-            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`; if another
+                client has taken the lease, the next call raises `NotHolder`.
         """
         self._stream(ops.torque(torque, valid_ms, tick, seq), wait)
 
@@ -218,7 +219,8 @@ class Rig:
                 20 ms.
             tick: the tick of the state from which it was computed.
             seq: a number of your choice. States return it as `state.client.seq`.
-            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`; if another
+                client has taken the lease, the next call raises `NotHolder`.
 
         Returns the fraction of the stiffness that is rendered: 1, or less if the model allows the
         server to soften it. Without `wait`, None.
@@ -253,7 +255,8 @@ class Rig:
             valid_ms: time after which `omega` ends, 1 to 1000 ms. The server's default is 100.
             tick: the tick of the state from which it was computed.
             seq: a number of your choice.
-            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`; if another
+                client has taken the lease, the next call raises `NotHolder`.
         """
         self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
 
@@ -321,7 +324,8 @@ class Rig:
             stiffness: spring of the grip, N m/rad. None: 3.
             damping: damping of the grip, N m s/rad. None: 0.05.
             inertia: inertia that the hand adds to the sphere, kg m². None: 0.002.
-            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`.
+            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`; if another
+                client has taken the lease, the next call raises `NotHolder`.
         """
         self._stream(ops.hand(q, over_ms, stiffness, damping, inertia), wait)
 

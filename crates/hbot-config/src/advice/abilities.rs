@@ -107,9 +107,10 @@ impl Abilities {
             let (name, value) = key(units).filter(|_| part > 0.0)?;
             Some(format!("{name} = {} or less", short(value * part / gain)))
         };
-        let damped = |added: f64| {
-            let (name, own) = key(&[DAMPING]).unwrap_or(("damping".to_owned(), 0.0));
-            format!("{name} = {} or more", short_up((own + added) / gain))
+        // Effects of many kinds have no damping of their own.
+        let damped = |enough: &dyn Fn(f64) -> f64| match key(&[DAMPING]) {
+            Some((name, own)) => format!("set {name} = {} or more", short_up(enough(own) / gain)),
+            None => format!("add a damper with damping = {} or more", short_up(enough(0.0))),
         };
         // A tap on a sphere makes swings that a torque at its limits cannot end.
         let after = match &self.judge {
@@ -124,11 +125,12 @@ impl Abilities {
             Why::Stiff { stiffness, stable, damping, cure } => {
                 let most = short(stiffness * stable);
                 let whatever = if cure.added.is_none() { ", with any damping" } else { "" };
-                let cures: Vec<String> =
-                    cure.added.map(damped).into_iter().chain(softer(&STIFF, cure.own)).collect();
+                let added = cure.added.map(|added| damped(&|own| own + added));
+                let softer = softer(&STIFF, cure.own).map(|key| format!("set {key}"));
+                let cures: Vec<String> = added.into_iter().chain(softer).collect();
                 let cure = match &cures[..] {
                     [] => "make the effects of the scene softer".to_owned(),
-                    cures => format!("set {}", cures.join(", or ")),
+                    cures => cures.join(", or "),
                 };
                 format!(
                     "{id}: may shake {whom}{about} {place}: the scene has {} N m/rad and a damping of {} N m s/rad there, and at \
@@ -147,16 +149,13 @@ impl Abilities {
                 )
             }
             Why::Rings { added } => {
-                format!(
-                    "{id}: a free sphere swings for more than 3 s after a tap{about} {place}; set {}",
-                    damped(added)
-                )
+                let cure = damped(&|own| own + added);
+                format!("{id}: a free sphere swings for more than 3 s after a tap{about} {place}; {cure}")
             }
             Why::Bounces { times } => {
-                let (name, own) = key(&[DAMPING]).unwrap_or(("damping".to_owned(), 0.0));
+                let cure = damped(&|own| own.max(1.0e-3) * times);
                 format!(
-                    "{id}: walls throw a free sphere back and forth for more than 3 s after a tap{about} {place}; set {name} = {} or more",
-                    short_up(own.max(1.0e-3) * times / gain)
+                    "{id}: walls throw a free sphere back and forth for more than 3 s after a tap{about} {place}; {cure}"
                 )
             }
             Why::Turning { speed, damping } => {

@@ -98,7 +98,8 @@ fn check_counts(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut 
 /// Checks the id of a controller where the protocol has ids.
 fn check_id(joint: &file::Joint, protocol: Protocol, at: &str, report: &mut Report) {
     let Some(ids) = protocol.ids() else { return };
-    let words = || format!("the id of its controller on the bus, {} to {}", ids.start(), ids.end());
+    let too = if joint.motor { "" } else { "; its encoder is read there, also without a motor" };
+    let words = || format!("the id of its controller on the bus, {} to {}{too}", ids.start(), ids.end());
     match joint.controller {
         None => report.push(at, "missing", words()),
         Some(id) if !ids.contains(&id) => {

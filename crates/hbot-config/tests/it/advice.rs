@@ -193,6 +193,17 @@ fn scenes_that_shake_are_warned_of() {
     }
 }
 
+/// A pendulum has no key for damping, so the remedy is another effect. It ends the warning.
+#[test]
+fn what_cannot_damp_itself_is_damped_by_a_damper() {
+    let swings = effect("p", "pendulum", "");
+    let said = |text: &str| warnings_on(&RigConfig::prototype(), text);
+    let [told] = &said(&swings)[..] else { panic!("one warning") };
+    let (_, remedy) = told.split_once("; add a damper with ").expect(told);
+    let damper = effect("air", "damper", remedy.trim_end_matches(" or more"));
+    assert_eq!(said(&format!("{swings}{damper}")), Vec::<String>::new(), "{told}");
+}
+
 /// An effect that makes no torque and no damping at a place changes no warning there.
 #[test]
 fn an_effect_without_torque_changes_no_warning() {

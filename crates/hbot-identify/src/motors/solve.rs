@@ -74,6 +74,8 @@ impl Solved {
         // one more observation, with the deviation 1.
         let mut covariance = inverse.product(&inverse);
         let blocks = windows.div_ceil(BLOCK) as f64;
+        // Sums of the second and fourth powers of what each block changes.
+        let mut powers = vec![[0.0; 2]; count];
         for first in (0..windows).step_by(BLOCK) {
             let mut gradient = vec![0.0; count];
             let mut without = normal.clone();
@@ -88,9 +90,14 @@ impl Solved {
             }
             let change = without.factor()?.solve(&gradient);
             covariance.add_outer(&change, (blocks - 1.0) / blocks);
+            for ([second, fourth], change) in powers.iter_mut().zip(&change) {
+                *second += change * change;
+                *fourth += change.powi(4);
+            }
         }
+        let units: Vec<f64> = (0..count).map(|k| usual[k] * widening(powers[k])).collect();
         solved.covariance = (0..count)
-            .map(|a| (0..count).map(|b| usual[a] * usual[b] * covariance.at(a, b)).collect())
+            .map(|a| (0..count).map(|b| units[a] * units[b] * covariance.at(a, b)).collect())
             .collect();
         let all = solved.residual.iter().map(|x| x * x).sum::<f64>();
         solved.left = (all / windows.max(1) as f64).sqrt();
@@ -114,6 +121,22 @@ impl Solved {
     }
 }
 
+/// Returns the factor by which Student's quantile is above [`NINETY_FIVE`]. The degrees of freedom
+/// are Satterthwaite's: few if few blocks make up most of the variance, as those in which a joint
+/// turns back do for its friction. `second` and `fourth` are the sums of those powers of what each
+/// block changes. The quantile is that of the expansion of Cornish and Fisher (Abramowitz and
+/// Stegun, 26.7.5, two terms).
+fn widening([second, fourth]: [f64; 2]) -> f64 {
+    const Z: f64 = super::NINETY_FIVE;
+    if fourth == 0.0 {
+        return 1.0;
+    }
+    let freedom = (second * second / fourth).max(2.0);
+    let first = (Z * Z + 1.0) / (4.0 * freedom);
+    let next = (5.0 * Z.powi(4) + 16.0 * Z * Z + 3.0) / (96.0 * freedom * freedom);
+    1.0 + first + next
+}
+
 /// Returns what the unknowns `found` leave of the equation.
 fn residual(rows: &Rows<'_>, found: &[f64]) -> Vec<f64> {
     let mut left = rows.wanted.clone();
@@ -132,4 +155,18 @@ fn scale(residual: &[f64]) -> f64 {
     }
     let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
     (median / 0.6745).max(1.0e-9)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_blocks_widen_an_interval_as_students_quantile_does() {
+        // Equal blocks: as many degrees of freedom. Quantiles from a table of Student's distribution.
+        for (blocks, quantile) in [(4.0, 2.776), (10.0, 2.228), (30.0, 2.042), (120.0, 1.980)] {
+            let found = super::super::NINETY_FIVE * widening([blocks, blocks]);
+            assert!((found / quantile - 1.0).abs() < 0.02, "{blocks}: {found}");
+        }
+    }
 }

@@ -115,7 +115,7 @@ mod tests {
         let scanned = looked(|_| ()).expect("they answer");
         assert!(scanned.is_good(), "{scanned:?}");
         let ids: Vec<_> = scanned.found.iter().map(|it| (it.id, it.supply_v, it.zero)).collect();
-        let rotor = Some("rotor: within a turn");
+        let rotor = Some("known within a turn of the rotor");
         assert_eq!(ids, [1, 2, 3, 4].map(|id| (id, Some(24.0), rotor)));
         assert!(scanned.found[0].firmware.contains("register map 5"), "{scanned:?}");
     }

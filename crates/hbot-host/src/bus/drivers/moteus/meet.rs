@@ -116,7 +116,7 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
             }
             filtering = self::filtering(talk, *id, state.firmware.unwrap_or_default())?;
         }
-        let home = ["relative: no zero", "rotor: within a turn", "output"];
+        let home = ["none: relative", "known within a turn of the rotor", "known at the output"];
         found.push(Found {
             id: *id,
             model: model(state.model.unwrap_or_default()),
