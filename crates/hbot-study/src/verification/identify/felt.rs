@@ -46,7 +46,7 @@ const SPREAD: f64 = 0.02;
 /// the torque that turns the sphere, N m.
 const SLOPE: f64 = 0.01;
 const R2: f64 = 0.999;
-const LEFT: f64 = 1.0 / 3.0;
+const LEFT: f64 = 33.3; // %
 const BACK: f64 = 1.5e-3;
 
 /// What a hand feels, the worst of the axes.
@@ -133,14 +133,15 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         if drawn.active && after.active { "it does" } else { "it does not" },
         drawn.active && after.active,
     );
-    report.check_within("table III: error of the slope after,", most(after.slope), SLOPE);
+    report.check_within("table III: error of the slope after, %,", 100.0 * most(after.slope), 100.0 * SLOPE);
     report.check("table III: R² after, at least 0.999", format!("{:.5}", after.r2), after.r2 >= R2);
     for (k, load) in LOADS.into_iter().enumerate() {
         let left = after.hysteresis[k] / drawn.hysteresis[k];
-        report.check_within(&format!("table III: part of the hysteresis left at {load} N m,"), left, LEFT);
+        let what = format!("table III: part of the hysteresis left at {load} N m, %,");
+        report.check_within(&what, 100.0 * left, LEFT);
     }
-    report.check_within("table III: torque that turns the sphere after, N m,", after.back, BACK);
-    report.check_within("table III: error of a torque constant,", constants, 0.01);
+    report.check_within("table III: torque that turns the sphere after, mN m,", 1e3 * after.back, 1e3 * BACK);
+    report.check_within("table III: error of a torque constant, %,", 100.0 * constants, 1.0);
     let [least, most] = super::HELD;
     let part = held[0] / held[1].max(1.0);
     report.check(

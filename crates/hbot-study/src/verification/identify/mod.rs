@@ -96,6 +96,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
                     let (found, truth) = (shown.found[i], shown.truth[i]);
                     report.figure(id(what), found).note("drawn", shown.drawn[i]).note("truth", truth);
                     worst.found[i] = worst.found[i].max(found);
+                    worst.truth[i] = worst.truth[i].max(truth);
                     beyond[i] = beyond[i].max(found - truth);
                 }
                 report.figure(id("stiffness"), shown.stiffness[1]).note("drawn", shown.stiffness[0]);
@@ -125,21 +126,25 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
             match name {
                 "ideal" => {
                     report.check_within(
-                        &format!("ideal: drift after {turns}, rad,"),
-                        worst.found[i],
-                        IDEAL[i],
+                        &format!("ideal: drift after {turns}, mrad,"),
+                        1e3 * worst.found[i],
+                        1e3 * IDEAL[i],
                     );
                 }
                 _ => report.check_within(
-                    &format!("{name}: drift after {turns} beyond that of the true geometry, rad,"),
-                    beyond[i],
-                    BEYOND_TRUTH[i],
+                    &format!("{name}: drift after {turns} beyond that of the true geometry, mrad,"),
+                    1e3 * beyond[i],
+                    1e3 * BEYOND_TRUTH[i],
                 ),
             }
         }
-        report.check_within(&format!("{name}: error of the stiffness,"), worst.stiffness[1], STIFFNESS);
+        report.check_within(
+            &format!("{name}: error of the stiffness, %,"),
+            100.0 * worst.stiffness[1],
+            100.0 * STIFFNESS,
+        );
         if k == 0 {
-            report.check_within("ideal: zeros from 2 s of motion, rad,", worst.zero, ZERO);
+            report.check_within("ideal: zeros from 2 s of motion, mrad,", 1e3 * worst.zero, 1e3 * ZERO);
             lines.push(("drawn", drawn));
         }
         let [least, most] = HELD;
@@ -154,14 +159,15 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
             held >= least && (held <= most || context.quick),
         );
         sentences.push(format!(
-            "With {name} encoders the orientation drifts by at most {:.2} mrad in ten turns, and a stiffness is wrong by at most {:.2} %.",
-            1e3 * worst.found[1],
-            100.0 * worst.stiffness[1]
+            "With {name} encoders the orientation drifts by at most {} mrad in ten turns ({} mrad with the true geometry), and a stiffness is wrong by at most {} %.",
+            short(1e3 * worst.found[1]),
+            short(1e3 * worst.truth[1]),
+            short(100.0 * worst.stiffness[1])
         ));
         if k == 0 {
             sentences.push(format!(
-                "Two seconds of motion show the zeros of a rig that was identified before to {:.2} mrad.",
-                1e3 * worst.zero
+                "Two seconds of motion show the zeros of a rig that was identified before to {} mrad.",
+                short(1e3 * worst.zero)
             ));
         }
         lines.push((name, points));
