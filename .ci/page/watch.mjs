@@ -1,8 +1,6 @@
 // Runs in the page before its own code, and measures it from outside.
 
 export function watch() {
-  /** The time of tick 0, ms since 1970, from the answer to `info`. */
-  let origin = null;
   let states = 0;
   window.stopTick = null;
   const Plain = window.WebSocket;
@@ -10,10 +8,8 @@ export function watch() {
     constructor(...all) {
       super(...all);
       this.addEventListener("message", ({ data }) => {
-        const message = JSON.parse(data);
-        if (message.event === "state") states += 1;
-        if (message.ok?.clock) origin = message.ok.clock.unix_ns / 1e6;
-        if (message.id === "before the stop") window.stopTick ??= message.ok.tick;
+        if (data.startsWith('{"event":"state"')) states += 1;
+        else if (data.includes('"before the stop"')) window.stopTick ??= JSON.parse(data).ok.tick;
       });
     }
 
@@ -45,26 +41,36 @@ export function watch() {
     });
   });
 
+  // What is written on each canvas since it was cleared.
+  window.written = {};
+  const { clearRect, fillText } = CanvasRenderingContext2D.prototype;
+  Object.assign(CanvasRenderingContext2D.prototype, {
+    clearRect(...all) {
+      window.written[this.canvas.id] = [];
+      clearRect.apply(this, all);
+    },
+    fillText(text, ...at) {
+      window.written[this.canvas.id].push(text);
+      fillText.call(this, text, ...at);
+    },
+  });
+
   const later = (time) => new Promise((resolve) => setTimeout(resolve, time));
 
-  /** Measures for `time` ms how old each state is when its picture has been painted, ms. */
+  /** Returns for `time` ms the tick of each picture and when it was painted, and how many states came. */
   window.measure = async (time) => {
-    const [ages, before] = [[], states];
-    const end = painted((tick, now) => origin && ages.push(now - origin - tick));
+    const [pictures, before] = [[], states];
+    const end = painted((tick, now) => pictures.push([tick, now]));
     await later(time);
     end();
-    return { ages, states: states - before, pictures: ages.length };
+    return { pictures, states: states - before };
   };
 
-  /** Keeps the page busy for `time` ms. Returns how many states from this time are drawn later. */
-  window.block = async (time) => {
+  /** Keeps the page busy for `time` ms. The ticks of the pictures in the second after it are in `window.late`. */
+  window.block = (time) => {
     const busy = performance.now() + time;
     while (performance.now() < busy);
-    const until = performance.timeOrigin + performance.now() - origin;
-    let drawn = 0;
-    const end = painted((tick) => (drawn += tick < until - 50 ? 1 : 0));
-    await later(1000);
-    end();
-    return { drawn };
+    window.late = [];
+    later(1000).then(painted((tick) => window.late.push(tick)));
   };
 }

@@ -8,6 +8,12 @@ import { converted, explain, fits, mayBeAbsent, shape } from './schema.js';
 const STIFFEST_AT = 0.1;
 /** The largest damping on a slider for each N m/rad of the largest stiffness, s. */
 const DAMPING_SHARE = 0.02;
+/** A slider is logarithmic if the largest legal value is more than this many times the least. */
+const FAR = 100;
+/** The least value above 0 on such a slider if 0 is legal: this part of the default, or this value. */
+const [LEAST_PART, LEAST] = [0.1, 0.001];
+/** Steps from one end of a slider to the other. */
+const STEPS = 400;
 
 function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
@@ -17,6 +23,19 @@ function make(tag, attributes = {}, ...children) {
   }
   element.append(...children);
   return element;
+}
+
+/**
+ * Returns a logarithmic scale: the places of a slider, 0 to STEPS, stand for values up to `end`. With
+ * `zero`, the first place is 0 and the second is `least`.
+ */
+function logarithmic(least, end, zero) {
+  const first = zero ? 1 : 0;
+  const steps = STEPS - first;
+  return {
+    place: (x) => (x <= 0 ? 0 : first + (steps * Math.log(Math.max(1, x / least))) / Math.log(end / least)),
+    value: (place) => (place < first ? 0 : +(least * (end / least) ** ((place - first) / steps)).toPrecision(3)),
+  };
 }
 
 /** Returns a number as it stands in a field: six digits, without a tail of zeros. */
@@ -167,7 +186,8 @@ export class Controls {
           make('span', { className: 'key', title: explain(part) }, key),
           this.edit(`${name} ${key}`, part, () => get()?.[key] ?? null,
             (value) => set({ ...get(), [key]: value })))));
-      case 'variants': return this.variants(name, s.variants, get, set, more);
+      case 'variants': return this.variants(
+        name, s.variants, get, set, { ...more, standard: schema.default });
       case 'text': {
         const field = make('input', { 'aria-label': name, onchange: () => set(field.value) });
         this.updates.push(() => { if (document.activeElement !== field) field.value = get() ?? ''; });
@@ -177,7 +197,7 @@ export class Controls {
     }
   }
 
-  number(name, schema, s, get, set, { reach, border, bare } = {}) {
+  number(name, schema, s, get, set, { reach, border, bare, standard = schema.default } = {}) {
     const unit = schema.unit ?? '';
     const field = make('input', {
       type: 'number', step: s.whole ? 1 : 'any', 'aria-label': bare ? name : `${name} value${unit && `, ${unit}`}`,
@@ -192,25 +212,43 @@ export class Controls {
       const x = get();
       if (typeof x !== 'number') return;
       if (document.activeElement !== field) field.value = plain(x);
-      if (slider) slider.value = x;
+      if (slider) slider.value = scale.place(x);
     };
     if (bare) {
       this.updates.push(() => update());
       return field;
     }
-    const usual = Math.max(Math.abs(get() ?? 0), Math.abs(schema.default ?? 0));
-    const end = Math.min(s.most, Math.max(reach ?? roundUp(2 * usual || 1), get() ?? 0));
+    const given = typeof standard === 'number' ? Math.abs(standard) : 0;
+    const usual = Math.max(Math.abs(get() ?? 0), given);
+    const least = s.least > 0 ? s.least : LEAST_PART * given || LEAST;
+    // Numbers from 0 count something.
+    const far = s.least >= 0 && !(s.whole && s.least === 0) && Math.round(s.most / least) > FAR;
+    let end = Math.min(s.most, Math.max(
+      reach ?? roundUp((far ? 20 : 2) * usual || 1), get() ?? 0, far ? FAR * least : 0));
     const start = Math.max(s.least, s.least < 0 ? -end : 0);
-    const slider = make('input', {
-      type: 'range', min: start, max: end, step: s.whole ? 1 : (end - start) / 400, 'aria-label': name });
-    slider.oninput = () => set(+(+slider.value).toPrecision(6));
+    const slider = make('input', { type: 'range', min: far ? 0 : start, max: far ? STEPS : end,
+      step: far || s.whole ? 1 : (end - start) / STEPS, 'aria-label': name });
+    const linear = { place: (x) => x, value: (place) => +place.toPrecision(6) };
+    let scale = far ? logarithmic(least, end, s.least === 0) : linear;
+    slider.oninput = () => {
+      const [x, old] = [scale.value(+slider.value), get()];
+      if (!s.whole) return set(x);
+      // Several places can stand for one whole number. A key moves by one place, and must not stay.
+      const moved = slider.value - scale.place(old);
+      const stays = Math.round(x) === old && Math.abs(moved) < 2;
+      return set(stays ? old + Math.sign(moved) : Math.round(x));
+    };
     const mark = make('div', { className: 'mark', hidden: true });
     this.updates.push(() => {
-      if (get() > slider.max) slider.max = get();
+      if (get() > end) {
+        end = get();
+        if (far) scale = logarithmic(least, end, s.least === 0);
+        else slider.max = end;
+      }
       update(slider);
-      slider.setAttribute('aria-valuetext', `${plain(get() ?? 0)} ${unit}`);
+      slider.setAttribute('aria-valuetext', `${plain(get() ?? 0)} ${unit}`.trim());
       if (!border) return;
-      const share = typeof border() === 'number' ? border() / slider.max : 1;
+      const share = typeof border() === 'number' ? scale.place(border()) / slider.max : 1;
       mark.hidden = !(share < 1);
       // The handle stays half its width of 1 rem away from the ends.
       mark.style.left = `calc(0.5rem + ${share} * (100% - 1rem))`;

@@ -20,6 +20,8 @@ const INFO_AGAIN = 1000;
 const RENEW_AFTER = 4000;
 /** Figures in words change at most this often, ms. */
 const WORDS_EVERY = 100;
+/** A plot is drawn at most this often, ms: in every second frame of the usual 60 a second. */
+const PLOT_EVERY = 25;
 /** The hand that turns the simulated sphere: N m/rad, N m s/rad, kg m². */
 const HAND = { stiffness: 3, damping: 0.05, inertia: 0.002 };
 
@@ -209,8 +211,8 @@ function showRights() {
     ? 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.'
     : rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
       : 'Drag to turn the view, double click to turn it back.');
-  put($('keys'), document.hasFocus() ? 'Esc or Space, anywhere in this page'
-    : 'The keys go to another window: press STOP, or click here first');
+  put($('keys'), document.hasFocus() ? 'Esc or Space stops, anywhere here'
+    : 'The keys go elsewhere: press STOP');
 }
 
 const dark = matchMedia('(prefers-color-scheme: dark)');
@@ -255,11 +257,24 @@ function words() {
   if (force) put($('grip'), `The scene pushes your hand: ${force.newtons.toFixed(2)} N, ${force.torque.toFixed(3)} N m`);
 }
 
-let [asked, last, worded, odd] = [false, 0, 0, false];
+let [asked, last, plotted, worded, odd] = [false, 0, 0, 0, false];
 function changed() {
   if (asked) return;
   asked = true;
   requestAnimationFrame(frame);
+}
+
+/** Draws one plot or the others, in turns. */
+function showPlot() {
+  const { samples } = rig;
+  odd = !odd;
+  if (odd) {
+    plot($('torque'), samples, colours, { name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true });
+  } else {
+    plot($('angle'), samples, colours, { name: 'angle from reference, rad', of: (s) => s.angle, least: 0.02 });
+    $('curves').hidden = !rig.curves;
+    if (rig.curves) plotCurves($('curves'), rig.curves, rig.present, colours, rig.info?.limits.torque ?? 0);
+  }
 }
 
 let head = '';
@@ -270,14 +285,9 @@ function frame(now) {
   draw($('sphere'), rig, camera, colours, hand.held);
   // For whoever measures: the tick that the picture shows.
   $('sphere').dataset.tick = rig.state?.tick ?? '';
-  odd = !odd;
-  const { samples } = rig;
-  if (odd) {
-    plot($('torque'), samples, colours, { name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true });
-  } else {
-    plot($('angle'), samples, colours, { name: 'angle from reference, rad', of: (s) => s.angle, least: 0.02 });
-    $('curves').hidden = !rig.curves;
-    if (rig.curves) plotCurves($('curves'), rig.curves, rig.present, colours, rig.info?.limits.torque ?? 0);
+  if (now - plotted > PLOT_EVERY) {
+    plotted = now;
+    showPlot();
   }
   if (now - worded > WORDS_EVERY || head !== rig.headline || rig.spoke) {
     worded = now;

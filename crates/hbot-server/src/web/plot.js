@@ -6,6 +6,9 @@ import { SPAN } from './rig.js';
 /** Room around the curves, CSS pixels: top, right, bottom, left. */
 const ROOM = [20, 8, 16, 44];
 
+/** A point of a curve may lie beside the line that is drawn by this much, CSS pixels. */
+const TOLERANCE = 0.25;
+
 /** Prepares a canvas for its present size and resolution. Returns its context and CSS size. */
 export function prepare(canvas) {
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -26,6 +29,28 @@ export function roundUp(x) {
   return [1, 2, 5, 10].map((k) => k * decade).find((y) => y >= x * (1 - 1e-9)) ?? x;
 }
 
+/** Draws a line through points whose `x` grows, without those that lie within TOLERANCE of it. */
+function trace(c, points, x, y) {
+  let [start, last, low, high] = [null, null, 0, 0];
+  for (const point of points) {
+    const next = [x(point), y(point)];
+    const slope = start && (next[1] - start[1]) / (next[0] - start[0]);
+    if (!start || slope < low || slope > high) {
+      if (last) c.lineTo(...last);
+      else c.moveTo(...next);
+      start = last ?? next;
+      [low, high] = [-Infinity, Infinity];
+    }
+    const run = next[0] - start[0];
+    if (run > 0) {
+      low = Math.max(low, (next[1] - TOLERANCE - start[1]) / run);
+      high = Math.min(high, (next[1] + TOLERANCE - start[1]) / run);
+    }
+    last = next;
+  }
+  if (last) c.lineTo(...last);
+}
+
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
  * With `total`, the length of the vector is a fourth curve.
@@ -34,6 +59,7 @@ export function plot(canvas, samples, colours, { name, of, least, total }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
+  const shown = samples.slice(samples.findIndex(({ t }) => t >= now - SPAN));
   const curves = ['n1', 'n2', 'n3'].map((label, k) => (
     { label, colour: colours.axes[k], at: (sample) => of(sample)[k] }));
   if (total) {
@@ -77,9 +103,7 @@ export function plot(canvas, samples, colours, { name, of, least, total }) {
     c.strokeStyle = curve.colour;
     c.lineWidth = 1.5;
     c.beginPath();
-    for (const sample of samples) {
-      if (sample.t >= now - SPAN) c.lineTo(x(sample.t), y(curve.at(sample)));
-    }
+    trace(c, shown, (sample) => x(sample.t), (sample) => y(curve.at(sample)));
     c.stroke();
   }
   return end;

@@ -135,7 +135,6 @@ class Drawing {
     // An axis along the line of sight has no direction in the picture.
     const [ux, uy] = run > 1 ? [dx / run, dy / run] : [0.7, -0.7];
     const [x, y] = [x0 + beyond * ux, y0 + beyond * uy];
-    c.globalAlpha = this.hides(p) ? 0.6 : 1;
     c.strokeStyle = this.colours.ground;
     c.lineWidth = 3;
     c.lineJoin = 'round';
@@ -144,7 +143,6 @@ class Drawing {
     c.strokeText(text, x, y);
     c.fillStyle = colour;
     c.fillText(text, x, y);
-    c.globalAlpha = 1;
   }
 
   dot(p, radius, colour, filled = true) {
@@ -160,8 +158,6 @@ class Drawing {
 
   sphere(q) {
     const { c, at, colours } = this;
-    const grid = GRID.map(({ line, strong }) => ({ strong, line: line.map((p) => rotated(q, p)) }));
-    for (const { line } of grid) this.line(line, colours.grid, 1, [0, 0.16]);
     const [x, y] = [at.x - 0.3 * at.radius, at.y - 0.35 * at.radius];
     const light = c.createRadialGradient(x, y, 0, at.x, at.y, at.radius);
     light.addColorStop(0, colours.sphere[0]);
@@ -176,8 +172,8 @@ class Drawing {
     c.lineWidth = 1.5;
     c.stroke();
     c.globalAlpha = 1;
-    for (const { line, strong } of grid) {
-      this.line(line, colours.grid, 1, [strong ? 0.75 : 0.32, 0]);
+    for (const { line, strong } of GRID) {
+      this.line(line.map((p) => rotated(q, p)), colours.grid, 1, [strong ? 0.75 : 0.32, 0]);
     }
   }
 
@@ -294,7 +290,7 @@ export function draw(canvas, rig, camera, colours, held) {
     state.joints[2 * k]?.angle ?? 0, state.joints[2 * k + 1]?.angle ?? 0));
   drawing.torque(state.torque, limit);
   if (held) drawing.grip(rotated(q, held.grip), held.pointer, state.torque, limit);
-  const corner = new Drawing(context, camera.frame, { x: width - 44, y: 48, radius: 24 }, colours);
+  const corner = new Drawing(context, camera.frame, { x: width - 42, y: 40, radius: 20 }, colours);
   AXES.forEach((axis, k) => {
     const colour = colours.axes[k];
     context.strokeStyle = context.fillStyle = colour;
@@ -303,6 +299,6 @@ export function draw(canvas, rig, camera, colours, held) {
     context.moveTo(...corner.point([0, 0, 0]));
     context.lineTo(...corner.point(axis));
     context.stroke();
-    corner.text(axis, `n${k + 1}`, colour, 12);
+    corner.text(axis, `n${k + 1}`, colour, 11);
   });
 }

@@ -94,6 +94,7 @@ export function showState(rig) {
   const key = JSON.stringify([head, lines]);
   if (key !== shown) {
     shown = key;
+    if ($('headline').textContent !== head) $('box').scrollTop = 0;
     document.body.dataset.head = head.toLowerCase().replace(' ', '-');
     put($('headline'), head);
     put($('chip'), head);
