@@ -61,8 +61,8 @@ async function places() {
     all.push(await page.evaluate(() => {
       window.scrollTo(0, 0);
       return ["stop", "orders", "box", "distance", "meters", "sphere", "plots"].map((id) => {
-        const { x, y, width, height } = document.getElementById(id).getBoundingClientRect();
-        return `${id}: ${[x, y, width, height].map(Math.round)}`;
+        const { x, y, width } = document.getElementById(id).getBoundingClientRect();
+        return `${id}: ${[x, y, width].map(Math.round)}`;
       });
     }));
   }
@@ -345,6 +345,13 @@ await shows("#headline", "FAULT");
 const words = (await watcher.ask("info")).faults.find((fault) => fault.name === watcher.state.fault);
 assert((await text("#details")).includes(words.remedy), `the remedy of ${watcher.state.fault}`);
 assert.deepEqual(await places(), before);
+for (const viewport of Object.values(SIZES)) {
+  await page.setViewportSize(viewport);
+  await page.waitForTimeout(300);
+  assert(await page.evaluate(() => document.getElementById("box").scrollHeight <= document.getElementById("box").clientHeight),
+    `at ${viewport.width} px the text of the fault does not fit`);
+}
+await page.setViewportSize(SIZES.desk);
 await ticks();
 await picture("fault");
 await load({ name: "A good line", effect: [spring], simulate: {} });
