@@ -13,7 +13,7 @@ use hbot_host::commission::doctor::{
 };
 use serde_json::{Value, json};
 
-use super::out::{say, tell};
+use super::out::{foreign, say, tell};
 use super::{ServerAddress, orders, server, show, style};
 
 /// Number of flight logs that are listed.
@@ -73,20 +73,20 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
     if let Port::Devices(devices) = &rig.link.port {
         findings.extend(devices.iter().flat_map(|device| serial(device)));
     }
-    let address =
-        args.server.map(|server| ServerAddress { server, token_file: args.token_file, ca: args.ca });
+    let token_file = args.token_file.or_else(|| std::env::var_os("HBOT_TOKEN_FILE").map(PathBuf::from));
+    let address = args.server.map(|server| ServerAddress { server, token_file, ca: args.ca });
+    let silent = |error: &anyhow::Error| Finding {
+        id: "server",
+        mark: Mark::NotSufficient,
+        found: foreign(&format!("{error:#}")).to_string(),
+        mend: Some("start it, name another, or leave --server out".to_owned()),
+    };
     // The server is contacted before the measurement, so that the user does not wait for nothing if
     // it does not answer.
     let mut server = match address.map(|address| orders::connect(&address, "hbot doctor")).transpose() {
         Ok(server) => server,
         Err(error) => {
-            let mend = Some("start it, name another, or leave --server out".to_owned());
-            findings.push(Finding {
-                id: "server",
-                mark: Mark::NotSufficient,
-                found: format!("{error:#}"),
-                mend,
-            });
+            findings.push(silent(&error));
             None
         }
     };
@@ -101,7 +101,17 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         judged.iter().try_for_each(show)?;
     }
     findings.extend(judged);
-    let stats = server.as_mut().map(hbot_api::Client::stats).transpose()?;
+    let stats = match server.as_mut().map(hbot_api::Client::stats).transpose() {
+        Ok(stats) => stats,
+        Err(error) => {
+            let finding = silent(&error.into());
+            if !args.json {
+                show(&finding)?;
+            }
+            findings.push(finding);
+            None
+        }
+    };
     let logs = flight_logs();
     let worst = findings.iter().map(|finding| finding.mark).max().unwrap_or(Mark::Good);
     if args.json {

@@ -82,6 +82,8 @@ struct Whole {
     /// Lateness of a tick, us.
     late_us: f64,
     about: BTreeMap<String, String>,
+    /// Whether parts of the recording cannot be read.
+    flawed: bool,
 }
 
 impl Whole {
@@ -144,8 +146,9 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
 fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
     let rig = rig(args, &whole.about)?;
     let (good, bold, off) = (style::GOOD, style::NAME, style::OFF);
+    let what = if whole.flawed { "nothing went wrong in what can be read" } else { "nothing went wrong" };
     tell!(
-        "{good}nothing went wrong{off}: no fault and no emergency stop in {:.3} s ({} states), {bold}{}{off}",
+        "{good}{what}{off}: no fault and no emergency stop in {:.3} s ({} states), {bold}{}{off}",
         whole.range.map_or(0.0, |(first, last)| last - first),
         whole.states,
         foreign(&rig.name)
@@ -155,6 +158,11 @@ fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
     tell!("  {:<10} up to {:.3} N m (limit {} N m)", "torque", whole.torque, limits.torque)?;
     tell!("  {:<10} up to {:.0} % of what friction holds", "grip", 100.0 * whole.traction)?;
     tell!("  {:<10} the latest tick began {:.1} ms late", "loop", 1.0e-3 * whole.late_us)?;
+    if whole.flawed {
+        note!(
+            "the recording is cut off or damaged: what happened after its last readable state is not known"
+        );
+    }
     if args.plot.is_some() {
         note!("--plot draws the time before a fault, and there is none");
     }
@@ -193,9 +201,12 @@ fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
                 }
             }
             // What can be read counts.
-            Ok(Some(Item::Damaged(_) | Item::Cut)) => {}
+            Ok(Some(Item::Damaged(_) | Item::Cut)) => gathered.whole.flawed = true,
             Err(error @ ReadError::System(_)) => return Err(error).with_context(name),
-            Err(_) => break,
+            Err(_) => {
+                gathered.whole.flawed = true;
+                break;
+            }
         }
     }
     gathered.history(path, args.number)

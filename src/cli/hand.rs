@@ -76,7 +76,9 @@ struct NamedAxis {
 fn axis(text: &str) -> Result<NamedAxis, String> {
     let all = [("n1", "x", Vec3::X), ("n2", "y", Vec3::Y), ("n3", "z", Vec3::Z)];
     let found = all.into_iter().find(|(name, other, _)| [*name, *other].contains(&text));
-    found.map(|(name, _, unit)| NamedAxis { name, unit }).ok_or_else(|| "n1, n2 or n3".to_owned())
+    found
+        .map(|(name, _, unit)| NamedAxis { name, unit })
+        .ok_or_else(|| "n1 or x, n2 or y, n3 or z".to_owned())
 }
 
 /// Parses an angle with its unit. Returns it in rad.

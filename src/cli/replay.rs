@@ -63,7 +63,11 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let report = match (&other, &args.out) {
         (Some(other), Some(out)) => {
             let mut output = Output::create(out, replay.about(), other, period_ns)?;
-            let report = replay.run(from, to, |replayed| output.write(replayed))?;
+            let report = replay.run(from, to, |replayed| output.write(replayed)).map_err(|error| {
+                // An empty file would look like a recording.
+                let _ = std::fs::remove_file(out);
+                anyhow::Error::from(error).context(name())
+            })?;
             output.writer.finish().with_context(|| out.display().to_string())?;
             report
         }

@@ -4,6 +4,7 @@ mod file;
 mod questions;
 mod units;
 
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -13,7 +14,7 @@ use hbot_config::rig::Protocol;
 
 use self::units::Quantity;
 use super::ask::{at_terminal, somebody_is_there};
-use super::out::{note, say};
+use super::out::{create_new, note, say};
 
 /// Options of `hbot rig new`. On a terminal, the command asks for each number that is not given.
 /// Otherwise it takes the default.
@@ -179,7 +180,8 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
     }
     let answers = questions::answers(&args, &mut at_terminal)?;
     let text = file::text(&answers)?;
-    std::fs::write(&args.file, text)
+    create_new(&args.file)?
+        .write_all(text.as_bytes())
         .with_context(|| format!("{}: cannot be written", args.file.display()))?;
     say!("{} is written. Measure what is marked \"measure\", then run", args.file.display())?;
     say!("  hbot rig check {0}\n  hbot server --rig {0} --port sim", args.file.display())?;

@@ -13,11 +13,12 @@ const MIN_TOKEN: usize = 16;
 fn read(file: &Path) -> anyhow::Result<String> {
     let text = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
     let token = text.trim();
-    if token.len() < MIN_TOKEN {
+    let length = token.chars().count();
+    if length < MIN_TOKEN {
         bail!(
             "token file {}: a token has at least {MIN_TOKEN} characters; this one has {}",
             file.display(),
-            token.len()
+            length
         );
     }
     Ok(token.to_owned())

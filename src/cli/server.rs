@@ -295,7 +295,7 @@ async fn serve(
             Poll::Pending
         }
     });
-    let finished = server.serve(listener, control, status_in, shutdown).await?;
+    let finished = server.serve(listener, control, status_in, shutdown).await;
     console.status(None);
     console.say(status::summary(&finished));
     let incomplete = finished.recorded.is_some_and(|recorded| recorded.failed_files > 0);

@@ -75,7 +75,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     )?;
     match controllers {
         Ok(controllers) => controllers::print(&info, &controllers)?,
-        Err(error) => tell!("  motor controllers: no answer ({error:#})")?,
+        Err(error) => tell!("  motor controllers: no answer ({})", foreign(&format!("{error:#}")))?,
     }
     let text = |value: &serde_json::Value| foreign(value.as_str().unwrap_or("?")).to_string();
     tell!("  scene      {}", text(&info.scene["name"]))?;

@@ -4,7 +4,7 @@
 use crate::designs::{impedance, orientation, vector};
 use crate::rng::Rng;
 use hbot_core::render::impedance::{
-    Elastic, damper, first_order_law, geodesic_law, is_impedance, quaternion_law, rotation_vector,
+    Elastic, damper, first_order_law, geodesic_law, is_impedance, quaternion_law,
 };
 use hbot_core::{Mat3, Quat, Vec3, rotation};
 use proptest::prelude::*;
@@ -87,7 +87,8 @@ proptest! {
                 prop_assert_eq!(law(d, a, &k), expected, "{}", name);
             }
         }
-        prop_assert_eq!(rotation_vector(desired, -actual), rotation_vector(desired, actual));
+        let turn = desired.conjugate() * actual;
+        prop_assert_eq!(rotation::log(-turn), rotation::log(turn));
     }
 
     #[test]

@@ -80,7 +80,7 @@ fn a_plot_shows_a_range_of_angles_and_is_named_after_its_scene() {
         (output.status.success(), text + &String::from_utf8_lossy(&output.stderr))
     };
     let (ok, said) = command(&["notched-dial", "--axis", "z", "--from", "-20deg", "--to", "20"]);
-    assert!(ok && said.starts_with("notched-dial.svg\n"), "{said}");
+    assert!(ok && said.starts_with("notched-dial.svg shows the torque"), "{said}");
     let near = std::fs::read_to_string(temporary.path().join("notched-dial.svg")).expect("a picture");
     // The axis is labelled in steps of some degrees, and curves have tenths of a pixel.
     assert!(near.contains("\n-20\n") && near.contains("\n20\n") && !near.contains("\n100\n"), "{near}");

@@ -172,8 +172,8 @@ pub(crate) fn reels(folder: &Path, most: usize) -> Vec<ReelFile> {
     files
 }
 
-/// Returns the path of a new recording in `folder`: with the given name, or else with the time
-/// `now` in UTC.
+/// Returns the path of a new recording in `folder`: with the given name, or else with the
+/// seconds from 1970 to `now`.
 pub(crate) fn new_reel(folder: &Path, name: &str, now: SystemTime) -> PathBuf {
     let name = name.trim_end_matches(".mcap");
     if !name.is_empty() {

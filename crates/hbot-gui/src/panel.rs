@@ -74,12 +74,6 @@ impl Panel {
         })
     }
 
-    /// Returns whether the panel is connected and has received a state of the rig.
-    #[must_use]
-    pub fn has_state(&self) -> bool {
-        self.model.state.is_some()
-    }
-
     /// Updates the panel with everything that has arrived from the server, without drawing. Use it
     /// while the window is hidden.
     pub fn catch_up(&mut self) {

@@ -260,17 +260,15 @@ impl Server {
     }
 
     /// Serves clients on `listener` until `shutdown` completes, the loop ends, or a part of the
-    /// server panics. Before this returns, the loop has sent zero torque to the motors.
-    ///
-    /// # Errors
-    /// Currently never returns an error. A panic of a part is reported in [`Finished::failed`].
+    /// server panics. Before this returns, the loop has sent zero torque to the motors. A panic of a
+    /// part is reported in [`Finished::failed`].
     pub async fn serve(
         self,
         listener: TcpListener,
         control: async_mpsc::Receiver<Control>,
         status: watch::Sender<Status>,
         shutdown: impl Future<Output = ()>,
-    ) -> std::io::Result<Finished> {
+    ) -> Finished {
         let Self { setup, end, mut host, notices: _, period_ns, time, started_ns, recording } = self;
         // The loop stops, with zero torque, before the clients are notified.
         let stopping = {
@@ -304,7 +302,7 @@ impl Server {
         let summary = summary.unwrap_or_default();
         let simulated_ns = summary.ticks.saturating_mul(period_ns) as f64;
         let speed = (time == Time::Virtual).then(|| simulated_ns / (now_ns() - started_ns).max(1) as f64);
-        Ok(Finished { summary, failed, speed, recorded, files })
+        Finished { summary, failed, speed, recorded, files }
     }
 }
 

@@ -73,7 +73,7 @@ fn ended(
             ready.send((listener.local_addr().unwrap(), server.emergency_stop())).unwrap();
             let (status, _status) = watch::channel(Status::default());
             tokio::select! {
-                finished = server.serve(listener, controlled, status, shutdown_by(stopped)) => Some(finished.unwrap()),
+                finished = server.serve(listener, controlled, status, shutdown_by(stopped)) => Some(finished),
                 _ = abandoned => None,
             }
         })
@@ -190,7 +190,7 @@ fn a_simulated_rig_that_panics_ends_the_server() {
         let (_control, controlled) = async_mpsc::channel(4);
         let (status, _status) = watch::channel(Status::default());
         let serving = server.serve(listener, controlled, status, std::future::pending());
-        tokio::time::timeout(PATIENCE, serving).await.expect("the server ends").unwrap()
+        tokio::time::timeout(PATIENCE, serving).await.expect("the server ends")
     });
     assert_eq!(finished.failed, Some(Part::Simulator));
     let said = said.lock().unwrap();

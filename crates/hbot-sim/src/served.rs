@@ -175,12 +175,6 @@ impl ServedRig {
         self.send(Message::Call(Box::new(call)))
     }
 
-    /// Returns whether the thread is still serving the line.
-    #[must_use]
-    pub fn is_running(&self) -> bool {
-        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
-    }
-
     /// Returns why the thread has failed: something in it panicked. Returns `None` while it runs,
     /// and after it was stopped or its line has ended.
     #[must_use]

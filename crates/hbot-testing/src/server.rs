@@ -36,7 +36,7 @@ pub fn serve<F: Future<Output = ()> + Send + 'static>(
         let (status, _status) = watch::channel(Status::default());
         let over = tokio::spawn(over(address));
         let done = async { over.await.expect("what ends the server does not panic") };
-        server.serve(listener, controlled, status, done).await.expect("it serves")
+        server.serve(listener, controlled, status, done).await
     })
 }
 

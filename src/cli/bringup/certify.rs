@@ -70,7 +70,7 @@ pub(crate) struct CertifyArgs {
 struct Known {
     rig: RigConfig,
     geometry: Result<Identified, String>,
-    latency: Option<Latency>,
+    latency: Latency,
     motors: Result<Measured, String>,
 }
 
@@ -101,20 +101,16 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Reads what recordings show: the geometry, or why there is none, and the latency.
-fn recorded(
-    rig: &RigConfig,
-    runs: &[PathBuf],
-) -> anyhow::Result<(Result<Identified, String>, Option<Latency>)> {
+fn recorded(rig: &RigConfig, runs: &[PathBuf]) -> anyhow::Result<(Result<Identified, String>, Latency)> {
     let mut news = News::new();
     let mut recordings = Vec::new();
-    let mut latency: Option<Latency> = None;
+    let mut latency = Latency::default();
     for run in runs {
         recordings.push(read(run, rig, &mut news)?);
-        let more = Latency::read(run)?;
-        latency = Some(latency.map_or(more.clone(), |it| it.and(more)));
+        latency.read(run)?;
     }
     if runs.is_empty() {
-        return Ok((Err("no recording was given".to_owned()), None));
+        return Ok((Err("no recording was given".to_owned()), latency));
     }
     let mut fitting = |step, most| news.tell(|| format!("fitting: step {step} of at most {most}"));
     let found = identify(&rig.rig, &recordings, What::Geometry, &mut fitting);
@@ -416,12 +412,14 @@ fn inertia_and_stiffness(page: &mut Page, known: &Known, file: &Path) -> anyhow:
 /// The latency.
 fn times(page: &mut Page, known: &Known) {
     page.heading("Latency");
-    let Some(latency) = &known.latency else {
-        let rows = ["age of a reading", "lateness of a tick"]
-            .map(|what| vec![what.to_owned(), NOT.to_owned(), "no recording was given".to_owned()]);
+    let latency = &known.latency;
+    if latency.ticks() == 0 {
+        let rows = ["age of a reading", "lateness of a tick"].map(|what| {
+            vec![what.to_owned(), NOT.to_owned(), "no recording with readings was given".to_owned()]
+        });
         page.table(&["figure", "value", "how"], rows.to_vec());
         return;
-    };
+    }
     let how = format!("{} ticks of the recordings", latency.ticks());
     let period_s = known.rig.rig.timing.period_s();
     let row = |what: &str, of: [f64; 4]| {

@@ -378,7 +378,12 @@ mod tests {
         again("0", "out of range; legal: 0.001");
         again("x", "it must be a number of kilograms, such as 0.467");
         again("0,5", "write a decimal point: 0.5");
-        assert!(prompts.iter().any(|prompt| prompt.starts_with("  Half the sphere's diameter.\nradius")));
+        assert!(
+            prompts
+                .iter()
+                .any(|prompt| prompt.ends_with("circumference / 6.28.\nradius of the sphere, m [0.102]: ")),
+            "{prompts:?}"
+        );
         again("ttyACM0", "it must be sim, or the path of a device, such as /dev/ttyACM0");
         again("200", "200 is out of range; legal: above 0 and below 180 degrees");
         again("-1", "-1 is out of range");

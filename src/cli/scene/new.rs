@@ -1,5 +1,6 @@
 //! `hbot scene new`: writes a commented scene file with the effects that a person chooses.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
@@ -8,7 +9,7 @@ use hbot_config::SceneFile;
 use hbot_config::scene::{Listed, kinds};
 
 use super::super::ask::{at_terminal, somebody_is_there};
-use super::super::out::{note, tell};
+use super::super::out::{create_new, note, tell};
 
 /// Options of `hbot scene new`. On a terminal, the command asks for what is not given.
 #[derive(Debug, Args)]
@@ -38,7 +39,9 @@ pub(super) fn run(args: &NewArgs) -> anyhow::Result<()> {
     if let Err(mistakes) = SceneFile::from_toml(&text, "the scene") {
         bail!("{mistakes}");
     }
-    std::fs::write(&args.file, text).with_context(|| format!("{file}: cannot be written"))?;
+    create_new(&args.file)?
+        .write_all(text.as_bytes())
+        .with_context(|| format!("{file}: cannot be written"))?;
     tell!("{file} is written. Change what you like, then run")?;
     tell!("  hbot scene check {file}\n  hbot scene plot {file}\n  hbot scene load {file}")
 }

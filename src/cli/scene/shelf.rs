@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use hbot_config::advice::Abilities;
-use hbot_config::scene::{SHELF, ShelfScene};
+use hbot_config::scene::SHELF;
 use hbot_config::{RigConfig, SceneFile};
 use serde_json::json;
 
@@ -65,8 +65,8 @@ pub(super) fn page(folder: &Path) -> anyhow::Result<()> {
 
 fn text() -> anyhow::Result<String> {
     let mut text = String::from(HEAD);
-    for ShelfScene { file, .. } in SHELF {
-        let scene = ShelfScene::named(file).map(ShelfScene::scene).context("a scene of the shelf")?;
+    for entry in SHELF {
+        let (file, scene) = (entry.file, entry.scene());
         let name = scene.name();
         let links: Vec<_> = kinds(&scene).iter().map(|kind| format!("`{kind}`")).collect();
         let source = format!("Kinds: {}. File: [`{file}.toml`](../scenes/{file}.toml).", links.join(", "));

@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use anyhow::bail;
 use hbot_host::run_loop::signals;
 
-use super::super::out::{note, say};
+use super::super::out::{self, say};
 use super::super::{Commanding, style};
 use super::{Which, check, load};
 
@@ -29,7 +29,7 @@ pub(super) fn run(which: &Which, to: &Commanding) -> anyhow::Result<()> {
         if now != seen {
             seen = settled(&which.scene, now);
             if let Err(error) = check(which).and_then(|()| load(&super::scene(&which.scene)?, to)) {
-                note!("{error:#}");
+                out::error(&error);
             }
         }
         std::thread::sleep(EVERY);

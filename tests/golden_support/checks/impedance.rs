@@ -2,8 +2,8 @@
 //! and dampers.
 
 use super::super::core::Vec3;
-use super::super::core::render::impedance::{damper, geodesic_law, quaternion_law, rotation_vector};
-use super::super::core::rotation::{error_eq24, from_hopf};
+use super::super::core::render::impedance::{damper, geodesic_law, quaternion_law};
+use super::super::core::rotation::{error_eq24, from_hopf, log};
 use super::{EPS, array, matrix, norm, quaternion, real, tolerance, vector, wide, wxyz};
 use crate::golden_support::{Ledger, vectors};
 
@@ -25,7 +25,7 @@ pub fn impedance(case: &vectors::Impedance, ledger: &mut Ledger) {
     let angle = norm(&case.rotation_vector);
     let vector_error = angle_error + tolerance(angle, 0.0);
     ledger.numbers("error_eq24", &[], &array(error_eq24(desired, actual)), &case.error_eq24, vector_error);
-    let mut p = array(rotation_vector(desired, actual));
+    let mut p = array(log(desired.conjugate() * actual));
     // If the angle is closer to a half turn than its error, rounding decides which way round is
     // shorter.
     let way = p.iter().zip(&case.rotation_vector).map(|(a, b)| a * b).sum::<f64>();

@@ -81,18 +81,11 @@ impl Sampled {
         Held::new(self, hold).is_stable(scene, None)
     }
 
-    /// Returns the stiffness K (N m/rad) and the damping B (N m s/rad) with which a free sphere
-    /// with the inertia `inertia` (kg m²) swings about one axis by `phi` rad per tick, and its
-    /// swing neither grows nor decays.
+    /// Returns the stiffness K (N m/rad) and the damping B (N m s/rad) with which a sphere swings
+    /// about `axis` by `phi` rad per tick, and its swing neither grows nor decays.
     ///
     /// Then 1 + K (X + t W) + B W = 0 at z = exp(i phi), with the transfer functions X to the angle
     /// and W to the rate, and the lead t. Its real and imaginary parts are two linear equations.
-    #[must_use]
-    pub fn on_border(&self, inertia: f64, phi: f64) -> [f64; 2] {
-        self.border_of(&Axis::new(self, inertia, &HOLDS[0]), phi)
-    }
-
-    /// Returns what [`on_border`](Self::on_border) returns, for an axis of a free sphere.
     pub(super) fn border_of(&self, axis: &Axis, phi: f64) -> [f64; 2] {
         let z = Complex::polar(1.0, phi);
         let [angle, rate] = axis.responses(self, z);
@@ -194,7 +187,7 @@ mod tests {
         for lag in [0.0, 0.25, 0.5, 2.0] {
             for phi in [0.1, 0.2] {
                 let unit = Sampled { period: 1.0, ..rig(lag, 0.0) };
-                let [stiffness, damping] = unit.on_border(1.0, phi);
+                let [stiffness, damping] = unit.border_of(&Axis::new(&unit, 1.0, &HOLDS[0]), phi);
                 // Nearer to the border a swing decays too slowly to wait for.
                 assert!(rests(lag, 0.9 * stiffness, damping), "{lag} {phi}");
                 assert!(!rests(lag, 1.1 * stiffness, damping), "{lag} {phi}");

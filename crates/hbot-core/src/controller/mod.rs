@@ -97,7 +97,7 @@ pub struct Controller {
     /// orientation. The torque then blends as after a change of scene.
     anchored: bool,
     client: Option<(Stamp, u64)>,
-    /// The law of changes of scene. All bits zero is that of older recordings.
+    /// Whether a change of scene is under way.
     fades: Fades,
     /// The guard against a sphere that shakes by itself. All bits zero: switched off.
     shaking: shaking::Guard,

@@ -7,7 +7,7 @@ use crate::design::device::{Device, WheelSpec};
 use crate::design::rig::{AllocationMethod, Joint, Methods, RateEstimate, RigParts, Traction, Zero};
 use crate::inputs::{Command, Complaints, JointReadings};
 use crate::real::{Mat3, sincos};
-use crate::render::effects::{Anchor, Constant, Damper, Effect, Frame, Kind, Spring, SpringLaw};
+use crate::render::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
 use crate::safety::mode::Mode;
 
 /// Returns the geometry of the prototype.
@@ -138,40 +138,4 @@ fn a_controller_takes_as_much_memory_as_the_docs_say() {
         size_of::<CompiledScene>()
     );
     assert!(include_str!("../lib.rs").contains(&row), "{row}");
-}
-
-/// Returns the torque, N m, 6 ticks after a constant torque of 9 N m that fades in over 50 ms was
-/// loaded on a rig with a limit of 1 N m.
-fn coming(law: Fades) -> Real {
-    let joint = |peak| Joint { zero: Zero::Assume, ..Joint::new(16384, peak) };
-    let mut parts = RigParts::new(device()).with_joints(joint(2.0), Joint { gear: 17.0, ..joint(0.5) });
-    (parts.limits.torque, parts.limits.torque_rate) = (1.0, 1e5);
-    let rig = Rig::new(parts).unwrap();
-    let mut controller = Controller::new(rig);
-    controller.fades = law;
-    let constant = Constant { torque: Vec3::Y * 9.0, frame: Frame::World };
-    let effect = Effect { fade_s: 0.05, ..Effect::new(0, 1, Kind::Constant(constant)) };
-    let scene = CompiledScene::new(1, &[effect]).unwrap();
-    let empty = CompiledScene::empty();
-    for tick in 0..=706 {
-        // The joints of this reading stand.
-        let mut inputs = swinging(&rig, tick);
-        inputs.feedback = Some(JointReadings {
-            sequence: (tick as u32).wrapping_sub(1),
-            counts: [0; MAX_JOINTS],
-            rates: [0.0; MAX_JOINTS],
-            index_seen: 0,
-            complaints: Complaints::default(),
-        });
-        controller.tick(if tick < 700 { &empty } else { &scene }, &inputs);
-    }
-    controller.made.torque.y
-}
-
-/// Checks that recordings that are older than the limit of fades still have their law: the torque
-/// is at its limit after a ninth of the fade.
-#[test]
-fn older_recordings_have_fades_before_the_limit() {
-    assert!((coming(Fades::Unlimited) - 1.0).abs() < 1e-5);
-    assert!((coming(Fades::Running) - 0.12).abs() < 1e-5);
 }

@@ -107,7 +107,7 @@ impl Controller {
     #[inline(always)]
     pub(super) fn render(&mut self, scene: &CompiledScene, tick: u64, dt: Real, changed: bool) -> Wanted {
         let changed = core::mem::take(&mut self.anchored) || changed;
-        if changed && self.fades == Fades::Over {
+        if changed {
             self.fades = Fades::Running;
         }
         let ramped = self.machine.gain != 0.0;
@@ -176,13 +176,8 @@ impl Controller {
                 None => limits.torque,
             };
             let (torque, share) = self.stream.added_to(rendered, most);
-            let offset = if self.fades == Fades::Over {
-                let offset = self.blend.added(torque * gain, before, limits.torque);
-                self.blend.fade(dt, 1.0);
-                offset
-            } else {
-                self.blend.added_unlimited(torque * gain, before, dt)
-            };
+            let offset = self.blend.added(torque * gain, before, limits.torque);
+            self.blend.fade(dt, 1.0);
             Asked { torque, share, offset, elastic }
         };
         self.last_asked = asked.torque;
@@ -299,9 +294,6 @@ impl Controller {
             self.rendered_stream.added_to(sum, self.rig.limits.torque)
         };
         let moment = self.moment(tick, 0.0);
-        if self.fades == Fades::Unlimited {
-            return limit(renderer.render_in_tick(scene, *motion, moment, |_, _| {})).0;
-        }
         renderer.parts(scene, motion, moment, 0.0).torque(0.0, limit).0
     }
 

@@ -26,13 +26,13 @@ use crate::real::{Real, Vec3, sqrt};
 use crate::render::effects::{Effect, EffectState};
 use crate::render::scene::MAX_EFFECTS;
 
-/// The law of changes of scene, and whether one is under way.
+/// Whether a change of scene is under way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum Fades {
-    /// The law of recordings that are older than this module: fade factors multiply the torques of
-    /// effects before the limit, and blends are critically damped.
-    Unlimited,
+    /// No controller has it. It keeps the numbers of the others in recordings.
+    #[cfg_attr(not(feature = "exact"), expect(dead_code, reason = "recordings number the variants"))]
+    Unused,
     /// No effect fades.
     Over,
     /// An effect may be fading.

@@ -8,7 +8,7 @@
 //! any closed path it does no net work.
 
 use crate::real::{Mat3, Quat, Real, Vec3, fabs};
-use crate::rotation::{self, angle_over_sine, shortest, vector_part};
+use crate::rotation::{angle_over_sine, shortest, vector_part};
 
 /// The torque of a spring on the sphere, and the energy stored in the spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,13 +115,6 @@ fn log_jacobian_coefficient(eta: Real, angle_over_sine: Real, t2: Real) -> Real 
 #[must_use]
 pub fn damper(desired: Quat, damping: &Mat3, omega: Vec3, desired_omega: Vec3) -> Vec3 {
     -(desired * (*damping * (desired.conjugate() * (omega - desired_omega))))
-}
-
-/// Returns the turn from the desired to the actual orientation as a rotation vector in the desired
-/// frame, log(q_d⁻¹ q), rad.
-#[must_use]
-pub fn rotation_vector(desired: Quat, actual: Quat) -> Vec3 {
-    rotation::log(desired.conjugate() * actual)
 }
 
 /// Returns true if `m` is valid as a stiffness or damping matrix: finite, symmetric and positive

@@ -2,7 +2,7 @@
 //! and slew.
 
 use crate::linear::{limited, shortened};
-use crate::real::{Real, Vec3, exp, sqrt};
+use crate::real::{Real, Vec3, sqrt};
 
 /// Duration over which the torque blends from one scene to the next, s.
 pub(crate) const BLEND_S: Real = 0.05;
@@ -35,11 +35,6 @@ pub(crate) struct Blend {
     /// adds.
     last: Vec3,
 }
-
-/// Rate at which the added torque of a blend of [`Fades::Unlimited`](crate::render::fades::Fades)
-/// fades, 1/s. That fade is critically damped. After [`BLEND_S`] the last 0.05 % of the step is
-/// removed.
-const BLEND_RATE: Real = 10.0 / BLEND_S;
 
 impl Blend {
     pub(crate) const DONE: Self =
@@ -94,28 +89,6 @@ impl Blend {
                 *self = Self { last: self.last, ..Self::DONE };
             }
         }
-    }
-
-    /// Does what [`added`](Self::added) and [`fade`](Self::fade) do, by the law of
-    /// [`Fades::Unlimited`](crate::render::fades::Fades).
-    #[inline(never)]
-    pub(crate) fn added_unlimited(&mut self, torque: Vec3, before: Option<Vec3>, dt: Real) -> Vec3 {
-        if self.age_s < BLEND_S {
-            self.age_s += dt;
-            let step = (self.speed + self.offset * BLEND_RATE) * dt;
-            let decay = exp(-BLEND_RATE * dt);
-            self.offset = (self.offset + step) * decay;
-            self.speed = (self.speed - step * BLEND_RATE) * decay;
-            if self.age_s >= BLEND_S {
-                *self = Self { last: self.last, ..Self::DONE };
-            }
-        }
-        if let Some(before) = before {
-            self.offset += self.last - before;
-            self.age_s = 0.0;
-        }
-        self.last = torque;
-        self.offset
     }
 }
 

@@ -3,7 +3,7 @@
 //! It has no clock and no thread. The owner passes the time and the bytes that have arrived. The
 //! rig simulates the plant up to that time under the torques held so far and returns the bytes of
 //! the answers. In virtual time a server calls [`SimulatedRig::receive`] once a tick; in wall time
-//! [`crate::pty`] calls it.
+//! [`crate::served`] calls it.
 
 mod config;
 

@@ -17,12 +17,11 @@ pub(super) struct Latency {
 }
 
 impl Latency {
-    /// Reads the recording `run`.
-    pub(super) fn read(run: &Path) -> anyhow::Result<Self> {
+    /// Adds the times of the recording `run`.
+    pub(super) fn read(&mut self, run: &Path) -> anyhow::Result<()> {
         let name = || run.display().to_string();
         let mut reader =
             Reader::new(BufReader::new(File::open(run).with_context(name)?)).with_context(name)?;
-        let mut latency = Self::default();
         let (mut format, mut period_s) = (FORMAT, 1.0e-3);
         while let Some(item) = reader.next().with_context(name)? {
             match item {
@@ -37,21 +36,14 @@ impl Latency {
                     let inputs = &tick.0;
                     if let Some(reading) = &inputs.feedback {
                         let ticks = (inputs.tick as u32).wrapping_sub(reading.sequence);
-                        latency.ages.push(f64::from(ticks) * period_s);
-                        latency.lateness.push(inputs.lateness_ns as f64 * 1.0e-9);
+                        self.ages.push(f64::from(ticks) * period_s);
+                        self.lateness.push(inputs.lateness_ns as f64 * 1.0e-9);
                     }
                 }
                 _ => {}
             }
         }
-        Ok(latency)
-    }
-
-    /// Returns the ticks of both.
-    pub(super) fn and(mut self, mut other: Self) -> Self {
-        self.ages.append(&mut other.ages);
-        self.lateness.append(&mut other.lateness);
-        self
+        Ok(())
     }
 
     /// Returns the number of ticks with a reading.

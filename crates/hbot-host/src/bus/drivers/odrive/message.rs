@@ -2,7 +2,7 @@
 //!
 //! The id of a CAN frame consists of the id of the axis (six bits) and the number of the message
 //! (five bits). Numbers are little-endian, floats are IEEE 754. Sources: the vendor's CAN protocol
-//! page and the DBC of firmware 0.6.10, from which `tests/golden/odrive.txt` is made.
+//! page and the DBC of firmware 0.6.10, from which `tests/vendor/odrive.json` is made.
 
 use super::slcan::Frame;
 
