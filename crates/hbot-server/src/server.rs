@@ -260,8 +260,8 @@ impl Server {
     }
 
     /// Serves clients on `listener` until `shutdown` completes, the loop ends, or a part of the
-    /// server panics. Before this returns, the loop has sent zero torque to the motors. A panic of a
-    /// part is reported in [`Finished::failed`].
+    /// server panics. Before this returns, the loop has sent zero torque to the motors. A panic of
+    /// a part is reported in [`Finished::failed`].
     pub async fn serve(
         self,
         listener: TcpListener,

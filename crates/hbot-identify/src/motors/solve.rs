@@ -163,7 +163,8 @@ mod tests {
 
     #[test]
     fn few_blocks_widen_an_interval_as_students_quantile_does() {
-        // Equal blocks: as many degrees of freedom. Quantiles from a table of Student's distribution.
+        // Equal blocks: as many degrees of freedom. Quantiles of a table of Student's
+        // distribution.
         for (blocks, quantile) in [(4.0, 2.776), (10.0, 2.228), (30.0, 2.042), (120.0, 1.980)] {
             let found = super::super::NINETY_FIVE * widening([blocks, blocks]);
             assert!((found / quantile - 1.0).abs() < 0.02, "{blocks}: {found}");
