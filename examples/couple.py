@@ -230,7 +230,11 @@ class Coupling:
                 if len(held) > states_late:
                     old = held.popleft()
                     q = product(old.q, between)
-                    target.rig.reference(EFFECT, q=q, seq=old.tick, wait=False)
+                    try:
+                        target.rig.reference(EFFECT, q=q, seq=old.tick, wait=False)
+                    except hbot.NotHolder as error:
+                        who = f"{error.holder} has the lease of {target.address}"
+                        raise CouplingError(who) from error
         except (hbot.HbotError, CouplingError) as error:
             if not self._over.is_set():
                 self._reason = error

@@ -158,11 +158,6 @@ fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
     tell!("  {:<10} up to {:.3} N m (limit {} N m)", "torque", whole.torque, limits.torque)?;
     tell!("  {:<10} up to {:.0} % of what friction holds", "grip", 100.0 * whole.traction)?;
     tell!("  {:<10} the latest tick began {:.1} ms late", "loop", 1.0e-3 * whole.late_us)?;
-    if whole.flawed {
-        note!(
-            "the recording is cut off or damaged: what happened after its last readable state is not known"
-        );
-    }
     if args.plot.is_some() {
         note!("--plot draws the time before a fault, and there is none");
     }
@@ -208,6 +203,9 @@ fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
                 break;
             }
         }
+    }
+    if gathered.whole.flawed {
+        note!("parts of the recording are cut off or damaged: what happened in them is not known");
     }
     gathered.history(path, args.number)
 }

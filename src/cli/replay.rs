@@ -63,17 +63,18 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let report = match (&other, &args.out) {
         (Some(other), Some(out)) => {
             let mut output = Output::create(out, replay.about(), other, period_ns)?;
-            let report = replay.run(from, to, |replayed| output.write(replayed)).map_err(|error| {
+            let report = replay.run(from, to, |replayed| output.write(replayed));
+            if !report.as_ref().is_ok_and(|report| report.range.is_some()) {
                 // An empty file would look like a recording.
                 let _ = std::fs::remove_file(out);
-                anyhow::Error::from(error).context(name())
-            })?;
+            }
+            let report = report?;
             output.writer.finish().with_context(|| out.display().to_string())?;
             report
         }
         _ => replay.run(from, to, |_| Ok::<_, ReplayError>(())).with_context(name)?,
     };
-    tell(&report, period_ns, begun, args.out.as_deref())?;
+    tell(&report, period_ns, begun, args.out.as_deref().filter(|out| out.exists()))?;
     Ok(if report.is_exact() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

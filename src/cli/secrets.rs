@@ -13,12 +13,11 @@ const MIN_TOKEN: usize = 16;
 fn read(file: &Path) -> anyhow::Result<String> {
     let text = hbot_config::read_text(file).with_context(|| format!("token file {}", file.display()))?;
     let token = text.trim();
-    let length = token.chars().count();
-    if length < MIN_TOKEN {
+    if token.len() < MIN_TOKEN {
         bail!(
             "token file {}: a token has at least {MIN_TOKEN} characters; this one has {}",
             file.display(),
-            length
+            token.len()
         );
     }
     Ok(token.to_owned())

@@ -396,10 +396,14 @@ fn banner(
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
     let debug = if cfg!(debug_assertions) { " in a debug build" } else { "" };
     let web = web.map_or_else(String::new, |at| format!("\n  web      {name}{at}{off}"));
+    // Clients that are told nothing else look there.
+    let usual = address.to_string() == super::SERVER;
+    let at = if usual { String::new() } else { format!(" --server {address}") };
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };
     format!(
         "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {}{baud}\n  rate     {} Hz, {how}{cpu}, \
-         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}\n  {NEXT}",
+         accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}\n  \
+         Ctrl-C stops it; in another terminal, `hbot watch{at}` shows the sphere and `hbot set{at}` changes an effect",
         env!("CARGO_PKG_VERSION"),
         live_or_simulated(port),
         rig.name,
@@ -411,10 +415,6 @@ fn banner(
         expected.ns * 1.0e-3,
     )
 }
-
-/// What a user can do while the server runs.
-const NEXT: &str =
-    "Ctrl-C stops it; in another terminal, `watch` shows the sphere and `set` changes an effect";
 
 /// Parses the name of a port. A TCP port is a likely slip of the pen.
 fn device(text: &str) -> Result<String, String> {

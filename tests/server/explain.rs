@@ -59,15 +59,17 @@ fn a_recording_without_a_fault_says_that_nothing_went_wrong() {
     // Where nothing can be replayed, no empty recording is left.
     let [out, scene] = ["other.mcap", "other.toml"].map(|name| state.path().join(name));
     std::fs::write(&scene, "name = \"Nothing\"\n").expect("written");
-    let mut replay = assert_cmd::Command::from_std(hbot());
     let args = ["replay", text(&run), "--from", "50", "--scene", text(&scene), "--out", text(&out)];
-    replay.args(args).assert().failure().stderr(contains("no exact inputs in the wanted part"));
+    let replay = || assert_cmd::Command::from_std(hbot()).args(args).assert();
+    replay().failure().stderr(contains("no exact inputs in the wanted part"));
     assert!(!out.exists());
     // A server that was killed leaves a recording without its end.
     let bytes = std::fs::read(&run).expect("the recording");
     std::fs::write(&run, &bytes[..bytes.len() * 2 / 3]).expect("written");
+    replay().failure().stdout(contains("cut"));
+    assert!(!out.exists());
     explain(&[text(&run)])
         .success()
         .stdout(contains("nothing went wrong in what can be read: no fault"))
-        .stderr(contains("the recording is cut off or damaged"));
+        .stderr(contains("parts of the recording are cut off or damaged"));
 }

@@ -94,6 +94,7 @@ class Connection:
         self.dropped = 0
         self.holds_lease = False
         self.lost_lease_to: str | None = None
+        self.holder: str | None = None
         self._encode = wire.encoder(options.encoding)
         self._transport = open_transport(address, options.tls, options.timeout)
         try:
@@ -151,7 +152,7 @@ class Connection:
             NotHolder: another client has taken the lease from this one.
         """
         if self.lost_lease_to is not None:
-            raise self.not_holder(op, self.lost_lease_to)
+            raise self.not_holder(op, self.holder)
         data = self._encode({"op": op, **fields})
         if self._error is None and not self._transport.writable():
             self._lose(sends=1)
@@ -318,6 +319,7 @@ class Connection:
             pending.answer(message.get("ok"), None)
 
     def _take_lease(self, event: LeaseEvent) -> None:
+        self.holder = event.holder
         if event.session == self.hello.session:
             self.holds_lease, self.lost_lease_to = True, None
         elif self.holds_lease:

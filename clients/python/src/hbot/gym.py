@@ -198,7 +198,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
             if state is None:
                 raise no_state(self._wait)
         if not self.rig._connection.holds_lease:
-            raise self.rig._connection.not_holder("gym", self.rig._connection.lost_lease_to)
+            raise self.rig._connection.not_holder("gym", self.rig._connection.holder)
         if state.mode in ("fault", "estop"):
             raise Faulted(f"the rig is in mode {state.mode}: {state.fault or 'a stop'}", op="gym")
         found: State = state

@@ -86,7 +86,7 @@ class Rendering:
             Faulted: the rig is in a fault or an emergency stop.
         """
         if not self._connection.holds_lease:
-            raise self._connection.not_holder("render", self._connection.lost_lease_to)
+            raise self._connection.not_holder("render", self._connection.holder)
         if state.mode in ("fault", "estop"):
             raise Faulted(
                 f"the rig is in mode {state.mode}: {state.fault or 'somebody stopped it'}",

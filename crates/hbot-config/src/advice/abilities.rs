@@ -108,9 +108,9 @@ impl Abilities {
             Some(format!("{name} = {} or less", short(value * part / gain)))
         };
         // Effects of many kinds have no damping of their own.
-        let damped = |enough: &dyn Fn(f64) -> f64| match key(&[DAMPING]) {
-            Some((name, own)) => format!("set {name} = {} or more", short_up(enough(own) / gain)),
-            None => format!("add a damper with damping = {} or more", short_up(enough(0.0))),
+        let damped = |added: f64| match key(&[DAMPING]) {
+            Some((name, own)) => format!("set {name} = {} or more", short_up((own + added) / gain)),
+            None => format!("add a damper with damping = {} or more", short_up(added)),
         };
         // A tap on a sphere makes swings that a torque at its limits cannot end.
         let after = match &self.judge {
@@ -125,7 +125,7 @@ impl Abilities {
             Why::Stiff { stiffness, stable, damping, cure } => {
                 let most = short(stiffness * stable);
                 let whatever = if cure.added.is_none() { ", with any damping" } else { "" };
-                let added = cure.added.map(|added| damped(&|own| own + added));
+                let added = cure.added.map(damped);
                 let softer = softer(&STIFF, cure.own).map(|key| format!("set {key}"));
                 let cures: Vec<String> = added.into_iter().chain(softer).collect();
                 let cure = match &cures[..] {
@@ -149,11 +149,17 @@ impl Abilities {
                 )
             }
             Why::Rings { added } => {
-                let cure = damped(&|own| own + added);
+                let cure = damped(added);
                 format!("{id}: a free sphere swings for more than 3 s after a tap{about} {place}; {cure}")
             }
             Why::Bounces { times } => {
-                let cure = damped(&|own| own.max(1.0e-3) * times);
+                // A wall that damps more is touched for a shorter time, so a fifth more is told.
+                let cure = match key(&[DAMPING]) {
+                    Some((name, own)) if own > 0.0 => {
+                        format!("set {name} = {} or more", short_up(1.2 * own * times / gain))
+                    }
+                    _ => "give it a damping".to_owned(),
+                };
                 format!(
                     "{id}: walls throw a free sphere back and forth for more than 3 s after a tap{about} {place}; {cure}"
                 )

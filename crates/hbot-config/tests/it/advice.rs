@@ -196,12 +196,29 @@ fn scenes_that_shake_are_warned_of() {
 /// A pendulum has no key for damping, so the remedy is another effect. It ends the warning.
 #[test]
 fn what_cannot_damp_itself_is_damped_by_a_damper() {
-    let swings = effect("p", "pendulum", "");
     let said = |text: &str| warnings_on(&RigConfig::prototype(), text);
-    let [told] = &said(&swings)[..] else { panic!("one warning") };
-    let (_, remedy) = told.split_once("; add a damper with ").expect(told);
-    let damper = effect("air", "damper", remedy.trim_end_matches(" or more"));
-    assert_eq!(said(&format!("{swings}{damper}")), Vec::<String>::new(), "{told}");
+    for gain in [0.5, 1.0] {
+        let swings = effect("p", "pendulum", &format!("gain = {gain}"));
+        let [told] = &said(&swings)[..] else { panic!("one warning") };
+        let (_, remedy) = told.split_once("; add a damper with ").expect(told);
+        let (damping, _) = remedy.split_once(" or more").expect(told);
+        let damper = effect("air", "damper", damping);
+        assert_eq!(said(&format!("{swings}{damper}")), Vec::<String>::new(), "{told}");
+    }
+}
+
+/// A wall without damping has none that could be multiplied.
+#[test]
+fn a_wall_that_throws_a_sphere_back_is_told_how_much_damping_ends_it() {
+    let said = |damping: &str| {
+        let wall = effect("w", "end_stop", &format!("cone = 0.3\nstiffness = 20\n{damping}"));
+        warnings_on(&RigConfig::prototype(), &wall)
+    };
+    let [told] = &said("damping = 0")[..] else { panic!("one warning") };
+    assert!(told.ends_with("; give it a damping"), "{told}");
+    let [told] = &said("damping = 0.01")[..] else { panic!("one warning") };
+    let (_, remedy) = told.split_once("; set ").expect(told);
+    assert_eq!(said(remedy.trim_end_matches(" or more")), Vec::<String>::new(), "{told}");
 }
 
 /// An effect that makes no torque and no damping at a place changes no warning there.

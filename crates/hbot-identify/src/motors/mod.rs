@@ -230,15 +230,9 @@ fn told(rig: &Rig, slip: f64, rows: &Rows<'_>, solved: &Solved) -> Measured {
     let mut harmonics = [0; MAX_JOINTS];
     for (k, term) in rows.terms.iter().enumerate() {
         let (found, deviation) = (solved.found[k], solved.covariance[k][k].max(0.0).sqrt());
+        let half = solved.quantile[k] * deviation;
         let seen = deviation < SEEN * term.usual(rig);
-        let value = |joint, name, filed| MotorValue {
-            joint,
-            name,
-            filed,
-            found,
-            interval: NINETY_FIVE * deviation,
-            seen,
-        };
+        let value = |joint, name, filed| MotorValue { joint, name, filed, found, interval: half, seen };
         let known = rig.compensation.unwrap_or_default();
         let filed = |j: usize| known.joints[j];
         match *term {
@@ -256,27 +250,27 @@ fn told(rig: &Rig, slip: f64, rows: &Rows<'_>, solved: &Solved) -> Measured {
             }
             Term::Coulomb(j) => {
                 measured.values.push(value(Some(j), MotorName::Coulomb, filed(j).friction.coulomb));
-                measured.joints[j].friction.coulomb = surely(found, NINETY_FIVE * deviation);
+                measured.joints[j].friction.coulomb = surely(found, half);
             }
             Term::Viscous(j) => {
                 measured.values.push(value(Some(j), MotorName::Viscous, filed(j).friction.viscous));
-                measured.joints[j].friction.viscous = surely(found, NINETY_FIVE * deviation);
+                measured.joints[j].friction.viscous = surely(found, half);
             }
             Term::Loss(j) => {
                 measured.values.push(value(Some(j), MotorName::Loss, filed(j).gear_loss));
-                measured.joints[j].gear_loss = surely(found, NINETY_FIVE * deviation).min(MOST_LOSS);
+                measured.joints[j].gear_loss = surely(found, half).min(MOST_LOSS);
             }
             Term::CageCoulomb => {
                 measured.values.push(value(None, MotorName::Coulomb, known.sphere.coulomb));
-                measured.sphere.coulomb = surely(found, NINETY_FIVE * deviation);
+                measured.sphere.coulomb = surely(found, half);
             }
             Term::CageViscous => {
                 measured.values.push(value(None, MotorName::Viscous, known.sphere.viscous));
-                measured.sphere.viscous = surely(found, NINETY_FIVE * deviation);
+                measured.sphere.viscous = surely(found, half);
             }
             Term::Imbalance(axis) => {
                 measured.values.push(value(None, MotorName::Imbalance(axis), known.imbalance[axis]));
-                if found.abs() > NINETY_FIVE * deviation {
+                if found.abs() > half {
                     measured.imbalance[axis] = found;
                 }
             }
@@ -288,7 +282,7 @@ fn told(rig: &Rig, slip: f64, rows: &Rows<'_>, solved: &Solved) -> Measured {
                 let of = |a: usize, b: usize| solved.covariance[a][b];
                 let (s, c) = (found / amplitude, other / amplitude);
                 let variance = s * s * of(k, k) + 2.0 * s * c * of(k, k + 1) + c * c * of(k + 1, k + 1);
-                let interval = NINETY_FIVE * variance.max(0.0).sqrt();
+                let interval = solved.quantile[k].max(solved.quantile[k + 1]) * variance.max(0.0).sqrt();
                 let name = MotorName::Cogging(per_turn);
                 let same = |it: &&Harmonic| it.per_turn == per_turn;
                 let filed = filed(j).cogging.iter().find(same).map_or(0.0, |it| it.amplitude);

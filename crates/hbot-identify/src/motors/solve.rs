@@ -17,6 +17,9 @@ pub(super) struct Solved {
     pub(super) found: Vec<f64>,
     /// Their covariance.
     pub(super) covariance: Vec<Vec<f64>>,
+    /// Half the width of the interval of each that holds the truth in 95 % of the cases, in
+    /// standard deviations.
+    pub(super) quantile: Vec<f64>,
     /// What is left of the equation in each row, N m.
     pub(super) residual: Vec<f64>,
     /// The weight of each window.
@@ -38,6 +41,7 @@ impl Solved {
         let mut solved = Self {
             found: expected.clone(),
             covariance: Vec::new(),
+            quantile: Vec::new(),
             residual: residual(rows, &expected),
             weights: vec![1.0; windows],
             scale: 0.0,
@@ -74,8 +78,8 @@ impl Solved {
         // one more observation, with the deviation 1.
         let mut covariance = inverse.product(&inverse);
         let blocks = windows.div_ceil(BLOCK) as f64;
-        // Sums of the second and fourth powers of what each block changes.
-        let mut powers = vec![[0.0; 2]; count];
+        // Sum of the fourth powers of what each block changes.
+        let mut fourth = vec![0.0; count];
         for first in (0..windows).step_by(BLOCK) {
             let mut gradient = vec![0.0; count];
             let mut without = normal.clone();
@@ -90,14 +94,11 @@ impl Solved {
             }
             let change = without.factor()?.solve(&gradient);
             covariance.add_outer(&change, (blocks - 1.0) / blocks);
-            for ([second, fourth], change) in powers.iter_mut().zip(&change) {
-                *second += change * change;
-                *fourth += change.powi(4);
-            }
+            fourth.iter_mut().zip(&change).for_each(|(sum, change)| *sum += change.powi(4));
         }
-        let units: Vec<f64> = (0..count).map(|k| usual[k] * widening(powers[k])).collect();
+        solved.quantile = (0..count).map(|k| ninety_five(covariance.at(k, k).powi(2) / fourth[k])).collect();
         solved.covariance = (0..count)
-            .map(|a| (0..count).map(|b| units[a] * units[b] * covariance.at(a, b)).collect())
+            .map(|a| (0..count).map(|b| usual[a] * usual[b] * covariance.at(a, b)).collect())
             .collect();
         let all = solved.residual.iter().map(|x| x * x).sum::<f64>();
         solved.left = (all / windows.max(1) as f64).sqrt();
@@ -121,20 +122,20 @@ impl Solved {
     }
 }
 
-/// Returns the factor by which Student's quantile is above [`NINETY_FIVE`]. The degrees of freedom
-/// are Satterthwaite's: few if few blocks make up most of the variance, as those in which a joint
-/// turns back do for its friction. `second` and `fourth` are the sums of those powers of what each
-/// block changes. The quantile is that of the expansion of Cornish and Fisher (Abramowitz and
-/// Stegun, 26.7.5, two terms).
-fn widening([second, fourth]: [f64; 2]) -> f64 {
+/// Returns Student's quantile for the two ends of 95 % (expansion of Cornish and Fisher, Abramowitz
+/// and Stegun 26.7.5, two terms).
+///
+/// `freedom` is Satterthwaite's number of degrees of freedom: the square of a variance divided by
+/// the sum of the fourth powers of what each block changes. It is small if few blocks make up most
+/// of the variance, as those in which a joint turns back do for its friction. The fourth powers are
+/// those of single changes, so of many equal blocks with normal errors about a third counts, and
+/// intervals are a little too wide. Below 2 degrees the expansion does not hold; less counts as 2.
+fn ninety_five(freedom: f64) -> f64 {
     const Z: f64 = super::NINETY_FIVE;
-    if fourth == 0.0 {
-        return 1.0;
-    }
-    let freedom = (second * second / fourth).max(2.0);
+    let freedom = freedom.max(2.0);
     let first = (Z * Z + 1.0) / (4.0 * freedom);
     let next = (5.0 * Z.powi(4) + 16.0 * Z * Z + 3.0) / (96.0 * freedom * freedom);
-    1.0 + first + next
+    Z * (1.0 + first + next)
 }
 
 /// Returns what the unknowns `found` leave of the equation.
@@ -162,12 +163,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_blocks_widen_an_interval_as_students_quantile_does() {
-        // Equal blocks: as many degrees of freedom. Quantiles of a table of Student's
-        // distribution.
-        for (blocks, quantile) in [(4.0, 2.776), (10.0, 2.228), (30.0, 2.042), (120.0, 1.980)] {
-            let found = super::super::NINETY_FIVE * widening([blocks, blocks]);
-            assert!((found / quantile - 1.0).abs() < 0.02, "{blocks}: {found}");
+    fn few_degrees_of_freedom_widen_an_interval_as_students_quantile_does() {
+        // Quantiles of a table of Student's distribution.
+        for (freedom, quantile, error) in
+            [(3.0, 3.182, 0.05), (4.0, 2.776, 0.02), (10.0, 2.228, 0.003), (120.0, 1.980, 0.001)]
+        {
+            assert!((ninety_five(freedom) / quantile - 1.0).abs() < error, "{freedom}");
         }
+        assert!((ninety_five(f64::INFINITY) - 1.96).abs() < 1e-9);
+        assert!(ninety_five(0.0) < 4.0);
     }
 }

@@ -230,12 +230,15 @@ export class Controls {
       step: far || s.whole ? 1 : (end - start) / STEPS, 'aria-label': name });
     const linear = { place: (x) => x, value: (place) => +place.toPrecision(6) };
     let scale = far ? logarithmic(least, end, s.least === 0) : linear;
+    // Several places can stand for one whole number. A key moves by one place, and must not stay.
+    let byKey = false;
+    slider.onkeydown = () => { byKey = true; };
+    slider.onpointerdown = () => { byKey = false; };
     slider.oninput = () => {
       const [x, old] = [scale.value(+slider.value), get()];
       if (!s.whole) return set(x);
-      // Several places can stand for one whole number. A key moves by one place, and must not stay.
       const moved = slider.value - scale.place(old);
-      const stays = Math.round(x) === old && Math.abs(moved) < 2;
+      const stays = byKey && Math.round(x) === old && Math.abs(moved) < 2;
       return set(stays ? old + Math.sign(moved) : Math.round(x));
     };
     const mark = make('div', { className: 'mark', hidden: true });
