@@ -396,7 +396,7 @@ fn banner(
     let cpu = rig.cpu.map_or_else(String::new, |number| format!(", on processor {number}"));
     let debug = if cfg!(debug_assertions) { " in a debug build" } else { "" };
     let web = web.map_or_else(String::new, |at| format!("\n  web      {name}{at}{off}"));
-    // Clients that are told nothing else look there.
+    // Without --server, a client connects to the usual address.
     let usual = address.to_string() == super::SERVER;
     let at = if usual { String::new() } else { format!(" --server {address}") };
     let tls = if rig.api.tls.is_some() { " (TLS alone)" } else { "" };

@@ -28,7 +28,8 @@ use crate::motion::{Counts, Motion};
 
 /// Least time of usable motion, s.
 const LEAST_S: f64 = 10.0;
-/// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations.
+/// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations,
+/// for many degrees of freedom.
 const NINETY_FIVE: f64 = 1.96;
 /// A value counts as seen if the motion leaves at most this fraction of what was expected before.
 const SEEN: f64 = 0.3;
