@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use hbot_config::RigConfig;
 use hbot_core::MAX_JOINTS;
+use hbot_core::design::rig::RateEstimate;
 use hbot_sim::socket::SharedTime;
 
-use crate::bus::Heard;
+use crate::bus::{Heard, JointReading, Reading};
 use crate::rig::layout::Layout;
 use crate::run_loop::clock::{Origin, now_ns};
 use crate::run_loop::engine::{Engine, TickTime};
@@ -61,6 +62,45 @@ fn what_happens_in_ticks_is_counted_from_tick_to_tick() {
     assert_eq!((counted.late, counted.skipped, counted.missed), (3, 6, 4));
     assert_eq!((counted.corrupt_frames, counted.foreign_frames, counted.reopened), (12, 15, 3));
     assert_eq!((counted.send_failures, counted.dropped_samples), (3, 0));
+}
+
+/// Joints that turn evenly, with rates that the core computes from their angles. A command that is
+/// sent whole periods late is answered as late.
+#[test]
+fn a_tick_that_is_late_does_not_make_the_joints_look_fast() {
+    const COUNTS_PER_TICK: f64 = 40.0;
+    for rate in [RateEstimate::Difference, RateEstimate::Kalman { acceleration: 300.0 }] {
+        let mut rig = RigConfig::prototype();
+        rig.rig = rig.rig.with(|parts| parts.methods.rate = rate).expect("legal");
+        let per_count = rig.rig.joints[0].radians_per_count().abs();
+        let bus = ScriptedBus::default();
+        let mut bench =
+            TickBench::new(&rig, vec![Box::new(bus.clone())], &Layout::single(0..4), default_scene());
+        let turning = COUNTS_PER_TICK * per_count / 1e-3;
+        // When the last command was sent, in ticks.
+        let mut sent: Option<(u32, f64)> = None;
+        // Tick 100 begins 4.5 ms late, so that four ticks are left out.
+        for tick in (0..=100).chain(105..200_u64) {
+            if let Some((answers, at)) = sent {
+                let reading =
+                    JointReading { count: (COUNTS_PER_TICK * at) as i32, ..JointReading::default() };
+                bus.reports(Heard {
+                    reading: Some(Reading { answers, joints: [reading; MAX_JOINTS] }),
+                    ..Heard::default()
+                });
+            }
+            let lateness_ns = if tick == 100 { 4_500_000 } else { 0 };
+            let skipped = if tick == 105 { 4 } else { 0 };
+            bench.engine.tick(&TickTime { lateness_ns, skipped, ..on_time(tick) });
+            sent = Some((tick as u32, tick as f64 + lateness_ns as f64 * 1e-6));
+            let state = bench.end.try_sample().expect("a sample").state;
+            if tick > 20 {
+                let ratio = state.rate[0].abs() / turning;
+                // Half a tick of five is not known.
+                assert!((0.45..1.6).contains(&ratio), "{rate:?}, tick {tick}: {ratio} of the true rate");
+            }
+        }
+    }
 }
 
 #[test]
