@@ -120,7 +120,7 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     }
     // Where no hand held the sphere before, none does after the turn.
     if states[0].hand.is_some() {
-        let back = (-1.0e4 * args.angle.to_degrees()).round() / 1.0e4;
+        let back = (-1.0e2 * points[points.len() - 1].angle.to_degrees()).round() / 1.0e2;
         tell!("the hand stays there; `hbot hand turn {} {back}deg` turns it back", args.axis.name)?;
     }
     if let Some(path) = &args.out {

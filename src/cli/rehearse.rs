@@ -5,11 +5,10 @@ use std::io::BufRead as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::anyhow;
+use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
 use hbot_config::RigConfig;
-use hbot_config::rig::Protocol;
-use hbot_host::commission::bringup::Truth;
+use hbot_config::rig::{Port, Protocol};
 use hbot_host::rig::attach::urgent;
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::{CageFriction, Hand, JointFriction, Phenomena};
@@ -54,7 +53,10 @@ impl From<Spoken> for Protocol {
 type Deed = (&'static str, &'static str, fn(&mut SimulatedRig));
 
 const DEEDS: [Deed; 5] = [
-    ("turn", "a hand turns the sphere about all axes", |rig| rig.set_hand(Truth::turned().phenomena.hand)),
+    // A scene's reference stays within reach: at most 0.43 rad from where the hand took hold.
+    ("turn", "a hand turns the sphere to and fro about all axes", |rig| {
+        rig.set_hand(Some(Hand { amplitude: 0.25, rate: 0.4, ..Hand::default() }));
+    }),
     ("hold", "a hand holds the sphere still", |rig| {
         rig.set_hand(Some(Hand { stiffness: 50.0, damping: 1.0, amplitude: 0.0, ..Hand::default() }));
     }),
@@ -66,6 +68,15 @@ const DEEDS: [Deed; 5] = [
 /// Runs the controllers until standard input ends or the program is interrupted.
 pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
     let config = RigConfig::load(args.rig.as_deref(), &[])?;
+    if let Port::Devices(devices) = &config.link.port
+        && devices.len() > 1
+    {
+        bail!(
+            "this rig has {} lines, and one pseudo-terminal stands for one line. Try the rig with `--port sim`, or write one device \
+             into link.port",
+            devices.len()
+        );
+    }
     let protocol = args.protocol.map_or(config.link.protocol, Protocol::from);
     let mut rig = config.rig;
     if let Some(counts) = protocol.counts_per_turn() {

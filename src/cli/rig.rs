@@ -27,6 +27,9 @@ use super::{bringup, rig_drawing, rig_new, style};
 /// Number of postures that are examined.
 const SAMPLES: usize = 4096;
 
+/// The axes of frame N, about which torques are told.
+const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
+
 /// How long the lateness of this machine is measured.
 const MEASURED: Duration = Duration::from_secs(1);
 
@@ -110,6 +113,9 @@ struct Warnings {
     /// The largest tangential force that a drive motor can make at its contact, N, if nothing says
     /// what friction holds.
     unlimited: Option<f64>,
+    /// The largest torque that the motors make about an axis at any steering angles, N m, if
+    /// `limits.torque` permits more and so limits nothing.
+    exceeded: Option<f64>,
 }
 
 impl Warnings {
@@ -121,11 +127,19 @@ impl Warnings {
             |&[i, j]: &[usize; 2]| closest_approach(&wheels[i], &wheels[j], Meeting::Collocated) == 0.0;
         let driven: Vec<bool> = joints[..device.joints()].iter().map(|joint| joint.peak > 0.0).collect();
         let margins = torus(device).map(|th| actuation_margin(&Posture::new(device, &th), &driven));
+        let peak = JointLimits::of(&config.rig);
+        let most = torus(device)
+            .map(|th| {
+                let posture = Posture::new(device, &th);
+                AXES.map(|axis| capability(posture.rows(), &peak, axis)).into_iter().fold(0.0, f64::max)
+            })
+            .fold(0.0, f64::max);
         Self {
             uncalibrated: uncalibrated(config),
             colliding: pairs.filter(can_collide).collect(),
             actuation: margins.fold(f64::INFINITY, f64::min),
             unlimited: config.rig.limits.traction.is_none().then(|| largest_push(config)),
+            exceeded: (config.rig.limits.torque > most).then_some(most),
         }
     }
 
@@ -141,6 +155,7 @@ impl Warnings {
             ("wheels can collide", self.colliding.len()),
             ("weak at some steering angles", usize::from(self.is_weak())),
             ("no limits.traction", usize::from(self.unlimited.is_some())),
+            ("limits.torque limits nothing", usize::from(self.exceeded.is_some())),
         ];
         let count: usize = kinds.iter().map(|(_, count)| count).sum();
         let names: Vec<&str> = kinds.iter().filter(|(_, count)| *count > 0).map(|(name, _)| *name).collect();
@@ -200,14 +215,13 @@ fn abilities(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
     let continuous = JointLimits::of_device(&rig.device, |i| lasting(&rig.joints[i]));
     let (mut least, mut mean) = (f64::INFINITY, 0.0);
     let mut capable = [[f64::INFINITY; 3]; 2];
-    let axes = [Vec3::X, Vec3::Y, Vec3::Z];
     for th in torus(&rig.device) {
         let posture = Posture::new(&rig.device, &th);
         let index = Indices::of(posture.rows()).spectral;
         least = least.min(index);
         mean += index / SAMPLES as f64;
         for (row, limits) in capable.iter_mut().zip([&peak, &continuous]) {
-            for (value, axis) in row.iter_mut().zip(axes) {
+            for (value, axis) in row.iter_mut().zip(AXES) {
                 *value = value.min(capability(posture.rows(), limits, axis));
             }
         }
@@ -225,6 +239,15 @@ fn abilities(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
     tell!("  spectral index, all joints: mean {mean:.3}, least {least:.3}")?;
     for (name, [a, b, c]) in ["peak", "continuous"].iter().zip(capable) {
         tell!("  {name} torque, least about n1 n2 n3: {a:.3} {b:.3} {c:.3} N m")?;
+    }
+    if let Some(most) = warnings.exceeded {
+        tell!(
+            "             {}warning:{} limits.torque = {} N m limits nothing: the motors make at most {most:.3} N m about n1, n2 or \
+             n3. This number protects the hand",
+            style::WARN,
+            style::OFF,
+            rig.limits.torque
+        )?;
     }
     traction(config, warnings)
 }

@@ -37,10 +37,10 @@ fn id(text: &str) -> Result<String, String> {
 
 /// Parses `KEY=VALUE`. A value that is no JSON is a text, so that texts need no quotes.
 fn assignment(text: &str) -> Result<(String, Value), String> {
-    let (key, value) = text.split_once('=').ok_or("KEY=VALUE, such as stiffness=2")?;
+    let (key, value) = text.split_once('=').ok_or("KEY=VALUE without spaces, such as stiffness=2")?;
     let (key, value) = (key.trim(), value.trim());
     if key.is_empty() || value.is_empty() {
-        return Err("KEY=VALUE, such as stiffness=2".to_owned());
+        return Err("KEY=VALUE without spaces, such as stiffness=2".to_owned());
     }
     if let Some(right) = decimal_point(value) {
         return Err(format!("write a decimal point: {key}={right}"));

@@ -206,9 +206,21 @@ fn a_new_rig_file_passes_its_check_whatever_it_is_made_of() {
             );
         }
     }
-    // A rig without a word about friction passes, with a warning.
     let path = folder.path().join("b.toml");
     let text = std::fs::read_to_string(&path).expect("it is written");
+    check(&text.replace("\ntorque = ", "\ntorque = 50 # ")).success().stdout(
+        contains("1 warning").and(contains("limits.torque = 50 N m limits nothing: the motors make at most")),
+    );
+    let two = text.replace("port = \"/dev/ttyACM0\"", "port = [\"/dev/a\", \"/dev/b\"]").replacen(
+        "\ncontroller = ",
+        "\nport = 1\ncontroller = ",
+        1,
+    );
+    std::fs::write(&path, two).expect("written");
+    run(&["controllers", "--rig", path.to_str().expect("UTF-8")])
+        .failure()
+        .stderr(contains("this rig has 2 lines, and one pseudo-terminal stands for one line"));
+    // A rig without a word about friction passes, with a warning.
     let without: String =
         text.lines().filter(|line| !line.starts_with("traction")).collect::<Vec<_>>().join("\n");
     std::fs::write(&path, without).expect("written");

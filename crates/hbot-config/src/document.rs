@@ -63,9 +63,7 @@ impl Document {
         if !errors.is_empty() {
             for error in errors.iter().take(MOST_SYNTAX_ERRORS) {
                 let (line, column) = error.span().map(|span| report.position(span.start)).unzip();
-                let hint = line.and_then(|line| decimal_point(text.lines().nth(line - 1)?));
-                let hint =
-                    hint.map_or_else(String::new, |right| format!(" (write a decimal point: {right})"));
+                let hint = line.and_then(|line| syntax_hint(text.lines().nth(line - 1)?)).unwrap_or_default();
                 let message = format!("not TOML: {}{hint}", error.message().replace('\n', ", "));
                 let file = report.file.clone();
                 let mistake = Diagnostic { file, line, column, path: String::new(), message, legal: None };
@@ -101,6 +99,14 @@ impl Document {
             self.report.origins.push((path.to_owned(), from.to_owned()));
         }
     }
+}
+
+/// Returns what is probably meant by a line that is not TOML.
+fn syntax_hint(line: &str) -> Option<String> {
+    if line.trim() == "[effect]" {
+        return Some(" (write [[effect]] with two brackets, once for each effect)".to_owned());
+    }
+    decimal_point(line).map(|right| format!(" (write a decimal point: {right})"))
 }
 
 impl Report {

@@ -114,13 +114,28 @@ pub(crate) fn found(value: &Value) -> String {
     }
 }
 
-/// Returns the word in `known` that is most similar to the unknown word `word`, for the hint "did
-/// you mean". Returns `None` if no word is similar enough.
+/// Words that people use for kinds of effects, and the kind.
+const OTHER_WORDS: [(&[&str], &str); 6] = [
+    (&["wall", "walls", "stop", "limit"], "end_stop"),
+    (&["notch", "notches", "click", "clicks"], "detents"),
+    (&["hinge", "rail"], "guide"),
+    (&["mass", "weight"], "inertia"),
+    (&["gravity"], "pendulum"),
+    (&["damping", "viscous"], "damper"),
+];
+
+/// Returns the word in `known` that is meant by the unknown word `word`, for the hint "did you
+/// mean": another word for the same, or the most similar word. Returns `None` if no word is similar
+/// enough.
 #[must_use]
-pub fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+pub fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str> + Clone) -> Option<&'a str> {
     // No known word is this long, and the comparison takes time proportional to both lengths.
     if word.len() > 100 {
         return None;
+    }
+    let other = OTHER_WORDS.iter().find(|(words, _)| words.contains(&word));
+    if let Some(meant) = other.and_then(|(_, kind)| known.clone().find(|k| k == kind)) {
+        return Some(meant);
     }
     // One wrong letter in three. This accepts `stiffnes` and `dampping`, but no unrelated word.
     let most = (word.chars().count() / 3).max(1);
@@ -178,6 +193,8 @@ mod tests {
         assert_eq!(did_you_mean("stifness", known()), Some("stiffness"));
         assert_eq!(did_you_mean("lwa", known()), Some("law"));
         assert_eq!(did_you_mean("colour", known()), None);
+        assert_eq!(did_you_mean("wall", ["damper", "end_stop"].into_iter()), Some("end_stop"));
+        assert_eq!(did_you_mean("wall", known()), None, "where no kinds are asked for");
         assert_eq!(did_you_mean("", known()), None);
     }
 }

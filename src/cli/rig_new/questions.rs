@@ -135,7 +135,7 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
     if args.protocol.is_none() {
         let take = |answers: &mut Answers, text: &str| -> Result<(), String> {
             answers.protocol = Controllers::from_str(text, true)
-                .map_err(|_| "the protocol is hbot, moteus or odrive".to_owned())?;
+                .map_err(|_| "the protocol is hbot, moteus or odrive; boards with own firmware, such as an Arduino, speak hbot".to_owned())?;
             Ok(())
         };
         let question = "protocol of the motor controllers (hbot, moteus, odrive)";
@@ -160,6 +160,9 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
             // A path, a port of Windows, or one of the names of the simulated rig.
             if !(text.contains('/') || text.starts_with("COM") || ["sim", "sim:pty"].contains(&text)) {
                 return Err("it must be sim, or the path of a device, such as /dev/ttyACM0".to_owned());
+            }
+            if text.contains(',') {
+                return Err("it is one device; for several write port = [\"/dev/ttyACM0\", \"/dev/ttyACM1\"] into the file".to_owned());
             }
             answers.port = text.to_owned();
             Ok(())
@@ -356,8 +359,30 @@ mod tests {
     #[test]
     fn a_wrong_answer_is_asked_for_again_and_the_others_stay() {
         let typed = [
-            "canopen", "moteus", "Ball", "ttyACM0", "", "9", "3", "0", "?", "100 mm", "x", "0,5", "0.5", "",
-            "200", "12", "", "-1", "2", "", "", "", "20 N",
+            "arduino",
+            "moteus",
+            "Ball",
+            "ttyACM0",
+            "/dev/ttyACM0,/dev/ttyACM1",
+            "",
+            "9",
+            "3",
+            "0",
+            "?",
+            "100 mm",
+            "x",
+            "0,5",
+            "0.5",
+            "",
+            "200",
+            "12",
+            "",
+            "-1",
+            "2",
+            "",
+            "",
+            "",
+            "20 N",
         ];
         let (answers, prompts) = asked(&[], &typed);
         let usual = Answers::usual();
@@ -373,7 +398,8 @@ mod tests {
                 prompts.iter().find(|prompt| prompt.starts_with(&begin)).unwrap_or_else(|| panic!("{text}"));
             assert!(found.contains(why), "{found}");
         };
-        again("canopen", "hbot, moteus or odrive");
+        again("arduino", "such as an Arduino, speak hbot");
+        again("/dev/ttyACM0,/dev/ttyACM1", "write port = [");
         again("9", "2 to 8");
         again("0", "out of range; legal: 0.001");
         again("x", "it must be a number of kilograms, such as 0.467");

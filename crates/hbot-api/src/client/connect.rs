@@ -178,7 +178,7 @@ fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
         }
     }
     Err(match last.kind() {
-        ErrorKind::ConnectionRefused => ClientError::NoServer { address: address.into() },
+        ErrorKind::ConnectionRefused => ClientError::NoServer { address: with_port(address) },
         _ => ClientError::Connect { address: address.into(), source: last },
     })
 }
@@ -199,6 +199,11 @@ fn resolve(address: &str) -> Result<Vec<SocketAddr>, String> {
         (host(address), DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
     };
     found.map_err(|error| error.to_string())
+}
+
+/// Returns an address with its port, for messages.
+fn with_port(address: &str) -> String {
+    if has_port(address) { address.to_owned() } else { format!("{address}:{DEFAULT_PORT}") }
 }
 
 /// Returns whether the address ends with a port. An IPv6 address without brackets contains colons

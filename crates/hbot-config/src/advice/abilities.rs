@@ -126,7 +126,12 @@ impl Abilities {
                 let most = short(stiffness * stable);
                 let whatever = if cure.added.is_none() { ", with any damping" } else { "" };
                 let added = cure.added.map(damped);
-                let softer = softer(&STIFF, cure.own).map(|key| format!("set {key}"));
+                // Softer, a wall is touched at another place, where no more than `most` is stable.
+                let own = match key(&[STIFFNESS]) {
+                    Some((_, value)) => cure.own.min(stiffness * stable / value.max(1.0e-9)),
+                    None => cure.own,
+                };
+                let softer = softer(&STIFF, own).map(|key| format!("set {key}"));
                 let cures: Vec<String> = added.into_iter().chain(softer).collect();
                 let cure = match &cures[..] {
                     [] => "make the effects of the scene softer".to_owned(),

@@ -209,6 +209,20 @@ fn what_cannot_damp_itself_is_damped_by_a_damper() {
 
 /// A wall without damping has none that could be multiplied.
 #[test]
+fn a_wall_that_is_made_as_soft_as_its_warning_says_is_not_warned_of() {
+    let said = |stiffness: &str| {
+        let wall = effect("stop", "end_stop", &format!("cone = 0.5\nstiffness = {stiffness}"));
+        warnings_on(&RigConfig::prototype(), &wall)
+    };
+    for stiffness in ["300", "400", "900"] {
+        let [told] = &said(stiffness)[..] else { panic!("one warning") };
+        let (_, remedy) = told.split_once("set stiffness = ").expect(told);
+        let (softer, _) = remedy.split_once(' ').expect(told);
+        assert_eq!(said(softer), Vec::<String>::new(), "after {told}");
+    }
+}
+
+#[test]
 fn a_wall_that_throws_a_sphere_back_is_told_how_much_damping_ends_it() {
     let said = |damping: &str| {
         let wall = effect("w", "end_stop", &format!("cone = 0.3\nstiffness = 20\n{damping}"));
