@@ -161,7 +161,7 @@ fn every_kind_is_listed_in_one_line_and_shown_with_its_parameters_ranges_and_def
     }
     let output = hbot().args(["scene", "kinds", "--json"]).output().expect("the binary runs");
     let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    assert_eq!(json["effects"].as_array().map(Vec::len), Some(15));
+    assert_eq!(json["effects"].as_array().map(Vec::len), Some(hbot_config::scene::kinds().len()));
     assert_eq!(json["effects"][5]["name"], "detents");
     assert_eq!(json["effects"][5]["schema"]["properties"]["strength"]["unit"], "N m");
 }

@@ -10,18 +10,10 @@ namespace {
 // 1 kHz: a loop that gets none goes on with the last one.
 constexpr hbot::Milliseconds TICKS_WAITED{10};
 
-// The names of modes and faults, as docs/api.md has them, in the order of hbot.h.
-const char* const MODES[] = {"unreferenced", "idle", "enabling", "active", "fault", "estop"};
-const char* const FAULTS[] = {"none",       "link_lost",  "link_corrupt", "controller_fault",
-                              "overspeed",  "overtorque", "slip",         "non_finite",
-                              "implausible_feedback", "deadline", "client_lost", "thermal"};
-static_assert(sizeof MODES / sizeof *MODES == HBOT_MODE_ESTOP + 1, "every mode has a name");
-static_assert(sizeof FAULTS / sizeof *FAULTS == HBOT_FAULT_THERMAL + 1, "every fault has a name");
-
 // Says why the rig makes no torque, and what brings it back.
 std::string notRendering(const hbot_state& a_state) {
-    std::string text = std::string("the rig does not render: mode ") + MODES[a_state.mode];
-    if (a_state.fault != HBOT_FAULT_NONE) text += std::string(", fault ") + FAULTS[a_state.fault];
+    std::string text = std::string("the rig does not render: mode ") + hbot_mode_name(a_state.mode);
+    if (a_state.fault != HBOT_FAULT_NONE) text += std::string(", fault ") + hbot_fault_name(a_state.fault);
     return text + (a_state.mode == HBOT_MODE_IDLE ? "; `hbot enable` switches the torque on"
                                                   : "; `hbot info` says why and what is next");
 }

@@ -647,6 +647,14 @@ enum hbot_status hbot_set(struct hbot_client *client,
 // {"stiffness": 2, "damping": 0.02}.
 enum hbot_status hbot_set_json(struct hbot_client *client, const char *effect, const char *json);
 
+// Returns the name of a mode, such as "idle", or "unknown" for a number that is none. The text is
+// valid for ever.
+const char *hbot_mode_name(int32_t mode);
+
+// Returns the name of the cause of a fault, such as "link_lost", "none" for `HBOT_FAULT_NONE`, or
+// "unknown" for a number that is none. The text is valid for ever.
+const char *hbot_fault_name(int32_t fault);
+
 // Returns the reason of the last failed call of this thread, as text for people. Returns an empty
 // text if none has failed. The text is valid until the next failing call of this thread.
 const char *hbot_last_error(void);

@@ -1,5 +1,8 @@
 //! States as a plain struct.
 
+use std::ffi::{CString, c_char};
+use std::sync::LazyLock;
+
 use hbot_api::{Fault, Mode, StateEvent};
 
 use crate::status::{Failure, HbotStatus};
@@ -85,6 +88,33 @@ impl From<Option<Fault>> for HbotFault {
             Fault::Thermal => Self::Thermal,
         }
     }
+}
+
+/// Returns the name of a mode, such as "idle", or "unknown" for a number that is none. The text is
+/// valid for ever.
+#[unsafe(no_mangle)]
+pub extern "C" fn hbot_mode_name(mode: i32) -> *const c_char {
+    static MODES: LazyLock<[CString; Mode::ALL.len()]> =
+        LazyLock::new(|| Mode::ALL.map(|it| text(it.as_str())));
+    usize::try_from(mode).ok().and_then(|k| MODES.get(k)).map_or(c"unknown", |name| name).as_ptr()
+}
+
+/// Returns the name of the cause of a fault, such as "link_lost", "none" for `HBOT_FAULT_NONE`, or
+/// "unknown" for a number that is none. The text is valid for ever.
+#[unsafe(no_mangle)]
+pub extern "C" fn hbot_fault_name(fault: i32) -> *const c_char {
+    static FAULTS: LazyLock<[CString; Fault::ALL.len()]> =
+        LazyLock::new(|| Fault::ALL.map(|it| text(it.as_str())));
+    match usize::try_from(fault) {
+        Ok(0) => c"none",
+        Ok(k) => FAULTS.get(k - 1).map_or(c"unknown", |name| name),
+        Err(_) => c"unknown",
+    }
+    .as_ptr()
+}
+
+fn text(name: &str) -> CString {
+    CString::new(name).unwrap_or_default()
 }
 
 /// One joint in one tick.

@@ -76,6 +76,11 @@ void wrong_arguments_are_refused() {
     CHECK(hbot_close(client) == HBOT_STATUS_OK);
     CHECK(std::string(hbot_status_name(HBOT_STATUS_BUSY)) == "busy");
     CHECK(std::string(hbot_status_name(-5)) == "unknown");
+    CHECK(std::string(hbot_mode_name(HBOT_MODE_ESTOP)) == "estop");
+    CHECK(std::string(hbot_mode_name(HBOT_MODE_ESTOP + 1)) == "unknown");
+    CHECK(std::string(hbot_fault_name(HBOT_FAULT_NONE)) == "none");
+    CHECK(std::string(hbot_fault_name(HBOT_FAULT_THERMAL)) == "thermal");
+    CHECK(std::string(hbot_fault_name(HBOT_FAULT_THERMAL + 1)) == "unknown");
 }
 
 void the_server_refuses(hbot::Client& rig) {

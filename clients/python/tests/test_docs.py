@@ -17,14 +17,15 @@ from hbot import answers, events, info, ops, scenes, wire
 from hbot.wire import Splitter
 
 PAGE = (REPOSITORY / "docs" / "api.md").read_text(encoding="utf-8")
+WRONG = (REPOSITORY / "docs" / "something-is-wrong.md").read_text(encoding="utf-8")
 UNLED = {"lead = true": "lead = false"}
 """The change of the rig file for a rig that renders without a lead."""
 
 
-def rows(heading: str) -> dict[str, list[str]]:
-    """Return the cells of the tables under a heading of the page, by the text of the first cell."""
-    _, found, rest = PAGE.partition(f"\n{heading}\n")
-    assert found, f"docs/api.md has no {heading}"
+def rows(heading: str, page: str = PAGE) -> dict[str, list[str]]:
+    """Return the cells of the tables under a heading of a page, by the text of the first cell."""
+    _, found, rest = page.partition(f"\n{heading}\n")
+    assert found, f"the page has no {heading}"
     section = re.split(r"(?m)^#", rest)[0]
     lines = [line.strip("|").split("|") for line in section.splitlines() if line.startswith("|")]
     cells = [[cell.strip() for cell in line] for line in lines]
@@ -59,8 +60,8 @@ def test_state() -> None:
     table = rows("### state")
     assert first_cells("### state") == names(hbot.State)
     assert named("".join(table["`mode`"])) == choices(hbot.State, "mode")
-    causes = named("".join(table["`fault`"]))
-    assert causes - {"limits", "energy"} == choices(hbot.State, "fault")
+    faults = rows("## Faults", WRONG)
+    assert {cell.strip("`") for cell in faults} - {"fault"} == choices(hbot.State, "fault")
     assert named(table["`joints`"][1]) == names(hbot.Joint)
     assert named(table["`client`"][1]) - {"tick"} == names(hbot.Stream)
     assert named(table["`timing`"][1]) == names(hbot.Timing)

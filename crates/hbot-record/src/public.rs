@@ -34,19 +34,8 @@ pub fn mode(mode: mode::Mode) -> Mode {
 /// Returns the cause of a fault as the messages of the TCP API name it.
 #[must_use]
 pub fn fault(cause: mode::Cause) -> Fault {
-    match cause {
-        mode::Cause::LinkLost => Fault::LinkLost,
-        mode::Cause::LinkCorrupt => Fault::LinkCorrupt,
-        mode::Cause::ControllerFault => Fault::ControllerFault,
-        mode::Cause::Overspeed => Fault::Overspeed,
-        mode::Cause::Overtorque => Fault::Overtorque,
-        mode::Cause::Slip => Fault::Slip,
-        mode::Cause::NonFinite => Fault::NonFinite,
-        mode::Cause::ImplausibleFeedback => Fault::ImplausibleFeedback,
-        mode::Cause::Deadline => Fault::Deadline,
-        mode::Cause::ClientLost => Fault::ClientLost,
-        mode::Cause::Thermal => Fault::Thermal,
-    }
+    // Both lists have one order.
+    Fault::ALL[cause as usize]
 }
 
 /// Fills `event` with the state of a tick, all but its times. `t_ns` is the nominal time of the
@@ -237,6 +226,10 @@ mod tests {
 
     #[test]
     fn the_causes_of_the_core_are_the_faults_of_the_messages() {
+        let names = |all: &[&dyn std::fmt::Debug]| all.iter().map(|it| format!("{it:?}")).collect::<Vec<_>>();
+        let causes = mode::Cause::ALL.each_ref().map(|it| it as &dyn std::fmt::Debug);
+        let faults = Fault::ALL.each_ref().map(|it| it as &dyn std::fmt::Debug);
+        assert_eq!(names(&causes), names(&faults));
         assert_eq!(mode::Cause::ALL.map(fault), Fault::ALL);
     }
 }

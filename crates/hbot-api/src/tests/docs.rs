@@ -164,9 +164,6 @@ fn every_event_field_and_name_is_there() {
     for mode in Mode::ALL {
         assert!(row("### state", "mode").contains(&format!("`{mode}`")), "{mode}");
     }
-    for fault in Fault::ALL {
-        assert!(row("### state", "fault").contains(&format!("`{fault}`")), "{fault}");
-    }
     let first = |heading| rows(heading).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
     assert_eq!(first("## Errors"), ErrorCode::ALL.map(ErrorCode::as_str));
     assert_eq!(first("## Events"), EventName::ALL.map(EventName::as_str));

@@ -6,9 +6,11 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use hbot_config::SceneFile;
+use hbot_config::{RunningScene, SceneFile};
 use hbot_record::exact::{FORMAT, OLDEST};
 use hbot_record::replay::{Replay, ReplayError};
+
+use serde_json::json;
 
 use crate::made::{assert_exact, record_to};
 
@@ -31,5 +33,40 @@ fn recordings_of_earlier_versions_replay_or_are_refused_by_name() {
             Err(error) => panic!("{}: {error}", path.display()),
             Ok(_) => assert_exact(&recording, 1000),
         }
+    }
+}
+
+/// The kinds of effects in the order of their numbers in recordings. New kinds come after them.
+const KINDS: [&str; 18] = [
+    "constant",
+    "spring",
+    "damper",
+    "inertia",
+    "friction",
+    "detents",
+    "snaps",
+    "end_stop",
+    "guide",
+    "texture",
+    "vibration",
+    "pendulum",
+    "magnet",
+    "pulse",
+    "track",
+    "detents",
+    "snaps",
+    "end_stop",
+];
+
+#[test]
+fn kinds_of_effects_keep_their_numbers() {
+    for (number, kind) in KINDS.into_iter().enumerate() {
+        // The last three are the kinds with a knock.
+        let knock = if number < 15 { json!({}) } else { json!({"knock": "wood"}) };
+        let mut effect = json!({"id": "e", "kind": kind});
+        effect.as_object_mut().unwrap().extend(knock.as_object().unwrap().clone());
+        let scene = SceneFile::from_json(json!({"name": "S", "effect": [effect]})).unwrap();
+        let kind = RunningScene::new().load(scene).effects()[0].kind;
+        assert_eq!(postcard::to_allocvec(&kind).unwrap()[0], number as u8, "{kind:?}");
     }
 }

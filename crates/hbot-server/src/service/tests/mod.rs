@@ -26,7 +26,7 @@ use std::sync::{Arc, mpsc as blocking};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Mode, Op};
+use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Fault, Mode, Op};
 use hbot_config::rig::Protocol;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;

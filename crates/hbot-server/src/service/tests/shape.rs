@@ -80,15 +80,13 @@ fn info_keeps_its_names_their_order_and_types() {
 fn stats_keeps_its_names_their_order_and_types() {
     let bench = bench();
     let times = "{p50: real, p90: real, p99: real, p99_9: real, p99_99: real, max: real, count: whole}";
+    let faults = Fault::ALL.map(|fault| format!("{fault}: whole")).join(", ");
     let stats = said(&format!(
         "{{
             ticks: whole, awake_us: {times}, lateness_us: {times}, compute_us: {times}, link_us: {times}, age_us: {times},
             late_ticks: whole, skipped_ticks: whole, missed_ticks: whole, corrupt_frames: whole, foreign_frames: whole,
             send_failures: whole, reopened_ports: whole, dropped_samples: whole,
-            faults: {{
-                link_lost: whole, link_corrupt: whole, controller_fault: whole, overspeed: whole, overtorque: whole, slip: whole,
-                non_finite: whole, implausible_feedback: whole, deadline: whole, client_lost: whole, thermal: whole
-            }},
+            faults: {{{faults}}},
             estops: whole, requests: whole,
             refused: {{
                 bad_request: whole, unsupported_version: whole, unauthorized: whole, not_holder: whole, busy: whole,
