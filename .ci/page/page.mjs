@@ -392,6 +392,7 @@ const { ports } = server;
 await server.end();
 await shows("#headline", "NO CONTACT");
 await shows("#details", "Not connected");
+assert.equal(await text("#badge"), "UNKNOWN", "the next server there may have a real rig");
 await picture("gone");
 server = await Server.start(hbot, ports);
 await shows("#headline", "ACTIVE");

@@ -216,8 +216,9 @@ export class Rig {
     return this.isLive && this.lease.who === 'mine';
   }
 
+  /** Null without a connection: the next server there may have another rig. */
   get isSimulated() {
-    return this.info?.rig.simulated ?? null;
+    return this.hello ? this.info?.rig.simulated ?? null : null;
   }
 
   /** Returns what the person must know first: a word of the panel. */

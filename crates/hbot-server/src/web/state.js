@@ -114,7 +114,7 @@ export function showState(rig) {
 function bar(rig) {
   const simulated = rig.isSimulated;
   const [kind, word, title] = simulated === null
-    ? ['unknown', 'UNKNOWN', 'no server has said yet whether its rig is simulated']
+    ? ['unknown', 'UNKNOWN', 'no server says now whether its rig is simulated']
     : simulated ? ['simulated', 'SIMULATED', 'a simulated rig: there are no motors']
       : ['live', 'LIVE', 'a real rig: its motors can push'];
   const badge = $('badge');
