@@ -60,7 +60,7 @@ const link = new Link(`${scheme}//${location.host}/ws`, 'page', {
 
 function tell(what) {
   return (error) => {
-    rig.say(`${what}: ${error.message}`, true);
+    rig.say(`${what}: ${error.message}`, 'warn');
     changed();
   };
 }

@@ -63,7 +63,7 @@ export class Rig {
   }
 
   lost(closed) {
-    if (this.hello) this.say(`connection lost: ${closed.why}`, true);
+    if (this.hello) this.say(`connection lost: ${closed.why}`, 'bad');
     this.hello = null;
     this.closed = closed;
     this.state = null;
@@ -71,13 +71,14 @@ export class Rig {
     this.wishes.clear();
   }
 
-  say(text, bad = false) {
+  /** Notes a message. `weight` is 'bad' for a fault or lost contact, 'warn' for take-over, shaking or a refusal. */
+  say(text, weight = '') {
     const last = this.messages[0];
     if (last?.text === text) {
       last.times += 1;
       last.at = new Date();
     } else {
-      this.messages.unshift({ text, bad, at: new Date(), times: 1 });
+      this.messages.unshift({ text, weight, at: new Date(), times: 1 });
       this.messages.length = Math.min(this.messages.length, MOST_MESSAGES);
     }
     this.spoke = true;
@@ -112,13 +113,13 @@ export class Rig {
         const by = message.by && !stopped ? ` by ${this.name(message.by)}` : '';
         const said = this.own.has(message.by?.session) ? message.message.replace(
           `client ${JSON.stringify(message.by.name)} (session ${message.by.session})`, 'you') : message.message;
-        this.say(`${message.fault ?? message.mode}: ${said}${by}`, stopped);
+        this.say(`${message.fault ?? message.mode}: ${said}${by}`, message.mode === 'fault' ? 'bad' : '');
         this.fault = stopped ? message : null;
         return false;
       }
       case 'lease':
         if (this.lease.who === 'mine' && message.cause === 'stolen') {
-          this.say(`${person(message.holder)} has taken over command`, true);
+          this.say(`${person(message.holder)} has taken over command`, 'warn');
         }
         this.leased(message.holder, message.session);
         return false;
@@ -130,11 +131,11 @@ export class Rig {
         this.warnings = message.warnings;
         return false;
       case 'shaking':
-        this.say(message.message, message.shaking);
+        this.say(message.message, message.shaking ? 'warn' : '');
         this.shaking = message.shaking ? message : null;
         return false;
       case 'stopping':
-        this.say(message.message, true);
+        this.say(message.message, 'bad');
         return false;
       default:
         return false;
@@ -189,7 +190,7 @@ export class Rig {
 
   stopFailed(why) {
     if (this.stop) this.stop.why ??= why;
-    this.say(`${why}: cut the motors' power`, true);
+    this.say(`${why}: cut the motors' power`, 'bad');
   }
 
   get unconfirmedStop() {

@@ -30,6 +30,9 @@ const METERS = [
 });
 $('meters').append(...METERS.map(({ row }) => row));
 
+/** The server's words before a path at the end of a message. Without them, a message is shown as it is. */
+const FLIGHT_LOG = '; flight log: ';
+
 const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}.`;
 
 /** Returns the paragraphs below the headline: `[weight, text]`. */
@@ -61,7 +64,7 @@ function details(rig) {
   if (state.mode === 'fault') {
     const words = rig.info?.faults?.find((fault) => fault.name === state.fault);
     const who = by ? ` It was ${rig.name(by)}.` : '';
-    const told = rig.fault ? `: ${rig.fault.message.split('; flight log:')[0]}` : '';
+    const told = rig.fault ? `: ${rig.fault.message.split(FLIGHT_LOG)[0]}` : '';
     // What was found comes before the usual remedy. A simulated rig has no plug that could be loose.
     return [
       ['bad', `${words?.sentence ?? state.fault}${who}`],
@@ -175,6 +178,16 @@ function meters(rig) {
   });
 }
 
+/** Returns what shows a message: of the path of a flight log the file's name, and the rest as a tooltip. */
+function said(text) {
+  const [words, path] = text.split(FLIGHT_LOG);
+  if (!path) return [text];
+  const file = document.createElement('span');
+  file.textContent = path.slice(path.lastIndexOf('/') + 1);
+  file.title = path;
+  return [words, FLIGHT_LOG, file];
+}
+
 /** Draws the list of messages, newest first. */
 export function showMessages(rig) {
   $('messages').replaceChildren(...rig.messages.slice(0, 20).map((message) => {
@@ -182,8 +195,8 @@ export function showMessages(rig) {
     const time = document.createElement('time');
     time.textContent = message.at.toTimeString().slice(0, 8)
       + (message.times > 1 ? `, ${message.times} times` : '');
-    item.append(time, ` ${message.text}`);
-    item.className = message.bad ? 'bad' : '';
+    item.append(time, ' ', ...said(message.text));
+    item.className = message.weight;
     return item;
   }));
 }
