@@ -118,9 +118,10 @@ export class Controls {
       const border = this.border(of());
       text.hidden = border === null;
       if (border === null) return;
-      const shakes = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: may shake`));
-      text.className = shakes || get() > border ? 'warn' : 'weak';
-      put(text, `Expected to be stable up to ${border.toFixed(2)} N m/rad in this scene (mark)`);
+      // A warning has no field for its effect. The server begins it with the effect's id and a colon.
+      const warned = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: `));
+      text.className = warned || get() > border ? 'warn' : 'weak';
+      put(text, `Expected to be stable up to ${+border.toPrecision(3)} N m/rad in this scene (mark)`);
     });
     return text;
   }
