@@ -22,7 +22,7 @@ export class Refused extends Error {
  */
 export class Link {
   constructor(url, name, on) {
-    Object.assign(this, { url, name, on, socket: null, hello: null, pause: PAUSE[0], id: 0 });
+    Object.assign(this, { url, name, on, socket: null, hello: null, pause: PAUSE[0], id: 0, nextAt: 0 });
     this.waiting = new Map();
     this.connect();
   }
@@ -68,6 +68,7 @@ export class Link {
     this.waiting.clear();
     const wait = this.pause;
     this.pause = Math.min(2 * wait, PAUSE[1]);
+    this.nextAt = performance.now() + wait;
     this.on.closed({ why, code });
     // Without a token, a further attempt would fail in the same way.
     if (code !== 'unauthorized') this.again = setTimeout(() => this.connect(), wait);

@@ -230,6 +230,18 @@ dark.onchange = () => {
   changed();
 };
 
+const absent = Object.assign(document.createElement('p'), { id: 'absent' });
+$('picture').append(absent);
+
+/** Says in place of the picture that no server answers, and when the page tries again. */
+function absence() {
+  absent.hidden = rig.hello !== null || !rig.closed || rig.closed.code === 'unauthorized';
+  if (absent.hidden) return;
+  const wait = link.nextAt - performance.now();
+  put(absent, `No server answers at ${location.host}. `
+    + (wait > 0 ? `Next attempt in ${Math.ceil(wait / 1000)} s.` : 'Trying now.'));
+}
+
 /** Writes the figures of the picture. */
 function words() {
   const { state } = rig;
@@ -254,7 +266,7 @@ function words() {
     + `${length(state.torque).toFixed(2)} N m${away === null ? '' : `, ${away.toFixed(2)} rad from its reference`}`);
   const { force } = hand;
   $('grip').hidden = !force;
-  if (force) put($('grip'), `The scene pushes your hand: ${force.newtons.toFixed(2)} N, ${force.torque.toFixed(3)} N m`);
+  if (force) put($('grip'), `${force.newtons.toFixed(2)} N, ${force.torque.toFixed(3)} N m at your hand`);
 }
 
 let [asked, last, plotted, worded, odd] = [false, 0, 0, 0, false];
@@ -295,6 +307,7 @@ function frame(now) {
     showState(rig);
     showRights();
     words();
+    absence();
     if (rig.spoke) showMessages(rig);
     rig.spoke = false;
   }

@@ -3,12 +3,17 @@
 import { hasTorque, person } from './rig.js';
 import { length } from './maths.js';
 
+/** From this rate on, the page says that the sphere still turns after a stop, rad/s. */
+const TURNS = 0.1;
+
 const $ = (id) => document.getElementById(id);
 
 /** Sets the text of an element, if it has changed. */
 export function put(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
+
+const touch = matchMedia('(pointer: coarse)');
 
 const METERS = [
   ['Torque', "of the sphere / the rig's limit"],
@@ -46,7 +51,8 @@ function details(rig) {
   if (stop) {
     return [
       ['strong', "Cut the motors' power."],
-      ['', 'STOP or Esc tries again. This message ends when a state shows no torque.'],
+      ['', `${touch.matches ? 'Press STOP again.' : 'STOP or Esc tries again.'} This message ends when a state shows `
+        + 'no torque.'],
       ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
       ...old];
   }
@@ -89,12 +95,40 @@ function wayOn(rig) {
   }
 }
 
+const notice = document.createElement('p');
+notice.id = 'notice';
+$('box').append(notice);
+
+/** Returns the line at the lower end of the box: the sphere still turns, or the scene has a warning. */
+function noticed({ state, isCertain, shaking, warnings }) {
+  if (!isCertain) return '';
+  const speed = length(state.omega);
+  if (['fault', 'estop'].includes(state.mode) && speed > TURNS) {
+    return `The sphere still turns: ${speed.toFixed(2)} rad/s`;
+  }
+  if (shaking || warnings.length === 0) return '';
+  const many = warnings.length > 1 ? `${warnings.length} warnings` : 'Warning';
+  return `${many}, see the scene: ${warnings[0]}`;
+}
+
+/** Lets the box cover the bars if its text needs their room. So nothing moves. */
+function fit() {
+  const box = $('box');
+  box.classList.remove('long');
+  box.classList.toggle('long', box.scrollHeight > box.clientHeight);
+}
+window.addEventListener('resize', fit);
+
 let shown = '';
 /** Draws everything that is text, without the scene. */
 export function showState(rig) {
   const head = rig.headline;
   const lines = details(rig).filter(([, text]) => text);
-  const key = JSON.stringify([head, lines]);
+  const line = noticed(rig);
+  put(notice, line);
+  notice.title = line;
+  // A rate that changes keeps its length.
+  const key = JSON.stringify([head, lines, line.length]);
   if (key !== shown) {
     shown = key;
     if ($('headline').textContent !== head) $('box').scrollTop = 0;
@@ -107,6 +141,7 @@ export function showState(rig) {
       line.textContent = text;
       return line;
     }));
+    fit();
   }
   document.body.classList.toggle('old', !rig.isCertain);
   bar(rig);
