@@ -302,6 +302,7 @@ watcher.keep = [];
 const pressed = performance.now();
 await page.keyboard.press("Escape");
 await shows("#headline", "ESTOP");
+await watcher.mode("estop");
 const stopped = watcher.keep.find((state) => state.mode === "estop");
 const arrived = await page.evaluate(() => window.stopTick);
 console.log(`Esc to zero torque: ${stopped.tick - arrived} ticks after the frame arrived (wanted: 3), `
@@ -310,10 +311,12 @@ assert(length(stopped.torque) === 0, "the first state of the stop has no torque"
 assert(watcher.keep.filter((state) => state.tick >= stopped.tick).every((state) => state.mode === "estop"));
 watcher.keep = null;
 assert(watcher.state.hand, "the hand holds on until it lets go");
+await page.mouse.move(middle.x - 0.5 * middle.radius, middle.y, { steps: 4 });
 await page.mouse.up();
 await until("the hand lets go", () => !watcher.state.hand);
 await shows("#details", "Stopped by you");
-await shows("#notice", "The sphere still turns");
+await until("the box says whether the sphere still turns", async () => (
+  (await text("#notice")).includes("The sphere still turns") === length(watcher.state.omega) > 0.1));
 await picture("stopped");
 await picture("stopped-dark");
 await page.click("#recover");
