@@ -38,6 +38,14 @@ function logarithmic(least, end, zero) {
   };
 }
 
+/** Returns the name of a parameter with its unit, unless the name ends with the unit. */
+function named(key, schema) {
+  const { unit } = schema;
+  const label = make('span', { className: 'key', title: explain(schema) }, key.replaceAll('_', '_\u200b'));
+  if (unit && unit !== '1' && !key.endsWith(`_${unit}`)) label.append(', ', make('small', {}, unit));
+  return label;
+}
+
 /** Returns a number as it stands in a field: six digits, without a tail of zeros. */
 const plain = (x) => `${+x.toPrecision(6)}`;
 
@@ -83,9 +91,7 @@ export class Controls {
     for (const [key, schema] of Object.entries(kind.schema.properties ?? {})) {
       const get = () => this.rig.value(of(), key) ?? schema.default ?? null;
       const set = (value) => this.want(id, key, value);
-      const label = make('span', { className: 'key', title: explain(schema) }, key.replaceAll('_', '_\u200b'));
-      if (schema.unit && schema.unit !== '1') label.append(make('small', {}, schema.unit));
-      const row = make('div', { className: 'parameter' }, label);
+      const row = make('div', { className: 'parameter' }, named(key, schema));
       const reach = this.reach(key);
       const border = key === 'stiffness' ? () => this.border(of()) : null;
       row.append(this.edit(`${id} ${key}`, schema, get, set, { reach, border }));
@@ -184,7 +190,7 @@ export class Controls {
       case 'list': return this.list(name, s, get, set, more);
       case 'group': return make('div', { className: 'group' },
         ...Object.entries(s.properties).map(([key, part]) => make('div', { className: 'parameter' },
-          make('span', { className: 'key', title: explain(part) }, key),
+          named(key, part),
           this.edit(`${name} ${key}`, part, () => get()?.[key] ?? null,
             (value) => set({ ...get(), [key]: value })))));
       case 'variants': return this.variants(

@@ -72,7 +72,7 @@ export function plot(canvas, samples, colours, { name, of, least, total }) {
   const end = roundUp(most);
   const x = (t) => left + (width - left - right) * (1 + (t - now) / SPAN);
   const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
-  c.font = '11px system-ui, sans-serif';
+  c.font = '12px system-ui, sans-serif';
   c.textBaseline = 'middle';
   c.lineWidth = 1;
   for (const v of [-end, 0, end]) {
@@ -122,7 +122,7 @@ export function plotCurves(canvas, curves, present, colours, limit) {
   const clamp = (v) => Math.max(-end, Math.min(end, v));
   const x = (angle) => left + (width - left - right) * (0.5 + angle / (2 * Math.PI));
   const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
-  c.font = '11px system-ui, sans-serif';
+  c.font = '12px system-ui, sans-serif';
   c.textBaseline = 'middle';
   c.lineWidth = 1;
   const line = (points, colour) => {
