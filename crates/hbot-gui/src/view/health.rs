@@ -4,6 +4,7 @@
 use eframe::egui::{self, Align2, FontId, Grid, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 
 use super::theme::{Palette, heading, weak};
+use super::three_digits;
 use crate::model::{BINS, Histogram, Model};
 use hbot_api::{Distribution, StatsOk};
 
@@ -78,20 +79,11 @@ fn times(ui: &mut Ui, stats: &StatsOk) {
         for (name, d, hint) in rows {
             ui.label(name).on_hover_text(hint);
             for value in [d.p50, d.p99, d.p99_9, d.max] {
-                ui.label(RichText::new(figure(value)).monospace().size(12.0));
+                ui.label(RichText::new(three_digits(value)).monospace().size(12.0));
             }
             ui.end_row();
         }
     });
-}
-
-/// Formats a time in microseconds with about three digits.
-fn figure(us: f64) -> String {
-    match us {
-        us if us < 10.0 => format!("{us:.2}"),
-        us if us < 100.0 => format!("{us:.1}"),
-        us => format!("{us:.0}"),
-    }
 }
 
 fn counts(ui: &mut Ui, model: &Model, stats: &StatsOk) {
@@ -143,9 +135,9 @@ fn accuracy(ui: &mut Ui, model: &Model, stats: &StatsOk) {
         ui,
         format!(
             "costs {} us of each tick (median; {:.2} % of the period), {} us in one of a hundred",
-            figure(stats.compute_us.p50),
+            three_digits(stats.compute_us.p50),
             share(stats.compute_us.p50),
-            figure(stats.compute_us.p99),
+            three_digits(stats.compute_us.p99),
         ),
     );
 }

@@ -275,3 +275,12 @@ fn round_up(x: f64) -> f64 {
     let decade = 10_f64.powf(x.log10().floor());
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * decade).find(|y| *y >= x * (1.0 - 1e-9)).unwrap_or(x)
 }
+
+/// Formats a positive number with about three digits, such as 9.86, 15.7 and 157.
+fn three_digits(x: f64) -> String {
+    match x {
+        x if x < 10.0 => format!("{x:.2}"),
+        x if x < 100.0 => format!("{x:.1}"),
+        x => format!("{x:.0}"),
+    }
+}

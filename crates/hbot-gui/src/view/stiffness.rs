@@ -1,5 +1,6 @@
 //! Controls for the stiffness and damping of a spring. They are the panel's first purpose.
 
+use eframe::egui::style::HandleShape;
 use eframe::egui::{self, ComboBox, DragValue, Slider, SliderClamping, Stroke, Ui};
 use hbot_config::advice::StiffnessKey;
 use serde_json::{Value, json};
@@ -7,8 +8,8 @@ use serde_json::{Value, json};
 use super::Desk;
 use super::bar::OBSERVER;
 use super::parameter;
-use super::round_up;
 use super::theme::{Palette, coloured, heading, named, weak};
+use super::{round_up, three_digits};
 use crate::model::{Effect, Model};
 use crate::net::Intent;
 
@@ -18,6 +19,8 @@ const STIFFEST_AT: f64 = 0.1;
 /// Ratio of the largest damping to the largest stiffness on their sliders, s. Slightly less damping
 /// is critical for the prototype's sphere with the stiffest spring.
 const DAMPING_SHARE: f64 = 0.02;
+/// Ratio of the least value above 0 on a slider to the largest. Sliders are logarithmic.
+const LEAST_SHARE: f64 = 2e-4;
 /// Hover texts of stiffness and damping, which also explain the units.
 const STIFFNESS: &str =
     "torque for each radian of turn. N m/rad: newton metres per radian, 1 rad is 57.3\u{b0}";
@@ -207,10 +210,13 @@ fn row(
         let slider = Slider::new(&mut x, 0.0..=end)
             .show_value(false)
             .clamping(SliderClamping::Edits)
+            .logarithmic(true)
+            .smallest_positive(LEAST_SHARE * end)
             .trailing_fill(true);
         let response = named(ui.add(slider), name);
         if let Some(stable) = stable.filter(|stable| *stable < end) {
-            mark(ui, response.rect, stable / end);
+            let share = 1.0 - (stable / end).ln() / LEAST_SHARE.ln();
+            mark(ui, response.rect, share.max(0.0));
         }
         let field = DragValue::new(&mut x)
             .range(0.0..=most)
@@ -227,8 +233,12 @@ fn row(
 fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
     let palette = Palette::of(ui);
     // The position of the middle of the handle at that value. By egui's own geometry, the handle
-    // stays one handle radius away from the ends.
-    let room = slider.x_range().shrink(slider.height() / 2.5);
+    // stays half its width away from the ends.
+    let narrower = match ui.visuals().handle_shape {
+        HandleShape::Rect { aspect_ratio } => aspect_ratio,
+        HandleShape::Circle => 1.0,
+    };
+    let room = slider.x_range().shrink(narrower * slider.height() / 2.5);
     let x = room.min + room.span() * share as f32;
     let painter = ui.painter();
     let beyond = egui::Rect::from_x_y_ranges(x..=room.max, slider.bottom() - 3.0..=slider.bottom() - 1.0);
@@ -260,7 +270,7 @@ fn limits(
     {
         // An older server tells one stiffness, whatever the damping.
         let with = if tells_loop(model) { "with this damping " } else { "" };
-        let text = format!("{with}expected to be stable up to {stable:.2} N m/rad (mark)");
+        let text = format!("{with}expected to be stable up to {} N m/rad (mark)", three_digits(stable));
         if stiffest > gain * stable {
             coloured(ui, Palette::of(ui).warn, text);
         } else {
@@ -290,7 +300,7 @@ fn has_off_diagonal(value: &Value) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::painted::{hint, vertical_lines};
+    use crate::view::painted::{filled, hint, vertical_lines};
     use egui_kittest::Harness;
     use hbot_config::advice::{Abilities, StiffnessBound, USUAL_DAMPING};
     use hbot_config::{RigConfig, SceneFile};
@@ -375,6 +385,28 @@ mod tests {
         let (none, little, more) = (mark(0.0), mark(0.01), mark(0.02));
         assert_eq!([none.len(), little.len(), more.len()], [1; 3]);
         assert!(none[0] < little[0] - 5.0 && little[0] < more[0] - 5.0, "{none:?} {little:?} {more:?}");
+    }
+
+    /// Returns where the handle of the slider for the stiffness is.
+    fn handle(seen: &Harness<'_>) -> f32 {
+        let filled = filled(seen);
+        // Nothing else is higher than wide.
+        let (handle, _) = filled.iter().find(|(rect, _)| rect.height() > rect.width()).expect("a handle");
+        handle.center().x
+    }
+
+    #[test]
+    fn the_mark_is_where_the_handle_is_with_that_stiffness() {
+        let border = border(&said(panel(5.0, 0.02, true)));
+        let seen = drawn(panel(border, 0.02, true));
+        let (mark, whole) = (vertical_lines(&seen)[0], handle(&seen));
+        assert!((mark - whole).abs() < 1.0, "{mark}, {whole}");
+        let tenth = handle(&drawn(panel(0.1 * border, 0.02, true)));
+        let hundredth = handle(&drawn(panel(0.01 * border, 0.02, true)));
+        assert!(
+            (whole - tenth - (tenth - hundredth)).abs() < 1.0 && whole > tenth + 5.0,
+            "logarithmic: {whole}, {tenth}, {hundredth}"
+        );
     }
 
     #[test]
