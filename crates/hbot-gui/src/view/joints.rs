@@ -2,7 +2,7 @@
 //! the torque as a share of what the motor can give, and what the motor controllers report about
 //! themselves.
 
-use eframe::egui::{Grid, RichText, Role, Sense, StrokeKind, Ui, WidgetInfo, vec2};
+use eframe::egui::{Align, Grid, Layout, Response, RichText, Role, Sense, StrokeKind, Ui, WidgetInfo, vec2};
 use hbot_api::{JointInfo, JointState, WheelInfo};
 
 use super::controllers;
@@ -15,6 +15,9 @@ const COLUMNS: [(&str, &str); 3] = [
     ("rate, rad/s", "radians per second: how fast the joint turns, 1 rad is 57.3\u{b0}"),
     ("torque, N m", "newton metres: the torque of the motor, 1 N m is that of 1 N on a lever of 1 m"),
 ];
+
+/// Widths of these columns, points.
+const WIDTHS: [f32; 3] = [52.0, 68.0, 74.0];
 
 pub(crate) fn show(ui: &mut Ui, model: &Model) {
     let Some(state) = &model.state else {
@@ -30,8 +33,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
         heading(ui, wheel.and_then(|wheel| wheel.name.as_deref()).unwrap_or("Wheel"));
         Grid::new(("joints", k)).num_columns(4).spacing([10.0, 3.0]).show(ui, |ui| {
             ui.label("");
-            for (text, hint) in COLUMNS {
-                ui.label(RichText::new(text).weak()).on_hover_text(hint);
+            for ((text, hint), width) in COLUMNS.into_iter().zip(WIDTHS) {
+                cell(ui, width, RichText::new(text).weak()).on_hover_text(hint);
             }
             ui.end_row();
             for (joint, name) in pair.iter().zip(["steer", "drive"]) {
@@ -66,10 +69,21 @@ fn row(ui: &mut Ui, joint: &JointState, name: &str) {
     ui.label(name);
     let number = |text: String| RichText::new(text).monospace().size(12.0);
     let degrees = joint.angle.to_degrees();
-    ui.label(number(format!("{degrees:5.1}\u{b0}"))).on_hover_text(format!("{:.4} rad", joint.angle));
-    ui.label(number(format!("{:+9.3}", joint.rate)));
-    ui.label(number(format!("{:+9.4}", joint.torque)));
+    let [angle, rate, torque] = WIDTHS;
+    cell(ui, angle, number(format!("{degrees:.1}\u{b0}"))).on_hover_text(format!("{:.4} rad", joint.angle));
+    cell(ui, rate, number(format!("{:+.3}", joint.rate)));
+    cell(ui, torque, number(format!("{:+.4}", joint.torque)));
     ui.end_row();
+}
+
+/// Draws text at the right of a column of this width.
+fn cell(ui: &mut Ui, width: f32, text: RichText) -> Response {
+    let size = vec2(width, ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(size, Layout::right_to_left(Align::Center), |ui| {
+        ui.set_min_width(width);
+        ui.label(text)
+    })
+    .inner
 }
 
 /// Draws a bar from the middle to the share of the motor's peak torque that it gives.

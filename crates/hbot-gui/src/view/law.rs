@@ -33,7 +33,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
         for (k, color) in palette.axes.into_iter().enumerate() {
             ui.colored_label(color, format!("n{}", k + 1));
         }
-        weak(ui, "; dots: now");
+        weak(ui, "(dots: now)");
     });
     let dots = dots(model);
     let degrees = |mark: GridMark, _: &_| format!("{:.0}\u{b0}", mark.value.to_degrees());
@@ -45,7 +45,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let plot = Plot::new("law")
         .grid_color(palette.plot_grid())
         .height(HEIGHT)
-        .width(ui.available_width() - 8.0)
+        // Leaves room for the right half of the last number on the horizontal axis.
+        .width(ui.available_width() - 16.0)
         .auto_bounds(false)
         .x_grid_spacer(quarter)
         .x_axis_formatter(degrees)

@@ -117,14 +117,15 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
             acts.push(Act::LoadScene(source.clone()));
         }
     });
-    // The text always has this much room, so that nothing below it moves when the choice changes.
+    let Some(file) = shelf.picked() else {
+        weak(ui, "The list says what each scene feels like.");
+        return;
+    };
+    // Each scene has this much room, so that nothing below it moves when the choice changes.
     let room = vec2(ui.available_width(), 3.0 * ui.text_style_height(&TextStyle::Body));
     ui.allocate_ui(room, |ui| {
         ui.set_min_size(room);
-        match shelf.picked() {
-            Some(file) => weak(ui, file.said()),
-            None => weak(ui, "The list says what each scene feels like."),
-        };
+        weak(ui, file.said());
     });
 }
 
