@@ -5,13 +5,19 @@ mod axes;
 mod deflection;
 mod time;
 
-use eframe::egui::{self, ComboBox, Ui};
+use eframe::egui::{self, Align, ComboBox, Layout, Rect, Ui, UiBuilder, vec2};
 use glam::DQuat;
 
 use super::theme::named;
 use super::{Act, Desk};
 use crate::model::{History, Link, Model, SPAN_S};
 use crate::net::Intent;
+
+/// Plots that are narrower than this have only some of their controls beside the names of the
+/// curves, points.
+const NARROW: f32 = 400.0;
+/// Plots of at least this width have room for words instead of short units, points.
+const WIDE: f32 = 600.0;
 
 /// The quantity that a plot shows, such as the torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,65 +73,90 @@ impl PlotDesk {
 }
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
-    controls(ui, model, &mut desk.plots, acts);
+    let plots = &mut desk.plots;
+    let width = ui.available_width();
+    // The names of the curves leave room beside them, but the text of a fit does not.
+    let (in_row, beside) = match plots.which {
+        Which::Stiffness => TOOLS.split_at(TOOLS.len()),
+        _ if width < NARROW => TOOLS.split_at(2),
+        _ => TOOLS.split_at(0),
+    };
+    ui.horizontal_wrapped(|ui| {
+        for (which, name) in Which::ALL {
+            ui.selectable_value(&mut plots.which, which, name);
+        }
+        for tool in in_row {
+            tool(ui, model, plots, acts);
+        }
+        if plots.which.is_from_zero() {
+            zero_control(ui, model, plots);
+        }
+    });
+    let row = Rect::from_min_size(ui.cursor().min, vec2(width, ui.spacing().interact_size.y));
+    let right_to_left = UiBuilder::new().max_rect(row).layout(Layout::right_to_left(Align::Min));
+    let mut right = ui.new_child(right_to_left);
+    for tool in beside.iter().rev() {
+        tool(&mut right, model, plots, acts);
+    }
     super::faded_unless_live(ui, model);
     let plots = &desk.plots;
     let history = plots.paused.as_deref().unwrap_or(&model.history);
     match plots.which {
         Which::Stiffness => deflection::show(ui, model, history, plots),
-        _ => drop(time::show(ui, model, history, plots)),
+        _ => drop(time::show(ui, model, history, plots, right.min_rect().size())),
     }
 }
 
-fn controls(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act>) {
-    ui.horizontal_wrapped(|ui| {
-        for (which, name) in Which::ALL {
-            ui.selectable_value(&mut plots.which, which, name);
+/// A control of the plots.
+type Tool = fn(&mut Ui, &Model, &mut PlotDesk, &mut Vec<Act>);
+
+/// The controls that all plots have, from left to right.
+const TOOLS: [Tool; 4] = [time_shown, pause, export, samples_per_s];
+
+fn time_shown(ui: &mut Ui, _: &Model, plots: &mut PlotDesk, _: &mut Vec<Act>) {
+    let window = ComboBox::from_id_salt("window").selected_text(format!("{} s", plots.window)).width(52.0);
+    let response = window.show_ui(ui, |ui| {
+        for seconds in [2.0, 5.0, 10.0, SPAN_S] {
+            ui.selectable_value(&mut plots.window, seconds, format!("{seconds} s"));
         }
-        ui.add_space(8.0);
-        let window =
-            ComboBox::from_id_salt("window").selected_text(format!("{} s", plots.window)).width(52.0);
-        let response = window.show_ui(ui, |ui| {
-            for seconds in [2.0, 5.0, 10.0, SPAN_S] {
-                ui.selectable_value(&mut plots.window, seconds, format!("{seconds} s"));
-            }
-        });
-        named(response.response, "Time shown");
-        let is_recorded = matches!(model.link, Link::Recording);
-        let paused = plots.paused.is_some();
-        // The slider of a recording pauses its plots.
-        if !is_recorded && ui.button(if paused { "Go on" } else { "Pause" }).clicked() {
-            plots.paused = if paused { None } else { Some(Box::new(model.history.clone())) };
-        }
-        let export = ui
-            .button("Export CSV")
-            .on_hover_text("writes the last 30 s to a file in the folder the panel runs in");
-        if export.clicked() {
-            let history = plots.paused.as_deref().unwrap_or(&model.history);
-            acts.push(Act::Export(history.last(SPAN_S).copied().collect()));
-        }
-        if is_recorded {
-            return zero_of(ui, model, plots);
-        }
-        let rates =
-            ComboBox::from_id_salt("rate").selected_text(format!("{}/s", model.samples_per_s)).width(64.0);
-        let response = rates.show_ui(ui, |ui| {
-            for n in [60, 120, 250, 1000, 10_000] {
-                if ui.selectable_label(model.samples_per_s == n, format!("{n}/s")).clicked() {
-                    acts.push(Act::Ask(Intent::Samples(n)));
-                }
-            }
-        });
-        named(response.response, "Samples a second")
-            .on_hover_text("states that the server sends; at most one a tick");
-        zero_of(ui, model, plots);
     });
+    named(response.response, "Time shown");
 }
 
-fn zero_of(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
-    if plots.which.is_from_zero() {
-        zero_control(ui, model, plots);
+fn pause(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, _: &mut Vec<Act>) {
+    // The slider of a recording pauses its plots.
+    if matches!(model.link, Link::Recording) {
+        return;
     }
+    let paused = plots.paused.is_some();
+    if ui.button(if paused { "Go on" } else { "Pause" }).clicked() {
+        plots.paused = if paused { None } else { Some(Box::new(model.history.clone())) };
+    }
+}
+
+fn export(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act>) {
+    let hint = "writes the last 30 s to a file in the folder the panel runs in";
+    if ui.button("Export CSV").on_hover_text(hint).clicked() {
+        let history = plots.paused.as_deref().unwrap_or(&model.history);
+        acts.push(Act::Export(history.last(SPAN_S).copied().collect()));
+    }
+}
+
+fn samples_per_s(ui: &mut Ui, model: &Model, _: &mut PlotDesk, acts: &mut Vec<Act>) {
+    if matches!(model.link, Link::Recording) {
+        return;
+    }
+    let (unit, width) = if ui.max_rect().width() < WIDE { ("/s", 64.0) } else { (" samples/s", 124.0) };
+    let text = format!("{}{unit}", model.samples_per_s);
+    let response = ComboBox::from_id_salt("rate").selected_text(text).width(width).show_ui(ui, |ui| {
+        for n in [60, 120, 250, 1000, 10_000] {
+            if ui.selectable_label(model.samples_per_s == n, format!("{n}{unit}")).clicked() {
+                acts.push(Act::Ask(Intent::Samples(n)));
+            }
+        }
+    });
+    named(response.response, "Samples a second")
+        .on_hover_text("states that the server sends; at most one a tick");
 }
 
 fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {

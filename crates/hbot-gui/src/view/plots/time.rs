@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use eframe::egui::{Align2, Color32, Role, Ui, WidgetInfo};
+use eframe::egui::{Align2, Color32, Role, Ui, Vec2, WidgetInfo, vec2};
 use egui_plot::{HLine, Line, LineStyle, PlotBounds, PlotPoint, PlotUi, Text, VLine};
 
 use super::axes::plot;
@@ -72,9 +72,16 @@ fn components(palette: Palette, vector: impl Fn(&PlotSample) -> [f64; 3] + Copy 
         .collect()
 }
 
-/// Draws the plot that the user has chosen, unless it is the one against deflection.
-/// Returns the range of the axes.
-pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDesk) -> Option<PlotBounds> {
+/// Draws the plot that the user has chosen, unless it is the one against deflection. Something of
+/// the size `beside` already stands at the right of the names of the curves. Returns the range of
+/// the axes.
+pub(super) fn show(
+    ui: &mut Ui,
+    model: &Model,
+    history: &History,
+    plots: &PlotDesk,
+    beside: Vec2,
+) -> Option<PlotBounds> {
     let palette = Palette::of(ui);
     let quantity = Quantity::of(plots.which, model, plots, palette)?;
     let Some(newest) = history.newest() else {
@@ -98,13 +105,17 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
         (low.min(point[1]), high.max(point[1]))
     });
     // Above the plot, where the names cover no curve.
-    ui.horizontal_wrapped(|ui| {
-        for curve in &quantity.curves {
-            ui.colored_label(curve.color, curve.name);
-        }
-        if limit.is_some() {
-            ui.colored_label(palette.warn, "limit, dashed");
-        }
+    let room = vec2(ui.available_width() - beside.x, beside.y);
+    ui.allocate_ui(room, |ui| {
+        ui.spacing_mut().interact_size.y = beside.y;
+        ui.horizontal_wrapped(|ui| {
+            for curve in &quantity.curves {
+                ui.colored_label(curve.color, curve.name);
+            }
+            if limit.is_some() {
+                ui.colored_label(palette.warn, "limit, dashed");
+            }
+        });
     });
     let recorded = matches!(model.link, Link::Recording);
     let marks: Vec<&Mark> = model.marks.between(now - plots.window, now).collect();
@@ -183,7 +194,7 @@ mod tests {
         }
         model.marks.add(Mark { t: 0.5, what: What::Fault, text: "overspeed".to_owned() }, 0.0);
         let draw = |ui: &mut Ui, (model, range): &mut (Model, Option<PlotBounds>)| {
-            *range = show(ui, model, &model.history, &PlotDesk::default());
+            *range = show(ui, model, &model.history, &PlotDesk::default(), Vec2::ZERO);
         };
         let mut seen = Harness::new_ui_state(draw, (model, None));
         seen.run_steps(200);
@@ -204,7 +215,7 @@ mod tests {
             if *twice {
                 ui.ctx().request_discard("a table is drawn for the first time");
             }
-            show(ui, model, &model.history, &PlotDesk::default());
+            show(ui, model, &model.history, &PlotDesk::default(), Vec2::ZERO);
         };
         let mut seen = Harness::new_ui_state(draw, (model, false));
         seen.run_steps(4);
