@@ -45,7 +45,7 @@ fn kind_of_rig(ui: &mut Ui, model: &Model, desk: &Desk, palette: Palette) {
             (palette.ghost, "RECORDING", "the middle of the window shows a recording, not the rig")
         }
         Some(word @ "LIVE") => (STOP, word, "a real rig: its motors can push"),
-        Some(word) => (palette.warn, word, "a simulated rig: there are no motors"),
+        Some(word) => (palette.text, word, "a simulated rig: there are no motors"),
         None => (palette.weak, "UNKNOWN", "no server has said yet whether its rig is simulated"),
     };
     badge(ui, ground, word).on_hover_text(hint);
@@ -91,7 +91,7 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
         Lease::Mine => ("you command".to_owned(), palette.good),
         Lease::Free => ("nobody commands".to_owned(), ui.visuals().text_color()),
         Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
-        Lease::Other(holder) => (format!("observer: {} commands", person(holder)), palette.warn),
+        Lease::Other(holder) => (format!("{} commands, you observe", person(holder)), palette.warn),
     };
     let color = if model.is_certain() { color } else { palette.weak };
     ui.add(egui::Label::new(RichText::new(text).color(color)).truncate());

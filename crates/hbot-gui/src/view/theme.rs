@@ -23,6 +23,7 @@ pub(crate) struct Palette {
     pub(crate) wheel: Color32,
     /// Walls, notches and guides of the scene.
     pub(crate) felt: Color32,
+    pub(crate) text: Color32,
     pub(crate) weak: Color32,
 }
 
@@ -58,6 +59,7 @@ impl Palette {
                 grid: rgb(0xb8, 0xc0, 0xcc),
                 wheel: rgb(0xa0, 0xa0, 0xa0),
                 felt: rgb(0xff, 0xff, 0xff),
+                text: rgb(0xd8, 0xd8, 0xd8),
                 weak,
             }
         } else {
@@ -73,6 +75,7 @@ impl Palette {
                 grid: rgb(0x58, 0x60, 0x6c),
                 wheel: rgb(0x60, 0x60, 0x60),
                 felt: rgb(0x00, 0x00, 0x00),
+                text: rgb(0x1c, 0x1c, 0x1c),
                 weak,
             }
         }
@@ -87,12 +90,11 @@ impl Palette {
         }
     }
 
-    /// Returns the colour that stands for a mode of the rig. The terminal commands use the same
-    /// colours.
+    /// Returns the colour that stands for a mode of the rig. The page uses the same colours.
     pub(crate) const fn mode(&self, mode: Mode) -> Color32 {
         match mode {
-            Mode::Active => self.good,
-            Mode::Idle | Mode::Enabling | Mode::Unreferenced => self.warn,
+            Mode::Active | Mode::Enabling => self.good,
+            Mode::Idle | Mode::Unreferenced => self.text,
             Mode::Fault | Mode::Estop => self.bad,
         }
     }
@@ -108,11 +110,11 @@ pub(crate) fn install(ctx: &egui::Context) {
         style.visuals.selection.stroke.width = 2.0;
     });
     ctx.style_mut_of(egui::Theme::Dark, |style| {
-        style.visuals.override_text_color = Some(Color32::from_gray(0xd8));
+        style.visuals.override_text_color = Some(Palette::of_theme(true, Color32::GRAY).text);
         style.visuals.weak_text_alpha = 0.75;
     });
     ctx.style_mut_of(egui::Theme::Light, |style| {
-        style.visuals.override_text_color = Some(Color32::from_gray(0x1c));
+        style.visuals.override_text_color = Some(Palette::of_theme(false, Color32::GRAY).text);
         style.visuals.weak_text_alpha = 0.8;
     });
 }

@@ -1,5 +1,7 @@
 //! Tests with a real window on a virtual display (Xvfb), drawn in software, in six situations.
 
+use std::ops::Range;
+
 use crate::bench::{AloneServer, ServerSetup, alone};
 use crate::display::{Display, Shot, folder};
 use crate::identity::Identity;
@@ -22,6 +24,19 @@ pub(crate) fn count(pixels: &[u8], [r, g, b]: [u8; 3]) -> usize {
     pixels.chunks_exact(3).filter(|p| near(p[0], r) && near(p[1], g) && near(p[2], b)).count()
 }
 
+/// Counts the pixels in these columns of the bar at the top whose colour is nearly this one, in a
+/// window of this size.
+pub(crate) fn count_in_bar(
+    pixels: &[u8],
+    [width, _]: [u32; 2],
+    columns: Range<u32>,
+    color: [u8; 3],
+) -> usize {
+    let line = |y: u32| [columns.start, columns.end].map(|x| 3 * (y * width + x) as usize);
+    let lines = (4..24).map(line).map(|[from, to]| count(&pixels[from..to], color));
+    lines.sum()
+}
+
 /// Red of the stop button.
 pub(crate) const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
 /// Colour of good news to the user, on a dark background.
@@ -30,6 +45,8 @@ pub(crate) const GOOD: [u8; 3] = [0x9b, 0xd2, 0x4a];
 pub(crate) const BAD: [u8; 3] = [0xff, 0x6b, 0x6b];
 /// Colour of warnings to the user, on a dark background.
 pub(crate) const WARN: [u8; 3] = [0xf0, 0xb0, 0x20];
+/// Colour of what is neither good nor bad news, on a dark background.
+pub(crate) const TEXT: [u8; 3] = [0xd8, 0xd8, 0xd8];
 /// Colour of the tab that is open, on a dark background.
 pub(crate) const CHOSEN: [u8; 3] = [0x00, 0x5c, 0x80];
 /// Colour of the axis n3 in the picture of the sphere, on a dark background.
