@@ -30,7 +30,7 @@ use std::path::PathBuf;
 use std::time::SystemTime;
 
 use eframe::egui::{
-    self, Align2, Area, CentralPanel, Frame, Id, Order, Panel, RichText, ScrollArea, Ui, vec2,
+    self, Align2, Area, CentralPanel, Frame, Id, Order, Panel, Rect, RichText, ScrollArea, Ui,
 };
 use hbot_api::time_of_day;
 
@@ -184,36 +184,44 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
             Tab::Messages => messages(ui, model),
         });
     });
-    CentralPanel::default().show(ui, |ui| {
+    let free = CentralPanel::default().show(ui, |ui| {
         if let Some(mut film) = desk.film.take() {
             let closed = film::show(ui, &mut film);
-            middle(ui, &film.model, desk, &mut intents, acts);
+            let free = middle(ui, &film.model, desk, &mut intents, acts);
             desk.film = (!closed).then_some(film);
-            return;
+            return free;
         }
         if model.is_online() {
-            middle(ui, model, desk, &mut intents, acts);
-            return;
+            return middle(ui, model, desk, &mut intents, acts);
         }
         // The plots stay while the server is away, so that their samples can be looked at and
         // saved.
         if model.history.newest().is_some() {
             curves(ui, model, desk, acts);
         }
+        let room = ui.available_rect_before_wrap();
         bar::no_server(ui, model, desk, &mut intents);
+        room
     });
     bar::question(ui, model, desk, &mut intents);
-    toasts(ui, model);
+    toasts(ui, model, free.inner);
     acts.extend(intents.into_iter().map(Act::Ask));
 }
 
-/// Draws the sphere, and below it the plots.
-fn middle(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>, acts: &mut Vec<Act>) {
+/// Draws the sphere, and below it the plots. Returns where messages can be shown.
+fn middle(
+    ui: &mut Ui,
+    model: &Model,
+    desk: &mut Desk,
+    intents: &mut Vec<Intent>,
+    acts: &mut Vec<Act>,
+) -> Rect {
     curves(ui, model, desk, acts);
     ui.scope(|ui| {
         faded_unless_live(ui, model);
-        sphere::show(ui, model, desk, intents);
-    });
+        sphere::show(ui, model, desk, intents)
+    })
+    .inner
 }
 
 fn curves(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
@@ -251,19 +259,19 @@ fn messages(ui: &mut Ui, model: &Model) {
     }
 }
 
-/// Draws the newest messages to the user over the lower middle of the window, for some seconds.
-fn toasts(ui: &Ui, model: &Model) {
+/// Draws the newest messages to the user at the top of `room`, for some seconds.
+fn toasts(ui: &Ui, model: &Model, room: Rect) {
     let palette = Palette::of(ui);
     let mut fresh = model.messages.fresh().take(3).peekable();
     if fresh.peek().is_none() {
         return;
     }
     let area = Area::new(Id::unique("toasts")).order(Order::Foreground).interactable(false);
-    area.anchor(Align2::CENTER_BOTTOM, vec2(0.0, -12.0)).show(ui.ctx(), |ui| {
+    area.pivot(Align2::CENTER_TOP).fixed_pos(room.center_top()).show(ui.ctx(), |ui| {
         for message in fresh {
             let color = if message.weight == Weight::Bad { palette.bad } else { palette.good };
             Frame::popup(ui.style()).stroke((1.5, color)).show(ui, |ui| {
-                ui.set_max_width(420.0);
+                ui.set_max_width(room.width().min(420.0));
                 ui.add(egui::Label::new(RichText::new(&message.text)).wrap());
             });
         }
