@@ -57,10 +57,11 @@ impl PendingStop {
     }
 
     /// Returns what the user of a panel at the address `server` can do, and what ends the report of
-    /// this stop.
-    pub(crate) fn way_out(&self, server: &str) -> String {
+    /// this stop. `has_keys` is whether the window gets what is typed.
+    pub(crate) fn way_out(&self, server: &str, has_keys: bool) -> String {
         if server == self.server {
-            "STOP or Esc tries again. This message ends when a state shows no torque.".to_owned()
+            let what = if has_keys { "STOP or Esc" } else { "STOP" };
+            format!("{what} tries again. This message ends when a state shows no torque.")
         } else {
             format!(
                 "This panel is at {server} now and cannot stop that rig. This message ends when it is at {} again and a \

@@ -111,7 +111,7 @@ fn the_state_of_another_server_does_not_prove_a_stop() {
     assert_eq!(model.headline(), Headline::NotStopped);
     let stop = model.unconfirmed_stop().expect("a stop");
     assert_eq!(stop.server, "rig:4268");
-    assert!(stop.way_out("other:4268").contains("This panel is at other:4268 now"));
+    assert!(stop.way_out("other:4268", true).contains("This panel is at other:4268 now"));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The mode of the rig, and the buttons that change it, with the stop button first.
 
-use eframe::egui::{self, Button, RichText, Role, ScrollArea, Ui, WidgetInfo, vec2};
+use eframe::egui::{self, Button, Color32, RichText, Role, ScrollArea, TextStyle, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
@@ -11,11 +11,17 @@ use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
 /// holds the explanation of every fault and its remedy without scrolling.
-const STATUS: [f32; 2] = [88.0, 150.0];
+const STATUS: [f32; 2] = [88.0, 158.0];
+/// Size of the word for the state, points.
+const HEADLINE: f32 = 26.0;
+/// A part of the torque below this is not told in the box when the limits cut it.
+const LEAST_CUT: f64 = 0.01;
 /// Height of the bars, points. In a low window, what is wrong takes their place.
 const BARS: f32 = 114.0;
 /// A window of at least this height is tall, points.
 const TALL: f32 = 720.0;
+/// Size of the text below the stop button, points.
+const KEYS: f32 = 12.0;
 /// Names of the bars and their hover texts, which also explain the units.
 const METERS: [(&str, &str); 5] = [
     ("Torque", "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m"),
@@ -30,19 +36,26 @@ const LEAD: &str = "the scene is rendered where the sphere will be when the torq
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
 pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
-    let text = RichText::new("STOP").size(30.0).strong().color(egui::Color32::WHITE);
+    let text = RichText::new("STOP").size(30.0).strong().color(Color32::WHITE);
     let button = Button::new(text).fill(STOP).corner_radius(8);
     let response = named(ui.add_sized(vec2(ui.available_width(), 60.0), button), "Stop")
         .on_hover_text("zero torque at once: Esc and Space do the same");
     if response.clicked() {
         intents.push(Intent::Stop);
     }
-    let keys = if ui.input(|input| input.focused) {
-        "Esc or Space, anywhere in this window"
+    let palette = Palette::of(ui);
+    let (text, color) = if has_keys(ui) {
+        ("Esc or Space, anywhere in this window", palette.weak)
     } else {
-        "The keys go to another window"
+        ("Esc and Space do not work: click this window", palette.warn)
     };
-    ui.vertical_centered(|ui| weak(ui, keys));
+    // In one line also in a narrow window, so that nothing moves.
+    ui.vertical_centered(|ui| ui.label(RichText::new(text).size(KEYS).color(color)));
+}
+
+/// Returns whether this window gets what is typed.
+fn has_keys(ui: &Ui) -> bool {
+    ui.input(|input| input.focused)
 }
 
 /// Draws the buttons that enable, disable and reset the rig, what the rig does now, and how near it
@@ -82,24 +95,37 @@ fn status(ui: &mut Ui, model: &Model, palette: Palette, height: f32) {
         ui.set_height(height);
         ui.spacing_mut().item_spacing.y = 3.0;
         let color = if headline == Headline::NotStopped {
-            ui.visuals_mut().override_text_color = Some(egui::Color32::WHITE);
-            egui::Color32::WHITE
+            ui.visuals_mut().override_text_color = Some(Color32::WHITE);
+            Color32::WHITE
         } else {
             palette.headline(headline)
         };
-        ui.label(RichText::new(headline.text()).strong().size(18.0).color(color));
-        let area = ScrollArea::vertical().id_salt("status").auto_shrink(false);
+        ui.label(RichText::new(headline.text()).strong().size(HEADLINE).color(color));
+        let cut = cut(model, headline);
+        // The last line of the box, so that nothing moves when it comes and goes.
+        let line = if cut.is_some() { ui.text_style_height(&TextStyle::Body).ceil() + 4.0 } else { 0.0 };
+        let area = ScrollArea::vertical().id_salt("status").auto_shrink(false).min_scrolled_height(0.0);
+        let area = area.max_height(ui.available_height() - line);
         area.show(ui, |ui| details(ui, model, headline, palette));
+        if let Some(cut) = cut {
+            coloured(ui, palette.warn, format!("Limits cut {:.0} % of the torque", 100.0 * cut));
+        }
     });
+}
+
+/// Returns the part of the torque that the limits cut, if it is worth telling.
+fn cut(model: &Model, headline: Headline) -> Option<f64> {
+    let state = model.state.as_ref().filter(|_| headline == Headline::Mode(Mode::Active))?;
+    Some(1.0 - state.scale).filter(|cut| *cut >= LEAST_CUT)
 }
 
 fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
             let cut = RichText::new("Cut the motors' power.").strong().size(15.0);
-            ui.add(egui::Label::new(cut.color(egui::Color32::WHITE)).wrap());
+            ui.add(egui::Label::new(cut.color(Color32::WHITE)).wrap());
             if let Some(stop) = model.unconfirmed_stop() {
-                ui.add(egui::Label::new(stop.way_out(&model.server)).wrap());
+                ui.add(egui::Label::new(stop.way_out(&model.server, has_keys(ui))).wrap());
                 ui.add(egui::Label::new(format!("At {}: {}.", stop.server, stop.why())).wrap());
                 if stop.server != model.server
                     && let Some(mode) = model.mode().filter(|_| model.is_live())
@@ -255,7 +281,7 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
     let Some(state) = &model.state else {
         // The bars keep their places.
         for name in METERS {
-            meter(ui, palette, name, 0.0, "-".to_owned());
+            meter(ui, palette, name, 0.0, palette.good, "-".to_owned());
         }
         lead(ui, palette, 0.0);
         return;
@@ -265,19 +291,31 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
     let speed = DVec3::from(state.omega).length();
     let lost = 1.0 - state.scale;
     let is_cut = lost > 0.0005;
+    let load = |share: f64, figures: String| {
+        let color = match share {
+            s if s > 0.9 => palette.bad,
+            s if s > 0.7 => palette.warn,
+            _ => palette.good,
+        };
+        (share, color, figures)
+    };
     let values = [
-        (share(torque, limits.torque), format!("{torque:.2} / {:.2} N m", limits.torque)),
-        (share(speed, limits.speed), format!("{speed:.2} / {} rad/s", limits.speed)),
-        (state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
-        (share(state.slip, limits.slip), format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip)),
+        load(share(torque, limits.torque), format!("{torque:.2} / {:.2} N m", limits.torque)),
+        load(share(speed, limits.speed), format!("{speed:.2} / {} rad/s", limits.speed)),
+        load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
+        load(
+            share(state.slip, limits.slip),
+            format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip),
+        ),
+        // Whatever the limits cut, the scene does not feel as it is meant.
         if is_cut {
-            (lost, format!("{:.0} % cut off by limits", 100.0 * lost))
+            (lost, palette.warn, format!("{:.0} % cut off by limits", 100.0 * lost))
         } else {
-            (0.0, "none".to_owned())
+            (0.0, palette.warn, "none".to_owned())
         },
     ];
-    for (name, (share, figures)) in METERS.into_iter().zip(values) {
-        meter(ui, palette, name, share, figures);
+    for (name, (share, color, figures)) in METERS.into_iter().zip(values) {
+        meter(ui, palette, name, share, color, figures);
     }
     lead(ui, palette, state.timing.lead_us);
 }
@@ -305,12 +343,14 @@ fn share(value: f64, limit: f64) -> f64 {
 
 /// Draws a bar with its name, whose hover text is `hint`, and the text `figures` next to it.
 /// `share` is the length of the bar: 1 means that a limit is reached.
-fn meter(ui: &mut Ui, palette: Palette, (name, hint): (&str, &str), share: f64, figures: String) {
-    let color = match share {
-        s if s > 0.9 => palette.bad,
-        s if s > 0.7 => palette.warn,
-        _ => palette.good,
-    };
+fn meter(
+    ui: &mut Ui,
+    palette: Palette,
+    (name, hint): (&str, &str),
+    share: f64,
+    color: Color32,
+    figures: String,
+) {
     ui.horizontal(|ui| {
         column(ui, 70.0, name).on_hover_text(hint);
         let width = (ui.available_width() - 122.0).max(24.0);

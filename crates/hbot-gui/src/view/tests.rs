@@ -123,6 +123,7 @@ fn states() -> Vec<(String, Change)> {
         hear(model, News::Lease { lease, cause: None });
     };
     add("observer", Box::new(observer));
+    add("limited", Box::new(|model| limited(model, 0.36)));
     add("free", Box::new(|model| hear(model, News::Lease { lease: Lease::Free, cause: None })));
     add("no contact", Box::new(grow_silent));
     add("not stopped", Box::new(stop_in_vain));
@@ -130,6 +131,11 @@ fn states() -> Vec<(String, Change)> {
     add("disconnected", Box::new(disconnect));
     add("disconnected and not stopped", Box::new(|model| (disconnect(model), stop_in_vain(model)).0));
     states
+}
+
+/// Gives a model an active state in which the limits leave the part `scale` of the torque.
+fn limited(model: &mut Model, scale: f64) {
+    see_state(model, StateEvent { tick: 200, t: 0.2, mode: Mode::Active, scale, ..StateEvent::default() });
 }
 
 fn fault_of(model: &mut Model, fault: Fault) {
@@ -246,6 +252,23 @@ fn messages_have_their_time() {
     let line = lines.iter().find(|line| line.ends_with(" s ago, 2 times")).expect("its time");
     assert!(line.contains(&before) || line.contains(&after), "{line}, {before} to {after}");
     assert!(lines.iter().any(|line| line.contains("written")), "{lines:?}");
+}
+
+#[test]
+fn new_messages_cover_no_number() {
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, commanding(true));
+        let message = "saved as /home/anna/scenes/a-scene-with-a-long-name.toml, which was there before";
+        hear(&mut seen.state_mut().model, News::Note(Ok(message.to_owned())));
+        settle(&mut seen);
+        let is_number = |word: &str| word.parse::<f64>().is_ok();
+        let texts = texts(&seen);
+        let (toast, others): (Vec<_>, Vec<_>) = texts.into_iter().partition(|it| it.text == message);
+        assert_eq!(toast.len(), 1);
+        for other in others.iter().filter(|it| it.text.split(' ').any(is_number)) {
+            assert!(!toast[0].overlaps(other), "{size:?}: {toast:?} and {other:?}");
+        }
+    }
 }
 
 #[test]

@@ -1,16 +1,18 @@
 //! Tests of what the window says about the state of the rig, and of what is grey if it may be
 //! wrong.
 
+use eframe::egui::Color32;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
-use super::{Change, SIZES, Seen, settle, shows, window};
+use super::{Change, SIZES, Seen, limited, places, settle, shows, window};
 use crate::model::Model;
 use crate::model::tests::{
     ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
 };
 use crate::net::News;
-use crate::view::painted::{hint, texts};
+use crate::view::painted::{filled, hint, texts};
+use crate::view::theme::Palette;
 
 #[test]
 fn a_stop_that_failed_is_shown_above_all_else() {
@@ -31,6 +33,49 @@ fn a_stop_that_failed_is_shown_above_all_else() {
         assert!(!shows(&seen, "ACTIVE") && !shows(&seen, "NO CONTACT"));
         // The text takes the place of the bars in this low window.
         assert!(!shows(&seen, "0.00 / 0.90 N m"));
+    }
+}
+
+#[test]
+fn keys_that_go_to_another_window_are_not_advised() {
+    for size in SIZES {
+        let mut seen = window(size, commanding(true));
+        stop_in_vain(&mut seen.state_mut().model);
+        settle(&mut seen);
+        assert!(shows(&seen, "Esc or Space, anywhere") && shows(&seen, "STOP or Esc tries again."));
+        let before = places(&seen);
+        seen.input_mut().focused = false;
+        settle(&mut seen);
+        assert!(shows(&seen, "STOP tries again.") && !shows(&seen, "STOP or Esc"));
+        let words = "Esc and Space do not work: click this window";
+        let texts = texts(&seen);
+        let told = texts.iter().find(|it| it.text == words).expect("the warning");
+        assert!(told.is_whole() && told.color == Palette::of_theme(true, Color32::GRAY).warn, "{told:?}");
+        assert_eq!(places(&seen), before, "nothing moves");
+    }
+}
+
+#[test]
+fn a_torque_that_the_limits_cut_is_told() {
+    let warning = Palette::of_theme(true, Color32::GRAY).warn;
+    for (scale, bar, words) in [
+        (0.36, "64 % cut off by limits", Some("Limits cut 64 % of the torque")),
+        (0.996, "0 % cut off by limits", None),
+        (1.0, "none", None),
+    ] {
+        for size in SIZES {
+            let mut seen = window(size, commanding(true));
+            limited(&mut seen.state_mut().model, scale);
+            settle(&mut seen);
+            assert!(shows(&seen, bar), "{scale}");
+            let told = texts(&seen).into_iter().find(|it| it.text.starts_with("Limits cut"));
+            assert_eq!(told.as_ref().map(|it| it.text.as_str()), words);
+            assert!(told.is_none_or(|it| it.color == warning));
+            let is_warned = filled(&seen)
+                .iter()
+                .any(|(rect, color)| *color == warning && rect.height() == 10.0 && rect.width() > 0.0);
+            assert_eq!(is_warned, scale < 1.0, "{scale}: the bar");
+        }
     }
 }
 
