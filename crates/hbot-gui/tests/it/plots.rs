@@ -88,7 +88,7 @@ fn what_is_exported_is_all_that_is_kept() {
 #[test]
 fn the_rate_of_samples_is_chosen() {
     let (_bench, mut seat) = moved();
-    seat.pick("Samples a second", "250/s");
+    seat.pick("Samples a second", "250 samples/s");
     seat.until("the choice", |harness| {
         harness.get_by_label("Samples a second").value().is_some_and(|value| value.contains("250"))
     });
