@@ -23,6 +23,6 @@ pub(crate) fn of_mode(mode: &str) -> Style {
     match mode {
         "active" | "enabling" => GOOD,
         "fault" | "estop" => BAD,
-        _ => WARN,
+        _ => NAME,
     }
 }
