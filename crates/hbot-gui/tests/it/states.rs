@@ -40,6 +40,9 @@ const fn joints_tab([width, _]: [u32; 2]) -> [u32; 2] {
     [width - if width < 1100 { 214 } else { 248 }, 45]
 }
 
+/// Checks a picture by its name, the size of its window and its pixels.
+type Check<'a> = dyn Fn(&str, [u32; 2], &[u8]) + Sync + 'a;
+
 /// Takes a picture of a state in both sizes after `seconds`, and calls `meanwhile` with the size of
 /// each window while it is open. `check` gets the pixels.
 fn pictures(
@@ -75,9 +78,7 @@ fn pictures_of_each_state() {
     let spring = include_str!("../../../../scenes/spring.toml");
     let setup = ServerSetup { scene: spring, paced: true, ..ServerSetup::default() };
     let bench = AloneServer::beside(&setup);
-    let see = |state: (&str, u32),
-               meanwhile: &(dyn Fn(&Display, [u32; 2]) + Sync),
-               check: &(dyn Fn(&str, [u32; 2], &[u8]) + Sync)| {
+    let see = |state: (&str, u32), meanwhile: &(dyn Fn(&Display, [u32; 2]) + Sync), check: &Check<'_>| {
         pictures(&displays, state, bench.address, meanwhile, check);
     };
 
