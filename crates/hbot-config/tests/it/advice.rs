@@ -214,11 +214,14 @@ fn a_wall_that_is_made_as_soft_as_its_warning_says_is_not_warned_of() {
         let wall = effect("stop", "end_stop", &format!("cone = 0.5\nstiffness = {stiffness}"));
         warnings_on(&RigConfig::prototype(), &wall)
     };
-    for stiffness in ["300", "400", "900"] {
+    // A far stiffer wall shakes without a tap, which is told first.
+    for stiffness in ["300", "400"] {
         let [told] = &said(stiffness)[..] else { panic!("one warning") };
         let (_, remedy) = told.split_once("set stiffness = ").expect(told);
         let (softer, _) = remedy.split_once(' ').expect(told);
-        assert_eq!(said(softer), Vec::<String>::new(), "after {told}");
+        // A wall that does not shake may still throw a sphere back.
+        let after = said(softer);
+        assert!(!after.iter().any(|warning| warning.contains("may shake")), "{after:?} after {told}");
     }
 }
 

@@ -48,7 +48,7 @@ struct Sent {
     /// Number of the tick that computed it, the low 32 bits.
     tick: u32,
     at_ns: u64,
-    /// Number of whole periods after the deadline of that tick.
+    /// Number of whole periods by which that tick began late.
     behind: u32,
 }
 
@@ -167,13 +167,8 @@ impl Engine {
 
         self.counters.send_failures += self.motors.command(moment.t_ns, moment.tick as u32, &outputs.drive);
         let sent = now_ns();
-        let behind = if self.time_waits {
-            0
-        } else {
-            (lateness_ns + (sent - started)) / self.controller.rig().timing.period_ns
-        };
-        self.sent[moment.tick as usize % SENT] =
-            Sent { tick: moment.tick as u32, at_ns: sent, behind: behind as u32 };
+        let behind = (lateness_ns / self.controller.rig().timing.period_ns) as u32;
+        self.sent[moment.tick as usize % SENT] = Sent { tick: moment.tick as u32, at_ns: sent, behind };
         let age_ns = answered.filter(|_| outputs.state.fresh).map(|it| sent.saturating_sub(it.at_ns));
 
         self.idle = outputs.state.mode == Mode::Idle;

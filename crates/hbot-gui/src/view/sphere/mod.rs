@@ -121,7 +121,8 @@ fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, pal
     }
 }
 
-/// Writes what the colours stand for, in the upper left corner. Returns the height at which it ends.
+/// Writes what the colours stand for, in the upper left corner. Returns the height at which it
+/// ends.
 fn legend(
     painter: &Painter,
     rect: egui::Rect,
