@@ -49,8 +49,7 @@ impl Inputs {
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
 pub struct JointReadings {
     /// Number of the command that this reading answers: the low 32 bits of the number of the tick
-    /// that sent the command. If it was sent whole ticks late, that of the tick in which it was
-    /// sent.
+    /// that sent the command.
     pub sequence: u32,
     /// Encoder counts of the joints. They wrap at 32 bits.
     pub counts: [i32; MAX_JOINTS],

@@ -180,6 +180,13 @@ impl Protocol {
         }
     }
 
+    /// Returns whether a reading names the command that it answers. ODrive sends positions by its
+    /// own clock, and they are dated by their arrival.
+    #[must_use]
+    pub const fn names_commands(self) -> bool {
+        !matches!(self, Self::Odrive)
+    }
+
     /// Returns the time constant with which a motor's torque follows a command with the settings
     /// that the vendor of the controller chooses, s: 1 / (2 pi f), with the f = 200 Hz of
     /// `moteus_tool --calibrate`, or 1/w with the `current_control_bandwidth` of w = 1000 rad/s of

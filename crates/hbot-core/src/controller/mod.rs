@@ -17,6 +17,7 @@ use crate::design::device::{MAX_JOINTS, MAX_WHEELS};
 use crate::design::rig::Rig;
 use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::motion::joints::Joints;
+use crate::motion::lateness::Lateness;
 use crate::motion::orientation::Orientation;
 use crate::motion::reference::Uncertainty;
 use crate::outputs::{Drive, Outputs, State, TakenStream};
@@ -123,6 +124,8 @@ pub struct Controller {
     /// How the friction that is fed forward rises. `None` if nothing is known, and in older
     /// recordings.
     rising: Option<Rising>,
+    /// How late the last commands were sent. All bits zero: not known, as in older recordings.
+    lateness: Lateness,
 }
 
 impl Controller {
@@ -176,7 +179,16 @@ impl Controller {
             shaking_stored: shaking::Stored::OFF,
             model: Modelled::NONE,
             rising: Compensator::rising(&rig),
+            lateness: Lateness::OFF,
         }
+    }
+
+    /// Sets whether each reading names the command that it answers. Then the rates that follow from
+    /// angles count how late that command was sent. It is off at first.
+    #[must_use]
+    pub fn with_named_commands(mut self, on: bool) -> Self {
+        self.lateness.switch(on);
+        self
     }
 
     /// Switches the guard against a sphere that shakes by itself on or off (see
@@ -220,6 +232,7 @@ impl Controller {
             burst.leak(dt, powered);
         }
 
+        self.lateness.begin(inputs, &self.rig);
         let measured = self.measure(count, inputs, elapsed);
         let align_step = if powered { self.rig.limits.align_rate * dt } else { Real::INFINITY };
         self.orientation.settle(inputs.tick, align_step);
@@ -277,7 +290,9 @@ impl Controller {
         }
         let judged = self.powered() || self.machine.cause.is_some();
         let late = (inputs.tick as u32).wrapping_sub(feedback.sequence).saturating_sub(elapsed.max(1) as u32);
-        let step = self.joints.advance(count, &self.rig, feedback, late, judged)?;
+        let last = self.joints.answered().unwrap_or(feedback.sequence.wrapping_sub(1));
+        let time = self.lateness.between(last, feedback.sequence);
+        let step = self.joints.advance(count, &self.rig, feedback, (late, time), judged)?;
         self.orientation.advance(step.turn);
         if let Some(uncertainty) = &mut self.uncertainty {
             uncertainty.grow(step.turn, elapsed as Real * self.rig.timing.period_s());

@@ -117,7 +117,8 @@ impl Joints {
 
     /// Takes the next reading and returns the turn of the sphere since the last reading.
     ///
-    /// `late` is the number of ticks by which the reading came later than possible. `judged` is
+    /// `late` is the number of ticks by which the reading came later than possible, and `time` the
+    /// time since the last reading, in ticks. `judged` is
     /// true if the motors are on or a fault is to be reset. In this case, changes of the encoder
     /// counts that are impossible within the speed limit are refused.
     #[inline]
@@ -126,7 +127,7 @@ impl Joints {
         count: C,
         rig: &Rig,
         feedback: &JointReadings,
-        late: u32,
+        (late, time): (u32, Real),
         judged: bool,
     ) -> Result<Step, Cause> {
         let n = count.joints();
@@ -148,7 +149,7 @@ impl Joints {
             self.begin(rig, feedback)?;
             return Err(Cause::ImplausibleFeedback);
         }
-        self.update_rates(count, rig, feedback, Some((&delta, ticks)))?;
+        self.update_rates(count, rig, feedback, Some((&delta, time)))?;
         for i in 0..n {
             self.encoders[i].advance(feedback.counts[i]);
         }
@@ -195,14 +196,14 @@ impl Joints {
     }
 
     /// Sets the joint rates by the method that the rig selects. `moved` holds the change of each
-    /// joint's angle (rad) and the number of ticks since the last reading.
+    /// joint's angle (rad) and the time since the last reading, in ticks.
     #[inline]
     fn update_rates<C: Count>(
         &mut self,
         count: C,
         rig: &Rig,
         feedback: &JointReadings,
-        moved: Option<(&[Real; MAX_JOINTS], u32)>,
+        moved: Option<(&[Real; MAX_JOINTS], Real)>,
     ) -> Result<(), Cause> {
         for reported in &feedback.rates[..count.joints()] {
             if !(fabs(*reported) <= MAX_RATE) {
@@ -228,7 +229,7 @@ impl Joints {
         &mut self,
         rig: &Rig,
         feedback: &JointReadings,
-        moved: Option<(&[Real; MAX_JOINTS], u32)>,
+        moved: Option<(&[Real; MAX_JOINTS], Real)>,
     ) {
         let Some((delta, ticks)) = moved else {
             self.rate = [0.0; MAX_JOINTS];

@@ -4,6 +4,7 @@
 
 pub(crate) mod encoder;
 pub(crate) mod joints;
+pub(crate) mod lateness;
 pub mod odometry;
 pub(crate) mod orientation;
 pub mod path;

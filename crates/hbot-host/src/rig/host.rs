@@ -138,7 +138,9 @@ impl Host {
         let motors = Motors::new(buses, &layout, rig.link.watchdog_ms);
         let engine = Engine::new(
             motors,
-            Controller::new(rig.rig).with_shaking_guard(rig.shaking_guard),
+            Controller::new(rig.rig)
+                .with_shaking_guard(rig.shaking_guard)
+                .with_named_commands(rig.link.protocol.names_commands()),
             scene,
             loop_end,
             recorder,

@@ -27,8 +27,9 @@ pub struct Engine {
     controller: Controller,
     scene: Box<CompiledScene>,
     bridge: LoopEnd,
-    /// When each of the last commands was sent, from which the age of a reading is computed.
-    sent: Box<[Sent; SENT]>,
+    /// Tick number and send time (ns) of each of the last commands, from which the age of a reading
+    /// is computed.
+    sent_at: Box<[(u32, u64); SENT]>,
     counters: Counters,
     recorder: Option<Recorder>,
     /// True if the engine must itself give the command `enable` in the first tick after the mode
@@ -40,16 +41,6 @@ pub struct Engine {
     idle: bool,
     /// Nominal time of the last tick since the start of the loop, ns.
     now_ns: u64,
-}
-
-/// When a command was sent.
-#[derive(Clone, Copy)]
-struct Sent {
-    /// Number of the tick that computed it, the low 32 bits.
-    tick: u32,
-    at_ns: u64,
-    /// Number of whole periods by which that tick began late.
-    behind: u32,
 }
 
 /// Ticket of the commands that the engine itself creates. No client waits for their answers.
@@ -106,7 +97,7 @@ impl Engine {
             controller,
             scene,
             bridge,
-            sent: Box::new([Sent { tick: u32::MAX, at_ns: 0, behind: 0 }; SENT]),
+            sent_at: Box::new([(u32::MAX, 0); SENT]),
             counters: Counters::default(),
             recorder,
             enable_when_idle: false,
@@ -150,12 +141,10 @@ impl Engine {
         let news = self.motors.receive(moment.t_ns, moment.tick as u32);
         let (commands, tickets) = self.orders();
         self.bridge.adopt_scene(&mut self.scene);
-        let lateness_ns = if self.time_waits { 0 } else { moment.lateness_ns };
-        let answered = news.feedback.and_then(|feedback| self.answered(feedback.sequence));
         let inputs = Inputs {
             tick: moment.tick,
-            lateness_ns,
-            feedback: news.feedback.map(|feedback| dated(feedback, answered, moment.tick as u32)),
+            lateness_ns: if self.time_waits { 0 } else { moment.lateness_ns },
+            feedback: news.feedback,
             corrupt_frames: news.damaged,
             rebooted: news.zeros_lost,
             commands,
@@ -167,9 +156,11 @@ impl Engine {
 
         self.counters.send_failures += self.motors.command(moment.t_ns, moment.tick as u32, &outputs.drive);
         let sent = now_ns();
-        let behind = (lateness_ns / self.controller.rig().timing.period_ns) as u32;
-        self.sent[moment.tick as usize % SENT] = Sent { tick: moment.tick as u32, at_ns: sent, behind };
-        let age_ns = answered.filter(|_| outputs.state.fresh).map(|it| sent.saturating_sub(it.at_ns));
+        self.sent_at[moment.tick as usize % SENT] = (moment.tick as u32, sent);
+        let age_ns = inputs.feedback.filter(|_| outputs.state.fresh).and_then(|feedback| {
+            let (sequence, at) = self.sent_at[feedback.sequence as usize % SENT];
+            (sequence == feedback.sequence).then(|| sent.saturating_sub(at))
+        });
 
         self.idle = outputs.state.mode == Mode::Idle;
         // After a fault or an emergency stop, torque returns only on a client's request.
@@ -204,11 +195,6 @@ impl Engine {
             let (scene, controller) = (&self.scene, &self.controller);
             recorder(&Ticked { scene, inputs: &inputs, outputs: &outputs, sample: &sample, controller });
         }
-    }
-
-    /// Returns when the command with this number was sent. `None` if it is too long ago.
-    fn answered(&self, sequence: u32) -> Option<Sent> {
-        Some(self.sent[sequence as usize % SENT]).filter(|sent| sent.tick == sequence)
     }
 
     /// Computes the tick with number `tick` on a copy of the controller and discards the result, so
@@ -272,14 +258,4 @@ impl Engine {
         }
         (commands, tickets)
     }
-}
-
-/// Returns a reading with the number of the tick in which the command that it answers was sent. A
-/// command that is sent whole periods late is answered so much later: without this, the joints
-/// would seem to have turned faster. `tick` is the number of this tick.
-fn dated(feedback: JointReadings, answered: Option<Sent>, tick: u32) -> JointReadings {
-    // A command cannot be answered before this tick began.
-    let most = tick.wrapping_sub(1).wrapping_sub(feedback.sequence) as i32;
-    let behind = answered.map_or(0, |sent| sent.behind).min(most.max(0) as u32);
-    JointReadings { sequence: feedback.sequence.wrapping_add(behind), ..feedback }
 }

@@ -41,7 +41,8 @@ impl TickBench {
     ) -> Self {
         let (inner, end) = bridge().expect("a bridge");
         let motors = Motors::new(buses, layout, rig.link.watchdog_ms);
-        let engine = Engine::new(motors, Controller::new(rig.rig), scene, inner, None);
+        let engine =
+            Engine::new(motors, Controller::new(rig.rig).with_named_commands(true), scene, inner, None);
         Self { engine, end, tick: 0 }
     }
 

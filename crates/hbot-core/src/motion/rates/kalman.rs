@@ -21,7 +21,7 @@ const ROUNDING: Real = 1.0 / 12.0;
 
 /// Largest number of ticks between two readings that the filter bridges. After a longer gap it
 /// restarts with the mean rate over the gap.
-const LONGEST_STEP: u32 = 8;
+const LONGEST_STEP: Real = 8.0;
 
 /// Smallest variance that is assumed for a reading, as a fraction of the acceleration's initial
 /// variance (both in units of counts and ticks). It matters only for encoders that are so fine that
@@ -82,13 +82,13 @@ impl Kalman {
     /// Takes the next reading: the change of each joint in encoder counts, over a time of `ticks`
     /// ticks.
     #[inline]
-    pub(super) fn push(&mut self, counts: &[i32], ticks: u32) {
+    pub(super) fn push(&mut self, counts: &[i32], ticks: Real) {
         let anew = core::mem::replace(&mut self.fresh, false) || ticks > LONGEST_STEP;
         for (filter, counts) in self.joints.iter_mut().zip(counts) {
             if anew {
-                filter.begin(*counts as Real, ticks as Real);
+                filter.begin(*counts as Real, ticks);
             } else {
-                filter.advance(*counts as Real, ticks as Real);
+                filter.advance(*counts as Real, ticks);
             }
         }
     }
@@ -229,7 +229,7 @@ mod tests {
                 let ticks = if uneven && uniform(&mut joint.seed) < 0.3 { 3 } else { 1 };
                 joint.go(ticks);
                 let reading = libm::round(joint.state[0]);
-                kalman.push(&[(reading - last) as i32; 1], ticks);
+                kalman.push(&[(reading - last) as i32; 1], ticks as Real);
                 last = reading;
                 let f = &kalman.joints[0];
                 if k > 100 {
@@ -321,34 +321,34 @@ mod tests {
 
     #[test]
     fn a_gap_of_eight_ticks_is_bridged_and_a_longer_one_is_not() {
-        let after = |ticks: u32| {
+        let after = |ticks: Real| {
             let mut kalman = Kalman::new(100.0, &[1e-4; MAX_JOINTS], 1e-3);
             for _ in 0..2000 {
-                kalman.push(&[3], 1);
+                kalman.push(&[3], 1.0);
             }
             let angle = 3 * ticks as i32 + 40;
             kalman.push(&[angle], ticks);
-            (kalman.slope(0), angle as Real / ticks as Real)
+            (kalman.slope(0), angle as Real / ticks)
         };
         let (bridged, mean) = after(LONGEST_STEP);
         // At the end of a gap in which the joint became faster, it is faster than on average.
         assert!(bridged > mean + 1.0, "{bridged} against {mean}");
-        let (anew, mean) = after(LONGEST_STEP + 1);
+        let (anew, mean) = after(LONGEST_STEP + 1.0);
         assert_eq!(anew, mean);
     }
 
     #[test]
     fn the_second_reading_gives_the_difference_and_rest_gives_rest() {
         let mut kalman = Kalman::new(100.0, &[1e-4; MAX_JOINTS], 1e-3);
-        kalman.push(&[30], 2);
+        kalman.push(&[30], 2.0);
         assert_eq!(kalman.slope(0), 15.0);
         for _ in 0..2000 {
-            kalman.push(&[0], 1);
+            kalman.push(&[0], 1.0);
         }
         // The slowest pole of the filter is at about 1/10 per tick.
         assert!(kalman.slope(0).abs() < 1e-6, "{}", kalman.slope(0));
-        kalman.push(&[500], LONGEST_STEP + 1);
-        assert_eq!(kalman.slope(0), 500.0 / (LONGEST_STEP + 1) as Real, "over a gap, the difference");
+        kalman.push(&[500], LONGEST_STEP + 1.0);
+        assert_eq!(kalman.slope(0), 500.0 / (LONGEST_STEP + 1.0) as Real, "over a gap, the difference");
     }
 
     #[test]
@@ -357,7 +357,7 @@ mod tests {
         // 0.5 counts/tick²: at even ticks the readings are whole numbers, so nothing is rounded.
         let place = |k: i32| k * k;
         for k in 1..400 {
-            kalman.push(&[place(k) - place(k - 1)], 2);
+            kalman.push(&[place(k) - place(k - 1)], 2.0);
         }
         let want = 399.0;
         assert!((kalman.slope(0) - want).abs() < 1e-3, "{} against {want}", kalman.slope(0));
@@ -373,7 +373,7 @@ mod tests {
                     let counts = (2000.0 * uniform(&mut seed) - 1000.0) as i32;
                     let ticks =
                         1 + if uniform(&mut seed) < 0.1 { (12.0 * uniform(&mut seed)) as u32 } else { 0 };
-                    kalman.push(&[counts], ticks);
+                    kalman.push(&[counts], ticks as Real);
                     let Filter { p, noise, rate, .. } = &kalman.joints[0];
                     assert!(p.xx > 0.0 && p.xx <= *noise && p.vv > 0.0 && p.aa > 0.0, "{p:?}");
                     // Jumps of 1000 counts up and down are extrapolated by a factor of two. A

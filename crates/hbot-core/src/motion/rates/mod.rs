@@ -1,9 +1,9 @@
 //! Estimates joint rates from counts. The rig file selects the method with `rate_estimate` (physics
 //! notes, section 9).
 //!
-//! All methods use integer counts and the number of ticks between the commands that the readings
-//! answer. So a missed reading makes a step longer, and no estimate becomes wrong. Memory and time
-//! are bounded for any input.
+//! All methods use integer counts and the time between the commands that the readings answer. So a
+//! missed reading or a late tick makes a step longer, and no estimate becomes wrong. Memory and
+//! time are bounded for any input.
 
 mod kalman;
 mod window;
@@ -22,8 +22,8 @@ pub(crate) struct Moved<'a> {
     pub(crate) delta: &'a [Real; MAX_JOINTS],
     /// Change of each joint in encoder counts, in the direction of its motor controller.
     pub(crate) counts: &'a [i32; MAX_JOINTS],
-    /// Number of ticks between the two readings, at least 1.
-    pub(crate) ticks: u32,
+    /// Time between the two readings, in ticks. It has a fraction if a tick began late.
+    pub(crate) ticks: Real,
 }
 
 /// Estimates the rates of all joints from encoder counts, with the memory that the selected method
@@ -84,7 +84,7 @@ impl Rates {
     ) {
         let n = rig.device.joints();
         let period = rig.timing.period_s();
-        let time = moved.ticks as Real * period;
+        let time = moved.ticks * period;
         match self {
             Self::Reported => {}
             Self::Difference => {
@@ -101,7 +101,7 @@ impl Rates {
                 rates[..n].copy_from_slice(&rate[..n]);
             }
             Self::Window(window) => {
-                window.push(moved.counts, moved.ticks);
+                window.push(moved.counts, (moved.ticks + 0.5).max(1.0) as u32);
                 for i in 0..n {
                     rates[i] = window.slope(i) * (encoders[i].radians_per_count() / period);
                 }
@@ -138,7 +138,7 @@ pub fn step_response(rig: &Rig, joint: usize, out: &mut [Real]) -> bool {
     let mut advance = |step: i32| {
         let (mut delta, mut counts, mut found) = ([0.0; MAX_JOINTS], [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         (delta[joint], counts[joint]) = (per_count * step as Real, step);
-        rates.advance(rig, &encoders, &Moved { delta: &delta, counts: &counts, ticks: 1 }, &mut found);
+        rates.advance(rig, &encoders, &Moved { delta: &delta, counts: &counts, ticks: 1.0 }, &mut found);
         found[joint] / (per_count * STEP as Real)
     };
     (0..SETTLED).for_each(|_| _ = advance(0));
