@@ -30,6 +30,13 @@ const SAMPLES: usize = 4096;
 /// The axes of frame N, about which torques are told.
 const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 
+/// Returns the axes of frame N, and the directions between two or three of them.
+fn directions() -> impl Iterator<Item = Vec3> {
+    let signs = [-1.0, 0.0, 1.0];
+    let all = signs.into_iter().flat_map(move |x| signs.map(|y| signs.map(|z| Vec3::new(x, y, z))));
+    all.flatten().filter(|v| *v != Vec3::ZERO).map(Vec3::normalize)
+}
+
 /// How long the lateness of this machine is measured.
 const MEASURED: Duration = Duration::from_secs(1);
 
@@ -129,9 +136,9 @@ impl Warnings {
         let margins = torus(device).map(|th| actuation_margin(&Posture::new(device, &th), &driven));
         let peak = JointLimits::of(&config.rig);
         let most = torus(device)
-            .map(|th| {
+            .flat_map(|th| {
                 let posture = Posture::new(device, &th);
-                AXES.map(|axis| capability(posture.rows(), &peak, axis)).into_iter().fold(0.0, f64::max)
+                directions().map(move |axis| capability(posture.rows(), &peak, axis))
             })
             .fold(0.0, f64::max);
         Self {
@@ -242,8 +249,8 @@ fn abilities(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
     }
     if let Some(most) = warnings.exceeded {
         tell!(
-            "             {}warning:{} limits.torque = {} N m limits nothing: the motors make at most {most:.3} N m about n1, n2 or \
-             n3. This number protects the hand",
+            "             {}warning:{} limits.torque = {} N m limits nothing: the motors make at most {most:.3} N m about any axis. \
+             limits.torque is what protects the hand: lower it",
             style::WARN,
             style::OFF,
             rig.limits.torque

@@ -230,3 +230,18 @@ impl HbotState {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modes_and_faults_have_the_numbers_of_their_names() {
+        for (number, mode) in Mode::ALL.into_iter().enumerate() {
+            assert_eq!(HbotMode::from(mode) as usize, number, "{mode}");
+        }
+        for (number, fault) in Fault::ALL.into_iter().enumerate() {
+            assert_eq!(HbotFault::from(Some(fault)) as usize, number + 1, "{fault}");
+        }
+    }
+}

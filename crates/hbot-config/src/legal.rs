@@ -133,17 +133,20 @@ pub fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str> + Clone
     if word.len() > 100 {
         return None;
     }
-    let other = OTHER_WORDS.iter().find(|(words, _)| words.contains(&word));
-    if let Some(meant) = other.and_then(|(_, kind)| known.clone().find(|k| k == kind)) {
-        return Some(meant);
-    }
     // One wrong letter in three. This accepts `stiffnes` and `dampping`, but no unrelated word.
     let most = (word.chars().count() / 3).max(1);
-    known
+    let similar = known
+        .clone()
         .map(|k| (strsim::osa_distance(word, k), k))
         .filter(|&(d, k)| d <= most && d < k.chars().count())
-        .min_by_key(|&(d, _)| d)
-        .map(|(_, k)| k)
+        .min_by_key(|&(d, _)| d);
+    let other = OTHER_WORDS.iter().find(|(words, _)| words.contains(&word));
+    let other = other.and_then(|(_, kind)| known.clone().find(|k| k == kind));
+    // One wrong letter is nearer than another word.
+    match similar {
+        Some((1, k)) => Some(k),
+        _ => other.or(similar.map(|(_, k)| k)),
+    }
 }
 
 /// Writes a value in a short form that people prefer: `[1, 0, 0]` instead of `[1.0,0.0,0.0]`.
@@ -195,6 +198,7 @@ mod tests {
         assert_eq!(did_you_mean("colour", known()), None);
         assert_eq!(did_you_mean("wall", ["damper", "end_stop"].into_iter()), Some("end_stop"));
         assert_eq!(did_you_mean("wall", known()), None, "where no kinds are asked for");
+        assert_eq!(did_you_mean("walls", ["end_stop", "wall"].into_iter()), Some("wall"));
         assert_eq!(did_you_mean("", known()), None);
     }
 }

@@ -91,7 +91,7 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
         Lease::Mine => ("you command".to_owned(), palette.good),
         Lease::Free => ("nobody commands".to_owned(), ui.visuals().text_color()),
         Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
-        Lease::Other(holder) => (format!("{} commands, you observe", person(holder)), palette.warn),
+        Lease::Other(holder) => (format!("you observe, {} commands", person(holder)), palette.warn),
     };
     let color = if model.is_certain() { color } else { palette.weak };
     ui.add(egui::Label::new(RichText::new(text).color(color)).truncate());

@@ -141,11 +141,11 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
     other.acquire(false).expect("free");
     let mut witness = Witness::new(&bench);
     let mut seat = Seat::at(bench.address);
-    seat.until_text("the experiment commands, you observe");
+    seat.until_text("you observe, the experiment commands");
     seat.until_text("ACTIVE");
     // While the sphere pushes for another client, taking over needs a second click.
     for (answer, wanted) in
-        [("Cancel", "the experiment commands, you observe"), ("Take over now", "you command")]
+        [("Cancel", "you observe, the experiment commands"), ("Take over now", "you command")]
     {
         seat.click("Take over");
         seat.until_text("Take over from the experiment?");
@@ -157,7 +157,7 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
         assert!(!seat.shows("Take over from"));
     }
     other.acquire(true).expect("stolen");
-    seat.until_text("the experiment commands, you observe");
+    seat.until_text("you observe, the experiment commands");
     for control in ["Stiffness", "Enable", "Reset", "spring on", "spring stiffness", "Load"] {
         assert!(!seat.is_enabled(control), "{control}");
     }
@@ -212,7 +212,7 @@ fn who_only_watches_knows_who_commanded_before() {
     other.acquire(false).expect("free");
     let mut seat =
         Seat::with(PanelOptions { observe: true, ..PanelOptions::new(&bench.address.to_string()) });
-    seat.until_text("the experiment commands, you observe");
+    seat.until_text("you observe, the experiment commands");
 }
 
 #[test]

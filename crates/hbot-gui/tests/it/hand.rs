@@ -149,7 +149,7 @@ fn who_does_not_command_turns_the_view_alone() {
     // Another client takes over while the sphere is held. The hand is that of the scene again.
     let mut other = bench.client("anna@lab2");
     other.acquire(true).expect("stolen");
-    seat.until_text("anna@lab2 commands, you observe");
+    seat.until_text("you observe, anna@lab2 commands");
     let (at, more) = (middle + vec2(0.3 * radius, 0.0), vec2(0.4 * radius, 0.0));
     drag(&mut seat, at, more, Modifiers::NONE);
     let before = rested(&mut witness);

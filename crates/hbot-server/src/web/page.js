@@ -238,7 +238,8 @@ function absence() {
   absent.hidden = rig.hello !== null || !rig.closed || rig.closed.code === 'unauthorized';
   if (absent.hidden) return;
   const wait = link.nextAt - performance.now();
-  put(absent, `No server answers at ${location.host}. `
+  const what = rig.closed.code ? `Not connected: ${rig.closed.why}.` : `No server answers at ${location.host}.`;
+  put(absent, `${what} `
     + (wait > 0 ? `Next attempt in ${Math.ceil(wait / 1000)} s.` : 'Trying now.'));
 }
 

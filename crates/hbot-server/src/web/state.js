@@ -51,7 +51,7 @@ function details(rig) {
   if (stop) {
     return [
       ['strong', "Cut the motors' power."],
-      ['', `${touch.matches ? 'Press STOP again.' : 'STOP or Esc tries again.'} This message ends when a state shows `
+      ['', `${touch.matches || !document.hasFocus() ? 'Press STOP again.' : 'STOP or Esc tries again.'} This message ends when a state shows `
         + 'no torque.'],
       ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
       ...old];
