@@ -112,6 +112,17 @@ async def look(port):
     return values
 
 
+def resting(port):
+    """The position in turns at which the servo has come to rest."""
+    before = math.nan
+    for _ in range(60):
+        values = asyncio.run(look(port))
+        if abs(values[Register.POSITION] - before) < 1e-3:
+            return values[Register.POSITION]
+        before = values[Register.POSITION]
+    raise AssertionError(f"it does not come to rest: {values}")
+
+
 def tools(port):
     tool(port, "--stop")
     values = asyncio.run(look(port))
@@ -122,8 +133,8 @@ def tools(port):
     settings = dict(line.split() for line in tool(port, "--dump-config").splitlines() if line)
     assert (settings["servo.timeout_mode"], settings["id.id"]) == ("0", "1"), settings
     assert settings["motor_position.output.offset"] == "0", settings
-    # Two thirds of a turn away from the zero of the encoder.
-    before = values[Register.POSITION]
+    # The tools take a second each, and a wheel that still rolls would have turned further.
+    before = resting(port)
     tool(port, "--zero-offset")
     after = asyncio.run(look(port))
     assert abs(after[Register.POSITION]) < 2e-2 + abs(after[Register.VELOCITY]), (before, after)
