@@ -1,6 +1,6 @@
 //! Measures the time of the effects per tick. Rendering alone is measured for an empty scene, for
-//! each kind of effect with default parameters, and for all kinds together. The whole tick
-//! of a `Controller` is measured for the empty scene and for all kinds.
+//! each kind of effect with default parameters, and for all kinds together. The whole tick of a
+//! `Controller` is measured for the empty scene and for all kinds.
 //!
 //! `cargo bench --bench effects`
 

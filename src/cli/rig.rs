@@ -27,7 +27,7 @@ use super::{bringup, rig_drawing, rig_new, style};
 /// Number of postures that are examined.
 const SAMPLES: usize = 4096;
 
-/// The axes of frame N, about which torques are told.
+/// The axes of frame N.
 const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 
 /// Returns the axes of frame N, and the directions between two or three of them.
