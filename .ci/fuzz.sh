@@ -22,12 +22,27 @@ can_fuzz() {
     return 1
 }
 
+# Writes the requests of hbot-api's golden file as the corpus of the two encodings.
+requests() {
+    python3 - "$1" <<'PYTHON'
+import pathlib, sys
+lines = pathlib.Path("crates/hbot-api/src/tests/messages.golden").read_text().splitlines()[1:]
+for i, (line, frame) in enumerate(zip(lines[::2], lines[1::2])):
+    if '"op":' in line and '"event":' not in line:
+        for name, content in ("api_json", line.encode() + b"\n"), ("api_msgpack", bytes.fromhex(frame)):
+            path = pathlib.Path(sys.argv[1], name, f"{i:02}")
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(content)
+PYTHON
+}
+
 # Fuzzes one decoder. Prints its figures only when it is done, because several run at once.
 fuzz() {
-    local target=$1 found said failed=0
+    local target=$1 found said failed=0 corpus=fuzz/corpus/$1
+    [ -d "$corpus" ] || corpus=$requests/$1
     # New inputs go beside the corpus that is kept, not into it.
     found=$(mktemp -d)
-    said=$(cargo fuzz run "$target" "$found" "fuzz/corpus/$target" -- -max_total_time="$seconds" \
+    said=$(cargo fuzz run "$target" "$found" "$corpus" -- -max_total_time="$seconds" \
         -max_len=4096 -rss_limit_mb=2048 -timeout=10 -print_final_stats=1 2>&1) || failed=1
     rm -rf "$found"
     printf -- '-- %s\n%s\n' "$target" "$(grep -E 'stat::|Done|ERROR|SUMMARY|panicked|artifact' <<<"$said")"
@@ -41,7 +56,10 @@ if [ "${1:-}" = --build ]; then
 fi
 if can_fuzz; then
     # One decoder on each processor at a time.
-    export seconds
+    requests=$(mktemp -d)
+    trap 'rm -rf "$requests"' EXIT
+    requests "$requests"
+    export seconds requests
     export -f fuzz
     cargo fuzz list | xargs -P "$(nproc)" -I{} bash -c 'set -euo pipefail; fuzz "$1"' _ {}
 else

@@ -204,7 +204,8 @@ pub(crate) fn scene_file(bytes: &[u8]) {
 /// A decoder under test.
 #[derive(Clone, Copy)]
 pub(crate) struct Target {
-    /// Name of the decoder: its file in `fuzz/fuzz_targets` and its folder in `fuzz/corpus`.
+    /// Name of the decoder: its file in `fuzz/fuzz_targets`, and its folder in `fuzz/corpus` if it
+    /// has one.
     pub(crate) name: &'static str,
     /// Function that checks one input. It panics if a property does not hold.
     pub(crate) check: fn(&[u8]),

@@ -1,4 +1,4 @@
-//! Runs the decoders on seeded mutations of `fuzz/corpus`, which are equal in every run.
+//! Runs the decoders on seeded mutations of their corpus, which are equal in every run.
 //! `HBOT_FUZZ_INPUTS` sets the number of inputs per decoder (default 20,000). Ten million take
 //! minutes in release:
 //!
@@ -20,9 +20,30 @@ const INPUTS: u64 = 20_000;
 /// Longest input, bytes: several frames, or a line with room to grow.
 const LONGEST: usize = 4096;
 
+/// Returns the inputs from which mutations begin: the files of a folder, or the requests of the API
+/// as hbot-api's golden file has them, a line of JSON and a frame of MessagePack each.
 fn corpus(target: &Target) -> Vec<Vec<u8>> {
-    let folder = Path::new("fuzz/corpus").join(target.name);
-    let entries = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let lines = include_str!("../../crates/hbot-api/src/tests/messages.golden").lines().skip(1);
+    let requests = || {
+        lines
+            .clone()
+            .zip(lines.clone().skip(1))
+            .filter(|(json, _)| json.contains("\"op\":") && !json.contains("\"event\":"))
+    };
+    match target.name {
+        "api_json" => requests().map(|(json, _)| format!("{json}\n").into_bytes()).collect(),
+        "api_msgpack" => requests().map(|(_, frame)| bytes(frame)).collect(),
+        name => files(&Path::new("fuzz/corpus").join(name)),
+    }
+}
+
+fn bytes(hex: &str) -> Vec<u8> {
+    let digits = |at| &hex[at..at + 2];
+    (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(digits(at), 16).expect("hexadecimal")).collect()
+}
+
+fn files(folder: &Path) -> Vec<Vec<u8>> {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let mut paths: Vec<_> = entries.map(|entry| entry.expect("a file").path()).collect();
     // The file system returns the files in any order.
     paths.sort();

@@ -586,6 +586,13 @@ enum hbot_status hbot_controllers_json(struct hbot_client *client, const char **
 // effects and the running scene. The text lives as that of hbot_stats_json().
 enum hbot_status hbot_info_json(struct hbot_client *client, const char **json);
 
+// Sends a request as JSON text, {"op": "hand", "release": true} for example (docs/api.md, Ops), for
+// ops without a function here. It waits for the answer, also of a stream, and replaces the `id`.
+// `*json` receives the body of the answer as JSON text, which lives as that of hbot_stats_json().
+enum hbot_status hbot_request_json(struct hbot_client *client,
+                                   const char *request,
+                                   const char **json);
+
 // Streams a torque in frame N, N m, without waiting for an answer. `stream` can be NULL. It is
 // added to the scene's torque until it expires. If the server refuses it, an event
 // HBOT_EVENT_KIND_REFUSED comes.

@@ -95,6 +95,11 @@ public:
     std::string info_json() { return text(hbot_info_json); }
     std::string stats_json() { return text(hbot_stats_json); }
     std::string controllers_json() { return text(hbot_controllers_json); }
+    std::string request_json(const std::string& request) {
+        const char* json = nullptr;
+        check(hbot_request_json(client_, request.c_str(), &json));
+        return json;
+    }
     void set_timeout(Milliseconds timeout) { check(hbot_set_timeout(client_, timeout.count())); }
     // The number of the server's last tick.
     std::uint64_t ping() {

@@ -4,7 +4,7 @@
 
 use std::ffi::{CString, c_char};
 
-use hbot_api::{Align, ClientError, Mode, Op, ReferenceCommand, TorqueCommand};
+use hbot_api::{Align, ClientError, Encoding, Mode, Op, ReferenceCommand, Request, TorqueCommand};
 use serde_json::Value;
 
 use crate::boundary::{Out, input, text};
@@ -155,6 +155,25 @@ pub unsafe extern "C" fn hbot_controllers_json(
 pub unsafe extern "C" fn hbot_info_json(client: *mut HbotClient, json: *mut *const c_char) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
     unsafe { with(client, |inner| inner.answer_text(Op::Info, Out::new(json, "json")?)) }
+}
+
+/// Sends a request as JSON text, {"op": "hand", "release": true} for example (docs/api.md, Ops), for
+/// ops without a function here. It waits for the answer, also of a stream, and replaces the `id`.
+/// `*json` receives the body of the answer as JSON text, which lives as that of hbot_stats_json().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hbot_request_json(
+    client: *mut HbotClient,
+    request: *const c_char,
+    json: *mut *const c_char,
+) -> HbotStatus {
+    // SAFETY: the contract of all functions, stated at the crate.
+    unsafe {
+        with(client, |inner| {
+            let request = Request::read(Encoding::Json, text(request, "request")?.as_bytes());
+            let op = request.map_err(|refusal| ClientError::Server(refusal.error))?.op;
+            inner.answer_text(op, Out::new(json, "json")?)
+        })
+    }
 }
 
 impl Inner {

@@ -91,7 +91,7 @@ impl From<ClientError> for Failure {
             ClientError::Address { .. } => HbotStatus::Address,
             ClientError::Connect { .. } => HbotStatus::Connect,
             ClientError::Timeout { .. } | ClientError::NoState { .. } => HbotStatus::Timeout,
-            ClientError::Closed => HbotStatus::Closed,
+            ClientError::Closed | ClientError::NoHello { .. } => HbotStatus::Closed,
             ClientError::Protocol(_) => HbotStatus::Protocol,
             ClientError::Tls(_) => HbotStatus::Tls,
             ClientError::Encode(_) => HbotStatus::NotFinite,

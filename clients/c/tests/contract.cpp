@@ -113,6 +113,8 @@ void the_rig_is_described(hbot::Client& rig) {
     CHECK(rig.info_json().find("\"on_client_lost\"") != std::string::npos);
     CHECK(rig.stats_json().find("\"late_ticks\"") != std::string::npos);
     CHECK(rig.controllers_json().find("\"temperature_c\":25.0") != std::string::npos);
+    CHECK(rig.request_json("{\"op\": \"ping\", \"data\": [7]}").find("\"data\":[7]") != std::string::npos);
+    CHECK(thrown([&] { rig.request_json("{\"op\": \"subscribe\", \"evry\": 1}"); }) == HBOT_STATUS_BAD_REQUEST);
     const std::uint64_t tick = rig.ping();
     CHECK(eventually([&] { return rig.ping() > tick; }));
 }

@@ -14,6 +14,7 @@ from serving import REPOSITORY, Server
 
 import hbot
 from hbot import answers, events, info, ops, scenes, wire
+from hbot.request import Op
 from hbot.wire import Splitter
 
 PAGE = (REPOSITORY / "docs" / "api.md").read_text(encoding="utf-8")
@@ -124,6 +125,8 @@ NOT_METHODS = {
 
 def test_ops() -> None:
     """Every op of the page is a method, and its fields are the method's parameters."""
+    methods = {name for name, member in vars(ops.Ops).items() if isinstance(member, Op)}
+    assert {cell.strip("`") for cell in rows("## Ops")} - {"Op"} == methods | set(NOT_METHODS)
     for cell, cells in rows("## Ops").items():
         if cell == "Op":
             continue
@@ -152,8 +155,8 @@ def test_both_clients_have_the_same_names_and_arguments() -> None:
     def public(kind: type[Any]) -> dict[str, list[inspect.Parameter]]:
         return {
             name: list(inspect.signature(member).parameters.values())
-            for name, member in vars(kind).items()
-            if not name.startswith("_") and callable(member)
+            for name, member in inspect.getmembers(kind, callable)
+            if not name.startswith("_")
         }
 
     blocking, awaiting = public(hbot.Rig), public(hbot.aio.Rig)
@@ -164,6 +167,10 @@ def test_both_clients_have_the_same_names_and_arguments() -> None:
             (p.name, p.default, p.kind) for p in others
         ], name
     assert asyncio.iscoroutinefunction(hbot.aio.Rig.enable)
+    assert not asyncio.iscoroutinefunction(hbot.Rig.enable)
+    for enable in (hbot.Rig.enable, hbot.aio.Rig.enable):
+        assert str(inspect.signature(enable)) == "(self) -> 'Mode'"
+        assert str(enable.__doc__).startswith("Begin to render")
     connects = [
         inspect.signature(connect).parameters for connect in (hbot.connect, hbot.aio.connect)
     ]
@@ -173,7 +180,7 @@ def test_both_clients_have_the_same_names_and_arguments() -> None:
 def test_the_frame_of_the_page_is_what_is_sent() -> None:
     line = re.search(r"(?m)^    (00 00 00 .*)$", PAGE)
     assert line is not None
-    request = ops.info()
+    request = ops.INFO
     message = {"id": 2, "op": request.op, **request.fields}
     assert wire.encoder("msgpack")(message) == bytes.fromhex(line.group(1))
 

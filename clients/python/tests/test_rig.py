@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import create_autospec
 
 import msgpack
 import pytest
@@ -363,3 +364,11 @@ def test_events_that_arrive_with_the_answer_to_hello_are_not_lost(
         with hbot.connect(address, name="early", encoding=encoding) as rig:
             found = list(itertools.islice(rig.events(duration=20.0), 2))
     assert [event.holder for event in found if isinstance(event, hbot.LeaseEvent)] == ["b", "b"]
+
+
+def test_a_mock_of_a_rig_takes_what_a_rig_takes() -> None:
+    rig = create_autospec(hbot.Rig, instance=True)
+    rig.enable()
+    rig.torque([0.0, 0.0, 0.0], 10)
+    with pytest.raises(TypeError, match="valid_mss"):
+        rig.torque([0.0, 0.0, 0.0], 10, valid_mss=10)

@@ -3,7 +3,6 @@
 mod connect;
 mod error;
 mod name;
-mod ops;
 mod render;
 mod time;
 #[cfg_attr(not(feature = "tls"), path = "client/no_tls.rs")]
@@ -17,6 +16,7 @@ pub use time::time_of_day;
 pub use tls::Trust;
 
 use crate::{Encoding, Event, HelloOk, Id, MAX_ANSWER_BYTES, Op, Request, Response, ServerMessage, Splitter};
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
@@ -33,11 +33,13 @@ const PIECE_BYTES: usize = 16 * 1024;
 
 /// A connection to a server.
 ///
-/// Every call sends one request and waits for its answer. Events that arrive in the meantime are
-/// kept for [`next_event`](Self::next_event). If too many are kept, the oldest are dropped and
-/// counted in [`events_lost`](Self::events_lost). After [`ClientError::Io`],
-/// [`ClientError::Closed`] or [`ClientError::Protocol`] the connection is unusable, and the program
-/// has to connect again.
+/// Every call sends one request, waits for its answer, and fails like [`call`](Self::call). Only
+/// [`torque`](Self::torque), [`reference`](Self::reference), [`model`](Self::model) and
+/// [`hand`](Self::hand), which are called repeatedly, do not wait and fail like
+/// [`send`](Self::send). Events that arrive in the meantime are kept for
+/// [`next_event`](Self::next_event). If too many are kept, the oldest are dropped and counted in
+/// [`events_lost`](Self::events_lost). After [`ClientError::Io`], [`ClientError::Closed`] or
+/// [`ClientError::Protocol`] the connection is unusable, and the program has to connect again.
 #[derive(Debug)]
 pub struct Client {
     stream: Stream,
@@ -92,6 +94,11 @@ impl Client {
         let deadline = Instant::now() + self.timeout;
         self.write(&Request { id: Some(id.clone()), op })?;
         self.answer(&id, what, deadline)
+    }
+
+    /// Like [`call`](Self::call), for an answer of type `T`.
+    pub(crate) fn ask<T: DeserializeOwned>(&mut self, op: Op) -> Result<T, ClientError> {
+        self.call(op).and_then(connect::typed)
     }
 
     /// Waits for the answer to the request `id`, whose op is `what`. Returns the answer's body.

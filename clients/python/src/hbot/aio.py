@@ -9,14 +9,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import inspect
-from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Sequence
 from contextlib import asynccontextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from . import ops
-from .answers import Changed, Controller, Loaded, Pong, Stats
 from .callbacks import call_back
 from .connection import (
     MAX_EVENTS,
@@ -30,12 +29,12 @@ from .connection import (
 )
 from .environment import server_address, server_token
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
-from .events import Event, LostEvent, Mode, State
+from .events import Event, LostEvent, State
 from .info import Hello, Info
 from .mailbox import Mailbox
-from .models import Impedance, Model, Plane
+from .models import Model
 from .rendering import Computed, Rendered, Rendering
-from .scenes import Scene
+from .request import Request
 from .transport import Tls
 from .wire import Encoding
 
@@ -133,7 +132,7 @@ class _Box(Generic[T]):
                 return self.mailbox.take()
 
 
-class Rig:
+class Rig(ops.Ops):
     """A connection to a server. `hbot.Rig` describes each method, its arguments and its exceptions.
 
     Only coroutines of one event loop may use it.
@@ -144,6 +143,7 @@ class Rig:
     """
 
     info: Info
+    _awaited = True
 
     def __init__(
         self, connection: Connection, on_event: Callable[[Event], None] | None = None
@@ -176,27 +176,8 @@ class Rig:
 
     async def refresh(self) -> Info:
         """Ask for `info` again. Returns it and stores it in the attribute `info`."""
-        self.info = await self._call(ops.info())
+        self.info = await self._call(ops.INFO)
         return self.info
-
-    async def stats(self) -> Stats:
-        """Return how long things took, and how often events happened, since the server began."""
-        return await self._call(ops.stats())
-
-    async def controllers(self) -> tuple[Controller, ...]:
-        """Return what the motor controller of each joint reports, in the order of the joints.
-
-        Current, temperature, complaints and firmware; a value that it does not report is None.
-        """
-        return await self._call(ops.controllers())
-
-    async def acquire(self, steal: bool = False) -> None:
-        """Take the lease, the right to command."""
-        await self._call(ops.acquire(steal))
-
-    async def release(self) -> None:
-        """Give the lease back."""
-        await self._call(ops.release())
 
     @asynccontextmanager
     async def lease(self, steal: bool = False) -> AsyncIterator[None]:
@@ -209,132 +190,10 @@ class Rig:
             yield
         except BaseException:
             with contextlib.suppress(HbotError):
-                await self._finish(ops.release())
+                await self._finish(ops.RELEASE)
             raise
         with contextlib.suppress(NotHolder):  # Another client has taken it.
             await self.release()
-
-    async def load_scene(self, scene: Scene) -> Loaded:
-        """Replace the scene by a scene file (TOML) or a map of the same structure."""
-        return await self._call(ops.load_scene(scene))
-
-    async def set(self, effect: str, /, **parameters: Any) -> Changed:
-        """Change parameters of an effect while the loop runs. Returns warnings about the scene."""
-        return await self._call(ops.change(effect, parameters))
-
-    async def torque(
-        self,
-        torque: Iterable[float],
-        valid_ms: int,
-        *,
-        tick: int | None = None,
-        seq: int | None = None,
-        wait: bool = True,
-    ) -> None:
-        """Send one torque (frame N, N m), which is added to that of the scene."""
-        await self._stream(ops.torque(torque, valid_ms, tick, seq), wait)
-
-    async def model(
-        self,
-        valid_ms: int,
-        *,
-        torque: Iterable[float] = (0.0, 0.0, 0.0),
-        stiffness: Impedance = 0.0,
-        damping: Impedance = 0.0,
-        pose: Iterable[float] | None = None,
-        planes: Sequence[Plane] = (),
-        blend_ms: int | None = None,
-        soften: bool = False,
-        tick: int | None = None,
-        seq: int | None = None,
-        wait: bool = True,
-    ) -> float | None:
-        """Send one local model. Returns the fraction of its stiffness that is rendered."""
-        model = Model(torque, stiffness, damping, pose, planes, blend_ms, soften)
-        request = ops.model(model, valid_ms, tick, seq)
-        if wait:
-            return await self._call(request)
-        self._connection.post(request.op, request.fields)
-        return None
-
-    async def reference(
-        self,
-        effect: str,
-        q: Iterable[float],
-        *,
-        omega: Iterable[float] | None = None,
-        valid_ms: int | None = None,
-        tick: int | None = None,
-        seq: int | None = None,
-        wait: bool = True,
-    ) -> None:
-        """Move the reference of an effect."""
-        await self._stream(ops.reference(effect, q, omega, valid_ms, tick, seq), wait)
-
-    async def align(
-        self,
-        q: Iterable[float],
-        weight: float | None = None,
-        *,
-        sigma: Iterable[float] | None = None,
-        t: float | None = None,
-    ) -> float:
-        """Correct the server's orientation by a measured one.
-
-        Returns the difference before, rad.
-        """
-        return await self._call(ops.align(q, weight, t, sigma))
-
-    async def align_direction(
-        self,
-        body: Iterable[float],
-        world: Iterable[float],
-        sigma: float,
-        *,
-        t: float | None = None,
-    ) -> float:
-        """Correct the server's orientation by a measured direction, such as that of gravity.
-
-        Returns the angle before, rad.
-        """
-        return await self._call(ops.align_direction(body, world, sigma, t))
-
-    async def hand(
-        self,
-        q: Iterable[float] | None,
-        *,
-        over_ms: int | None = None,
-        stiffness: float | None = None,
-        damping: float | None = None,
-        inertia: float | None = None,
-        wait: bool = True,
-    ) -> None:
-        """Let the hand of a simulated rig turn the sphere. None as `q`: it lets go."""
-        await self._stream(ops.hand(q, over_ms, stiffness, damping, inertia), wait)
-
-    async def enable(self) -> Mode:
-        """Begin to render, with a soft start of 0.5 s. Returns the mode."""
-        return await self._call(ops.enable())
-
-    async def disable(self) -> Mode:
-        """End rendering, with a ramp of 50 ms. Needs no lease. Returns the mode."""
-        return await self._call(ops.disable())
-
-    async def reset(self) -> Mode:
-        """Leave a fault or an emergency stop after its cause is gone. Returns the mode."""
-        return await self._call(ops.reset())
-
-    async def estop(self) -> Mode:
-        """Stop the motors in the next tick. Needs no lease. Returns the mode."""
-        return await self._call(ops.estop())
-
-    async def advance(self, ticks: int) -> State:
-        """Let virtual time pass; see the blocking client."""
-        return await self._call(ops.advance(ticks))
-
-    async def ping(self, data: Any = None) -> Pong:
-        """Test the connection. Returns `data` as it came back, and the last tick."""
-        return await self._call(ops.ping(data))
 
     async def states(self, every: int = 1, duration: float | None = None) -> AsyncIterator[State]:
         """Iterate over states.
@@ -388,7 +247,10 @@ class Rig:
             while (event := await self._events.get(None)) is not None:
                 call_back(on_event, event)
 
-    async def _call(self, request: ops.Request[T], send: Send | None = None) -> T:
+    async def _call(self, request: Request[T], send: Send | None = None) -> T:
+        if not request.wait:
+            self._connection.post(request.op, request.fields)
+            return request.read(None)
         answered: asyncio.Future[Any] = self._loop.create_future()
 
         def settle(body: Any, error: Exception | None) -> None:
@@ -410,25 +272,19 @@ class Rig:
             raise TimedOut(f"{request.op}: no answer for {self._connection.timeout} s") from None
         return request.read(body)
 
-    async def _finish(self, request: ops.Request[None], send: Send | None = None) -> None:
+    async def _finish(self, request: Request[None], send: Send | None = None) -> None:
         """End a block as `hbot.Rig` does."""
         if self._connection.silent:
             await self._send(request, send, ignore)
         else:
             await self._call(request, send)
 
-    async def _send(self, request: ops.Request[T], send: Send | None, answer: Answer) -> None:
+    async def _send(self, request: Request[T], send: Send | None, answer: Answer) -> None:
         send = send or self._connection.request
         if self._connection.writable():
             send(request.op, request.fields, answer)
         else:
             await asyncio.to_thread(send, request.op, request.fields, answer)
-
-    async def _stream(self, request: ops.Request[None], wait: bool) -> None:
-        if wait:
-            await self._call(request)
-        else:
-            self._connection.post(request.op, request.fields)
 
     @asynccontextmanager
     async def _subscription(self, every: int) -> AsyncIterator[tuple[_Box[State], float]]:
@@ -440,4 +296,4 @@ class Rig:
             yield states, self._connection.timeout + every / self.hello.rate_hz
         finally:
             with contextlib.suppress(ConnectionLost, TimedOut):
-                await self._finish(ops.unsubscribe(), unsubscribe)
+                await self._finish(ops.UNSUBSCRIBE, unsubscribe)

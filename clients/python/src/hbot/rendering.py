@@ -11,8 +11,7 @@ from .connection import Connection
 from .errors import Faulted
 from .events import State
 from .models import Model
-from .ops import model as model_request
-from .ops import torque as torque_request
+from .ops import model_fields, torque_fields
 
 _LOG = logging.getLogger("hbot")
 
@@ -125,5 +124,5 @@ def _message(
 ) -> tuple[str, dict[str, Any]]:
     """Return the op and the fields of the message that sends a torque or a model."""
     if isinstance(torque, Model):
-        return "model", model_request(torque, valid_ms, tick, seq).fields
-    return "torque", torque_request(torque, valid_ms, tick, seq).fields
+        return "model", model_fields(torque, valid_ms, tick, seq)
+    return "torque", torque_fields(torque, valid_ms, tick, seq)

@@ -68,7 +68,7 @@ impl Client {
     ///
     /// Fails like [`connect`](Self::connect).
     pub fn connect_with(address: &str, options: &ConnectOptions) -> Result<Self, ClientError> {
-        Self::greet(address, options, None)
+        Self::greet(address, options, None).map_err(|error| unanswered(error, address))
     }
 
     /// Performs an emergency stop of the rig at `address`, over a new connection. Returns the mode
@@ -89,7 +89,8 @@ impl Client {
         let options = ConnectOptions { encoding: Encoding::Json, ..options.clone() };
         let id = Id::Integer(1);
         let stop = Request { id: Some(id.clone()), op: Op::Estop };
-        let mut client = Self::greet(address, &options, Some(&stop))?;
+        let mut client =
+            Self::greet(address, &options, Some(&stop)).map_err(|error| unanswered(error, address))?;
         let answer = client.answer(&id, OpName::Estop.as_str(), deadline)?;
         typed(answer).map(|ModeOk { mode }| mode)
     }
@@ -189,6 +190,9 @@ fn resolve(address: &str) -> Result<Vec<SocketAddr>, String> {
     if host(address).is_empty() {
         return Err("it has no host".to_owned());
     }
+    if address.bytes().all(|byte| byte.is_ascii_digit()) {
+        return Err(format!("it is a port alone; did you mean 127.0.0.1:{address}?"));
+    }
     let found: io::Result<Vec<SocketAddr>> = if has_port(address) {
         let port = address.rsplit(':').next().unwrap_or_default();
         if port.parse::<u16>().is_err() {
@@ -199,6 +203,14 @@ fn resolve(address: &str) -> Result<Vec<SocketAddr>, String> {
         (host(address), DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
     };
     found.map_err(|error| error.to_string())
+}
+
+/// Returns the error of a connection that ended before the answer to the hello.
+fn unanswered(error: ClientError, address: &str) -> ClientError {
+    match error {
+        ClientError::Closed => ClientError::NoHello { address: with_port(address) },
+        error => error,
+    }
 }
 
 /// Returns an address with its port, for messages.

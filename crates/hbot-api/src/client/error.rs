@@ -52,6 +52,15 @@ pub enum ClientError {
     /// The server refused the request. The message of the error says why.
     #[error("{0}")]
     Server(ErrorBody),
+    /// The connection was closed before the first answer.
+    #[error(
+        "{address} has closed the connection without an answer. Is it the port that the server prints after \
+         `listen`? That after `web` is for browsers"
+    )]
+    NoHello {
+        /// The address, with its port.
+        address: String,
+    },
     /// The server closed the connection.
     #[error("the server has closed the connection")]
     Closed,

@@ -2,7 +2,7 @@
 
 use super::{Op, OpRow, Who, may, must};
 use crate::fields::Fields;
-use crate::{ErrorBody, finite};
+use crate::{Client, ClientError, ErrorBody, finite};
 use serde::{Deserialize, Serialize};
 
 pub(super) const ROW: OpRow =
@@ -96,4 +96,18 @@ fn yes() -> bool {
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
 fn is_true(used: &bool) -> bool {
     *used
+}
+
+impl Client {
+    /// Sends the sphere's orientation as measured from outside, for example by a camera. Returns
+    /// the angle between it and the server's own orientation, rad.
+    pub fn align(&mut self, align: Align) -> Result<f64, ClientError> {
+        self.ask(Op::Align(align)).map(|AlignOk { angle, .. }| angle)
+    }
+
+    /// Sends a direction of the sphere as measured, for example that of gravity. Returns the angle
+    /// between it and the server's own, and whether it is used.
+    pub fn align_direction(&mut self, direction: AlignDirection) -> Result<AlignOk, ClientError> {
+        self.ask(Op::AlignDirection(direction))
+    }
 }

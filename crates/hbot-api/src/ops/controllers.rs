@@ -1,8 +1,8 @@
 //! The op `controllers`.
 
-use super::{OpRow, Who};
-use crate::finite;
+use super::{Op, OpRow, Who};
 use crate::names::names;
+use crate::{Client, ClientError, finite};
 use serde::{Deserialize, Serialize};
 
 pub(super) const ROW: OpRow = OpRow::new(Who::Any, &[]).weighing(100);
@@ -62,5 +62,14 @@ names! {
         Restarted = "restarted",
         /// Nothing has arrived from it for 0.2 s.
         Silent = "silent",
+    }
+}
+
+impl Client {
+    /// Asks what the motor controller of each joint reports about itself. The result has the order
+    /// of the joints in state messages.
+    pub fn controllers(&mut self) -> Result<Vec<ControllerInfo>, ClientError> {
+        let answer: ControllersOk = self.ask(Op::Controllers)?;
+        Ok(answer.controllers)
     }
 }

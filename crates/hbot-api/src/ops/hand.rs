@@ -2,7 +2,7 @@
 
 use super::{Op, OpRow, Who, may};
 use crate::fields::{Fields, bad};
-use crate::{ErrorBody, finite};
+use crate::{Client, ClientError, ErrorBody, finite};
 use serde::Serialize;
 
 pub(super) const ROW: OpRow = OpRow::new(
@@ -71,4 +71,11 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
         damping: fields.optional_number("damping", 0.0, 10.0)?,
         inertia: fields.optional_number("inertia", 0.0, 1.0)?,
     })))
+}
+
+impl Client {
+    /// Moves the hand of a simulated rig, without waiting for an answer. A real rig has none.
+    pub fn hand(&mut self, command: HandCommand) -> Result<(), ClientError> {
+        self.send(Op::Hand(command))
+    }
 }

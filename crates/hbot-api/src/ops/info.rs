@@ -3,9 +3,9 @@
 //! A field that the server does not send is read as its default (0, an empty list, `None`). The
 //! types thus also serve clients of older servers.
 
-use super::{OpRow, Who};
-use crate::finite;
+use super::{Op, OpRow, Who};
 use crate::names::names;
+use crate::{Client, ClientError, finite};
 use crate::{FaultEvent, Mode};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -375,5 +375,13 @@ impl InfoOk {
     #[must_use]
     pub fn kind(&self, name: &str) -> Option<&KindInfo> {
         self.effects.iter().find(|kind| kind.name == name)
+    }
+}
+
+impl Client {
+    /// Asks for the description of the rig, the kinds of effects with their parameters, and the
+    /// running scene.
+    pub fn info(&mut self) -> Result<InfoOk, ClientError> {
+        self.ask(Op::Info)
     }
 }

@@ -1,8 +1,8 @@
 //! The op `load_scene`, which loads another scene.
 
 use super::{Op, OpRow, Who, must};
-use crate::ErrorBody;
 use crate::fields::{Fields, bad, illegal};
+use crate::{Client, ClientError, ErrorBody};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -39,5 +39,13 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
         Some(scene @ (Value::Object(_) | Value::String(_))) => Ok(Op::LoadScene { scene }),
         Some(other) => Err(illegal("scene", &other, legal)),
         None => Err(bad(format!("field \"scene\" is missing; legal: {legal}"))),
+    }
+}
+
+impl Client {
+    /// Loads another scene and starts to render it. `scene` is a map with the structure of a scene
+    /// file, or the name of a ready-made scene.
+    pub fn load_scene(&mut self, scene: Value) -> Result<LoadSceneOk, ClientError> {
+        self.ask(Op::LoadScene { scene })
     }
 }

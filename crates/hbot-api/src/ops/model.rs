@@ -3,7 +3,7 @@
 
 use super::{MAX_MAGNITUDE, MAX_VALID_MS, Op, OpRow, Who, may, must};
 use crate::fields::{Excerpt, Fields, LEGAL_VECTOR, array, bad, illegal, normalized, number};
-use crate::{ErrorBody, finite};
+use crate::{Client, ClientError, ErrorBody, finite};
 use serde::ser::{Error, SerializeSeq};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
@@ -270,3 +270,17 @@ const LEGAL_IMPEDANCE: &str = "a number from 0, 3 of them, or the 3 rows of a sy
 
 /// The fields of a half-space in a model.
 const PLANE: [&str; 4] = ["normal", "offset", "stiffness", "damping"];
+
+impl Client {
+    /// Sends a local model of the torque, without waiting for an answer. Call it again before the
+    /// model expires.
+    pub fn model(&mut self, command: ModelCommand) -> Result<(), ClientError> {
+        self.send(Op::Model(Box::new(command)))
+    }
+
+    /// Sends a local model of the torque, and waits for the answer. So a program that begins to
+    /// stream learns whether the server refuses its models or softens them.
+    pub fn try_model(&mut self, command: ModelCommand) -> Result<ModelOk, ClientError> {
+        self.ask(Op::Model(Box::new(command)))
+    }
+}

@@ -1,8 +1,8 @@
 //! The op `ping`, which tests the connection.
 
 use super::{Op, OpRow, Who, may};
-use crate::ErrorBody;
 use crate::fields::Fields;
+use crate::{Client, ClientError, ErrorBody};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -22,4 +22,11 @@ pub struct PingOk {
 
 pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
     Ok(Op::Ping { data: fields.take("data").unwrap_or(Value::Null) })
+}
+
+impl Client {
+    /// Tests whether the server answers. The answer contains `data` unchanged.
+    pub fn ping(&mut self, data: Value) -> Result<PingOk, ClientError> {
+        self.ask(Op::Ping { data })
+    }
 }

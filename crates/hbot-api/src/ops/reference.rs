@@ -2,7 +2,7 @@
 
 use super::{MAX_EFFECT_BYTES, MAX_VALID_MS, Op, OpRow, Who, may, must};
 use crate::fields::Fields;
-use crate::{ErrorBody, finite};
+use crate::{Client, ClientError, ErrorBody, finite};
 use serde::{Deserialize, Serialize};
 
 /// Default time for which the angular velocity `omega` of a reference is valid, ms.
@@ -48,4 +48,12 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
         tick: fields.optional_integer("tick", 0, u64::MAX)?,
         seq: fields.optional_integer("seq", 0, u64::MAX)?,
     }))
+}
+
+impl Client {
+    /// Sends a new reference orientation for an effect, without waiting for an answer. Call it
+    /// again for each new orientation.
+    pub fn reference(&mut self, command: ReferenceCommand) -> Result<(), ClientError> {
+        self.send(Op::Reference(command))
+    }
 }

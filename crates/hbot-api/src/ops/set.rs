@@ -1,8 +1,8 @@
 //! The op `set`, which changes parameters of an effect.
 
 use super::{MAX_EFFECT_BYTES, Op, OpRow, Who, must};
-use crate::ErrorBody;
 use crate::fields::{Fields, bad};
+use crate::{Client, ClientError, ErrorBody};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -30,4 +30,11 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
         return Err(bad("op set names no parameter; legal: effect and at least one parameter of its kind"));
     }
     Ok(Op::Set { effect, parameters })
+}
+
+impl Client {
+    /// Changes parameters of an effect in the running scene. The torque changes gradually.
+    pub fn set(&mut self, effect: &str, parameters: Map<String, Value>) -> Result<SetOk, ClientError> {
+        self.ask(Op::Set { effect: effect.into(), parameters })
+    }
 }

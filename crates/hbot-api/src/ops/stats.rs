@@ -1,7 +1,7 @@
 //! The op `stats`.
 
-use super::{OpRow, Who};
-use crate::{CountsByName, ErrorCode, Fault, finite};
+use super::{Op, OpRow, Who};
+use crate::{Client, ClientError, CountsByName, ErrorCode, Fault, finite};
 use serde::{Deserialize, Serialize};
 
 pub(super) const ROW: OpRow = OpRow::new(Who::Any, &[]).weighing(100);
@@ -100,4 +100,11 @@ pub struct Distribution {
     pub max: f64,
     /// Number of measured values.
     pub count: u64,
+}
+
+impl Client {
+    /// Asks for the statistics and counters of the control loop and the service.
+    pub fn stats(&mut self) -> Result<StatsOk, ClientError> {
+        self.ask(Op::Stats)
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::{MAX_VALID_MS, Op, OpRow, Who, may, must};
 use crate::fields::Fields;
-use crate::{ErrorBody, finite};
+use crate::{Client, ClientError, ErrorBody, finite};
 use serde::{Deserialize, Serialize};
 
 pub(super) const ROW: OpRow =
@@ -35,4 +35,12 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
         tick: fields.optional_integer("tick", 0, u64::MAX)?,
         seq: fields.optional_integer("seq", 0, u64::MAX)?,
     }))
+}
+
+impl Client {
+    /// Sends a torque that the client computes itself, without waiting for an answer. Call it again
+    /// before the torque expires.
+    pub fn torque(&mut self, command: TorqueCommand) -> Result<(), ClientError> {
+        self.send(Op::Torque(command))
+    }
 }

@@ -1,5 +1,6 @@
 //! Every message is encoded to the bytes that an independent encoder made of it.
 
+use super::samples::golden;
 use super::{encoded, samples, unframed};
 use crate::*;
 use serde::de::DeserializeOwned;
@@ -7,22 +8,11 @@ use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::str::FromStr;
 
-/// Returns the messages of the golden file, each as a line of JSON and a frame of MessagePack.
-fn golden() -> Vec<(String, Vec<u8>)> {
-    let lines: Vec<&str> =
-        include_str!("messages.golden").lines().filter(|line| !line.starts_with('#')).collect();
-    lines.chunks_exact(2).map(|pair| (pair[0].into(), from_hex(pair[1]))).collect()
-}
-
-fn from_hex(text: &str) -> Vec<u8> {
-    (0..text.len()).step_by(2).map(|i| u8::from_str_radix(&text[i..i + 2], 16).unwrap()).collect()
-}
-
 fn to_hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn assert_golden<T: serde::Serialize>(message: &T, (line, frame): &(String, Vec<u8>)) {
+fn assert_golden<T: serde::Serialize>(message: &T, (line, frame): &(&str, Vec<u8>)) {
     let json = encoded(Encoding::Json, message);
     assert_eq!(String::from_utf8(json).unwrap(), format!("{line}\n"));
     assert_eq!(to_hex(&encoded(Encoding::Msgpack, message)), to_hex(frame), "{line}");

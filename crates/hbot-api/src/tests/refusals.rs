@@ -1,8 +1,10 @@
 //! Tests of what is refused, and of the error messages.
 
-use crate::{Encoding, ErrorCode, Id, Op, Request};
+use super::samples;
+use crate::{Encoding, ErrorCode, Id, Op, OpName, Request};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
 
 fn refused(line: &str) -> String {
     let refusal = Request::read(Encoding::Json, line.as_bytes()).expect_err(line);
@@ -198,92 +200,80 @@ fn quaternions_are_brought_to_unit_norm() {
 }
 
 /// A value that MessagePack can encode. Unlike JSON values, its numbers can be NaN or infinite.
-#[derive(Clone, Serialize)]
+#[derive(Serialize)]
 #[serde(untagged)]
 enum Raw {
     Number(f64),
-    Whole(u64),
-    Text(&'static str),
+    Legal(Value),
     List(Vec<Raw>),
-    Map(BTreeMap<&'static str, Raw>),
+    Map(BTreeMap<String, Raw>),
 }
 
-fn msgpack(map: &BTreeMap<&'static str, Raw>) -> Vec<u8> {
-    rmp_serde::to_vec_named(map).unwrap()
+/// Returns `value` with the number `bad` in place of its number `at`, and sets `found` to the path
+/// of this number.
+fn spoilt(value: &Value, path: &str, at: &mut usize, bad: f64, found: &mut Option<String>) -> Raw {
+    match value {
+        Value::Number(_) => {
+            *at = at.wrapping_sub(1);
+            if *at != usize::MAX {
+                return Raw::Legal(value.clone());
+            }
+            *found = Some(path.to_owned());
+            Raw::Number(bad)
+        }
+        Value::Array(list) => {
+            let items = list.iter().enumerate();
+            Raw::List(items.map(|(i, item)| spoilt(item, &format!("{path}[{i}]"), at, bad, found)).collect())
+        }
+        Value::Object(map) => {
+            let dot = if path.is_empty() { "" } else { "." };
+            let items = map.iter().map(|(name, item)| {
+                (name.clone(), spoilt(item, &format!("{path}{dot}{name}"), at, bad, found))
+            });
+            Raw::Map(items.collect())
+        }
+        _ => Raw::Legal(value.clone()),
+    }
 }
 
 #[test]
 fn nan_and_infinity_are_refused_at_every_number() {
-    let list = |n| Raw::List(vec![Raw::Number(0.5); n]);
-    let requests = [
-        vec![("op", Raw::Text("hello")), ("version", Raw::Whole(1)), ("name", Raw::Text("a"))],
-        vec![("op", Raw::Text("subscribe")), ("every", Raw::Whole(1))],
-        vec![("op", Raw::Text("set")), ("effect", Raw::Text("a")), ("m", Raw::Map([("x", list(2))].into()))],
-        vec![
-            ("op", Raw::Text("torque")),
-            ("torque", list(3)),
-            ("valid_ms", Raw::Whole(1)),
-            ("tick", Raw::Whole(1)),
-            ("seq", Raw::Whole(1)),
-        ],
-        vec![
-            ("op", Raw::Text("reference")),
-            ("effect", Raw::Text("a")),
-            ("q", list(4)),
-            ("omega", list(3)),
-            ("valid_ms", Raw::Whole(1)),
-            ("tick", Raw::Whole(1)),
-            ("seq", Raw::Whole(1)),
-        ],
-        vec![
-            ("op", Raw::Text("align")),
-            ("q", list(4)),
-            ("weight", Raw::Number(0.5)),
-            ("t", Raw::Number(1.0)),
-        ],
-        vec![("op", Raw::Text("ping")), ("data", Raw::Number(1.0))],
-        vec![("op", Raw::Text("load_scene")), ("scene", Raw::Map([("gain", Raw::Number(1.0))].into()))],
-    ];
-    let mut spoiled = 0;
-    for request in requests {
-        let mut map: BTreeMap<&'static str, Raw> = request.into_iter().collect();
-        map.insert("id", Raw::Whole(5));
-        assert!(Request::read(Encoding::Msgpack, &msgpack(&map)).is_ok(), "legal before it is spoiled");
-        for field in map.keys().copied().filter(|field| !matches!(map[field], Raw::Text(_)) && *field != "id")
-        {
-            for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-                let mut map = map.clone();
-                let path = spoil(map.get_mut(field).unwrap(), bad);
-                let refusal = Request::read(Encoding::Msgpack, &msgpack(&map)).expect_err(field);
+    let mut ops = BTreeSet::new();
+    for request in samples::requests() {
+        let mut op = serde_json::to_value(&request.op).unwrap();
+        op["id"] = 5.into();
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for number in 0.. {
+                let mut path = None;
+                let raw = spoilt(&op, "", &mut number.clone(), bad, &mut path);
+                let Some(path) = path else { break };
+                if path == "id" {
+                    continue;
+                }
+                let refusal =
+                    Request::read(Encoding::Msgpack, &rmp_serde::to_vec_named(&raw).unwrap()).unwrap_err();
                 let what = if bad.is_nan() { "is NaN" } else { "is infinite" };
-                assert_eq!(
-                    refusal.error.message,
-                    format!("field \"{field}{path}\" {what}; legal: a finite number")
-                );
-                assert_eq!(refusal.id, Some(Id::Integer(5)));
-                spoiled += 1;
+                let message = format!("field {path:?} {what}; legal: a finite number");
+                assert_eq!((refusal.error.message, refusal.id), (message, Some(Id::Integer(5))), "{op}");
+                ops.insert(request.op.name());
             }
         }
     }
-    assert_eq!(spoiled, 3 * 17);
-}
-
-/// Replaces the last number in a value by `bad`. Returns the path of this number.
-fn spoil(value: &mut Raw, bad: f64) -> String {
-    match value {
-        Raw::List(items) => {
-            let last = items.len() - 1;
-            format!("[{last}]{}", spoil(&mut items[last], bad))
-        }
-        Raw::Map(map) => {
-            let (key, value) = map.iter_mut().next_back().unwrap();
-            format!(".{key}{}", spoil(value, bad))
-        }
-        other => {
-            *other = Raw::Number(bad);
-            String::new()
-        }
-    }
+    let numbers = [
+        OpName::Hello,
+        OpName::Subscribe,
+        OpName::LoadScene,
+        OpName::Set,
+        OpName::Torque,
+        OpName::Reference,
+        OpName::Model,
+        OpName::Align,
+        OpName::AlignDirection,
+        OpName::Hand,
+        OpName::Advance,
+        OpName::Ping,
+    ];
+    assert!(ops.is_superset(&numbers.into()), "{ops:?}");
 }
 
 #[test]

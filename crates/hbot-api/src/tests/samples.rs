@@ -1,136 +1,25 @@
-//! Samples: one message for every op, answer and event, in the order of `messages.golden`.
+//! Samples: one message for every op, answer and event, in the order of `messages.golden`, from
+//! which the requests are read.
 
 use crate::*;
 use serde_json::{Value, json};
+use std::sync::LazyLock;
 
-pub(super) fn requests() -> Vec<Request> {
-    let hello = Hello { version: 1, name: "demo".into(), token: None, encoding: Encoding::Json };
-    let with_token =
-        Hello { token: Some("s3cret".to_owned().into()), encoding: Encoding::Msgpack, ..hello.clone() };
-    let Value::Object(parameters) = json!({"stiffness": 2.5, "law": "geodesic"}) else { unreachable!() };
-    let torque = TorqueCommand { torque: [0.0, -0.25, 1e-3], valid_ms: 20, tick: None, seq: None };
-    let reference = ReferenceCommand {
-        effect: "spring".into(),
-        q: [1.0, 0.0, 0.0, 0.0],
-        omega: None,
-        valid_ms: 100,
-        tick: None,
-        seq: None,
-    };
-    let request = |id: i64, op| Request { id: Some(id.into()), op };
-    vec![
-        request(1, Op::Hello(hello)),
-        Request { id: Some("first".into()), op: Op::Hello(with_token) },
-        request(2, Op::Info),
-        request(3, Op::Subscribe { every: 10 }),
-        request(4, Op::Unsubscribe),
-        request(5, Op::Stats),
-        request(18, Op::Controllers),
-        request(6, Op::Acquire { steal: false }),
-        request(7, Op::Acquire { steal: true }),
-        request(8, Op::Release),
-        request(
-            9,
-            Op::LoadScene {
-                scene: json!({"name": "Soft", "effect": [{"id": "spring", "kind": "spring", "stiffness": 4}]}),
-            },
-        ),
-        request(10, Op::Set { effect: "spring".into(), parameters }),
-        Request { id: None, op: Op::Torque(torque.clone()) },
-        request(11, Op::Torque(TorqueCommand { tick: Some(70_000), seq: Some(5_000_000_000), ..torque })),
-        Request { id: None, op: Op::Reference(reference.clone()) },
-        request(
-            12,
-            Op::Reference(ReferenceCommand {
-                q: [0.6, 0.0, 0.8, 0.0],
-                omega: Some([0.0, 0.5, 0.0]),
-                valid_ms: 50,
-                tick: Some(12),
-                seq: Some(1),
-                ..reference
-            }),
-        ),
-        Request {
-            id: None,
-            op: Op::Model(Box::new(ModelCommand {
-                torque: [0.0, -0.25, 0.0],
-                stiffness: 4.0.into(),
-                damping: [0.02, 0.02, 0.01].into(),
-                valid_ms: 50,
-                ..ModelCommand::default()
-            })),
-        },
-        request(
-            22,
-            Op::Model(Box::new(ModelCommand {
-                stiffness: [[5.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 0.5]].into(),
-                pose: Some([0.6, 0.0, 0.8, 0.0]),
-                planes: vec![PlaneCommand {
-                    normal: [0.0, 0.0, -1.0],
-                    offset: 0.125,
-                    stiffness: 20.0,
-                    damping: 0.03,
-                }],
-                valid_ms: 100,
-                blend_ms: Some(10),
-                soften: true,
-                tick: Some(70_000),
-                seq: Some(2),
-                ..ModelCommand::default()
-            })),
-        ),
-        Request {
-            id: None,
-            op: Op::Hand(HandCommand::Hold(HandHold {
-                q: [0.6, 0.0, 0.8, 0.0],
-                over_ms: 50,
-                stiffness: None,
-                damping: None,
-                inertia: None,
-            })),
-        },
-        request(
-            20,
-            Op::Hand(HandCommand::Hold(HandHold {
-                q: [1.0, 0.0, 0.0, 0.0],
-                over_ms: 2000,
-                stiffness: Some(20.0),
-                damping: Some(0.5),
-                inertia: Some(0.002),
-            })),
-        ),
-        request(21, Op::Hand(HandCommand::RELEASE)),
-        request(13, Op::Align(Align { q: [0.0, 0.0, 0.0, -1.0], weight: 0.1, sigma: None, t: Some(12.5) })),
-        Request {
-            id: None,
-            op: Op::Align(Align { q: [1.0, 0.0, 0.0, 0.0], weight: 0.0, sigma: None, t: None }),
-        },
-        request(
-            18,
-            Op::Align(Align {
-                q: [0.0, 0.6, 0.8, 0.0],
-                weight: 1.0,
-                sigma: Some([0.01, 0.02, 3.0]),
-                t: Some(0.25),
-            }),
-        ),
-        request(
-            19,
-            Op::AlignDirection(AlignDirection {
-                body: [0.6, 0.0, 0.8],
-                world: [0.0, 0.0, -1.0],
-                sigma: 0.02,
-                t: Some(0.25),
-            }),
-        ),
-        request(14, Op::Enable),
-        request(15, Op::Disable),
-        request(16, Op::Reset),
-        request(17, Op::Estop),
-        request(23, Op::Advance { ticks: 10 }),
-        request(-1, Op::Ping { data: Value::Null }),
-        request(i64::MIN, Op::Ping { data: json!([{"ä": [null, true, -1, 0.5, "\n"]}, 300]) }),
-    ]
+/// Returns the messages of `messages.golden`, each as a line of JSON and a frame of MessagePack.
+pub(super) fn golden() -> Vec<(&'static str, Vec<u8>)> {
+    let byte = |hex: &[u8]| u8::from_str_radix(str::from_utf8(hex).unwrap(), 16).unwrap();
+    let lines: Vec<&str> =
+        include_str!("messages.golden").lines().filter(|line| !line.starts_with('#')).collect();
+    lines.chunks_exact(2).map(|pair| (pair[0], pair[1].as_bytes().chunks(2).map(byte).collect())).collect()
+}
+
+/// Returns the requests of `messages.golden`, which come first there.
+pub(super) fn requests() -> &'static [Request] {
+    static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
+        let read = |(line, _): (&str, _)| Request::read(Encoding::Json, line.as_bytes());
+        golden().into_iter().map(read).map_while(Result::ok).collect()
+    });
+    &REQUESTS
 }
 
 pub(super) fn answers() -> Vec<ServerMessage> {
