@@ -371,7 +371,7 @@ await until("the rig recovers", async () => {
 
 // Another client takes over, and the page takes it back after a question.
 await watcher.ask("acquire", { steal: true });
-await shows("#who", "observer: watcher commands");
+await shows("#who", "you observe, watcher commands");
 await page.click("#lease");
 await shows("#asked", "Take over from watcher?");
 await picture("asked");

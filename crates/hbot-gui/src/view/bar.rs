@@ -4,7 +4,7 @@
 use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
-use super::theme::{Palette, STOP, badge, heading, lamp, named, weak};
+use super::theme::{LIVE, Palette, badge, heading, lamp, named, weak};
 use crate::model::{Link, Model, has_torque, person};
 use crate::net::{Intent, Lease};
 
@@ -44,7 +44,7 @@ fn kind_of_rig(ui: &mut Ui, model: &Model, desk: &Desk, palette: Palette) {
         _ if desk.film.is_some() => {
             (palette.ghost, "RECORDING", "the middle of the window shows a recording, not the rig")
         }
-        Some(word @ "LIVE") => (STOP, word, "a real rig: its motors can push"),
+        Some(word @ "LIVE") => (LIVE, word, "a real rig: its motors can push"),
         Some(word) => (palette.text, word, "a simulated rig: there are no motors"),
         None => (palette.weak, "UNKNOWN", "no server has said yet whether its rig is simulated"),
     };

@@ -29,6 +29,8 @@ pub(crate) struct Palette {
 
 /// Colour of the stop button, on both light and dark backgrounds.
 pub(crate) const STOP: Color32 = Color32::from_rgb(0xb8, 0x25, 0x08);
+/// Colour of the word LIVE, as on the page in the browser. Nothing else has it.
+pub(crate) const LIVE: Color32 = Color32::from_rgb(0xff, 0xc4, 0x00);
 
 impl Palette {
     pub(crate) fn of(ui: &Ui) -> Self {

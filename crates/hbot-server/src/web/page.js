@@ -190,7 +190,9 @@ function showScene() {
   if ($('shelf').options.length !== scenes.length) {
     $('shelf').replaceChildren(...scenes.map(({ file }) => new Option(file, file)));
   }
-  put($('feels'), scenes.find(({ file }) => file === $('shelf').value)?.description ?? '');
+  const feels = scenes.find(({ file }) => file === $('shelf').value)?.description ?? '';
+  // Of the running scene it stands above.
+  put($('feels'), feels === $('about').textContent ? '' : feels);
   showRights();
   controls.show();
 }
@@ -260,7 +262,7 @@ function words() {
   }
   put(legend.children[0], `torque ${length(state.torque).toFixed(3)} N m`);
   put(legend.children[1], state.reference ? 'reference, dashed' : 'no reference');
-  put(legend.children[2], `turned ${turned.map(figure).join(' ')} rad`);
+  put(legend.children[2], `turned about n1 n2 n3 ${turned.map(figure).join(' ')} rad`);
   put(legend.children[3], `from home ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
   const away = rig.away;
   $('sphere').setAttribute('aria-label', `Sphere: turned ${angle.toFixed(2)} rad, torque `

@@ -164,6 +164,10 @@ export function plotCurves(canvas, curves, present, colours, limit) {
     for (const v of [-limit, limit]) line([[-Math.PI, v], [Math.PI, v]], colours.warn);
   }
   c.restore();
+  if (limit > 0 && end > limit) {
+    c.fillStyle = colours.warn;
+    c.fillText('limit, dashed', at + 6, 9);
+  }
   present?.torque.forEach((torque, k) => {
     c.fillStyle = colours.axes[k];
     c.beginPath();

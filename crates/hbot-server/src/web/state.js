@@ -167,9 +167,10 @@ function bar(rig) {
     mine: ['Release', 'you command'],
     free: ['Take command', 'nobody commands'],
     unknown: ['Take command', rig.hello ? 'watching' : ''],
-    other: ['Take over', `observer: ${person(rig.lease.holder ?? '')} commands`],
+    other: ['Take over', `you observe, ${person(rig.lease.holder ?? '')} commands`],
   }[rig.lease.who];
   put($('who'), said);
+  $('who').title = said;
   $('who').dataset.lease = rig.lease.who;
   put($('lease'), button);
   $('lease').disabled = !rig.isLive;
