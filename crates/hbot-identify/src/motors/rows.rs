@@ -137,8 +137,11 @@ struct Part {
 
 /// A window of a part.
 struct Window {
-    /// The first step, and one beyond the last.
-    steps: [usize; 2],
+    /// The first step.
+    first: usize,
+    /// The bump at start, middle and end of each step.
+    bumps: Vec<[f64; 3]>,
+    length_s: f64,
     /// Unit vectors without which the equation is used. See [`Part::unknown`].
     unknown: Vec<Vec3>,
 }
@@ -279,17 +282,11 @@ impl<'a> Rows<'a> {
     fn integrate(&self, of: impl Fn(&Part, usize, [f64; 3]) -> Vec3) -> Vec<f64> {
         let mut all = Vec::new();
         for part in &self.parts {
-            for Window { steps: [first, end], unknown } in &part.windows {
-                let (start, length) =
-                    (part.nodes[*first].time_s, part.nodes[*end].time_s - part.nodes[*first].time_s);
-                let bump = |time: f64| 1.0 - (TAU * (time - start) / length).cos();
-                let mut sum = Vec3::ZERO;
-                for k in *first..*end {
-                    let (a, b) = (part.nodes[k].time_s, part.nodes[k + 1].time_s);
-                    sum += of(part, k, [bump(a), bump(0.5 * (a + b)), bump(b)]);
-                }
-                sum = unknown.iter().fold(sum, |sum, direction| without(sum, *direction));
-                all.extend((sum / length).to_array());
+            for window in &part.windows {
+                let steps = (window.first..).zip(&window.bumps);
+                let mut sum = steps.fold(Vec3::ZERO, |sum, (k, bump)| sum + of(part, k, *bump));
+                sum = window.unknown.iter().fold(sum, |sum, direction| without(sum, *direction));
+                all.extend((sum / window.length_s).to_array());
             }
         }
         all
@@ -385,7 +382,15 @@ impl Part {
             if end > first + 8 && self.steps[first..end].iter().all(|step| step.omega.length() > SLOW) {
                 let unknown = self.unknown(first, end);
                 if unknown.len() < 3 {
-                    self.windows.push(Window { steps: [first, end], unknown });
+                    let start = self.nodes[first].time_s;
+                    let length_s = self.nodes[end].time_s - start;
+                    let bump = |time: f64| 1.0 - (TAU * (time - start) / length_s).cos();
+                    let bumps = self.nodes[first..=end].windows(2).map(|nodes| {
+                        let [a, b] = [nodes[0].time_s, nodes[1].time_s];
+                        [bump(a), bump(0.5 * (a + b)), bump(b)]
+                    });
+                    let bumps = bumps.collect();
+                    self.windows.push(Window { first, bumps, length_s, unknown });
                 }
             }
             start_s += 0.5 * window_s;
