@@ -115,7 +115,9 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
             );
         }
         Some(ErrorCode::Faulted) => {
-            "`hbot info` shows the cause. When it is gone, run `hbot reset`, then `hbot enable`"
+            return anyhow::anyhow!(
+                "{error}. `hbot info` shows the cause; when it is gone, run `hbot reset`, then `hbot enable`"
+            );
         }
         Some(ErrorCode::Unauthorized) => {
             "name the file with the server's token by `--token-file FILE` or the variable HBOT_TOKEN_FILE"

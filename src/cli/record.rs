@@ -62,6 +62,9 @@ pub(crate) fn file_or_folder(path: PathBuf) -> Result<PathBuf, String> {
         .map_err(|why| format!("{why}. A new folder has a name without an ending, or `/` after it"))
 }
 
+/// Longest time for what has arrived when a recording ends, and for the server's last answer.
+const LONGEST_END: Duration = Duration::from_secs(1);
+
 pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let mut client = orders::connect(&args.address, "hbot record")?;
@@ -76,19 +79,35 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
     let duration = args.duration.map_or(Duration::MAX, Duration::from_secs_f64);
     let mut flushed = Instant::now();
-    while !stop.is_set() {
+    // The end: what has arrived is taken, the subscription ends, and what came meanwhile is taken.
+    let mut ending: Option<Instant> = None;
+    let mut subscribed = true;
+    loop {
         let left = duration.saturating_sub(begun.elapsed());
-        if left.is_zero() {
-            break;
+        if stop.is_set() || left.is_zero() {
+            ending.get_or_insert_with(Instant::now);
         }
-        match client.next_event(left.min(LISTEN)) {
+        let event = client.next_event(if ending.is_some() { Duration::ZERO } else { left.min(LISTEN) });
+        if subscribed
+            && ending.is_some_and(|since| matches!(event, Ok(None)) || since.elapsed() > LONGEST_END)
+        {
+            subscribed = false;
+            client.set_timeout(LONGEST_END);
+            client.unsubscribe().ok();
+            if matches!(event, Ok(None)) {
+                continue;
+            }
+        }
+        match event {
             Ok(Some(event)) => {
                 recording.take(&event).with_context(name)?;
                 if matches!(event, Event::Stopping(_)) {
                     break;
                 }
             }
-            Ok(None) => {}
+            Ok(None) if subscribed => {}
+            Ok(None) => break,
+            Err(_) if !subscribed => break,
             Err(ClientError::Closed) => {
                 progress.clear();
                 note!("the connection has ended");

@@ -15,7 +15,7 @@ use hbot_config::{RunningScene, SceneFile};
 use hbot_record::replay::{Flaw, Replay, ReplayError, Replayed, Report, renumbered};
 use hbot_record::{About, Writer, public};
 
-use super::out::{create_new, refuse_folder_or_pipe, say};
+use super::out::{create_new, refuse_folder_or_pipe, say, tell};
 use super::record::new_recording;
 use super::{scene, style};
 
@@ -140,7 +140,7 @@ fn tell(report: &Report, period_ns: u64, begun: Instant, out: Option<&Path>) -> 
             Some(out) => format!("computed with the other scene, written to {}", out.display()),
             None => "every bit agrees".to_owned(),
         };
-        say!(
+        tell!(
             "{} ticks, {first} to {last} ({:.3} to {:.3} s of the run): {what}; {elapsed:.2} s, {speed:.0} times real time",
             report.ticks,
             at(first),

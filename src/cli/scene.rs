@@ -106,7 +106,10 @@ fn pointed_out(path: &Path, error: LoadError) -> anyhow::Error {
     let absent = matches!(&error, LoadError::Read { source, .. } if source.kind() == ErrorKind::NotFound);
     let Some(stem) = path.file_stem().and_then(OsStr::to_str).filter(|_| absent) else { return error.into() };
     if path.as_os_str() == stem {
-        let guess = ShelfScene::similar(stem).map(|name| format!(" (did you mean `{name}`?)"));
+        let file = path.with_extension("toml");
+        let file = file.is_file().then(|| file.display().to_string());
+        let guess = file.or_else(|| ShelfScene::similar(stem).map(str::to_owned));
+        let guess = guess.map(|name| format!(" (did you mean `{name}`?)"));
         return anyhow!(
             "{stem}: no file and no ready-made scene has this name{}; {LIST}",
             guess.unwrap_or_default()
@@ -148,14 +151,12 @@ fn show(address: &ServerAddress) -> anyhow::Result<()> {
 
 fn check(which: &Which) -> anyhow::Result<()> {
     let (scene, abilities) = which.load()?;
-    tell!(
-        "{}{}{}: {} effect{}, all legal",
-        style::NAME,
-        scene.name(),
-        style::OFF,
-        scene.effects().len(),
-        if scene.effects().len() == 1 { "" } else { "s" }
-    )?;
+    let effects = match scene.effects().len() {
+        0 => "no effects, so the scene makes no torque".to_owned(),
+        1 => "1 effect, all legal".to_owned(),
+        n => format!("{n} effects, all legal"),
+    };
+    tell!("{}{}{}: {effects}", style::NAME, scene.name(), style::OFF)?;
     for effect in scene.effects() {
         tell!("  {:12} {}", effect.id(), effect.kind_name())?;
     }

@@ -91,7 +91,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
 /// Says which stiffness and damping the rig is expected to keep stable.
 fn stable(render: &RenderInfo) -> String {
     let stiffness = format!(
-        "  stiffness  stable up to {:.1} N m/rad with a damping of {} N m s/rad, for example, and up to {:.0} with the best damping",
+        "  stiffness  stable up to {:.1} N m/rad with a damping of {} N m s/rad, for example, and up to {:.0} with the best damping, in small motions",
         render.stiffness_stable,
         number(render.damping),
         render.stiffness_most
@@ -239,7 +239,7 @@ mod tests {
             ..RenderInfo::default()
         };
         let stiffness = "  stiffness  stable up to 10.0 N m/rad with a damping of 0.02 N m s/rad, for example, and up to \
-                         495 with the best damping";
+                         495 with the best damping, in small motions";
         assert_eq!(stable(&render), format!("{stiffness}\n  damping    alone stable up to 1.250 N m s/rad"));
         assert_eq!(stable(&RenderInfo { damping_most: 0.0, ..render.clone() }), stiffness, "an older server");
     }

@@ -402,7 +402,10 @@ def _exchange_hello(transport: Transport, hello: bytes, timeout: float) -> tuple
         if data.startswith(ALERT):
             raise NotTrusted("the server encrypts: name its certificate with tls=")
         if not data:
-            raise ConnectionLost("the server has closed the connection before its answer to hello")
+            raise ConnectionLost(
+                "the server has closed the connection before its answer to hello: is this the port "
+                "that it prints after `listen`?"
+            )
         received += data
         received = received.lstrip(b"\r\n")
         # The answer is JSON. What follows it is in the encoding that was asked for.

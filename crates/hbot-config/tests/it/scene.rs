@@ -205,6 +205,13 @@ fn one_bracket_and_a_decimal_comma_are_told_what_to_write() {
     );
     let comma = said("[[effect]]\nid = 'a'\nkind = 'spring'\nstiffness = 2,5 # N m/rad\n");
     assert!(comma.contains("x.toml:4:") && comma.contains("(write a decimal point: 2.5)"), "{comma}");
+    for value in ["2 N m/rad", "0.1rad # wide", "-3 %"] {
+        let unit = said(&format!("[[effect]]\nid = 'a'\nkind = 'spring'\nstiffness = {value}\n"));
+        assert!(unit.contains("(write the number alone: its unit is that of the key)"), "{unit}");
+    }
+    for value in ["2nd", "3-wheel", "1e", "N m"] {
+        assert!(!said(&format!("name = {value}\n")).contains("number alone"), "{value}");
+    }
     let twice = said("[effect]\nid = 'a'\n[effect]\nid = 'b'\n");
     assert!(twice.contains("x.toml:3:2: not TOML") && twice.contains("write [[effect]]"), "{twice}");
     assert!(!said("a = [1, 2\n").contains("decimal"));

@@ -58,7 +58,7 @@ impl Expectation {
     /// Returns a description of the test motion in words.
     #[must_use]
     pub fn motion(&self) -> String {
-        format!("{} s of brisk motion ({} rad/s)", three_digits(self.time_s), MOTION.speed)
+        format!("{} s of a test motion ({} rad/s)", three_digits(self.time_s), MOTION.speed)
     }
 
     /// Returns `methods` with the odometry method and the path of this choice.

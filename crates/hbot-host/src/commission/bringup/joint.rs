@@ -126,7 +126,7 @@ impl fmt::Display for Verdict {
 }
 
 /// Tests one joint with a torque that rises to `torque`, N m, with its controller's sign. The test
-/// ends when the joint has turned a little, after about half a second, or when any joint turns
+/// ends when the joint has turned a little, after 0.6 s, or when any joint turns
 /// faster than `speed`, rad/s. The motors are switched off at the end, even after an error.
 ///
 /// # Errors

@@ -65,7 +65,7 @@ fn a_quick_loop_is_followed_for_a_shorter_time() {
     {
         let expected = at(hz);
         assert_eq!(expected.time_s, time_s, "{hz} Hz");
-        assert_eq!(expected.motion(), format!("{words} of brisk motion (3 rad/s)"));
+        assert_eq!(expected.motion(), format!("{words} of a test motion (3 rad/s)"));
         assert!(expected.error > 0.0 && expected.error < 1.0e-3, "{hz} Hz: {expected:?}");
     }
     let rig = prototype(|parts| parts.timing.period_ns = 250_000);
