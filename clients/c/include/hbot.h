@@ -586,8 +586,8 @@ enum hbot_status hbot_controllers_json(struct hbot_client *client, const char **
 // effects and the running scene. The text lives as that of hbot_stats_json().
 enum hbot_status hbot_info_json(struct hbot_client *client, const char **json);
 
-// Sends a request as JSON text, {"op": "hand", "release": true} for example (docs/api.md, Ops), for
-// ops without a function here. It waits for the answer, also of a stream, and replaces the `id`.
+// Sends a request as JSON text, such as {"op": "hand", "release": true}, for ops of docs/api.md
+// that have no function here. It waits for the answer, also of a stream, and replaces the `id`.
 // `*json` receives the body of the answer as JSON text, which lives as that of hbot_stats_json().
 enum hbot_status hbot_request_json(struct hbot_client *client,
                                    const char *request,

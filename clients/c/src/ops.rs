@@ -157,8 +157,8 @@ pub unsafe extern "C" fn hbot_info_json(client: *mut HbotClient, json: *mut *con
     unsafe { with(client, |inner| inner.answer_text(Op::Info, Out::new(json, "json")?)) }
 }
 
-/// Sends a request as JSON text, {"op": "hand", "release": true} for example (docs/api.md, Ops), for
-/// ops without a function here. It waits for the answer, also of a stream, and replaces the `id`.
+/// Sends a request as JSON text, such as {"op": "hand", "release": true}, for ops of docs/api.md
+/// that have no function here. It waits for the answer, also of a stream, and replaces the `id`.
 /// `*json` receives the body of the answer as JSON text, which lives as that of hbot_stats_json().
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_request_json(
