@@ -14,13 +14,13 @@ fn methods(args: &[&str]) -> String {
 #[test]
 fn it_says_what_its_methods_cost_and_err() {
     let line = methods(&[]);
-    for words in ["midpoint, straight", "us a tick here", "rad in 10 s of brisk motion"] {
+    for words in ["midpoint, straight", "us a tick here", "rad in 10 s of a test motion"] {
         assert!(line.contains(words), "{words} in: {line}");
     }
     assert!(methods(&["--accuracy", "exact"]).contains("magnus4, cubic"));
     // A fast loop is evaluated over a shorter time than a slow one, so that the start does not take
     // longer.
-    assert!(methods(&["--rate", "20000"]).contains("rad in 1 s of brisk motion"));
+    assert!(methods(&["--rate", "20000"]).contains("rad in 1 s of a test motion"));
 }
 
 #[test]
