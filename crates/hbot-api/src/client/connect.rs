@@ -191,7 +191,7 @@ fn resolve(address: &str) -> Result<Vec<SocketAddr>, String> {
         return Err("it has no host".to_owned());
     }
     if address.bytes().all(|byte| byte.is_ascii_digit()) {
-        return Err(format!("it is a port alone; did you mean 127.0.0.1:{address}?"));
+        return Err(format!("it is a port alone; on this machine it is 127.0.0.1:{address}"));
     }
     let found: io::Result<Vec<SocketAddr>> = if has_port(address) {
         let port = address.rsplit(':').next().unwrap_or_default();
