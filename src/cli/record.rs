@@ -79,35 +79,19 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
     let duration = args.duration.map_or(Duration::MAX, Duration::from_secs_f64);
     let mut flushed = Instant::now();
-    // The end: what has arrived is taken, the subscription ends, and what came meanwhile is taken.
-    let mut ending: Option<Instant> = None;
-    let mut subscribed = true;
-    loop {
+    while !stop.is_set() {
         let left = duration.saturating_sub(begun.elapsed());
-        if stop.is_set() || left.is_zero() {
-            ending.get_or_insert_with(Instant::now);
+        if left.is_zero() {
+            break;
         }
-        let event = client.next_event(if ending.is_some() { Duration::ZERO } else { left.min(LISTEN) });
-        if subscribed
-            && ending.is_some_and(|since| matches!(event, Ok(None)) || since.elapsed() > LONGEST_END)
-        {
-            subscribed = false;
-            client.set_timeout(LONGEST_END);
-            client.unsubscribe().ok();
-            if matches!(event, Ok(None)) {
-                continue;
-            }
-        }
-        match event {
+        match client.next_event(left.min(LISTEN)) {
             Ok(Some(event)) => {
                 recording.take(&event).with_context(name)?;
                 if matches!(event, Event::Stopping(_)) {
                     break;
                 }
             }
-            Ok(None) if subscribed => {}
-            Ok(None) => break,
-            Err(_) if !subscribed => break,
+            Ok(None) => {}
             Err(ClientError::Closed) => {
                 progress.clear();
                 note!("the connection has ended");
@@ -122,6 +106,18 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
         progress.show(recording.states(), recording.dropped() + client.events_lost());
     }
     progress.clear();
+    // What has arrived is taken, the subscription ends, and what came until then is taken.
+    let ending = Instant::now();
+    while ending.elapsed() < LONGEST_END
+        && let Ok(Some(event)) = client.next_event(Duration::ZERO)
+    {
+        recording.take(&event).with_context(name)?;
+    }
+    client.set_timeout(LONGEST_END);
+    client.unsubscribe().ok();
+    while let Ok(Some(event)) = client.next_event(Duration::ZERO) {
+        recording.take(&event).with_context(name)?;
+    }
     let (states, lost) = (recording.states(), recording.dropped() + client.events_lost());
     recording.finish().with_context(name)?;
     say!("{}", counts(states, lost))?;

@@ -13,6 +13,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use harness::{TARGETS, Target};
+use hbot_api::{Encoding, Request};
 use oorandom::Rand64;
 
 /// Default number of inputs per decoder.
@@ -20,26 +21,24 @@ const INPUTS: u64 = 20_000;
 /// Longest input, bytes: several frames, or a line with room to grow.
 const LONGEST: usize = 4096;
 
-/// Returns the inputs from which mutations begin: the files of a folder, or the requests of the API
-/// as hbot-api's golden file has them, a line of JSON and a frame of MessagePack each.
+/// Returns the inputs from which mutations begin: the files of a folder, or the requests in
+/// hbot-api's golden file.
 fn corpus(target: &Target) -> Vec<Vec<u8>> {
-    let lines = include_str!("../../crates/hbot-api/src/tests/messages.golden").lines().skip(1);
-    let requests = || {
-        lines
-            .clone()
-            .zip(lines.clone().skip(1))
-            .filter(|(json, _)| json.contains("\"op\":") && !json.contains("\"event\":"))
-    };
     match target.name {
-        "api_json" => requests().map(|(json, _)| format!("{json}\n").into_bytes()).collect(),
-        "api_msgpack" => requests().map(|(_, frame)| bytes(frame)).collect(),
+        "api_json" => requests(Encoding::Json),
+        "api_msgpack" => requests(Encoding::Msgpack),
         name => files(&Path::new("fuzz/corpus").join(name)),
     }
 }
 
-fn bytes(hex: &str) -> Vec<u8> {
-    let digits = |at| &hex[at..at + 2];
-    (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(digits(at), 16).expect("hexadecimal")).collect()
+fn requests(encoding: Encoding) -> Vec<Vec<u8>> {
+    let lines = include_str!("../../crates/hbot-api/src/tests/messages.golden").lines();
+    let encoded = |request: Request| {
+        let mut bytes = Vec::new();
+        encoding.encode(&request, &mut bytes).expect("finite");
+        bytes
+    };
+    lines.filter_map(|line| Request::read(Encoding::Json, line.as_bytes()).ok()).map(encoded).collect()
 }
 
 fn files(folder: &Path) -> Vec<Vec<u8>> {
