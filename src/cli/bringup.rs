@@ -42,7 +42,15 @@ impl Which {
     fn load(&self) -> anyhow::Result<RigConfig> {
         let over =
             self.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
-        Ok(RigConfig::load(self.rig.as_deref(), over.as_slice())?)
+        let rig = RigConfig::load(self.rig.as_deref(), over.as_slice())?;
+        if self.rig.is_none() {
+            note!(
+                "{}note{}: without --rig this takes the built-in prototype, not a rig of yours",
+                style::WARN,
+                style::OFF
+            );
+        }
+        Ok(rig)
     }
 }
 
@@ -109,6 +117,9 @@ fn on_the_lines<T>(
     truth: Truth<'_>,
     what: impl FnOnce(&mut Bench) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
+    if rig.link.port.is_simulated() {
+        note!("{}SIMULATED{}: no motor moves; `--port DEVICE` takes a real line", style::WARN, style::OFF);
+    }
     let stop = signals::stop_flag()?;
     let mut bench = open(rig, truth, stop.clone(), &Program::this(super::LAST_WORD))?;
     for notice in bench.notices() {

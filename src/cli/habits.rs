@@ -4,9 +4,10 @@ use std::ffi::OsString;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use hbot_config::did_you_mean;
+use hbot_config::scene::{ShelfScene, kinds};
 
 /// Words that are no commands of hbot, and the command that does what they ask for.
-const HABITS: [(&[&str], &str); 12] = [
+const HABITS: [(&[&str], &str); 15] = [
     (&["start", "run", "serve", "up", "sim", "simulate"], "`hbot server` runs the rig, or a simulated one"),
     (
         &["load", "open"],
@@ -25,6 +26,12 @@ const HABITS: [(&[&str], &str); 12] = [
     (
         &["scan", "test", "calibrate"],
         "`hbot rig scan`, `hbot rig test` and `hbot rig calibrate` bring a rig up",
+    ),
+    (&["version"], "`hbot --version` tells the version"),
+    (&["log", "logs"], "`hbot explain FILE` says what a flight log or a recording shows"),
+    (
+        &["quit", "exit", "kill", "shutdown"],
+        "Ctrl-C in the terminal of `hbot server` ends it, and `hbot estop` stops the torque",
     ),
     (&["off", "pause"], "`hbot disable` ramps the torque down, and `hbot estop` stops at once"),
     (&["panel", "gui", "ui"], "the panel is a program by itself: `hbot-gui`, or `cargo run -p hbot-gui`"),
@@ -58,12 +65,48 @@ pub(crate) fn keep_the_most_similar(answer: &mut clap::Error) {
     }
 }
 
-/// Returns what a user who typed an unknown command means. Returns `None` if `answer` is another
-/// error, or if the word is not known either. `arguments` is the whole command line.
+/// Returns what a user means whose command line clap refuses. Returns `None` if that is not known.
+/// `arguments` is the whole command line.
 pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
-    if answer.kind() != ErrorKind::InvalidSubcommand {
-        return None;
+    match answer.kind() {
+        ErrorKind::InvalidSubcommand => command(answer, arguments),
+        ErrorKind::UnknownArgument => argument(answer, arguments),
+        ErrorKind::MissingRequiredArgument if is_command(arguments, &["set"]) => {
+            Some(format!("name an effect and its new values: `hbot set EFFECT KEY=VALUE`, {SHOW_SCENE}"))
+        }
+        _ => None,
     }
+}
+
+/// Where a user finds the ids and keys of the running scene.
+const SHOW_SCENE: &str = "where `hbot scene show` prints the effects and keys of the running scene";
+
+fn is_command(arguments: &[OsString], words: &[&str]) -> bool {
+    arguments.iter().skip(1).zip(words).filter(|(argument, word)| argument == word).count() == words.len()
+}
+
+/// Returns what an argument means that the command does not have.
+fn argument(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
+    let Some(ContextValue::String(word)) = answer.get(ContextKind::InvalidArg) else { return None };
+    let option = word.strip_prefix("--");
+    let meaning = match option.map(|option| option.split_once('=').map_or(option, |(name, _)| name)) {
+        None if is_command(arguments, &["server"]) && word.ends_with(".toml") => {
+            format!("say what the file is: `--rig {word}` or `--scene {word}`")
+        }
+        Some(key) if is_command(arguments, &["set"]) => {
+            format!("write a parameter without dashes, as in `{key}=VALUE`, {SHOW_SCENE}")
+        }
+        Some("kind") if is_command(arguments, &["scene", "new"]) => {
+            "the kinds of the scene's effects are `--effect KIND`".to_owned()
+        }
+        Some("port") => "`--server HOST:PORT` names the server".to_owned(),
+        _ => return None,
+    };
+    Some(format!("{word:?} is no argument here: {meaning}"))
+}
+
+/// Returns what an unknown command means.
+fn command(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
     let Some(ContextValue::String(word)) = answer.get(ContextKind::InvalidSubcommand) else { return None };
     // The commands of `hbot scene` and `hbot rig` have other names.
     if arguments.get(1).is_none_or(|first| first != word.as_str()) {
@@ -74,6 +117,14 @@ pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<Stri
         let words = if words.is_empty() { "--help".to_owned() } else { words.join(" ") };
         return Some(format!(
             "studies are a program by themselves; run `cargo run --release -p hbot-study -- {words}`"
+        ));
+    }
+    if ShelfScene::named(word).is_some() {
+        return Some(format!("{word:?} is a ready-made scene: `hbot scene load {word}` loads it"));
+    }
+    if kinds().iter().any(|kind| kind.name == word.as_str()) {
+        return Some(format!(
+            "{word:?} is a kind of effect: `hbot scene new FILE --effect {word}` writes a scene with one"
         ));
     }
     let (_, meaning) = HABITS.iter().find(|(words, _)| words.contains(&word.as_str()))?;

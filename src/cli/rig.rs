@@ -8,7 +8,6 @@ use std::time::Duration;
 use clap::Subcommand;
 use hbot_config::RigConfig;
 use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
-use hbot_config::rig::Port;
 use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::Joint;
@@ -17,7 +16,7 @@ use hbot_core::design::singularity::{
 };
 use hbot_core::{Device, Vec3};
 use hbot_host::bus::{BusTraffic, driver, late_rates};
-use hbot_host::commission::doctor::{MOST_LOAD, highest_rate, punctuality};
+use hbot_host::commission::doctor::{MOST_LOAD, highest_rate, lines, punctuality};
 use hbot_host::rig::host::uncalibrated;
 
 use super::out::tell;
@@ -344,17 +343,8 @@ fn torus(device: &Device) -> impl Iterator<Item = Vec<f64>> {
 /// Prints the load of each serial line. Returns whether every line can carry one command and one
 /// reading per tick.
 fn line(config: &RigConfig) -> anyhow::Result<bool> {
-    let joints = |port| config.ports.iter().filter(|p| **p == port).count();
-    let lines: Vec<(String, usize)> = match &config.link.port {
-        // What the simulated rig has on one line can be meant for several.
-        Port::Sim | Port::SimPty => (0..=config.ports.iter().copied().max().unwrap_or(0))
-            .map(|port| (config.link.port.to_string(), joints(port)))
-            .collect(),
-        Port::Devices(devices) => {
-            devices.iter().enumerate().map(|(port, device)| (device.clone(), joints(port))).collect()
-        }
-    };
-    lines.iter().try_fold(true, |fits, (name, joints)| Ok(one_line(config, name, *joints)? && fits))
+    // What the simulated rig has on one line can be meant for several.
+    lines(config).iter().try_fold(true, |fits, (name, joints)| Ok(one_line(config, name, *joints)? && fits))
 }
 
 fn one_line(config: &RigConfig, name: &str, joints: usize) -> anyhow::Result<bool> {

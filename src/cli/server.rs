@@ -20,7 +20,7 @@ use hbot_host::rig::host::uncalibrated;
 use hbot_host::rig::last_word::Program;
 use hbot_host::run_loop::signals;
 use hbot_host::run_loop::stop_signal::StopSignal;
-use hbot_server::recording::{Limit, RecordOptions, is_file, unsuitable};
+use hbot_server::recording::{Limit, RecordOptions, is_file, try_to_make, unsuitable};
 use hbot_server::server::{Server, ServerOptions, Time};
 use hbot_server::service::Status;
 use hbot_server::web::{AllowedHosts, WebOptions, url};
@@ -322,6 +322,14 @@ fn recording(args: &ServerArgs, rig: &RigConfig) -> anyhow::Result<RecordOptions
             anyhow::ensure!(args.record_limit.is_none(), "--record-limit needs --record FOLDER");
         }
         _ => {}
+    }
+    if let Some(path) = &args.record {
+        try_to_make(path).with_context(|| {
+            format!(
+                "--record {}: no file can be made there. Name a place where you may write",
+                path.display()
+            )
+        })?;
     }
     let mut about = BTreeMap::new();
     about.extend(rig.certificate.clone().map(|name| ("certificate".to_owned(), name)));

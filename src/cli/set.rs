@@ -29,10 +29,11 @@ pub(crate) struct SetArgs {
 
 /// Refuses a parameter where the id of the effect is missing.
 fn id(text: &str) -> Result<String, String> {
-    if text.contains('=') {
-        return Err(format!("name the effect first: hbot set spring {text}"));
-    }
-    Ok(text.to_owned())
+    let Some((place, value)) = text.split_once('=') else { return Ok(text.to_owned()) };
+    Err(match place.rsplit_once('.') {
+        Some((effect, key)) => format!("write the effect by itself: hbot set {effect} {key}={value}"),
+        None => format!("name the effect first: hbot set EFFECT {text}; `hbot scene show` prints the ids"),
+    })
 }
 
 /// Parses `KEY=VALUE`. A value that is no JSON is a text, so that texts need no quotes.

@@ -259,6 +259,13 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
         (&["start", "--port", "sim"], "`hbot server`"),
         (&["status"], "`hbot info`"),
         (&["check", "x.toml"], "`hbot rig check FILE`"),
+        (&["hinge"], "`hbot scene load hinge`"),
+        (&["spring"], "`hbot scene new FILE --effect spring`"),
+        (&["server", "my.toml"], "`--rig my.toml` or `--scene my.toml`"),
+        (&["set"], "`hbot set EFFECT KEY=VALUE`"),
+        (&["set", "spring", "--stiffness", "2"], "without dashes, as in `stiffness=VALUE`"),
+        (&["set", "spring.stiffness=2"], "hbot set spring stiffness=2"),
+        (&["info", "--port", "4268"], "`--server HOST:PORT`"),
         (&["study", "accuracy", "--quick"], "`cargo run --release -p hbot-study -- accuracy --quick`"),
     ] {
         run(words).code(2).stderr(contains(command).and(contains("similar").not()));

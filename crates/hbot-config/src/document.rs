@@ -9,6 +9,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::legal::{NUMBER_ALONE, has_unit};
 
 /// The values in a rig file or scene file, as a tree, and the report of the mistakes found in them.
 pub(crate) struct Document {
@@ -101,19 +102,14 @@ impl Document {
     }
 }
 
-/// Units that people write behind a number.
-const UNITS: [&str; 13] = ["N", "m", "mm", "cm", "rad", "deg", "s", "ms", "us", "kg", "g", "Hz", "%"];
-
 /// Returns what is probably meant by a line that is not TOML.
 fn syntax_hint(line: &str) -> Option<String> {
     if line.trim() == "[effect]" {
         return Some(" (write [[effect]] with two brackets, once for each effect)".to_owned());
     }
     let value = line.split_once('=').map_or("", |(_, value)| value.trim());
-    let unit = value.split(|c: char| !c.is_alphabetic() && c != '%').find(|word| !word.is_empty());
-    let first = value.split(|c: char| c.is_alphabetic() || c == '%' || c == ' ').next().unwrap_or_default();
-    if first.parse::<f64>().is_ok() && unit.is_some_and(|unit| UNITS.contains(&unit)) {
-        return Some(" (write the number alone: its unit is that of the key)".to_owned());
+    if has_unit(value) {
+        return Some(NUMBER_ALONE.to_owned());
     }
     decimal_point(line).map(|right| format!(" (write a decimal point: {right})"))
 }

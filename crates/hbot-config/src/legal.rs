@@ -114,6 +114,24 @@ pub(crate) fn found(value: &Value) -> String {
     }
 }
 
+/// Says how to write a number that has a unit.
+pub(crate) const NUMBER_ALONE: &str = " (write the number alone: its unit is that of the key)";
+
+/// Returns whether a text is a number with a unit, such as `2 N m/rad`.
+pub(crate) fn has_unit(text: &str) -> bool {
+    const UNITS: [&str; 14] =
+        ["N", "Nm", "m", "mm", "cm", "rad", "deg", "s", "ms", "us", "kg", "g", "Hz", "%"];
+    let unit = text.split(|c: char| !c.is_alphabetic() && c != '%').find(|word| !word.is_empty());
+    let first = text.split(|c: char| c.is_alphabetic() || c == '%' || c == ' ').next().unwrap_or_default();
+    first.parse::<f64>().is_ok() && unit.is_some_and(|unit| UNITS.contains(&unit))
+}
+
+/// Describes a value of a wrong type, and says what is meant by a number with a unit in quotes.
+pub(crate) fn mistyped(value: &Value) -> String {
+    let hint = if value.as_str().is_some_and(has_unit) { NUMBER_ALONE } else { "" };
+    format!("found {}{hint}", found(value))
+}
+
 /// Words that people use for kinds of effects, and the kind.
 const OTHER_WORDS: [(&[&str], &str); 6] = [
     (&["wall", "walls", "stop", "limit"], "end_stop"),

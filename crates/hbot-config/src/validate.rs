@@ -6,7 +6,7 @@
 use serde_json::{Map, Value};
 
 use crate::document::{Report, join};
-use crate::legal::{branches, did_you_mean, found, legal, list, names, range};
+use crate::legal::{branches, did_you_mean, found, legal, list, mistyped, names, range};
 
 /// Checks a value against a JSON schema, and adds a mistake to the report for everything that the
 /// schema does not allow. `path` is the place of the value in the file.
@@ -23,11 +23,11 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
     if let Some(branches) = branches(schema) {
         return match branches.iter().find(|b| is_of_type(b, value)) {
             Some(branch) => validate(branch, value, path, report),
-            None => report.push(path, format!("found {}", found(value)), legal(schema)),
+            None => report.push(path, mistyped(value), legal(schema)),
         };
     }
     if !is_of_type(schema, value) {
-        return report.push(path, format!("found {}", found(value)), legal(schema));
+        return report.push(path, mistyped(value), legal(schema));
     }
     match value {
         Value::Object(table) => validate_table(schema, table, path, report),

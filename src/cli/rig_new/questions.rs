@@ -12,7 +12,7 @@ struct Number {
     option: &'static str,
     /// The question, which ends with the unit.
     words: &'static str,
-    /// The unit in words.
+    /// The unit in words. Empty for a number without one.
     unit: &'static str,
     quantity: Quantity,
     /// What `?` answers.
@@ -98,7 +98,7 @@ const NUMBERS: [Number; 10] = [
     Number {
         option: "--friction",
         words: "friction coefficient between wheel and sphere",
-        unit: "friction",
+        unit: "",
         quantity: Quantity::Ratio,
         help: "Lay the tyre on a plate of the sphere's material and tilt it: the tangent of the angle at which it slides. Usual are 0.8 for rubber on a smooth plastic and 0.3 for a hard wheel. With the next answer it limits the torque, because a wheel that slips is no longer felt.",
         given: |args| args.friction,
@@ -191,8 +191,9 @@ pub(super) fn answers(args: &NewArgs, ask: Ask<'_>) -> anyhow::Result<Answers> {
             let value = number.quantity.read(text).and_then(|value| {
                 value.is_finite().then_some(value).ok_or_else(|| "it is not finite".to_owned())
             });
+            let of = if number.unit.is_empty() { "" } else { " of " };
             *(number.place)(answers) = value.map_err(|why| {
-                format!("it must be a number of {}, such as {default} ({why})", number.unit)
+                format!("it must be a number{of}{}, such as {default} ({why})", number.unit)
             })?;
             Ok(())
         };

@@ -56,7 +56,7 @@ impl Quantity {
     fn legal(self) -> String {
         let names: Vec<_> = self.units().iter().map(|(name, ..)| *name).collect();
         match self {
-            Self::Ratio => "a number, such as 17".to_owned(),
+            Self::Ratio => "one number without a unit: 17 for 17:1".to_owned(),
             _ => format!("a number, with or without a unit: {}", names.join(", ")),
         }
     }

@@ -205,7 +205,7 @@ fn one_bracket_and_a_decimal_comma_are_told_what_to_write() {
     );
     let comma = said("[[effect]]\nid = 'a'\nkind = 'spring'\nstiffness = 2,5 # N m/rad\n");
     assert!(comma.contains("x.toml:4:") && comma.contains("(write a decimal point: 2.5)"), "{comma}");
-    for value in ["2 N m/rad", "0.1rad # wide", "-3 %"] {
+    for value in ["2 N m/rad", "0.1rad # wide", "-3 %", "'2 N m/rad'"] {
         let unit = said(&format!("[[effect]]\nid = 'a'\nkind = 'spring'\nstiffness = {value}\n"));
         assert!(unit.contains("(write the number alone: its unit is that of the key)"), "{unit}");
     }

@@ -44,9 +44,11 @@ impl Model {
     }
 
     /// Returns the word that tells at a glance whether motors can push. The server's banner and
-    /// `hbot watch` use the same words. `None` if the server has not told it yet.
+    /// `hbot watch` use the same words. `None` if the server has not told it yet, or is gone: the
+    /// next one at this address can have a real rig.
     pub(crate) fn badge(&self) -> Option<&'static str> {
-        self.simulated.map(|simulated| if simulated { "SIMULATED" } else { "LIVE" })
+        let simulated = self.simulated.filter(|_| !matches!(self.link, Link::Offline { .. }));
+        simulated.map(|simulated| if simulated { "SIMULATED" } else { "LIVE" })
     }
 
     /// Returns whether the server has said that its rig is simulated.

@@ -7,10 +7,12 @@ use std::time::{Duration, Instant};
 /// Largest number of messages to the user that are kept.
 const MAX_MESSAGES: usize = 100;
 
-/// Whether a message to the user is good or bad news.
+/// How much a message concerns the user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Weight {
     Good,
+    /// Nothing is wrong, but the user must know it.
+    Warn,
     Bad,
 }
 
@@ -58,19 +60,24 @@ impl Messages {
         self.list.push_back(Message { weight, text, at: Instant::now(), told, times: 1 });
     }
 
+    /// Ends the time for which a message appears over the window, because it is no longer so.
+    pub(crate) fn is_over(&mut self, text: &str) {
+        self.list.iter_mut().filter(|message| message.text == text).for_each(|message| message.told = true);
+    }
+
     /// Returns all messages that are kept, newest first.
     pub(crate) fn newest_first(&self) -> impl ExactSizeIterator<Item = &Message> {
         self.list.iter().rev()
     }
 
     /// Returns the messages that appear over the window now, newest first. Good news are shown for
-    /// 3 s and bad news for 8 s.
+    /// 3 s and all others for 8 s.
     pub(crate) fn fresh(&self) -> impl Iterator<Item = &Message> {
         self.newest_first().take_while(|message| message.at.elapsed() < Duration::from_secs(8)).filter(
             |message| match message.weight {
                 _ if message.told => false,
                 Weight::Good => message.at.elapsed() < Duration::from_secs(3),
-                Weight::Bad => true,
+                Weight::Warn | Weight::Bad => true,
             },
         )
     }

@@ -301,6 +301,8 @@ impl Model {
             }
             News::Info(info) => {
                 self.simulated = Some(info.rig.simulated);
+                // A panel that came after the stop learns here who or what it was.
+                self.fault = self.fault.take().or_else(|| info.incident.clone());
                 let known = !self.info.scene.is_null();
                 if self.scene.take(&info.scene) && known {
                     self.marks.fades(self.scene.fading_s());
@@ -364,7 +366,7 @@ impl Model {
     }
 
     fn shaking(&mut self, event: ShakingEvent) {
-        let weight = if event.shaking { Weight::Bad } else { Weight::Good };
+        let weight = if event.shaking { Weight::Warn } else { Weight::Good };
         self.messages.add_told(weight, event.message.clone());
         if event.shaking {
             let who = event.effect.as_deref().unwrap_or("scene");
@@ -424,10 +426,17 @@ impl Model {
         if self.lease == Lease::Mine
             && let (Lease::Other(holder), Some(LeaseCause::Stolen)) = (&lease, cause)
         {
-            self.messages.add(Weight::Bad, format!("{} has taken over command", person(holder)));
+            self.messages.add(Weight::Warn, taken_over(holder));
+        }
+        if let (Lease::Mine, Lease::Other(holder)) = (&lease, &self.lease) {
+            self.messages.is_over(&taken_over(holder));
         }
         self.lease = lease;
     }
+}
+
+fn taken_over(holder: &str) -> String {
+    format!("{} has taken over command", person(holder))
 }
 
 /// Returns whether the rig renders the scene in a mode.

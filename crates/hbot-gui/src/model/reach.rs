@@ -106,8 +106,10 @@ impl Reach {
         match self {
             Self::At { angle, wall } => {
                 let place = if wall { " in the wall" } else { "" };
+                let digits = if angle < 0.1 { 2 } else { 0 };
                 format!(
-                    "reaches the rig's {limit} N m at {angle:.2} rad ({:.0}\u{b0}){place}",
+                    "reaches the rig's {limit} N m at {angle:.*} rad ({:.digits$}\u{b0}){place}",
+                    2 + digits,
                     angle.to_degrees()
                 )
             }

@@ -77,6 +77,11 @@ impl Scene {
         self.costs.iter().find(|c| c.id == effect.id && c.kind == effect.kind).map(|c| c.cost_ns)
     }
 
+    /// Returns whether a server has told the scene since this panel began.
+    pub(crate) fn is_known(&self) -> bool {
+        !self.told.is_null()
+    }
+
     pub(crate) fn name(&self) -> &str {
         &self.name
     }

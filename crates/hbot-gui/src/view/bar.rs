@@ -4,6 +4,7 @@
 use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
+use super::state;
 use super::theme::{LIVE, Palette, badge, heading, lamp, named, weak};
 use crate::model::{Link, Model, has_torque, person};
 use crate::net::{Intent, Lease};
@@ -12,6 +13,8 @@ use crate::net::{Intent, Lease};
 const LEASE: f32 = 112.0;
 /// Says to an observer which button makes the grey controls work.
 pub(super) const OBSERVER: &str = "Take over to change";
+/// Width of the field for a server's address, points.
+const ADDRESS: f32 = 220.0;
 /// Width of the box that asks before the lease is taken over, points.
 const QUESTION: f32 = 380.0;
 
@@ -51,10 +54,15 @@ fn kind_of_rig(ui: &mut Ui, model: &Model, desk: &Desk, palette: Palette) {
     badge(ui, ground, word).on_hover_text(hint);
 }
 
+/// Height of the buttons, points. A low window has no room for larger ones.
+fn height(ui: &Ui) -> f32 {
+    if state::is_low(ui) { 0.0 } else { 28.0 }
+}
+
 fn theme_switch(ui: &mut Ui) {
     let dark = ui.visuals().dark_mode;
     let (text, theme) = if dark { ("Light", egui::Theme::Light) } else { ("Dark", egui::Theme::Dark) };
-    let button = egui::Button::new(text).min_size(vec2(54.0, 0.0));
+    let button = egui::Button::new(text).min_size(vec2(54.0, height(ui)));
     if named(ui.add(button), "Light or dark").on_hover_text("light or dark ground").clicked() {
         ui.ctx().set_theme(theme);
     }
@@ -77,7 +85,7 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
     };
     let live = model.is_online() && model.silent_for().is_none();
     // The layout goes from right to left, so the button comes first.
-    let button = egui::Button::new(text).min_size(vec2(LEASE, 0.0));
+    let button = egui::Button::new(text).min_size(vec2(LEASE, height(ui)));
     if ui.add_enabled(live, button).on_hover_text(hint).clicked() {
         match &model.lease {
             Lease::Other(holder) if model.mode().is_some_and(has_torque) => {
@@ -135,7 +143,7 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
 /// another address.
 pub(crate) fn no_server(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     ui.vertical_centered(|ui| {
-        ui.add_space((ui.available_height() * 0.22).min(160.0));
+        ui.add_space((ui.available_height() * 0.22 - 40.0).clamp(0.0, 160.0));
         let (title, why, absent) = match &model.link {
             Link::Offline { why, absent: true, .. } => (format!("No server at {}", model.server), why.as_str(), true),
             Link::Offline { why, .. } => (format!("No connection to {}", model.server), why.as_str(), false),
@@ -155,15 +163,19 @@ pub(crate) fn no_server(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &m
             let left = again.saturating_duration_since(std::time::Instant::now()).as_secs_f64();
             weak(ui, format!("next attempt in {left:.0} s"));
         }
-        ui.add_space(16.0);
+        ui.add_space(8.0);
         ui.label("Or connect to another:");
-        let field = TextEdit::singleline(&mut desk.address).hint_text("HOST or HOST:PORT").desired_width(220.0);
-        let response = named(ui.add(field), "Server address");
-        let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
-        let address = desk.address.trim();
-        let clicked = ui.add_enabled(!address.is_empty(), egui::Button::new("Connect")).clicked();
-        if (clicked || entered) && !address.is_empty() {
-            intents.push(Intent::Connect(address.to_owned()));
-        }
+        // In one row, so that both are there in a low window, above the plots.
+        let row = vec2((ADDRESS + 90.0).min(ui.available_width()), ui.spacing().interact_size.y);
+        ui.allocate_ui_with_layout(row, egui::Layout::left_to_right(egui::Align::Center), |ui| {
+            let field = TextEdit::singleline(&mut desk.address).hint_text("HOST or HOST:PORT");
+            let response = named(ui.add(field.desired_width(ADDRESS)), "Server address");
+            let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+            let address = desk.address.trim();
+            let clicked = ui.add_enabled(!address.is_empty(), egui::Button::new("Connect")).clicked();
+            if (clicked || entered) && !address.is_empty() {
+                intents.push(Intent::Connect(address.to_owned()));
+            }
+        });
     });
 }

@@ -153,7 +153,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         ui.add_space(6.0);
         state::stop(ui, &mut intents);
         ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
-            state::show(ui, model, &mut intents);
+            desk.judged.take(&model.info);
+            let warnings = desk.judged.warnings(&model.scene.shown());
+            state::show(ui, model, warnings, &mut intents);
             // A scene stays while the server is away, so that its sliders stay in their places.
             if model.is_online() || !model.scene.effects().is_empty() {
                 ui.separator();
@@ -253,7 +255,7 @@ fn messages(ui: &mut Ui, model: &Model) {
         weak(ui, format!("{time}, {ago}{times}"));
         match message.weight {
             Weight::Good => ui.add(egui::Label::new(&message.text).wrap()),
-            Weight::Bad => coloured(ui, palette.bad, &message.text),
+            weight => coloured(ui, palette.weight(weight), &message.text),
         };
         ui.add_space(4.0);
     }
@@ -269,8 +271,7 @@ fn toasts(ui: &Ui, model: &Model, room: Rect) {
     let area = Area::new(Id::unique("toasts")).order(Order::Foreground).interactable(false);
     area.pivot(Align2::CENTER_TOP).fixed_pos(room.center_top()).show(ui.ctx(), |ui| {
         for message in fresh {
-            let color = if message.weight == Weight::Bad { palette.bad } else { palette.good };
-            Frame::popup(ui.style()).stroke((1.5, color)).show(ui, |ui| {
+            Frame::popup(ui.style()).stroke((1.5, palette.weight(message.weight))).show(ui, |ui| {
                 ui.set_max_width(room.width().min(420.0));
                 ui.add(egui::Label::new(RichText::new(&message.text)).wrap());
             });

@@ -87,7 +87,7 @@ pub(crate) fn refusal(model: &Model) -> Option<String> {
     let Distance::Far(angle) = Distance::of(model) else { return None };
     let (effect, _) = model.scene.first_reference()?;
     let (id, allowed) = (effect.id(), model.info.limits.enable_max_angle);
-    // Nobody can turn a simulated sphere by hand.
+    // Quicker than to turn the simulated sphere back by the mouse.
     let remedy = if model.is_simulated() {
         format!("set its anchor to here, in the tab Scene or by `hbot set {id} anchor=here`")
     } else {

@@ -59,7 +59,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     if !model.scene.description().is_empty() && model.scene.description() != above {
         weak(ui, model.scene.description());
     }
-    if model.scene.effects().is_empty() {
+    if model.scene.is_known() && model.scene.effects().is_empty() {
         weak(ui, "This scene has no effects: nothing is rendered.");
     }
     law::show(ui, model, desk);

@@ -5,19 +5,21 @@ use glam::DVec3;
 use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
 use super::recover;
-use super::theme::{Palette, STOP, coloured, column, named, weak};
+use super::theme::{Palette, STOP, coloured, column, named, stripes, weak};
 use crate::model::{Headline, Model};
 use crate::net::Intent;
 
-/// Height of the text in the box with the mode, in a low and in a tall window, points. The tall one
-/// holds the explanation of every fault and its remedy without scrolling.
+/// Height of the text in the box with the mode, in a low and in a tall window, points.
 const STATUS: [f32; 2] = [88.0, 158.0];
 /// Size of the word for the state, points.
 const HEADLINE: f32 = 26.0;
 /// A part of the torque below this is not told in the box when the limits cut it.
 const LEAST_CUT: f64 = 0.01;
-/// Height of the bars, points. In a low window, what is wrong takes their place.
-const BARS: f32 = 114.0;
+/// Height of the bars in a low and in a tall window, points. A fault takes their place, so that its
+/// explanation and remedy can be read without scrolling; in a low window, all that is wrong does.
+const BARS: [f32; 2] = [114.0, 130.0];
+/// Height of the buttons that enable, disable and reset, in a low and in a tall window, points.
+const ORDER: [f32; 2] = [30.0, 38.0];
 /// A window of at least this height is tall, points.
 const TALL: f32 = 720.0;
 /// Size of the text below the stop button, points.
@@ -59,38 +61,43 @@ fn has_keys(ui: &Ui) -> bool {
 }
 
 /// Draws the buttons that enable, disable and reset the rig, what the rig does now, and how near it
-/// is to its limits.
-pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
+/// is to its limits. `warnings` are those about the running scene.
+pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[String], intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
-    let is_wrong =
-        matches!(model.headline(), Headline::NotStopped | Headline::NoContact | Headline::Mode(Mode::Fault));
-    if is_low(ui) && is_wrong {
-        status(ui, model, palette, STATUS[0] + BARS);
+    let is_long = match model.headline() {
+        Headline::Mode(Mode::Fault) => true,
+        Headline::NotStopped | Headline::NoContact => is_low(ui),
+        _ => false,
+    };
+    let size = usize::from(!is_low(ui));
+    if is_long {
+        status(ui, model, warnings, palette, STATUS[size] + BARS[size]);
     } else {
-        status(ui, model, palette, STATUS[usize::from(!is_low(ui))]);
+        status(ui, model, warnings, palette, STATUS[size]);
         ui.add_enabled_ui(model.is_certain(), |ui| meters(ui, model, palette));
     }
 }
 
 /// Draws what the rig does now, and what the user must know about it, in a box whose text is
 /// `height` points high. So the sliders below it stay in their place; a longer text scrolls.
-fn status(ui: &mut Ui, model: &Model, palette: Palette, height: f32) {
+fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, height: f32) {
     let headline = model.headline();
     // The edge is as wide in all states, so that nothing below the box moves.
     let edge = egui::Frame::group(ui.style()).stroke.color;
     let mut frame = egui::Frame::group(ui.style()).inner_margin(5).stroke((2.0, edge));
     // The box is as loud as the state.
     frame = match headline {
-        Headline::NotStopped => frame.fill(STOP),
+        Headline::NotStopped => frame.stroke((2.0, Color32::TRANSPARENT)),
         Headline::NoState => frame,
         Headline::NoContact | Headline::Mode(Mode::Fault | Mode::Estop) => {
-            frame.fill(palette.bad.gamma_multiply(0.2)).stroke((2.0, palette.bad))
+            frame.fill(palette.bad.gamma_multiply(0.12)).stroke((2.0, palette.bad))
         }
         Headline::Mode(_) => frame.stroke((2.0, palette.headline(headline))),
     };
-    frame.show(ui, |ui| {
+    let ground = ui.painter().add(egui::Shape::Noop);
+    let drawn = frame.show(ui, |ui| {
         ui.set_width(ui.available_width());
         ui.set_height(height);
         ui.spacing_mut().item_spacing.y = 3.0;
@@ -106,11 +113,17 @@ fn status(ui: &mut Ui, model: &Model, palette: Palette, height: f32) {
         let line = if cut.is_some() { ui.text_style_height(&TextStyle::Body).ceil() + 4.0 } else { 0.0 };
         let area = ScrollArea::vertical().id_salt("status").auto_shrink(false).min_scrolled_height(0.0);
         let area = area.max_height(ui.available_height() - line);
-        area.show(ui, |ui| details(ui, model, headline, palette));
+        area.show(ui, |ui| details(ui, model, warnings, headline, palette));
         if let Some(cut) = cut {
             coloured(ui, palette.warn, format!("Limits cut {:.0} % of the torque", 100.0 * cut));
         }
     });
+    if headline == Headline::NotStopped {
+        // The button STOP has the same colour, and this box cannot be pressed.
+        let rect = drawn.response.rect;
+        let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
+        painter.set(ground, stripes(rect, Color32::WHITE, STOP));
+    }
 }
 
 /// Returns the part of the torque that the limits cut, if it is worth telling.
@@ -119,7 +132,7 @@ fn cut(model: &Model, headline: Headline) -> Option<f64> {
     Some(1.0 - state.scale).filter(|cut| *cut >= LEAST_CUT)
 }
 
-fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
+fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
             let cut = RichText::new("Cut the motors' power.").strong().size(15.0);
@@ -151,6 +164,15 @@ fn details(ui: &mut Ui, model: &Model, headline: Headline, palette: Palette) {
                     coloured(ui, palette.warn, shaken(shaking));
                 }
                 weak(ui, mode.sentence());
+                // The list below the sliders can be out of sight when the user enables.
+                match warnings {
+                    [] => {}
+                    [only] => drop(coloured(ui, palette.warn, format!("Warning: {only}"))),
+                    [first, ..] => {
+                        let text = format!("The first of {} warnings: {first}", warnings.len());
+                        coloured(ui, palette.warn, text);
+                    }
+                }
             }
         },
         (Headline::NoState, _) => {
@@ -207,15 +229,15 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     // What was found comes before the usual remedy. A simulated rig has no plug that is loose.
     match &model.fault {
         Some(told) => {
-            ui.add(egui::Label::new(format!("{fault}: {}", without_log(&told.message))).wrap());
-            if model.is_simulated() {
-                weak(ui, cure);
-                return;
-            }
+            drop(ui.add(egui::Label::new(format!("{fault}: {}", without_log(&told.message))).wrap()))
         }
         None => drop(weak(ui, fault.as_str())),
     }
-    ui.add(egui::Label::new(cure).wrap());
+    if model.is_simulated() {
+        weak(ui, cure);
+    } else {
+        ui.add(egui::Label::new(cure).wrap());
+    }
 }
 
 /// Says that the sphere must slow down before a reset, if it is still as fast as in the fault
@@ -243,6 +265,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let mode = model.mode();
     let may = model.may_command();
     let width = (ui.available_width() - 2.0 * ui.spacing().item_spacing.x) / 3.0;
+    let height = ORDER[usize::from(!is_low(ui))];
     let refusal = recover::refusal(model).filter(|_| mode == Some(Mode::Idle));
     let orders = [
         (
@@ -266,7 +289,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     ];
     ui.horizontal(|ui| {
         for (name, intent, enabled, hint) in orders {
-            let button = Button::new(name).min_size(vec2(width, 30.0));
+            let button = Button::new(name).min_size(vec2(width, height));
             let response = ui.add_enabled(enabled, button).on_hover_text(hint);
             if response.on_disabled_hover_text(hint).clicked() {
                 intents.push(intent);
@@ -333,7 +356,7 @@ fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
     }
 }
 
-fn is_low(ui: &Ui) -> bool {
+pub(super) fn is_low(ui: &Ui) -> bool {
     ui.ctx().content_rect().height() < TALL
 }
 

@@ -37,7 +37,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         .find(|effect| effect.id == desk.spring)
         .or_else(|| model.scene.springs(&model.info).next())
     else {
-        weak(ui, "No effect of this scene has a stiffness.");
+        let known = model.scene.is_known();
+        let text =
+            if known { "No effect of this scene has a stiffness." } else { "The scene is not known yet." };
+        weak(ui, text);
         warnings(ui, desk.judged.warnings(&scene));
         return;
     };

@@ -3,7 +3,7 @@
 use eframe::egui::{self, Color32, Response, RichText, Ui};
 use hbot_api::Mode;
 
-use crate::model::Headline;
+use crate::model::{Headline, Weight};
 
 /// The colours of the window, named by what they mean.
 #[derive(Clone, Copy, Debug)]
@@ -80,6 +80,15 @@ impl Palette {
                 text: rgb(0x1c, 0x1c, 0x1c),
                 weak,
             }
+        }
+    }
+
+    /// Returns the colour of the edge and of the text of a message.
+    pub(crate) const fn weight(&self, weight: Weight) -> Color32 {
+        match weight {
+            Weight::Good => self.good,
+            Weight::Warn => self.warn,
+            Weight::Bad => self.bad,
         }
     }
 
@@ -166,6 +175,24 @@ pub(crate) fn badge(ui: &mut Ui, ground: Color32, word: &str) -> Response {
     painter.text(rect.center(), egui::Align2::CENTER_CENTER, word, font, ink);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, word));
     response
+}
+
+/// Returns `rect` filled with `ground` and with an edge of slanted stripes. The stripes are longer
+/// than the edge: the painter must clip them to `rect`.
+pub(crate) fn stripes(rect: egui::Rect, stripe: Color32, ground: Color32) -> egui::Shape {
+    /// Widths of the edge and of a stripe, points.
+    const EDGE: f32 = 6.0;
+    const STRIPE: f32 = 6.0;
+    let height = rect.height();
+    let slanted = |x: f32| {
+        let ends = [egui::pos2(x, rect.bottom()), egui::pos2(x + height, rect.top())];
+        egui::Shape::line_segment(ends, (STRIPE, stripe))
+    };
+    let count = ((rect.width() + height) / (3.0 * STRIPE)).ceil() as u16;
+    let mut shapes = vec![egui::Shape::rect_filled(rect, 0.0, ground)];
+    shapes.extend((0..=count).map(|k| slanted(rect.left() - height + 3.0 * STRIPE * f32::from(k))));
+    shapes.push(egui::Shape::rect_filled(rect.shrink(EDGE), 0.0, ground));
+    egui::Shape::Vec(shapes)
 }
 
 /// Draws a small coloured dot, which shows a state like a lamp.

@@ -118,6 +118,19 @@ pub fn unsuitable(path: &Path) -> Option<&'static str> {
     }
 }
 
+/// Creates the folder of a recording to `path`, unless it exists, and tries whether a file can be
+/// made there. So a server refuses at its start what its recorder could only report later.
+///
+/// # Errors
+/// Fails if the folder or a file in it cannot be made.
+pub fn try_to_make(path: &Path) -> io::Result<()> {
+    let folder = if is_file(path) { path.parent().unwrap_or(path) } else { path };
+    fs::create_dir_all(folder)?;
+    let trial = folder.join(format!(".hbot-{}", std::process::id()));
+    File::create_new(&trial)?;
+    fs::remove_file(trial)
+}
+
 /// Creates the file `path`, which must not exist yet.
 pub(super) fn open(path: &Path) -> io::Result<Opened> {
     if let Some(dir) = path.parent() {

@@ -37,7 +37,7 @@ use hbot_record::About;
 use crate::live;
 use crate::web::WebOptions;
 
-pub use self::file::{is_file, is_folder, unsuitable};
+pub use self::file::{is_file, is_folder, try_to_make, unsuitable};
 pub use self::limit::Limit;
 pub(crate) use self::memory::FlightNote;
 use self::tap::{Drain, tap};

@@ -3,7 +3,7 @@
 
 use eframe::egui::Color32;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
+use hbot_api::{Fault, InfoOk, Mode, ShakingEvent, StateEvent};
 
 use super::{Change, SIZES, Seen, limited, places, settle, shows, window};
 use crate::model::Model;
@@ -93,12 +93,20 @@ fn who_stopped_the_rig_is_shown() {
         assert!(shows(&seen, who));
         assert!(shows(&seen, "To go on, press Recover."), "{who}");
     }
-    // The panel came after the stop.
-    let model = &mut seen.state_mut().model;
-    *model = commanding(true);
-    see(model, 200, Mode::Estop);
-    settle(&mut seen);
-    assert!(shows(&seen, "Stopped by somebody.") && shows(&seen, "To go on, press Recover."));
+    // A panel that came after the stop learns it from `info`, if the server knows.
+    for (incident, words) in [
+        (None, "Stopped by somebody."),
+        (Some(stopped_by("panel ben@lab3", Some(9))), "Stopped by ben@lab3."),
+    ] {
+        let model = &mut seen.state_mut().model;
+        *model = commanding(true);
+        let info = Box::new(InfoOk { incident, ..model.info.clone() });
+        hear(model, News::Info(info));
+        see(model, 200, Mode::Estop);
+        settle(&mut seen);
+        assert!(shows(&seen, words), "{words}");
+    }
+    assert!(shows(&seen, "To go on, press Recover."));
 }
 
 #[test]

@@ -17,7 +17,7 @@ use serde::Serialize;
 pub use device::serial;
 pub use machine::Machine;
 pub use punctuality::{Punctuality, lead, punctuality, verdict};
-pub use rate::{MOST_LOAD, highest_rate, line_rate, machine_rate, slowest_line};
+pub use rate::{MOST_LOAD, highest_rate, line_rate, lines, machine_rate};
 
 use crate::run_loop::processor::Processor;
 use crate::run_loop::realtime::{LOOP_PRIORITY, WakeLatency, lock_memory, real_time};

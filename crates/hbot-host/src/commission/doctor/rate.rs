@@ -27,16 +27,28 @@ pub fn line_rate(traffic: &Traffic, baud: u32) -> f64 {
     MOST_LOAD / time(traffic.commands).max(feedback)
 }
 
-/// Returns the highest rate of the slowest line of a rig, Hz, with the name of the line. Returns
-/// `None` if the rig is simulated, because its line is memory.
+/// Returns the name of each line of a rig, and the number of joints on it. A simulated rig, whose
+/// line is memory, has those that its joints name by `port`.
 #[must_use]
-pub fn slowest_line(config: &RigConfig) -> Option<(&str, f64)> {
-    let Port::Devices(devices) = &config.link.port else { return None };
-    let rates = devices.iter().enumerate().map(|(line, device)| {
-        let joints = config.ports.iter().filter(|port| **port == line).count();
-        (device.as_str(), line_rate(&driver(config.link.protocol).traffic(joints), config.link.baud))
-    });
-    rates.min_by(|a, b| a.1.total_cmp(&b.1))
+pub fn lines(config: &RigConfig) -> Vec<(String, usize)> {
+    let names = match &config.link.port {
+        Port::Devices(devices) => devices.clone(),
+        port => {
+            let last = config.ports.iter().copied().max().unwrap_or(0);
+            vec![port.to_string(); last + 1]
+        }
+    };
+    let joints = |line| config.ports.iter().filter(|port| **port == line).count();
+    names.into_iter().enumerate().map(|(line, name)| (name, joints(line))).collect()
+}
+
+/// Returns the highest rate of the slowest line of a rig, Hz, with the name of the line. For a
+/// simulated rig it is that of real lines.
+fn slowest_line(config: &RigConfig) -> (String, f64) {
+    let rate = |joints| line_rate(&driver(config.link.protocol).traffic(joints), config.link.baud);
+    let rates = lines(config).into_iter().map(|(name, joints)| (name, rate(joints)));
+    // A rig has one line at least.
+    rates.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default()
 }
 
 /// Returns the highest rate at which this machine is punctual, Hz. At that rate at most one tick in
@@ -52,15 +64,18 @@ pub fn machine_rate(measured: &Punctuality) -> f64 {
 #[must_use]
 pub fn highest_rate(config: &RigConfig, measured: &Punctuality) -> Finding {
     let machine = machine_rate(measured);
-    let line = slowest_line(config);
-    let together = line.map_or(machine, |(_, line)| line.min(machine)).min(MOST_HZ);
+    let (name, line) = slowest_line(config);
+    let simulated = config.link.port.is_simulated();
+    let limit = if simulated { f64::INFINITY } else { line };
+    let together = limit.min(machine).min(MOST_HZ);
     // The machine's rate is measured and varies, that of a line is computed: `hbot rig check` and
     // `hbot rig new` say the same number.
-    let rate = line.map_or(f64::INFINITY, |(_, line)| line.floor()).min(rounded(machine.min(MOST_HZ)));
-    let lines = line.map_or_else(
-        || "a simulated line has no limit".to_owned(),
-        |(name, rate)| format!("{name} up to {:.0} Hz", rate.floor()),
-    );
+    let rate = limit.floor().min(rounded(machine.min(MOST_HZ)));
+    let lines = if simulated {
+        format!("a simulated line has no limit (a real one: {:.0} Hz)", line.floor())
+    } else {
+        format!("{name} up to {:.0} Hz", line.floor())
+    };
     let mut found = format!(
         "this machine holds up to {:.0} Hz with at most one late tick in 100, {lines}: together {rate:.0} Hz",
         rounded(machine.min(MOST_HZ))
@@ -127,6 +142,7 @@ mod tests {
         let by_machine = said("sim", 3_000_000, 100.0);
         assert!(by_machine.found.contains("up to 2500 Hz"), "{}", by_machine.found);
         assert!(by_machine.found.contains("together 2500 Hz"), "{}", by_machine.found);
+        assert!(by_machine.found.contains("no limit (a real one: "), "{}", by_machine.found);
         // To first order damping/(1.5 h + lag): 0.02/(1.5 ms + 0.5 ms) = 10, and 0.02/(0.6 ms + 0.5
         // ms) = 18.2. The exact border is 0.4 % lower.
         assert!(
