@@ -22,6 +22,7 @@ import csv
 import math
 import sys
 import tomllib
+from statistics import median
 
 Vector = list[float]
 Matrix = list[Vector]
@@ -32,9 +33,11 @@ LOWEST_HZ = 40.0
 # Longest time from the first contact of a finger to the sharpest change of the rates, s. The log
 # before it shows the noise of the rates.
 TAP_S = 0.03
-# Least power of a ringing, as a multiple of the mean power of the noise at frequencies near it.
-# Noise alone does not have as much.
-LEAST_POWER = 15.0
+# Least power of a ringing, as a multiple of the noise. Noise alone does not have as much.
+LEAST_POWER = 12.0
+# Least size of a ringing, relative to the tap: rounding, which differs at rest and in motion, is
+# smaller.
+LEAST_SIZE = 0.002
 
 
 def dot(a: Vector, b: Vector) -> float:
@@ -137,10 +140,11 @@ def power(signals: list[Vector], dt: float, frequency: float) -> float:
     return total
 
 
-def ringing(time: Vector, rates: list[Vector]) -> float | None:
-    """Return the frequency of the slowest ringing after the sharpest change of the rates, Hz.
+def ringing(time: Vector, rates: list[Vector]) -> tuple[float, int] | None:
+    """Find the slowest ringing after the sharpest change of the rates.
 
-    None: nothing rings more than the noise before that change.
+    Returns its frequency, Hz, and the tick in the middle of it.
+    None: no ringing stands out from the noise before that change and after it.
     """
     dt = (time[-1] - time[0]) / (len(time) - 1)
     # Second differences leave the ringing, and take the slow motion of the sphere away.
@@ -161,12 +165,15 @@ def ringing(time: Vector, rates: list[Vector]) -> float | None:
     first = next((k for k in peaks if after[k] > 0.1 * max(after)), None)
     if first is None:
         return None
-    # Over some widths of the window's lobe, so that a gap in the noise does not count.
-    near = before[max(0, first - 20) : first + 21]
-    if after[first] < LEAST_POWER * sum(near) / len(near):
+    # Over many widths of the window's lobe (4 steps), so that a gap in the noise does not count.
+    near = slice(max(0, first - 60), first + 61)
+    noise = max(sum(before[near]) / len(before[near]), median(after[near]))
+    least = (LEAST_SIZE * max(size) * length / 4) ** 2
+    if after[first] < max(LEAST_POWER * noise, least):
         return None
     left, middle, right = (math.log(after[first + i]) for i in (-1, 0, 1))
-    return tried[first] + step * 0.5 * (left - right) / (left - 2 * middle + right)
+    frequency = tried[first] + step * 0.5 * (left - right) / (left - 2 * middle + right)
+    return frequency, tap + length // 2
 
 
 def rig_of(file: str) -> dict:
@@ -180,15 +187,15 @@ def rig_of(file: str) -> dict:
     return rig
 
 
-def log_of(file: str, joints: range) -> tuple[Vector, list[Vector], Vector]:
-    """Return times, rates and last angles of some joints of a flight log."""
+def log_of(file: str, joints: range) -> tuple[Vector, list[Vector], list[Vector]]:
+    """Return times, and rates and angles of some joints, of a flight log."""
     with open(file, newline="") as opened:
         rows = list(csv.DictReader(opened))
     if len(rows) < 3:
         raise ValueError("it has no ticks")
     rates = [[float(row[f"joint{j}_rate_rad_s"]) for row in rows] for j in joints]
-    last = [float(rows[-1][f"joint{j}_angle_rad"]) for j in joints]
-    return [float(row["t_s"]) for row in rows], rates, last
+    angles = [[float(row[f"joint{j}_angle_rad"]) for row in rows] for j in joints]
+    return [float(row["t_s"]) for row in rows], rates, angles
 
 
 def main() -> None:
@@ -200,17 +207,18 @@ def main() -> None:
         rig = rig_of(file)
         mobility(rig, [0.0] * len(rig["wheel"]))
         reading = log
-        time, rates, steer = log_of(log, range(1, 2 * len(rig["wheel"]), 2))
+        time, rates, angles = log_of(log, range(1, 2 * len(rig["wheel"]), 2))
     except OSError as error:
         sys.exit(f"error: {reading}: {error.strerror}")
     except KeyError as error:
         sys.exit(f"error: {reading} has no {error}; name a flight log (CSV), then the rig file")
     except (ValueError, TypeError, csv.Error) as error:
         sys.exit(f"error: {reading}: {error}")
-    frequency = ringing(time, rates)
-    if frequency is None:
+    found = ringing(time, rates)
+    if found is None:
         sys.exit(f"no tap found in {log}: tap the sphere harder, within 0.8 s before the stop")
-    values = eigenvalues(mobility(rig, steer))
+    frequency, tick = found
+    values = eigenvalues(mobility(rig, [angle[tick] for angle in angles]))
     stiffness = (2 * math.pi * frequency) ** 2 / values[0]
     print(f"ringing at {frequency:.0f} Hz, contacts of {stiffness:.3g} N/m")
     others = ", ".join(f"{math.sqrt(stiffness * value) / 2 / math.pi:.0f}" for value in values[1:])
