@@ -303,7 +303,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--study", type=Path, metavar="FOLDER", help="measure on simulated rigs")
     options = parser.parse_args(arguments)
     if options.study is None and len(options.servers) != 2:
-        parser.error("name two servers, such as 127.0.0.1:4268 127.0.0.1:4269")
+        parser.error("name two servers, such as 127.0.0.1:4268 127.0.0.1:4280")
     if not 0.0 <= options.delay_ms <= 1e3 * MAX_DELAY:
         parser.error(f"--delay-ms must be from 0 to {1e3 * MAX_DELAY:.0f}")
     return options

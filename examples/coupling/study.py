@@ -28,7 +28,7 @@ from .border import Coupled
 
 RATE_HZ = 1000
 LAG = 1.5 / RATE_HZ
-"""From a reading to its torque, in the mean, s: one tick and half a period (docs/stability.md)."""
+"""Lag from a reading to its torque, in the mean, s (docs/internals/borders.md)."""
 WAY = 1.1 / RATE_HZ
 """About what the way from server to server adds to a delay, s."""
 DAMPING = 0.02  # N m s/rad

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from unittest.mock import create_autospec
 
 import msgpack
@@ -115,6 +116,12 @@ def test_states_become_arrays(rig: hbot.Rig) -> None:
     assert numpy.all(numpy.diff(arrays["tick"]) == 1)
     assert arrays["mode"][0] == "idle"
     assert arrays["joint_angle"][-1, 3] == states[-1].joints[3].angle
+
+
+def test_an_error_about_arguments_names_the_method(rig: hbot.Rig) -> None:
+    call: Any = rig.enable
+    with pytest.raises(TypeError, match=r"^Rig\.enable\(\) takes 1 positional argument"):
+        call(3)
 
 
 def test_printing_a_rig_says_what_it_is_and_does(rig: hbot.Rig) -> None:

@@ -27,7 +27,7 @@ from .connection import (
     ignore,
     no_state,
 )
-from .environment import server_address, server_token
+from .environment import server_token
 from .errors import ConnectionLost, HbotError, NotHolder, TimedOut
 from .events import Event, LostEvent, State
 from .info import Hello, Info
@@ -60,14 +60,14 @@ def connect(
     loop.
     """
     options = Options(name, server_token(token), tls, encoding, timeout)
-    return Connecting(server_address(address), options, on_event)
+    return Connecting(address, options, on_event)
 
 
 class Connecting:
     """A connection that is about to be opened."""
 
     def __init__(
-        self, address: str, options: Options, on_event: Callable[[Event], None] | None
+        self, address: str | None, options: Options, on_event: Callable[[Event], None] | None
     ) -> None:
         """Remember the arguments of `connect`."""
         self._address = address

@@ -16,9 +16,11 @@ from typing import Any, TypeAlias
 
 from . import wire
 from .decode import decode
+from .environment import server_address
 from .errors import (
     ConnectionLost,
     HbotError,
+    NoServer,
     NotHolder,
     NotTrusted,
     ProtocolError,
@@ -80,8 +82,12 @@ class _Pending:
 class Connection:
     """A connection after its hello. A thread reads it until it ends."""
 
-    def __init__(self, address: str, options: Options) -> None:
+    def __init__(self, address: str | None, options: Options) -> None:
         """Connect and exchange the hello. `start` must follow.
+
+        Args:
+            address: None: what the environment says, as `server_address` describes.
+            options: all others.
 
         Raises:
             NoServer, NotTrusted: there is no connection.
@@ -96,7 +102,18 @@ class Connection:
         self.lost_lease_to: str | None = None
         self.holder: str | None = None
         self._encode = wire.encoder(options.encoding)
-        self._transport = open_transport(address, options.tls, options.timeout)
+        try:
+            self._transport = open_transport(server_address(address), options.tls, options.timeout)
+        except NoServer as error:
+            advice = (
+                "name another address in the variable HBOT_SERVER"
+                if address is None
+                else "give another address"
+            )
+            raise NoServer(
+                f"{error}. Start a server with `hbot server` (`cargo run server` in the project's "
+                f"folder), or {advice}"
+            ) from error.__cause__
         try:
             self.hello, self._early = _say_hello(self._transport, options)
         except BaseException:

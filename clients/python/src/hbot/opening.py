@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from .connection import Connection, Options
-from .environment import server_address, server_token
+from .environment import server_token
 from .events import Event
 from .rig import Rig
 from .transport import Tls
@@ -46,4 +46,4 @@ def connect(
         OSError: the file of the token cannot be read.
     """
     options = Options(name, server_token(token), tls, encoding, timeout)
-    return Rig(Connection(server_address(address), options), on_event)
+    return Rig(Connection(address, options), on_event)

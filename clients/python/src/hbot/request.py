@@ -45,6 +45,8 @@ class Op(Generic[P, T]):
         # `help` shows this text as the type of the result.
         hints = build.__annotations__
         hints["return"] = hints["return"].removeprefix("Request[").removesuffix("]")
+        # Errors about arguments say this name. Both classes are called `Rig`.
+        build.__qualname__ = f"Rig.{build.__name__}"
 
         @wraps(build)
         def call(rig: Rig, /, *args: P.args, **kwargs: P.kwargs) -> T:

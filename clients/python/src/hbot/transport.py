@@ -69,11 +69,7 @@ class Transport:
         try:
             self._socket = socket.create_connection((self.host, port), timeout=timeout)
         except OSError as error:
-            raise NoServer(
-                f"no connection to {address}: {error}. Start a server with `hbot server` "
-                "(`cargo run server` in the project's folder), or name another address, for "
-                "example in the variable HBOT_SERVER"
-            ) from error
+            raise NoServer(f"no connection to {address}: {error}") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._send_lock = threading.Lock()
         self._closed = False

@@ -15,5 +15,5 @@ Time stamps are those of LSL's own clock, `local_clock()`. `hbot.clock` says how
 becomes one. A marker of a fault or a scene has the time of its tick; all others that of arrival.
 
 The API of the server has no op for markers. So a client that wants one connects to this program by
-TCP (127.0.0.1:4269, option `--markers`) and sends one line of text for each marker.
+TCP (127.0.0.1:4270, option `--markers`) and sends one line of text for each marker.
 """

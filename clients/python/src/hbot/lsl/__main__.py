@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import socketserver
 import sys
 import threading
@@ -26,6 +27,8 @@ MEASURE_EVERY_S = 10.0
 """Time between two estimates of the offset, if the server has another clock, s."""
 SMOOTHING = 0.3
 """Fraction of a new estimate that is taken over, so that time stamps do not jump."""
+MARKER_PORT = 4270
+"""TCP port of the markers of clients. 4268 and 4269 are the server's own."""
 MARKER_BYTES = 1024
 """Longest marker of a client, bytes."""
 
@@ -60,9 +63,9 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--markers",
         type=place,
-        default="127.0.0.1:4269",
+        default=f"127.0.0.1:{MARKER_PORT}",
         metavar="HOST:PORT",
-        help="where clients send markers, a line each (TCP); default: 127.0.0.1:4269",
+        help=f"where clients send markers, a line each (TCP); default: 127.0.0.1:{MARKER_PORT}",
     )
     parser.add_argument(
         "--clock",
@@ -177,7 +180,14 @@ class MarkerLines(socketserver.ThreadingTCPServer):
             super().__init__(address, MarkerHandler)
         except OSError as error:
             host, port = address
-            raise OSError(error.errno, f"{error.strerror}: --markers {host}:{port}") from error
+            if error.errno != errno.EADDRINUSE:
+                why = f"{error.strerror}: --markers {host}:{port}"
+                raise OSError(error.errno, why) from error
+            other = port + 1 if port < (1 << 16) - 1 else port - 1
+            raise OSError(
+                f"{host}:{port}: another program has this port; `--markers {host}:{other}` takes "
+                "another"
+            ) from error
 
 
 class MarkerHandler(socketserver.StreamRequestHandler):
