@@ -325,7 +325,7 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
     )?;
     let stage = if config.rig.methods.passivity.is_some() { "on" } else { "off" };
     tell!(
-        "  passivity  the stage is {stage} (loop.passivity); what it holds beyond the stable stiffness: docs/stability.md"
+        "  passivity  the stage is {stage} (loop.passivity); what it holds beyond the stable stiffness: docs/internals/borders.md"
     )
 }
 

@@ -300,17 +300,20 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
 fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
     let state = tempfile::tempdir().expect("a folder");
     std::fs::write(state.path().join("blocked"), "a file where the folder should be").expect("written");
-    let path = state.path().join("blocked/run.mcap");
     let args = ["server", "--listen", "127.0.0.1:0", "--time", "virtual", "--duration", "1", "--record"];
-    assert_cmd::Command::from_std(hbot())
-        .args(args)
-        .arg(&path)
-        .env("XDG_STATE_HOME", state.path())
-        .timeout(Duration::from_secs(60))
-        .assert()
+    // Files may have 8 kB at most.
+    let limited = |path: &str| {
+        let mut shell = assert_cmd::Command::new("bash");
+        shell.args(["-c", "ulimit -f 8; exec \"$@\"", "limited", env!("CARGO_BIN_EXE_hbot")]).args(args);
+        let shell = shell.arg(state.path().join(path)).env("XDG_STATE_HOME", state.path());
+        shell.timeout(Duration::from_secs(60)).assert()
+    };
+    limited("run.mcap")
         .code(3)
-        .stdout(contains("0 ticks recorded").and(contains("1 file failed")))
+        .stdout(contains("ticks recorded").and(contains("1 file failed")))
         .stderr(contains("the recording cannot be written"));
+    // Where no file can be made at all, the run does not begin.
+    limited("blocked/run.mcap").code(1).stderr(contains("blocked/run.mcap: no file can be made there"));
     let mut help = assert_cmd::Command::from_std(hbot());
     help.args(["server", "--help"])
         .assert()

@@ -352,7 +352,7 @@ impl BackDriving {
 /// The apparent inertia and the largest stable stiffness.
 fn inertia_and_stiffness(page: &mut Page, known: &Known, file: &Path) -> anyhow::Result<()> {
     page.heading("Inertia and stiffness");
-    let how = "computed from the rig file (docs/stability.md)";
+    let how = "computed from the rig file (docs/internals/borders.md)";
     let with = StiffnessBound::of(&known.rig);
     let over = Override { path: "loop.lead", value: json!(false), from: "the certificate" };
     let without = StiffnessBound::of(&RigConfig::load(Some(file), &[over])?);

@@ -151,7 +151,7 @@ impl Judge {
     /// A torque that depends on the angle is rendered late by t. At the speed w it then gives out
     /// the mean power 2 t <T²>/J, with the mean square <T²> of the torque less its mean and the
     /// inertia J: the sphere is faster where the torque has pushed it, and there the torque is
-    /// late. Damping takes B w² (docs/stability.md).
+    /// late. Damping takes B w² (docs/internals/borders.md).
     pub(super) fn turning(&self, scene: &CompiledScene, places: &[(Place, bool)]) -> Option<Finding> {
         let inertia = self.sampled.inertia.element_sum() / 3.0;
         let late = self.late();

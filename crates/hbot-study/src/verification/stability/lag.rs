@@ -238,7 +238,7 @@ mod tests {
     }
 
     /// If the lag is negligible, the border is that of the characteristic polynomial without one:
-    /// k = u - u² with u = d - k/2 (docs/stability.md).
+    /// k = u - u² with u = d - k/2 (docs/internals/borders.md).
     #[test]
     fn without_a_lag_the_eigenvalues_are_those_of_the_polynomial() {
         let case = Case { lag: 1.0e-9, ..Case::all().nth(1).expect("nine") };

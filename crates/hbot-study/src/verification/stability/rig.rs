@@ -53,7 +53,7 @@ fn wanted(rate: u32, stiffness: f64, damping: f64) -> Wanted {
 
 /// Returns the stiffness at which the characteristic polynomial `z (z - 1)² + k (z + 1)/2 + d (z -
 /// 1)` has a root on the unit circle, N m/rad, with k = K h²/J and d = B h/J. It is that of a free
-/// inertia `inertia` (kg m²) on a spring and damper one tick late (docs/stability.md).
+/// inertia `inertia` (kg m²) on a spring and damper one tick late (docs/internals/borders.md).
 fn by_eigenvalues(rate: u32, damping: f64, inertia: f64) -> f64 {
     let h = 1.0 / f64::from(rate);
     // The border is k = u - u² with u = d - k/2, so u² - 3 u + 2 d = 0.
