@@ -201,8 +201,9 @@ function showRights() {
   const may = rig.commands;
   for (const id of ['load', 'loadtext']) $(id).disabled = !may;
   $('effects').toggleAttribute('inert', !may);
-  $('observer').hidden = may || !rig.isLive;
-  put($('observer'), rig.lease.who === 'other' ? 'Take over to change' : 'Take command to change');
+  $('observer').hidden = may || !(rig.state || rig.closed);
+  put($('observer'), !rig.hello ? 'Not connected' : !rig.isLive ? 'No contact'
+    : rig.lease.who === 'other' ? 'Take over to change' : 'Take command to change');
   if (rig.lease.who !== 'other' || !rig.isLive) $('question').hidden = true;
   const list = $('warnings');
   if (list.dataset.shown !== rig.warnings.join('\n')) {
