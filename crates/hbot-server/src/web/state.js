@@ -5,6 +5,8 @@ import { length } from './maths.js';
 
 /** From this rate on, the page says that the sphere still turns after a stop, rad/s. */
 const TURNS = 0.1;
+/** The limits cut a part of the torque: from the first on its bar shows it, from the second on the box tells it. */
+const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
 
 const $ = (id) => document.getElementById(id);
 
@@ -20,15 +22,16 @@ const METERS = [
   ['Speed', "how fast the sphere turns / the rig's limit"],
   ['Traction', 'part of the friction between wheel and sphere that is in use'],
   ['Slip', "how fast a wheel slides on the sphere / the rig's limit"],
-  ['Saturation', "part of the scene's torque that the rig's limits cut off"],
-].map(([name, title]) => {
+  // Whatever the limits cut, the scene does not feel as it is meant.
+  ['Saturation', "part of the scene's torque that the rig's limits cut off", { low: LEAST_SHOWN, high: 1 }],
+].map(([name, title, borders]) => {
   const row = document.createElement('div');
   row.title = title;
   const label = document.createElement('span');
   label.textContent = name;
   const meter = document.createElement('meter');
   meter.setAttribute('aria-label', name);
-  Object.assign(meter, { min: 0, max: 1, low: 0.7, high: 0.9, optimum: 0 });
+  Object.assign(meter, { min: 0, max: 1, low: 0.7, high: 0.9, optimum: 0, ...borders });
   const figures = document.createElement('span');
   row.append(label, meter, figures);
   return { row, meter, figures, name };
@@ -99,13 +102,15 @@ const notice = document.createElement('p');
 notice.id = 'notice';
 $('box').append(notice);
 
-/** Returns the line at the lower end of the box: the sphere still turns, or the scene has a warning. */
+/** Returns the line at the lower end of the box: the sphere still turns, the limits cut, or the scene has a warning. */
 function noticed({ state, isCertain, shaking, warnings }) {
   if (!isCertain) return '';
   const speed = length(state.omega);
   if (['fault', 'estop'].includes(state.mode) && speed > TURNS) {
     return `The sphere still turns: ${speed.toFixed(2)} rad/s`;
   }
+  const cut = 1 - state.scale;
+  if (state.mode === 'active' && cut >= LEAST_TOLD) return `Limits cut ${(100 * cut).toFixed(0)} % of the torque`;
   if (shaking || warnings.length === 0) return '';
   const many = warnings.length > 1 ? `${warnings.length} warnings` : 'Warning';
   return `${many}, see the scene: ${warnings[0]}`;
@@ -203,8 +208,8 @@ function meters(rig) {
     [state.traction, `${(100 * state.traction).toFixed(0)} % of friction`],
     [share(state.slip, limits.slip),
       `${(1e3 * state.slip).toFixed(1)} / ${(1e3 * limits.slip).toFixed(0)} mm/s`],
-    1 - state.scale > 0.0005
-      ? [1 - state.scale, `${(100 * (1 - state.scale)).toFixed(0)} % cut off`] : [0, 'none'],
+    1 - state.scale > LEAST_SHOWN
+      ? [1 - state.scale, `${(100 * (1 - state.scale)).toFixed(0)} % cut off by limits`] : [0, 'none'],
   ];
   METERS.forEach(({ meter, figures, name }, k) => {
     const [value, text] = values[k];
