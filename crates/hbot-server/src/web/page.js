@@ -287,7 +287,7 @@ function showPlot() {
   if (odd) {
     plot($('torque'), samples, colours, { name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true });
   } else {
-    plot($('angle'), samples, colours, { name: 'angle from reference, rad', of: (s) => s.angle, least: 0.02 });
+    plot($('angle'), samples, colours, { name: 'angle from reference, rad', short: 'angle, rad', of: (s) => s.angle, least: 0.02 });
     $('curves').hidden = !rig.curves;
     if (rig.curves) plotCurves($('curves'), rig.curves, rig.present, colours, rig.info?.limits.torque ?? 0);
   }
