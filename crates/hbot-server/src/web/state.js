@@ -15,7 +15,10 @@ export function put(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-const touch = matchMedia('(pointer: coarse)');
+/** Whether the page is used with a finger, which has no keys. */
+export const touch = matchMedia('(pointer: coarse)');
+
+const [ENABLE, RECOVER] = ['enable', 'recover'].map((id) => $(id).title);
 
 const METERS = [
   ['Torque', "of the sphere / the rig's limit"],
@@ -86,16 +89,32 @@ function details(rig) {
   const shaken = rig.shaking
     ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
-  if (state.mode === 'idle' && rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
+  if (state.mode === 'idle') {
+    const why = refusal(rig);
+    if (rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
+    if (why) return [['warn', `No torque. ${why}`]];
+  }
   return [...shaken, ['weak', mode]];
 }
 
 function wayOn(rig) {
   switch (rig.lease.who) {
-    case 'mine': return 'No torque. To go on, press Recover.';
+    case 'mine': return !rig.isFar ? 'No torque. To go on, press Recover.' : rig.isSimulated
+      ? 'No torque. To go on, set the anchor to here, then press Recover.'
+      : 'No torque. To go on, turn the sphere to its reference, then press Recover.';
     case 'other': return 'No torque. To go on, press Take over, then Recover.';
     default: return 'No torque. To go on, press Take command, then Recover.';
   }
+}
+
+/** Returns why the server would refuse to enable now, and what to do about it. Null if it would not. */
+function refusal(rig) {
+  if (!rig.isFar) return null;
+  const { id } = rig.referred;
+  const remedy = rig.isSimulated ? `set its anchor to here, below the scene or by \`hbot set ${id} anchor=here\``
+    : 'turn the sphere nearer to the reference';
+  return `The sphere is ${rig.excess.toFixed(3)} rad from the reference of ${id}. The rig enables it within `
+    + `${rig.info.limits.enable_max_angle} rad: ${remedy}.`;
 }
 
 const notice = document.createElement('p');
@@ -187,13 +206,19 @@ function orders(rig) {
   $('enable').disabled = !(rig.commands && mode === 'idle');
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped);
-  $('recover').disabled = !(rig.commands && stopped);
-  const allowed = rig.info?.limits.enable_max_angle;
-  const away = rig.away;
-  put($('distance'), !rig.state ? 'Distance: not known.'
+  $('recover').disabled = !(rig.commands && stopped) || rig.isFar;
+  $('recover').title = (stopped && refusal(rig)?.replaceAll('`', '')) || RECOVER;
+  $('enable').title = (mode === 'idle' && refusal(rig)?.replaceAll('`', '')) || ENABLE;
+  const { away, excess, isFar } = rig;
+  const allowed = rig.info?.limits.enable_max_angle.toFixed(2);
+  const turns = isFar && (stopped || mode === 'idle');
+  $('distance').className = turns ? 'warn' : 'weak';
+  put($('distance'), !rig.state ? `Distance: not known ${rig.hello ? 'yet' : 'without a connection'}.`
     : away === null ? 'No reference: nothing pulls at once.'
       : rig.beginsHere ? 'The scene begins where the sphere is.'
-      : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
+        : excess === null ? `${away.toFixed(2)} rad from reference`
+          : turns ? `${excess.toFixed(2)} rad from reference: turn to within ${allowed}`
+            : `${excess.toFixed(2)} rad from reference (enable: up to ${allowed})`);
 }
 
 function meters(rig) {
