@@ -41,10 +41,14 @@ const METERS = [
 });
 $('meters').append(...METERS.map(({ row }) => row));
 
+/** Returns what shows a text of the server: what stands between backticks is code. */
+export const withCode = (text) => text.split('`').map((part, k) => (
+  k % 2 === 0 ? part : Object.assign(document.createElement('code'), { textContent: part })));
+
 /** The server's words before a path at the end of a message. Without them, a message is shown as it is. */
 const FLIGHT_LOG = '; flight log: ';
 
-const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}.`;
+const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 
 /** Returns the paragraphs below the headline: `[weight, text]`. */
 function details(rig) {
@@ -111,7 +115,7 @@ function wayOn(rig) {
 function refusal(rig) {
   if (!rig.isFar) return null;
   const { id } = rig.referred;
-  const remedy = rig.isSimulated ? `set its anchor to here, below the scene or by \`hbot set ${id} anchor=here\``
+  const remedy = rig.isSimulated ? `set its anchor to here, or say \`hbot set ${id} anchor=here\``
     : 'turn the sphere nearer to the reference';
   return `The sphere is ${rig.excess.toFixed(3)} rad from the reference of ${id}. The rig enables it within `
     + `${rig.info.limits.enable_max_angle} rad: ${remedy}.`;
@@ -132,7 +136,7 @@ function noticed({ state, isCertain, shaking, warnings }) {
   if (state.mode === 'active' && cut >= LEAST_TOLD) return `Limits cut ${(100 * cut).toFixed(0)} % of the torque`;
   if (shaking || warnings.length === 0) return '';
   const many = warnings.length > 1 ? `${warnings.length} warnings` : 'Warning';
-  return `${many}, see the scene: ${warnings[0]}`;
+  return `${many}, see the scene: ${warnings[0].replaceAll('`', '')}`;
 }
 
 /** Lets the box cover the bars if its text needs their room. So nothing moves. */
@@ -162,7 +166,7 @@ export function showState(rig) {
     $('details').replaceChildren(...lines.map(([weight, text]) => {
       const line = document.createElement('p');
       line.className = weight;
-      line.textContent = text;
+      line.append(...withCode(text));
       return line;
     }));
     fit();
@@ -247,11 +251,11 @@ function meters(rig) {
 /** Returns what shows a message: of the path of a flight log the file's name, and the rest as a tooltip. */
 function said(text) {
   const [words, path] = text.split(FLIGHT_LOG);
-  if (!path) return [text];
+  if (!path) return withCode(text);
   const file = document.createElement('span');
   file.textContent = path.slice(path.lastIndexOf('/') + 1);
   file.title = path;
-  return [words, FLIGHT_LOG, file];
+  return [...withCode(words), FLIGHT_LOG, file];
 }
 
 /** Draws the list of messages, newest first. */
