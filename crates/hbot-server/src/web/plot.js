@@ -53,7 +53,8 @@ function trace(c, points, x, y) {
 
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
- * Where there is no room for `name`, the legend has `short`. With `total`, the length of the vector is a fourth curve.
+ * Where there is no room for `name`, the legend has `short`. With `total`, the length of the vector
+ * is a fourth curve.
  */
 export function plot(canvas, samples, colours, { name, short = name, of, least, total }) {
   const { context: c, width, height } = prepare(canvas);

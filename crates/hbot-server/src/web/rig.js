@@ -247,8 +247,8 @@ export class Rig {
   }
 
   /**
-   * Returns the angle by which the server refuses to enable, rad: from the sphere to where the effect
-   * is at rest. Null if the page does not know the law of the effect, which leaves it to the server.
+   * Returns the angle by which the server refuses to enable, rad: from the sphere to where the
+   * effect is at rest. Null if the page does not know the law of the effect.
    */
   get excess() {
     const { state, referred: effect } = this;

@@ -5,7 +5,7 @@ import { length } from './maths.js';
 
 /** From this rate on, the page says that the sphere still turns after a stop, rad/s. */
 const TURNS = 0.1;
-/** The limits cut a part of the torque: from the first on its bar shows it, from the second on the box tells it. */
+/** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
 const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
 
 const $ = (id) => document.getElementById(id);
@@ -111,7 +111,7 @@ function wayOn(rig) {
   }
 }
 
-/** Returns why the server would refuse to enable now, and what to do about it. Null if it would not. */
+/** Returns why the server would refuse to enable now, and what to do. Null if it would not. */
 function refusal(rig) {
   if (!rig.isFar) return null;
   const { id } = rig.referred;
@@ -125,7 +125,7 @@ const notice = document.createElement('p');
 notice.id = 'notice';
 $('box').append(notice);
 
-/** Returns the line at the lower end of the box: the sphere still turns, the limits cut, or the scene has a warning. */
+/** Returns the line at the end of the box: a sphere that turns, what is cut, or a warning. */
 function noticed({ state, isCertain, shaking, warnings }) {
   if (!isCertain) return '';
   const speed = length(state.omega);
