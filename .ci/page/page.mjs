@@ -119,6 +119,21 @@ for (const [width, height] of [[390, 844], [820, 1100], [844, 390], [1280, 800]]
     document.querySelector(["#legend", "#sphere"][k]).getBoundingClientRect()[side])));
   assert(low <= high, `at ${width} x ${height} the legend ends at ${low} px, and the picture begins at ${high} px`);
 }
+// What a person looks at is in one window on telephones too, and nothing covers it.
+for (const [width, height] of [[390, 844], [844, 390], [360, 640], [640, 360]]) {
+  await page.setViewportSize({ width, height });
+  await page.evaluate(() => window.scrollTo(0, 0));
+  await page.waitForTimeout(300);
+  const covered = await page.evaluate(() => ["chip", "stop", "orders", "box", "meters", "sphere"].filter((id) => {
+    const it = document.getElementById(id);
+    const { left, right, top, bottom } = it.getBoundingClientRect();
+    const [x, y] = [(left + right) / 2, (top + bottom) / 2];
+    return [[x, top + 3], [x, bottom - 3]].some((at) => !it.contains(document.elementFromPoint(...at)));
+  }));
+  assert.deepEqual(covered, [], `at ${width} x ${height}`);
+  const beyond = await page.evaluate(() => window.beyond);
+  assert.deepEqual(beyond, {}, `written beyond the edge at ${width} x ${height}`);
+}
 await page.setViewportSize(SIZES.desk);
 await page.evaluate(() => document.querySelector("#scene").scrollIntoView());
 
@@ -343,6 +358,18 @@ const before = await places();
 await watcher.ask("estop");
 await shows("#details", "Stopped by watcher");
 assert.deepEqual(await places(), before);
+
+// Recover is off while the server would refuse to enable, and the box says what to do.
+const [w, x, y, z] = watcher.state.q;
+const [c, s] = [Math.cos(0.5), Math.sin(0.5)];
+const away = [w * c - x * s, w * s + x * c, y * c + z * s, z * c - y * s];
+await load({ name: "Far", effect: [{ ...spring, anchor: "absolute", reference: away }] });
+await shows("#distance", "turn to within 0.50");
+await shows("#details", "set the anchor to here, then press Recover");
+assert(await page.locator("#recover").isDisabled());
+await picture("far");
+await load({ name: "As text", effect: [spring] });
+await shows("#distance", "The scene begins where the sphere is.");
 await page.click("#recover");
 await watcher.mode("active");
 
@@ -375,6 +402,7 @@ await shows("#who", "you observe, watcher commands");
 await page.click("#lease");
 await shows("#asked", "Take over from watcher?");
 await picture("asked");
+assert.equal(await page.evaluate(() => document.activeElement.id), "no", "Enter gives the safe answer");
 await page.click("#yes");
 await shows("#who", "you command");
 

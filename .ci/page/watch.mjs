@@ -41,16 +41,20 @@ export function watch() {
     });
   });
 
-  // What is written on each canvas since it was cleared.
+  // What is written on each canvas since it was cleared, and what of it ends beyond the right edge.
   window.written = {};
+  window.beyond = {};
   const { clearRect, fillText } = CanvasRenderingContext2D.prototype;
   Object.assign(CanvasRenderingContext2D.prototype, {
     clearRect(...all) {
       window.written[this.canvas.id] = [];
+      delete window.beyond[this.canvas.id];
       clearRect.apply(this, all);
     },
     fillText(text, ...at) {
       window.written[this.canvas.id].push(text);
+      const end = this.textAlign === "left" ? at[0] + this.measureText(text).width : 0;
+      if (end > this.canvas.clientWidth) (window.beyond[this.canvas.id] ??= []).push(text);
       fillText.call(this, text, ...at);
     },
   });

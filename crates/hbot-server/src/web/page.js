@@ -8,7 +8,7 @@ import { length, rotation } from './maths.js';
 import { plot, plotCurves } from './plot.js';
 import { Rig, hasTorque, person } from './rig.js';
 import { Camera, draw } from './sphere.js';
-import { put, showMessages, showState } from './state.js';
+import { put, showMessages, showState, touch, withCode } from './state.js';
 
 /** States per second that the page asks for. */
 const STATES = 60;
@@ -147,7 +147,7 @@ $('lease').onclick = async () => {
     put($('consequence'), `The sphere pushes, and ${name} commands it. The scene goes on when you take `
       + `over. If the program of ${name} streams torques, they end.`);
     $('question').hidden = false;
-    $('yes').focus();
+    $('no').focus();
   } else acquire(who === 'other');
 };
 async function acquire(steal) {
@@ -201,18 +201,24 @@ function showRights() {
   const may = rig.commands;
   for (const id of ['load', 'loadtext']) $(id).disabled = !may;
   $('effects').toggleAttribute('inert', !may);
-  $('observer').hidden = may || !rig.isLive;
-  put($('observer'), rig.lease.who === 'other' ? 'Take over to change' : 'Take command to change');
+  $('observer').hidden = may || !(rig.state || rig.closed);
+  put($('observer'), !rig.hello ? 'Not connected' : !rig.isLive ? 'No contact'
+    : rig.lease.who === 'other' ? 'Take over to change' : 'Take command to change');
   if (rig.lease.who !== 'other' || !rig.isLive) $('question').hidden = true;
   const list = $('warnings');
   if (list.dataset.shown !== rig.warnings.join('\n')) {
     list.dataset.shown = rig.warnings.join('\n');
-    list.replaceChildren(...rig.warnings.map((text) => Object.assign(document.createElement('li'), { textContent: text })));
+    list.replaceChildren(...rig.warnings.map((text) => {
+      const item = document.createElement('li');
+      item.append(...withCode(text));
+      return item;
+    }));
   }
   put($('hint'), !rig.isLive || hand.held ? '' : hand.may()
-    ? 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.'
+    ? touch.matches ? 'Drag the sphere to turn it. Beside it or with two fingers: the view.'
+      : 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.'
     : rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
-      : 'Drag to turn the view, double click to turn it back.');
+      : `Drag to turn the view, double ${touch.matches ? 'tap' : 'click'} to turn it back.`);
   put($('keys'), document.hasFocus() ? 'Esc or Space stops, anywhere here'
     : 'The keys go elsewhere: press STOP');
 }
@@ -262,8 +268,8 @@ function words() {
   }
   put(legend.children[0], `torque ${length(state.torque).toFixed(3)} N m`);
   put(legend.children[1], state.reference ? 'reference, dashed' : 'no reference');
-  put(legend.children[2], `turned about n1 n2 n3 ${turned.map(figure).join(' ')} rad`);
-  put(legend.children[3], `from home ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
+  put(legend.children[2], `rotation n1 n2 n3 ${turned.map(figure).join(' ')} rad`);
+  put(legend.children[3], `angle ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
   const away = rig.away;
   $('sphere').setAttribute('aria-label', `Sphere: turned ${angle.toFixed(2)} rad, torque `
     + `${length(state.torque).toFixed(2)} N m${away === null ? '' : `, ${away.toFixed(2)} rad from its reference`}`);
@@ -286,7 +292,7 @@ function showPlot() {
   if (odd) {
     plot($('torque'), samples, colours, { name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true });
   } else {
-    plot($('angle'), samples, colours, { name: 'angle from reference, rad', of: (s) => s.angle, least: 0.02 });
+    plot($('angle'), samples, colours, { name: 'angle from reference, rad', short: 'angle, rad', of: (s) => s.angle, least: 0.02 });
     $('curves').hidden = !rig.curves;
     if (rig.curves) plotCurves($('curves'), rig.curves, rig.present, colours, rig.info?.limits.torque ?? 0);
   }

@@ -53,9 +53,10 @@ function trace(c, points, x, y) {
 
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
- * With `total`, the length of the vector is a fourth curve.
+ * Where there is no room for `name`, the legend has `short`. With `total`, the length of the vector
+ * is a fourth curve.
  */
-export function plot(canvas, samples, colours, { name, of, least, total }) {
+export function plot(canvas, samples, colours, { name, short = name, of, least, total }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -94,8 +95,10 @@ export function plot(canvas, samples, colours, { name, of, least, total }) {
   }
   c.textAlign = 'left';
   c.fillStyle = colours.text;
-  c.fillText(name, left, 9);
-  let at = left + c.measureText(name).width + 14;
+  const room = width - left - right - curves.reduce((sum, { label }) => sum + c.measureText(label).width + 10, 4);
+  const title = c.measureText(name).width > room ? short : name;
+  c.fillText(title, left, 9);
+  let at = left + c.measureText(title).width + 14;
   for (const curve of curves) {
     c.fillStyle = curve.colour;
     c.fillText(curve.label, at, 9);

@@ -5,6 +5,8 @@ import { length } from './maths.js';
 
 /** From this rate on, the page says that the sphere still turns after a stop, rad/s. */
 const TURNS = 0.1;
+/** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
+const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
 
 const $ = (id) => document.getElementById(id);
 
@@ -13,32 +15,40 @@ export function put(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-const touch = matchMedia('(pointer: coarse)');
+/** Whether the page is used with a finger, which has no keys. */
+export const touch = matchMedia('(pointer: coarse)');
+
+const [ENABLE, RECOVER] = ['enable', 'recover'].map((id) => $(id).title);
 
 const METERS = [
   ['Torque', "of the sphere / the rig's limit"],
   ['Speed', "how fast the sphere turns / the rig's limit"],
   ['Traction', 'part of the friction between wheel and sphere that is in use'],
   ['Slip', "how fast a wheel slides on the sphere / the rig's limit"],
-  ['Saturation', "part of the scene's torque that the rig's limits cut off"],
-].map(([name, title]) => {
+  // Whatever the limits cut, the scene does not feel as it is meant.
+  ['Saturation', "part of the scene's torque that the rig's limits cut off", { low: LEAST_SHOWN, high: 1 }],
+].map(([name, title, borders]) => {
   const row = document.createElement('div');
   row.title = title;
   const label = document.createElement('span');
   label.textContent = name;
   const meter = document.createElement('meter');
   meter.setAttribute('aria-label', name);
-  Object.assign(meter, { min: 0, max: 1, low: 0.7, high: 0.9, optimum: 0 });
+  Object.assign(meter, { min: 0, max: 1, low: 0.7, high: 0.9, optimum: 0, ...borders });
   const figures = document.createElement('span');
   row.append(label, meter, figures);
   return { row, meter, figures, name };
 });
 $('meters').append(...METERS.map(({ row }) => row));
 
+/** Returns what shows a text of the server: what stands between backticks is code. */
+export const withCode = (text) => text.split('`').map((part, k) => (
+  k % 2 === 0 ? part : Object.assign(document.createElement('code'), { textContent: part })));
+
 /** The server's words before a path at the end of a message. Without them, a message is shown as it is. */
 const FLIGHT_LOG = '; flight log: ';
 
-const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}.`;
+const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 
 /** Returns the paragraphs below the headline: `[weight, text]`. */
 function details(rig) {
@@ -83,32 +93,50 @@ function details(rig) {
   const shaken = rig.shaking
     ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
-  if (state.mode === 'idle' && rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
+  if (state.mode === 'idle') {
+    const why = refusal(rig);
+    if (rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
+    if (why) return [['warn', `No torque. ${why}`]];
+  }
   return [...shaken, ['weak', mode]];
 }
 
 function wayOn(rig) {
   switch (rig.lease.who) {
-    case 'mine': return 'No torque. To go on, press Recover.';
+    case 'mine': return !rig.isFar ? 'No torque. To go on, press Recover.' : rig.isSimulated
+      ? 'No torque. To go on, set the anchor to here, then press Recover.'
+      : 'No torque. To go on, turn the sphere to its reference, then press Recover.';
     case 'other': return 'No torque. To go on, press Take over, then Recover.';
     default: return 'No torque. To go on, press Take command, then Recover.';
   }
+}
+
+/** Returns why the server would refuse to enable now, and what to do. Null if it would not. */
+function refusal(rig) {
+  if (!rig.isFar) return null;
+  const { id } = rig.referred;
+  const remedy = rig.isSimulated ? `set its anchor to here, or say \`hbot set ${id} anchor=here\``
+    : 'turn the sphere nearer to the reference';
+  return `The sphere is ${rig.excess.toFixed(3)} rad from the reference of ${id}. The rig enables it within `
+    + `${rig.info.limits.enable_max_angle} rad: ${remedy}.`;
 }
 
 const notice = document.createElement('p');
 notice.id = 'notice';
 $('box').append(notice);
 
-/** Returns the line at the lower end of the box: the sphere still turns, or the scene has a warning. */
+/** Returns the line at the end of the box: a sphere that turns, what is cut, or a warning. */
 function noticed({ state, isCertain, shaking, warnings }) {
   if (!isCertain) return '';
   const speed = length(state.omega);
   if (['fault', 'estop'].includes(state.mode) && speed > TURNS) {
     return `The sphere still turns: ${speed.toFixed(2)} rad/s`;
   }
+  const cut = 1 - state.scale;
+  if (state.mode === 'active' && cut >= LEAST_TOLD) return `Limits cut ${(100 * cut).toFixed(0)} % of the torque`;
   if (shaking || warnings.length === 0) return '';
   const many = warnings.length > 1 ? `${warnings.length} warnings` : 'Warning';
-  return `${many}, see the scene: ${warnings[0]}`;
+  return `${many}, see the scene: ${warnings[0].replaceAll('`', '')}`;
 }
 
 /** Lets the box cover the bars if its text needs their room. So nothing moves. */
@@ -138,7 +166,7 @@ export function showState(rig) {
     $('details').replaceChildren(...lines.map(([weight, text]) => {
       const line = document.createElement('p');
       line.className = weight;
-      line.textContent = text;
+      line.append(...withCode(text));
       return line;
     }));
     fit();
@@ -182,13 +210,19 @@ function orders(rig) {
   $('enable').disabled = !(rig.commands && mode === 'idle');
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped);
-  $('recover').disabled = !(rig.commands && stopped);
-  const allowed = rig.info?.limits.enable_max_angle;
-  const away = rig.away;
-  put($('distance'), !rig.state ? 'Distance: not known.'
+  $('recover').disabled = !(rig.commands && stopped) || rig.isFar;
+  $('recover').title = (stopped && refusal(rig)?.replaceAll('`', '')) || RECOVER;
+  $('enable').title = (mode === 'idle' && refusal(rig)?.replaceAll('`', '')) || ENABLE;
+  const { away, excess, isFar } = rig;
+  const allowed = rig.info?.limits.enable_max_angle.toFixed(2);
+  const turns = isFar && (stopped || mode === 'idle');
+  $('distance').className = turns ? 'warn' : 'weak';
+  put($('distance'), !rig.state ? `Distance: not known ${rig.hello ? 'yet' : 'without a connection'}.`
     : away === null ? 'No reference: nothing pulls at once.'
       : rig.beginsHere ? 'The scene begins where the sphere is.'
-      : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
+        : excess === null ? `${away.toFixed(2)} rad from reference`
+          : turns ? `${excess.toFixed(2)} rad from reference: turn to within ${allowed}`
+            : `${excess.toFixed(2)} rad from reference (enable: up to ${allowed})`);
 }
 
 function meters(rig) {
@@ -203,8 +237,8 @@ function meters(rig) {
     [state.traction, `${(100 * state.traction).toFixed(0)} % of friction`],
     [share(state.slip, limits.slip),
       `${(1e3 * state.slip).toFixed(1)} / ${(1e3 * limits.slip).toFixed(0)} mm/s`],
-    1 - state.scale > 0.0005
-      ? [1 - state.scale, `${(100 * (1 - state.scale)).toFixed(0)} % cut off`] : [0, 'none'],
+    1 - state.scale > LEAST_SHOWN
+      ? [1 - state.scale, `${(100 * (1 - state.scale)).toFixed(0)} % cut off by limits`] : [0, 'none'],
   ];
   METERS.forEach(({ meter, figures, name }, k) => {
     const [value, text] = values[k];
@@ -217,11 +251,11 @@ function meters(rig) {
 /** Returns what shows a message: of the path of a flight log the file's name, and the rest as a tooltip. */
 function said(text) {
   const [words, path] = text.split(FLIGHT_LOG);
-  if (!path) return [text];
+  if (!path) return withCode(text);
   const file = document.createElement('span');
   file.textContent = path.slice(path.lastIndexOf('/') + 1);
   file.title = path;
-  return [words, FLIGHT_LOG, file];
+  return [...withCode(words), FLIGHT_LOG, file];
 }
 
 /** Draws the list of messages, newest first. */
