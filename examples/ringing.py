@@ -2,7 +2,7 @@
 
     python examples/ringing.py FLIGHT_LOG.csv my.toml
 
-Tap the sphere once while no spring acts, and press the emergency stop within a second after it
+Tap the sphere once while no spring acts, and press the emergency stop within 0.8 s after it
 (`hbot estop`): the server then writes a flight log. After a tap the wheels ring against the sphere.
 The program looks for the slowest ringing in the rates of the steer joints, at the frequency f, and
 prints the stiffness k of each contact along the sphere's surface for which the linear equations of
@@ -151,6 +151,8 @@ def ringing(time: Vector, rates: list[Vector]) -> tuple[float, int] | None:
     sharp = [[r[k + 1] - 2 * r[k] + r[k - 1] for k in range(1, len(r) - 1)] for r in rates]
     length = int(WINDOW_S / dt)
     size = [max(abs(s[k]) for s in sharp) for k in range(len(sharp[0]) - length - 1)]
+    if not size:
+        return None
     tap = size.index(max(size)) + 2
     quiet = tap - int(TAP_S / dt) - length
     if quiet < 0:
@@ -195,7 +197,10 @@ def log_of(file: str, joints: range) -> tuple[Vector, list[Vector], list[Vector]
         raise ValueError("it has no ticks")
     rates = [[float(row[f"joint{j}_rate_rad_s"]) for row in rows] for j in joints]
     angles = [[float(row[f"joint{j}_angle_rad"]) for row in rows] for j in joints]
-    return [float(row["t_s"]) for row in rows], rates, angles
+    time = [float(row["t_s"]) for row in rows]
+    if not time[-1] > time[0]:
+        raise ValueError("its times do not grow")
+    return time, rates, angles
 
 
 def main() -> None:

@@ -6,6 +6,8 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use hbot_config::did_you_mean;
 use hbot_config::scene::{ShelfScene, kinds};
 
+use super::orders::SHOW_SCENE;
+
 /// Words that are no commands of hbot, and the command that does what they ask for.
 const HABITS: [(&[&str], &str); 15] = [
     (&["start", "run", "serve", "up", "sim", "simulate"], "`hbot server` runs the rig, or a simulated one"),
@@ -72,34 +74,42 @@ pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<Stri
         ErrorKind::InvalidSubcommand => command(answer, arguments),
         ErrorKind::UnknownArgument => argument(answer, arguments),
         ErrorKind::MissingRequiredArgument if is_command(arguments, &["set"]) => {
-            Some(format!("name an effect and its new values: `hbot set EFFECT KEY=VALUE`, {SHOW_SCENE}"))
+            Some(format!("name an effect and its new values: `hbot set EFFECT KEY=VALUE`; {SHOW_SCENE}"))
         }
         _ => None,
     }
 }
 
-/// Where a user finds the ids and keys of the running scene.
-const SHOW_SCENE: &str = "where `hbot scene show` prints the effects and keys of the running scene";
+/// Commands that are clients of a server.
+const CLIENTS: [&str; 10] =
+    ["info", "watch", "set", "enable", "disable", "reset", "estop", "recover", "record", "hand"];
 
+/// Returns whether a command line begins with these words, after the name of the program.
 fn is_command(arguments: &[OsString], words: &[&str]) -> bool {
-    arguments.iter().skip(1).zip(words).filter(|(argument, word)| argument == word).count() == words.len()
+    arguments.len() > words.len() && arguments[1..].iter().zip(words).all(|(argument, word)| argument == word)
 }
 
 /// Returns what an argument means that the command does not have.
 fn argument(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
     let Some(ContextValue::String(word)) = answer.get(ContextKind::InvalidArg) else { return None };
+    // An option that is only mistyped is named by clap.
+    if answer.get(ContextKind::SuggestedArg).is_some() {
+        return None;
+    }
     let option = word.strip_prefix("--");
     let meaning = match option.map(|option| option.split_once('=').map_or(option, |(name, _)| name)) {
         None if is_command(arguments, &["server"]) && word.ends_with(".toml") => {
             format!("say what the file is: `--rig {word}` or `--scene {word}`")
         }
         Some(key) if is_command(arguments, &["set"]) => {
-            format!("write a parameter without dashes, as in `{key}=VALUE`, {SHOW_SCENE}")
+            format!("write a parameter without dashes, as in `{key}=VALUE`; {SHOW_SCENE}")
         }
         Some("kind") if is_command(arguments, &["scene", "new"]) => {
             "the kinds of the scene's effects are `--effect KIND`".to_owned()
         }
-        Some("port") => "`--server HOST:PORT` names the server".to_owned(),
+        Some("port") if CLIENTS.iter().any(|client| is_command(arguments, &[*client])) => {
+            "`--server HOST:PORT` names the server".to_owned()
+        }
         _ => return None,
     };
     Some(format!("{word:?} is no argument here: {meaning}"))

@@ -260,7 +260,7 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
         (&["status"], "`hbot info`"),
         (&["check", "x.toml"], "`hbot rig check FILE`"),
         (&["hinge"], "`hbot scene load hinge`"),
-        (&["spring"], "`hbot scene new FILE --effect spring`"),
+        (&["magnet"], "`hbot scene new FILE --effect magnet`"),
         (&["server", "my.toml"], "`--rig my.toml` or `--scene my.toml`"),
         (&["set"], "`hbot set EFFECT KEY=VALUE`"),
         (&["set", "spring", "--stiffness", "2"], "without dashes, as in `stiffness=VALUE`"),
@@ -270,7 +270,9 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
     ] {
         run(words).code(2).stderr(contains(command).and(contains("similar").not()));
     }
-    // A mistyped word still gets the most similar command, and so does one after another command.
+    // A mistyped word still gets the most similar command or option.
+    run(&["set", "spring", "stiffness=2", "--steel"]).code(2).stderr(contains("'--steal'"));
+    run(&["rig", "check", "--port", "sim"]).code(2).stderr(contains("--server").not());
     run(&["serer"]).code(2).stderr(contains("'server'"));
     run(&["scene", "lod"]).code(2).stderr(contains("'load'"));
     run(&["estopp"]).code(2).stderr(contains("exists: 'estop'\n"));

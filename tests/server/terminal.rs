@@ -91,7 +91,8 @@ fn the_server_s_banner_and_status_line_end_at_80_columns() {
     client.ask(r#"{"id": 2, "op": "acquire"}"#);
     let held = terminal.read_until("…");
     assert_fit(&held);
-    assert!(held.contains("1 client, held by xxx"), "{held}");
+    // How much of the name there is depends on the digits of late and lost ticks.
+    assert!(held.contains("1 client, held by x"), "{held}");
 }
 
 #[test]

@@ -176,7 +176,7 @@ def test_the_program_survives_its_server(tmp_path: Path) -> None:
         (["--token-file", "missing"], "No such file or directory: 'missing'"),
         (
             ["--markers", "{server}"],
-            "{server}: another program has this port; `--markers 127.0.0.1:",
+            "{server}: another program has this port; choose another by `--markers 127.0.0.1:",
         ),
         (["--ca", "missing"], "missing: no certificate can be read from it"),
     ],

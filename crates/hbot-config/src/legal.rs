@@ -126,9 +126,13 @@ pub(crate) fn has_unit(text: &str) -> bool {
     first.parse::<f64>().is_ok() && unit.is_some_and(|unit| UNITS.contains(&unit))
 }
 
-/// Describes a value of a wrong type, and says what is meant by a number with a unit in quotes.
-pub(crate) fn mistyped(value: &Value) -> String {
-    let hint = if value.as_str().is_some_and(has_unit) { NUMBER_ALONE } else { "" };
+/// Describes a value that is not of the type of `schema`. If it is a number with a unit in quotes
+/// and the number is wanted alone, says so. An angle may have its unit, as the legal values say.
+pub(crate) fn mistyped(schema: &Value, value: &Value) -> String {
+    let is_number = |schema: &Value| ["number", "integer"].iter().any(|kind| schema["type"] == *kind);
+    let wanted = is_number(schema) || branches(schema).is_some_and(|all| all.iter().any(is_number));
+    let is_told = wanted && schema["unit"] != "rad" && value.as_str().is_some_and(has_unit);
+    let hint = if is_told { NUMBER_ALONE } else { "" };
     format!("found {}{hint}", found(value))
 }
 

@@ -23,11 +23,11 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
     if let Some(branches) = branches(schema) {
         return match branches.iter().find(|b| is_of_type(b, value)) {
             Some(branch) => validate(branch, value, path, report),
-            None => report.push(path, mistyped(value), legal(schema)),
+            None => report.push(path, mistyped(schema, value), legal(schema)),
         };
     }
     if !is_of_type(schema, value) {
-        return report.push(path, mistyped(value), legal(schema));
+        return report.push(path, mistyped(schema, value), legal(schema));
     }
     match value {
         Value::Object(table) => validate_table(schema, table, path, report),

@@ -209,6 +209,10 @@ fn one_bracket_and_a_decimal_comma_are_told_what_to_write() {
         let unit = said(&format!("[[effect]]\nid = 'a'\nkind = 'spring'\nstiffness = {value}\n"));
         assert!(unit.contains("(write the number alone: its unit is that of the key)"), "{unit}");
     }
+    let degrees = said("[[effect]]\nid = 'a'\nkind = 'end_stop'\ncone = 35 deg # wide\n");
+    assert!(degrees.contains("(write it in quotes: \"35 deg\")"), "{degrees}");
+    let three = said("[[effect]]\nid = 'a'\nkind = 'constant'\ntorque = '0.1 N m'\n");
+    assert!(three.contains("an array of 3 numbers") && !three.contains("number alone"), "{three}");
     for value in ["2nd", "3-wheel", "1e", "N m"] {
         assert!(!said(&format!("name = {value}\n")).contains("number alone"), "{value}");
     }

@@ -60,6 +60,9 @@ impl Model {
     pub(crate) fn title(&self) -> String {
         match self.badge() {
             Some(badge) => format!("{badge}: {} at {} - hbot panel", self.info.rig.name, self.server),
+            None if matches!(self.link, Link::Offline { .. }) => {
+                format!("not connected: {} - hbot panel", self.server)
+            }
             None => "hbot panel".to_owned(),
         }
     }

@@ -50,6 +50,7 @@ impl Messages {
         if let Some(last) = self.list.back_mut()
             && last.text == text
         {
+            (last.weight, last.told) = (weight, told);
             last.times += 1;
             last.at = Instant::now();
             return;
@@ -86,6 +87,17 @@ impl Messages {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_over_is_hidden_until_it_comes_again() {
+        let mut messages = Messages::default();
+        for _ in 0..2 {
+            messages.add(Weight::Warn, "taken".to_owned());
+            assert_eq!(messages.fresh().count(), 1);
+            messages.is_over("taken");
+            assert_eq!(messages.fresh().count(), 0);
+        }
+    }
 
     #[test]
     fn messages_are_bounded_and_repeats_are_counted() {

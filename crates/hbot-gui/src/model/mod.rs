@@ -302,7 +302,7 @@ impl Model {
             News::Info(info) => {
                 self.simulated = Some(info.rig.simulated);
                 // A panel that came after the stop learns here who or what it was.
-                self.fault = self.fault.take().or_else(|| info.incident.clone());
+                self.fault = info.incident.clone().or(self.fault.take());
                 let known = !self.info.scene.is_null();
                 if self.scene.take(&info.scene) && known {
                     self.marks.fades(self.scene.fading_s());

@@ -4,7 +4,6 @@
 use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
-use super::state;
 use super::theme::{LIVE, Palette, badge, heading, lamp, named, weak};
 use crate::model::{Link, Model, has_torque, person};
 use crate::net::{Intent, Lease};
@@ -49,20 +48,17 @@ fn kind_of_rig(ui: &mut Ui, model: &Model, desk: &Desk, palette: Palette) {
         }
         Some(word @ "LIVE") => (LIVE, word, "a real rig: its motors can push"),
         Some(word) => (palette.text, word, "a simulated rig: there are no motors"),
-        None => (palette.weak, "UNKNOWN", "no server has said yet whether its rig is simulated"),
+        None => {
+            (palette.weak, "UNKNOWN", "not known: the server here can have a simulated rig or a real one")
+        }
     };
     badge(ui, ground, word).on_hover_text(hint);
-}
-
-/// Height of the buttons, points. A low window has no room for larger ones.
-fn height(ui: &Ui) -> f32 {
-    if state::is_low(ui) { 0.0 } else { 28.0 }
 }
 
 fn theme_switch(ui: &mut Ui) {
     let dark = ui.visuals().dark_mode;
     let (text, theme) = if dark { ("Light", egui::Theme::Light) } else { ("Dark", egui::Theme::Dark) };
-    let button = egui::Button::new(text).min_size(vec2(54.0, height(ui)));
+    let button = egui::Button::new(text).min_size(vec2(54.0, 0.0));
     if named(ui.add(button), "Light or dark").on_hover_text("light or dark ground").clicked() {
         ui.ctx().set_theme(theme);
     }
@@ -85,7 +81,7 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
     };
     let live = model.is_online() && model.silent_for().is_none();
     // The layout goes from right to left, so the button comes first.
-    let button = egui::Button::new(text).min_size(vec2(LEASE, height(ui)));
+    let button = egui::Button::new(text).min_size(vec2(LEASE, 0.0));
     if ui.add_enabled(live, button).on_hover_text(hint).clicked() {
         match &model.lease {
             Lease::Other(holder) if model.mode().is_some_and(has_torque) => {

@@ -153,8 +153,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         ui.add_space(6.0);
         state::stop(ui, &mut intents);
         ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
-            desk.judged.take(&model.info);
-            let warnings = desk.judged.warnings(&model.scene.shown());
+            let online = model.is_online();
+            let warnings = if online { desk.judged.warnings(&model.scene.shown()) } else { &[] };
             state::show(ui, model, warnings, &mut intents);
             // A scene stays while the server is away, so that its sliders stay in their places.
             if model.is_online() || !model.scene.effects().is_empty() {

@@ -86,7 +86,8 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
     let headline = model.headline();
     // The edge is as wide in all states, so that nothing below the box moves.
     let edge = egui::Frame::group(ui.style()).stroke.color;
-    let mut frame = egui::Frame::group(ui.style()).inner_margin(5).stroke((2.0, edge));
+    let mut frame =
+        egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(8, 5)).stroke((2.0, edge));
     // The box is as loud as the state.
     frame = match headline {
         Headline::NotStopped => frame.stroke((2.0, Color32::TRANSPARENT)),
@@ -356,7 +357,7 @@ fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
     }
 }
 
-pub(super) fn is_low(ui: &Ui) -> bool {
+fn is_low(ui: &Ui) -> bool {
     ui.ctx().content_rect().height() < TALL
 }
 

@@ -119,7 +119,8 @@ pub fn unsuitable(path: &Path) -> Option<&'static str> {
 }
 
 /// Creates the folder of a recording to `path`, unless it exists, and tries whether a file can be
-/// made there. So a server refuses at its start what its recorder could only report later.
+/// made there. So a server refuses at its start what its recorder could only report later. A trial
+/// file that a killed server has left there is taken over.
 ///
 /// # Errors
 /// Fails if the folder or a file in it cannot be made.
@@ -127,8 +128,10 @@ pub fn try_to_make(path: &Path) -> io::Result<()> {
     let folder = if is_file(path) { path.parent().unwrap_or(path) } else { path };
     fs::create_dir_all(folder)?;
     let trial = folder.join(format!(".hbot-{}", std::process::id()));
-    File::create_new(&trial)?;
-    fs::remove_file(trial)
+    File::create(&trial)?;
+    // Where files may be made but not removed, a recording is possible.
+    let _ = fs::remove_file(trial);
+    Ok(())
 }
 
 /// Creates the file `path`, which must not exist yet.

@@ -102,13 +102,10 @@ function details(rig) {
 }
 
 function wayOn(rig) {
-  switch (rig.lease.who) {
-    case 'mine': return !rig.isFar ? 'No torque. To go on, press Recover.' : rig.isSimulated
-      ? 'No torque. To go on, set the anchor to here, then press Recover.'
-      : 'No torque. To go on, turn the sphere to its reference, then press Recover.';
-    case 'other': return 'No torque. To go on, press Take over, then Recover.';
-    default: return 'No torque. To go on, press Take command, then Recover.';
-  }
+  if (rig.lease.who === 'other') return 'No torque. To go on, press Take over, then Recover.';
+  const take = rig.lease.who === 'mine' ? '' : 'press Take command, then ';
+  const near = rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
+  return `No torque. To go on, ${take}${rig.isFar ? near : ''}press Recover.`;
 }
 
 /** Returns why the server would refuse to enable now, and what to do. Null if it would not. */

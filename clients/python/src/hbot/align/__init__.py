@@ -1,6 +1,6 @@
 """Corrects the orientation of an Hbot by measurements from outside, until it is stopped.
 
-    python -m hbot.align fictrac --port 4270
+    python -m hbot.align fictrac --port 4290
     ffmpeg -loglevel error -f v4l2 -i /dev/video0 -f rawvideo -pix_fmt gray - |
         python -m hbot.align apriltags --layout tags.toml --size 640x480
 

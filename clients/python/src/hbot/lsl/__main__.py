@@ -185,8 +185,8 @@ class MarkerLines(socketserver.ThreadingTCPServer):
                 raise OSError(error.errno, why) from error
             other = port + 1 if port < (1 << 16) - 1 else port - 1
             raise OSError(
-                f"{host}:{port}: another program has this port; `--markers {host}:{other}` takes "
-                "another"
+                f"{host}:{port}: another program has this port; "
+                f"choose another by `--markers {host}:{other}`"
             ) from error
 
 

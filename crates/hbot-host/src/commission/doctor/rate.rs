@@ -27,8 +27,8 @@ pub fn line_rate(traffic: &Traffic, baud: u32) -> f64 {
     MOST_LOAD / time(traffic.commands).max(feedback)
 }
 
-/// Returns the name of each line of a rig, and the number of joints on it. A simulated rig, whose
-/// line is memory, has those that its joints name by `port`.
+/// Returns the name of each line of a rig, and the number of joints on it. A simulated rig has the
+/// lines that its joints name by `port`.
 #[must_use]
 pub fn lines(config: &RigConfig) -> Vec<(String, usize)> {
     let names = match &config.link.port {

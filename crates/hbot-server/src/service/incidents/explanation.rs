@@ -126,8 +126,7 @@ pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> St
         Cause::ClientLost => {
             "the client that held the lease is gone, and api.on_client_lost is \"fault\"".to_owned()
         }
-        // The words of the others say all that is known. Clients add the remedy to them.
-        other => convert::fault(other).words().0.trim_end_matches('.').to_owned(),
+        Cause::Thermal => "a motor or its controller is too hot: let it cool".to_owned(),
     }
 }
 

@@ -81,8 +81,8 @@ fn what_the_loop_does_not_keep_stable_is_refused_or_softened() {
     };
     let walls = ModelCommand { planes: vec![wall(1.0), wall(-1.0)], ..model(0.0, 0.0) };
     assert_eq!(client.try_model(walls).unwrap().stiffness_scale, 1.0);
-    // Without damping only the lead keeps a spring stable: 203 N m/rad (docs/internals/borders.md), less 10
-    // %. Too much damping is not stable either.
+    // Without damping only the lead keeps a spring stable: 203 N m/rad less 10 %
+    // (docs/internals/borders.md). Too much damping is not stable either.
     assert!(client.try_model(model(180.0, 0.0)).is_ok());
     assert!(refusal(&mut client, model(205.0, 0.0)).message.contains("at most 18"));
     let late = refusal(&mut client, ModelCommand { soften: true, ..model(0.0, 1e3) });
