@@ -117,9 +117,7 @@ fn on_the_lines<T>(
     truth: Truth<'_>,
     what: impl FnOnce(&mut Bench) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
-    if rig.link.port.is_simulated() {
-        note!("{}SIMULATED{}: no motor moves; `--port DEVICE` takes a real line", style::WARN, style::OFF);
-    }
+    note_if_simulated(rig);
     let stop = signals::stop_flag()?;
     let mut bench = open(rig, truth, stop.clone(), &Program::this(super::LAST_WORD))?;
     for notice in bench.notices() {
@@ -141,10 +139,22 @@ fn on_the_lines<T>(
     Ok(done)
 }
 
+/// Says that a rig is simulated, because a rig file that `rig new` writes is.
+fn note_if_simulated(rig: &RigConfig) {
+    if rig.link.port.is_simulated() {
+        note!(
+            "{}SIMULATED{}: no motor is asked or moved; `--port DEVICE` takes a real line",
+            style::WARN,
+            style::OFF
+        );
+    }
+}
+
 /// Lists the controllers that answer on each line of the rig. The exit code shows whether they
 /// match the rig file.
 pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
+    note_if_simulated(&rig);
     let mut good = true;
     for line in scan(&rig)? {
         good &= line.is_good();

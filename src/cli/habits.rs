@@ -107,6 +107,9 @@ fn argument(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
         Some("kind") if is_command(arguments, &["scene", "new"]) => {
             "the kinds of the scene's effects are `--effect KIND`".to_owned()
         }
+        None if word.contains(':') && CLIENTS.iter().any(|client| is_command(arguments, &[*client])) => {
+            format!("`--server {word}` names the server")
+        }
         Some("port") if CLIENTS.iter().any(|client| is_command(arguments, &[*client])) => {
             "`--server HOST:PORT` names the server".to_owned()
         }
@@ -118,6 +121,11 @@ fn argument(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
 /// Returns what an unknown command means.
 fn command(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
     let Some(ContextValue::String(word)) = answer.get(ContextKind::InvalidSubcommand) else { return None };
+    if is_command(arguments, &["scene", word]) && ShelfScene::named(word).is_some() {
+        return Some(format!(
+            "`hbot scene load {word}` loads this scene, and `hbot scene plot {word}` draws it"
+        ));
+    }
     // The commands of `hbot scene` and `hbot rig` have other names.
     if arguments.get(1).is_none_or(|first| first != word.as_str()) {
         return None;

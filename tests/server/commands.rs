@@ -310,7 +310,7 @@ fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
     };
     limited("run.mcap")
         .code(3)
-        .stdout(contains("ticks recorded").and(contains("1 file failed")))
+        .stdout(contains("0 ticks recorded").and(contains("1 file failed")))
         .stderr(contains("the recording cannot be written"));
     // Where no file can be made at all, the run does not begin.
     limited("blocked/run.mcap").code(1).stderr(contains("blocked/run.mcap: no file can be made there"));

@@ -266,6 +266,8 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
         (&["set", "spring", "--stiffness", "2"], "without dashes, as in `stiffness=VALUE`"),
         (&["set", "spring.stiffness=2"], "hbot set spring stiffness=2"),
         (&["info", "--port", "4268"], "`--server HOST:PORT`"),
+        (&["watch", "127.0.0.1:4268"], "`--server 127.0.0.1:4268`"),
+        (&["scene", "hinge"], "`hbot scene load hinge`"),
         (&["study", "accuracy", "--quick"], "`cargo run --release -p hbot-study -- accuracy --quick`"),
     ] {
         run(words).code(2).stderr(contains(command).and(contains("similar").not()));
