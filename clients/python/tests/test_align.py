@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import os
 import socket
 import subprocess
 import sys
@@ -142,9 +144,16 @@ def around() -> list[dict[str, Any]]:
     return tags
 
 
-def bitmap(detector: Any, number: int) -> Any:
+@functools.cache
+def tag36h11() -> Any:
+    """Return the family of tags in the detector's library, which outlives the detector."""
+    detector = Detector(families="tag36h11")
+    return detector.tag_families.pop("tag36h11").contents
+
+
+def bitmap(number: int) -> Any:
     """Return the cells of a tag with its white border, from the codes in the detector's library."""
-    family = detector.tag_families["tag36h11"].contents
+    family = tag36h11()
     cells = np.zeros((family.total_width, family.total_width))
     edge = (family.total_width - family.width_at_border) // 2
     cells[:] = 1.0
@@ -161,7 +170,6 @@ def rendered(q: Quaternion, tags: list[dict[str, Any]], finer: int = 3) -> Any:
     The tags are flat and touch the sphere with their centres. What is written here about the camera
     and the tags does not use the code under test.
     """
-    detector = Detector(families="tag36h11")
     w, x, y, z = q
     body = np.array([
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -190,7 +198,7 @@ def rendered(q: Quaternion, tags: list[dict[str, Any]], finer: int = 3) -> Any:
         along = rays @ normal
         distance = np.where(np.abs(along) > 1e-9, ((place - eye) @ normal) / along, -1.0)
         hit = eye + rays * distance[..., None] - place
-        cells = bitmap(detector, tag["id"])
+        cells = bitmap(tag["id"])
         cell = tag["size"] / 8  # the black square of this family has 8 cells
         column = np.floor(hit @ side / cell + cells.shape[1] / 2).astype(int)
         row = np.floor(-(hit @ up) / cell + cells.shape[0] / 2).astype(int)
@@ -223,6 +231,26 @@ def test_a_picture_without_tags_says_nothing() -> None:
     assert source.measure(np.full((ROWS, COLUMNS), 128, np.uint8)) is None
     # Tags that are not of the sphere do not count.
     assert AprilTags(Layout(layout([]))).measure(rendered(IDENTITY, around())) is None
+
+
+DETECTORS = """
+import numpy
+from hbot.align.apriltags import AprilTags, Layout
+camera = {"focal": [600, 600], "centre": [160, 120], "right": [0, 1, 0], "down": [0, 0, -1]}
+tag = {"id": 0, "size": 0.03, "normal": [1, 0, 0], "up": [0, 0, 1]}
+layout = Layout({"radius": 0.1, "camera": camera, "tag": [tag]})
+noise = numpy.random.default_rng(1)
+for _ in range(100):
+    AprilTags(layout)
+    AprilTags(layout).measure(noise.integers(0, 255, (240, 320), numpy.uint8))
+"""
+
+
+def test_detectors_end_without_a_crash() -> None:
+    """Freed memory that is filled at once shows who still uses it."""
+    filled = {"GLIBC_TUNABLES": "glibc.malloc.tcache_count=0:glibc.malloc.perturb=165"}
+    command = [sys.executable, "-c", DETECTORS]
+    subprocess.run(command, env={**os.environ, **filled}, check=True, timeout=120)
 
 
 @pytest.mark.parametrize("turn", [(0, 0, 0), (3.1, 0, 0), (0, 3.1, 0), (0, 0, 3.1), (1, -2, 0.5)])

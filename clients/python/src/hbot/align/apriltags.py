@@ -108,6 +108,9 @@ class AprilTags:
         self._layout = layout
         self._delay = delay
         self._detector = Detector(families=layout.family, quad_decimate=1.0)
+        # At its end the library would free the family before the detector that still uses it, which
+        # can abort the program (pupil-labs/apriltags, issue 46). So the family is never freed.
+        self._detector.tag_families.clear()
 
     def measure(self, picture: NDArray[np.uint8]) -> Measured | None:
         """Return the orientation in a grey picture, rows by columns. None: no tag is seen."""
