@@ -358,18 +358,6 @@ const before = await places();
 await watcher.ask("estop");
 await shows("#details", "Stopped by watcher");
 assert.deepEqual(await places(), before);
-
-// Recover is off while the server would refuse to enable, and the box says what to do.
-const [w, x, y, z] = watcher.state.q;
-const [c, s] = [Math.cos(0.5), Math.sin(0.5)];
-const away = [w * c - x * s, w * s + x * c, y * c + z * s, z * c - y * s];
-await load({ name: "Far", effect: [{ ...spring, anchor: "absolute", reference: away }] });
-await shows("#distance", "turn to within 0.50");
-await shows("#details", "set the anchor to here, then press Recover");
-assert(await page.locator("#recover").isDisabled());
-await picture("far");
-await load({ name: "As text", effect: [spring] });
-await shows("#distance", "The scene begins where the sphere is.");
 await page.click("#recover");
 await watcher.mode("active");
 

@@ -96,6 +96,7 @@ fn argument(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
     if answer.get(ContextKind::SuggestedArg).is_some() {
         return None;
     }
+    let is_client = CLIENTS.iter().any(|client| is_command(arguments, &[*client]));
     let option = word.strip_prefix("--");
     let meaning = match option.map(|option| option.split_once('=').map_or(option, |(name, _)| name)) {
         None if is_command(arguments, &["server"]) && word.ends_with(".toml") => {
@@ -107,12 +108,8 @@ fn argument(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
         Some("kind") if is_command(arguments, &["scene", "new"]) => {
             "the kinds of the scene's effects are `--effect KIND`".to_owned()
         }
-        None if word.contains(':') && CLIENTS.iter().any(|client| is_command(arguments, &[*client])) => {
-            format!("`--server {word}` names the server")
-        }
-        Some("port") if CLIENTS.iter().any(|client| is_command(arguments, &[*client])) => {
-            "`--server HOST:PORT` names the server".to_owned()
-        }
+        None if is_client && word.contains(':') => format!("`--server {word}` names the server"),
+        Some("port") if is_client => "`--server HOST:PORT` names the server".to_owned(),
         _ => return None,
     };
     Some(format!("{word:?} is no argument here: {meaning}"))

@@ -110,9 +110,10 @@ fn syntax_hint(line: &str) -> Option<String> {
     let value = line.split_once('=').map_or("", |(_, value)| value.trim());
     if has_unit(value) {
         let degrees = value.split('#').next().unwrap_or_default().trim();
-        return Some(match degrees.strip_suffix("deg") {
-            Some(_) => format!(" (write it in quotes: {degrees:?})"),
-            None => NUMBER_ALONE.to_owned(),
+        return Some(if degrees.ends_with("deg") {
+            format!(" (write it in quotes: {degrees:?})")
+        } else {
+            NUMBER_ALONE.to_owned()
         });
     }
     decimal_point(line).map(|right| format!(" (write a decimal point: {right})"))

@@ -79,7 +79,7 @@ impl Scene {
 
     /// Returns whether a server has told the scene since this panel began.
     pub(crate) fn is_known(&self) -> bool {
-        !self.told.is_null()
+        !self.name.is_empty()
     }
 
     pub(crate) fn name(&self) -> &str {
@@ -237,6 +237,14 @@ mod tests {
         assert_eq!(stiffness(&scene), 4.0, "a later wish is not undone by the answer to an earlier one");
         scene.answered("a", "stiffness", &json!(4.0), true);
         assert_eq!(stiffness(&scene), 4.0);
+    }
+
+    #[test]
+    fn a_scene_is_known_once_it_was_told_and_stays_so() {
+        assert!(!Scene::default().is_known());
+        let mut scene = scene();
+        scene.set("a", "stiffness", &json!(2.0));
+        assert!(scene.is_known());
     }
 
     #[test]

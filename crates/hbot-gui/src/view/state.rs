@@ -229,16 +229,12 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     }
     // What was found comes before the usual remedy. A simulated rig has no plug that is loose.
     match &model.fault {
-        Some(told) => {
-            drop(ui.add(egui::Label::new(format!("{fault}: {}", without_log(&told.message))).wrap()))
-        }
-        None => drop(weak(ui, fault.as_str())),
-    }
-    if model.is_simulated() {
-        weak(ui, cure);
-    } else {
-        ui.add(egui::Label::new(cure).wrap());
-    }
+        Some(told) => ui.add(egui::Label::new(format!("{fault}: {}", without_log(&told.message))).wrap()),
+        None => weak(ui, fault.as_str()),
+    };
+    let cure = RichText::new(cure);
+    let cure = if model.is_simulated() { cure.weak() } else { cure };
+    ui.add(egui::Label::new(cure).wrap());
 }
 
 /// Says that the sphere must slow down before a reset, if it is still as fast as in the fault

@@ -1,7 +1,7 @@
 // What the page knows of the rig. It changes with what arrives from the server and with what the
 // person asks, and it draws nothing. The rules are those of the panel (docs/panel.md).
 
-import { add, conjugate, dot, length, normalised, product, rotated, rotation, scaled, unit } from './maths.js';
+import { conjugate, length, normalised, product, rotation } from './maths.js';
 
 /** If no state arrives for this time, the server is silent, ms. */
 const SILENT_AFTER = 1500;
@@ -235,38 +235,11 @@ export class Rig {
     return this.state?.reference ? length(this.deflection(this.state)) : null;
   }
 
-  /** The effect whose reference counts: the first that has one. */
-  get referred() {
-    return this.info?.scene?.effect.find((effect) => this.kind(effect.kind)?.schema.properties?.anchor);
-  }
-
-  /** Whether it is placed where the sphere is when it is enabled. */
+  /** Whether the effect whose reference counts is placed where the sphere is when it is enabled. */
   get beginsHere() {
-    const effect = this.referred;
-    return (effect?.anchor ?? this.kind(effect?.kind)?.schema.properties.anchor.default) === 'here';
-  }
-
-  /**
-   * Returns the angle by which the server refuses to enable, rad: from the sphere to where the
-   * effect is at rest. Null if the page does not know the law of the effect.
-   */
-  get excess() {
-    const { state, referred: effect } = this;
-    if (!state?.reference || !effect || this.beginsHere) return null;
-    if (effect.kind === 'spring') return this.away;
-    const axis = effect.kind === 'guide' && unit(effect.axis ?? [0, 0, 1]);
-    if (!axis) return null;
-    const x = product(conjugate(state.reference), state.q);
-    const sine = (s) => Math.asin(Math.min(1, Math.abs(s)));
-    if (effect.free === 'plane') return sine(dot(rotated(x, unit(effect.pointer ?? [1, 0, 0]) ?? axis), axis));
-    const turn = x.slice(1);
-    const along = dot(turn, axis);
-    return 2 * sine(effect.free === 'swing' ? along : length(add(turn, scaled(axis, -along))));
-  }
-
-  /** Whether the server would refuse to enable, because the sphere is too far from there. */
-  get isFar() {
-    return this.excess > (this.info?.limits.enable_max_angle ?? Infinity);
+    const placed = (this.info?.scene?.effect ?? []).map((effect) => (
+      effect.anchor ?? this.kind(effect.kind)?.schema.properties?.anchor?.default));
+    return placed.find((anchor) => anchor !== undefined) === 'here';
   }
 
   kind(name) {

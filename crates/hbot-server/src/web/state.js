@@ -18,8 +18,6 @@ export function put(element, text) {
 /** Whether the page is used with a finger, which has no keys. */
 export const touch = matchMedia('(pointer: coarse)');
 
-const [ENABLE, RECOVER] = ['enable', 'recover'].map((id) => $(id).title);
-
 const METERS = [
   ['Torque', "of the sphere / the rig's limit"],
   ['Speed', "how fast the sphere turns / the rig's limit"],
@@ -93,29 +91,16 @@ function details(rig) {
   const shaken = rig.shaking
     ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
-  if (state.mode === 'idle') {
-    const why = refusal(rig);
-    if (rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
-    if (why) return [['warn', `No torque. ${why}`]];
-  }
+  if (state.mode === 'idle' && rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
   return [...shaken, ['weak', mode]];
 }
 
 function wayOn(rig) {
-  if (rig.lease.who === 'other') return 'No torque. To go on, press Take over, then Recover.';
-  const take = rig.lease.who === 'mine' ? '' : 'press Take command, then ';
-  const near = rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
-  return `No torque. To go on, ${take}${rig.isFar ? near : ''}press Recover.`;
-}
-
-/** Returns why the server would refuse to enable now, and what to do. Null if it would not. */
-function refusal(rig) {
-  if (!rig.isFar) return null;
-  const { id } = rig.referred;
-  const remedy = rig.isSimulated ? `set its anchor to here, or say \`hbot set ${id} anchor=here\``
-    : 'turn the sphere nearer to the reference';
-  return `The sphere is ${rig.excess.toFixed(3)} rad from the reference of ${id}. The rig enables it within `
-    + `${rig.info.limits.enable_max_angle} rad: ${remedy}.`;
+  switch (rig.lease.who) {
+    case 'mine': return 'No torque. To go on, press Recover.';
+    case 'other': return 'No torque. To go on, press Take over, then Recover.';
+    default: return 'No torque. To go on, press Take command, then Recover.';
+  }
 }
 
 const notice = document.createElement('p');
@@ -207,19 +192,13 @@ function orders(rig) {
   $('enable').disabled = !(rig.commands && mode === 'idle');
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped);
-  $('recover').disabled = !(rig.commands && stopped) || rig.isFar;
-  $('recover').title = (stopped && refusal(rig)?.replaceAll('`', '')) || RECOVER;
-  $('enable').title = (mode === 'idle' && refusal(rig)?.replaceAll('`', '')) || ENABLE;
-  const { away, excess, isFar } = rig;
-  const allowed = rig.info?.limits.enable_max_angle.toFixed(2);
-  const turns = isFar && (stopped || mode === 'idle');
-  $('distance').className = turns ? 'warn' : 'weak';
+  $('recover').disabled = !(rig.commands && stopped);
+  const allowed = rig.info?.limits.enable_max_angle;
+  const { away } = rig;
   put($('distance'), !rig.state ? `Distance: not known ${rig.hello ? 'yet' : 'without a connection'}.`
     : away === null ? 'No reference: nothing pulls at once.'
       : rig.beginsHere ? 'The scene begins where the sphere is.'
-        : excess === null ? `${away.toFixed(2)} rad from reference`
-          : turns ? `${excess.toFixed(2)} rad from reference: turn to within ${allowed}`
-            : `${excess.toFixed(2)} rad from reference (enable: up to ${allowed})`);
+        : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
 }
 
 function meters(rig) {
