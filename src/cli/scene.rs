@@ -15,7 +15,7 @@ use anyhow::anyhow;
 use clap::{Args, Subcommand};
 use hbot_config::advice::{Abilities, in_vain};
 use hbot_config::scene::ShelfScene;
-use hbot_config::{LoadError, RigConfig, SceneFile};
+use hbot_config::{LoadError, RigConfig, SceneFile, did_you_mean};
 
 use super::out::{foreign, say, tell};
 use super::{Commanding, ServerAddress, orders, style};
@@ -189,4 +189,11 @@ pub(super) fn warn(warnings: &[String]) -> anyhow::Result<()> {
         tell!("  {}warning:{} {}", style::WARN, style::OFF, foreign(warning))?;
     }
     Ok(())
+}
+
+/// Returns the error about a name that is not among the legal ones.
+fn unknown(name: &str, what: &str, legal: &[&str]) -> anyhow::Error {
+    let meant = did_you_mean(name, legal.iter().copied());
+    let guess = meant.map(|meant| format!(" (did you mean `{meant}`?)")).unwrap_or_default();
+    anyhow!("{name:?} is {what}{guess}; legal: {}", legal.join(", "))
 }

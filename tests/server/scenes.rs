@@ -106,7 +106,13 @@ fn a_new_scene_is_written_from_options_checked_and_drawn() {
     let (ok, said) = scene(&["new", "mine.toml"]);
     assert!(!ok && said.contains("mine.toml exists already"), "{said}");
     let (ok, said) = scene(&["new", "other.toml", "--effect", "sprng"]);
-    assert!(!ok && said.contains("\"sprng\" is no kind of effect; legal: constant, spring"), "{said}");
+    assert!(
+        !ok && said
+            .contains("\"sprng\" is no kind of effect (did you mean `spring`?); legal: constant, spring"),
+        "{said}"
+    );
+    let (ok, said) = scene(&["kinds", "sprng"]);
+    assert!(!ok && said.contains("is no kind and no phenomenon (did you mean `spring`?)"), "{said}");
 }
 
 #[test]

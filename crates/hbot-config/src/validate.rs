@@ -72,7 +72,10 @@ fn validate_table(schema: &Value, table: &Map<String, Value>, path: &str, report
     let properties = schema["properties"].as_object().unwrap_or(&empty);
     for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
         if !table.contains_key(key) {
-            report.push(&join(path, key), "missing", legal(&schema["properties"][key]));
+            let unknown = table.keys().map(String::as_str).filter(|other| !properties.contains_key(*other));
+            let guess = did_you_mean(key, unknown).map(|k| format!(" (is it `{k}`?)"));
+            let message = format!("missing{}", guess.unwrap_or_default());
+            report.push(&join(path, key), message, legal(&schema["properties"][key]));
         }
     }
     for (key, value) in table {

@@ -1,10 +1,9 @@
 //! `hbot scene kinds`: lists the kinds of effects and the phenomena that a scene can contain.
 
-use anyhow::bail;
 use hbot_config::scene::{Listed, kinds, phenomena};
 use serde_json::json;
 
-use super::{say, style, tell};
+use super::{say, style, tell, unknown};
 
 pub(super) fn run(only: Option<&str>, as_json: bool) -> anyhow::Result<()> {
     if as_json {
@@ -15,7 +14,7 @@ pub(super) fn run(only: Option<&str>, as_json: bool) -> anyhow::Result<()> {
         let all: Vec<Listed> = kinds().into_iter().chain(phenomena()).collect();
         let Some(listed) = all.iter().find(|listed| listed.name == name) else {
             let legal: Vec<&str> = all.iter().map(|listed| listed.name).collect();
-            bail!("{name:?} is no kind and no phenomenon; legal: {}", legal.join(", "));
+            return Err(unknown(name, "no kind and no phenomenon", &legal));
         };
         return describe(listed);
     }

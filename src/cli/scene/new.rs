@@ -10,6 +10,7 @@ use hbot_config::scene::{Listed, kinds};
 
 use super::super::ask::{at_terminal, somebody_is_there};
 use super::super::out::{create_new, note, tell};
+use super::unknown;
 
 /// Options of `hbot scene new`. On a terminal, the command asks for what is not given.
 #[derive(Debug, Args)]
@@ -73,9 +74,9 @@ fn ask_for_kinds() -> anyhow::Result<Vec<Listed>> {
 fn named(names: &[String]) -> anyhow::Result<Vec<Listed>> {
     let all = kinds();
     let find = |name: &String| {
-        all.iter().find(|kind| kind.name == *name).cloned().with_context(|| {
+        all.iter().find(|kind| kind.name == *name).cloned().ok_or_else(|| {
             let legal: Vec<_> = all.iter().map(|kind| kind.name).collect();
-            format!("{name:?} is no kind of effect; legal: {}", legal.join(", "))
+            unknown(name, "no kind of effect", &legal)
         })
     };
     names.iter().map(find).collect()

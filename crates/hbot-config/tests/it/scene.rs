@@ -122,6 +122,10 @@ fn ids_and_kinds() {
              x.toml:1:1: effect[0].kind: missing; legal: {kinds}"
         )
     );
+    assert!(
+        said("[[effect]]\nid = 's'\nknid = 'spring'")
+            .contains("effect[0].kind: missing (is it `knid`?); legal:")
+    );
     assert_eq!(
         said("[[effect]]\nid = 'a'\nkind = 'damper'\n[[effect]]\nid = 'a'\nkind = 'spring'"),
         "x.toml:5:6: effect[1].id: \"a\" is the id of effect[0] already; legal: ids that differ"
