@@ -38,11 +38,13 @@ function logarithmic(least, end, zero) {
   };
 }
 
-/** Returns the name of a parameter with its unit, unless the name ends with the unit. */
+/** Returns the name of a parameter in words, with its unit. The key itself is in its title. */
 function named(key, schema) {
   const { unit } = schema;
-  const label = make('span', { className: 'key', title: explain(schema) }, key.replaceAll('_', '_\u200b'));
-  if (unit && unit !== '1' && !key.endsWith(`_${unit}`)) label.append(', ', make('small', {}, unit));
+  const ending = `_${unit}`;
+  const words = (key.endsWith(ending) ? key.slice(0, -ending.length) : key).replaceAll('_', ' ');
+  const label = make('span', { className: 'key', title: `${key}: ${explain(schema)}` }, words);
+  if (unit && unit !== '1') label.append(', ', make('small', {}, unit));
   return label;
 }
 
@@ -88,7 +90,10 @@ export class Controls {
       box.append(make('p', { className: 'weak' }, 'The server has told no parameters of this kind.'));
       return box;
     }
-    for (const [key, schema] of Object.entries(kind.schema.properties ?? {})) {
+    // What makes this kind comes first, then what all kinds have.
+    const shared = ([key]) => this.rig.info.effects.every(({ schema }) => key in (schema.properties ?? {}));
+    const properties = Object.entries(kind.schema.properties ?? {});
+    for (const [key, schema] of [...properties.filter((it) => !shared(it)), ...properties.filter(shared)]) {
       const get = () => this.rig.value(of(), key) ?? schema.default ?? null;
       const set = (value) => this.want(id, key, value);
       const row = make('div', { className: 'parameter' }, named(key, schema));

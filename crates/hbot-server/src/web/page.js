@@ -290,7 +290,8 @@ function showPlot() {
   const { samples } = rig;
   odd = !odd;
   if (odd) {
-    plot($('torque'), samples, colours, { name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true });
+    plot($('torque'), samples, colours, {
+      name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true, limit: rig.info?.limits.torque });
   } else {
     plot($('angle'), samples, colours, { name: 'angle from reference, rad', short: 'angle, rad', of: (s) => s.angle, least: 0.02 });
     $('curves').hidden = !rig.curves;

@@ -54,9 +54,9 @@ function trace(c, points, x, y) {
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
  * Where there is no room for `name`, the legend has `short`. With `total`, the length of the vector
- * is a fourth curve.
+ * is a fourth curve. A `limit` of it is drawn once a sample comes near.
  */
-export function plot(canvas, samples, colours, { name, short = name, of, least, total }) {
+export function plot(canvas, samples, colours, { name, short = name, of, least, total, limit }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -70,7 +70,9 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   for (const sample of samples) {
     for (const curve of curves) most = Math.max(most, Math.abs(curve.at(sample)));
   }
-  const end = roundUp(most);
+  // The line needs room above it.
+  const limited = limit > 0 && most > 0.8 * limit;
+  const end = roundUp(limited ? Math.max(most, 1.1 * limit) : most);
   const x = (t) => left + (width - left - right) * (1 + (t - now) / SPAN);
   const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
   c.font = '12px system-ui, sans-serif';
@@ -108,6 +110,16 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
     c.beginPath();
     trace(c, shown, (sample) => x(sample.t), (sample) => y(curve.at(sample)));
     c.stroke();
+  }
+  if (limited) {
+    c.fillStyle = c.strokeStyle = colours.warn;
+    c.fillText('limit', at, 9);
+    c.setLineDash([6, 6]);
+    c.beginPath();
+    c.moveTo(left, y(limit));
+    c.lineTo(width - right, y(limit));
+    c.stroke();
+    c.setLineDash([]);
   }
   return end;
 }
