@@ -361,11 +361,10 @@ impl SceneEffect {
     /// Returns all keys and values of the effect that a client can change with the op `set`: all
     /// except `id` and `kind`.
     fn settable(&self) -> Map<String, Value> {
-        let mut all = Map::new();
+        let mut all = self.parameters.clone();
         all.insert("gain".to_owned(), self.common.gain.into());
         all.insert("fade_s".to_owned(), self.common.fade_s.into());
         all.insert("fade_out_s".to_owned(), self.common.fade_out_s.into());
-        all.extend(self.parameters.clone());
         all
     }
 

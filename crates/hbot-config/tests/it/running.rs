@@ -83,14 +83,14 @@ fn what_is_refused_changes_nothing() {
             "spring",
             json!({"gain": 2, "stiffness": 1e9, "colour": 3}),
             "stiffness: 1000000000.0 is out of range; legal: 0 to 1000 N m/rad\n\
-             colour: unknown key; legal: gain, fade_s, fade_out_s, law, stiffness, damping, deadband, reference, \
-             anchor",
+             colour: unknown key; legal: law, stiffness, damping, deadband, reference, anchor, \
+             gain, fade_s, fade_out_s",
         ),
         (
             "air",
             json!({"kind": "spring", "id": "x"}),
-            "kind: cannot be set while the scene runs; legal: gain, fade_s, fade_out_s, damping, deadband\n\
-             id: cannot be set while the scene runs; legal: gain, fade_s, fade_out_s, damping, deadband",
+            "kind: cannot be set while the scene runs; legal: damping, deadband, gain, fade_s, fade_out_s\n\
+             id: cannot be set while the scene runs; legal: damping, deadband, gain, fade_s, fade_out_s",
         ),
         (
             "spring",

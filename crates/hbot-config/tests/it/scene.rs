@@ -160,8 +160,8 @@ fn ids_and_kinds() {
 fn keys_and_types() {
     assert_eq!(
         said_of_spring("stifness = 3"),
-        "x.toml:4:1: effect[0].stifness: unknown key (did you mean `stiffness`?); legal: id, kind, gain, fade_s, \
-         fade_out_s, law, stiffness, damping, deadband, reference, anchor"
+        "x.toml:4:1: effect[0].stifness: unknown key (did you mean `stiffness`?); legal: id, kind, law, \
+         stiffness, damping, deadband, reference, anchor, gain, fade_s, fade_out_s"
     );
     assert_eq!(
         said_of_spring("stiffness = 'soft'"),
@@ -292,7 +292,7 @@ fn json_mistakes_have_paths_and_no_lines() {
     assert_eq!(
         said(json!({"effect": [{"id": "d", "kind": "damper", "damping": -1, "\u{1b}[2J": 1}]})),
         "effect[0].damping: -1 is out of range; legal: 0 to 100 N m s/rad\n\
-         effect[0].\"\\u{1b}[2J\": unknown key; legal: id, kind, gain, fade_s, fade_out_s, damping, deadband"
+         effect[0].\"\\u{1b}[2J\": unknown key; legal: id, kind, damping, deadband, gain, fade_s, fade_out_s"
     );
 }
 

@@ -47,7 +47,7 @@ const CONTROLS: [&str; 23] = [
     "Scene file",
     "Load",
     "spring on",
-    "spring gain",
+    "spring law",
     "Pause",
     "Export CSV",
     "Light or dark",

@@ -90,10 +90,7 @@ export class Controls {
       box.append(make('p', { className: 'weak' }, 'The server has told no parameters of this kind.'));
       return box;
     }
-    // What makes this kind comes first, then what all kinds have.
-    const shared = ([key]) => this.rig.info.effects.every(({ schema }) => key in (schema.properties ?? {}));
-    const properties = Object.entries(kind.schema.properties ?? {});
-    for (const [key, schema] of [...properties.filter((it) => !shared(it)), ...properties.filter(shared)]) {
+    for (const [key, schema] of Object.entries(kind.schema.properties ?? {})) {
       const get = () => this.rig.value(of(), key) ?? schema.default ?? null;
       const set = (value) => this.want(id, key, value);
       const row = make('div', { className: 'parameter' }, named(key, schema));

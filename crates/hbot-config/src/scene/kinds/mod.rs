@@ -140,7 +140,7 @@ pub(super) struct Compiled {
 pub(super) struct KindEntry {
     pub(super) name: &'static str,
     /// JSON schema of the parameters that a client can set while a scene runs (with the op `set`):
-    /// the common ones and those of the kind.
+    /// those of the kind, then the common ones.
     pub(super) schema: Value,
     /// JSON schema of an effect of this kind in a scene file: `id`, `kind` and all parameters.
     pub(super) effect_schema: Value,
@@ -152,8 +152,9 @@ pub(super) struct KindEntry {
 impl KindEntry {
     fn of<K: EffectKind>() -> Self {
         let own = schema::of::<K>();
-        let mut properties = schema::properties(&schema::of::<Common>());
-        properties.extend(schema::properties(&own));
+        // What makes the kind comes first, for whoever reads them in this order.
+        let mut properties = schema::properties(&own);
+        properties.extend(schema::properties(&schema::of::<Common>()));
         let required = own["required"].as_array().cloned().unwrap_or_default();
         let schema = json!({
             "type": "object",
