@@ -89,7 +89,7 @@ PEERS: list[Peer] = []
 
 
 def with_peer(test: Callable[[Server, Peer], None]) -> Callable[[Server, Path], None]:
-    """Run a test, and the program that takes commands, in a process that frees nothing."""
+    """Run a test with a peer that takes commands, in a process of its own that frees nothing."""
 
     def inside(server: Server, folder: Path) -> None:
         peer = Peer(server, folder, "--command", "--scene", "hinge")
@@ -103,7 +103,7 @@ def with_peer(test: Callable[[Server, Peer], None]) -> Callable[[Server, Path], 
     @functools.wraps(test)
     def outside(server: Server, tmp_path: Path) -> None:
         process = multiprocessing.get_context("fork").Process(
-            target=inside, args=(server, tmp_path)
+            target=inside, args=(server, tmp_path), daemon=True
         )
         process.start()
         process.join()

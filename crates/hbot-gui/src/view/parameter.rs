@@ -4,7 +4,7 @@ use eframe::egui::{self, ComboBox, DragValue, Ui};
 use glam::DQuat;
 use serde_json::Value;
 
-use super::schema::{Shape, converted, explain, fits, may_be_absent, shape};
+use super::schema::{Shape, converted, explain, fits, may_be_absent, shape, words};
 use super::theme::{named, weak};
 
 /// Draws a control with which the user can change `value`. Returns the new value if the user has
@@ -41,7 +41,7 @@ fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Val
             ui.vertical(|ui| {
                 for (key, schema) in properties {
                     ui.horizontal(|ui| {
-                        weak(ui, key.as_str());
+                        weak(ui, words(key, schema));
                         if let Some(part) = edit(ui, &format!("{name} {key}"), schema, &value[key]) {
                             let mut all = value.as_object().cloned().unwrap_or_default();
                             all.insert(key.clone(), part);

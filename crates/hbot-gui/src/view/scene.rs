@@ -8,7 +8,7 @@ use eframe::egui::{self, CollapsingHeader, ComboBox, FontId, RichText, TextEdit,
 use serde_json::{Value, json};
 
 use super::bar::OBSERVER;
-use super::schema::explain;
+use super::schema::{explain, words};
 use super::theme::{Palette, coloured, column, heading_text, named, weak};
 use super::{Act, Desk};
 use super::{law, parameter};
@@ -172,7 +172,8 @@ fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut 
                     model.scene.value(effect, key).or_else(|| schema.get("default")).unwrap_or(&Value::Null);
                 let name = format!("{} {key}", effect.id);
                 ui.horizontal_top(|ui| {
-                    column(ui, 74.0, RichText::new(key).weak()).on_hover_text(explain(schema));
+                    column(ui, 74.0, RichText::new(words(key, schema)).weak())
+                        .on_hover_text(format!("{key}: {}", explain(schema)));
                     let room = ui.available_width();
                     ui.vertical(|ui| {
                         ui.set_max_width(room);

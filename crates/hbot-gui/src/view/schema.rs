@@ -157,6 +157,12 @@ fn mean(value: &Value) -> Option<f64> {
     parts.filter(|parts| !parts.is_empty()).map(|parts| parts.iter().sum::<f64>() / parts.len() as f64)
 }
 
+/// Returns the name of a parameter in words, without the unit, which stands in the field.
+pub(crate) fn words(key: &str, schema: &Value) -> String {
+    let unit = schema["unit"].as_str().unwrap_or_default();
+    key.strip_suffix(unit).and_then(|name| name.strip_suffix('_')).unwrap_or(key).replace('_', " ")
+}
+
 /// Returns the help text for a parameter: description, unit, range and default.
 pub(crate) fn explain(schema: &Value) -> String {
     let mut text = schema["description"].as_str().unwrap_or_default().to_owned();
@@ -192,6 +198,14 @@ mod tests {
         let kinds = hbot_config::scene::kinds();
         let spring = kinds.iter().find(|kind| kind.name == "spring").expect("a kind");
         spring.schema["properties"]["stiffness"].clone()
+    }
+
+    #[test]
+    fn the_name_of_a_parameter_is_words_without_its_unit() {
+        let name = |key: &str, unit: &str| words(key, &json!({"unit": unit}));
+        assert_eq!(name("fade_out_s", "s"), "fade out");
+        assert_eq!(name("mass", "s"), "mass");
+        assert_eq!(words("reference", &json!({})), "reference");
     }
 
     #[test]

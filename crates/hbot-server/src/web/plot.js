@@ -113,7 +113,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   if (limited) {
     c.fillStyle = c.strokeStyle = colours.warn;
-    c.fillText('limit', at, 9);
+    if (at + c.measureText('limit').width <= width) c.fillText('limit', at, 9);
     c.setLineDash([6, 6]);
     c.beginPath();
     c.moveTo(left, y(limit));

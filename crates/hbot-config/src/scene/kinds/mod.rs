@@ -152,7 +152,7 @@ pub(super) struct KindEntry {
 impl KindEntry {
     fn of<K: EffectKind>() -> Self {
         let own = schema::of::<K>();
-        // What makes the kind comes first, for whoever reads them in this order.
+        // Panel, page and `scene kinds` show the parameters in this order.
         let mut properties = schema::properties(&own);
         properties.extend(schema::properties(&schema::of::<Common>()));
         let required = own["required"].as_array().cloned().unwrap_or_default();
