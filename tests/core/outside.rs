@@ -132,3 +132,23 @@ fn a_correction_by_sigma_is_no_faster_than_the_rig_allows() {
     // 0.1 rad at 0.5 rad/s take 0.2 s.
     assert!((rotation::angle_between(bench.run(60).state.q, q) - 0.1).abs() < 1e-3);
 }
+
+/// The uncertainty grows by what the rig file says of the drift, or by that of a drawing.
+#[test]
+fn the_uncertainty_of_a_rig_grows_by_its_drift() {
+    for (drift, each) in [(None, 0.02), (Some(1.0e-3), 1.0e-3)] {
+        let mut bench = Bench::new(altered(&rig(), |rig| rig.drift = drift));
+        (0..3).for_each(|_| {
+            bench.step();
+        });
+        bench.command(by_sigma(bench.sphere.q, 1e-3, bench.tick - 1));
+        for _ in 0..2000 {
+            bench.sphere.turn(Vec3::new(0.0, 2.0, 0.0), DT);
+            bench.step();
+        }
+        // 4 rad and 2 s.
+        let want = (1.0e-6 + 4.0 * each * each + 2.0e-8_f64).sqrt();
+        let sigma = bench.step().state.sigma.unwrap();
+        assert!((sigma - Vec3::splat(want)).length() < 1e-2 * want, "{drift:?}: {sigma}, not {want}");
+    }
+}

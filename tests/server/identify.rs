@@ -103,6 +103,7 @@ fn a_rig_that_is_not_as_drawn_is_identified_and_then_drifts_less() {
     );
     let text = std::fs::read_to_string(folder.join("fitted.toml")).expect("written");
     assert!(text.contains("# rad, table I (10 degrees)"), "comments stay:\n{text}");
+    assert!(text.contains("\ndrift = 0.0005\n"), "what such a geometry drifts:\n{text}");
 
     // The same hand moves the same rig, whatever the loop believes: the orientation of a loop that
     // believes the truth is the true one.
@@ -206,6 +207,7 @@ fn motors_find_torque_constants_friction_imbalance_and_cogging() {
     println!("{}", String::from_utf8_lossy(&output.get_output().stdout));
     let text = std::fs::read_to_string(folder.join("fitted.toml")).expect("written");
     assert!(text.contains("# rad, table I (10 degrees)"), "comments stay:\n{text}");
+    assert!(text.contains("\ndrift = 0.0005\n"), "what such a geometry drifts:\n{text}");
     let known = |file: &str| {
         let config = RigConfig::from_path(&folder.join(file)).expect("a legal rig file");
         config.rig.compensation.expect("imperfections")

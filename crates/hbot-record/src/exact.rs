@@ -16,7 +16,7 @@ use crate::messages::hbot::{Exact as Message, Tick};
 /// Number of the private topic's format and of the control law that it records. It is raised when
 /// the types of hbot-core change, or when the same inputs give other outputs. A kind of effect or a
 /// cause of a fault that is added at the end of its list does not raise it.
-pub const FORMAT: u32 = 8;
+pub const FORMAT: u32 = 9;
 /// The oldest format that replays. The state of the control law, the inputs and the outputs of a
 /// tick have fields at their ends that a recording of this format lacks. With all of their bits
 /// zero the law is that of the recording.

@@ -216,6 +216,9 @@ fn write(drawing: Option<&Path>, rig: &RigConfig, found: &Identified, file: &Pat
         }
         edit::put(&mut table["steer"], "zero_offset", rounded(zero, 7).into());
     }
+    if let Some(drift) = found.drift() {
+        edit::put(&mut document["sphere"], "drift", drift.into());
+    }
     edit::save(&document, file)
 }
 

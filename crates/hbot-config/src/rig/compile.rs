@@ -33,6 +33,7 @@ fn place(mistake: &core::RigError) -> String {
         "counts" => "gear",
         "lead.factor" => "loop.lead.factor",
         "lead.longest" => "loop.lead.longest_ms",
+        "drift" => "sphere.drift",
         "compensation.friction" => "loop.compensation.friction",
         "compensation.smoothing" => "loop.compensation.smoothing",
         field => field,
@@ -73,7 +74,9 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let lead = file.r#loop.lead.compile();
     let limits = limits(&file.limits);
     let compensation = compensation::compile(&file);
-    let parts = core::RigParts { device, joints, limits, timing, methods, torque_lag, lead, compensation };
+    let drift = file.sphere.drift;
+    let parts =
+        core::RigParts { device, joints, limits, timing, methods, torque_lag, lead, compensation, drift };
     for mistake in parts.mistakes() {
         report.push(
             &place(&mistake),

@@ -76,6 +76,11 @@ pub(crate) struct Sphere {
     #[serde(default)]
     #[schemars(inner(range(min = legal::IMBALANCE.least, max = legal::IMBALANCE.most)), extend("unit" = legal::IMBALANCE.unit))]
     pub(crate) imbalance: [f64; 3],
+    /// Drift of the orientation about each axis in a turn of one radian (standard deviation), by
+    /// which measurements from outside are weighed. `hbot rig identify` writes it. Absent: 0.02.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "f64", range(min = legal::DRIFT.least, max = legal::DRIFT.most), extend("unit" = legal::DRIFT.unit))]
+    pub(crate) drift: Option<f64>,
 }
 
 /// One wheel, with its steer joint and its drive joint.

@@ -221,7 +221,7 @@ impl Controller {
         let Some(then) = self.orientation.corrected_at(seen) else {
             return Reply::Refused(Refusal::NotInHistory);
         };
-        let since = rotation::angle_between(self.orientation.corrected(), then);
+        let since = self.drift.after(rotation::angle_between(self.orientation.corrected(), then));
         let filter = self.uncertainty.get_or_insert(Uncertainty::NOTHING_KNOWN);
         let Fused { correction, angle, used } = take(filter, rotation::renormalized(then), since);
         if used {

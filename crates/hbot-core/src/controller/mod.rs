@@ -19,7 +19,7 @@ use crate::inputs::{Inputs, MAX_COMMANDS, Stamp};
 use crate::motion::joints::Joints;
 use crate::motion::lateness::Lateness;
 use crate::motion::orientation::Orientation;
-use crate::motion::reference::Uncertainty;
+use crate::motion::reference::{Drift, Uncertainty};
 use crate::outputs::{Drive, Outputs, State, TakenStream};
 use crate::real::{Quat, Real, Vec3};
 use crate::render::Renderer;
@@ -126,6 +126,8 @@ pub struct Controller {
     rising: Option<Rising>,
     /// How late the last commands were sent. All bits zero: not known, as in older recordings.
     lateness: Lateness,
+    /// How fast the orientation drifts. All bits zero: as a rig as drawn, as in older recordings.
+    drift: Drift,
 }
 
 impl Controller {
@@ -180,6 +182,7 @@ impl Controller {
             model: Modelled::NONE,
             rising: Compensator::rising(&rig),
             lateness: Lateness::OFF,
+            drift: Drift::of(&rig),
         }
     }
 
@@ -295,7 +298,7 @@ impl Controller {
         let step = self.joints.advance(count, &self.rig, feedback, (late, time), judged)?;
         self.orientation.advance(step.turn);
         if let Some(uncertainty) = &mut self.uncertainty {
-            uncertainty.grow(step.turn, elapsed as Real * self.rig.timing.period_s());
+            uncertainty.grow(step.turn, elapsed as Real * self.rig.timing.period_s(), self.drift);
         }
         let given = self.observer.advance(step.answered[0], step.answered[1], step.turn);
         if self.shaking.suspects() {

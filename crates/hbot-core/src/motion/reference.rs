@@ -6,14 +6,15 @@
 //! for a random walk: its variance grows with the turn and with the time. A measurement is taken by
 //! a Kalman filter, unless it is so far away that only one in a thousand would be.
 
+use crate::design::rig::Rig;
 use crate::linear::limited;
 use crate::real::{Mat3, PI, Quat, Real, Vec3, atan2, sqrt};
 use crate::rotation;
 
-/// Variance that the error gains in each axis with each radian of turn, rad² / rad. On a rig whose
-/// cones, toes and radii are those of the drawing, the error after ten turns about random axes is
-/// 0.15 rad.
-const TURN_VARIANCE: Real = 4.0e-4;
+/// Variance that the error gains in each axis with each radian of turn, rad² / rad, on a rig that
+/// says no `drift`. If its cones, toes and radii are those of the drawing, the error after ten
+/// turns about random axes is 0.15 rad.
+const AS_DRAWN: Real = 4.0e-4;
 /// Variance that the error gains in each axis with the time, rad² / s. A contact that creeps turns
 /// the sphere by a degree in a few hours.
 const TIME_VARIANCE: Real = 1.0e-8;
@@ -25,6 +26,25 @@ const GATE: [Real; 2] = [13.816, 16.266];
 /// Factor by which the variance grows with each measurement that is refused. So after a fall or a
 /// slip that no wheel noticed, measurements that agree with each other are taken in the end.
 const DOUBT: Real = 1.1;
+
+/// How fast the error of the orientation grows with the turn of the sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Drift {
+    /// Variance that the error gains in each axis with each radian, rad² / rad. 0: [`AS_DRAWN`].
+    variance: Real,
+}
+
+impl Drift {
+    pub(crate) fn of(rig: &Rig) -> Self {
+        Self { variance: rig.drift.map_or(0.0, |drift| drift * drift) }
+    }
+
+    /// Returns the variance that the error gains in each axis in a turn by `angle` rad, rad².
+    pub(crate) fn after(self, angle: Real) -> Real {
+        angle * if self.variance > 0.0 { self.variance } else { AS_DRAWN }
+    }
+}
 
 /// The uncertainty of the orientation. It exists once a measurement with a sigma has been taken.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,12 +72,8 @@ impl Uncertainty {
 
     /// Lets the uncertainty grow over `dt` seconds, in which the sphere made `turn` (rotation
     /// vector, rad).
-    pub(crate) fn grow(&mut self, turn: Vec3, dt: Real) {
-        self.widen(TURN_VARIANCE * sqrt(turn.length_squared()) + TIME_VARIANCE * dt);
-    }
-
-    /// Adds `variance` to each axis whose variance is not at its largest, rad².
-    fn widen(&mut self, variance: Real) {
+    pub(crate) fn grow(&mut self, turn: Vec3, dt: Real, drift: Drift) {
+        let variance = drift.after(sqrt(turn.length_squared())) + TIME_VARIANCE * dt;
         let c = &mut self.covariance;
         c.x_axis.x = (c.x_axis.x + variance).min(UNKNOWN);
         c.y_axis.y = (c.y_axis.y + variance).min(UNKNOWN);
@@ -76,12 +92,12 @@ impl Uncertainty {
 
     /// Takes the orientation `measured` (a unit quaternion), which has errors with the standard
     /// deviations `sigma` about the axes of frame N, rad. The estimate was `then` when it was
-    /// measured, and the sphere has turned by about `since` rad since.
+    /// measured, and its error has gained the variance `since` in each axis since, rad².
     pub(crate) fn take_orientation(&mut self, measured: Quat, sigma: Vec3, then: Quat, since: Real) -> Fused {
         let residual = then.conjugate() * rotation::difference(measured, then);
         let rotate = Mat3::from_quat(then);
         let noise = rotate.transpose() * Mat3::from_diagonal(sigma * sigma) * rotate
-            + Mat3::from_diagonal(Vec3::splat(TURN_VARIANCE * since));
+            + Mat3::from_diagonal(Vec3::splat(since));
         let inverse = (self.covariance + noise).inverse();
         let angle = sqrt(residual.length_squared());
         if residual.dot(inverse * residual) > GATE[1] {
@@ -95,8 +111,8 @@ impl Uncertainty {
 
     /// Takes a direction: the direction `body` of the sphere points to `world` in frame N (unit
     /// vectors), with an error of the standard deviation `sigma` about each axis across it, rad.
-    /// The estimate was `then` when it was measured, and the sphere has turned by about `since` rad
-    /// since.
+    /// The estimate was `then` when it was measured, and its error has gained the variance `since`
+    /// in each axis since, rad².
     pub(crate) fn take_direction(
         &mut self,
         (body, world): (Vec3, Vec3),
@@ -119,7 +135,7 @@ impl Uncertainty {
         };
         let residual = axis * angle;
         let (along_a, along_b) = (self.covariance * a, self.covariance * b);
-        let noise = sigma * sigma + TURN_VARIANCE * since;
+        let noise = sigma * sigma + since;
         let (aa, ab, bb) = (a.dot(along_a) + noise, a.dot(along_b), b.dot(along_b) + noise);
         let det = aa * bb - ab * ab;
         let (x, y) = (residual.dot(a), residual.dot(b));
@@ -171,6 +187,7 @@ mod tests {
     use super::*;
 
     const DEGREE: Real = PI / 180.0;
+    const AS_A_DRAWING: Drift = Drift { variance: 0.0 };
 
     fn known(sigma: Real) -> Uncertainty {
         Uncertainty { covariance: Mat3::from_diagonal(Vec3::splat(sigma * sigma)) }
@@ -250,12 +267,12 @@ mod tests {
     fn the_uncertainty_grows_with_turn_and_time_up_to_a_half_turn() {
         let mut filter = known(0.0);
         for _ in 0..1000 {
-            filter.grow(Vec3::new(0.0, 0.02, 0.0), 1.0e-3);
+            filter.grow(Vec3::new(0.0, 0.02, 0.0), 1.0e-3, AS_A_DRAWING);
         }
-        let want = sqrt(20.0 * TURN_VARIANCE + TIME_VARIANCE);
+        let want = sqrt(20.0 * AS_DRAWN + TIME_VARIANCE);
         assert!(near(filter.sigma(Quat::IDENTITY), Vec3::splat(want), 1e-5 * want));
         for _ in 0..100 {
-            filter.grow(Vec3::X * 1e4, 1.0);
+            filter.grow(Vec3::X * 1e4, 1.0, AS_A_DRAWING);
         }
         assert!(near(filter.sigma(Quat::IDENTITY), Vec3::splat(PI), 1e-3));
     }
@@ -278,7 +295,7 @@ mod tests {
             let measured = rotation::exp(Vec3::new(noise(), noise(), noise()));
             let fused = filter.take_orientation(measured, Vec3::splat(DEGREE), estimate, 0.0);
             estimate = rotation::renormalized(estimate * rotation::exp(fused.correction));
-            filter.grow(Vec3::X * 0.002, 1.0 / 30.0);
+            filter.grow(Vec3::X * 0.002, 1.0 / 30.0, AS_A_DRAWING);
         }
         assert!(rotation::angle_between(estimate, Quat::IDENTITY) < 0.5 * DEGREE);
         assert!(filter.sigma(estimate).max_element() < 0.5 * DEGREE);

@@ -86,8 +86,7 @@ fn pictures_of_each_state() {
     let title = |display: &Display, _: [u32; 2]| {
         titles.fetch_add(usize::from(display.has_window("SIMULATED: Hbot prototype")), Ordering::Relaxed);
     };
-    // The picture for the documentation shows curves over the whole width of the plot.
-    see(("simulated", 12), &title, &|name, size, pixels| {
+    see(("simulated", 5), &title, &|name, size, pixels| {
         let badge = count_in_bar(pixels, size, BADGE, TEXT);
         assert!(count(pixels, N3) > 200 && badge > 1_000, "{name}: curves and the badge, {badge}");
         assert!(titles.load(Ordering::Relaxed) > 0, "the title says it too");

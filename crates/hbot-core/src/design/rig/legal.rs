@@ -99,6 +99,9 @@ pub const COMPENSATED: Range = Range::from(0.0, 0.9, "");
 /// Permitted range of the rate below which the fed friction fades out, rad/s.
 pub const SMOOTHING: Range = Range::from(1.0e-4, 10.0, "rad/s");
 
+/// Permitted range of the drift of the orientation in a turn of one radian, rad.
+pub const DRIFT: Range = Range::from(1.0e-5, 0.1, "rad");
+
 /// The permitted range of a number, with its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {

@@ -113,6 +113,11 @@ pub struct RigParts {
     /// Imperfections of the rig that are fed forward. If `None`, none is.
     #[cfg_attr(feature = "exact", serde(skip))]
     pub compensation: Option<Compensation>,
+    /// What the orientation drifts in each axis in a turn of one radian (standard deviation), rad.
+    /// It grows with the square root of the turn, and is the weight of the rig's own orientation
+    /// against measurements from outside. If `None`, the geometry counts as that of a drawing.
+    #[cfg_attr(feature = "exact", serde(skip))]
+    pub drift: Option<Real>,
 }
 
 impl RigParts {
@@ -129,6 +134,7 @@ impl RigParts {
             torque_lag: 0.0,
             lead: None,
             compensation: None,
+            drift: None,
         }
     }
 
@@ -153,6 +159,7 @@ impl RigParts {
             .chain(legal::TORQUE_LAG.check("torque_lag", self.torque_lag))
             .chain(self.lead.iter().flat_map(LeadTime::checks).flatten())
             .chain(self.compensation.iter().flat_map(|known| known.mistakes(self.device.joints())))
+            .chain(self.drift.and_then(|drift| legal::DRIFT.check("drift", drift)))
     }
 }
 

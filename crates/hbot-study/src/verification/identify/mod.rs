@@ -2,6 +2,7 @@
 //! drawn.
 
 mod felt;
+mod hours;
 mod rigs;
 
 use hbot_config::RigConfig;
@@ -70,7 +71,7 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
          off centre by 0.5 mrad.",
         16384
     ));
-    context.expect(3);
+    context.expect(4);
     let mut lines = Vec::new();
     let mut sentences = Vec::new();
     for (k, (name, encoders)) in
@@ -182,6 +183,8 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     report.in_short("identify_drift", sentences);
     context.part("table III")?;
     felt::study(context, &mut report)?;
+    context.part("a reference from outside")?;
+    hours::study(context, &mut report)?;
     Ok(report)
 }
 
