@@ -211,31 +211,32 @@ fn place(scene: &SceneFile, finding: &Finding) -> String {
     }
 }
 
-/// Returns a number with two digits, rounded to the nearest.
+/// Returns a number with two digits, or with three if it has more: what the user has chosen is told
+/// as it is.
 fn near(x: f64) -> String {
-    rounded(x, f64::round)
+    let [two, three] = [2, 3].map(|digits| rounded(x, digits, f64::round));
+    if two.parse() == three.parse::<f64>() { two } else { three }
 }
 
 /// Returns a number with two digits, rounded down so that what is stable stays so.
 fn short(x: f64) -> String {
-    rounded(x, f64::floor)
+    rounded(x, 2, f64::floor)
 }
 
 /// Returns a number with two digits, rounded up.
 fn short_up(x: f64) -> String {
-    rounded(x, f64::ceil)
+    rounded(x, 2, f64::ceil)
 }
 
-fn rounded(x: f64, round: fn(f64) -> f64) -> String {
+fn rounded(x: f64, digits: i32, round: fn(f64) -> f64) -> String {
     if !(x > 1.0e-9 && x.is_finite()) {
         return if x > 1.0e-9 { format!("{x}") } else { "0".to_owned() };
     }
-    let unit = 10.0_f64.powf(x.log10().floor() - 1.0);
-    // A value that has two digits already stays as it is, in spite of rounding errors.
-    let digits = x / unit;
-    let whole =
-        if (digits - digits.round()).abs() < 1.0e-9 * digits { digits.round() } else { round(digits) };
-    let places = (1.0 - x.log10().floor()).max(0.0) as usize;
+    let unit = 10.0_f64.powf(x.log10().floor() - f64::from(digits - 1));
+    // A value that has these digits already stays as it is, in spite of rounding errors.
+    let units = x / unit;
+    let whole = if (units - units.round()).abs() < 1.0e-9 * units { units.round() } else { round(units) };
+    let places = (f64::from(digits - 1) - x.log10().floor()).max(0.0) as usize;
     format!("{:.places$}", whole * unit)
 }
 

@@ -284,7 +284,7 @@ fn stiffness_is_judged_with_the_damping_of_the_whole_scene() {
 #[test]
 fn a_guide_that_damps_too_much_is_warned_of_about_an_axis_that_it_holds() {
     let said = warnings(&effect("g", "guide", "stiffness = 192\ndamping = 1.92"));
-    assert!(said.len() == 1 && said[0].contains("the scene has 190 N m/rad"), "{said:?}");
+    assert!(said.len() == 1 && said[0].contains("the scene has 192 N m/rad"), "{said:?}");
 }
 
 /// A lead gives back the damping that the delay takes.

@@ -12,7 +12,7 @@ fn types_names_and_keys() {
     );
     assert_eq!(
         said("radius = 0.1,", "radius = 0.1, colour = 'red',"),
-        "x.toml:2:26: sphere.colour: unknown key; legal: radius, mass, friction, imbalance"
+        "x.toml:2:26: sphere.colour: unknown key; legal: radius, mass, friction, imbalance, drift"
     );
     assert_eq!(
         said("steer = { counts_per_turn = 4096", "steer = { geer = 17, counts_per_turn = 4096"),
