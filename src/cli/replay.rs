@@ -49,6 +49,11 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// Replays a recording. Returns success only if every bit of it agrees.
 pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
+    if let (Some(from), Some(to)) = (args.from, args.to)
+        && from > to
+    {
+        bail!("--from {from} is behind --to {to}");
+    }
     let path = hbot_record::recording_of(&args.file);
     let name = || path.display().to_string();
     let other = args.scene.as_deref().map(scene::scene).transpose()?;

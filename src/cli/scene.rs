@@ -17,7 +17,7 @@ use hbot_config::advice::{Abilities, in_vain};
 use hbot_config::scene::ShelfScene;
 use hbot_config::{LoadError, RigConfig, SceneFile, did_you_mean};
 
-use super::out::{foreign, say, tell};
+use super::out::{foreign, note, say, tell};
 use super::{Commanding, ServerAddress, orders, style};
 
 /// The subcommands of `hbot scene`.
@@ -160,7 +160,18 @@ fn check(which: &Which) -> anyhow::Result<()> {
     for effect in scene.effects() {
         tell!("  {:12} {}", effect.id(), effect.kind_name())?;
     }
-    warn(&abilities.warnings(&scene))
+    warn(&abilities.warnings(&scene))?;
+    note_if_nobody_holds(&scene);
+    Ok(())
+}
+
+/// Says it if the simulated rig has no hand with a scene that names its phenomena.
+fn note_if_nobody_holds(scene: &SceneFile) {
+    if scene.simulate().is_some_and(|simulate| simulate.hand.is_none()) {
+        note!(
+            "[simulate] names no hand, so nothing turns the simulated sphere; `hand = {{}}` is the usual one"
+        );
+    }
 }
 
 fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
@@ -180,7 +191,12 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
     }
     // The scene is sent with all parameters, so the server does not know which ones the file names.
     let own = in_vain(scene).filter(|warning| !loaded.warnings.contains(warning));
-    warn(&loaded.warnings.iter().cloned().chain(own).collect::<Vec<_>>())
+    warn(&loaded.warnings.iter().cloned().chain(own).collect::<Vec<_>>())?;
+    // On a real rig the phenomena are ignored.
+    if loaded.ignored.is_empty() {
+        note_if_nobody_holds(scene);
+    }
+    Ok(())
 }
 
 /// Prints the warnings about a scene.

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use anyhow::anyhow;
+use anyhow::{anyhow, bail};
 use clap::Args;
 use hbot_api::InfoOk;
 use hbot_config::advice::{Abilities, Told};
@@ -21,7 +21,7 @@ pub(crate) struct SetArgs {
     #[arg(value_parser = id)]
     effect: String,
     /// Parameters, such as `stiffness=2`, `cone="35 deg"` or `axis=[0,0,1]`
-    #[arg(required = true, value_name = "KEY=VALUE", value_parser = assignment)]
+    #[arg(required = true, value_name = "KEY=VALUE", value_parser = assignment, allow_negative_numbers = true)]
     values: Vec<(String, Value)>,
     #[command(flatten)]
     to: Commanding,
@@ -52,7 +52,7 @@ fn assignment(text: &str) -> Result<(String, Value), String> {
 
 pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
     let mut client = orders::connect(&args.to.address, "hbot set")?;
-    let parameters: Map<String, Value> = args.values.iter().cloned().collect();
+    let parameters = once(&args.values)?;
     let before = client.info().map_err(orders::remedied)?;
     check(&before, &args.effect, &parameters)?;
     orders::holding(&mut client, args.to.steal, |client| client.set(&args.effect, parameters.clone()))?;
@@ -71,6 +71,17 @@ pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
     }
     super::scene::warn(&warnings(&after))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the parameters. Fails if one is given twice.
+fn once(values: &[(String, Value)]) -> anyhow::Result<Map<String, Value>> {
+    let mut parameters = Map::new();
+    for (key, value) in values {
+        if parameters.insert(key.clone(), value.clone()).is_some() {
+            bail!("{key} is given twice");
+        }
+    }
+    Ok(parameters)
 }
 
 /// Returns a value of the running scene for people, in degrees if the user has typed degrees.

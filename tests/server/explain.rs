@@ -43,7 +43,7 @@ fn an_overspeed_is_told_in_ten_lines_and_drawn() {
         .find(|path| path.extension().is_some_and(|e| e == "csv"));
     explain(&[text(&log.expect("a flight log"))])
         .success()
-        .stdout(contains("overspeed at ").and(contains("Push")));
+        .stdout(contains("overspeed at ").and(contains("cause ")).and(contains("Push")));
     explain(&[text(&run), "--number", "2"]).failure().stderr(contains("fault 2 is not in it; legal: 1 to 1"));
 }
 

@@ -207,7 +207,6 @@ fn motors_find_torque_constants_friction_imbalance_and_cogging() {
     println!("{}", String::from_utf8_lossy(&output.get_output().stdout));
     let text = std::fs::read_to_string(folder.join("fitted.toml")).expect("written");
     assert!(text.contains("# rad, table I (10 degrees)"), "comments stay:\n{text}");
-    assert!(text.contains("\ndrift = 0.0005\n"), "what such a geometry drifts:\n{text}");
     let known = |file: &str| {
         let config = RigConfig::from_path(&folder.join(file)).expect("a legal rig file");
         config.rig.compensation.expect("imperfections")

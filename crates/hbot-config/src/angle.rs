@@ -59,7 +59,9 @@ fn convert(schema: &Value, value: &mut Value, path: &str, report: &mut Report) {
             if LIKE_DEGREES.contains(&x.abs()) && x % 5.0 == 0.0 {
                 let turns = x.abs() / std::f64::consts::TAU;
                 let message = format!("{x} rad is about {turns:.0} turns");
-                report.push(path, message, format!("{for_degrees}, \"{x} rad\" if radians are meant"));
+                let radians = format!(", \"{x} rad\" if radians are meant");
+                let radians = if is_in_range(schema, x) { radians } else { String::new() };
+                report.push(path, message, for_degrees + &radians);
             } else if !is_in_range(schema, x) && is_in_range(schema, x.to_radians()) {
                 let legal = range(schema).map(|range| format!("{range}, or {for_degrees}"));
                 report.push(path, format!("{number} is out of range"), legal);
@@ -70,10 +72,11 @@ fn convert(schema: &Value, value: &mut Value, path: &str, report: &mut Report) {
 }
 
 /// Returns the angle that `text` names, rad. Returns `None` if it is not a finite number followed
-/// by `deg` or `rad`.
+/// by `deg`, `degrees`, `°` or `rad`.
 fn radians(text: &str) -> Option<f64> {
     let text = text.trim();
-    let (number, unit) = if let Some(number) = text.strip_suffix("deg").or(text.strip_suffix('°')) {
+    let degrees = ["degrees", "degree", "deg", "°"].iter().find_map(|unit| text.strip_suffix(unit));
+    let (number, unit) = if let Some(number) = degrees {
         (number, std::f64::consts::PI / 180.0)
     } else {
         (text.strip_suffix("rad")?, 1.0)
@@ -106,10 +109,10 @@ mod tests {
     #[test]
     fn a_text_with_a_unit_is_an_angle_and_nothing_else_is() {
         let half = std::f64::consts::FRAC_PI_2;
-        let (value, mistakes) = converted(json!({"cone": "90 deg", "twist": ["-90°", " 3.5rad "]}));
+        let (value, mistakes) = converted(json!({"cone": "90 degrees", "twist": ["-90°", " 3.5rad "]}));
         assert_eq!(value, json!({"cone": half, "twist": [-half, 3.5]}));
         assert_eq!(mistakes, Vec::<String>::new());
-        for text in ["90", "deg", "nan deg", "1 turn", "1 degree"] {
+        for text in ["90", "deg", "nan deg", "1 turn", "1 gradian"] {
             assert_eq!(converted(json!({"cone": text})).0, json!({"cone": text}));
         }
         // Only angles have these units.

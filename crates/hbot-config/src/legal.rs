@@ -155,6 +155,8 @@ pub fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str> + Clone
     if word.len() > 100 {
         return None;
     }
+    let lower = word.to_lowercase();
+    let word = lower.as_str();
     // One wrong letter in three. This accepts `stiffnes` and `dampping`, but no unrelated word.
     let most = (word.chars().count() / 3).max(1);
     let similar = known
@@ -166,7 +168,7 @@ pub fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str> + Clone
     let other = other.and_then(|(_, kind)| known.clone().find(|k| k == kind));
     // One wrong letter is nearer than another word.
     match similar {
-        Some((1, k)) => Some(k),
+        Some((0 | 1, k)) => Some(k),
         _ => other.or(similar.map(|(_, k)| k)),
     }
 }

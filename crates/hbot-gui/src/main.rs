@@ -136,6 +136,7 @@ impl eframe::App for App {
     }
 
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        limit_zoom(ui.ctx());
         self.panel.ui(ui);
         if let Some(done) = self.picture.as_mut().and_then(|picture| picture.frame(ui.ctx())) {
             self.picture = None;
@@ -145,6 +146,16 @@ impl eframe::App for App {
             }
             ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
         }
+    }
+}
+
+/// Keeps the zoom (Ctrl and +) so small that all of the panel has room in the window.
+fn limit_zoom(ctx: &egui::Context) {
+    let zoom = ctx.zoom_factor();
+    let size = ctx.content_rect().size() * zoom;
+    let most = (size.x / LEAST[0]).min(size.y / LEAST[1]).max(1.0);
+    if zoom > most + 0.01 {
+        ctx.set_zoom_factor(most);
     }
 }
 

@@ -44,7 +44,7 @@ pub enum ReplayError {
     OfReplay,
     /// The file has nothing to replay.
     #[error(
-        "no exact inputs in the wanted part: the run ends earlier, or the file is cut off before the first second"
+        "no exact inputs in the wanted part: the run ends earlier (`hbot replay FILE` says when), or the file is cut off before the first second"
     )]
     Empty,
 }

@@ -312,13 +312,20 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
             gears[1]
         )?;
     }
+    if as_filed && found.before > DOUBTFUL {
+        as_filed = false;
+        writeln!(
+            words,
+            "  {bad}the radii and cones of the file do not explain the motion{off}, those found do: measure the radii of sphere and wheels, \
+             check the gears, or record a minute of motion and run `hbot rig identify`"
+        )?;
+    }
     corrections.sort_by_key(|correction| correction.joint);
     Ok(Told { words, as_filed, corrections })
 }
 
 /// Compares the radii found with those of the file. Returns the two wheels whose ratios differ
-/// most, and by how much, if the difference is too large for a caliper's error. A common factor of
-/// all radii cannot be seen, because a smaller sphere turns in the same way.
+/// most, and by how much, if the difference is too large for a caliper's error.
 fn radii_apart(rig: &RigConfig, found: &Calibration) -> Option<(usize, usize, f64)> {
     let share: Vec<f64> = found
         .wheels

@@ -118,6 +118,9 @@ const NUMBERS: [Number; 10] = [
 /// Names the options that together make a mistake in the arrangement of the wheels.
 const WHEELS_AND_CONE: &str = "--wheels and --cone";
 
+/// Cone angle below which motors can hardly steer, degrees.
+const LEAST_CONE_DEG: f64 = 1.0;
+
 /// A mistake in the answers: the option that has the wrong value, and what is wrong.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Mistake {
@@ -290,8 +293,13 @@ fn settle(
 
 /// Returns the mistakes in a rig with these answers.
 fn mistakes(answers: &Answers) -> anyhow::Result<Vec<Mistake>> {
-    let Err(found) = RigConfig::from_toml(&file::text(answers)?, "rig") else { return Ok(Vec::new()) };
     let mut all: Vec<Mistake> = Vec::new();
+    let cone = answers.cone_deg;
+    if cone > 0.0 && cone < LEAST_CONE_DEG {
+        let why = format!("{cone} degrees are hardly a cone; for radians write `{cone} rad`");
+        all.push(Mistake { option: "--cone", why });
+    }
+    let Err(found) = RigConfig::from_toml(&file::text(answers)?, "rig") else { return Ok(all) };
     for mistake in found.iter().map(|diagnostic| mistake(answers, diagnostic)) {
         // All wheels are alike, and so are their mistakes.
         if all.iter().all(|other| other.option != mistake.option) {
@@ -319,6 +327,12 @@ fn mistake(answers: &Answers, diagnostic: &Diagnostic) -> Mistake {
         "drive.peak" | "drive.continuous" => "--drive-peak",
         "limits.traction.mu" => "--friction",
         "limits.traction.normal_force" => "--normal-force",
+        // A default that follows from the mass.
+        "loop.passivity.damping" => {
+            let mass = answers.mass;
+            let why = format!("{mass} kg is too much for a sphere in a hand; for grams write `{mass} g`");
+            return Mistake { option: "--mass", why };
+        }
         _ => return Mistake { option: "the answers", why: diagnostic.to_string() },
     };
     let why = match &diagnostic.legal {

@@ -33,7 +33,7 @@ pub(super) fn run(args: &NewArgs) -> anyhow::Result<()> {
     let chosen = if args.effects.is_empty() { None } else { Some(named(&args.effects)?) };
     let name = match &args.name {
         Some(name) => name.clone(),
-        None => asked("name of the scene", "My scene")?,
+        None => ask_for_name()?,
     };
     let chosen = chosen.map_or_else(ask_for_kinds, Ok)?;
     let text = text(&name, &chosen);
@@ -53,11 +53,24 @@ fn asked(words: &str, default: &str) -> anyhow::Result<String> {
     Ok(if answer.is_empty() { default.to_owned() } else { answer })
 }
 
+/// Asks for the name of the scene. `?` explains it.
+fn ask_for_name() -> anyhow::Result<String> {
+    if !somebody_is_there() {
+        note!("there is no terminal, so nothing is asked: what no option gives has its default");
+    }
+    loop {
+        match asked("name of the scene", "My scene")?.as_str() {
+            "?" => note!("  Any text. Panel, recordings and messages show it."),
+            name => return Ok(name.to_owned()),
+        }
+    }
+}
+
 /// Asks for kinds of effects until all of them exist. `?` lists them.
 fn ask_for_kinds() -> anyhow::Result<Vec<Listed>> {
     loop {
         let answer = asked("kinds of effects, with commas between them; ? lists them", "spring")?;
-        if answer == "?" {
+        if ["?", "help"].contains(&answer.as_str()) {
             for Listed { name, description, .. } in kinds() {
                 note!("  {name:14} {}", description.split_inclusive(". ").next().unwrap_or_default());
             }

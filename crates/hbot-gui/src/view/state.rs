@@ -13,6 +13,8 @@ use crate::net::Intent;
 const STATUS: [f32; 2] = [88.0, 158.0];
 /// Size of the word for the state, points.
 const HEADLINE: f32 = 26.0;
+/// Speed above which the box says that the sphere still turns, rad/s.
+const TURNS: f64 = 0.1;
 /// A part of the torque below this is not told in the box when the limits cut it.
 const LEAST_CUT: f64 = 0.01;
 /// Height of the bars in a low and in a tall window, points. A fault takes their place, so that its
@@ -40,9 +42,11 @@ const LEAD: &str = "the scene is rendered where the sphere will be when the torq
 pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     let text = RichText::new("STOP").size(30.0).strong().color(Color32::WHITE);
     let button = Button::new(text).fill(STOP).corner_radius(8);
-    let response = named(ui.add_sized(vec2(ui.available_width(), 60.0), button), "Stop")
-        .on_hover_text("zero torque at once: Esc and Space do the same");
-    if response.clicked() {
+    let response = named(ui.add_sized(vec2(ui.available_width(), 60.0), button), "Stop");
+    // As the pointer goes down: a press that slides off the button stops the rig too. A click
+    // without a pointer is that of a key.
+    let [pressed, released] = ui.input(|input| [input.pointer.any_pressed(), input.pointer.any_released()]);
+    if response.is_pointer_button_down_on() && pressed || response.clicked() && !released {
         intents.push(Intent::Stop);
     }
     let palette = Palette::of(ui);
@@ -116,7 +120,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         let area = area.max_height(ui.available_height() - line);
         area.show(ui, |ui| details(ui, model, warnings, headline, palette));
         if let Some(cut) = cut {
-            coloured(ui, palette.warn, format!("Limits cut {:.0} % of the torque", 100.0 * cut));
+            coloured(ui, palette.warn, format!("Limits cut {} of the torque", percent(cut)));
         }
     });
     if headline == Headline::NotStopped {
@@ -125,6 +129,11 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
         painter.set(ground, stripes(rect, Color32::WHITE, STOP));
     }
+}
+
+/// Says a part in per cent. All of it is never cut.
+fn percent(part: f64) -> String {
+    if part > 0.99 { "over 99 %".to_owned() } else { format!("{:.0} %", 100.0 * part) }
 }
 
 /// Returns the part of the torque that the limits cut, if it is worth telling.
@@ -164,10 +173,9 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
                 if let Some(shaking) = &model.shaking {
                     coloured(ui, palette.warn, shaken(shaking));
                 }
-                weak(ui, mode.sentence());
                 // The list below the sliders can be out of sight when the user enables.
                 match warnings {
-                    [] => {}
+                    [] => drop(weak(ui, mode.sentence())),
                     [only] => drop(coloured(ui, palette.warn, format!("Warning: {only}"))),
                     [first, ..] => {
                         let text = format!("The first of {} warnings: {first}", warnings.len());
@@ -194,6 +202,10 @@ fn shaken(shaking: &ShakingEvent) -> String {
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
     coloured(ui, palette.bad, who);
+    let speed = model.state.as_ref().map_or(0.0, |state| DVec3::from(state.omega).length());
+    if speed > TURNS {
+        coloured(ui, palette.warn, format!("The sphere still turns: {speed:.2} rad/s"));
+    }
     ui.add(egui::Label::new(recover::way_on(model)).wrap());
 }
 
@@ -329,7 +341,7 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
         ),
         // Whatever the limits cut, the scene does not feel as it is meant.
         if is_cut {
-            (lost, palette.warn, format!("{:.0} % cut off by limits", 100.0 * lost))
+            (lost, palette.warn, format!("{} cut off by limits", percent(lost)))
         } else {
             (0.0, palette.warn, "none".to_owned())
         },

@@ -5,7 +5,7 @@ mod status;
 use std::path::Path;
 use std::time::SystemTime;
 
-use eframe::egui::{Color32, Rect, Ui};
+use eframe::egui::{Color32, Event, Modifiers, PointerButton, Rect, Ui, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{
@@ -19,7 +19,7 @@ use crate::model::Model;
 use crate::model::tests::{
     ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
 };
-use crate::net::{Lease, News};
+use crate::net::{Intent, Lease, News};
 
 /// The sizes of the window in these tests, points.
 const SIZES: [[f32; 2]; 2] = [[1280.0, 760.0], [1024.0, 600.0]];
@@ -216,6 +216,33 @@ fn all_text_can_be_read_in_every_state_and_tab() {
             settle(&mut seen);
             is_whole(&seen, name);
         }
+    }
+}
+
+/// The rig stops as the pointer goes down on STOP, also if it slides off before it goes up.
+#[test]
+fn a_press_on_stop_stops_once_and_at_once() {
+    for slides in [false, true] {
+        let mut seen = window(SIZES[0], commanding(true));
+        let middle = seen.get_by_label("Stop").rect().center();
+        let button = |pos, pressed| {
+            Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: Modifiers::NONE }
+        };
+        seen.event(Event::PointerMoved(middle));
+        seen.run_steps(2);
+        seen.event(button(middle, true));
+        seen.run_steps(2);
+        let stops = |seen: &Seen| {
+            let acts = &seen.state().acts;
+            assert!(acts.iter().all(|act| matches!(act, Act::Ask(Intent::Stop))), "nothing else");
+            acts.len()
+        };
+        assert_eq!(stops(&seen), 1);
+        let end = middle + if slides { vec2(0.0, 200.0) } else { vec2(0.0, 0.0) };
+        seen.event(Event::PointerMoved(end));
+        seen.event(button(end, false));
+        seen.run_steps(2);
+        assert_eq!(stops(&seen), 1, "slides: {slides}");
     }
 }
 

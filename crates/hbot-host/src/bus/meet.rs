@@ -288,7 +288,7 @@ pub struct Found {
 pub struct Remedy {
     /// What is wrong, and why it matters.
     pub what: String,
-    /// The command of the vendor's tool that corrects the setting.
+    /// The command of the vendor's tool, or the line of the rig file, that corrects it.
     pub command: String,
 }
 

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use hbot_api::StateEvent;
+use hbot_api::{Event, FaultEvent, StateEvent};
 use hbot_core::Controller;
 use hbot_record::{About, Writer};
 use mcap::McapError;
@@ -30,10 +30,15 @@ pub(crate) struct FlightNote {
     pub(crate) until: u64,
 }
 
-/// The last ticks, each with the scene if it renders another one than the tick before.
+/// Largest number of faults and stops in memory.
+const MOST_FAULTS: usize = 16;
+
+/// The last ticks, each with the scene if it renders another one than the tick before; and the last
+/// faults and stops.
 #[derive(Default)]
 pub(super) struct Memory {
     parts: VecDeque<Part>,
+    faults: VecDeque<FaultEvent>,
 }
 
 /// Ticks in succession, with what a replay needs to begin.
@@ -71,7 +76,16 @@ impl Memory {
         }
     }
 
-    /// Forgets everything, because a tick is missing.
+    /// Adds an event if it is a fault, a stop or a reset.
+    pub(super) fn event(&mut self, event: &Event) {
+        let Event::Fault(fault) = event else { return };
+        if self.faults.len() == MOST_FAULTS {
+            self.faults.pop_front();
+        }
+        self.faults.push_back(fault.clone());
+    }
+
+    /// Forgets all ticks, because one is missing.
     pub(super) fn clear(&mut self) {
         self.parts.clear();
     }
@@ -91,7 +105,9 @@ impl Memory {
             part.ticks.retain(|(entry, _)| entry.inputs.tick <= flight.until);
         }
         parts.retain(|part| !part.ticks.is_empty());
-        Self { parts }
+        let wanted = flight.from..=flight.until;
+        let faults = self.faults.iter().filter(|fault| wanted.contains(&fault.tick)).cloned();
+        Self { parts, faults: faults.collect() }
     }
 
     /// Writes a recording of all ticks in memory. Blocks until it is written. After an error no
@@ -123,6 +139,9 @@ impl Memory {
                 writer.exact_tick(&entry.inputs, &entry.outputs, at)?;
                 convert::fill_state(&mut state, &entry.outputs.state, entry.t_ns, &entry.timing);
                 writer.state(&state, at)?;
+                for fault in self.faults.iter().filter(|fault| fault.tick == tick) {
+                    writer.event(&Event::Fault(fault.clone()), at)?;
+                }
             }
         }
         writer.finish().map(drop)

@@ -139,6 +139,9 @@ impl RecordingWriter {
 
     fn event(&mut self, event: &Event) {
         self.output.event(event, self.newest);
+        if let Some(memory) = &mut self.memory {
+            memory.event(event);
+        }
         if let Some(feed) = &mut self.feed {
             feed.event(event, self.newest);
         }

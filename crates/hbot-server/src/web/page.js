@@ -75,7 +75,7 @@ async function ask(op, fields, what = op) {
     return true;
   } catch (error) {
     tell(what)(error);
-    if (op === 'enable') rig.refusal = error.message;
+    if (['enable', 'reset'].includes(op)) rig.refusal = error.message;
     return false;
   }
 }
@@ -269,7 +269,7 @@ function words() {
   put(legend.children[0], `torque ${length(state.torque).toFixed(3)} N m`);
   put(legend.children[1], state.reference ? 'reference, dashed' : 'no reference');
   put(legend.children[2], `rotation n1 n2 n3 ${turned.map(figure).join(' ')} rad`);
-  put(legend.children[3], `angle ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
+  put(legend.children[3], `turned ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
   const away = rig.away;
   $('sphere').setAttribute('aria-label', `Sphere: turned ${angle.toFixed(2)} rad, torque `
     + `${length(state.torque).toFixed(2)} N m${away === null ? '' : `, ${away.toFixed(2)} rad from its reference`}`);
@@ -293,7 +293,7 @@ function showPlot() {
     plot($('torque'), samples, colours, {
       name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true, limit: rig.info?.limits.torque });
   } else {
-    plot($('angle'), samples, colours, { name: 'angle from reference, rad', short: 'angle, rad', of: (s) => s.angle, least: 0.02 });
+    plot($('angle'), samples, colours, { name: 'angle from reference, rad', short: 'from reference, rad', of: (s) => s.angle, least: 0.02 });
     $('curves').hidden = !rig.curves;
     if (rig.curves) plotCurves($('curves'), rig.curves, rig.present, colours, rig.info?.limits.torque ?? 0);
   }

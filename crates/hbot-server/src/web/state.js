@@ -82,17 +82,22 @@ function details(rig) {
     // What was found comes before the usual remedy. A simulated rig has no plug that could be loose.
     return [
       ['bad', `${words?.sentence ?? state.fault}${who}`],
+      ['warn', notReset(rig)],
       ['', `${state.fault}${told}`],
       [rig.isSimulated && told ? 'weak' : '', words?.remedy ?? '']];
   }
   if (state.mode === 'estop') {
-    return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['', wayOn(rig)]];
+    return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)]];
   }
   const shaken = rig.shaking
     ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
   if (state.mode === 'idle' && rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
   return [...shaken, ['weak', mode]];
+}
+
+function notReset(rig) {
+  return rig.refusal ? `Not reset: ${rig.refusal}` : '';
 }
 
 function wayOn(rig) {
@@ -115,10 +120,17 @@ function noticed({ state, isCertain, shaking, warnings }) {
     return `The sphere still turns: ${speed.toFixed(2)} rad/s`;
   }
   const cut = 1 - state.scale;
-  if (state.mode === 'active' && cut >= LEAST_TOLD) return `Limits cut ${(100 * cut).toFixed(0)} % of the torque`;
+  if (state.mode === 'active' && cut >= LEAST_TOLD && warnings.length === 0) {
+    return `Limits cut ${percent(cut)} of the torque`;
+  }
   if (shaking || warnings.length === 0) return '';
   const many = warnings.length > 1 ? `${warnings.length} warnings` : 'Warning';
   return `${many}, see the scene: ${warnings[0].replaceAll('`', '')}`;
+}
+
+/** Says a part in per cent. All of it is never cut. */
+function percent(part) {
+  return part > 0.99 ? 'over 99 %' : `${(100 * part).toFixed(0)} %`;
 }
 
 /** Lets the box cover the bars if its text needs their room. So nothing moves. */

@@ -173,11 +173,8 @@ fn the_table_of_identified_rigs_is_the_reports() {
 
 #[test]
 fn what_a_reference_from_outside_leaves_is_the_reports() {
-    let of = |row: &str| {
-        let words =
-            whole_cell(IDENTIFY, "A reference from outside", &[row, "0.03 %"], "largest error, degrees");
-        format!("{:.2}", number(&words))
-    };
+    let of =
+        |row: &str| cell(IDENTIFY, "A reference from outside", &[row, "0.03 %"], "largest error, degrees");
     let [camera, drawn, tilt] = ["camera", "camera; the rig file says no drift", "gravity: the tilt"].map(of);
     for words in
         [format!("leaves at most {camera} degrees ({drawn} without the key)"), format!("a tilt of {tilt}.")]

@@ -10,7 +10,7 @@ use crate::document::{Report, join};
 
 /// A virtual mass that resists acceleration. Above a limit it would be unstable, because the
 /// acceleration is measured with a delay. Mass beyond the limit is left out. More smoothing allows
-/// more mass (docs/effects.md).
+/// more mass.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Inertia {

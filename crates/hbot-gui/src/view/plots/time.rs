@@ -105,7 +105,7 @@ pub(super) fn show(
         (low.min(point[1]), high.max(point[1]))
     });
     // Above the plot, where the names cover no curve.
-    let room = vec2(ui.available_width() - beside.x, beside.y);
+    let room = vec2((ui.available_width() - beside.x).max(0.0), beside.y);
     ui.allocate_ui(room, |ui| {
         ui.spacing_mut().interact_size.y = beside.y;
         ui.horizontal_wrapped(|ui| {

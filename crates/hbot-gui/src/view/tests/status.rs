@@ -60,6 +60,7 @@ fn a_torque_that_the_limits_cut_is_told() {
     let warning = Palette::of_theme(true, Color32::GRAY).warn;
     for (scale, bar, words) in [
         (0.36, "64 % cut off by limits", Some("Limits cut 64 % of the torque")),
+        (0.001, "over 99 % cut off by limits", Some("Limits cut over 99 % of the torque")),
         (0.996, "0 % cut off by limits", None),
         (1.0, "none", None),
     ] {

@@ -8,8 +8,8 @@ use hbot_link::{
 };
 
 use crate::bus::{
-    BusCommand, Expected, Filtering, Found, Heard, JointReading, MeetError, MotorBus, Obedience, Protocol,
-    Reading, Telemetry, TelemetryLog, Traffic, converse,
+    BusCommand, Expected, ExpectedJoint, Filtering, Found, Heard, JointReading, MeetError, MotorBus,
+    Obedience, Protocol, Reading, Remedy, Telemetry, TelemetryLog, Traffic, converse, field,
 };
 use crate::line::Line;
 
@@ -82,7 +82,7 @@ impl Protocol for HbotLink {
             supply_v: None,
             zero: None,
             filtering: Filtering::default(),
-            remedies: Vec::new(),
+            remedies: expected.joint(at).and_then(|ours| wrong_counts(ours, joint)).into_iter().collect(),
         };
         Ok(there.joints.iter().enumerate().map(found).collect())
     }
@@ -91,6 +91,18 @@ impl Protocol for HbotLink {
         let (commands, feedback) = (command_frame_bytes(joints), feedback_frame_bytes(joints));
         Traffic { commands, feedback, turnaround_us: 0, bus: None }
     }
+}
+
+/// Returns what is wrong if a joint counts otherwise than the rig file says.
+fn wrong_counts(ours: &ExpectedJoint, theirs: &JointDescription) -> Option<Remedy> {
+    (ours.counts_per_turn != theirs.counts_per_turn).then(|| Remedy {
+        what: format!("the rig file says {} counts a turn", ours.counts_per_turn),
+        command: format!(
+            "counts_per_turn = {} in {} of the rig file",
+            theirs.counts_per_turn,
+            field(ours.number)
+        ),
+    })
 }
 
 /// The motor controllers on one line that use hbot's own protocol.

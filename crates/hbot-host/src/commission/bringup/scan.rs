@@ -121,6 +121,22 @@ mod tests {
     }
 
     #[test]
+    fn other_counts_than_the_rig_file_says_are_named_with_the_key() {
+        let simulated = simulated_rig(&RigConfig::prototype(), Default::default()).expect("simulated");
+        let text = include_str!("../../../../../rigs/prototype.toml");
+        let other = text.replace("counts_per_turn = 16384", "counts_per_turn = 4096");
+        let other = RigConfig::from_toml(&other, "rigs/prototype.toml").expect("legal");
+        let expected = Expected::new("a line", &other.rig, &Layout::of(&other), 0);
+        let (_, calls) = mpsc::channel();
+        let mut line = Memory::new(simulated, calls);
+        let scanned = scan_line(driver(other.link.protocol), &mut line, &expected).expect("they answer");
+        assert!(!scanned.is_good());
+        let said = &scanned.found[1].remedies[0];
+        assert_eq!(said.what, "the rig file says 4096 counts a turn");
+        assert_eq!(said.command, "counts_per_turn = 16384 in wheel[0].drive of the rig file");
+    }
+
+    #[test]
     fn each_wrong_setting_is_named_with_the_command_that_mends_it() {
         let scanned = looked(|rig| {
             let servos = rig.controllers_mut();

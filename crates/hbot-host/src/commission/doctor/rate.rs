@@ -83,9 +83,10 @@ pub fn highest_rate(config: &RigConfig, measured: &Punctuality) -> Finding {
     if let Some(bound) = StiffnessBound::of(config) {
         let at = |hz: f64| bound.at_rate(hz).stable(USUAL_DAMPING);
         let now = f64::from(config.rate_hz);
+        let is_stiffer = rate == now || at(rate.max(now)) > at(rate.min(now));
+        let stiffer = if is_stiffer { ", so a faster loop makes stiffer springs" } else { "" };
         found += &format!(
-            ". The torque is one period old, so a faster loop makes stiffer springs: with a damping of {USUAL_DAMPING} N m \
-             s/rad and motors that follow in {:.1} ms a spring is stable up to {:.1} N m/rad at {now:.0} Hz",
+            ". The torque is one period old{stiffer}: with a damping of {USUAL_DAMPING} N m s/rad and motors that follow in {:.1} ms a spring is stable up to {:.1} N m/rad at {now:.0} Hz",
             1.0e3 * bound.sampled().lag,
             at(now)
         );
