@@ -255,6 +255,8 @@ def test_values_of_another_type_are_refused_with_their_names(server: Server) -> 
     plane: Any = hbot.Plane((0.0, 0.0, 1.0), 0.1, stiffness=4.0)
     with pytest.raises(hbot.IllegalInput, match="the address is 4268; legal: a text"):
         hbot.connect(cast("Any", 4268))
+    with pytest.raises(hbot.IllegalInput, match="legal: HOST or HOST:PORT, without http://"):
+        hbot.connect("http://127.0.0.1:4269")
     with hbot.connect(server.address, name="types") as rig, rig.lease():
         with pytest.raises(TypeError, match=r"q is 0\.5; legal: a list of numbers"):
             rig.hand(number)

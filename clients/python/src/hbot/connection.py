@@ -306,7 +306,14 @@ class Connection:
                 self._take_lease(event)
             elif isinstance(event, RefusedEvent):
                 if self.refused == 0:
-                    _LOG.warning("the server refused messages, the last: %s", event.message)
+                    advice = (
+                        "; with fewer states (such as every=5) a slow program keeps up"
+                        if "max_age_ticks" in event.message
+                        else ""
+                    )
+                    _LOG.warning(
+                        "the server refused messages, the last: %s%s", event.message, advice
+                    )
                 self.refused = event.total
             elif isinstance(event, DroppedEvent):
                 self.dropped = event.total

@@ -37,13 +37,15 @@ def split_address(address: str) -> tuple[str, int]:
     The default port is 4268.
 
     Raises:
-        IllegalInput: it is no text, a port alone, or its port is no number from 1 to 65535.
+        IllegalInput: it is no text, a port alone or a URL, or its port is not from 1 to 65535.
     """
     if not isinstance(address, str):
         raise IllegalInput(f"the address is {address!r}; legal: a text such as '127.0.0.1:4268'")
     host, colon, port = address.rpartition(":")
     if address.isdigit():
         raise IllegalInput(f"{address!r} is a port alone; did you mean '127.0.0.1:{address}'?")
+    if "://" in address:
+        raise IllegalInput(f"the address is {address!r}; legal: HOST or HOST:PORT, without http://")
     if not colon or (":" in host and not host.endswith("]")):
         return address.strip("[]"), DEFAULT_PORT
     if not port.isdigit() or not 0 < int(port) < 1 << 16:

@@ -225,8 +225,11 @@ fn a_press_on_stop_stops_once_and_at_once() {
     for slides in [false, true] {
         let mut seen = window(SIZES[0], commanding(true));
         let middle = seen.get_by_label("Stop").rect().center();
-        let button = |pos, pressed| {
-            Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: Modifiers::NONE }
+        let button = |pos, pressed| Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
         };
         seen.event(Event::PointerMoved(middle));
         seen.run_steps(2);
