@@ -100,8 +100,8 @@
 //!
 //! | reals | a [`Controller`] | its history of orientations | a [`CompiledScene`] |
 //! |---|---|---|---|
-//! | f64 | 105800 | 41088 | 40464 |
-//! | f32 | 60240 | 24640 | 20496 |
+//! | f64 | 105824 | 41088 | 40464 |
+//! | f32 | 60248 | 24640 | 20496 |
 #![no_std]
 
 pub mod allocation;
