@@ -13,7 +13,7 @@ use clap::{Args, ValueEnum};
 use hbot_config::rig::Protocol;
 
 use self::units::Quantity;
-use super::ask::{at_terminal, somebody_is_there};
+use super::ask::{at_terminal, note_if_nobody_is_there, somebody_is_there};
 use super::out::{create_new, note, say};
 
 /// Options of `hbot rig new`. On a terminal, the command asks for each number that is not given.
@@ -170,9 +170,7 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
     {
         bail!("{}: there is no folder {}", args.file.display(), folder.display());
     }
-    if !somebody_is_there() {
-        note!("there is no terminal, so nothing is asked: what no option gives has its default");
-    }
+    note_if_nobody_is_there();
     if somebody_is_there() {
         note!(
             "An answer can have a unit (60 mm). Enter takes the value in brackets, ? explains the question."

@@ -42,7 +42,7 @@ impl Built {
         let mut zeros = Vec::new();
         for wheel in drawing.wheels() {
             let spec = *wheel.spec();
-            let mut next = || normal(&mut random);
+            let mut next = || normal(|| random.rand_float());
             let tilt = Vec3::new(next(), next(), next()) * ANGLE;
             specs.push(WheelSpec {
                 axis: spec.axis + tilt.cross(spec.axis),
@@ -58,9 +58,10 @@ impl Built {
     }
 }
 
-/// A number of the normal distribution with mean 0 and standard deviation 1 (Box and Muller 1958).
-fn normal(random: &mut Rand64) -> f64 {
-    let (u, v) = (random.rand_float().max(f64::MIN_POSITIVE), random.rand_float());
+/// Returns a number of the normal distribution with mean 0 and standard deviation 1, made of two
+/// numbers that are uniformly distributed in [0, 1) (Box and Muller 1958).
+pub fn normal(mut uniform: impl FnMut() -> f64) -> f64 {
+    let (u, v) = (uniform().max(f64::MIN_POSITIVE), uniform());
     libm::sqrt(-2.0 * libm::log(u)) * libm::cos(TAU * v)
 }
 
@@ -105,7 +106,7 @@ impl Wander {
     #[must_use]
     pub fn turns(seed: u64, count: usize, seconds: f64) -> Self {
         let mut random = Rand64::new(u128::from(seed));
-        let mut next = || normal(&mut random);
+        let mut next = || normal(|| random.rand_float());
         let axes = (0..count).map(|_| Vec3::new(next(), next(), next()).normalize_or(Vec3::Z));
         Self::Turns(axes.collect(), seconds)
     }

@@ -25,8 +25,8 @@ const TRIFLE: f64 = 0.01;
 const CALIPER: f64 = 0.03;
 /// Difference of a cone angle from the rig file that is no tolerance of manufacture, rad.
 const MISBUILT: f64 = 0.02;
-/// Slip divided by rolling distance from which on the rig file counts as wrong, although signs,
-/// zeros, radii and cones were fitted.
+/// Slip divided by rolling distance from which on the rig file counts as wrong: as it is, or
+/// although signs, zeros, radii and cones were fitted.
 const DOUBTFUL: f64 = 0.03;
 
 /// Options of `hbot rig calibrate`.
@@ -312,7 +312,8 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
             gears[1]
         )?;
     }
-    if as_filed && found.before > DOUBTFUL {
+    let is_far = shares(rig, found).iter().any(|share| (share - 1.0).abs() > CALIPER);
+    if as_filed && (is_far || found.before > DOUBTFUL) {
         as_filed = false;
         writeln!(
             words,
@@ -324,15 +325,16 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
     Ok(Told { words, as_filed, corrections })
 }
 
+/// Returns each wheel's radius as found, divided by that of the file. The sphere's counts as right.
+fn shares(rig: &RigConfig, found: &Calibration) -> Vec<f64> {
+    let filed = rig.rig.device.wheels().iter().map(|wheel| wheel.spec().radius);
+    found.wheels.iter().zip(filed).map(|(wheel, filed)| wheel.radius / filed).collect()
+}
+
 /// Compares the radii found with those of the file. Returns the two wheels whose ratios differ
 /// most, and by how much, if the difference is too large for a caliper's error.
 fn radii_apart(rig: &RigConfig, found: &Calibration) -> Option<(usize, usize, f64)> {
-    let share: Vec<f64> = found
-        .wheels
-        .iter()
-        .zip(rig.rig.device.wheels())
-        .map(|(wheel, filed)| wheel.radius / filed.spec().radius)
-        .collect();
+    let share = shares(rig, found);
     let by_share = |a: &usize, b: &usize| share[*a].total_cmp(&share[*b]);
     let (most, least) = ((0..share.len()).max_by(by_share)?, (0..share.len()).min_by(by_share)?);
     let apart = share[most] / share[least] - 1.0;

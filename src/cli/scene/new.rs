@@ -8,7 +8,7 @@ use clap::Args;
 use hbot_config::SceneFile;
 use hbot_config::scene::{Listed, kinds};
 
-use super::super::ask::{at_terminal, somebody_is_there};
+use super::super::ask::{at_terminal, note_if_nobody_is_there, somebody_is_there};
 use super::super::out::{create_new, note, tell};
 use super::unknown;
 
@@ -55,9 +55,7 @@ fn asked(words: &str, default: &str) -> anyhow::Result<String> {
 
 /// Asks for the name of the scene. `?` explains it.
 fn ask_for_name() -> anyhow::Result<String> {
-    if !somebody_is_there() {
-        note!("there is no terminal, so nothing is asked: what no option gives has its default");
-    }
+    note_if_nobody_is_there();
     loop {
         match asked("name of the scene", "My scene")?.as_str() {
             "?" => note!("  Any text. Panel, recordings and messages show it."),

@@ -272,7 +272,7 @@ fn toasts(ui: &Ui, model: &Model, room: Rect) {
     area.pivot(Align2::CENTER_TOP).fixed_pos(room.center_top()).show(ui.ctx(), |ui| {
         for message in fresh {
             Frame::popup(ui.style()).stroke((1.5, palette.weight(message.weight))).show(ui, |ui| {
-                ui.set_max_width(room.width().min(420.0));
+                ui.set_max_width(room.width().clamp(0.0, 420.0));
                 ui.add(egui::Label::new(RichText::new(&message.text)).wrap());
             });
         }

@@ -249,6 +249,14 @@ fn a_press_on_stop_stops_once_and_at_once() {
     }
 }
 
+/// A window that is zoomed beyond its least size is drawn before the zoom is limited.
+#[test]
+fn a_window_below_the_smallest_is_drawn() {
+    let mut seen = window([640.0, 380.0], commanding(true));
+    settle(&mut seen);
+    seen.get_by_label("Stop");
+}
+
 #[test]
 fn joints_are_grey_if_their_values_may_be_old() {
     let mut seen = window(SIZES[0], commanding(false));

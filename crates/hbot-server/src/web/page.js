@@ -75,7 +75,7 @@ async function ask(op, fields, what = op) {
     return true;
   } catch (error) {
     tell(what)(error);
-    if (['enable', 'reset'].includes(op)) rig.refusal = error.message;
+    if (['enable', 'reset'].includes(op)) rig.refusal = { op, why: error.message };
     return false;
   }
 }

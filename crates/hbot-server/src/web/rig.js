@@ -145,6 +145,8 @@ export class Rig {
   sample(state) {
     // The message about a stop can overtake the states before it.
     const stopped = state.mode === 'fault' || state.mode === 'estop';
+    // What was refused has come about, perhaps by another client.
+    if (!stopped && (this.refusal?.op === 'reset' || hasTorque(state.mode))) this.refusal = null;
     if (this.fault && state.tick > this.fault.tick && !stopped) this.fault = null;
     const stop = this.stop;
     if (stop && (stop.after === null || state.tick > stop.after) && !hasTorque(state.mode)) {

@@ -92,12 +92,12 @@ function details(rig) {
   const shaken = rig.shaking
     ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
-  if (state.mode === 'idle' && rig.refusal) return [['warn', `Not enabled: ${rig.refusal}`]];
+  if (state.mode === 'idle' && rig.refusal?.op === 'enable') return [['warn', `Not enabled: ${rig.refusal.why}`]];
   return [...shaken, ['weak', mode]];
 }
 
 function notReset(rig) {
-  return rig.refusal ? `Not reset: ${rig.refusal}` : '';
+  return rig.refusal?.op === 'reset' ? `Not reset: ${rig.refusal.why}` : '';
 }
 
 function wayOn(rig) {

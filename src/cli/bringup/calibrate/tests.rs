@@ -17,6 +17,16 @@ fn watched_on(rig: &RigConfig) -> Vec<Counts> {
     watch(&mut bench, 20).unwrap()
 }
 
+/// Wheels that are all alike are compared with the sphere.
+#[test]
+fn radii_that_are_all_wrong_do_not_pass() {
+    let file = include_str!("../../../../rigs/prototype.toml");
+    let rig = RigConfig::from_toml(&file.replace("radius = 0.0155", "radius = 0.0170"), "wide.toml").unwrap();
+    let Told { words, as_filed, corrections } = told(&rig, &watched()).unwrap();
+    assert!(!as_filed && words.contains("measure the radii of sphere and wheels"), "{words}");
+    assert_eq!(corrections, []);
+}
+
 /// Returns the prototype's rig file with a mistake in it.
 fn mistaken(from: &str, to: &str) -> RigConfig {
     let file = include_str!("../../../../rigs/prototype.toml");

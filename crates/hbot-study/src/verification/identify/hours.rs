@@ -11,7 +11,7 @@ use hbot_core::outputs::State;
 use hbot_core::{CompiledScene, Controller, Device, MAX_JOINTS, Quat, Rig, Vec3, rotation};
 use hbot_identify::{What, identify};
 use hbot_plot::short;
-use hbot_sim::wander::{Built, Wander};
+use hbot_sim::wander::{Built, Wander, normal};
 
 use super::rigs::{Encoders, counts, geometry, read, recorded, truth};
 use crate::context::{Context, Interrupted};
@@ -78,7 +78,8 @@ impl Fused {
         let tick = u64::from(reading.sequence) + 1;
         let mut inputs = Inputs { feedback: Some(reading), ..Inputs::quiet(tick) };
         if tick.is_multiple_of(EACH) {
-            let noise = rotation::exp(normal(rng) * SIGMA);
+            let mut next = || normal(|| rng.unit());
+            let noise = rotation::exp(Vec3::new(next(), next(), next()) * SIGMA);
             self.sent.push_back((
                 tick + LATE as u64,
                 match self.source {
@@ -202,13 +203,4 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         (least..=most).contains(&relative),
     );
     Ok(())
-}
-
-/// Returns three numbers of the normal distribution (Box and Muller 1958).
-fn normal(rng: &mut Rng) -> Vec3 {
-    let mut next = || {
-        let (u, v) = (rng.unit().max(f64::MIN_POSITIVE), rng.unit());
-        libm::sqrt(-2.0 * libm::log(u)) * libm::cos(2.0 * PI * v)
-    };
-    Vec3::new(next(), next(), next())
 }
