@@ -185,6 +185,17 @@ fn every_rate_estimate_is_understood_with_its_parameters_and_no_other() {
     assert!(loop_of("'kalmann'").contains(r#"did you mean "kalman"?"#));
 }
 
+/// A file without the key `passivity` cannot mend a value of it.
+#[test]
+fn the_usual_passivity_is_legal_for_every_sphere() {
+    for (radius, mass) in [(0.001, 0.001), (10.0, 1000.0)] {
+        let sphere = format!("radius = {radius}, mass = {mass}");
+        let text = LEAST.replace("radius = 0.1, mass = 0.5", &sphere).replace("0.015", "0.0005");
+        let read = RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|e| panic!("{sphere}: {e}"));
+        assert!(read.rig.methods.passivity.is_some());
+    }
+}
+
 #[test]
 fn passivity_is_off_on_or_a_table() {
     let limit = |said: &str| with_loop(&format!("passivity = {said}")).rig.methods.passivity;

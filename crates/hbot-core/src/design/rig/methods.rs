@@ -219,6 +219,7 @@ impl PassivityLimit {
     #[must_use]
     pub fn of(device: &Device, period_s: Real) -> Self {
         let damping = 0.25 * device.sphere_inertia() / period_s.max(1.0e-3);
+        let damping = damping.clamp(2.0 * legal::DAMPING.least, legal::DAMPING.most);
         Self { allowance: 1.0e-3, store: 5.0e-3, damping, strict: false }
     }
 
