@@ -188,6 +188,9 @@ fn turned(
 struct Closed {
     period: f64,
     limit: Option<(Limit, [Direction; 3])>,
+    /// The frame of the rows of the matrices below: that of the limits' directions, if there are
+    /// some. By columns.
+    frame: [[f64; 3]; 3],
     stiffness: [[f64; 3]; 3],
     damping: [[f64; 3]; 3],
     masses: Vec<([[f64; 3]; 3], f64)>,
@@ -195,7 +198,6 @@ struct Closed {
 
 /// A direction of torque, with the sizes of a scene about it.
 struct Direction {
-    axis: Vec3,
     stiffness: f64,
     damping: f64,
     masses: Vec<f64>,
@@ -205,7 +207,7 @@ impl Direction {
     fn new(axis: Vec3, stiffness: &Mat3, damping: &Mat3, masses: &[(Mat3, f64)]) -> Self {
         let about = |m: &Mat3| axis.dot(*m * axis);
         let masses = masses.iter().map(|(mass, _)| about(mass)).collect();
-        Self { axis, stiffness: about(stiffness), damping: about(damping), masses }
+        Self { stiffness: about(stiffness), damping: about(damping), masses }
     }
 }
 
@@ -217,18 +219,24 @@ impl Closed {
         let damping = turned(&scene.damping) + stiffness * sampled.lead;
         let masses: Vec<_> =
             scene.masses.iter().map(|(m, smoothing)| (turned(m), part(*smoothing))).collect();
+        let mut frame = Mat3::IDENTITY;
         let limit = limit.map(|limit| {
             let all = masses.iter().fold(stiffness * sampled.lateness() + damping, |sum, (m, part)| {
                 sum + *m * (*part / sampled.period)
             });
             let axes = principal(&((all + all.transpose()) * 0.5)).1;
+            frame = axes.transpose();
             (limit, [0, 1, 2].map(|k| Direction::new(axes.col(k), &stiffness, &damping, &masses)))
         });
-        // By columns.
-        let columns = |m: &Mat3| m.to_cols_array_2d();
-        let masses = masses.iter().map(|(m, part)| (columns(m), *part)).collect();
-        let (stiffness, damping) = (columns(&stiffness), columns(&damping));
-        Self { period: sampled.period, limit, stiffness, damping, masses }
+        let columns = |m: &Mat3| (frame * *m).to_cols_array_2d();
+        Self {
+            period: sampled.period,
+            limit,
+            frame: frame.to_cols_array_2d(),
+            stiffness: columns(&stiffness),
+            damping: columns(&damping),
+            masses: masses.iter().map(|(m, part)| (columns(m), *part)).collect(),
+        }
     }
 
     /// Returns det(I + L(z)).
@@ -239,11 +247,16 @@ impl Closed {
         // What is asked about each direction of the limits.
         let spring = |of: &Direction| Complex { re: of.damping, im: -of.stiffness / *pace };
         let mut asked = self.limit.as_ref().map(|(_, directions)| directions.each_ref().map(spring));
+        // By columns.
         let mut m = [[Complex::real(0.0); 3]; 3];
-        for (j, [angle, rate]) in responses.iter().enumerate() {
-            for (i, row) in m.iter_mut().enumerate() {
-                row[j] = *angle * self.stiffness[j][i] + *rate * self.damping[j][i];
+        let add = |column: &mut [Complex; 3], response: Complex, sizes: &[f64; 3]| {
+            for (entry, size) in column.iter_mut().zip(sizes) {
+                *entry = *entry + response * *size;
             }
+        };
+        for (j, [angle, rate]) in responses.iter().enumerate() {
+            add(&mut m[j], *angle, &self.stiffness[j]);
+            add(&mut m[j], *rate, &self.damping[j]);
         }
         for (n, (mass, part)) in self.masses.iter().enumerate() {
             // A virtual mass resists the change of the rate since the last tick, smoothed.
@@ -254,30 +267,20 @@ impl Closed {
                 }
             }
             for (j, [_, rate]) in responses.iter().enumerate() {
-                let response = *rate * smoothed;
-                for (i, row) in m.iter_mut().enumerate() {
-                    row[j] = row[j] + response * mass[j][i];
-                }
+                add(&mut m[j], *rate * smoothed, &mass[j]);
             }
         }
-        if let (Some((limit, directions)), Some(asked)) = (&self.limit, asked) {
+        if let (Some((limit, _)), Some(asked)) = (&self.limit, asked) {
             // The part of the torque about each direction that is made.
-            let parts = asked.map(|asked| limit.part(limit.speed * asked.size(), *pace));
-            if parts.iter().any(|part| *part != one) {
-                let mut made = [[Complex::real(0.0); 3]; 3];
-                for (Direction { axis, .. }, part) in directions.iter().zip(parts) {
-                    let axis = axis.to_array();
-                    for j in 0..3 {
-                        let of = |i: usize| m[i][j] * axis[i];
-                        let about = (of(0) + of(1) + of(2)) * part;
-                        (0..3).for_each(|i| made[i][j] = made[i][j] + about * axis[i]);
-                    }
+            for (i, asked) in asked.iter().enumerate() {
+                let part = limit.part(limit.speed * asked.size(), *pace);
+                if part != one {
+                    m.iter_mut().for_each(|column| column[i] = column[i] * part);
                 }
-                m = made;
             }
         }
-        for (k, row) in m.iter_mut().enumerate() {
-            row[k] = row[k] + *level;
+        for (column, frame) in m.iter_mut().zip(&self.frame) {
+            add(column, *level, frame);
         }
         determinant(&m)
     }

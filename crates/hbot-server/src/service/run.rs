@@ -20,7 +20,7 @@ use super::flights::Written;
 use super::hub::Hub;
 use super::outbox::outbox;
 use super::peer::{Peer, ServicePort};
-use super::scenes::Measured;
+use super::scenes::Examined;
 use super::shared_hub::SharedHub;
 use super::unauthenticated::Taken;
 use super::wakeups::Wakeups;
@@ -116,7 +116,7 @@ enum Wake {
     Accepted(io::Result<Arrival>),
     Ended(Option<Result<(Id, ()), JoinError>>),
     TurnedAway,
-    Measured(Result<Measured, JoinError>),
+    Examined(Result<Examined, JoinError>),
     Written(Written),
     Changed,
     Samples(io::Result<()>),
@@ -162,7 +162,7 @@ pub(super) async fn run(
             accepted = listeners.accept(accept_after) => Wake::Accepted(accepted),
             ended = connections.serving.join_next_with_id(), if !connections.serving.is_empty() => Wake::Ended(ended),
             _ = connections.turned_away.join_next(), if !connections.turned_away.is_empty() => Wake::TurnedAway,
-            measured = next_of(&hub, Hub::poll_measured) => Wake::Measured(measured),
+            examined = next_of(&hub, Hub::poll_examined) => Wake::Examined(examined),
             written = next_of(&hub, Hub::poll_written) => Wake::Written(written),
             () = changed.notified() => Wake::Changed,
             _ = heartbeat.tick() => Wake::Heartbeat,
@@ -188,7 +188,7 @@ pub(super) async fn run(
                 accept_after = Some(Instant::now() + ACCEPT_PAUSE);
             }
             Wake::Ended(ended) => connections.ended(ended),
-            Wake::Measured(measured) => hub.turn(|hub| hub.measured(measured)),
+            Wake::Examined(examined) => hub.turn(|hub| hub.examined(examined)),
             Wake::Written(written) => hub.turn(|hub| hub.written(written)),
             Wake::Heartbeat => hub.turn(Hub::heartbeat),
             // The next pass of this loop takes the samples and waits for the changed events.

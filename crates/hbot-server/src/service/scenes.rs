@@ -1,4 +1,4 @@
-//! The running scene: loading another one, changing parameters, and measuring the cost of effects.
+//! The running scene: loading another one, changing parameters, and examining what was loaded.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ pub(super) struct Scenes {
     /// The rig for which the computing time of effects is measured.
     rig: Rig,
     /// What the rig can make and keep stable.
-    abilities: Abilities,
+    abilities: Arc<Abilities>,
     /// What takes longer to say of the running scene.
     outlook: Outlook,
     /// Warnings about the running scene.
@@ -46,10 +46,10 @@ pub(super) struct Scenes {
     /// The changes whose requests have not been answered yet, in the order in which they were sent
     /// to the loop.
     waiting: VecDeque<Waiting>,
-    measuring: JoinSet<Measured>,
+    examining: JoinSet<Examined>,
     /// Passes scenes to the recorder.
     notes: Notes,
-    /// Wakes the service's task when the measurement of a scene begins.
+    /// Wakes the service's task when the examination of a scene begins.
     changed: Arc<Notify>,
 }
 
@@ -68,20 +68,23 @@ struct Waiting {
 
 /// What a client has changed.
 enum Change {
-    /// Another scene: `load_scene`. `measured` tells whether the costs of its effects are known.
-    Scene { name: String, effects: Vec<EffectCost>, ignored: Vec<String>, measured: bool },
+    /// Another scene: `load_scene`. `examined` tells whether its warnings and the costs of its
+    /// effects are known.
+    Scene { name: String, effects: Vec<EffectCost>, ignored: Vec<String>, examined: bool },
     /// Parameters of an effect: `set`.
     Parameters { effect: String, parameters: Map<String, Value> },
 }
 
-/// The measured computing time of each effect of a scene, ns per tick.
-pub(super) struct Measured {
+/// What is found out about a scene after it was given to the loop.
+pub(super) struct Examined {
     revision: u64,
+    /// The measured computing time of each effect, ns per tick.
     costs: Vec<u64>,
+    warnings: Vec<String>,
 }
 
-/// A change that is rendered, with the answer to its client and the event for all clients. The
-/// effects of another scene have been measured too.
+/// A change that is rendered, with the answer to its client and the event for all clients. Another
+/// scene has been examined too.
 pub(super) struct Changed {
     pub(super) session: u64,
     pub(super) id: Option<Id>,
@@ -97,7 +100,7 @@ impl Scenes {
         notes: Notes,
         changed: Arc<Notify>,
     ) -> Self {
-        let abilities = Abilities::of(rig);
+        let abilities = Arc::new(Abilities::of(rig));
         let warnings = abilities.warnings(running.file());
         let outlook = Outlook::new(rig, abilities.judge.clone());
         let rig = rig.rig;
@@ -110,7 +113,7 @@ impl Scenes {
             outlook,
             warnings,
             waiting: VecDeque::new(),
-            measuring: JoinSet::new(),
+            examining: JoinSet::new(),
             notes,
             changed,
         };
@@ -125,7 +128,8 @@ impl Scenes {
         self.running.file()
     }
 
-    /// Returns the warnings about this scene, as in the answer to `load_scene` or `set`.
+    /// Returns the warnings about this scene, as in the answer to `load_scene` or `set`. Before this
+    /// answer there are none.
     pub(super) fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -173,9 +177,9 @@ impl Scenes {
         Err(ErrorBody::new(ErrorCode::UnknownEffect, format!("effect {id:?} {what}; legal: {legal}")))
     }
 
-    /// Sends a new scene to the loop for a client, and starts to measure its effects on another
-    /// thread. When the scene has been rendered and measured, [`next_changed`](Self::next_changed)
-    /// returns the answer.
+    /// Sends a new scene to the loop for a client, and starts to examine it on another thread. When
+    /// the scene has been rendered and examined, [`next_changed`](Self::next_changed) returns the
+    /// answer.
     ///
     /// # Errors
     /// Fails if the scene is not legal, or if too many scenes are being loaded.
@@ -201,13 +205,12 @@ impl Scenes {
                 Vec::new()
             }
         };
-        let mut warnings = self.abilities.warnings(&file);
-        warnings.extend(self.kept(&file).and_then(|(name, simulate)| keeps(name, simulate)));
+        let kept = self.kept(&file).and_then(|(name, simulate)| keeps(name, simulate));
         let compiled = self.running.load(file);
         let (rig, parts) = (self.rig, compiled.clone());
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::LoadScene))?;
-        self.warnings.clone_from(&warnings);
+        self.warnings.clear();
 
         let (file, revision) = (self.running.file(), self.running.revision());
         let effects = file.effects().iter().map(|effect| EffectCost {
@@ -217,9 +220,22 @@ impl Scenes {
         });
         let (name, effects) = (file.name().to_owned(), effects.collect());
         tracing::info!(session, name, "scene loaded");
-        let change = Change::Scene { name, effects, ignored, measured: false };
-        self.waiting.push_back(Waiting { revision, session, id, by, warnings, change, tick: None });
-        self.measuring.spawn_blocking(move || Measured { revision, costs: cost::measure(&rig, &parts) });
+        let change = Change::Scene { name, effects, ignored, examined: false };
+        let (abilities, file) = (Arc::clone(&self.abilities), file.clone());
+        self.waiting.push_back(Waiting {
+            revision,
+            session,
+            id,
+            by,
+            warnings: Vec::new(),
+            change,
+            tick: None,
+        });
+        self.examining.spawn_blocking(move || {
+            let mut warnings = abilities.warnings(&file);
+            warnings.extend(kept);
+            Examined { revision, costs: cost::measure(&rig, &parts), warnings }
+        });
         self.changed.notify_one();
         Ok(())
     }
@@ -282,40 +298,39 @@ impl Scenes {
         }
     }
 
-    /// Polls for the next scene whose effects have been timed. Stays pending while no measurement
-    /// is running.
-    pub(super) fn poll_measured(&mut self, context: &mut Context<'_>) -> Poll<Result<Measured, JoinError>> {
-        match self.measuring.poll_join_next(context) {
-            Poll::Ready(Some(measured)) => Poll::Ready(measured),
+    /// Polls for the next scene that has been examined. Stays pending while none is.
+    pub(super) fn poll_examined(&mut self, context: &mut Context<'_>) -> Poll<Result<Examined, JoinError>> {
+        match self.examining.poll_join_next(context) {
+            Poll::Ready(Some(examined)) => Poll::Ready(examined),
             Poll::Ready(None) | Poll::Pending => Poll::Pending,
         }
     }
 
-    /// Records the measured computing time of a scene's effects. If the measurement failed, the
-    /// reported time is zero.
-    pub(super) fn measured(&mut self, result: Result<Measured, JoinError>) {
-        let (revision, costs) = match result {
-            Ok(Measured { revision, costs }) => (Some(revision), costs),
-            Err(error) => {
-                tracing::error!(%error, "effects could not be measured");
-                (None, Vec::new())
-            }
-        };
+    /// Records what was found out about a scene. If the examination failed, the reported times are
+    /// zero and there are no warnings.
+    pub(super) fn examined(&mut self, result: Result<Examined, JoinError>) {
+        let found = result.inspect_err(|error| tracing::error!(%error, "a scene could not be examined")).ok();
         for waiting in &mut self.waiting {
-            let Change::Scene { effects, measured, .. } = &mut waiting.change else { continue };
-            if revision.map_or(!*measured, |revision| revision == waiting.revision) {
-                *measured = true;
+            let Change::Scene { effects, examined, .. } = &mut waiting.change else { continue };
+            if found.as_ref().map_or(!*examined, |found| found.revision == waiting.revision) {
+                *examined = true;
+                let Some(Examined { revision, costs, warnings }) = found else { return };
                 effects.iter_mut().zip(costs).for_each(|(effect, cost)| effect.cost_ns = cost);
+                if revision == self.running.revision() {
+                    self.warnings.clone_from(&warnings);
+                }
+                waiting.warnings = warnings;
                 return;
             }
         }
     }
 
-    /// Removes and returns the oldest change, if it has been rendered and what it needs measured.
+    /// Removes and returns the oldest change, if it has been rendered, and examined if it is a
+    /// scene.
     pub(super) fn next_changed(&mut self) -> Option<Changed> {
         let front = self.waiting.front()?;
         let tick = front.tick?;
-        if matches!(front.change, Change::Scene { measured: false, .. }) {
+        if matches!(front.change, Change::Scene { examined: false, .. }) {
             return None;
         }
         let Waiting { session, id, by, warnings, change, .. } = self.waiting.pop_front()?;
@@ -417,7 +432,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_scene_is_answered_once_it_is_rendered_and_measured() {
+    async fn a_scene_is_answered_once_it_is_rendered_and_examined() {
         let (_loop_end, mut end, mut scenes) = scenes();
         let scene = json!({"name": "Air", "effect": [{"id": "air", "kind": "damper", "damping": 0.1}]});
         let ann = Some(Requester { name: "ann".to_owned(), session: Some(3) });
@@ -427,17 +442,19 @@ mod tests {
         scenes.set(&mut end, 4, None, ("air".to_owned(), damping.clone()), ann.clone()).unwrap();
         let second = scenes.running.revision();
         scenes.rendered(&Sample { scene: first - 1, ..crate::still::still(6) });
-        let measured = |revision| Ok(Measured { revision, costs: vec![42] });
-        scenes.measured(measured(first));
-        assert!(scenes.next_changed().is_none(), "measured and not rendered");
+        let shakes = || vec!["it shakes".to_owned()];
+        scenes.examined(Ok(Examined { revision: first, costs: vec![42], warnings: shakes() }));
+        assert!(scenes.next_changed().is_none(), "examined and not rendered");
+        assert!(scenes.warnings().is_empty(), "those of the change, which is later");
         scenes.rendered(&Sample { scene: first, ..crate::still::still(7) });
         let loaded = scenes.next_changed().expect("both");
         assert_eq!((loaded.session, &loaded.answer["effects"][0]["cost_ns"]), (3, &json!(42)));
+        assert_eq!(loaded.answer["warnings"], json!(shakes()));
         let Event::Scene(event) = loaded.event else { panic!("a scene") };
         assert_eq!((event.tick, event.by), (7, ann.clone()));
         assert!(scenes.next_changed().is_none(), "the loop has the scene and not its change");
         scenes.rendered(&Sample { scene: second, ..crate::still::still(8) });
-        let set = scenes.next_changed().expect("rendered; a change is not measured");
+        let set = scenes.next_changed().expect("rendered; a change is not examined");
         let warnings = Vec::new();
         assert_eq!((set.session, &set.answer), (4, &json!({"warnings": []})));
         let (tick, effect) = (8, "air".to_owned());
@@ -446,15 +463,17 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_change_waits_for_the_scene_before_it_that_is_not_measured() {
+    async fn a_change_waits_for_the_scene_before_it_that_is_not_examined() {
         let (_loop_end, mut end, mut scenes) = scenes();
-        scenes.load(&mut end, 3, None, json!("clay"), None).unwrap();
+        let spring = json!({"id": "s", "kind": "spring", "stiffness": 300, "damping": 0});
+        scenes.load(&mut end, 3, None, json!({"effect": [spring]}), None).unwrap();
+        assert!(scenes.warnings().is_empty(), "another thread looks for them");
         let first = scenes.running.revision();
         let id = scenes.file().effects()[0].id().to_owned();
         scenes.set(&mut end, 3, None, (id, Map::from_iter([("gain".to_owned(), json!(0.5))])), None).unwrap();
         scenes.rendered(&Sample { scene: scenes.running.revision(), ..crate::still::still(7) });
         assert!(scenes.next_changed().is_none(), "the event of the scene comes before that of its change");
-        scenes.measured(Ok(Measured { revision: first, costs: Vec::new() }));
+        scenes.examined(Ok(Examined { revision: first, costs: Vec::new(), warnings: Vec::new() }));
         let events =
             [scenes.next_changed(), scenes.next_changed()].map(|change| change.unwrap().event.name());
         assert_eq!(events, [EventName::Scene, EventName::Set].map(Some));

@@ -10,7 +10,7 @@ use super::super::convert;
 use super::super::flights::Written;
 use super::super::orders::Asker;
 use super::super::refusals::refusal;
-use super::super::scenes::{Changed, Measured};
+use super::super::scenes::{Changed, Examined};
 use super::{Hub, LEASE_LOST};
 use hbot_host::run_loop::sample::Sample;
 
@@ -131,18 +131,17 @@ impl Hub {
         self.publisher.answered(session);
     }
 
-    /// Polls for the next scene whose effects have been timed. Stays pending while no measurement
-    /// is running.
-    pub(in crate::service) fn poll_measured(
+    /// Polls for the next scene that has been examined. Stays pending while none is.
+    pub(in crate::service) fn poll_examined(
         &mut self,
         context: &mut Context<'_>,
-    ) -> Poll<Result<Measured, JoinError>> {
-        self.scenes.poll_measured(context)
+    ) -> Poll<Result<Examined, JoinError>> {
+        self.scenes.poll_examined(context)
     }
 
-    /// Records the measured computing time of a scene's effects.
-    pub(in crate::service) fn measured(&mut self, measured: Result<Measured, JoinError>) {
-        self.scenes.measured(measured);
+    /// Records what was found out about a scene.
+    pub(in crate::service) fn examined(&mut self, examined: Result<Examined, JoinError>) {
+        self.scenes.examined(examined);
         self.rendered();
     }
 
