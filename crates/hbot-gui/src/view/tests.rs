@@ -5,14 +5,14 @@ mod status;
 use std::path::Path;
 use std::time::SystemTime;
 
-use eframe::egui::{Color32, Event, Modifiers, PointerButton, Rect, Ui, vec2};
+use eframe::egui::{Color32, Event, Modifiers, PointerButton, Rect, Rgba, Theme, Ui, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{
     ControllerFlag, ControllerInfo, Fault, JointInfo, JointState, Mode, Requester, StateEvent, time_of_day,
 };
 
-use super::painted::{lines, texts};
+use super::painted::{lines, rims, texts};
 use super::theme::Palette;
 use super::{Act, Desk, Tab, round_up, show, theme};
 use crate::model::Model;
@@ -215,6 +215,52 @@ fn all_text_can_be_read_in_every_state_and_tab() {
             seen.state_mut().desk.tab = tab;
             settle(&mut seen);
             is_whole(&seen, name);
+        }
+    }
+}
+
+/// Returns the contrast of two colours by WCAG 2.2, from 1 to 21.
+fn contrast(a: Color32, b: Color32) -> f32 {
+    let luminance = |color| {
+        let color = Rgba::from(color);
+        0.2126 * color.r() + 0.7152 * color.g() + 0.0722 * color.b() + 0.05
+    };
+    let [a, b] = [a, b].map(luminance);
+    a.max(b) / a.min(b)
+}
+
+/// 3 is what WCAG 2.2 asks of the rim of a control (criterion 1.4.11).
+#[test]
+fn the_rims_of_controls_stand_out_from_the_ground() {
+    // By the definition of WCAG.
+    assert!((contrast(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-4);
+    let mut seen = window(SIZES[0], commanding(true));
+    for theme in [Theme::Dark, Theme::Light] {
+        seen.ctx.set_theme(theme);
+        settle(&mut seen);
+        let ground = seen.ctx.style_of(theme).visuals.panel_fill;
+        let rims = rims(&seen);
+        for name in ["Disable", "Law", "Each axis", "Stiffness value", "Scene file", "Save scene as", "Pause"] {
+            let place = seen.get_by_label(name).rect();
+            // Half a point for rounding.
+            let of = rims.iter().find(|(rect, _)| place.expand(0.5).contains_rect(*rect));
+            let (_, rim) = of.unwrap_or_else(|| panic!("{name} has no rim"));
+            let contrast = contrast(*rim, ground);
+            assert!(contrast >= 3.0, "{theme:?}, {name}: {contrast}");
+        }
+    }
+}
+
+/// Nothing moves while a value is typed.
+#[test]
+fn a_number_that_is_typed_moves_nothing_and_keeps_its_unit() {
+    for size in SIZES {
+        let mut seen = window(size, commanding(true));
+        let before = (places(&seen), lines(&seen));
+        for name in ["Stiffness value", "Damping value", "spring damping", "spring reference 1"] {
+            seen.get_by_label(name).focus();
+            settle(&mut seen);
+            assert_eq!((places(&seen), lines(&seen)), before, "{name}, {size:?}");
         }
     }
 }
