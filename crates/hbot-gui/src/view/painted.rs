@@ -29,10 +29,11 @@ impl Text {
         !self.shortened && self.place.left() >= left && self.place.right() <= right
     }
 
-    /// Returns whether two horizontal texts cover each other.
+    /// Returns whether the visible parts of two horizontal texts cover each other.
     pub(super) fn overlaps(&self, other: &Self) -> bool {
         // Half a point for rounding.
-        self.place.shrink(0.5).intersects(other.place)
+        let both = self.place.intersect(self.clip).shrink(0.5).intersect(other.place.intersect(other.clip));
+        both.is_positive()
     }
 }
 

@@ -82,7 +82,13 @@ fn number(
     }
     let response = match schema["unit"].as_str() {
         // Beside the field, because a unit in it would vanish while a value is typed.
-        Some(unit) => ui.horizontal(|ui| (field(ui, drag), ui.weak(unit)).0).inner,
+        Some(unit) => {
+            let both = |ui: &mut Ui| {
+                ui.spacing_mut().item_spacing.x = 4.0;
+                (field(ui, drag), ui.weak(unit)).0
+            };
+            ui.horizontal(both).inner
+        }
         None => field(ui, drag),
     };
     let response = named(response, name).on_hover_text(explained(schema, before));

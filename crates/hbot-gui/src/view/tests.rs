@@ -240,7 +240,8 @@ fn the_rims_of_controls_stand_out_from_the_ground() {
         settle(&mut seen);
         let ground = seen.ctx.style_of(theme).visuals.panel_fill;
         let rims = rims(&seen);
-        for name in ["Disable", "Law", "Each axis", "Stiffness value", "Scene file", "Save scene as", "Pause"] {
+        for name in ["Disable", "Law", "Each axis", "Stiffness value", "Scene file", "Save scene as", "Pause"]
+        {
             let place = seen.get_by_label(name).rect();
             // Half a point for rounding.
             let of = rims.iter().find(|(rect, _)| place.expand(0.5).contains_rect(*rect));
@@ -339,7 +340,7 @@ fn messages_have_their_time() {
 }
 
 #[test]
-fn new_messages_cover_no_number() {
+fn a_new_message_covers_neither_a_number_nor_the_sphere() {
     for size in [SIZES[0], SIZES[1], SMALLEST] {
         let mut seen = window(size, commanding(true));
         let message = "saved as /home/anna/scenes/a-scene-with-a-long-name.toml, which was there before";
@@ -352,6 +353,11 @@ fn new_messages_cover_no_number() {
         for other in others.iter().filter(|it| it.text.split(' ').any(is_number)) {
             assert!(!toast[0].overlaps(other), "{size:?}: {toast:?} and {other:?}");
         }
+        let said = seen.get_by_label(message);
+        assert!(!said.rect().intersects(seen.get_by_label_contains("Sphere: ").rect()), "{size:?}");
+        said.click();
+        settle(&mut seen);
+        assert!(seen.state().desk.tab == Tab::Messages && shows(&seen, " s ago"));
     }
 }
 

@@ -203,9 +203,8 @@ impl Rows {
     /// Takes the place `wanted` in the lowest row that has room there. Returns the row, or `None`
     /// if no row has room.
     fn take(&mut self, wanted: Range<f32>) -> Option<usize> {
-        let is_free = |taken: &Vec<Range<f32>>| {
-            taken.iter().all(|it| wanted.end <= it.start || it.end <= wanted.start)
-        };
+        let is_free =
+            |taken: &Vec<Range<f32>>| taken.iter().all(|it| wanted.end <= it.start || it.end <= wanted.start);
         let row = self.0.iter().position(is_free)?;
         self.0[row].push(wanted);
         Some(row)
