@@ -5,7 +5,7 @@ mod status;
 use std::path::Path;
 use std::time::SystemTime;
 
-use eframe::egui::{Color32, Event, Modifiers, PointerButton, Rect, Rgba, Theme, Ui, vec2};
+use eframe::egui::{Color32, Event, Key, Modifiers, PointerButton, Rect, Rgba, Theme, Ui, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{
@@ -302,6 +302,40 @@ fn a_window_below_the_smallest_is_drawn() {
     let mut seen = window([640.0, 380.0], commanding(true));
     settle(&mut seen);
     seen.get_by_label("Stop");
+}
+
+#[test]
+fn the_question_before_a_take_over_gives_enter_the_safe_answer() {
+    let ask = || {
+        let mut seen = window(SIZES[0], commanding(true));
+        seen.state_mut().model.lease = Lease::Other("panel ben@lab3".to_owned());
+        settle(&mut seen);
+        seen.get_by_label("Take over").click();
+        settle(&mut seen);
+        assert!(shows(&seen, "Take over from ben@lab3?") && shows(&seen, "Esc stops the rig"));
+        seen
+    };
+    let is_open = |seen: &mut Seen| {
+        settle(seen);
+        shows(seen, "Take over from")
+    };
+    let mut seen = ask();
+    seen.key_press(Key::Enter);
+    assert!(!is_open(&mut seen) && seen.state().acts.is_empty(), "Enter cancels");
+    // What Esc does to the rig is tested with the whole panel.
+    let mut seen = ask();
+    seen.key_press(Key::Escape);
+    assert!(!is_open(&mut seen) && seen.state().acts.is_empty(), "Esc closes it");
+    let mut seen = ask();
+    see(&mut seen.state_mut().model, 200, Mode::Estop);
+    assert!(!is_open(&mut seen), "nothing pushes any more");
+    // The other answer can be given by keys too.
+    let mut seen = ask();
+    seen.key_press_modifiers(Modifiers::SHIFT, Key::Tab);
+    settle(&mut seen);
+    seen.key_press(Key::Enter);
+    assert!(!is_open(&mut seen));
+    assert!(matches!(seen.state().acts[..], [Act::Ask(Intent::Acquire { steal: true })]));
 }
 
 #[test]
