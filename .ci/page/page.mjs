@@ -293,8 +293,12 @@ await watcher.mode("active");
 const told = async () => (await watcher.ask("info")).stable?.find(({ effect }) => effect === "spring").stiffness;
 const saidStable = async () => parseFloat((await text("#effects details:first-of-type p"))
   .match(/stable up to ([\d.]+)/)?.[1]);
-// Three digits of it.
-const isShown = async () => Math.abs((await saidStable()) / ((await told()) ?? NaN) - 1) < 0.006;
+// Two digits of it, rounded down.
+const isShown = async () => {
+  const [said, border] = [await saidStable(), (await told()) ?? NaN];
+  const unit = 10 ** (Math.floor(Math.log10(border)) - 1);
+  return said <= border * (1 + 1e-9) && said > border - unit && Math.abs(said / unit - Math.round(said / unit)) < 1e-6;
+};
 const both = (stiffness) => ({ name: "Two", effect: [spring, { ...spring, id: "other", stiffness }] });
 await load(both(0.1));
 await until("the mark of the scene", isShown);

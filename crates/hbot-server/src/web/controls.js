@@ -51,6 +51,13 @@ function named(key, schema) {
 /** Returns a number as it stands in a field: six digits, without a tail of zeros. */
 const plain = (x) => `${+x.toPrecision(6)}`;
 
+/** Returns a number with two digits, rounded down, as the server's warnings have it. */
+function roundedDown(x) {
+  if (!(x > 0)) return '0';
+  const unit = 10 ** (Math.floor(Math.log10(x)) - 1);
+  return `${+(Math.floor(x / unit + 1e-9) * unit).toPrecision(2)}`;
+}
+
 /** Describes the types in a value. Two values of one description share their controls. */
 const form = (value) => (Array.isArray(value) ? `[${value.map(form)}]`
   : value === null ? '0' : typeof value === 'object' ? `{${Object.values(value).map(form)}}` : typeof value);
@@ -129,7 +136,7 @@ export class Controls {
       // A warning has no field for its effect. The server begins it with the effect's id and a colon.
       const warned = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: `));
       text.className = warned || get() > border ? 'warn' : 'weak';
-      put(text, `Expected to be stable up to ${+border.toPrecision(3)} N m/rad in this scene (mark)`);
+      put(text, `Expected to be stable up to ${roundedDown(border)} N m/rad in this scene (mark)`);
     });
     return text;
   }
