@@ -2,7 +2,7 @@
 
 import { put } from './state.js';
 import { roundUp } from './plot.js';
-import { converted, explain, fits, mayBeAbsent, shape } from './schema.js';
+import { converted, explain, fits, heads, mayBeAbsent, shape } from './schema.js';
 
 /** The slider of a stiffness reaches the rig's torque limit at this deflection, rad. */
 const STIFFEST_AT = 0.1;
@@ -196,7 +196,7 @@ export class Controls {
         this.updates.push(() => { select.selectedIndex = s.values.indexOf(get()); });
         return select;
       }
-      case 'list': return this.list(name, s, get, set, more);
+      case 'list': return this.list(name, s, get, set, { ...more, named: heads(schema) });
       case 'group': return make('div', { className: 'group' },
         ...Object.entries(s.properties).map(([key, part]) => make('div', { className: 'parameter' },
           named(key, part),
@@ -275,12 +275,18 @@ export class Controls {
     return make('div', { className: 'number' }, make('div', { className: 'slider' }, slider, ...(border ? [mark] : [])), field);
   }
 
-  list(name, s, get, set, { reach, border } = {}) {
+  list(name, s, get, set, { reach, border, named } = {}) {
     const parts = get() ?? [];
     const nested = ['list', 'group'].includes(shape(s.item).kind);
     const put = (k, part) => set(get().map((old, i) => (i === k ? part : old)));
     const box = make('div', { className: nested ? 'rows' : 'cells' }, ...parts.map((_, k) => this.edit(
       `${name} ${k + 1}`, s.item, () => get()?.[k] ?? null, (part) => put(k, part), { bare: true, reach, border })));
+    if (named.length > 0 && named.length === (nested ? parts[0]?.length : parts.length)) {
+      const row = make('div', { className: 'cells heads' }, ...named.map((head) => make('span', {}, head)));
+      // A list of lists has it once, above all rows.
+      if (nested) box.prepend(row);
+      else return make('div', { className: 'rows' }, row, box);
+    }
     if (s.least !== s.most) {
       const button = (text, label, enabled, act) => make('button', {
         type: 'button', className: 'small', 'aria-label': `${name}: ${label}`, disabled: !enabled, onclick: act }, text);
