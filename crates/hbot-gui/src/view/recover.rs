@@ -52,8 +52,8 @@ impl Distance {
         }
     }
 
-    /// Says it in few words. `remedy` is what to do about a sphere that is too far away, if the user
-    /// can reset or enable next.
+    /// Says it in few words. `remedy` is what to do about a sphere that is too far away, if the
+    /// user can reset or enable next.
     fn in_words(self, allowed: f64, remedy: Option<&str>) -> String {
         match self {
             Self::Far(angle) if let Some(remedy) = remedy => {
