@@ -268,15 +268,16 @@ fn newest(ui: &mut Ui, model: &Model, desk: &mut Desk) {
         weight => Palette::of(ui).weight(weight),
     };
     let more = fresh.count();
-    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+    let label = egui::Label::new(RichText::new(&message.text).color(color)).truncate();
+    let text = |ui: &mut Ui| ui.add(label.sense(egui::Sense::click())).clicked();
+    let count = |ui: &mut Ui| {
         if more > 0 {
             ui.weak(format!("and {more} more"));
         }
-        let label = egui::Label::new(RichText::new(&message.text).color(color)).truncate();
-        if ui.add(label.sense(egui::Sense::click())).clicked() {
-            desk.tab = Tab::Messages;
-        }
-    });
+    };
+    if egui::Sides::new().shrink_left().show(ui, text, count).0 {
+        desk.tab = Tab::Messages;
+    }
 }
 
 /// Rounds a positive number up to 1, 2 or 5 times a power of ten.
