@@ -105,12 +105,12 @@ impl Abilities {
         let gain = effect.gain().max(1.0e-9);
         let softer = |units: &[&'static str], part: f64| {
             let (name, value) = key(units).filter(|_| part > 0.0)?;
-            Some(format!("{name} = {} or less", short(value * part / gain)))
+            Some(format!("{name} = {} or less", rounded_down(value * part / gain)))
         };
         // Effects of many kinds have no damping of their own.
         let damped = |added: f64| match key(&[DAMPING]) {
-            Some((name, own)) => format!("set {name} = {} or more", short_up((own + added) / gain)),
-            None => format!("add a damper with damping = {} or more", short_up(added)),
+            Some((name, own)) => format!("set {name} = {} or more", rounded_up((own + added) / gain)),
+            None => format!("add a damper with damping = {} or more", rounded_up(added)),
         };
         // A tap on a sphere makes swings that a torque at its limits cannot end.
         let after = match &self.judge {
@@ -123,7 +123,7 @@ impl Abilities {
         };
         match finding.why {
             Why::Stiff { stiffness, stable, damping, cure } => {
-                let most = short(stiffness * stable);
+                let most = rounded_down(stiffness * stable);
                 let whatever = if cure.added.is_none() { ", with any damping" } else { "" };
                 let added = cure.added.map(damped);
                 // Softer, a wall is touched at another place, where no more than `most` is stable.
@@ -150,7 +150,7 @@ impl Abilities {
                     "{id}: may shake {whom}{about} {place}: the damping of the scene, {} N m s/rad, acts too late, and at {rate} Hz \
                      at most {} is stable{after}; {cure}",
                     near(damping),
-                    short(damping * stable),
+                    rounded_down(damping * stable),
                 )
             }
             Why::Rings { added } => {
@@ -161,7 +161,7 @@ impl Abilities {
                 // A wall that damps more is touched for a shorter time, so a fifth more is told.
                 let cure = match key(&[DAMPING]) {
                     Some((name, own)) if own > 0.0 => {
-                        format!("set {name} = {} or more", short_up(1.2 * own * times / gain))
+                        format!("set {name} = {} or more", rounded_up(1.2 * own * times / gain))
                     }
                     _ => "give it a damping".to_owned(),
                 };
@@ -170,12 +170,15 @@ impl Abilities {
                 )
             }
             Why::Turning { speed, damping } => {
-                let reaches =
-                    if speed.is_finite() { format!(" up to {} rad/s", short(speed)) } else { String::new() };
+                let reaches = if speed.is_finite() {
+                    format!(" up to {} rad/s", rounded_down(speed))
+                } else {
+                    String::new()
+                };
                 format!(
                     "{id}: a free sphere that turns{about} gains speed{reaches}, because its torque acts late; add {} N m s/rad of \
                      damping, or set passivity = true in the rig file",
-                    short_up(damping),
+                    rounded_up(damping),
                 )
             }
         }
@@ -218,13 +221,15 @@ fn near(x: f64) -> String {
     if two.parse() == three.parse::<f64>() { two } else { three }
 }
 
-/// Returns a number with two digits, rounded down so that what is stable stays so.
-fn short(x: f64) -> String {
+/// Returns a number with two digits, rounded down so that what is stable stays so. Borders of
+/// stability are found to a few per cent, so that more digits would mean nothing.
+#[must_use]
+pub fn rounded_down(x: f64) -> String {
     rounded(x, 2, f64::floor)
 }
 
 /// Returns a number with two digits, rounded up.
-fn short_up(x: f64) -> String {
+fn rounded_up(x: f64) -> String {
     rounded(x, 2, f64::ceil)
 }
 

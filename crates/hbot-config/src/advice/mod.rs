@@ -27,7 +27,7 @@ mod sampled;
 #[cfg(feature = "info")]
 mod told;
 
-pub use abilities::{Abilities, in_vain};
+pub use abilities::{Abilities, in_vain, rounded_down};
 pub use border::{StiffnessBorder, StiffnessKey};
 pub use bound::{StiffnessBound, USUAL_DAMPING};
 pub use finding::{Cure, Finding, Why};

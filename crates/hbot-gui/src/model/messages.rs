@@ -1,4 +1,4 @@
-//! Messages for the user. The newest ones appear over the window for a moment, and a list keeps the
+//! Messages for the user. The newest one has a line of its own for a moment, and a list keeps the
 //! last hundred.
 
 use std::collections::VecDeque;
@@ -22,8 +22,8 @@ pub(crate) struct Message {
     pub(crate) weight: Weight,
     pub(crate) text: String,
     pub(crate) at: Instant,
-    /// Whether the window also shows this message in another place. Such a message does not appear
-    /// over the window.
+    /// Whether the window also shows this message in another place. Such a message is only in the
+    /// list.
     pub(crate) told: bool,
     /// How many times this message came in succession.
     pub(crate) times: u32,
@@ -40,8 +40,8 @@ impl Messages {
         self.keep(weight, text, false);
     }
 
-    /// Adds a message that the window also shows in another place. It is added to the list of
-    /// messages, but does not appear over the window.
+    /// Adds a message that the window also shows in another place. It is only added to the
+    /// list.
     pub(crate) fn add_told(&mut self, weight: Weight, text: String) {
         self.keep(weight, text, true);
     }
@@ -61,7 +61,7 @@ impl Messages {
         self.list.push_back(Message { weight, text, at: Instant::now(), told, times: 1 });
     }
 
-    /// Ends the time for which a message appears over the window, because it is no longer so.
+    /// Ends the time for which a message has its line, because it is no longer so.
     pub(crate) fn is_over(&mut self, text: &str) {
         self.list.iter_mut().filter(|message| message.text == text).for_each(|message| message.told = true);
     }
@@ -71,8 +71,8 @@ impl Messages {
         self.list.iter().rev()
     }
 
-    /// Returns the messages that appear over the window now, newest first. Good news are shown for
-    /// 3 s and all others for 8 s.
+    /// Returns the messages that are new now, newest first. Good news are new for 3 s, all others
+    /// for 8 s.
     pub(crate) fn fresh(&self) -> impl Iterator<Item = &Message> {
         self.newest_first().take_while(|message| message.at.elapsed() < Duration::from_secs(8)).filter(
             |message| match message.weight {

@@ -102,15 +102,19 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
 }
 
 /// Asks whether the user really wants to take the lease from a client whose scene pushes now. The
-/// question covers no part of the column with the stop button.
+/// question covers no part of the column with the stop button. It ends with the torque, and when
+/// the user stops the rig by Esc.
 pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     let Some(asked) = &desk.taking_over else { return };
-    if !model.is_live() || model.lease != Lease::Other(asked.clone()) {
+    let pushes = model.is_live() && model.mode().is_some_and(has_torque);
+    let escaped = ui.input(|input| input.key_pressed(egui::Key::Escape));
+    if !pushes || escaped || model.lease != Lease::Other(asked.clone()) {
         desk.taking_over = None;
         return;
     }
     let holder = person(asked).to_owned();
     let area = egui::Area::new(egui::Id::unique("taking over")).order(egui::Order::Foreground);
+    let is_new = !ui.memory(|memory| memory.areas().visible_last_frame(&area.layer()));
     area.anchor(egui::Align2::CENTER_TOP, vec2(0.0, 90.0)).show(ui.ctx(), |ui| {
         let frame = egui::Frame::popup(ui.style()).stroke((2.0, Palette::of(ui).warn)).inner_margin(12);
         frame.show(ui, |ui| {
@@ -118,7 +122,7 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
             heading(ui, &format!("Take over from {holder}?"));
             let text = format!(
                 "The sphere pushes, and {holder} commands it. The scene goes on when you take over. If the program of {holder} \
-                 streams torques, they end."
+                 streams torques, they end. Esc stops the rig and closes this question."
             );
             ui.add(egui::Label::new(text).wrap());
             ui.add_space(6.0);
@@ -127,7 +131,13 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
                     intents.push(Intent::Acquire { steal: true });
                     desk.taking_over = None;
                 }
-                if ui.button("Cancel").clicked() {
+                // The safe answer stands out, and Enter gives it.
+                let text = RichText::new("Cancel").strong().color(ui.visuals().panel_fill);
+                let cancel = ui.add(egui::Button::new(text).fill(Palette::of(ui).text));
+                if is_new {
+                    cancel.request_focus();
+                }
+                if cancel.clicked() {
                     desk.taking_over = None;
                 }
             });

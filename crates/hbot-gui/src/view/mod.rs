@@ -29,9 +29,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::SystemTime;
 
-use eframe::egui::{
-    self, Align2, Area, CentralPanel, Frame, Id, Order, Panel, Rect, RichText, ScrollArea, Ui,
-};
+use eframe::egui::{self, CentralPanel, Panel, RichText, ScrollArea, Ui};
 use hbot_api::time_of_day;
 
 use crate::files::Source;
@@ -39,6 +37,9 @@ use crate::model::{Film, Judged, Model, PlotSample, Weight};
 use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
+
+/// Height of the line for the newest message, points.
+const MESSAGE: f32 = 26.0;
 
 /// Something that the user has asked for while the window was drawn.
 #[derive(Clone, Debug)]
@@ -164,6 +165,11 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
             ui.add_space(8.0);
         });
     });
+    // Beside the column with STOP, and always there, so that nothing moves.
+    Panel::bottom("newest message")
+        .exact_size(MESSAGE)
+        .resizable(false)
+        .show(ui, |ui| newest(ui, model, desk));
     Panel::right("details").exact_size(right).resizable(false).show(ui, |ui| {
         ui.add_space(4.0);
         ui.horizontal(|ui| {
@@ -186,44 +192,35 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
             Tab::Messages => messages(ui, model),
         });
     });
-    let free = CentralPanel::default().show(ui, |ui| {
+    CentralPanel::default().show(ui, |ui| {
         if let Some(mut film) = desk.film.take() {
             let closed = film::show(ui, &mut film);
-            let free = middle(ui, &film.model, desk, &mut intents, acts);
+            middle(ui, &film.model, desk, &mut intents, acts);
             desk.film = (!closed).then_some(film);
-            return free;
+            return;
         }
         if model.is_online() {
-            return middle(ui, model, desk, &mut intents, acts);
+            middle(ui, model, desk, &mut intents, acts);
+            return;
         }
         // The plots stay while the server is away, so that their samples can be looked at and
         // saved.
         if model.history.newest().is_some() {
             curves(ui, model, desk, acts);
         }
-        let room = ui.available_rect_before_wrap();
         bar::no_server(ui, model, desk, &mut intents);
-        room
     });
     bar::question(ui, model, desk, &mut intents);
-    toasts(ui, model, free.inner);
     acts.extend(intents.into_iter().map(Act::Ask));
 }
 
-/// Draws the sphere, and below it the plots. Returns where messages can be shown.
-fn middle(
-    ui: &mut Ui,
-    model: &Model,
-    desk: &mut Desk,
-    intents: &mut Vec<Intent>,
-    acts: &mut Vec<Act>,
-) -> Rect {
+/// Draws the sphere, and below it the plots.
+fn middle(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>, acts: &mut Vec<Act>) {
     curves(ui, model, desk, acts);
     ui.scope(|ui| {
         faded_unless_live(ui, model);
-        sphere::show(ui, model, desk, intents)
-    })
-    .inner
+        sphere::show(ui, model, desk, intents);
+    });
 }
 
 fn curves(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
@@ -261,22 +258,26 @@ fn messages(ui: &mut Ui, model: &Model) {
     }
 }
 
-/// Draws the newest messages to the user at the top of `room`, for some seconds.
-fn toasts(ui: &Ui, model: &Model, room: Rect) {
-    let palette = Palette::of(ui);
-    let mut fresh = model.messages.fresh().take(3).peekable();
-    if fresh.peek().is_none() {
-        return;
-    }
-    let area = Area::new(Id::unique("toasts")).order(Order::Foreground).interactable(false);
-    area.pivot(Align2::CENTER_TOP).fixed_pos(room.center_top()).show(ui.ctx(), |ui| {
-        for message in fresh {
-            Frame::popup(ui.style()).stroke((1.5, palette.weight(message.weight))).show(ui, |ui| {
-                ui.set_max_width(room.width().clamp(0.0, 420.0));
-                ui.add(egui::Label::new(RichText::new(&message.text)).wrap());
-            });
+/// Draws the newest message to the user for some seconds, in one line, and how many are new beside
+/// it. A click opens the list.
+fn newest(ui: &mut Ui, model: &Model, desk: &mut Desk) {
+    let mut fresh = model.messages.fresh();
+    let Some(message) = fresh.next() else { return };
+    let color = match message.weight {
+        Weight::Good => Palette::of(ui).text,
+        weight => Palette::of(ui).weight(weight),
+    };
+    let more = fresh.count();
+    let label = egui::Label::new(RichText::new(&message.text).color(color)).truncate();
+    let text = |ui: &mut Ui| ui.add(label.sense(egui::Sense::click())).clicked();
+    let count = |ui: &mut Ui| {
+        if more > 0 {
+            ui.weak(format!("and {more} more"));
         }
-    });
+    };
+    if egui::Sides::new().shrink_left().show(ui, text, count).0 {
+        desk.tab = Tab::Messages;
+    }
 }
 
 /// Rounds a positive number up to 1, 2 or 5 times a power of ten.

@@ -1,5 +1,5 @@
-//! What a frame has painted, for tests: each text with its place and colour, rectangles and
-//! vertical lines.
+//! What a frame has painted, for tests: each text with its place and colour, rectangles,
+//! their rims, and vertical lines.
 
 use eframe::egui::epaint::{ClippedShape, Shape, TextShape};
 use eframe::egui::{Color32, Rect};
@@ -29,10 +29,11 @@ impl Text {
         !self.shortened && self.place.left() >= left && self.place.right() <= right
     }
 
-    /// Returns whether two horizontal texts cover each other.
+    /// Returns whether the visible parts of two horizontal texts cover each other.
     pub(super) fn overlaps(&self, other: &Self) -> bool {
         // Half a point for rounding.
-        self.place.shrink(0.5).intersects(other.place)
+        let both = self.place.intersect(self.clip).shrink(0.5).intersect(other.place.intersect(other.clip));
+        both.is_positive()
     }
 }
 
@@ -49,6 +50,15 @@ pub(super) fn texts<S>(harness: &Harness<'_, S>) -> Vec<Text> {
 pub(super) fn filled<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Color32)> {
     let of_shape = |(shape, _): (&Shape, Rect)| match shape {
         Shape::Rect(it) if it.fill != Color32::TRANSPARENT => Some((it.rect, it.fill)),
+        _ => None,
+    };
+    shapes(harness).into_iter().filter_map(of_shape).collect()
+}
+
+/// Returns the rectangles that the last frame has given a rim, with its colour.
+pub(super) fn rims<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Color32)> {
+    let of_shape = |(shape, _): (&Shape, Rect)| match shape {
+        Shape::Rect(it) if !it.stroke.is_empty() => Some((it.rect, it.stroke.color)),
         _ => None,
     };
     shapes(harness).into_iter().filter_map(of_shape).collect()

@@ -1,6 +1,6 @@
 //! Controls for a value, drawn from its JSON schema.
 
-use eframe::egui::{self, ComboBox, DragValue, Ui};
+use eframe::egui::{self, ComboBox, DragValue, Response, Ui};
 use glam::DQuat;
 use serde_json::Value;
 
@@ -71,10 +71,8 @@ fn number(
 ) -> Option<Value> {
     let before = value.as_f64().unwrap_or_default();
     let mut x = before;
-    let unit = schema["unit"].as_str().map(|unit| format!(" {unit}")).unwrap_or_default();
     let mut drag = DragValue::new(&mut x)
         .range(least..=most)
-        .suffix(unit)
         .speed(if whole { 0.1 } else { (0.01 * before.abs()).max(0.001) })
         .max_decimals(if whole { 0 } else { 6 })
         // A rig must not get the 1 while the user types 15.
@@ -82,9 +80,35 @@ fn number(
     if whole {
         drag = drag.fixed_decimals(0);
     }
-    let response = named(ui.add(drag), name).on_hover_text(explained(schema, before));
+    let response = match schema["unit"].as_str() {
+        // Beside the field, because a unit in it would vanish while a value is typed.
+        Some(unit) => {
+            let both = |ui: &mut Ui| {
+                ui.spacing_mut().item_spacing.x = 4.0;
+                (field(ui, drag), ui.weak(unit)).0
+            };
+            ui.horizontal(both).inner
+        }
+        None => field(ui, drag),
+    };
+    let response = named(response, name).on_hover_text(explained(schema, before));
     let changed = response.changed() && x != before;
     changed.then(|| if whole { Value::from(x.round() as i64) } else { Value::from(x) })
+}
+
+/// Draws the field of a number. It keeps its width while a value is typed, so that nothing moves.
+fn field(ui: &mut Ui, drag: DragValue<'_>) -> Response {
+    let (id, least) = (ui.next_auto_id(), ui.spacing().interact_size.x);
+    let key = id.with("width");
+    if ui.memory(|memory| memory.has_focus(id)) {
+        ui.spacing_mut().interact_size.x = ui.data(|data| data.get_temp(key)).unwrap_or(least);
+    }
+    let response = ui.add(drag);
+    ui.spacing_mut().interact_size.x = least;
+    if !response.has_focus() {
+        ui.data_mut(|data| data.insert_temp(key, response.rect.width()));
+    }
+    response
 }
 
 /// Explains a number: what it is, and an angle also in degrees.

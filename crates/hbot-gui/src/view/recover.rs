@@ -6,8 +6,8 @@ use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
 use super::theme::{Palette, coloured, weak};
-use crate::model::Model;
 use crate::model::sample::quaternion;
+use crate::model::{Model, has_torque};
 use crate::net::{Intent, Lease};
 
 /// How far the sphere is from where the scene would pull it after `enable`.
@@ -40,7 +40,8 @@ impl Distance {
         let q = quaternion(state.q);
         let first = model.scene.first_reference();
         if matches!(first, Some((_, Anchor::Here))) {
-            return Self::Here;
+            // While the scene is rendered, it has begun elsewhere.
+            return if has_torque(state.mode) { Self::Free(reference.angle_between(q)) } else { Self::Here };
         }
         // The server reports the reference of the first effect only. It refuses by this angle,
         // unless the reference has been changed since the torque ended.
@@ -51,11 +52,12 @@ impl Distance {
         }
     }
 
-    /// Says it in few words. `at_rest` is whether the user can reset or enable next.
-    fn in_words(self, allowed: f64, at_rest: bool) -> String {
+    /// Says it in few words. `remedy` is what to do about a sphere that is too far away, if the
+    /// user can reset or enable next.
+    fn in_words(self, allowed: f64, remedy: Option<&str>) -> String {
         match self {
-            Self::Far(angle) if at_rest => {
-                format!("{angle:.2} rad from reference: turn to within {allowed:.2}")
+            Self::Far(angle) if let Some(remedy) = remedy => {
+                format!("{angle:.2} rad from reference: {remedy}")
             }
             Self::Near(angle) | Self::Far(angle) => {
                 format!("{angle:.2} rad from reference (enable: up to {allowed:.2})")
@@ -115,7 +117,14 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         if response.on_disabled_hover_text(hint).clicked() {
             intents.push(Intent::Recover);
         }
-        let text = distance.in_words(model.info.limits.enable_max_angle, at_rest);
+        let allowed = model.info.limits.enable_max_angle;
+        // The remedy of the box below, so that there are not two.
+        let remedy = if model.is_simulated() {
+            "set its anchor to here".to_owned()
+        } else {
+            format!("turn to within {allowed:.2}")
+        };
+        let text = distance.in_words(allowed, at_rest.then_some(&remedy));
         // The text has two lines of room beside the button, whatever it says.
         ui.allocate_ui(vec2(ui.available_width(), 34.0), |ui| {
             if !model.is_live() {
@@ -153,7 +162,11 @@ mod tests {
         // The tolerance is for rounding.
         assert!((near - 0.3).abs() < 1e-12, "{near}");
         assert!(matches!(Distance::of(&model(0.6, "absolute")), Distance::Far(_)));
-        assert_eq!(Distance::of(&model(0.6, "here")), Distance::Here);
+        let mut here = model(0.6, "here");
+        assert_eq!(Distance::of(&here), Distance::Here);
+        // The scene has begun, and a hand has turned the sphere.
+        here.state.as_mut().expect("a state").mode = Mode::Active;
+        assert!(matches!(Distance::of(&here), Distance::Free(angle) if (angle - 0.6).abs() < 1e-7));
         let mut free = model(0.6, "absolute");
         free.state.as_mut().expect("a state").reference = None;
         assert_eq!(Distance::of(&free), Distance::None);
@@ -178,7 +191,7 @@ mod tests {
         // A magnet pulls little from far away, so no distance is refused.
         let (magnet, refused) = of(json!({"id": "m", "kind": "magnet"}));
         assert!(matches!(magnet, Distance::Free(angle) if (angle - 0.8).abs() < 1e-7), "{magnet:?}");
-        assert_eq!((refused, magnet.in_words(0.5, true).as_str()), (None, "0.80 rad from reference"));
+        assert_eq!((refused, magnet.in_words(0.5, Some("turn")).as_str()), (None, "0.80 rad from reference"));
         // A kind that the panel does not know.
         assert!(matches!(of(json!({"id": "n", "kind": "new"})), (Distance::Free(_), None)));
     }

@@ -42,7 +42,13 @@ const LEAD: &str = "the scene is rendered where the sphere will be when the torq
 pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
     let text = RichText::new("STOP").size(30.0).strong().color(Color32::WHITE);
     let button = Button::new(text).fill(STOP).corner_radius(8);
-    let response = named(ui.add_sized(vec2(ui.available_width(), 60.0), button), "Stop");
+    let size = vec2(ui.available_width(), 60.0);
+    let add = |ui: &mut Ui| {
+        // Its fill stands out, so it needs no rim.
+        ui.visuals_mut().widgets.inactive.bg_stroke = egui::Stroke::NONE;
+        ui.add_sized(size, button)
+    };
+    let response = named(ui.scope(add).inner, "Stop");
     // As the pointer goes down: a press that slides off the button stops the rig too. A click
     // without a pointer is that of a key.
     let [pressed, released] = ui.input(|input| [input.pointer.any_pressed(), input.pointer.any_released()]);

@@ -2,7 +2,7 @@
 
 use eframe::egui::style::HandleShape;
 use eframe::egui::{self, ComboBox, DragValue, Slider, SliderClamping, Stroke, Ui};
-use hbot_config::advice::StiffnessKey;
+use hbot_config::advice::{StiffnessKey, rounded_down};
 use serde_json::{Value, json};
 
 use super::Desk;
@@ -271,9 +271,13 @@ fn limits(
     if let Some(stable) = stable
         && value.is_number()
     {
-        // An older server tells one stiffness, whatever the damping.
-        let with = if tells_loop(model) { "with this damping " } else { "" };
-        let text = format!("{with}expected to be stable up to {} N m/rad (mark)", three_digits(stable));
+        let text = if tells_loop(model) {
+            // In the digits of the warnings.
+            format!("with this damping expected to be stable up to {} N m/rad (mark)", rounded_down(stable))
+        } else {
+            // An older server tells one stiffness, whatever the damping.
+            format!("expected to be stable up to {} N m/rad (mark)", three_digits(stable))
+        };
         if stiffest > gain * stable {
             coloured(ui, Palette::of(ui).warn, text);
         } else {
@@ -418,7 +422,14 @@ mod tests {
         let scene = SceneFile::from_json(model.scene.to_json()).expect("legal");
         let warnings = Abilities::of(&unled()).warnings(&scene);
         assert_eq!(warnings.len(), 1);
-        assert!(said(model).contains(&warnings[0]), "{warnings:?}");
+        let said_of = said(model);
+        assert!(said_of.contains(&warnings[0]), "{warnings:?}");
+        // The sentence about the mark has the number of the warning.
+        let border = border(&said_of);
+        assert!(
+            warnings[0].contains(&format!("at most {border:?} N m/rad is stable")),
+            "{border}, {warnings:?}"
+        );
         assert!(!said(panel(5.0, 0.02, true)).contains("shake"));
     }
 

@@ -5,14 +5,14 @@ mod status;
 use std::path::Path;
 use std::time::SystemTime;
 
-use eframe::egui::{Color32, Event, Modifiers, PointerButton, Rect, Ui, vec2};
+use eframe::egui::{Color32, Event, Key, Modifiers, PointerButton, Rect, Rgba, Theme, Ui, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{
     ControllerFlag, ControllerInfo, Fault, JointInfo, JointState, Mode, Requester, StateEvent, time_of_day,
 };
 
-use super::painted::{lines, texts};
+use super::painted::{lines, rims, texts};
 use super::theme::Palette;
 use super::{Act, Desk, Tab, round_up, show, theme};
 use crate::model::Model;
@@ -219,6 +219,53 @@ fn all_text_can_be_read_in_every_state_and_tab() {
     }
 }
 
+/// Returns the contrast of two colours by WCAG 2.2, from 1 to 21.
+fn contrast(a: Color32, b: Color32) -> f32 {
+    let luminance = |color| {
+        let color = Rgba::from(color);
+        0.2126 * color.r() + 0.7152 * color.g() + 0.0722 * color.b() + 0.05
+    };
+    let [a, b] = [a, b].map(luminance);
+    a.max(b) / a.min(b)
+}
+
+/// 3 is what WCAG 2.2 asks of the rim of a control (criterion 1.4.11).
+#[test]
+fn the_rims_of_controls_stand_out_from_the_ground() {
+    // By the definition of WCAG.
+    assert!((contrast(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-4);
+    let mut seen = window(SIZES[0], commanding(true));
+    for theme in [Theme::Dark, Theme::Light] {
+        seen.ctx.set_theme(theme);
+        settle(&mut seen);
+        let ground = seen.ctx.style_of(theme).visuals.panel_fill;
+        let rims = rims(&seen);
+        for name in ["Disable", "Law", "Each axis", "Stiffness value", "Scene file", "Save scene as", "Pause"]
+        {
+            let place = seen.get_by_label(name).rect();
+            // Half a point for rounding.
+            let of = rims.iter().find(|(rect, _)| place.expand(0.5).contains_rect(*rect));
+            let (_, rim) = of.unwrap_or_else(|| panic!("{name} has no rim"));
+            let contrast = contrast(*rim, ground);
+            assert!(contrast >= 3.0, "{theme:?}, {name}: {contrast}");
+        }
+    }
+}
+
+/// Nothing moves while a value is typed.
+#[test]
+fn a_number_that_is_typed_moves_nothing_and_keeps_its_unit() {
+    for size in SIZES {
+        let mut seen = window(size, commanding(true));
+        let before = (places(&seen), lines(&seen));
+        for name in ["Stiffness value", "Damping value", "spring damping", "spring reference 1"] {
+            seen.get_by_label(name).focus();
+            settle(&mut seen);
+            assert_eq!((places(&seen), lines(&seen)), before, "{name}, {size:?}");
+        }
+    }
+}
+
 /// The rig stops as the pointer goes down on STOP, also if it slides off before it goes up.
 #[test]
 fn a_press_on_stop_stops_once_and_at_once() {
@@ -258,6 +305,40 @@ fn a_window_below_the_smallest_is_drawn() {
 }
 
 #[test]
+fn the_question_before_a_take_over_gives_enter_the_safe_answer() {
+    let ask = || {
+        let mut seen = window(SIZES[0], commanding(true));
+        seen.state_mut().model.lease = Lease::Other("panel ben@lab3".to_owned());
+        settle(&mut seen);
+        seen.get_by_label("Take over").click();
+        settle(&mut seen);
+        assert!(shows(&seen, "Take over from ben@lab3?") && shows(&seen, "Esc stops the rig"));
+        seen
+    };
+    let is_open = |seen: &mut Seen| {
+        settle(seen);
+        shows(seen, "Take over from")
+    };
+    let mut seen = ask();
+    seen.key_press(Key::Enter);
+    assert!(!is_open(&mut seen) && seen.state().acts.is_empty(), "Enter cancels");
+    // What Esc does to the rig is tested with the whole panel.
+    let mut seen = ask();
+    seen.key_press(Key::Escape);
+    assert!(!is_open(&mut seen) && seen.state().acts.is_empty(), "Esc closes it");
+    let mut seen = ask();
+    see(&mut seen.state_mut().model, 200, Mode::Estop);
+    assert!(!is_open(&mut seen), "nothing pushes any more");
+    // The other answer can be given by keys too.
+    let mut seen = ask();
+    seen.key_press_modifiers(Modifiers::SHIFT, Key::Tab);
+    settle(&mut seen);
+    seen.key_press(Key::Enter);
+    assert!(!is_open(&mut seen));
+    assert!(matches!(seen.state().acts[..], [Act::Ask(Intent::Acquire { steal: true })]));
+}
+
+#[test]
 fn joints_are_grey_if_their_values_may_be_old() {
     let mut seen = window(SIZES[0], commanding(false));
     report_joints(&mut seen.state_mut().model);
@@ -293,7 +374,7 @@ fn messages_have_their_time() {
 }
 
 #[test]
-fn new_messages_cover_no_number() {
+fn a_new_message_covers_neither_a_number_nor_the_sphere() {
     for size in [SIZES[0], SIZES[1], SMALLEST] {
         let mut seen = window(size, commanding(true));
         let message = "saved as /home/anna/scenes/a-scene-with-a-long-name.toml, which was there before";
@@ -306,6 +387,11 @@ fn new_messages_cover_no_number() {
         for other in others.iter().filter(|it| it.text.split(' ').any(is_number)) {
             assert!(!toast[0].overlaps(other), "{size:?}: {toast:?} and {other:?}");
         }
+        let said = seen.get_by_label(message);
+        assert!(!said.rect().intersects(seen.get_by_label_contains("Sphere: ").rect()), "{size:?}");
+        said.click();
+        settle(&mut seen);
+        assert!(seen.state().desk.tab == Tab::Messages && shows(&seen, " s ago"));
     }
 }
 

@@ -25,6 +25,8 @@ pub(crate) struct Palette {
     pub(crate) felt: Color32,
     pub(crate) text: Color32,
     pub(crate) weak: Color32,
+    /// The rim of what can be pressed or changed, as on the page in the browser.
+    rim: Color32,
 }
 
 /// Colour of the stop button, on both light and dark backgrounds.
@@ -63,6 +65,7 @@ impl Palette {
                 felt: rgb(0xff, 0xff, 0xff),
                 text: rgb(0xd8, 0xd8, 0xd8),
                 weak,
+                rim: rgb(0x6c, 0x75, 0x7f),
             }
         } else {
             Self {
@@ -79,6 +82,7 @@ impl Palette {
                 felt: rgb(0x00, 0x00, 0x00),
                 text: rgb(0x1c, 0x1c, 0x1c),
                 weak,
+                rim: rgb(0x86, 0x8d, 0x96),
             }
         }
     }
@@ -120,14 +124,17 @@ pub(crate) fn install(ctx: &egui::Context) {
         // People who use the keyboard must see the focus.
         style.visuals.selection.stroke.width = 2.0;
     });
-    ctx.style_mut_of(egui::Theme::Dark, |style| {
-        style.visuals.override_text_color = Some(Palette::of_theme(true, Color32::GRAY).text);
-        style.visuals.weak_text_alpha = 0.75;
-    });
-    ctx.style_mut_of(egui::Theme::Light, |style| {
-        style.visuals.override_text_color = Some(Palette::of_theme(false, Color32::GRAY).text);
-        style.visuals.weak_text_alpha = 0.8;
-    });
+    for (theme, weak_text_alpha) in [(egui::Theme::Dark, 0.75), (egui::Theme::Light, 0.8)] {
+        ctx.style_mut_of(theme, |style| {
+            let palette = Palette::of_theme(theme == egui::Theme::Dark, Color32::GRAY);
+            style.visuals.override_text_color = Some(palette.text);
+            style.visuals.weak_text_alpha = weak_text_alpha;
+            let widgets = &mut style.visuals.widgets;
+            for widget in [&mut widgets.inactive, &mut widgets.open] {
+                widget.bg_stroke = egui::Stroke::new(1.0, palette.rim);
+            }
+        });
+    }
 }
 
 /// Gives a control a name, which screen readers and tests use.

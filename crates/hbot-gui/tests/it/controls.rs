@@ -247,7 +247,8 @@ fn recover_waits_until_the_sphere_is_near_its_reference() {
     seat.until_text("you command");
     seat.click("Stop");
     witness.state("stopped", |state| state.mode == Mode::Estop);
-    seat.until_text("0.80 rad from reference: turn to within 0.50");
+    seat.until_text("0.80 rad from reference: set its anchor to here");
+    assert!(!seat.shows("turn to within"), "one remedy");
     assert!(!seat.is_enabled("Recover"));
     seat.click("Reset");
     seat.until_text("The rig enables it within 0.5 rad: set its anchor to here, in the tab Scene");

@@ -2,7 +2,7 @@
 
 import { put } from './state.js';
 import { roundUp } from './plot.js';
-import { converted, explain, fits, mayBeAbsent, shape } from './schema.js';
+import { converted, explain, fits, heads, mayBeAbsent, shape } from './schema.js';
 
 /** The slider of a stiffness reaches the rig's torque limit at this deflection, rad. */
 const STIFFEST_AT = 0.1;
@@ -50,6 +50,13 @@ function named(key, schema) {
 
 /** Returns a number as it stands in a field: six digits, without a tail of zeros. */
 const plain = (x) => `${+x.toPrecision(6)}`;
+
+/** Returns a number with two digits, rounded down, as the server's warnings have it. */
+function roundedDown(x) {
+  if (!(x > 0)) return '0';
+  const unit = 10 ** (Math.floor(Math.log10(x)) - 1);
+  return `${+(Math.floor(x / unit + 1e-9) * unit).toPrecision(2)}`;
+}
 
 /** Describes the types in a value. Two values of one description share their controls. */
 const form = (value) => (Array.isArray(value) ? `[${value.map(form)}]`
@@ -129,7 +136,7 @@ export class Controls {
       // A warning has no field for its effect. The server begins it with the effect's id and a colon.
       const warned = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: `));
       text.className = warned || get() > border ? 'warn' : 'weak';
-      put(text, `Expected to be stable up to ${+border.toPrecision(3)} N m/rad in this scene (mark)`);
+      put(text, `Expected to be stable up to ${roundedDown(border)} N m/rad in this scene (mark)`);
     });
     return text;
   }
@@ -189,7 +196,7 @@ export class Controls {
         this.updates.push(() => { select.selectedIndex = s.values.indexOf(get()); });
         return select;
       }
-      case 'list': return this.list(name, s, get, set, more);
+      case 'list': return this.list(name, s, get, set, { ...more, named: heads(schema) });
       case 'group': return make('div', { className: 'group' },
         ...Object.entries(s.properties).map(([key, part]) => make('div', { className: 'parameter' },
           named(key, part),
@@ -268,12 +275,18 @@ export class Controls {
     return make('div', { className: 'number' }, make('div', { className: 'slider' }, slider, ...(border ? [mark] : [])), field);
   }
 
-  list(name, s, get, set, { reach, border } = {}) {
+  list(name, s, get, set, { reach, border, named } = {}) {
     const parts = get() ?? [];
     const nested = ['list', 'group'].includes(shape(s.item).kind);
     const put = (k, part) => set(get().map((old, i) => (i === k ? part : old)));
     const box = make('div', { className: nested ? 'rows' : 'cells' }, ...parts.map((_, k) => this.edit(
       `${name} ${k + 1}`, s.item, () => get()?.[k] ?? null, (part) => put(k, part), { bare: true, reach, border })));
+    if (named.length > 0 && named.length === (nested ? parts[0]?.length : parts.length)) {
+      const row = make('div', { className: 'cells heads' }, ...named.map((head) => make('span', {}, head)));
+      // A list of lists has it once, above all rows.
+      if (nested) box.prepend(row);
+      else return make('div', { className: 'rows' }, row, box);
+    }
     if (s.least !== s.most) {
       const button = (text, label, enabled, act) => make('button', {
         type: 'button', className: 'small', 'aria-label': `${name}: ${label}`, disabled: !enabled, onclick: act }, text);

@@ -114,6 +114,7 @@ const controls = new Controls($('effects'), rig, (effect, key, value) => (
 /** Stops the rig. If nothing comes over the usual connection, the stop also goes over another. */
 function stop() {
   rig.asksStop();
+  $('question').hidden = true;
   const ways = link.isOpen ? [link.request('estop')] : [];
   if (!link.isOpen || rig.silentFor !== null) ways.push(link.stopApart((session) => rig.own.add(session)));
   Promise.any(ways).catch((failed) => rig.stopFailed(failed.errors.at(-1).message)).finally(changed);
@@ -145,7 +146,7 @@ $('lease').onclick = async () => {
     const name = person(holder);
     put($('asked'), `Take over from ${name}?`);
     put($('consequence'), `The sphere pushes, and ${name} commands it. The scene goes on when you take `
-      + `over. If the program of ${name} streams torques, they end.`);
+      + `over. If the program of ${name} streams torques, they end. Esc stops the rig and closes this question.`);
     $('question').hidden = false;
     $('no').focus();
   } else acquire(who === 'other');
@@ -204,7 +205,7 @@ function showRights() {
   $('observer').hidden = may || !(rig.state || rig.closed);
   put($('observer'), !rig.hello ? 'Not connected' : !rig.isLive ? 'No contact'
     : rig.lease.who === 'other' ? 'Take over to change' : 'Take command to change');
-  if (rig.lease.who !== 'other' || !rig.isLive) $('question').hidden = true;
+  if (rig.lease.who !== 'other' || !rig.isLive || !hasTorque(rig.state.mode)) $('question').hidden = true;
   const list = $('warnings');
   if (list.dataset.shown !== rig.warnings.join('\n')) {
     list.dataset.shown = rig.warnings.join('\n');

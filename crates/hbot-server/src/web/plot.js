@@ -181,7 +181,8 @@ export function plotCurves(canvas, curves, present, colours, limit) {
   c.restore();
   if (limit > 0 && end > limit) {
     c.fillStyle = colours.warn;
-    c.fillText('limit, dashed', at + 6, 9);
+    const text = ['limit, dashed', 'limit'].find((text) => at + 6 + c.measureText(text).width <= width);
+    if (text) c.fillText(text, at + 6, 9);
   }
   present?.torque.forEach((torque, k) => {
     c.fillStyle = colours.axes[k];

@@ -237,6 +237,12 @@ export class Rig {
     return this.state?.reference ? length(this.deflection(this.state)) : null;
   }
 
+  /** Whether the sphere is so far from the reference that the server may refuse to enable. */
+  get isFar() {
+    return this.state !== null && !hasTorque(this.state.mode) && !this.beginsHere
+      && this.away > this.info?.limits.enable_max_angle;
+  }
+
   /** Whether the effect whose reference counts is placed where the sphere is when it is enabled. */
   get beginsHere() {
     const placed = (this.info?.scene?.effect ?? []).map((effect) => (

@@ -86,6 +86,12 @@ export function converted(schema, value) {
   }
 }
 
+/** Returns what the numbers of a list are called, such as w, x, y and z, if its schema says so. */
+export function heads(schema) {
+  const said = `${schema.description ?? ''} ${schema.legal ?? ''}`.match(/\[(\w(?:,\s+\w)+)\]/);
+  return said ? said[1].split(/,\s+/) : [];
+}
+
 /** Returns description, unit, range and default of a parameter, for people. */
 export function explain(schema) {
   const s = shape(schema);

@@ -93,7 +93,15 @@ function details(rig) {
     ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
   if (state.mode === 'idle' && rig.refusal?.op === 'enable') return [['warn', `Not enabled: ${rig.refusal.why}`]];
+  if (state.mode === 'idle' && rig.isFar) return [['warn', `No torque. ${tooFar(rig)}`]];
   return [...shaken, ['weak', mode]];
+}
+
+/** Says that the server may refuse to enable. Only it knows the turns that the scene leaves free. */
+function tooFar(rig) {
+  const allowed = rig.info.limits.enable_max_angle;
+  return `The sphere is ${rig.away.toFixed(2)} rad from the reference, and Enable is refused beyond ${allowed.toFixed(2)} rad `
+    + `unless the scene lets it turn that far: ${rig.isSimulated ? 'set the anchor to here' : 'turn the sphere nearer'}.`;
 }
 
 function notReset(rig) {
@@ -101,8 +109,9 @@ function notReset(rig) {
 }
 
 function wayOn(rig) {
+  const first = !rig.isFar ? '' : rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
   switch (rig.lease.who) {
-    case 'mine': return 'No torque. To go on, press Recover.';
+    case 'mine': return `No torque. To go on, ${first}press Recover.`;
     case 'other': return 'No torque. To go on, press Take over, then Recover.';
     default: return 'No torque. To go on, press Take command, then Recover.';
   }
@@ -207,9 +216,11 @@ function orders(rig) {
   $('recover').disabled = !(rig.commands && stopped);
   const allowed = rig.info?.limits.enable_max_angle;
   const { away } = rig;
+  $('distance').classList.toggle('warn', rig.isFar);
   put($('distance'), !rig.state ? `Distance: not known ${rig.hello ? 'yet' : 'without a connection'}.`
     : away === null ? 'No reference: nothing pulls at once.'
-      : rig.beginsHere ? 'The scene begins where the sphere is.'
+      // While the scene is rendered, it has begun elsewhere.
+      : rig.beginsHere ? hasTorque(mode) ? `${away.toFixed(2)} rad from reference` : 'The scene begins where the sphere is.'
         : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
 }
 

@@ -2,13 +2,18 @@
 
 use std::ops::Range;
 
-use eframe::egui::{Align2, Color32, Role, Ui, Vec2, WidgetInfo, vec2};
+use eframe::egui::{Align2, Color32, Role, TextStyle, Ui, Vec2, WidgetInfo, vec2};
 use egui_plot::{HLine, Line, LineStyle, PlotBounds, PlotPoint, PlotUi, Text, VLine};
 
 use super::axes::plot;
 use super::{PlotDesk, Which};
 use crate::model::{History, Link, Mark, Model, PlotSample, What, thinned};
 use crate::view::theme::{Palette, weak};
+
+/// Stands at a mark whose text has no room.
+const ELLIPSIS: &str = "\u{2026}";
+/// Largest number of rows of texts at marks.
+const MOST_ROWS: usize = 4;
 
 /// A curve of a plot.
 struct Curve {
@@ -141,28 +146,68 @@ pub(super) fn show(
     Some(*shown.transform.bounds())
 }
 
-/// Draws a vertical line with a text at each mark. Texts take turns in three heights, so that close
-/// marks do not cover each other. They stay within `span`, the range of the curves: the axis grows
-/// with what is drawn, so a text placed by the range of the axis would make it grow in every frame.
+/// Draws a vertical line with a text at each mark. The texts stay within `span`, the range of the
+/// curves: the axis grows with what is drawn, so a text placed by the range of the axis would make
+/// it grow in every frame.
 fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette, span: Range<f64>) {
-    let bounds = plot.plot_bounds();
-    for (k, mark) in marks.iter().enumerate() {
+    let font = TextStyle::Small.resolve(&plot.ctx().style_of(plot.ctx().theme()));
+    let size = |text: &str| {
+        let text = text.to_owned();
+        plot.ctx().fonts_mut(|fonts| fonts.layout_no_wrap(text, font.clone(), Color32::WHITE).size())
+    };
+    let to_screen = plot.transform();
+    let middle = to_screen.frame().center().x;
+    let row_height = f64::from(size(ELLIPSIS).y) / to_screen.dpos_dvalue_y().abs();
+    let mut rows = Rows::new(((span.end - span.start) / row_height) as usize);
+    // Those that the user must know take their places first.
+    let mut order: Vec<&&Mark> = marks.iter().rev().collect();
+    order.sort_by_key(|mark| mark.what != What::Fault);
+    let mut labels = Vec::new();
+    for mark in order {
         let color = match mark.what {
             What::Scene => palette.ghost,
             What::Set => palette.weak,
             What::Fault => palette.bad,
         };
         let x = mark.t - now;
-        plot.vline(VLine::new("", x).color(color).width(1.0).style(LineStyle::dashed_dense()));
-        let y = span.start + 0.08 * (k % 3) as f64 * (span.end - span.start);
+        let at = to_screen.position_from_point_x(x);
         // The text is on the side of its mark that has room.
-        let right = x > bounds.max()[0] - 0.5 * bounds.width();
-        let (side, text) = if right {
-            (Align2::RIGHT_BOTTOM, format!("{} ", mark.text))
-        } else {
-            (Align2::LEFT_BOTTOM, format!(" {}", mark.text))
-        };
-        plot.text(Text::new("", PlotPoint::new(x, y), text).color(color).anchor(side));
+        let right = at > middle;
+        let placed = [mark.text.as_str(), ELLIPSIS].into_iter().find_map(|text| {
+            let text = if right { format!("{text} ") } else { format!(" {text}") };
+            let width = size(&text).x;
+            let row = rows.take(if right { at - width..at } else { at..at + width })?;
+            Some((row, text))
+        });
+        labels.push((x, color, right, placed));
+    }
+    for (x, color, right, placed) in labels {
+        plot.vline(VLine::new("", x).color(color).width(1.0).style(LineStyle::dashed_dense()));
+        if let Some((row, text)) = placed {
+            let side = if right { Align2::RIGHT_BOTTOM } else { Align2::LEFT_BOTTOM };
+            let place = PlotPoint::new(x, span.start + row as f64 * row_height);
+            plot.text(Text::new("", place, text).color(color).anchor(side));
+        }
+    }
+}
+
+/// The rows of texts at the lower end of a plot, from below.
+struct Rows(Vec<Vec<Range<f32>>>);
+
+impl Rows {
+    /// Makes as many rows as fit, at least one, and at most so many that curves remain visible.
+    fn new(fit: usize) -> Self {
+        Self(vec![Vec::new(); fit.clamp(1, MOST_ROWS)])
+    }
+
+    /// Takes the place `wanted` in the lowest row that has room there. Returns the row, or `None`
+    /// if no row has room.
+    fn take(&mut self, wanted: Range<f32>) -> Option<usize> {
+        let is_free =
+            |taken: &Vec<Range<f32>>| taken.iter().all(|it| wanted.end <= it.start || it.end <= wanted.start);
+        let row = self.0.iter().position(is_free)?;
+        self.0[row].push(wanted);
+        Some(row)
     }
 }
 
@@ -201,6 +246,39 @@ mod tests {
         let range = seen.state().1.expect("drawn");
         // The curves are at 0. The plot leaves a margin around the least range of 0.02 N m.
         assert!(range.height() < 0.06, "{range:?}");
+    }
+
+    #[test]
+    fn the_texts_of_marks_cover_each_other_nowhere() {
+        let times = |count: u32| (0..count).map(move |k| 9.0 * f64::from(k) / f64::from(count));
+        for (count, all) in [(4, true), (40, false)] {
+            let mut model = Model::new("", "panel me@here", 1);
+            for t in [0.0, 10.0] {
+                model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
+            }
+            let text = |k| format!("spring {k}: stiffness = 1.234567");
+            for (k, t) in times(count).enumerate() {
+                let what = if k == 3 { What::Fault } else { What::Set };
+                model.marks.add(Mark { what, t, text: text(k) }, 0.0);
+            }
+            let draw = move |ui: &mut Ui| {
+                show(ui, &model, &model.history, &PlotDesk::default(), Vec2::ZERO);
+            };
+            let mut seen = Harness::builder().with_size([560.0, 260.0]).build_ui(draw);
+            seen.run_steps(8);
+            let is_text = |text: &str| text.contains("stiffness") || text.trim() == ELLIPSIS;
+            let texts: Vec<_> = texts(&seen).into_iter().filter(|it| is_text(&it.text)).collect();
+            for (k, one) in texts.iter().enumerate() {
+                assert!(one.is_whole(), "{count} marks: {one:?}");
+                for other in &texts[..k] {
+                    assert!(!one.overlaps(other), "{count} marks: {one:?} and {other:?}");
+                }
+            }
+            let shown = |k: u32| texts.iter().any(|it| it.text.trim() == text(k as usize));
+            assert!(shown(count - 1) && shown(3), "{count} marks: the newest and the fault");
+            assert_eq!((0..count).all(shown), all, "{count} marks");
+            assert_eq!(texts.iter().any(|it| it.text.trim() == ELLIPSIS), !all, "{count} marks");
+        }
     }
 
     /// A table that is drawn for the first time makes egui draw the frame twice. In the first of

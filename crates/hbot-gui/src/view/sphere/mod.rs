@@ -6,7 +6,7 @@ mod felt;
 mod hand;
 mod objects;
 
-use eframe::egui::{self, Align2, FontId, Painter, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use eframe::egui::{self, Align2, FontId, Painter, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 use glam::{DQuat, DVec3};
 use hbot_api::StateEvent;
 
@@ -33,9 +33,8 @@ const TORQUE_LENGTH: [f64; 2] = [0.2, 0.32];
 /// Length of the arrow that shows the force on the hand, in the same way.
 const PUSH_LENGTH: [f64; 2] = [0.15, 0.6];
 
-/// Draws the picture of the sphere into the room that is left in the window. Returns the part of it
-/// in which messages cover neither the legend nor the axes of the room.
-pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) -> Rect {
+/// Draws the picture of the sphere into the room that is left in the window.
+pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     let (response, painter) = ui.allocate_painter(ui.available_size(), Sense::click_and_drag());
     let rect = response.rect;
     let room = rect.with_max_y(rect.bottom() - READOUTS);
@@ -77,7 +76,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     let corner = desk.camera.unzoomed().onto(rect.right_top() + vec2(-50.0, 52.0), 26.0);
     Drawing::new(ui, &painter, corner).corner();
     readouts(&draw.painter, rect, state, palette);
-    let below = legend(&draw.painter, rect, (state, push), &shapes, palette);
+    legend(&draw.painter, rect, (state, push), &shapes, palette);
     if rect.width() > 500.0 {
         let at = rect.right_bottom() - vec2(8.0, 6.0);
         let hint = if model.has_hand() {
@@ -87,7 +86,6 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         };
         draw.painter.text(at, Align2::RIGHT_BOTTOM, hint, FontId::proportional(12.0), palette.weak);
     }
-    rect.shrink2(vec2(68.0, 0.0)).with_min_y(below)
 }
 
 /// Describes the picture of the sphere in words, for screen readers.
@@ -121,16 +119,15 @@ fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, pal
     }
 }
 
-/// Writes what the colours stand for, in the upper left corner. Returns the height at which it
-/// ends.
+/// Writes what the colours stand for, in the upper left corner.
 fn legend(
     painter: &Painter,
     rect: egui::Rect,
     (state, push): (Option<&StateEvent>, Option<Push>),
     shapes: &Shapes,
     palette: Palette,
-) -> f32 {
-    let Some(state) = state else { return rect.top() };
+) {
+    let Some(state) = state else { return };
     let torque = DVec3::from(state.torque).length();
     let mut lines = vec![(palette.torque, format!("torque {torque:.3} N m"))];
     lines.push(match state.reference {
@@ -155,5 +152,4 @@ fn legend(
         painter.text(at, Align2::LEFT_TOP, text, FontId::proportional(13.0), color);
         at.y += 16.0;
     }
-    at.y
 }
