@@ -13,7 +13,7 @@ use crate::document::{Report, join};
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Damper {
     /// Torque per angular rate, against the rotation: a number, three for the axes, or a symmetric
-    /// 3x3 matrix in N (fixed in space).
+    /// 3x3 matrix in frame N (fixed in space).
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
     /// Angular rate below which there is no torque. Above it, the torque is in proportion to the

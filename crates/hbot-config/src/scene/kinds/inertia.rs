@@ -14,7 +14,8 @@ use crate::document::{Report, join};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Inertia {
-    /// Virtual mass: a number, three for the axes, or a symmetric 3x3 matrix in N (fixed in space).
+    /// Virtual mass: a number, three for the axes, or a symmetric 3x3 matrix in frame N (fixed in
+    /// space).
     #[schemars(schema_with = "impedance::mass")]
     mass: Impedance,
     /// Time constant of the low-pass filter on the acceleration. Against faster motion, the effect
