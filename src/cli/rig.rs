@@ -134,7 +134,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let simulated = config.link.port.is_simulated();
     let lines = match (fits, simulated) {
         (true, _) => "every line fits",
-        (false, true) => "a real line would not fit",
+        (false, true) => "a real line would not fit (see \"line\" above)",
         (false, false) => "a line does not fit",
     };
     tell!("\n{}{}{}: a legal design{}; {lines}", style::NAME, config.name, style::OFF, warnings.in_words())?;
@@ -437,11 +437,9 @@ fn bus_line(config: &RigConfig, bus: &BusTraffic) -> anyhow::Result<bool> {
         return Ok(fits);
     }
     let rate = (MOST_LOAD * 1e9 / bus.most_ns as f64).floor();
+    let when = if config.link.port.is_simulated() { "for a real line: " } else { "" };
     tell!(
-        "    {}warning:{} spread the joints over {} lines (link.port a list, `port` of each joint), or lower loop.rate_hz to \
-         {rate}",
-        style::WARN,
-        style::OFF,
+        "    {when}spread the joints over {} lines (link.port a list, `port` of each joint), or lower loop.rate_hz to {rate}",
         (load / MOST_LOAD).ceil()
     )?;
     if let Some(expected) = StiffnessBound::of(config) {
