@@ -62,6 +62,7 @@ enum Command {
     /// Show the rig, its limits, its motor controllers and the scene of a running server
     Info(show::ShowArgs),
     /// Show the times and the counters of a running server's loop
+    #[command(after_help = show::ROWS)]
     Stats(show::ShowArgs),
     /// Change parameters of an effect while a server renders it
     Set(set::SetArgs),
@@ -117,10 +118,10 @@ fn own_folder(variable: &str, below_home: &str) -> Option<PathBuf> {
 #[derive(Debug, Clone, Args)]
 pub(crate) struct ServerAddress {
     /// Address and port of the server
-    #[arg(long, value_name = "ADDR", env = "HBOT_SERVER", default_value = SERVER, value_parser = server_or_default)]
+    #[arg(long, value_name = "ADDR", env = "HBOT_SERVER", hide_env_values = true, default_value = SERVER, value_parser = server_or_default)]
     server: String,
     /// File with the token that the server asks for
-    #[arg(long, value_name = "FILE", env = "HBOT_TOKEN_FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
+    #[arg(long, value_name = "FILE", env = "HBOT_TOKEN_FILE", hide_env_values = true, value_parser = OsStringValueParser::new().map(PathBuf::from))]
     token_file: Option<PathBuf>,
     /// File with the server's TLS certificate, or that of the authority that signed it (PEM)
     #[arg(long, value_name = "FILE")]

@@ -110,6 +110,15 @@ pub(crate) fn refuse_folder_or_pipe(path: &Path, wanted: &str) -> anyhow::Result
     Ok(())
 }
 
+/// Creates a folder, unless it exists, and says so.
+pub(crate) fn make_folder(folder: &Path) -> Result<()> {
+    if !folder.as_os_str().is_empty() && !folder.is_dir() {
+        std::fs::create_dir_all(folder)?;
+        note!("{}: this folder is new", folder.display());
+    }
+    Ok(())
+}
+
 /// Creates a file that must not exist yet.
 pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
     refuse_folder_or_pipe(path, "a new file")?;

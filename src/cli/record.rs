@@ -14,7 +14,7 @@ use hbot_host::run_loop::signals;
 use hbot_record::ClientRecording;
 use hbot_server::recording::is_folder;
 
-use super::out::{create_new, note, say};
+use super::out::{create_new, make_folder, note, say};
 use super::{ServerAddress, orders, style};
 
 /// Longest time for which states wait before they are in the file.
@@ -132,7 +132,7 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
 /// --record` does.
 fn create(file: &Path) -> anyhow::Result<File> {
     if let Some(folder) = file.parent() {
-        std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+        make_folder(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
     }
     create_new(file)
 }

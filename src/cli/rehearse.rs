@@ -7,7 +7,6 @@ use std::process::ExitCode;
 
 use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
-use hbot_config::RigConfig;
 use hbot_config::rig::{Port, Protocol};
 use hbot_host::rig::attach::urgent;
 use hbot_sim::controller::InjectedFault;
@@ -67,7 +66,7 @@ const DEEDS: [Deed; 5] = [
 
 /// Runs the controllers until standard input ends or the program is interrupted.
 pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
-    let config = RigConfig::load(args.rig.as_deref(), &[])?;
+    let config = super::rig::load(args.rig.as_deref(), &[])?;
     if let Port::Devices(devices) = &config.link.port
         && devices.len() > 1
     {

@@ -1,13 +1,15 @@
 //! `hbot rig check`: prints a rig's margins over all steer angles, its torque and stiffness, and
 //! whether its serial line is fast enough.
 
-use std::path::PathBuf;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
+use anyhow::anyhow;
 use clap::Subcommand;
-use hbot_config::RigConfig;
 use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
+use hbot_config::{LoadError, Override, RigConfig, did_you_mean, guess};
 use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::Joint;
@@ -48,7 +50,8 @@ pub(crate) enum RigCommand {
     Check {
         /// The rig file (TOML) [default: the prototype, built in]
         file: Option<PathBuf>,
-        /// Draw the sphere, the wheels, their cones and contact frames; the name ends in .svg
+        /// Draw the sphere, the wheels, their cones and contact frames into a new file; its name
+        /// ends in .svg
         #[arg(long, value_name = "OUT.svg", value_parser = svg)]
         drawing: Option<PathBuf>,
     },
@@ -69,6 +72,31 @@ pub(crate) enum RigCommand {
     Certify(bringup::CertifyArgs),
 }
 
+/// Reads a rig file, or the prototype if `path` is `None`, and replaces some of its values. If the
+/// file does not exist, the error says which file is probably meant: one with the ending, or a
+/// ready-made one.
+pub(super) fn load(path: Option<&Path>, overrides: &[Override]) -> anyhow::Result<RigConfig> {
+    RigConfig::load(path, overrides).map_err(|error| {
+        let absent = matches!(&error, LoadError::Read { source, .. } if source.kind() == ErrorKind::NotFound);
+        let meant = path.filter(|_| absent).and_then(rig_meant);
+        anyhow!("{:#}{}", anyhow::Error::from(error), guess(meant.as_deref()))
+    })
+}
+
+/// Returns the rig file that is probably meant by the path of none.
+fn rig_meant(path: &Path) -> Option<String> {
+    let own = path.with_extension("toml");
+    if own.is_file() {
+        return Some(own.display().to_string());
+    }
+    let ready = std::fs::read_dir("rigs").into_iter().flatten().flatten().map(|entry| entry.path());
+    let ready: Vec<PathBuf> =
+        ready.filter(|file| file.extension().is_some_and(|end| end == "toml")).collect();
+    let stems = ready.iter().filter_map(|file| file.file_stem()?.to_str());
+    let stem = did_you_mean(path.file_stem()?.to_str()?, stems)?;
+    Some(format!("rigs/{stem}.toml"))
+}
+
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let (file, drawing) = match command {
         RigCommand::Check { file, drawing } => (file, drawing),
@@ -79,7 +107,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         RigCommand::Identify(args) => return bringup::run_identify(&args),
         RigCommand::Certify(args) => return bringup::run_certify(&args),
     };
-    let config = RigConfig::load(file.as_deref(), &[])?;
+    let config = load(file.as_deref(), &[])?;
     if let Some(out) = &drawing {
         write(out, &rig_drawing::svg(&config))?;
     }
@@ -106,7 +134,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let simulated = config.link.port.is_simulated();
     let lines = match (fits, simulated) {
         (true, _) => "every line fits",
-        (false, true) => "a real line would not fit",
+        (false, true) => "a real line would not fit (see \"line\" above)",
         (false, false) => "a line does not fit",
     };
     tell!("\n{}{}{}: a legal design{}; {lines}", style::NAME, config.name, style::OFF, warnings.in_words())?;
@@ -409,8 +437,9 @@ fn bus_line(config: &RigConfig, bus: &BusTraffic) -> anyhow::Result<bool> {
         return Ok(fits);
     }
     let rate = (MOST_LOAD * 1e9 / bus.most_ns as f64).floor();
+    let when = if config.link.port.is_simulated() { "for a real line: " } else { "" };
     tell!(
-        "    spread the joints over {} lines (link.port a list, `port` of each joint), or lower loop.rate_hz to {rate}",
+        "    {when}spread the joints over {} lines (link.port a list, `port` of each joint), or lower loop.rate_hz to {rate}",
         (load / MOST_LOAD).ceil()
     )?;
     if let Some(expected) = StiffnessBound::of(config) {

@@ -15,7 +15,7 @@ use anyhow::anyhow;
 use clap::{Args, Subcommand};
 use hbot_config::advice::{Abilities, in_vain};
 use hbot_config::scene::ShelfScene;
-use hbot_config::{LoadError, RigConfig, SceneFile, did_you_mean};
+use hbot_config::{LoadError, SceneFile, did_you_mean, guess};
 
 use super::out::{foreign, note, say, tell};
 use super::{Commanding, ServerAddress, orders, style};
@@ -85,7 +85,7 @@ pub(crate) struct Which {
 
 impl Which {
     fn load(&self) -> anyhow::Result<(SceneFile, Abilities)> {
-        let rig = RigConfig::load(self.rig.as_deref(), &[])?;
+        let rig = super::rig::load(self.rig.as_deref(), &[])?;
         Ok((scene(&self.scene)?, Abilities::of(&rig)))
     }
 }
@@ -108,11 +108,10 @@ fn pointed_out(path: &Path, error: LoadError) -> anyhow::Error {
     if path.as_os_str() == stem {
         let file = path.with_extension("toml");
         let file = file.is_file().then(|| file.display().to_string());
-        let guess = file.or_else(|| ShelfScene::similar(stem).map(str::to_owned));
-        let guess = guess.map(|name| format!(" (did you mean `{name}`?)"));
+        let meant = file.or_else(|| ShelfScene::similar(stem).map(str::to_owned));
         return anyhow!(
             "{stem}: no file and no ready-made scene has this name{}; {LIST}",
-            guess.unwrap_or_default()
+            guess(meant.as_deref())
         );
     }
     match ShelfScene::named(stem) {
@@ -210,6 +209,5 @@ pub(super) fn warn(warnings: &[String]) -> anyhow::Result<()> {
 /// Returns the error about a name that is not among the legal ones.
 fn unknown(name: &str, what: &str, legal: &[&str]) -> anyhow::Error {
     let meant = did_you_mean(name, legal.iter().copied());
-    let guess = meant.map(|meant| format!(" (did you mean `{meant}`?)")).unwrap_or_default();
-    anyhow!("{name:?} is {what}{guess}; legal: {}", legal.join(", "))
+    anyhow!("{name:?} is {what}{}; legal: {}", guess(meant), legal.join(", "))
 }

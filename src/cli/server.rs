@@ -29,6 +29,7 @@ use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
+use super::out::make_folder;
 use super::record::file_or_folder;
 use super::sockets::Web;
 use super::{own_folder, secrets, sockets, status, style};
@@ -180,7 +181,7 @@ pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
-    let mut rig = RigConfig::load(args.rig.as_deref(), &args.overrides())?;
+    let mut rig = super::rig::load(args.rig.as_deref(), &args.overrides())?;
     let built = built(&args, &rig)?;
     let scene = match &args.scene {
         Some(path) => super::scene::scene(path)?,
@@ -205,7 +206,7 @@ fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
 /// Returns the rig file from which the simulated rig is built, if the command line names one.
 fn built(args: &ServerArgs, rig: &RigConfig) -> anyhow::Result<Option<RigConfig>> {
     let Some(path) = &args.built else { return Ok(None) };
-    let built = RigConfig::load(Some(path), &[])?;
+    let built = super::rig::load(Some(path), &[])?;
     hbot_host::rig::built::check(rig, &built).with_context(|| format!("--built {}", path.display()))?;
     Ok(Some(built))
 }
@@ -324,7 +325,8 @@ fn recording(args: &ServerArgs, rig: &RigConfig) -> anyhow::Result<RecordOptions
         _ => {}
     }
     if let Some(path) = &args.record {
-        try_to_make(path).with_context(|| {
+        let folder = if is_file(path) { path.parent().unwrap_or(path) } else { path };
+        make_folder(folder).and_then(|()| try_to_make(path)).with_context(|| {
             format!(
                 "--record {}: no file can be made there. Name a place where you may write",
                 path.display()

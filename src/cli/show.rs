@@ -9,6 +9,24 @@ use hbot_api::{Client, Event, Fault, InfoOk, Mode, RenderInfo, StateEvent, Stats
 use super::out::{foreign, say, tell};
 use super::{ServerAddress, controllers, orders, style};
 
+/// What `hbot stats` prints, for its help.
+pub(super) const ROWS: &str = "\
+The first line counts since the server's start:
+  late               ticks that started more than a quarter period late
+  skipped            ticks whose deadline passed before the tick before them
+                     ended
+  missed             ticks without a new reading
+  damaged frames     frames on the serial line with errors
+  commands not sent  commands that the serial line did not take completely
+
+Rows, microseconds. `99 %` is what 99 of 100 ticks do not exceed:
+  awake_us           time that the loop was awake before a deadline
+  lateness_us        from the deadline to the start of a tick
+  compute_us         computing time of a tick
+  link_us            time spent on reading, decoding, encoding and writing
+  age_us             from the sampling of the joints until the torque computed
+                     from it was sent";
+
 /// Options of `hbot info` and `hbot stats`.
 #[derive(Debug, Args)]
 pub(crate) struct ShowArgs {

@@ -260,11 +260,16 @@ fn a_stiffness_is_legal_if_it_pushes_away_in_no_direction() {
         }
     }
     assert!(is_legal(&[[0.0; 3]; 3]));
+    for least in [f64::from_bits(1), 1e-310, f64::MIN_POSITIVE] {
+        assert!(is_impedance(&Mat3::from_diagonal(Vec3::splat(least))), "{least:e}");
+    }
     for k in [1e-6, 1.0, 1e6] {
         for [i, j] in [[0, 1], [0, 2], [1, 2]] {
             // The eigenvalues are 2.2 k, -0.2 k and 0. The only negative minor is that of i and j.
             let mut m = [[0.0; 3]; 3];
             (m[i][i], m[j][j], m[i][j], m[j][i]) = (k, k, 1.2 * k, 1.2 * k);
+            assert!(!is_legal(&m), "{m:?}");
+            (m[i][i], m[j][j]) = (0.0, 0.0);
             assert!(!is_legal(&m), "{m:?}");
         }
         for [d, e, f] in [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {

@@ -312,6 +312,9 @@ fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
         .code(3)
         .stdout(contains("0 ticks recorded").and(contains("1 file failed")))
         .stderr(contains("the recording cannot be written"));
+    // A folder that is made is told.
+    limited("new/run.mcap").code(3).stderr(contains("new: this folder is new"));
+    limited("new/other.mcap").code(3).stderr(contains("this folder is new").not());
     // Where no file can be made at all, the run does not begin.
     limited("blocked/run.mcap").code(1).stderr(contains("blocked/run.mcap: no file can be made there"));
     let mut help = assert_cmd::Command::from_std(hbot());
@@ -319,6 +322,17 @@ fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
         .assert()
         .success()
         .stdout(contains("3  the run was good, but a file of --record"));
+}
+
+#[test]
+fn stats_explains_its_rows() {
+    let help = |command: &str| {
+        let mut program = assert_cmd::Command::from_std(hbot());
+        program.args([command, "--help"]).env("HBOT_SERVER", "rig:1").assert().success()
+    };
+    let rows = contains("link_us ").and(contains("time spent on reading"));
+    help("stats").stdout(rows.and(contains("[env: HBOT_SERVER]")).and(contains("rig:1").not()));
+    help("info").stdout(contains("link_us ").not());
 }
 
 #[test]

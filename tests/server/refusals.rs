@@ -165,6 +165,20 @@ fn a_name_of_no_scene_is_corrected_and_says_where_the_names_are() {
     }
 }
 
+#[test]
+fn a_rig_file_that_does_not_exist_is_corrected() {
+    for command in [&["server", "--rig"][..], &["rig", "check"], &["scene", "check", "clay", "--rig"]] {
+        let with = |name| [command, &[name]].concat();
+        for name in ["prototype", "protoype", "prototype.toml", "rigs/prototype"] {
+            let said = format!("{name}: cannot be read: No such file");
+            run(&with(name))
+                .failure()
+                .stderr(contains(said).and(contains("(did you mean `rigs/prototype.toml`?)")));
+        }
+        run(&with("zeppelin")).failure().stderr(contains("did you mean").not());
+    }
+}
+
 /// The other mistakes of such a file would only hide what is wrong.
 #[test]
 fn a_rig_file_as_a_scene_and_a_scene_file_as_a_rig_are_told_in_one_line_with_the_command() {

@@ -27,11 +27,13 @@ fn the_pictures_in_the_docs_are_what_the_command_draws() {
     for kind in kinds {
         let scene = folder(&format!("docs/effects/{}.toml", kind.name));
         let picture = scene.with_extension("svg");
-        let drawn = temporary.path().join("drawn.svg");
-        let out = if std::env::var_os("HBOT_BLESS").is_some() { &picture } else { &drawn };
+        let out = temporary.path().join(format!("{}.svg", kind.name));
         let (ok, said) = plot(&[scene.to_str().expect("UTF-8"), "--out", out.to_str().expect("UTF-8")]);
         assert!(ok, "{said}");
-        let [have, want] = [&picture, out].map(|path| std::fs::read_to_string(path).expect("readable"));
+        if std::env::var_os("HBOT_BLESS").is_some() {
+            std::fs::copy(&out, &picture).expect("written");
+        }
+        let [have, want] = [&picture, &out].map(|path| std::fs::read_to_string(path).expect("readable"));
         assert!(
             have == want,
             "{} is not what `hbot scene plot` draws (HBOT_BLESS=1 draws it)",
@@ -44,12 +46,12 @@ fn the_pictures_in_the_docs_are_what_the_command_draws() {
 #[test]
 fn every_scene_of_the_shelf_can_be_drawn_about_any_axis() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let out = temporary.path().join("x.svg");
-    let out = out.to_str().expect("UTF-8");
     for entry in std::fs::read_dir(folder("scenes")).expect("scenes") {
         let path = entry.expect("readable").path();
         if path.extension().is_some_and(|e| e == "toml") {
-            let (ok, said) = plot(&[path.to_str().expect("UTF-8"), "--out", out, "--axis", "1,-1,0.5"]);
+            let out = temporary.path().join(path.file_name().expect("a name")).with_extension("svg");
+            let [scene, out] = [&path, &out].map(|path| path.to_str().expect("UTF-8"));
+            let (ok, said) = plot(&[scene, "--out", out, "--axis", "1,-1,0.5"]);
             assert!(ok, "{}: {said}", path.display());
         }
     }
@@ -59,13 +61,13 @@ fn every_scene_of_the_shelf_can_be_drawn_about_any_axis() {
 #[test]
 fn a_plot_says_what_the_black_and_the_dashed_line_are() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let out = temporary.path().join("x.svg");
-    let drawn = |scene: &str| {
-        let (ok, said) = plot(&[scene, "--out", out.to_str().expect("UTF-8")]);
+    let out = |name: &str| temporary.path().join(name).to_str().expect("UTF-8").to_owned();
+    let drawn = |scene: &str, name: &str| {
+        let (ok, said) = plot(&[scene, "--out", &out(name)]);
         assert!(ok, "{said}");
-        std::fs::read_to_string(&out).expect("readable")
+        std::fs::read_to_string(out(name)).expect("readable")
     };
-    let (clay, spring) = (drawn("clay"), drawn("docs/effects/spring.toml"));
+    let (clay, spring) = (drawn("clay", "clay.svg"), drawn("docs/effects/spring.toml", "spring.svg"));
     assert!(clay.contains("\nwhole scene\n") && clay.contains("\non the way back\n"));
     assert!(spring.contains("\nwhole scene\n") && !spring.contains("\non the way back\n"));
 }
@@ -88,6 +90,9 @@ fn a_plot_shows_a_range_of_angles_and_is_named_after_its_scene() {
     assert!(curve >= 1, "{near}");
     let (ok, said) = command(&["notched-dial", "--from", "20", "--to", "-20"]);
     assert!(!ok && said.contains("--from 20 is not below --to -20"), "{said}");
+    let (ok, said) = command(&["notched-dial"]);
+    assert!(!ok && said.contains("notched-dial.svg: the file exists already. Name another one"), "{said}");
+    assert_eq!(std::fs::read_to_string(temporary.path().join("notched-dial.svg")).expect("kept"), near);
 }
 
 #[test]
@@ -120,7 +125,7 @@ fn what_cannot_be_drawn_is_told() {
     let spring = folder("scenes/spring.toml");
     let spring = spring.to_str().expect("UTF-8");
     for (args, said) in [
-        (&[spring, "--out", "/nowhere/x.svg"][..], "/nowhere/x.svg: cannot be written"),
+        (&[spring, "--out", "/nowhere/x.svg"][..], "/nowhere/x.svg: cannot be made"),
         (&["/nowhere.toml", "--out", "x.svg"], "/nowhere.toml: cannot be read"),
         (&[spring, "--out", "x.svg", "--axis", "0,0,0"], "three numbers, not all zero"),
         (&[spring, "--out", "x.svg", "--axis", "w"], "three numbers, not all zero"),
@@ -143,11 +148,14 @@ fn every_kind_is_listed_in_one_line_and_shown_with_its_parameters_ranges_and_def
     let list = kinds_command(&[]);
     let all: Vec<_> =
         hbot_config::scene::kinds().into_iter().chain(hbot_config::scene::phenomena()).collect();
+    let mut columns = std::collections::BTreeSet::new();
     for listed in &all {
         let line = list.lines().find(|line| line.split_whitespace().next() == Some(listed.name));
         let words = line.and_then(|line| line.trim_start().split_once(' ')).expect(listed.name).1.trim();
+        columns.insert(line.and_then(|line| line.find(words)));
         assert!(listed.description.starts_with(words) && words.ends_with('.'), "{}: {words}", listed.name);
     }
+    assert_eq!(columns.len(), 1, "{list}");
     // The others are two empty lines, the heading of the phenomena, and the last line.
     assert_eq!(list.lines().count(), all.len() + 4, "{list}");
     assert!(list.ends_with("`hbot scene kinds KIND` shows one of them with its parameters\n"), "{list}");

@@ -112,6 +112,12 @@ def test_unknown_effect(rig: hbot.Rig) -> None:
         rig.set("no_such_effect", stiffness=1.0)
 
 
+def test_a_number_that_is_not_finite_is_named(rig: hbot.Rig) -> None:
+    told = 'stiffness is nan; every number must be finite|"stiffness" is NaN'
+    with rig.lease(), pytest.raises((ValueError, hbot.BadRequest), match=told):
+        rig.set("spring", damping=0.01, stiffness=float("nan"))
+
+
 def test_out_of_range(rig: hbot.Rig) -> None:
     with rig.lease(), pytest.raises(hbot.OutOfRange):
         rig.torque([0, 0, 0], valid_ms=20, tick=10**9)

@@ -30,6 +30,8 @@ pub(crate) struct Report {
     origins: Vec<(String, String)>,
     /// The mistakes found so far, at most [`MOST_MISTAKES`].
     found: Vec<Diagnostic>,
+    /// The paths of values with a mistake that are no longer in the tree.
+    settled: Vec<String>,
     /// Whether more than [`MOST_MISTAKES`] mistakes were found.
     more: bool,
 }
@@ -137,10 +139,27 @@ impl Report {
     }
 
     /// Returns whether no mistake was found in the value at `path` or in the values that it
-    /// contains.
+    /// contains, apart from [settled](Self::settle) ones.
     pub(crate) fn clean_under(&self, path: &str) -> bool {
         // A full report drops further mistakes, so none of its values can be called clean.
-        !self.is_full() && !self.found.iter().any(|d| is_under(&d.path, path))
+        !self.is_full()
+            && !self.found.iter().any(|d| is_under(&d.path, path) && !self.settled.contains(&d.path))
+    }
+
+    /// Records that the value with a mistake at `path` has left the tree, so that it does not
+    /// hinder later checks.
+    pub(crate) fn settle(&mut self, path: &str) {
+        self.settled.push(path.to_owned());
+    }
+
+    /// Records that the value at `path` is at `new` from now on.
+    pub(crate) fn rename(&mut self, path: &str, new: &str) {
+        let moved: Vec<String> = self.places.keys().filter(|at| is_under(at, path)).cloned().collect();
+        for at in moved {
+            if let Some(place) = self.places.remove(&at) {
+                self.places.insert(format!("{new}{}", &at[path.len()..]), place);
+            }
+        }
     }
 
     /// Returns whether the report is full: it holds [`MOST_MISTAKES`] mistakes, and drops further

@@ -173,6 +173,13 @@ pub fn did_you_mean<'a>(word: &str, known: impl Iterator<Item = &'a str> + Clone
     }
 }
 
+/// Returns the hint that an error message about an unknown word ends with. Empty without a word
+/// that is meant.
+#[must_use]
+pub fn guess(meant: Option<&str>) -> String {
+    meant.map(|meant| format!(" (did you mean `{meant}`?)")).unwrap_or_default()
+}
+
 /// Writes a value in a short form that people prefer: `[1, 0, 0]` instead of `[1.0,0.0,0.0]`.
 pub(crate) fn short(value: &Value) -> String {
     match value {

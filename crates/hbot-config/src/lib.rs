@@ -39,7 +39,7 @@ mod validate;
 
 pub use diagnostic::{Diagnostic, Diagnostics, LoadError};
 pub use document::decimal_point;
-pub use legal::did_you_mean;
+pub use legal::{did_you_mean, guess};
 pub use rig::{Override, RigConfig};
 pub use scene::{RunningScene, SceneFile};
 pub use text::{MAX_TEXT, read_text};

@@ -6,11 +6,12 @@
 use serde_json::{Map, Value};
 
 use crate::document::{Report, join};
-use crate::legal::{branches, did_you_mean, found, legal, list, mistyped, names, range};
+use crate::legal::{branches, did_you_mean, found, guess, legal, list, mistyped, names, range};
 
 /// Checks a value against a JSON schema, and adds a mistake to the report for everything that the
-/// schema does not allow. `path` is the place of the value in the file.
-pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut Report) {
+/// schema does not allow. `path` is the place of the value in the file. Takes unknown keys out of
+/// `value`, so that they do not hinder later checks. A misspelt key gets its right name.
+pub(crate) fn validate(schema: &Value, value: &mut Value, path: &str, report: &mut Report) {
     if report.knows(path) {
         // The tree cannot hold this value (nan, a date), and the mistake is already reported. Only
         // the legal values are added to it.
@@ -40,7 +41,8 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
             }
             // Surplus elements are not checked.
             let looked_at = most.and_then(|max| usize::try_from(max).ok()).unwrap_or(usize::MAX);
-            for (i, element) in array.iter().take(looked_at).enumerate() {
+            let elements = value.as_array_mut().into_iter().flatten();
+            for (i, element) in elements.take(looked_at).enumerate() {
                 validate(&schema["items"], element, &format!("{path}[{i}]"), report);
             }
         }
@@ -67,30 +69,54 @@ pub(crate) fn validate(schema: &Value, value: &Value, path: &str, report: &mut R
     }
 }
 
-fn validate_table(schema: &Value, table: &Map<String, Value>, path: &str, report: &mut Report) {
+fn validate_table(schema: &Value, table: &mut Map<String, Value>, path: &str, report: &mut Report) {
     let empty = Map::new();
     let properties = schema["properties"].as_object().unwrap_or(&empty);
-    for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-        if !table.contains_key(key) {
-            let unknown = table.keys().map(String::as_str).filter(|other| !properties.contains_key(*other));
-            let guess = did_you_mean(key, unknown).map(|k| format!(" (is it `{k}`?)"));
-            let message = format!("missing{}", guess.unwrap_or_default());
-            report.push(&join(path, key), message, legal(&schema["properties"][key]));
+    let unknown: Vec<String> = table.keys().filter(|key| !properties.contains_key(*key)).cloned().collect();
+    for (key, value) in table.iter_mut() {
+        if let Some(property) = properties.get(key) {
+            validate(property, value, &join(path, key), report);
         }
     }
-    for (key, value) in table {
-        let at = join(path, key);
-        if let Some(property) = properties.get(key) {
-            validate(property, value, &at, report);
-        } else if schema["additionalProperties"] == Value::Bool(false) {
+    if schema["additionalProperties"] == Value::Bool(false) {
+        for key in &unknown {
             if report.is_full() {
                 return report.more();
             }
-            let guess = did_you_mean(key, properties.keys().map(String::as_str));
-            let guess = guess.map(|k| format!(" (did you mean `{k}`?)")).unwrap_or_default();
-            let keys: Vec<&str> = properties.keys().map(String::as_str).collect();
-            report.push_key(&at, format!("unknown key{guess}"), keys.join(", "));
+            take_unknown(key, properties, table, path, report);
         }
+    }
+    for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        if !table.contains_key(key) {
+            let guess = did_you_mean(key, unknown.iter().map(String::as_str));
+            let guess = guess.map(|k| format!(" (is it `{k}`?)")).unwrap_or_default();
+            report.push(&join(path, key), format!("missing{guess}"), legal(&properties[key]));
+        }
+    }
+}
+
+/// Adds a mistake to the report for the key `key` of `table`, which is not in `properties`. If it
+/// is a misspelt one with a legal value, gives it its right name, and otherwise removes it.
+fn take_unknown(
+    key: &str,
+    properties: &Map<String, Value>,
+    table: &mut Map<String, Value>,
+    path: &str,
+    report: &mut Report,
+) {
+    let keys: Vec<&str> = properties.keys().map(String::as_str).collect();
+    let meant = did_you_mean(key, keys.iter().copied());
+    let at = join(path, key);
+    report.push_key(&at, format!("unknown key{}", guess(meant)), keys.join(", "));
+    let Some(mut value) = table.remove(key) else { return };
+    let Some(meant) = meant.filter(|meant| !table.contains_key(*meant)) else { return report.settle(&at) };
+    let mut of_value = Report::default();
+    validate(&properties[meant], &mut value, "", &mut of_value);
+    // Without the value that is meant, a later check could complain about its default.
+    if of_value.clean_under("") {
+        report.settle(&at);
+        report.rename(&at, &join(path, meant));
+        table.insert(meant.to_owned(), value);
     }
 }
 
@@ -100,8 +126,8 @@ fn validate_name(names: &[&Value], value: &Value, path: &str, report: &mut Repor
     }
     let message = match value {
         Value::String(word) => {
-            let guess = did_you_mean(word, names.iter().filter_map(|n| n.as_str()));
-            let guess = guess.map(|n| format!(" (did you mean {n:?}?)")).unwrap_or_default();
+            let meant = did_you_mean(word, names.iter().filter_map(|n| n.as_str()));
+            let guess = meant.map(|name| format!(" (did you mean {name:?}?)")).unwrap_or_default();
             format!("{} is not known here{guess}", found(value).trim_start_matches("the string "))
         }
         _ => format!("found {}", found(value)),

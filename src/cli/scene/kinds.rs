@@ -18,30 +18,41 @@ pub(super) fn run(only: Option<&str>, as_json: bool) -> anyhow::Result<()> {
         };
         return describe(listed);
     }
-    kinds().iter().try_for_each(summarize)?;
+    let [kinds, phenomena] = [kinds(), phenomena()];
+    let width = widest(kinds.iter().chain(&phenomena).map(|listed| listed.name));
+    let summarize = |listed: &Listed| summarize(listed, width);
+    kinds.iter().try_for_each(summarize)?;
     tell!("\n{}The table [simulate], for the simulated rig alone:{}", style::NAME, style::OFF)?;
-    phenomena().iter().try_for_each(summarize)?;
+    phenomena.iter().try_for_each(summarize)?;
     tell!("\n`hbot scene kinds KIND` shows one of them with its parameters")
 }
 
-/// Prints the name of a kind or phenomenon and the first sentence of its description.
-fn summarize(listed: &Listed) -> anyhow::Result<()> {
+/// Returns the width of a column with these names.
+fn widest<'a>(names: impl Iterator<Item = &'a str>) -> usize {
+    names.map(str::len).max().unwrap_or_default()
+}
+
+/// Prints the name of a kind or phenomenon, `width` characters wide, and the first sentence of its
+/// description.
+fn summarize(listed: &Listed, width: usize) -> anyhow::Result<()> {
     let sentence = listed.description.split_inclusive(". ").next().unwrap_or_default();
-    tell!("  {}{:15}{} {}", style::GOOD, listed.name, style::OFF, sentence.trim_end())
+    tell!("  {}{:width$}{} {}", style::GOOD, listed.name, style::OFF, sentence.trim_end())
 }
 
 fn describe(listed: &Listed) -> anyhow::Result<()> {
     tell!("{}{}{}  {}", style::GOOD, listed.name, style::OFF, listed.description)?;
-    for parameter in listed.parameters() {
+    let parameters = listed.parameters();
+    let width = widest(parameters.iter().map(|parameter| parameter.name.as_ref()));
+    for parameter in parameters {
         tell!(
-            "  {}{:15}{} {}; default {}",
+            "  {}{:width$}{} {}; default {}",
             style::NAME,
             parameter.name,
             style::OFF,
             parameter.legal,
             parameter.default
         )?;
-        tell!("  {:15} {}{}{}", "", style::DIM, parameter.description, style::OFF)?;
+        tell!("  {:width$} {}{}{}", "", style::DIM, parameter.description, style::OFF)?;
     }
     tell!("")
 }

@@ -1,5 +1,6 @@
 //! `hbot scene plot`: draws the torque of a scene, so that a user sees it before feeling it.
 
+use std::io::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,7 @@ use hbot_config::sweep::{Curves, Probe};
 use hbot_core::Vec3;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
-use super::super::out::refuse_folder_or_pipe;
+use super::super::out::{create_new, refuse_folder_or_pipe};
 use super::{Which, say, warn};
 
 /// Options of `hbot scene plot`.
@@ -19,7 +20,8 @@ use super::{Which, say, warn};
 pub(crate) struct PlotArgs {
     #[command(flatten)]
     which: Which,
-    /// File for the picture; its name ends in .svg [default: the name of the scene's file, here]
+    /// New file for the picture; its name ends in .svg [default: the name of the scene's file,
+    /// here]
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]
     out: Option<PathBuf>,
     /// Draw from this angle on, degrees, -180 to 180
@@ -97,9 +99,12 @@ fn here(scene: &Path) -> PathBuf {
     Path::new(scene.file_name().unwrap_or_default()).with_extension("svg")
 }
 
+/// Writes a picture into a file that must not exist yet.
 pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
     refuse_folder_or_pipe(path, "a file for the picture")?;
-    std::fs::write(path, svg).with_context(|| format!("{}: cannot be written", path.display()))
+    create_new(path)?
+        .write_all(svg.as_bytes())
+        .with_context(|| format!("{}: cannot be written", path.display()))
 }
 
 /// The angles of a whole turn, degrees.

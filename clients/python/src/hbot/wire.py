@@ -7,6 +7,7 @@ JSON: one object on one line. MessagePack: a length of four bytes, most signific
 from __future__ import annotations
 
 import json
+import reprlib
 from collections.abc import Callable
 from typing import Any, Literal, TypeAlias
 
@@ -29,9 +30,23 @@ def encode_json(message: dict[str, Any]) -> bytes:
     Raises:
         ValueError: a number is not finite.
     """
-    return (
-        json.dumps(message, allow_nan=False, separators=(",", ":"), default=_plain).encode() + b"\n"
-    )
+    try:
+        text = json.dumps(message, allow_nan=False, separators=(",", ":"), default=_plain)
+    except ValueError:
+        for key, value in message.items():
+            if not _is_finite(value):
+                told = f"{key} is {reprlib.repr(value)}; every number must be finite"
+                raise ValueError(told) from None
+        raise
+    return text.encode() + b"\n"
+
+
+def _is_finite(value: Any) -> bool:
+    try:
+        json.dumps(value, allow_nan=False, default=_plain)
+    except ValueError:
+        return False
+    return True
 
 
 def encoder(encoding: Encoding) -> Callable[[dict[str, Any]], bytes]:

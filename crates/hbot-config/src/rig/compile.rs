@@ -78,13 +78,13 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     let parts =
         core::RigParts { device, joints, limits, timing, methods, torque_lag, lead, compensation, drift };
     for mistake in parts.mistakes() {
-        report.push(
-            &place(&mistake),
-            format!("{} is out of range", mistake.value),
-            mistake.range.to_string(),
-        );
+        let path = place(&mistake);
+        // The check of the wheels has reported its own.
+        if !report.knows(&path) {
+            report.push(&path, format!("{} is out of range", mistake.value), mistake.range.to_string());
+        }
     }
-    let rig = core::Rig::new(parts).ok()?;
+    let rig = core::Rig::new(parts).ok().filter(|_| report.clean_under(""))?;
     let is_auto = file.r#loop.rate_estimate.is_auto();
     let mut config = RigConfig {
         name: file.name,
@@ -151,6 +151,10 @@ fn controllers(file: &RigFile, port: &Port, report: &mut Report) -> (Vec<usize>,
         let line = ports[joint];
         let count = ports.iter().filter(|p| **p == line).count();
         let own = ports[..joint].iter().filter(|p| **p == line).count();
+        if report.knows(&format!("{path}.controller")) {
+            order.push(own);
+            continue;
+        }
         let position = settings.controller.map_or(own, |c| c as usize);
         let words = || match protocol.ids() {
             None => format!(

@@ -276,7 +276,7 @@ impl RigConfig {
             return report.finish(None);
         }
         to_radians(&SCHEMA, &mut tree, "", &mut report);
-        validate(&SCHEMA, &tree, "", &mut report);
+        validate(&SCHEMA, &mut tree, "", &mut report);
         // Each wheel is checked even if other parts of the file are not legal, so that all mistakes
         // are reported at once. If the protocol is not legal, nobody knows which keys a joint
         // needs, and only the protocol is reported.
@@ -284,6 +284,7 @@ impl RigConfig {
             Value::Null => Some(Protocol::Hbot),
             name => Protocol::deserialize(name).ok(),
         };
+        let is_formed = report.clean_under("");
         for (i, wheel) in tree["wheel"].as_array().into_iter().flatten().enumerate() {
             let path = format!("wheel[{i}]");
             if report.clean_under(&path)
@@ -293,9 +294,7 @@ impl RigConfig {
             }
         }
         let mut config = None;
-        if report.clean_under("")
-            && let Some(file) = decode(&tree, "", &mut report)
-        {
+        if is_formed && let Some(file) = decode(&tree, "", &mut report) {
             config = compile::compile(file, &mut report);
         }
         report.finish(config)

@@ -19,7 +19,7 @@ use serde_json::{Map, Value, json};
 
 pub use self::catalogue::{Listed, Parameter, kinds, phenomena};
 pub use self::kinds::IdleKey;
-use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KindEntry, unit_vector};
+use self::kinds::{Common, Compiled, EFFECT_SCHEMA, KINDS, KindEntry, unit_vector};
 pub use self::running::{EffectPlace, RunningScene, SetError};
 pub use self::shelf::{SHELF, ShelfScene};
 pub use self::simulate::*;
@@ -27,6 +27,7 @@ use crate::angle::to_radians;
 use crate::decode::decode;
 use crate::diagnostic::{Diagnostics, LoadError};
 use crate::document::{Document, Report, join};
+use crate::legal::did_you_mean;
 use crate::text::read_text;
 use crate::validate::validate;
 
@@ -149,7 +150,7 @@ impl SceneFile {
             report.push_key("effect", "this is one table, and a scene has a list of effects", legal);
             return report.finish(None);
         }
-        validate(&TOP_SCHEMA, &tree, "", &mut report);
+        validate(&TOP_SCHEMA, &mut tree, "", &mut report);
         let mut effects: Vec<SceneEffect> = Vec::new();
         let mut ids: Vec<Option<&str>> = Vec::new();
         // A list that is too long has already been reported. Mistakes in the surplus effects do not
@@ -372,13 +373,20 @@ impl SceneEffect {
     /// report and returns `None`.
     fn parse(value: &Value, path: &str, report: &mut Report) -> Option<Self> {
         let table = value.as_object()?;
-        let entry = table.get("kind").and_then(Value::as_str).and_then(KindEntry::named);
+        let kind = table.get("kind").and_then(Value::as_str).unwrap_or_default();
+        let entry = KindEntry::named(kind).or_else(|| {
+            // The other keys of a misspelt kind are checked as those of the kind that is meant.
+            let meant = did_you_mean(kind, KINDS.iter().map(|entry| entry.name))?;
+            let kinds = &EFFECT_SCHEMA["properties"]["kind"];
+            validate(kinds, &mut kind.into(), &join(path, "kind"), report);
+            KindEntry::named(meant)
+        });
         let schema = entry.map_or(&*EFFECT_SCHEMA, |e| &e.effect_schema);
         let mut value = value.clone();
         to_radians(schema, &mut value, path, report);
         kinds::to_matrices(schema, &mut value);
-        validate(schema, &value, path, report);
-        let id = table.get("id").and_then(Value::as_str).unwrap_or_default();
+        validate(schema, &mut value, path, report);
+        let id = value["id"].as_str().unwrap_or_default();
         let at = join(path, "id");
         if report.clean_under(&at) && !id.bytes().all(|b| b.is_ascii_alphanumeric() || b"_-.".contains(&b)) {
             report.push(

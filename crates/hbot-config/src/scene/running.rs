@@ -10,7 +10,7 @@ use super::{KindEntry, SceneEffect, SceneFile, check_numbers};
 use crate::angle::to_radians;
 use crate::diagnostic::Diagnostics;
 use crate::document::Report;
-use crate::legal::did_you_mean;
+use crate::legal::{did_you_mean, guess};
 use crate::validate::{is_typed, validate};
 
 /// The scene that the control loop runs. Every change returns a new [`CompiledScene`], which the
@@ -53,7 +53,7 @@ pub struct EffectPlace {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SetError {
     /// No effect of the scene has the requested id.
-    #[error("no effect has the id {id:?}{}; legal: {}", meant.as_ref().map_or_else(String::new, |meant| format!(" (did you mean `{meant}`?)")), if legal.is_empty() { "none, the scene is empty".to_owned() } else { legal.join(", ") })]
+    #[error("no effect has the id {id:?}{}; legal: {}", guess(meant.as_deref()), if legal.is_empty() { "none, the scene is empty".to_owned() } else { legal.join(", ") })]
     UnknownEffect {
         /// The requested id.
         id: String,
@@ -241,7 +241,7 @@ impl SceneEffect {
             .unwrap_or_else(|| unreachable!("effects are made of listed kinds alone"));
         to_radians(&entry.schema, &mut all, "", &mut report);
         to_matrices(&entry.schema, &mut all);
-        validate(&entry.schema, &all, "", &mut report);
+        validate(&entry.schema, &mut all, "", &mut report);
         let properties = &entry.schema["properties"];
         let are_typed = parameters
             .keys()

@@ -107,7 +107,7 @@ fn what_is_refused_changes_nothing() {
         (
             "air",
             json!({"damping": null}),
-            "damping: found null; legal: a number, 0 to 100 N m s/rad, or three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix",
+            "damping: found null; legal: a number, 0 to 100 N m s/rad, or three for the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix",
         ),
     ] {
         let error = running.set(effect, &map(parameters)).unwrap_err();

@@ -118,7 +118,7 @@ fn ids_and_kinds() {
     assert_eq!(
         said("[[effect]]"),
         format!(
-            "x.toml:1:1: effect[0].id: missing; legal: a string\n\
+            "x.toml:1:1: effect[0].id: missing; legal: a name of your own, such as id = \"a\"\n\
              x.toml:1:1: effect[0].kind: missing; legal: {kinds}"
         )
     );
@@ -165,8 +165,8 @@ fn keys_and_types() {
     );
     assert_eq!(
         said_of_spring("stiffness = 'soft'"),
-        "x.toml:4:13: effect[0].stiffness: found the string \"soft\"; legal: a number, 0 to 1000 N m/rad, or three numbers \
-         for the axes, or a symmetric positive semidefinite 3x3 matrix"
+        "x.toml:4:13: effect[0].stiffness: found the string \"soft\"; legal: a number, 0 to 1000 N m/rad, or three for \
+         the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix"
     );
     assert_eq!(
         said_of_spring("law = 'hooke'"),
@@ -175,6 +175,34 @@ fn keys_and_types() {
     assert_eq!(
         said_of_spring("[effects]"),
         "x.toml:4:2: effects: unknown key (did you mean `effect`?); legal: name, description, effect, simulate"
+    );
+}
+
+#[test]
+fn the_keys_of_a_misspelt_kind_and_of_a_misspelt_key_are_checked_at_once() {
+    let said = said(
+        "[[effect]]\nid = 'a'\nkind = 'sprng'\nstifness = 3\nreference = [0, 0, 0, 0]\n\
+         [[effects]]\nid = 'a'\nkind = 'end_stop'\ntwst = [1, 0]\n",
+    );
+    let said: Vec<&str> = said.lines().map(|line| line.split("; legal").next().unwrap()).collect();
+    assert_eq!(
+        said,
+        [
+            "x.toml:3:8: effect[0].kind: \"sprng\" is not known here (did you mean \"spring\"?)",
+            "x.toml:4:1: effect[0].stifness: unknown key (did you mean `stiffness`?)",
+            "x.toml:5:13: effect[0].reference: the quaternion has no length",
+            "x.toml:6:3: effects: unknown key (did you mean `effect`?)",
+        ]
+    );
+    let said = self::said("[[effects]]\nid = 'a'\nkind = 'end_stop'\ntwst = [1, 0]\n");
+    let said: Vec<&str> = said.lines().map(|line| line.split("; legal").next().unwrap()).collect();
+    assert_eq!(
+        said,
+        [
+            "x.toml:1:3: effects: unknown key (did you mean `effect`?)",
+            "x.toml:4:1: effect[0].twst: unknown key (did you mean `twist`?)",
+            "x.toml:4:8: effect[0].twist: from 1 to 0",
+        ]
     );
 }
 
@@ -230,16 +258,20 @@ fn matrices_and_quaternions() {
     assert_eq!(
         said_of_spring("stiffness = [[1, 0.5, 0], [0.4, 1, 0], [0, 0, 1]]"),
         "x.toml:4:13: effect[0].stiffness: the matrix is not symmetric: row 1, column 2 is 0.5 and row 2, column 1 is 0.4; \
-         legal: three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix"
+         legal: three for the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix"
     );
     assert_eq!(
         said_of_spring("damping = [[1, 2, 0], [2, 1, 0], [0, 0, 1]]"),
         "x.toml:4:11: effect[0].damping: the matrix is not positive semidefinite: it would push away in some direction; \
-         legal: three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix"
+         legal: three for the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix"
     );
+    let saddle = said_of_spring("stiffness = [[0, 1, 0], [1, 0, 0], [0, 0, 0]]");
+    assert!(saddle.contains("the matrix is not positive semidefinite"), "{saddle}");
+    let least = scene("[[effect]]\nid = 'a'\nkind = 'spring'\nstiffness = 5e-324");
+    assert_eq!(least.effects().len(), 1, "legal, and no effect is lost");
     assert_eq!(
         said_of_spring("stiffness = [[1, 0, 0], [0, 1, 0]]"),
-        "x.toml:4:13: effect[0].stiffness: found an array of 2 elements; legal: three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix"
+        "x.toml:4:13: effect[0].stiffness: found an array of 2 elements; legal: three for the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix"
     );
     assert_eq!(
         said_of_spring("stiffness = [[1, 0, 0], [0, nan, 0], [0, 0, 2000]]"),

@@ -123,7 +123,8 @@ pub fn damper(desired: Quat, damping: &Mat3, omega: Vec3, desired_omega: Vec3) -
 pub fn is_impedance(m: &Mat3) -> bool {
     let [xx, yy, zz] = [m.x_axis.x, m.y_axis.y, m.z_axis.z];
     let [xy, xz, yz] = [m.x_axis.y, m.x_axis.z, m.y_axis.z];
-    let scale = xx.max(yy).max(zz);
+    // With what is off the diagonal: a matrix whose diagonal is zero is not small for that.
+    let scale = [yy, zz, fabs(xy), fabs(xz), fabs(yz)].into_iter().fold(xx, Real::max);
     // A value that is not finite fails one of these comparisons. NaN fails any of them. An infinity
     // fails in the difference of a pair, or in the scaled minors.
     if !(xx >= 0.0 && yy >= 0.0 && zz >= 0.0) {
@@ -133,7 +134,7 @@ pub fn is_impedance(m: &Mat3) -> bool {
     let symmetric =
         fabs(m.y_axis.x - xy) <= slack && fabs(m.z_axis.x - xz) <= slack && fabs(m.z_axis.y - yz) <= slack;
     // All principal minors of the matrix, scaled to unit size.
-    let s = if scale > 0.0 { 1.0 / scale } else { 0.0 };
+    let s = if scale >= Real::MIN_POSITIVE { 1.0 / scale } else { 0.0 };
     let [a, b, c, d, e, f] = [xx * s, yy * s, zz * s, xy * s, xz * s, yz * s];
     let minor = -64.0 * Real::EPSILON;
     symmetric

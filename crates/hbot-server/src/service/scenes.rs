@@ -8,7 +8,7 @@ use hbot_api::{
     EffectCost, ErrorBody, ErrorCode, Event, Id, LoadSceneOk, OpName, Requester, SceneEvent, SetEvent, SetOk,
 };
 use hbot_config::scene::{EffectPlace, SHELF, SceneEffect, SetError, ShelfScene, Simulate};
-use hbot_config::{RigConfig, RunningScene, SceneFile};
+use hbot_config::{RigConfig, RunningScene, SceneFile, guess};
 use hbot_core::Rig;
 use serde_json::{Map, Value, json};
 use tokio::sync::Notify;
@@ -396,8 +396,7 @@ fn read(scene: Value) -> Result<SceneFile, ErrorBody> {
     };
     let found = ShelfScene::named(&name).map(ShelfScene::scene);
     found.ok_or_else(|| {
-        let hint =
-            ShelfScene::similar(&name).map(|name| format!("; did you mean {name:?}?")).unwrap_or_default();
+        let hint = guess(ShelfScene::similar(&name));
         let legal: Vec<&str> = SHELF.iter().map(|scene| scene.file).collect();
         bad(format!("there is no ready-made scene {name:?}{hint}; legal: {}", legal.join(", ")))
     })

@@ -12,8 +12,8 @@ use crate::document::{Report, join};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Damper {
-    /// Torque per angular rate, against the sphere's rotation: a number, three for the axes, or a
-    /// symmetric 3x3 matrix in frame N (fixed in space).
+    /// Torque per angular rate, against the rotation: a number, three for the axes, or a symmetric
+    /// 3x3 matrix in frame N (fixed in space).
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
     /// Angular rate below which there is no torque. Above it, the torque is in proportion to the

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::document::Report;
 
 /// The legal values of a matrix in words. It also marks a matrix in a schema.
-const MATRIX: &str = "three numbers for the axes, or a symmetric positive semidefinite 3x3 matrix";
+const MATRIX: &str = "three for the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix";
 
 /// Replaces three numbers, one for each axis, by the matrix with them on its diagonal, in each key
 /// of `table` that `schema` allows to be a matrix.

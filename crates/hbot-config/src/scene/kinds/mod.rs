@@ -202,7 +202,8 @@ static HEADER_SCHEMA: LazyLock<Value> = LazyLock::new(|| {
         "properties": {
             "id": {
                 "description": "What `set` and `reference` call the effect. Ids of a scene differ.",
-                "type": "string", "minLength": 1, "maxLength": ID_CHARS, "pattern": "^[A-Za-z0-9_.-]+$"
+                "type": "string", "minLength": 1, "maxLength": ID_CHARS, "pattern": "^[A-Za-z0-9_.-]+$",
+                "legal": "a name of your own, such as id = \"a\""
             },
             "kind": { "description": "What the effect is.", "type": "string" }
         },

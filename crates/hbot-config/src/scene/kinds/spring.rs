@@ -16,12 +16,12 @@ use crate::document::{Report, join};
 pub(super) struct Spring {
     /// How the torque depends on the angle from the reference: in proportion to it, or to its sine.
     law: Law,
-    /// Torque per angle: a number, three for the axes, or a symmetric 3x3 matrix in the axes of the
-    /// reference.
+    /// Torque per angle: a number, three for the axes, or a symmetric 3x3 matrix in the
+    /// reference's axes.
     #[schemars(schema_with = "impedance::stiffness")]
     stiffness: Impedance,
     /// Torque per angular rate, against the rotation: a number, three for the axes, or a symmetric
-    /// 3x3 matrix in the axes of the reference.
+    /// 3x3 matrix in the reference's axes.
     #[schemars(schema_with = "impedance::damping")]
     damping: Impedance,
     /// Angle from the reference within which there is no spring torque. Beyond it, the torque is

@@ -153,6 +153,25 @@ fn mistakes_are_told_all_at_once() {
         lines.lines().next(),
         Some("x.toml:2:33: sphere.mass: -1 is out of range; legal: 0.001 to 1000 kg")
     );
+    // An unknown key hides no mistake of meaning, and a misspelt one counts as the right one: here
+    // the watchdog time is long enough, and peak is not missing.
+    let text = LEAST.replacen("continuous = 0.1", "continuous = 2", 1).replacen("peak", "peek", 1).replacen(
+        "mass",
+        "colour = 'red', mass",
+        1,
+    ) + "[loop]\nrate_hz = 50\n[link]\nport = '/dev/ttyACM0'\nwatchdogms = 100\n[api]\nlisten = 'here'";
+    let lines = said_of(&text);
+    let lines: Vec<&str> = lines.lines().map(|line| line.split("; legal").next().unwrap()).collect();
+    assert_eq!(
+        lines,
+        [
+            "x.toml:2:26: sphere.colour: unknown key",
+            "x.toml:7:35: wheel[0].steer.peek: unknown key (did you mean `peak`?)",
+            "x.toml:7:58: wheel[0].steer.continuous: 2 is more than peak",
+            "x.toml:19:1: link.watchdogms: unknown key (did you mean `watchdog_ms`?)",
+            "x.toml:21:10: api.listen: \"here\" is not an address with a port",
+        ]
+    );
     // A mistake in one wheel is reported together with a type error in the other.
     let text = LEAST.replacen("continuous = 0.1", "continuous = 2", 1).replace("motor = false", "motor = 0");
     assert_eq!(
