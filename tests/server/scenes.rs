@@ -90,9 +90,13 @@ fn a_plot_shows_a_range_of_angles_and_is_named_after_its_scene() {
     assert!(curve >= 1, "{near}");
     let (ok, said) = command(&["notched-dial", "--from", "20", "--to", "-20"]);
     assert!(!ok && said.contains("--from 20 is not below --to -20"), "{said}");
+    // An earlier picture is replaced, and no other file.
+    let out = temporary.path().join("notched-dial.svg");
+    assert!(command(&["notched-dial"]).0 && std::fs::read_to_string(&out).expect("a picture") != near);
+    std::fs::write(&out, "<?xml version='1.0'?><svg/>").expect("writable");
     let (ok, said) = command(&["notched-dial"]);
     assert!(!ok && said.contains("notched-dial.svg: the file exists already. Name another one"), "{said}");
-    assert_eq!(std::fs::read_to_string(temporary.path().join("notched-dial.svg")).expect("kept"), near);
+    assert!(std::fs::read_to_string(&out).expect("kept").starts_with("<?xml"));
 }
 
 #[test]

@@ -20,8 +20,8 @@ use super::{Which, say, warn};
 pub(crate) struct PlotArgs {
     #[command(flatten)]
     which: Which,
-    /// New file for the picture; its name ends in .svg [default: the name of the scene's file,
-    /// here]
+    /// File for the picture; its name ends in .svg. An earlier picture is replaced, another file is
+    /// not [default: the name of the scene's file, here]
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]
     out: Option<PathBuf>,
     /// Draw from this angle on, degrees, -180 to 180
@@ -99,12 +99,15 @@ fn here(scene: &Path) -> PathBuf {
     Path::new(scene.file_name().unwrap_or_default()).with_extension("svg")
 }
 
-/// Writes a picture into a file that must not exist yet.
+/// Writes a picture into a new file, or in place of an earlier picture.
 pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
+    /// Pictures of hbot begin like this; those of drawing programs have other words first.
+    const HEAD: &str = "<svg width=";
     refuse_folder_or_pipe(path, "a file for the picture")?;
-    create_new(path)?
-        .write_all(svg.as_bytes())
-        .with_context(|| format!("{}: cannot be written", path.display()))
+    let is_earlier = std::fs::read(path).is_ok_and(|before| before.starts_with(HEAD.as_bytes()));
+    let written =
+        if is_earlier { std::fs::write(path, svg) } else { create_new(path)?.write_all(svg.as_bytes()) };
+    written.with_context(|| format!("{}: cannot be written", path.display()))
 }
 
 /// The angles of a whole turn, degrees.

@@ -20,6 +20,7 @@ const TORQUE: &str = "N m";
 const STIFFNESS: &str = "N m/rad";
 const DAMPING: &str = "N m s/rad";
 const MASS: &str = "kg";
+const INERTIA: &str = "kg m²";
 /// Units of the parameters that make an effect stiff, the most direct one first.
 const STIFF: [&str; 3] = [STIFFNESS, TORQUE, MASS];
 
@@ -30,6 +31,8 @@ pub struct Abilities {
     pub torque: f64,
     /// Rate of the loop, Hz.
     pub rate_hz: u32,
+    /// Inertia of the sphere, kg m². `None` if it is not known.
+    pub inertia: Option<f64>,
     /// Judges what the loop keeps stable. `None` if the inertias in the rig file contradict each
     /// other.
     pub judge: Option<Judge>,
@@ -52,6 +55,7 @@ impl Abilities {
         Self {
             torque: config.rig.limits.torque,
             rate_hz: config.rate_hz,
+            inertia: Some(config.rig.device.sphere_inertia()),
             simulated_lag: judge
                 .as_ref()
                 .filter(|_| config.link.port.is_simulated())
@@ -61,8 +65,8 @@ impl Abilities {
     }
 
     /// Returns a sentence for each effect that the rig does not keep stable, for each parameter
-    /// that asks for more torque than the rig makes, and for each that has no effect because of the
-    /// values of others.
+    /// that asks for more torque than the rig makes or a larger virtual mass than the loop renders,
+    /// and for each that has no effect because of the values of others.
     ///
     /// Stability is judged by [`Judge`]: for a sphere without friction, free and in two hands, at
     /// each place where a law is steepest or changes.
@@ -78,9 +82,28 @@ impl Abilities {
                 ));
             }
         }
+        found.extend(self.too_heavy(scene));
         found.extend(in_vain(scene));
         found.extend(self.too_late(scene));
         found
+    }
+
+    /// Returns a sentence for each virtual mass of which the loop renders only a part.
+    fn too_heavy(&self, scene: &SceneFile) -> Vec<String> {
+        let (compiled, period) = (RunningScene::new().load(scene.clone()), 1.0 / f64::from(self.rate_hz));
+        let part = self.inertia.map_or(1.0, |inertia| compiled.masses(inertia, period, |_, _| {}));
+        let asked = scene
+            .effects()
+            .iter()
+            .flat_map(|effect| values(effect, INERTIA).map(move |(name, mass)| (effect.id(), name, mass)));
+        let told = asked.filter(|(.., mass)| part < 1.0 && *mass > 0.0).map(|(id, name, mass)| {
+            let rendered = rounded_down(part * mass);
+            format!(
+                "{id}: {name} {mass} kg m² is more than this loop keeps stable; it renders {rendered} kg m². With a longer \
+                 smoothing it renders more"
+            )
+        });
+        told.collect()
     }
 
     /// Returns a sentence for each effect that the rig does not keep stable.

@@ -86,6 +86,6 @@ impl Abilities {
         let sampled = told.and_then(|told| sampled(told, rate_hz));
         let judge = sampled.map(|sampled| Judge { sampled, torque, torque_rate, speed, passive });
         let simulated_lag = judge.as_ref().filter(|_| simulated).map(|judge| judge.sampled.lag);
-        Self { torque, rate_hz, judge, simulated_lag }
+        Self { torque, rate_hz, inertia: None, judge, simulated_lag }
     }
 }

@@ -54,6 +54,22 @@ fn simulated_motors_that_are_later_than_the_rig_file_says_are_named() {
     );
 }
 
+/// Beyond the limit of docs/effects.md, mass is left out.
+#[test]
+fn a_virtual_mass_that_is_not_rendered_as_a_whole_is_named() {
+    let rig = RigConfig::prototype();
+    // Half of the sphere's inertia over h/(smoothing + h).
+    let most = 0.5 * rig.rig.device.sphere_inertia() * 11.0;
+    let mass = |mass: f64| {
+        let heavy = format!("[[effect]]\nid = 'm'\nkind = 'inertia'\nsmoothing_s = 0.01\nmass = {mass}\n");
+        warnings_on(&rig, &heavy)
+    };
+    assert_eq!(mass(0.99 * most), Vec::<String>::new());
+    let told = mass(1.0);
+    let want = "m: mass 1 kg m² is more than this loop keeps stable; it renders 0.017 kg m²";
+    assert!(most > 0.017 && most < 0.018 && told.len() == 1 && told[0].starts_with(want), "{told:?}");
+}
+
 /// Each case has an effect's kind, its other keys, and the keys without effect, each with what
 /// makes it count.
 #[test]

@@ -232,8 +232,9 @@ impl CompiledScene {
 
     /// Calls `visit` for each virtual mass of the scene: its inertia in frame N (kg m², with the
     /// effect's gain, and scaled as the renderer scales it) and the time constant of its smoothing
-    /// (s). `inertia` is that of the sphere (kg m²), and `period` that of the loop (s).
-    pub fn masses(&self, inertia: Real, period: Real, mut visit: impl FnMut(Mat3, Real)) {
+    /// (s). `inertia` is that of the sphere (kg m²), and `period` that of the loop (s). Returns the
+    /// factor by which the masses are scaled, 1 if the loop renders all of them.
+    pub fn masses(&self, inertia: Real, period: Real, mut visit: impl FnMut(Mat3, Real)) -> Real {
         let all = || {
             let masses = self.effects().iter().filter(|effect| acts(effect));
             masses.filter_map(|effect| Some((effect.gain, effect.kind.mass()?)))
@@ -241,6 +242,7 @@ impl CompiledScene {
         let sizes = all().map(|(gain, (mass, smoothing))| (largest(&mass) * gain, smoothing));
         let scale = mass_scale(sizes, inertia, period);
         all().for_each(|(gain, (mass, smoothing))| visit(mass * (gain * scale), smoothing));
+        scale
     }
 
     /// Returns what the scene does to a sphere that turns once about `axis` (unit vector in frame
