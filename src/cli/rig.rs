@@ -50,8 +50,8 @@ pub(crate) enum RigCommand {
     Check {
         /// The rig file (TOML) [default: the prototype, built in]
         file: Option<PathBuf>,
-        /// Draw the sphere, the wheels, their cones and contact frames into this file; its name ends
-        /// in .svg
+        /// Draw the sphere, the wheels, their cones and contact frames into this file; its name
+        /// ends in .svg
         #[arg(long, value_name = "OUT.svg", value_parser = svg)]
         drawing: Option<PathBuf>,
     },

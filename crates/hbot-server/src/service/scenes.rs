@@ -128,8 +128,8 @@ impl Scenes {
         self.running.file()
     }
 
-    /// Returns the warnings about this scene, as in the answer to `load_scene` or `set`. Before this
-    /// answer there are none.
+    /// Returns the warnings about this scene, as in the answer to `load_scene` or `set`. Before
+    /// this answer there are none.
     pub(super) fn warnings(&self) -> &[String] {
         &self.warnings
     }
