@@ -23,7 +23,9 @@ const LOOPS: [(u32, f64); 3] = [(1000, 5.0e-4), (1000, 1.0e-4), (4000, 5.0e-4)];
 const WITHIN: f64 = 0.03;
 /// Longest step of the plant, ns. In steps of 1 ms the lag would seem 0.01 ms shorter.
 const MAX_STEP_NS: u64 = 50_000;
-/// Largest stiffness of a spring, N m/rad.
+/// Stiffness up to which a border is searched, N m/rad.
+const MOST: f64 = 2.0e3;
+/// Largest stiffness of a spring without a gain, N m/rad.
 const STIFFEST: f64 = 1000.0;
 /// Time for which a swing is observed, s.
 const WATCH_S: f64 = 2.0;
@@ -101,7 +103,7 @@ impl Case {
 
     /// Returns the first unstable stiffness of the sampled loop, N m/rad: for a free sphere by the
     /// largest eigenvalue, and in a hand by the judge of scenes, to which a growth of 1/20 s is
-    /// none.
+    /// none. [`MOST`] if it is larger.
     fn by_eigenvalues(&self) -> f64 {
         let Sampled { period, lag, lead, inertia, .. } = self.sampled;
         let rests = |stiffness: f64| {
@@ -117,8 +119,11 @@ impl Case {
             self.sampled.is_stable(&scene, &self.hold)
         };
         let mut low = 0.1;
-        while low < 2.0e3 && rests(1.05 * low) {
+        while rests(1.05 * low) {
             low *= 1.05;
+            if low > MOST {
+                return MOST;
+            }
         }
         let mut high = 1.05 * low;
         while high - low > 1.0e-4 * low {
@@ -131,13 +136,24 @@ impl Case {
     /// Returns the stiffness at which a swing of the whole loop neither grows nor dies, N m/rad.
     /// It is searched around `near`.
     fn measured(&self, near: f64) -> f64 {
-        without_growth(near, |stiffness| self.growth(stiffness))
+        let found = without_growth(near, |stiffness| self.growth(stiffness));
+        if (found / near - 1.0).abs() < WITHIN {
+            return found;
+        }
+        // A swing that reaches the slew limit grows no more, so growth is no measure of distance.
+        let (mut low, mut high) = ((1.0 - WITHIN) * near, (1.0 + WITHIN) * near);
+        for _ in 0..10 {
+            let middle = 0.5 * (low + high);
+            if self.growth(middle) < 0.0 { low = middle } else { high = middle }
+        }
+        if low > (1.0 - WITHIN) * near && high < (1.0 + WITHIN) * near { low } else { found }
     }
 
     /// Returns how fast a swing about n1 grows in the whole loop, 1/s. Negative if it dies.
     fn growth(&self, stiffness: f64) -> f64 {
+        let gain = libm::ceil(stiffness / STIFFEST).max(1.0);
         let scene = json!({"name": "study", "effect": [
-            {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": DAMPING, "fade_s": 0}
+            {"id": "spring", "kind": "spring", "stiffness": stiffness / gain, "damping": DAMPING / gain, "gain": gain, "fade_s": 0}
         ]});
         let Hold { stiffness: grip, damping, inertia, .. } = self.hold;
         let hand = Hand { stiffness: grip, damping, inertia, amplitude: 0.0, rate: 0.0, ..Hand::default() };
@@ -200,8 +216,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
                 context.go_on()?;
                 let case = Case::new(rate, lag, factor, hold);
                 let exact = case.by_eigenvalues();
-                // The search goes 3 % beyond.
-                let whole = (1.05 * exact < STIFFEST).then(|| case.measured(exact));
+                let whole = (exact < MOST).then(|| case.measured(exact));
                 let free = hold.stiffness == 0.0;
                 let formula = free.then(|| case.by_formula());
                 let us = (1.0e6 * lag).round();
@@ -225,7 +240,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
                     hold.name.to_owned(),
                     factor.to_string(),
                     formula.map_or("-".to_owned(), |x| format!("{x:.4}")),
-                    format!("{exact:.4}"),
+                    if whole.is_some() { format!("{exact:.4}") } else { format!("over {MOST}") },
                     whole.map_or("-".to_owned(), |x| format!("{x:.4}")),
                 ]));
             }
