@@ -1,5 +1,5 @@
-//! Messages for the user. The newest one has a line of its own for a moment, and a list keeps the
-//! last hundred.
+//! Messages for the user. A new one has a line of its own for a moment, and a list keeps the last
+//! hundred.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 const MAX_MESSAGES: usize = 100;
 
 /// How much a message concerns the user.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Weight {
     Good,
     /// Nothing is wrong, but the user must know it.

@@ -25,6 +25,7 @@ mod tests;
 pub(crate) mod theme;
 mod wheels;
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::SystemTime;
@@ -38,7 +39,7 @@ use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
 
-/// Height of the line for the newest message, points.
+/// Height of the line for a new message, points.
 const MESSAGE: f32 = 26.0;
 
 /// Something that the user has asked for while the window was drawn.
@@ -166,10 +167,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         });
     });
     // Beside the column with STOP, and always there, so that nothing moves.
-    Panel::bottom("newest message")
+    Panel::bottom("new message")
         .exact_size(MESSAGE)
         .resizable(false)
-        .show(ui, |ui| newest(ui, model, desk));
+        .show(ui, |ui| new_message(ui, model, desk));
     Panel::right("details").exact_size(right).resizable(false).show(ui, |ui| {
         ui.add_space(4.0);
         ui.horizontal(|ui| {
@@ -258,16 +259,17 @@ fn messages(ui: &mut Ui, model: &Model) {
     }
 }
 
-/// Draws the newest message to the user for some seconds, in one line, and how many are new beside
-/// it. A click opens the list.
-fn newest(ui: &mut Ui, model: &Model, desk: &mut Desk) {
-    let mut fresh = model.messages.fresh();
-    let Some(message) = fresh.next() else { return };
+/// Draws the new message that concerns the user most for some seconds, in one line, and how many
+/// others are new beside it. A click opens the list.
+fn new_message(ui: &mut Ui, model: &Model, desk: &mut Desk) {
+    let fresh = || model.messages.fresh();
+    // The newest of those that weigh most.
+    let Some(message) = fresh().min_by_key(|message| Reverse(message.weight)) else { return };
     let color = match message.weight {
         Weight::Good => Palette::of(ui).text,
         weight => Palette::of(ui).weight(weight),
     };
-    let more = fresh.count();
+    let more = fresh().count() - 1;
     let label = egui::Label::new(RichText::new(&message.text).color(color)).truncate();
     let text = |ui: &mut Ui| ui.add(label.sense(egui::Sense::click())).clicked();
     let count = |ui: &mut Ui| {

@@ -374,6 +374,19 @@ fn messages_have_their_time() {
 }
 
 #[test]
+fn good_news_do_not_hide_a_failure() {
+    let mut seen = window(SIZES[0], commanding(true));
+    for note in [Err("the disk is full"), Ok("written to new.toml")] {
+        let note = note.map(str::to_owned).map_err(str::to_owned);
+        hear(&mut seen.state_mut().model, News::Note(note));
+    }
+    settle(&mut seen);
+    assert!(shows(&seen, "the disk is full") && !shows(&seen, "new.toml"), "{:?}", lines(&seen));
+    // The third one is that of the connection.
+    assert!(shows(&seen, "and 2 more"), "{:?}", lines(&seen));
+}
+
+#[test]
 fn a_new_message_covers_neither_a_number_nor_the_sphere() {
     for size in [SIZES[0], SIZES[1], SMALLEST] {
         let mut seen = window(size, commanding(true));
