@@ -16,7 +16,7 @@ use hbot_config::sweep::Probe;
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Curve, PlotPanel, sheet};
 
-use super::out::{say, tell};
+use super::out::{note, say, tell};
 use super::scene::plot::{svg, write};
 use super::show;
 use super::{Commanding, orders};
@@ -111,6 +111,9 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     let info = client.info().map_err(orders::remedied)?;
     if !info.rig.simulated {
         bail!("this server drives a real rig; only a simulated one has a hand that a program moves");
+    }
+    if let Some(mode) = info.mode.filter(|mode| !matches!(mode, Mode::Active | Mode::Enabling)) {
+        note!("the rig makes no torque, because it is in the mode {mode}{}", show::next(mode));
     }
     let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args))?;
     let points = points(&info, &states, args.axis.unit)?;

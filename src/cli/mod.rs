@@ -136,8 +136,14 @@ impl ServerAddress {
 }
 
 /// Returns the address that a text names. An empty variable is as if it was not set.
-fn server_or_default(text: &str) -> Result<String, std::convert::Infallible> {
-    Ok(if text.is_empty() { SERVER } else { text }.to_owned())
+fn server_or_default(text: &str) -> Result<String, &'static str> {
+    match text {
+        "" => Ok(SERVER.to_owned()),
+        url if url.contains("://") => {
+            Err("an address and a port without http://, as the server prints after `listen`")
+        }
+        address => Ok(address.to_owned()),
+    }
 }
 
 /// The server to command. A command takes the lease for as long as it runs.

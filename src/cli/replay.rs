@@ -166,7 +166,7 @@ fn sentence(flaw: &Flaw) -> String {
         Flaw::Gap(ticks) => format!("gap: the recorder lost {ticks} ticks here"),
         Flaw::Damaged(why) => format!("damaged: {why}"),
         Flaw::Cut => {
-            "cut: the file ends before the end of the recording, which was killed or copied too early"
+            "cut: the file ends before the end of the recording, which was killed, is still written, or was copied too early"
                 .to_owned()
         }
         Flaw::Unknown(ticks) => {

@@ -50,6 +50,9 @@ pub(crate) enum RigCommand {
     Check {
         /// The rig file (TOML) [default: the prototype, built in]
         file: Option<PathBuf>,
+        /// The same, as other commands have it
+        #[arg(long = "rig", value_name = "FILE", hide = true, conflicts_with = "file")]
+        named: Option<PathBuf>,
         /// Draw the sphere, the wheels, their cones and contact frames into this file; its name
         /// ends in .svg
         #[arg(long, value_name = "OUT.svg", value_parser = svg)]
@@ -79,7 +82,12 @@ pub(super) fn load(path: Option<&Path>, overrides: &[Override]) -> anyhow::Resul
     RigConfig::load(path, overrides).map_err(|error| {
         let absent = matches!(&error, LoadError::Read { source, .. } if source.kind() == ErrorKind::NotFound);
         let meant = path.filter(|_| absent).and_then(rig_meant);
-        anyhow!("{:#}{}", anyhow::Error::from(error), guess(meant.as_deref()))
+        let way = if absent {
+            "; without a file, the prototype is built in; `hbot rig new FILE` makes one"
+        } else {
+            ""
+        };
+        anyhow!("{:#}{}{way}", anyhow::Error::from(error), guess(meant.as_deref()))
     })
 }
 
@@ -99,7 +107,7 @@ fn rig_meant(path: &Path) -> Option<String> {
 
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let (file, drawing) = match command {
-        RigCommand::Check { file, drawing } => (file, drawing),
+        RigCommand::Check { file, named, drawing } => (file.or(named), drawing),
         RigCommand::New(args) => return rig_new::run(args),
         RigCommand::Scan(args) => return bringup::run_scan(&args),
         RigCommand::Test(args) => return bringup::test(&args),
@@ -119,7 +127,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     if let Some(advice) = late_rates(&config) {
         tell!("  {}note:{} {advice}", style::NAME, style::OFF)?;
     }
-    for warning in &warnings.uncalibrated {
+    for warning in warnings.unlikely.iter().chain(&warnings.uncalibrated) {
         tell!("  {}warning:{} {warning}", style::WARN, style::OFF)?;
     }
     geometry(&config, &warnings)?;
@@ -143,6 +151,8 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
 
 /// What `hbot rig check` warns about. It is found first, so that the headline can count it.
 struct Warnings {
+    /// A sentence for each size that is probably in another unit.
+    unlikely: Vec<String>,
     /// A sentence for each wheel that leaves its steering zero to a calibration.
     uncalibrated: Vec<String>,
     /// The pairs of wheels that can collide, from 0.
@@ -174,6 +184,7 @@ impl Warnings {
             })
             .fold(0.0, f64::max);
         Self {
+            unlikely: unlikely(config),
             uncalibrated: uncalibrated(config),
             colliding: pairs.filter(can_collide).collect(),
             actuation: margins.fold(f64::INFINITY, f64::min),
@@ -190,6 +201,7 @@ impl Warnings {
     /// Returns number and kinds of the warnings as the end of the headline. Empty if there is none.
     fn in_words(&self) -> String {
         let kinds = [
+            ("unlikely size", self.unlikely.len()),
             ("steering zero not known", self.uncalibrated.len()),
             ("wheels can collide", self.colliding.len()),
             ("weak at some steering angles", usize::from(self.is_weak())),
@@ -204,6 +216,23 @@ impl Warnings {
             _ => format!(", {count} warnings ({})", names.join(", ")),
         }
     }
+}
+
+/// Returns a sentence for each size that looks as if it was written in another unit.
+fn unlikely(config: &RigConfig) -> Vec<String> {
+    /// Density of lead, kg/m³.
+    const LEAD: f64 = 11_340.0;
+    let device = &config.rig.device;
+    let (radius, mass) = (device.sphere_radius(), device.sphere_mass());
+    let of_lead = mass / (4.0 / 3.0 * std::f64::consts::PI * radius.powi(3) * LEAD);
+    let heavy = (of_lead > 1.0).then(|| {
+        format!("sphere.mass {mass} kg is {of_lead:.1} times that of a ball of lead with this radius: is it in grams?")
+    });
+    let wheels = device.wheels().iter().enumerate().map(|(i, wheel)| (i, wheel.spec().radius));
+    let large = wheels.filter(|(_, own)| *own > radius).map(|(i, own)| {
+        format!("wheel[{i}].radius {own} m is more than the sphere's {radius} m: is it in another unit?")
+    });
+    heavy.into_iter().chain(large).collect()
 }
 
 /// Returns the largest tangential force that a drive motor can make at its contact, N.

@@ -6,10 +6,13 @@ use std::time::{Duration, Instant, SystemTime};
 
 use clap::Args;
 use hbot_api::{Event, StateEvent, time_of_day};
+use hbot_host::run_loop::{StopFlag, signals};
 
 use super::out::{Reader, foreign, note, say, written};
 use super::{ServerAddress, orders, show, style, terminal};
 
+/// Longest time after which Ctrl-C is noticed.
+const ATTENTIVE: Duration = Duration::from_millis(100);
 /// Time without a state after which the user is told, unless states are further apart.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
 
@@ -53,12 +56,16 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             say!("")?;
         }
     }
+    // A program that reads the rows ends `watch` by a signal, and nothing is added then.
+    let stop = if screen { signals::stop_flag()? } else { StopFlag::default() };
+    let mut largest: f64 = 0.0;
+    let begun = Instant::now();
     let silent_after = silent_after(every, hello.rate_hz);
     let mut newest = Instant::now();
     let mut told = false;
-    loop {
+    while !stop.is_set() {
         let wait = if told { silent_after } else { silent_after.saturating_sub(newest.elapsed()) };
-        let event = client.next_event(wait)?;
+        let event = client.next_event(wait.min(ATTENTIVE))?;
         if matches!(event, Some(Event::State(_))) {
             newest = Instant::now();
             told = false;
@@ -72,7 +79,10 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
         let Some(event) = event else { continue };
         let line = match &event {
             Event::State(state) if args.json => serde_json::to_string(state)?,
-            Event::State(state) => form.row(state),
+            Event::State(state) => {
+                largest = largest.max(length(state.torque));
+                form.row(state)
+            }
             Event::Stopping(_) => {
                 if screen {
                     raw(|out| out.write_all(style::CLEAR_LINE.as_bytes()))?;
@@ -108,6 +118,8 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     }
+    say!("\nthe largest length in {:.1} s was {largest:.3} N m", begun.elapsed().as_secs_f64())?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Returns the time without a state after which the user is told: [`SILENT_AFTER`], or longer if
@@ -115,6 +127,11 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
 fn silent_after(every: u64, rate_hz: f64) -> Duration {
     let two_states = Duration::try_from_secs_f64((2.0 * every as f64 / rate_hz).ceil());
     two_states.map_or(SILENT_AFTER, |two| two.max(SILENT_AFTER))
+}
+
+/// Returns the length of a vector.
+fn length(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// Returns a line that fits a terminal of `columns` columns: a row is cut, other text is wrapped.
@@ -210,7 +227,6 @@ impl Form {
         let (t, scale, late) = (s.t, s.scale, s.timing.lateness_us);
         let [w, x, y, z] = s.q;
         let ([o1, o2, o3], [t1, t2, t3]) = (s.omega, s.torque);
-        let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let torque = length(s.torque);
         match self {
             Self::Wide => format!(

@@ -8,6 +8,7 @@ use std::process::{Child, Command};
 
 use hbot_testing::lines::JsonLines;
 use rustix::fs::{Mode, OFlags};
+use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize, ttyname};
 
@@ -100,7 +101,7 @@ fn watch_shows_the_three_torques_in_80_columns() {
     let state = tempfile::tempdir().expect("a folder");
     let server = Process::start(&["--rig", &patient_rig(state.path())], state.path());
     let mut terminal = Terminal::open();
-    let _watch = Killed(terminal.run(hbot().args(["watch", "--server", &server.address])));
+    let watch = Killed(terminal.run(hbot().args(["watch", "--server", &server.address])));
     let shown = terminal.read_until("active");
     let shown = shown + &terminal.read_until("[?7h");
     assert_fit(&shown);
@@ -109,6 +110,9 @@ fn watch_shows_the_three_torques_in_80_columns() {
     let row = lines.iter().find(|line| line.contains("active")).expect("a row");
     let numbers = row.split_whitespace().filter(|word| word.parse::<f64>().is_ok()).count();
     assert_eq!(numbers, 9, "t, angle, three torques, their length, rate, scale, lateness: {row:?}");
+    // Ctrl-C ends it with what README asks for.
+    kill_process(Pid::from_child(&watch.0), Signal::INT).expect("it is there");
+    assert_fit(&terminal.read_until(" N m\r\n").split("the largest length in ").last().expect("a sentence"));
 }
 
 #[test]

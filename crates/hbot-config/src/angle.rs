@@ -45,6 +45,9 @@ fn convert(schema: &Value, value: &mut Value, path: &str, report: &mut Report) {
     match value {
         Value::String(text) => {
             if let Some(radians) = radians(text) {
+                if !is_in_range(schema, radians) {
+                    report.push(path, format!("{text:?} is {radians:.4} rad, out of range"), range(schema));
+                }
                 *value = radians.into();
             }
         }

@@ -1,6 +1,8 @@
 //! The mode of the rig, and the buttons that change it, with the stop button first.
 
-use eframe::egui::{self, Button, Color32, RichText, Role, ScrollArea, TextStyle, Ui, WidgetInfo, vec2};
+use eframe::egui::{
+    self, Button, Color32, Event, PointerButton, RichText, Role, ScrollArea, TextStyle, Ui, WidgetInfo, vec2,
+};
 use glam::DVec3;
 use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
@@ -49,10 +51,15 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
         ui.add_sized(size, button)
     };
     let response = named(ui.scope(add).inner, "Stop");
-    // As the pointer goes down: a press that slides off the button stops the rig too. A click
-    // without a pointer is that of a key.
-    let [pressed, released] = ui.input(|input| [input.pointer.any_pressed(), input.pointer.any_released()]);
-    if response.is_pointer_button_down_on() && pressed || response.clicked() && !released {
+    // As the pointer goes down: a press that slides off the button stops the rig too, and one that
+    // ends before the next frame. A click without a pointer is that of a key.
+    let is_press = |event: &Event| {
+        matches!(event, Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. }
+            if response.rect.contains(*pos))
+    };
+    let [pressed, released] =
+        ui.input(|input| [input.events.iter().any(is_press), input.pointer.any_released()]);
+    if pressed || response.clicked() && !released {
         intents.push(Intent::Stop);
     }
     let palette = Palette::of(ui);
@@ -173,6 +180,10 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
             Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
             None => stopped(ui, model, palette, Mode::Estop.sentence()),
         },
+        (Headline::Mode(Mode::Idle), _) if turns(ui, model, palette) => {
+            let text = recover::refusal(model).map(|text| format!("No torque. {text}"));
+            ui.add(egui::Label::new(text.unwrap_or_else(|| Mode::Idle.sentence().to_owned())).wrap());
+        }
         (Headline::Mode(mode), _) => match recover::refusal(model).filter(|_| mode == Mode::Idle) {
             Some(text) => drop(coloured(ui, palette.warn, format!("No torque. {text}"))),
             None => {
@@ -208,11 +219,17 @@ fn shaken(shaking: &ShakingEvent) -> String {
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
     coloured(ui, palette.bad, who);
+    turns(ui, model, palette);
+    ui.add(egui::Label::new(recover::way_on(model)).wrap());
+}
+
+/// Says that the sphere turns without torque, if it does.
+fn turns(ui: &mut Ui, model: &Model, palette: Palette) -> bool {
     let speed = model.state.as_ref().map_or(0.0, |state| DVec3::from(state.omega).length());
     if speed > TURNS {
         coloured(ui, palette.warn, format!("The sphere still turns: {speed:.2} rad/s"));
     }
-    ui.add(egui::Label::new(recover::way_on(model)).wrap());
+    speed > TURNS
 }
 
 fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
@@ -347,7 +364,7 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
         ),
         // Whatever the limits cut, the scene does not feel as it is meant.
         if is_cut {
-            (lost, palette.warn, format!("{} cut off by limits", percent(lost)))
+            (lost, palette.warn, format!("{} cut by limits", percent(lost)))
         } else {
             (0.0, palette.warn, "none".to_owned())
         },

@@ -296,6 +296,23 @@ fn a_press_on_stop_stops_once_and_at_once() {
     }
 }
 
+/// On a slow machine, a short press ends before the next frame.
+#[test]
+fn a_press_on_stop_that_ends_within_a_frame_stops() {
+    for slides in [false, true] {
+        let mut seen = window(SIZES[0], commanding(true));
+        let middle = seen.get_by_label("Stop").rect().center();
+        seen.event(Event::PointerMoved(middle));
+        seen.run_steps(2);
+        for (pressed, down) in [(true, 0.0), (false, if slides { 200.0 } else { 0.0 })] {
+            let (pos, modifiers) = (middle + vec2(0.0, down), Modifiers::NONE);
+            seen.event(Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers });
+        }
+        seen.run_steps(3);
+        assert!(matches!(seen.state().acts[..], [Act::Ask(Intent::Stop)]), "slides: {slides}");
+    }
+}
+
 /// A window that is zoomed beyond its least size is drawn before the zoom is limited.
 #[test]
 fn a_window_below_the_smallest_is_drawn() {

@@ -3,7 +3,7 @@
 import { hasTorque, person } from './rig.js';
 import { length } from './maths.js';
 
-/** From this rate on, the page says that the sphere still turns after a stop, rad/s. */
+/** From this rate on, the page says that the sphere still turns without torque, rad/s. */
 const TURNS = 0.1;
 /** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
 const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
@@ -125,7 +125,7 @@ $('box').append(notice);
 function noticed({ state, isCertain, shaking, warnings }) {
   if (!isCertain) return '';
   const speed = length(state.omega);
-  if (['fault', 'estop'].includes(state.mode) && speed > TURNS) {
+  if (!hasTorque(state.mode) && speed > TURNS) {
     return `The sphere still turns: ${speed.toFixed(2)} rad/s`;
   }
   const cut = 1 - state.scale;
@@ -237,7 +237,7 @@ function meters(rig) {
     [share(state.slip, limits.slip),
       `${(1e3 * state.slip).toFixed(1)} / ${(1e3 * limits.slip).toFixed(0)} mm/s`],
     1 - state.scale > LEAST_SHOWN
-      ? [1 - state.scale, `${(100 * (1 - state.scale)).toFixed(0)} % cut off by limits`] : [0, 'none'],
+      ? [1 - state.scale, `${percent(1 - state.scale)} cut by limits`] : [0, 'none'],
   ];
   METERS.forEach(({ meter, figures, name }, k) => {
     const [value, text] = values[k];

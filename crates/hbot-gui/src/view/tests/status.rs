@@ -59,9 +59,9 @@ fn keys_that_go_to_another_window_are_not_advised() {
 fn a_torque_that_the_limits_cut_is_told() {
     let warning = Palette::of_theme(true, Color32::GRAY).warn;
     for (scale, bar, words) in [
-        (0.36, "64 % cut off by limits", Some("Limits cut 64 % of the torque")),
-        (0.001, "over 99 % cut off by limits", Some("Limits cut over 99 % of the torque")),
-        (0.996, "0 % cut off by limits", None),
+        (0.36, "64 % cut by limits", Some("Limits cut 64 % of the torque")),
+        (0.001, "over 99 % cut by limits", Some("Limits cut over 99 % of the torque")),
+        (0.996, "0 % cut by limits", None),
         (1.0, "none", None),
     ] {
         for size in SIZES {
@@ -204,7 +204,10 @@ fn a_sphere_that_is_too_far_from_its_reference_to_enable_is_told() {
         assert!(said.contains(refused), "{said}");
         assert_eq!(said.contains("`hbot set spring anchor=here`"), simulated, "{said}");
         turn(&mut seen, 201, 0.4);
-        assert!(shows(&seen, "Ready.") && !shows(&seen, "hbot set"));
+        assert!(shows(&seen, "Ready.") && !shows(&seen, "hbot set") && !shows(&seen, "still turns"));
+        seen.state_mut().model.state.as_mut().expect("a state").omega = [0.0, 14.4, 0.0];
+        settle(&mut seen);
+        assert!(shows(&seen, "The sphere still turns: 14.40 rad/s") && shows(&seen, "Ready."));
     }
 }
 
