@@ -306,7 +306,9 @@ fn a_press_on_stop_that_ends_within_a_frame_stops() {
         seen.run_steps(2);
         for (pressed, down) in [(true, 0.0), (false, if slides { 200.0 } else { 0.0 })] {
             let (pos, modifiers) = (middle + vec2(0.0, down), Modifiers::NONE);
-            seen.event(Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers });
+            let event = Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
+            // Events of `Harness::event` would come in a frame each.
+            seen.input_mut().events.push(event);
         }
         seen.run_steps(3);
         assert!(matches!(seen.state().acts[..], [Act::Ask(Intent::Stop)]), "slides: {slides}");
