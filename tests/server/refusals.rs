@@ -199,6 +199,21 @@ fn a_rig_file_as_a_scene_and_a_scene_file_as_a_rig_are_told_in_one_line_with_the
 }
 
 #[test]
+fn a_size_that_is_written_in_another_unit_is_warned_of() {
+    let sizes = |text: &str, sphere: &str, wheel: &str| {
+        let text = text.replacen("mass = 0.467", sphere, 1).replace("radius = 0.0155", wheel);
+        run(&["rig", "check", "--rig", path(&file(&text))]).success()
+    };
+    let prototype = include_str!("../../rigs/prototype.toml");
+    let asks = contains("is it in");
+    sizes(prototype, "mass = 0.467", "radius = 0.0155").stdout(asks.clone().not());
+    let grams = contains("sphere.mass 467 kg is ").and(contains("is it in grams?"));
+    sizes(prototype, "mass = 467", "radius = 0.0155").stdout(grams.and(contains("unlikely size")));
+    let large = "wheel[1].radius 1.5 m is more than the sphere's";
+    sizes(prototype, "mass = 0.467", "radius = 1.5").stdout(contains(large).and(asks));
+}
+
+#[test]
 fn a_rig_that_is_singular_by_design_says_which_wheel() {
     let prototype = include_str!("../../rigs/prototype.toml");
     let flat = file(&prototype.replacen("cone = 0.1745", "cone = 0.0", 1));
@@ -286,6 +301,7 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
     ] {
         run(words).code(2).stderr(contains(command).and(contains("similar").not()));
     }
+    run(&["watch", "--server", "http://127.0.0.1:4268"]).code(2).stderr(contains("without http://"));
     // A mistyped word still gets the most similar command or option.
     run(&["set", "spring", "stiffness=2", "--steel"]).code(2).stderr(contains("'--steal'"));
     run(&["rig", "check", "--port", "sim"]).code(2).stderr(contains("--server").not());

@@ -45,7 +45,8 @@ fn convert(schema: &Value, value: &mut Value, path: &str, report: &mut Report) {
     match value {
         Value::String(text) => {
             if let Some(radians) = radians(text) {
-                if !is_in_range(schema, radians) {
+                // Who writes degrees must not have to look for another number.
+                if !is_in_range(schema, radians) && !text.trim_end().ends_with("rad") {
                     report.push(path, format!("{text:?} is {radians:.4} rad, out of range"), range(schema));
                 }
                 *value = radians.into();

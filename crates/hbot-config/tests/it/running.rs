@@ -105,6 +105,11 @@ fn what_is_refused_changes_nothing() {
         // An angle with a unit is a number.
         ("spring", json!({"deadband": "4 rad"}), "deadband: 4.0 is out of range; legal: 0 to 3 rad"),
         (
+            "spring",
+            json!({"deadband": "200 deg"}),
+            "deadband: \"200 deg\" is 3.4907 rad, out of range; legal: 0 to 3 rad",
+        ),
+        (
             "air",
             json!({"damping": null}),
             "damping: found null; legal: a number, 0 to 100 N m s/rad, or three for the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix",
