@@ -112,7 +112,9 @@ fn watch_shows_the_three_torques_in_80_columns() {
     assert_eq!(numbers, 9, "t, angle, three torques, their length, rate, scale, lateness: {row:?}");
     // Ctrl-C ends it with what README asks for.
     kill_process(Pid::from_child(&watch.0), Signal::INT).expect("it is there");
-    assert_fit(&terminal.read_until(" N m\r\n").split("the largest length in ").last().expect("a sentence"));
+    let ended = terminal.read_until(" N m\r\n");
+    assert!(ended.contains("the largest length in "), "{ended}");
+    assert_fit(&ended);
 }
 
 #[test]
