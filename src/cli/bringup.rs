@@ -42,7 +42,7 @@ impl Which {
     fn load(&self) -> anyhow::Result<RigConfig> {
         let over =
             self.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
-        let rig = super::rig::load(self.rig.as_deref(), over.as_slice())?;
+        let rig = super::rig_file::load(self.rig.as_deref(), over.as_slice())?;
         if self.rig.is_none() {
             note!(
                 "{}note{}: without --rig this takes the built-in prototype, not a rig of yours",

@@ -58,7 +58,7 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
         .chain(over("loop.rate_hz", "--rate", args.rate.map(Value::from)))
         .chain(over("loop.cpu", "--cpu", args.cpu.map(Value::from)))
         .collect();
-    let rig = super::rig::load(args.rig.as_deref(), &overrides)?;
+    let rig = super::rig_file::load(args.rig.as_deref(), &overrides)?;
     // The limit that the server would set while it runs also applies during the measurement.
     let (limit, held) = rig.wake_us.map(wake_latency).unzip();
     let machine = Machine::default();

@@ -167,7 +167,7 @@ fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
 /// Returns the rig of a recording.
 fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<RigConfig> {
     if let Some(path) = &args.rig {
-        return super::rig::load(Some(path), &[]);
+        return super::rig_file::load(Some(path), &[]);
     }
     let rate = about.get("rate_hz").and_then(|rate| rate.parse::<u32>().ok());
     let change =
@@ -175,7 +175,7 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
     let changes: Vec<_> = change.into_iter().collect();
     match about.get("rig_file") {
         Some(text) => Ok(RigConfig::from_toml_with(text, "the recorded rig file", &changes)?),
-        None => super::rig::load(None, &changes),
+        None => super::rig_file::load(None, &changes),
     }
 }
 

@@ -18,6 +18,7 @@ mod rehearse;
 mod replay;
 mod rig;
 mod rig_drawing;
+mod rig_file;
 mod rig_new;
 mod scene;
 mod secrets;

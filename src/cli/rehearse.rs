@@ -66,7 +66,7 @@ const DEEDS: [Deed; 5] = [
 
 /// Runs the controllers until standard input ends or the program is interrupted.
 pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
-    let config = super::rig::load(args.rig.as_deref(), &[])?;
+    let config = super::rig_file::load(args.rig.as_deref(), &[])?;
     if let Port::Devices(devices) = &config.link.port
         && devices.len() > 1
     {

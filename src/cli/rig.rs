@@ -1,15 +1,13 @@
 //! `hbot rig check`: prints a rig's margins over all steer angles, its torque and stiffness, and
 //! whether its serial line is fast enough.
 
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::anyhow;
 use clap::Subcommand;
+use hbot_config::RigConfig;
 use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
-use hbot_config::{LoadError, Override, RigConfig, did_you_mean, guess};
 use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::Joint;
@@ -75,36 +73,6 @@ pub(crate) enum RigCommand {
     Certify(bringup::CertifyArgs),
 }
 
-/// Reads a rig file, or the prototype if `path` is `None`, and replaces some of its values. If the
-/// file does not exist, the error says which file is probably meant: one with the ending, or a
-/// ready-made one.
-pub(super) fn load(path: Option<&Path>, overrides: &[Override]) -> anyhow::Result<RigConfig> {
-    RigConfig::load(path, overrides).map_err(|error| {
-        let absent = matches!(&error, LoadError::Read { source, .. } if source.kind() == ErrorKind::NotFound);
-        let meant = path.filter(|_| absent).and_then(rig_meant);
-        let way = if absent {
-            "; without a file, the prototype is built in; `hbot rig new FILE` makes one"
-        } else {
-            ""
-        };
-        anyhow!("{:#}{}{way}", anyhow::Error::from(error), guess(meant.as_deref()))
-    })
-}
-
-/// Returns the rig file that is probably meant by the path of none.
-fn rig_meant(path: &Path) -> Option<String> {
-    let own = path.with_extension("toml");
-    if own.is_file() {
-        return Some(own.display().to_string());
-    }
-    let ready = std::fs::read_dir("rigs").into_iter().flatten().flatten().map(|entry| entry.path());
-    let ready: Vec<PathBuf> =
-        ready.filter(|file| file.extension().is_some_and(|end| end == "toml")).collect();
-    let stems = ready.iter().filter_map(|file| file.file_stem()?.to_str());
-    let stem = did_you_mean(path.file_stem()?.to_str()?, stems)?;
-    Some(format!("rigs/{stem}.toml"))
-}
-
 pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     let (file, drawing) = match command {
         RigCommand::Check { file, named, drawing } => (file.or(named), drawing),
@@ -115,7 +83,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
         RigCommand::Identify(args) => return bringup::run_identify(&args),
         RigCommand::Certify(args) => return bringup::run_certify(&args),
     };
-    let config = load(file.as_deref(), &[])?;
+    let config = super::rig_file::load(file.as_deref(), &[])?;
     if let Some(out) = &drawing {
         write(out, &rig_drawing::svg(&config))?;
     }

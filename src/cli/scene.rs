@@ -85,7 +85,7 @@ pub(crate) struct Which {
 
 impl Which {
     fn load(&self) -> anyhow::Result<(SceneFile, Abilities)> {
-        let rig = super::rig::load(self.rig.as_deref(), &[])?;
+        let rig = super::rig_file::load(self.rig.as_deref(), &[])?;
         Ok((scene(&self.scene)?, Abilities::of(&rig)))
     }
 }

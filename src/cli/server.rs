@@ -181,7 +181,7 @@ pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
-    let mut rig = super::rig::load(args.rig.as_deref(), &args.overrides())?;
+    let mut rig = super::rig_file::load(args.rig.as_deref(), &args.overrides())?;
     let built = built(&args, &rig)?;
     let scene = match &args.scene {
         Some(path) => super::scene::scene(path)?,
@@ -206,7 +206,7 @@ fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
 /// Returns the rig file from which the simulated rig is built, if the command line names one.
 fn built(args: &ServerArgs, rig: &RigConfig) -> anyhow::Result<Option<RigConfig>> {
     let Some(path) = &args.built else { return Ok(None) };
-    let built = super::rig::load(Some(path), &[])?;
+    let built = super::rig_file::load(Some(path), &[])?;
     hbot_host::rig::built::check(rig, &built).with_context(|| format!("--built {}", path.display()))?;
     Ok(Some(built))
 }

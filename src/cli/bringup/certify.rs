@@ -77,7 +77,7 @@ struct Known {
 pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     let over =
         args.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
-    let rig = crate::cli::rig::load(Some(&args.rig), over.as_slice())?;
+    let rig = crate::cli::rig_file::load(Some(&args.rig), over.as_slice())?;
     let (geometry, latency) = recorded(&rig, &args.runs)?;
     let motors = if args.motors {
         motors::measured(&rig, &args.motion)?
@@ -355,7 +355,7 @@ fn inertia_and_stiffness(page: &mut Page, known: &Known, file: &Path) -> anyhow:
     let how = "computed from the rig file (docs/internals/borders.md)";
     let with = StiffnessBound::of(&known.rig);
     let over = Override { path: "loop.lead", value: json!(false), from: "the certificate" };
-    let without = StiffnessBound::of(&crate::cli::rig::load(Some(file), &[over])?);
+    let without = StiffnessBound::of(&crate::cli::rig_file::load(Some(file), &[over])?);
     let (Some(with), Some(without)) = (with, without) else {
         page.table(
             &["figure", "value", "how"],

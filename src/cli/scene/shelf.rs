@@ -49,20 +49,17 @@ fn kinds(scene: &SceneFile) -> Vec<&'static str> {
 /// Writes the page `scenes.md` and the plots `scenes/FILE.svg` into a folder.
 pub(super) fn page(folder: &Path) -> anyhow::Result<()> {
     let plots = folder.join("scenes");
-    let put = |path: &Path, text: &str| {
-        std::fs::write(path, text).with_context(|| format!("{}: cannot be written", path.display()))
-    };
     std::fs::create_dir_all(&plots).with_context(|| format!("{}: cannot be made", plots.display()))?;
     let abilities = Abilities::of(&RigConfig::prototype());
     for entry in SHELF {
         let axes = plot::usual_axes()?;
-        put(
+        plot::write(
             &plots.join(format!("{}.svg", entry.file)),
             &plot::draw(&entry.scene(), &axes, plot::WHOLE_TURN, &abilities),
         )?;
     }
     let path = folder.join("scenes.md");
-    put(&path, &text()?)?;
+    std::fs::write(&path, text()?).with_context(|| format!("{}: cannot be written", path.display()))?;
     say!("{}", path.display())
 }
 

@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use hbot_core::CompiledScene;
 use hbot_core::render::around::Spot;
 use serde_json::{Map, Value};
 
@@ -72,7 +73,8 @@ impl Abilities {
     /// each place where a law is steepest or changes.
     #[must_use]
     pub fn warnings(&self, scene: &SceneFile) -> Vec<String> {
-        let mut found = self.unstable(scene);
+        let compiled = RunningScene::new().load(scene.clone());
+        let mut found = self.unstable(scene, &compiled);
         for effect in scene.effects() {
             for (name, torque) in values(effect, TORQUE).filter(|(_, torque)| *torque > self.torque) {
                 let (id, most) = (effect.id(), self.torque);
@@ -82,15 +84,15 @@ impl Abilities {
                 ));
             }
         }
-        found.extend(self.too_heavy(scene));
+        found.extend(self.too_heavy(scene, &compiled));
         found.extend(in_vain(scene));
         found.extend(self.too_late(scene));
         found
     }
 
     /// Returns a sentence for each virtual mass of which the loop renders only a part.
-    fn too_heavy(&self, scene: &SceneFile) -> Vec<String> {
-        let (compiled, period) = (RunningScene::new().load(scene.clone()), 1.0 / f64::from(self.rate_hz));
+    fn too_heavy(&self, scene: &SceneFile, compiled: &CompiledScene) -> Vec<String> {
+        let period = 1.0 / f64::from(self.rate_hz);
         let part = self.inertia.map_or(1.0, |inertia| compiled.masses(inertia, period, |_, _| {}));
         let asked = scene
             .effects()
@@ -107,10 +109,9 @@ impl Abilities {
     }
 
     /// Returns a sentence for each effect that the rig does not keep stable.
-    fn unstable(&self, scene: &SceneFile) -> Vec<String> {
+    fn unstable(&self, scene: &SceneFile, compiled: &CompiledScene) -> Vec<String> {
         let Some(judge) = &self.judge else { return Vec::new() };
-        let compiled = RunningScene::new().load(scene.clone());
-        judge.findings(&compiled).iter().map(|finding| self.sentence(scene, finding)).collect()
+        judge.findings(compiled).iter().map(|finding| self.sentence(scene, finding)).collect()
     }
 
     fn sentence(&self, scene: &SceneFile, finding: &Finding) -> String {

@@ -1,5 +1,5 @@
-//! Messages for the user. A new one has a line of its own for a moment, and a list keeps the last
-//! hundred.
+//! Messages for the user. The window shows a new message for some seconds, in a line of its own. A
+//! list keeps the last hundred.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};

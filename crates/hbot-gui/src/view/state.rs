@@ -180,27 +180,27 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
             Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
             None => stopped(ui, model, palette, Mode::Estop.sentence()),
         },
-        (Headline::Mode(Mode::Idle), _) if turns(ui, model, palette) => {
-            let text = recover::refusal(model).map(|text| format!("No torque. {text}"));
-            ui.add(egui::Label::new(text.unwrap_or_else(|| Mode::Idle.sentence().to_owned())).wrap());
+        (Headline::Mode(Mode::Idle), _) if let Some(text) = recover::refusal(model) => {
+            turns(ui, model, palette);
+            coloured(ui, palette.warn, format!("No torque. {text}"));
         }
-        (Headline::Mode(mode), _) => match recover::refusal(model).filter(|_| mode == Mode::Idle) {
-            Some(text) => drop(coloured(ui, palette.warn, format!("No torque. {text}"))),
-            None => {
-                if let Some(shaking) = &model.shaking {
-                    coloured(ui, palette.warn, shaken(shaking));
-                }
-                // The list below the sliders can be out of sight when the user enables.
-                match warnings {
-                    [] => drop(weak(ui, mode.sentence())),
-                    [only] => drop(coloured(ui, palette.warn, format!("Warning: {only}"))),
-                    [first, ..] => {
-                        let text = format!("The first of {} warnings: {first}", warnings.len());
-                        coloured(ui, palette.warn, text);
-                    }
+        (Headline::Mode(mode), _) => {
+            if mode == Mode::Idle {
+                turns(ui, model, palette);
+            }
+            if let Some(shaking) = &model.shaking {
+                coloured(ui, palette.warn, shaken(shaking));
+            }
+            // The list below the sliders can be out of sight when the user enables.
+            match warnings {
+                [] => drop(weak(ui, mode.sentence())),
+                [only] => drop(coloured(ui, palette.warn, format!("Warning: {only}"))),
+                [first, ..] => {
+                    let text = format!("The first of {} warnings: {first}", warnings.len());
+                    coloured(ui, palette.warn, text);
                 }
             }
-        },
+        }
         (Headline::NoState, _) => {
             weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
         }
@@ -224,12 +224,11 @@ fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
 }
 
 /// Says that the sphere turns without torque, if it does.
-fn turns(ui: &mut Ui, model: &Model, palette: Palette) -> bool {
+fn turns(ui: &mut Ui, model: &Model, palette: Palette) {
     let speed = model.state.as_ref().map_or(0.0, |state| DVec3::from(state.omega).length());
     if speed > TURNS {
         coloured(ui, palette.warn, format!("The sphere still turns: {speed:.2} rad/s"));
     }
-    speed > TURNS
 }
 
 fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {

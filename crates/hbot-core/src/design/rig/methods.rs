@@ -210,12 +210,11 @@ pub struct PassivityLimit {
 impl PassivityLimit {
     /// Returns suitable values for `device` in a loop with a period of `period_s` seconds.
     ///
-    /// The allowance is 1 mJ. The store is 0.5 J, because a spring of 1 N m/rad with a torque of
-    /// 0.9 N m stores 0.4 J. The damping is I_s / (4 h), with the sphere's inertia I_s and the
-    /// period h. With this damping the sphere's rate, which is read a tick late, goes to zero as
-    /// fast as possible without reversing (w' = w - 1/4 w_before has a double root). For loops
-    /// faster than 1 kHz, h is taken as 1 ms, because more damping would make the noise of the
-    /// rates audible.
+    /// The allowance is 1 mJ, and the store 5 mJ. The damping is I_s / (4 h), with the sphere's
+    /// inertia I_s and the period h, as far as that is legal. With this damping the sphere's rate,
+    /// which is read a tick late, goes to zero as fast as possible without reversing (w' = w - 1/4
+    /// w_before has a double root). For loops faster than 1 kHz, h is taken as 1 ms, because more
+    /// damping would make the noise of the rates audible.
     #[must_use]
     pub fn of(device: &Device, period_s: Real) -> Self {
         let damping = 0.25 * device.sphere_inertia() / period_s.max(1.0e-3);

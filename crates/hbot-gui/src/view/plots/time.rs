@@ -195,7 +195,7 @@ fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette, span
 struct Rows(Vec<Vec<Range<f32>>>);
 
 impl Rows {
-    /// Makes as many rows as fit, at least one, and at most so many that curves remain visible.
+    /// Makes one row or more: as many as fit, up to [`MOST_ROWS`]. More would hide the curves.
     fn new(fit: usize) -> Self {
         Self(vec![Vec::new(); fit.clamp(1, MOST_ROWS)])
     }
