@@ -1,6 +1,7 @@
 //! Judges a scene: whether the loop keeps it stable at each place where its laws are steepest or
 //! change, which effect shakes the sphere if not, and what would be stable there.
 
+use std::cell::RefCell;
 use std::f64::consts::PI;
 
 use hbot_core::render::around::{Linear, Place, Spot, Swing};
@@ -56,6 +57,10 @@ struct Holds<'a> {
     /// With the smallest inertia about all axes. The axis of the smallest inertia turns with the
     /// posture, and a damping that is just small enough for another axis may meet it.
     light: [Held<'a>; 3],
+    /// Scenes whose small swings were judged, with what [`Judge::small`] returned.
+    small: RefCell<Vec<(Scene, usize)>>,
+    /// Scenes that were judged, with the limits of their swings.
+    judged: RefCell<Vec<(Scene, Option<Limit>)>>,
 }
 
 /// Judges scenes by the sampled loop of a rig.
@@ -81,19 +86,19 @@ impl Judge {
     #[must_use]
     pub fn findings(&self, scene: &CompiledScene) -> Vec<Finding> {
         let mut found: Vec<Finding> = Vec::new();
-        let mut judged = Vec::new();
         let Sampled { inertia, .. } = self.sampled;
         let light = Sampled { inertia: Vec3::splat(inertia.min_element()), ..self.sampled.clone() };
         let [usual, light] =
             [&self.sampled, &light].map(|sampled| HOLDS.map(|hold| Held::new(sampled, &hold)));
-        let holds = Holds { usual, light };
+        let holds = Holds { usual, light, small: RefCell::default(), judged: RefCell::default() };
         let (places, here) = self.places(scene);
         for (place, leans) in &places {
             let speeds = if *leans { &SPEEDS[..] } else { &SPEEDS[..4] };
             let far = self.far(scene, place);
+            let mut pace = QUICK_PACES;
             for speed in speeds {
                 let swinging = Swinging { holds: &holds, place, speed: *speed, far };
-                if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut judged, &found) {
+                if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut pace, &found) {
                     keep(&mut found, finding);
                 }
             }
@@ -105,9 +110,10 @@ impl Judge {
         // What shakes at its own places is not looked for elsewhere.
         for place in self.away(scene, here) {
             let far = self.far(scene, &place);
+            let mut pace = QUICK_PACES;
             for speed in &SPEEDS[..4] {
                 let swinging = Swinging { holds: &holds, place: &place, speed: *speed, far };
-                if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut judged, &found)
+                if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut pace, &found)
                     && found.iter().all(|other| other.effect != finding.effect || other.away)
                 {
                     keep(&mut found, Finding { away: true, ..finding });
@@ -131,7 +137,7 @@ impl Judge {
     /// linearised effects, and their sum.
     #[must_use]
     pub fn around(&self, scene: &CompiledScene, place: &Place, speed: f64) -> (Vec<Linear>, Scene) {
-        self.around_at(scene, place, speed, SLOWEST, 0)
+        self.around_at(scene, place, speed, SLOWEST, 0, &mut { QUICK_PACES })
     }
 
     /// Returns bit by bit the effects that make no torque in the largest swing about any axis at
@@ -154,7 +160,8 @@ impl Judge {
     }
 
     /// Returns what [`around`](Self::around) returns, for swings of the pace `least` (rad/s) at
-    /// least. The effects `far` (bit by bit) take no part.
+    /// least. The effects `far` (bit by bit) take no part. The search for the paces about the axes
+    /// begins with `pace` (rad/s) and leaves what it found there.
     pub(super) fn around_at(
         &self,
         scene: &CompiledScene,
@@ -162,62 +169,85 @@ impl Judge {
         speed: f64,
         least: f64,
         far: u64,
+        pace: &mut Vec3,
     ) -> (Vec<Linear>, Scene) {
         let axes = self.sampled.axes;
-        let mut pace = QUICK_PACES;
-        let mut parts = Vec::new();
-        let mut sum = Linear::NONE;
-        // The size of a swing follows from its pace, which follows from the stiffness that a swing
-        // of this size feels.
-        for _ in 0..3 {
-            let turn = [pace.x, pace.y, pace.z].map(|pace| speed / pace);
-            let swing = Swing { axes, turn, speed };
-            parts.clear();
-            scene.all_around(place, Quat::IDENTITY, &swing, |i| far & 1 << i != 0, |part| parts.push(part));
-            // A torque that a hand holds adds a part that is not symmetric. In balance the hand's
-            // own torque takes it away.
-            parts.iter_mut().for_each(|part: &mut Linear| {
-                part.stiffness = (part.stiffness + part.stiffness.transpose()) * 0.5;
-                part.damping = (part.damping + part.damping.transpose()) * 0.5;
-            });
-            sum = parts.iter().fold(Linear::NONE, |sum, part| Linear {
-                stiffness: sum.stiffness + part.stiffness,
-                damping: sum.damping + part.damping,
-            });
-            let stiffness = axes.transpose() * sum.stiffness * axes;
-            let before = pace;
-            for k in 0..3 {
-                let own = (stiffness.col(k)[k].max(0.0) / self.sampled.inertia[k]).sqrt();
+        let mut parts = vec![Linear::NONE; scene.effects().len()];
+        let mut about = Vec::new();
+        for k in 0..3 {
+            // The size of a swing follows from its pace, which follows from the stiffness that a
+            // swing of this size feels.
+            for _ in 0..3 {
+                let mut swing = Swing { axes, turn: [0.0; 3], speed };
+                swing.turn[k] = speed / pace[k];
+                about.clear();
+                scene.all_around(
+                    place,
+                    Quat::IDENTITY,
+                    &swing,
+                    |i| far & 1 << i != 0,
+                    |part| about.push(part),
+                );
+                let axis = axes.col(k);
+                let stiffness: f64 = about.iter().map(|part| axis.dot(part.stiffness * axis)).sum();
+                let own = (stiffness.max(0.0) / self.sampled.inertia[k]).sqrt();
+                let before = pace[k];
                 pace[k] = own.max(least).min(FASTEST / self.sampled.period);
+                if (pace[k] - before).abs() < 0.02 * before {
+                    break;
+                }
             }
-            if (pace - before).abs().max_element() < 0.02 * pace.min_element() {
-                break;
+            for (part, about) in parts.iter_mut().zip(&about) {
+                part.stiffness += about.stiffness;
+                part.damping += about.damping;
             }
         }
+        // A torque that a hand holds adds a part that is not symmetric. In balance the hand's own
+        // torque takes it away.
+        for part in &mut parts {
+            part.stiffness = (part.stiffness + part.stiffness.transpose()) * 0.5;
+            part.damping = (part.damping + part.damping.transpose()) * 0.5;
+        }
+        let sum = |of: fn(&Linear) -> Mat3| parts.iter().map(of).fold(Mat3::ZERO, |sum, part| sum + part);
+        let (stiffness, damping) = (sum(|part| part.stiffness), sum(|part| part.damping));
         let mut masses = Vec::new();
         scene.masses(self.sampled.inertia.min_element(), self.sampled.period, |mass, smoothing| {
             masses.push((mass, smoothing));
         });
-        (parts, Scene { stiffness: sum.stiffness, damping: sum.damping, masses })
+        (parts, Scene { stiffness, damping, masses })
     }
 
     /// Returns the first hold in which the loop does not keep `scene` stable in a swing of the
     /// speed `speed`, rad/s.
     fn shakes(&self, holds: &Holds<'_>, scene: &Scene, speed: f64) -> Option<Hold> {
-        let limit = self.limit(scene, speed);
-        let (more, most) = (times(scene, MARGIN), limit.map(|_| times(scene, LIMITED_MARGIN)));
+        let small = self.small(holds, scene);
+        let limited = self.limit(scene, speed).and_then(|limit| {
+            let most = times(scene, LIMITED_MARGIN);
+            let shakes = |held: &Held<'_>| most.iter().any(|scene| !held.is_stable(scene, Some(limit)));
+            holds.usual[..small].iter().position(shakes)
+        });
+        HOLDS.get(limited.unwrap_or(small)).copied()
+    }
+
+    /// Returns the index of the first hold in which the loop does not keep `scene` stable in swings
+    /// that no limit cuts off, or the number of holds.
+    fn small(&self, holds: &Holds<'_>, scene: &Scene) -> usize {
+        if let Some((_, first)) = holds.small.borrow().iter().find(|(other, _)| near(other, scene)) {
+            return *first;
+        }
         // A damping far below what shakes the sphere by itself may be a little larger.
         let Sampled { lead, rate_lag, taps, inertia, .. } = &self.sampled;
         let damping = principal(&(scene.damping + scene.stiffness * *lead)).0.max_element();
         let fast = damping / inertia.min_element() * (self.sampled.lateness() + rate_lag);
         let is_slow = fast < QUICK && taps.is_empty() && scene.masses.is_empty();
-        let unstable = |(k, held): &(usize, &Held<'_>)| {
-            let is_stable = |scenes: &[Scene], limit| scenes.iter().all(|scene| held.is_stable(scene, limit));
-            !is_stable(&more[usize::from(is_slow)..], None)
-                || most.as_ref().is_some_and(|most| !is_stable(most, limit))
-                || !is_slow && !holds.light[*k].is_stable(scene, None)
+        let more = times(scene, MARGIN);
+        let shakes = |(held, light): (&Held<'_>, &Held<'_>)| {
+            more[usize::from(is_slow)..].iter().any(|scene| !held.is_stable(scene, None))
+                || !is_slow && !light.is_stable(scene, None)
         };
-        holds.usual.iter().enumerate().find(unstable).map(|(k, _)| HOLDS[k])
+        let first = holds.usual.iter().zip(&holds.light).position(shakes).unwrap_or(HOLDS.len());
+        holds.small.borrow_mut().push((scene.clone(), first));
+        first
     }
 
     /// Returns the limits of the torque if they change what swings of the speed `speed` (rad/s)
@@ -244,33 +274,29 @@ impl Judge {
         scene: &CompiledScene,
         swinging: &Swinging<'_>,
         least: f64,
-        judged: &mut Vec<(Scene, Option<Limit>)>,
+        pace: &mut Vec3,
         found: &[Finding],
     ) -> Option<Finding> {
         let Swinging { holds, place, speed, far } = *swinging;
-        let (parts, sum) = self.around_at(scene, place, speed, least, far);
+        let (parts, sum) = self.around_at(scene, place, speed, least, far, pace);
         // A damping that is too large makes swings that are faster than those of the stiffness, and
         // smaller: a quarter of one takes as long as the torque is late.
         let fast = principal(&sum.damping).0.max_element() / self.sampled.inertia.min_element();
         let is_quick = least == SLOWEST && fast * self.sampled.lateness() > QUICK;
         if is_quick {
             let fast = fast.min(0.5 * PI / self.sampled.lateness());
-            let fast = self.at(scene, swinging, fast, judged, found);
+            let fast = self.at(scene, swinging, fast, &mut { QUICK_PACES }, found);
             if fast.is_some() {
                 return fast;
             }
         }
         let limit = self.limit(&sum, speed);
-        let near = |(other, its): &(Scene, Option<Limit>)| {
-            let off = |a: &Mat3, b: &Mat3| (0..3).map(|k| (a.col(k) - b.col(k)).length()).fold(0.0, f64::max);
-            off(&other.stiffness, &sum.stiffness) < 1.0e-9
-                && off(&other.damping, &sum.damping) < 1.0e-9
-                && *its == limit
-        };
-        if judged.iter().any(near) {
+        let mut judged = holds.judged.borrow_mut();
+        if judged.iter().any(|(other, its)| near(other, &sum) && *its == limit) {
             return None;
         }
         judged.push((sum.clone(), limit));
+        drop(judged);
         // A wall damps in one direction. While it does, it damps twice what a swing feels.
         let wall = if place.spot == Spot::Wall { parts[place.effect].damping } else { Mat3::ZERO };
         let inwards = Scene { damping: sum.damping + wall, ..sum.clone() };
@@ -279,12 +305,7 @@ impl Judge {
             return self.ringing(&holds.usual[0], place, &parts, &sum);
         };
         let stable = |scene: Scene| self.shakes(holds, &scene, speed).is_none();
-        let small_swings_are_stable = |scene: &Scene| {
-            let in_all =
-                |holds: &[Held<'_>], scene: &Scene| holds.iter().all(|held| held.is_stable(scene, None));
-            times(scene, MARGIN).iter().all(|scene| in_all(&holds.usual, scene))
-                && in_all(&holds.light, scene)
-        };
+        let small_swings_are_stable = |scene: &Scene| self.small(holds, scene) == HOLDS.len();
         let without = Scene { stiffness: Mat3::ZERO, ..inwards };
         if !stable(without.clone()) {
             if is_quick {
@@ -334,6 +355,12 @@ impl Judge {
         let limited = small_swings_are_stable(&border);
         Some(Finding { effect, place: *place, axis, hold, limited, away: false, why })
     }
+}
+
+/// Returns whether two scenes with the same masses differ only by rounding.
+fn near(one: &Scene, other: &Scene) -> bool {
+    let off = |a: &Mat3, b: &Mat3| (0..3).map(|k| (a.col(k) - b.col(k)).length()).fold(0.0, f64::max);
+    off(&one.stiffness, &other.stiffness) < 1.0e-9 && off(&one.damping, &other.damping) < 1.0e-9
 }
 
 /// Returns `scene` with its stiffness times `margin`, and with its damping times it as well.

@@ -9,7 +9,7 @@ use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 use super::finding::{Finding, Why};
 use super::held::Held;
 use super::inertia::principal;
-use super::judge::{Judge, SLOWEST, SOFT, largest, largest_axis, least_damping, shape};
+use super::judge::{Judge, QUICK_PACES, SLOWEST, SOFT, largest, largest_axis, least_damping, shape};
 use super::places::{ENOUGH, pull};
 use super::sampled::{HOLDS, Sampled, Scene};
 
@@ -116,7 +116,7 @@ impl Judge {
         // A swing around the edge feels half of the wall, so inside it is faster.
         let edge = size(&self.around(scene, place, TAP).0[place.effect].stiffness);
         let pace = (2.0 * edge.max(0.0) / inertia).sqrt().max(SLOWEST);
-        let (parts, sum) = self.around_at(scene, place, TAP, pace, 0);
+        let (parts, sum) = self.around_at(scene, place, TAP, pace, 0, &mut { QUICK_PACES });
         let wall = &parts[place.effect];
         let (k, b) = (size(&wall.stiffness), size(&wall.damping));
         // Nothing else holds the sphere or slows it down on its way.

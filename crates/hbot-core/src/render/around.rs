@@ -70,7 +70,8 @@ impl Place {
 pub struct Swing {
     /// Axes of the swings in frame N, as columns: orthogonal unit vectors.
     pub axes: Mat3,
-    /// Amplitude of the turn about each axis, rad; above 0.
+    /// Amplitude of the turn about each axis, rad. An axis with 0 is left out: stiffness and
+    /// damping have nothing of it.
     pub turn: [Real; 3],
     /// Amplitude of the angular velocity, rad/s; above 0.
     pub speed: Real,
@@ -100,8 +101,13 @@ impl Moments {
             let (sine, cosine) = sincos((moment as Real + 0.5) * (TURN / MOMENTS as Real));
             [sine, cosine]
         });
-        let at = |k: usize, sine: Real| rotation::exp(swing.axes.col(k) * (swing.turn[k] * sine)) * place.q;
-        Self { phases, q: [0, 1, 2].map(|k| phases.map(|[sine, _]| at(k, sine))) }
+        let mut q = [[place.q; MOMENTS]; 3];
+        for (k, q) in q.iter_mut().enumerate().filter(|(k, _)| swing.turn[*k] > 0.0) {
+            for (q, [sine, _]) in q.iter_mut().zip(phases) {
+                *q = rotation::exp(swing.axes.col(k) * (swing.turn[k] * sine)) * place.q;
+            }
+        }
+        Self { phases, q }
     }
 }
 
@@ -197,7 +203,7 @@ impl CompiledScene {
                 *swung = Some(Swung { reference, settled, memory: settled, stiffness, damping });
             }
         }
-        for k in 0..3 {
+        for k in (0..3).filter(|k| swing.turn[*k] > 0.0) {
             let (axis, turn) = (swing.axes.col(k), swing.turn[k]);
             swung.iter_mut().flatten().for_each(|swung| swung.memory = swung.settled);
             // The first cycle brings a law with a memory into its steady cycle.
