@@ -87,11 +87,7 @@ impl Fields<'_> {
     /// Removes an optional field with three standard deviations of angles, rad.
     pub(crate) fn optional_sigmas(&mut self, name: &str) -> Result<Option<[f64; 3]>, ErrorBody> {
         let Some(value) = self.take(name) else { return Ok(None) };
-        let sigma: [f64; 3] = array(name, &value, LEGAL_SIGMA, std::f64::consts::PI)?;
-        if sigma.iter().any(|x| *x < MIN_SIGMA) {
-            return Err(illegal(name, &value, LEGAL_SIGMA));
-        }
-        Ok(Some(sigma))
+        array_within(name, &value, LEGAL_SIGMA, (MIN_SIGMA, std::f64::consts::PI)).map(Some)
     }
 
     /// Removes a required field that is a quaternion, and returns the quaternion scaled to unit
@@ -153,13 +149,22 @@ pub(crate) fn array<const N: usize>(
     legal: &'static str,
     most: f64,
 ) -> Result<[f64; N], ErrorBody> {
+    array_within(name, value, legal, (-most, most))
+}
+
+fn array_within<const N: usize>(
+    name: &str,
+    value: &Value,
+    legal: &'static str,
+    (from, to): (f64, f64),
+) -> Result<[f64; N], ErrorBody> {
     let items = match value {
         Value::Array(items) if items.len() == N => items,
         other => return Err(illegal(name, other, legal)),
     };
     let mut numbers = [0.0; N];
     for (i, (slot, item)) in numbers.iter_mut().zip(items).enumerate() {
-        *slot = number(format_args!("{name}[{i}]"), item, -most, most)?;
+        *slot = number(format_args!("{name}[{i}]"), item, from, to)?;
     }
     Ok(numbers)
 }

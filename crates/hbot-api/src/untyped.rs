@@ -242,9 +242,11 @@ impl<'de> Visitor<'de> for FewBuilder<'_> {
                 return Err(A::Error::custom("more fields"));
             }
             if name == "op" {
+                let known_before = builder.problem.is_some();
                 if few.op.replace(map.next_value_seed(Text)?).is_some() {
                     builder.given_twice();
                 }
+                builder.place(known_before, || name.clone().into_owned());
                 continue;
             }
             let known_before = builder.problem.is_some();

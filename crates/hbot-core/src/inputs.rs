@@ -76,7 +76,7 @@ pub struct Complaints {
     /// The motors are on although the answered command switches them off, or off although it
     /// switches them on.
     pub disobeyed: bool,
-    /// A reported current or temperature is not finite.
+    /// A reported rate, current or temperature is not finite.
     pub not_finite: bool,
 }
 

@@ -125,6 +125,16 @@ fn messages_name_field_and_what_is_legal() {
         ("align", r#""q":[1,0,0,0],"weight":-0.1"#, r#"field "weight" is -0.1; legal: a number from 0 to 1"#),
         ("align", r#""q":[1,0,0,0],"weight":1.1"#, r#"field "weight" is 1.1; legal"#),
         ("align", r#""q":[1,0,0,0],"weight":1,"t":-1"#, r#"field "t" is -1; legal: a number from 0"#),
+        (
+            "align",
+            r#""q":[1,0,0,0],"sigma":[0.1,3.2,0.1]"#,
+            r#"field "sigma[1]" is 3.2; legal: a number from 0.00001 to 3.14"#,
+        ),
+        (
+            "align",
+            r#""q":[1,0,0,0],"sigma":[0.1,0.1,-1]"#,
+            r#"field "sigma[2]" is -1; legal: a number from 0.00001 to 3.14"#,
+        ),
         ("hello", r#""version":1,"name":"""#, r#"field "name" is the text ""; legal: text of 1 to 64 bytes"#),
         ("hello", r#""version":1,"name":"a\nb""#, r#"field "name" is the text "a\nb"; legal"#),
         (
@@ -139,6 +149,7 @@ fn messages_name_field_and_what_is_legal() {
         ),
         ("hello", r#""version":1,"name":"a","token":12345"#, r#"field "token" is not legal"#),
         ("dance", r#""id":1"#, r#"unknown op "dance"; legal: hello, info, subscribe, unsubscribe, stats"#),
+        ("ping", r#""op":"info""#, r#"field "op" is given twice; legal: once"#),
         ("ping", r#""data":1,"data":2"#, r#"field "data" is given twice; legal: once"#),
         ("set", r#""effect":"a","m":{"x":[{"y":1,"y":1}]}"#, r#"field "m.x[0].y" is given twice"#),
     ];

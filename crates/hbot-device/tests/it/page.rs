@@ -260,10 +260,9 @@ const READINGS: &[&str] = &[
     "| temperature | `f32` | °C | finite | temperature of the motor; 0 if it is not \
      measured |",
     "| flags | `u16` | | joint flags | |",
-    "| `INDEX_SEEN` | 0x0001 | the encoder has passed its index mark since boot. From the \
-     first reading with this flag on, `count` is measured from the position of the mark: it \
-     jumps once, when the mark is passed for the first time, and goes on counting over any \
-     number of turns |",
+    "| `INDEX_SEEN` | 0x0001 | only for a steer joint with `zero = \"index\"`: the encoder has \
+     passed its index mark since boot. From the first reading with this flag on, `count` is \
+     measured from the mark: it jumps once, and goes on counting over any number of turns |",
     "**Signs.** All signs are those of the controller: count, rate, current and torque of a \
      joint agree with one another.",
 ];

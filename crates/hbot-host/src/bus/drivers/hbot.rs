@@ -287,7 +287,7 @@ fn joint_complaints(joint: &hbot_link::JointReading) -> Complaints {
     Complaints {
         overcurrent: joint.flags.contains(JointFlags::OVERCURRENT) || joint.current.abs() > TOO_STRONG,
         overtemperature: joint.flags.contains(JointFlags::OVERTEMPERATURE) || joint.temperature > TOO_HOT,
-        not_finite: !(joint.current.is_finite() && joint.temperature.is_finite()),
+        not_finite: ![joint.rate, joint.current, joint.temperature].into_iter().all(f32::is_finite),
         ..Complaints::default()
     }
 }
@@ -365,6 +365,22 @@ fn ask<T>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_flags_of_a_joint_tell_every_value_that_is_not_finite() {
+        let told = |joint| {
+            let mut log = JointLog::default();
+            log.record(0, &joint, Complaints::default());
+            log.log.at(0).complaints.not_finite
+        };
+        let joint = hbot_link::JointReading::default();
+        assert!(!told(joint));
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(told(hbot_link::JointReading { rate: value, ..joint }), "rate {value}");
+            assert!(told(hbot_link::JointReading { current: value, ..joint }), "current {value}");
+            assert!(told(hbot_link::JointReading { temperature: value, ..joint }), "temperature {value}");
+        }
+    }
 
     #[test]
     fn a_current_or_a_temperature_of_0_counts_only_after_another_value() {
