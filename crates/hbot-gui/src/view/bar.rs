@@ -96,7 +96,7 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
         Lease::Free => {
             let pushes = model.mode().is_some_and(has_torque);
             let color = if pushes { palette.warn } else { palette.text };
-            ("nobody commands; a change takes command".to_owned(), color)
+            ("nobody commands: a change takes it".to_owned(), color)
         }
         Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
         Lease::Other(holder) => (format!("you observe, {} commands", person(holder)), palette.warn),

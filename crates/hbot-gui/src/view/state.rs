@@ -88,17 +88,22 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[String], intents: &mu
     orders(ui, model, intents);
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
-    let is_long = match model.headline() {
-        Headline::Mode(Mode::Fault) => true,
-        Headline::NotStopped | Headline::NoContact => is_low(ui),
-        _ => false,
-    };
     let size = usize::from(!is_low(ui));
-    if is_long {
+    if is_long(ui, model.headline(), warnings) {
         status(ui, model, warnings, palette, STATUS[size] + BARS[size]);
     } else {
         status(ui, model, warnings, palette, STATUS[size]);
         ui.add_enabled_ui(model.is_certain(), |ui| meters(ui, model, palette));
+    }
+}
+
+/// Returns whether the box takes the place of the bars.
+fn is_long(ui: &Ui, headline: Headline, warnings: &[String]) -> bool {
+    match headline {
+        Headline::Mode(Mode::Fault) => true,
+        Headline::Mode(Mode::Estop) => is_low(ui) && !warnings.is_empty(),
+        Headline::NotStopped | Headline::NoContact => is_low(ui),
+        _ => false,
     }
 }
 
@@ -142,7 +147,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         }
         let cut = cut(model, headline);
         // Only the speed matters without torque, and it tells when a reset is possible.
-        let fault = headline == Headline::Mode(Mode::Fault);
+        let fault = matches!(headline, Headline::Mode(_)) && is_long(ui, headline, warnings);
         // The last line of the box, so that nothing moves when it comes and goes.
         let line = match (fault, cut) {
             (true, _) => ui.spacing().interact_size.y + 4.0,
@@ -244,12 +249,22 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
 /// Draws the first warning about the scene: the list below the sliders can be out of sight when the
 /// user enables or recovers.
 fn warned(ui: &mut Ui, warnings: &[String], palette: Palette) {
-    let text = match warnings {
-        [] => return,
-        [only] => format!("Warning: {only}"),
-        [first, ..] => format!("The first of {} warnings: {first}", warnings.len()),
+    let Some(first) = warnings.first() else { return };
+    let text = if is_low(ui) { brief(first) } else { first.clone() };
+    let text = match warnings.len() {
+        1 => format!("Warning: {text}"),
+        many => format!("The first of {many} warnings: {text}"),
     };
-    coloured(ui, palette.warn, text);
+    coloured(ui, palette.warn, text).on_hover_text(first);
+}
+
+/// Leaves out the reasons in the middle of a long warning of the server, for a box without room.
+pub(super) fn brief(warning: &str) -> String {
+    let reasons = warning.match_indices(": ").nth(1).map(|(at, _)| at);
+    match (reasons, warning.rsplit_once("; ")) {
+        (Some(at), Some((_, remedy))) => format!("{}; {remedy}", &warning[..at]),
+        _ => warning.to_owned(),
+    }
 }
 
 /// Says which effect shook the sphere, and what to do.

@@ -39,8 +39,8 @@ pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a>
         .allow_axis_zoom_drag(still)
 }
 
-/// Returns the grid lines of the vertical axis. They are closer in a low plot, which would else have
-/// none but that at 0.
+/// Returns the grid lines of the vertical axis. They are closer in a low plot, which would else
+/// have none but that at 0.
 fn vertical(input: GridInput) -> Vec<GridMark> {
     let close = GridInput { ..input };
     let apart = round_steps(input, 4.0);

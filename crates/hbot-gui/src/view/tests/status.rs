@@ -14,6 +14,7 @@ use crate::model::tests::{
 use crate::net::{Intent, Lease, News};
 use crate::view::Act;
 use crate::view::painted::{filled, hint, texts};
+use crate::view::state::brief;
 use crate::view::theme::Palette;
 
 #[test]
@@ -190,6 +191,14 @@ fn a_warning_is_read_whole_beside_recover() {
 }
 
 #[test]
+fn a_low_box_says_what_and_what_to_do() {
+    let warning =
+        "s: may shake at its rest: it has 40 N m/rad: too much; it is so; set stiffness = 15 or less";
+    assert_eq!(brief(warning), "s: may shake at its rest; set stiffness = 15 or less");
+    assert_eq!(brief("s: has no effect"), "s: has no effect");
+}
+
+#[test]
 fn the_speed_stays_in_sight_in_a_fault() {
     for size in [SIZES[0], SMALLEST] {
         let mut model = commanding(true);
@@ -237,7 +246,7 @@ fn the_button_that_takes_command_never_releases_it() {
     let free = places(&seen);
     assert_eq!([mine[0].1, mine[1].1, free[0].1, free[1].1], [true, false, false, true]);
     assert_eq!([mine[0].0, mine[1].0], [free[0].0, free[1].0]);
-    let told = texts(&seen).into_iter().find(|it| it.text == "nobody commands; a change takes command");
+    let told = texts(&seen).into_iter().find(|it| it.text == "nobody commands: a change takes it");
     let warn = Palette::of_theme(true, Color32::GRAY).warn;
     assert!(told.is_some_and(|it| it.is_whole() && it.color == warn));
 }
