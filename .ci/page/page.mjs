@@ -91,6 +91,7 @@ assert.equal(await text("#who"), "nobody commands");
 assert.equal((await watcher.ask("info")).lease.holder, null, "a page that is opened takes nothing");
 await shows("#effects", "stiffness");
 assert(await page.locator("#effects").evaluate((it) => it.inert), "an observer changes nothing");
+assert(await page.locator("#who.warn").count(), "what pushes is commanded by nobody");
 await page.waitForTimeout(3000);
 await picture("observing");
 await ticks();
@@ -170,7 +171,8 @@ assert(late <= 10, `${late} pictures of states from before the end of a pause`);
 
 await page.click("#lease");
 await shows("#who", "you command");
-await until("the lease", async () => (await watcher.ask("info")).lease.holder === "page");
+assert(await page.locator("#lease").isDisabled(), "a second click releases nothing");
+await until("the lease", async () => (await watcher.ask("info")).lease.holder?.startsWith("page on "));
 
 // The hand turns the sphere, and the spring turns the hand.
 const middle = await page.locator("#sphere").boundingBox().then((box) => ({
@@ -328,6 +330,7 @@ await load({ name: "Far", effect: [{ ...spring, anchor: "absolute", reference: [
 await shows("#details", "Enable is refused beyond 0.50 rad");
 await page.click("#enable");
 await shows("#details", "Not enabled: op enable: the reference of effect \"spring\"");
+await until("a refused Enable is off", () => page.locator("#enable").isDisabled());
 await load({ name: "As text", effect: [spring] });
 await shows("#distance", "The scene begins where the sphere is.");
 assert(!(await text("#details")).includes("refused"));
@@ -459,7 +462,9 @@ await shows("#who", "nobody commands");
 // How a real rig looks: the same server, which says that its rig is real.
 await page.addInitScript(() => {
   const parse = JSON.parse;
-  JSON.parse = (text) => parse(text.replace('"simulated":true', '"simulated":false'));
+  // With `shakes`, also that the sphere turns back and forth at 10 Hz.
+  JSON.parse = (text) => parse(text.replace('"simulated":true', '"simulated":false').replace(/"omega":\[[^\]]*\]/,
+    (told) => (window.shakes ? `"omega":[0,${performance.now() % 100 < 50 ? 13 : -13},0]` : told)));
 });
 await page.reload();
 await shows("#badge", "LIVE");
@@ -468,6 +473,20 @@ await shows("#who", "you command");
 await shows("#hint", "Drag to turn the view");
 await page.waitForTimeout(1500);
 await picture("live");
+
+// A scene that is warned of is an alarm while it shakes.
+const alarm = () => page.evaluate(() => document.body.classList.contains("shakes"));
+await number.fill("200");
+await number.press("Enter");
+await shows("#warnings", "spring: may shake");
+assert(!await alarm(), "at rest");
+await page.evaluate(() => { window.shakes = true; });
+await shows("#details", "It shakes, at up to 13.0 rad/s.");
+assert(await alarm());
+await picture("shakes");
+await picture("shakes-dark");
+await page.evaluate(() => { window.shakes = false; });
+await until("calm", async () => !await alarm());
 
 // The browser complains of lost connections, which are meant here, and of nothing else.
 assert.deepEqual(complaints.filter((text) => !/WebSocket connection to|ERR_CONNECTION/.test(text)), []);

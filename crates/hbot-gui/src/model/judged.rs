@@ -259,14 +259,14 @@ impl Waiting {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use hbot_config::RigConfig;
     use hbot_config::advice::StiffnessBound;
     use serde_json::json;
 
     /// What a server tells of the prototype without a lead.
-    fn told() -> InfoOk {
+    pub(crate) fn told() -> InfoOk {
         let mut rig = RigConfig::prototype();
         rig.rig = rig.rig.with(|parts| parts.lead = None).expect("legal");
         let bound = StiffnessBound::of(&rig).expect("legal inertias");

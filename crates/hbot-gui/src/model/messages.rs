@@ -61,9 +61,11 @@ impl Messages {
         self.list.push_back(Message { weight, text, at: Instant::now(), told, times: 1 });
     }
 
-    /// Ends the time for which a message has its line, because it is no longer so.
+    /// Ends the time for which the messages that end with `text` have a line, because they are no
+    /// longer so.
     pub(crate) fn is_over(&mut self, text: &str) {
-        self.list.iter_mut().filter(|message| message.text == text).for_each(|message| message.told = true);
+        let over = self.list.iter_mut().filter(|message| message.text.ends_with(text));
+        over.for_each(|message| message.told = true);
     }
 
     /// Returns all messages that are kept, newest first.

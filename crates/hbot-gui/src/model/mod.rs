@@ -46,6 +46,9 @@ use sample::quaternion;
 /// If no state message arrives for this time, the window reports that the server is silent.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
 
+/// The end of the message about a client that has taken over.
+const TAKEN: &str = " has taken over command";
+
 /// The state of the panel's connection to the server: being made, missing or established.
 #[derive(Clone, Debug)]
 pub(crate) enum Link {
@@ -426,17 +429,12 @@ impl Model {
         if self.lease == Lease::Mine
             && let (Lease::Other(holder), Some(LeaseCause::Stolen)) = (&lease, cause)
         {
-            self.messages.add(Weight::Warn, taken_over(holder));
-        }
-        if let (Lease::Mine, Lease::Other(holder)) = (&lease, &self.lease) {
-            self.messages.is_over(&taken_over(holder));
+            self.messages.add(Weight::Warn, format!("{}{TAKEN}", person(holder)));
+        } else {
+            self.messages.is_over(TAKEN);
         }
         self.lease = lease;
     }
-}
-
-fn taken_over(holder: &str) -> String {
-    format!("{} has taken over command", person(holder))
 }
 
 /// Returns whether the rig renders the scene in a mode.

@@ -5,6 +5,7 @@ use std::time::Duration;
 use hbot_api::{Requester, WheelInfo};
 use serde_json::json;
 
+pub(crate) use super::judged::tests::told;
 use super::*;
 
 /// Name of the panel in these tests.

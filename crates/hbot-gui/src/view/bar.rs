@@ -64,25 +64,25 @@ fn theme_switch(ui: &mut Ui) {
     }
 }
 
-/// Draws who commands, and the button that changes it. The button is always there and always of one
+/// Draws who commands, and the buttons that change it. They are always there and always of one
 /// size.
 fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents: &mut Vec<Intent>) {
     let (text, hint, intent) = match &model.lease {
-        Lease::Mine => {
-            let hint = "let another client command; a scene that runs goes on".to_owned();
-            ("Release", hint, Intent::Release)
-        }
-        Lease::Free | Lease::Unknown => {
-            ("Take command", "command this rig".to_owned(), Intent::Acquire { steal: false })
-        }
         Lease::Other(holder) => {
             ("Take over", format!("command in place of {holder}"), Intent::Acquire { steal: true })
         }
+        _ => ("Take command", "command this rig".to_owned(), Intent::Acquire { steal: false }),
     };
     let live = model.is_online() && model.silent_for().is_none();
-    // The layout goes from right to left, so the button comes first.
+    let mine = model.lease == Lease::Mine;
+    // The layout goes from right to left, so the buttons come first. A second click on the button
+    // that takes command must not release it.
+    let release = ui.add_enabled(live && mine, egui::Button::new("Release"));
+    if release.on_hover_text("let another client command; a scene that runs goes on").clicked() {
+        intents.push(Intent::Release);
+    }
     let button = egui::Button::new(text).min_size(vec2(LEASE, 0.0));
-    if ui.add_enabled(live, button).on_hover_text(hint).clicked() {
+    if ui.add_enabled(live && !mine, button).on_hover_text(hint).clicked() {
         match &model.lease {
             Lease::Other(holder) if model.mode().is_some_and(has_torque) => {
                 desk.taking_over = Some(holder.clone());
@@ -93,7 +93,11 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
     let (text, color) = match &model.lease {
         _ if !model.is_online() => return,
         Lease::Mine => ("you command".to_owned(), palette.good),
-        Lease::Free => ("nobody commands".to_owned(), ui.visuals().text_color()),
+        Lease::Free => {
+            let pushes = model.mode().is_some_and(has_torque);
+            let color = if pushes { palette.warn } else { palette.text };
+            ("nobody commands: a change takes it".to_owned(), color)
+        }
         Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
         Lease::Other(holder) => (format!("you observe, {} commands", person(holder)), palette.warn),
     };

@@ -1,7 +1,7 @@
 //! The button `Recover`: reset and enable in one step, after a look at how far the sphere is from
 //! where the scene would pull it.
 
-use eframe::egui::{Button, Ui, vec2};
+use eframe::egui::{Button, RichText, Ui, vec2};
 use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
@@ -106,7 +106,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let distance = Distance::of(model);
     let stopped = matches!(model.mode(), Some(Mode::Fault | Mode::Estop));
     let at_rest = stopped || model.mode() == Some(Mode::Idle);
-    let refusal = refusal(model).filter(|_| stopped);
+    let refusal = super::state::too_fast(model).or_else(|| refusal(model)).filter(|_| stopped);
     let enabled = model.may_command() && stopped && refusal.is_none();
     let hint = refusal.as_deref().unwrap_or(
         "Reset and Enable in one step, with a soft start of half a second. The sphere must be near the reference",
@@ -131,8 +131,20 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
                 ui.disable();
             }
             match distance {
-                Distance::Far(_) if at_rest => coloured(ui, Palette::of(ui).warn, text),
-                _ => weak(ui, text),
+                // The control itself can be below the lower end of its tab.
+                Distance::Far(_)
+                    if at_rest
+                        && model.is_simulated()
+                        && let Some((effect, _)) = model.scene.first_reference() =>
+                {
+                    let text = RichText::new(text).color(Palette::of(ui).warn).size(12.0);
+                    if ui.add_enabled(model.may_command(), Button::new(text).wrap()).clicked() {
+                        let (effect, key) = (effect.id().to_owned(), "anchor".to_owned());
+                        intents.push(Intent::Set { effect, key, value: "here".into() });
+                    }
+                }
+                Distance::Far(_) if at_rest => drop(coloured(ui, Palette::of(ui).warn, text)),
+                _ => drop(weak(ui, text)),
             }
         });
     });

@@ -1,20 +1,25 @@
 //! The mode of the rig, and the buttons that change it, with the stop button first.
 
 use eframe::egui::{
-    self, Button, Color32, Event, PointerButton, RichText, Role, ScrollArea, TextStyle, Ui, WidgetInfo, vec2,
+    self, Button, Color32, Event, FontId, PointerButton, RichText, Role, ScrollArea, TextStyle, Ui,
+    WidgetInfo, vec2,
 };
 use glam::DVec3;
 use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
 use super::recover;
 use super::theme::{Palette, STOP, coloured, column, named, stripes, weak};
-use crate::model::{Headline, Model};
+use crate::model::{Headline, Model, has_torque};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points.
 const STATUS: [f32; 2] = [88.0, 158.0];
-/// Size of the word for the state, points.
-const HEADLINE: f32 = 26.0;
+/// Size of the word for the state, in a low and in a tall window, points.
+const HEADLINE: [f32; 2] = [20.0, 26.0];
+/// Size of the text in the box of a low window, points.
+const SMALL: f32 = 12.0;
+/// A speed is judged by its largest value in this time, so that what is said does not flicker, s.
+const RECENT_S: f64 = 0.5;
 /// Speed above which the box says that the sphere still turns, rad/s.
 const TURNS: f64 = 0.1;
 /// A part of the torque below this is not told in the box when the limits cut it.
@@ -83,17 +88,22 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[String], intents: &mu
     orders(ui, model, intents);
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
-    let is_long = match model.headline() {
-        Headline::Mode(Mode::Fault) => true,
-        Headline::NotStopped | Headline::NoContact => is_low(ui),
-        _ => false,
-    };
     let size = usize::from(!is_low(ui));
-    if is_long {
+    if is_long(ui, model.headline(), warnings) {
         status(ui, model, warnings, palette, STATUS[size] + BARS[size]);
     } else {
         status(ui, model, warnings, palette, STATUS[size]);
         ui.add_enabled_ui(model.is_certain(), |ui| meters(ui, model, palette));
+    }
+}
+
+/// Returns whether the box takes the place of the bars.
+fn is_long(ui: &Ui, headline: Headline, warnings: &[String]) -> bool {
+    match headline {
+        Headline::Mode(Mode::Fault) => true,
+        Headline::Mode(Mode::Estop) => is_low(ui) && !warnings.is_empty(),
+        Headline::NotStopped | Headline::NoContact => is_low(ui),
+        _ => false,
     }
 }
 
@@ -105,8 +115,11 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
     let edge = egui::Frame::group(ui.style()).stroke.color;
     let mut frame =
         egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(8, 5)).stroke((2.0, edge));
+    let shakes = matches!(headline, Headline::Mode(mode) if has_torque(mode))
+        && (model.shaking.is_some() || !warnings.is_empty() && model.history.shakes());
     // The box is as loud as the state.
     frame = match headline {
+        _ if shakes => frame.fill(palette.warn.gamma_multiply(0.12)).stroke((2.0, palette.warn)),
         Headline::NotStopped => frame.stroke((2.0, Color32::TRANSPARENT)),
         Headline::NoState => frame,
         Headline::NoContact | Headline::Mode(Mode::Fault | Mode::Estop) => {
@@ -122,18 +135,43 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         let color = if headline == Headline::NotStopped {
             ui.visuals_mut().override_text_color = Some(Color32::WHITE);
             Color32::WHITE
+        } else if shakes {
+            palette.warn
         } else {
             palette.headline(headline)
         };
-        ui.label(RichText::new(headline.text()).strong().size(HEADLINE).color(color));
+        let size = HEADLINE[usize::from(!is_low(ui))];
+        ui.label(RichText::new(headline.text()).strong().size(size).color(color));
+        if is_low(ui) {
+            ui.style_mut().override_font_id = Some(FontId::proportional(SMALL));
+        }
         let cut = cut(model, headline);
+        // Only the speed matters without torque, and it tells when a reset is possible.
+        let fault = matches!(headline, Headline::Mode(_)) && is_long(ui, headline, warnings);
         // The last line of the box, so that nothing moves when it comes and goes.
-        let line = if cut.is_some() { ui.text_style_height(&TextStyle::Body).ceil() + 4.0 } else { 0.0 };
+        let line = match (fault, cut) {
+            (true, _) => ui.spacing().interact_size.y + 4.0,
+            (false, Some(_)) => ui.text_style_height(&TextStyle::Body).ceil() + 4.0,
+            (false, None) => 0.0,
+        };
         let area = ScrollArea::vertical().id_salt("status").auto_shrink(false).min_scrolled_height(0.0);
         let area = area.max_height(ui.available_height() - line);
-        area.show(ui, |ui| details(ui, model, warnings, headline, palette));
+        area.show(ui, |ui| {
+            if shakes && model.shaking.is_none() {
+                let speed = model.history.fastest(RECENT_S);
+                let text = format!(
+                    "It shakes, at up to {speed:.1} rad/s. Lower the stiffness or raise the damping."
+                );
+                ui.add(egui::Label::new(RichText::new(text).strong().color(palette.warn)).wrap());
+            } else {
+                details(ui, model, warnings, headline, palette);
+            }
+        });
         if let Some(cut) = cut {
             coloured(ui, palette.warn, format!("Limits cut {} of the torque", percent(cut)));
+        }
+        if let Some(state) = model.state.as_ref().filter(|_| fault) {
+            meter(ui, palette, METERS[1], speed(state, model, palette));
         }
     });
     if headline == Headline::NotStopped {
@@ -175,11 +213,17 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
             }
         }
         (Headline::NoContact, _) => no_contact(ui, model, palette),
-        (Headline::Mode(Mode::Fault), Some(state)) => fault(ui, model, state, palette),
-        (Headline::Mode(Mode::Estop), _) => match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
-            Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
-            None => stopped(ui, model, palette, Mode::Estop.sentence()),
-        },
+        (Headline::Mode(Mode::Fault), Some(state)) => {
+            fault(ui, model, state, palette);
+            warned(ui, warnings, palette);
+        }
+        (Headline::Mode(Mode::Estop), _) => {
+            match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
+                Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
+                None => stopped(ui, model, palette, Mode::Estop.sentence()),
+            }
+            warned(ui, warnings, palette);
+        }
         (Headline::Mode(Mode::Idle), _) if let Some(text) = recover::refusal(model) => {
             turns(ui, model, palette);
             coloured(ui, palette.warn, format!("No torque. {text}"));
@@ -191,19 +235,35 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
             if let Some(shaking) = &model.shaking {
                 coloured(ui, palette.warn, shaken(shaking));
             }
-            // The list below the sliders can be out of sight when the user enables.
-            match warnings {
-                [] => drop(weak(ui, mode.sentence())),
-                [only] => drop(coloured(ui, palette.warn, format!("Warning: {only}"))),
-                [first, ..] => {
-                    let text = format!("The first of {} warnings: {first}", warnings.len());
-                    coloured(ui, palette.warn, text);
-                }
+            if warnings.is_empty() {
+                weak(ui, mode.sentence());
             }
+            warned(ui, warnings, palette);
         }
         (Headline::NoState, _) => {
             weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
         }
+    }
+}
+
+/// Draws the first warning about the scene: the list below the sliders can be out of sight when the
+/// user enables or recovers.
+fn warned(ui: &mut Ui, warnings: &[String], palette: Palette) {
+    let Some(first) = warnings.first() else { return };
+    let text = if is_low(ui) { brief(first) } else { first.clone() };
+    let text = match warnings.len() {
+        1 => format!("Warning: {text}"),
+        many => format!("The first of {many} warnings: {text}"),
+    };
+    coloured(ui, palette.warn, text).on_hover_text(first);
+}
+
+/// Leaves out the reasons in the middle of a long warning of the server, for a box without room.
+pub(super) fn brief(warning: &str) -> String {
+    let reasons = warning.match_indices(": ").nth(1).map(|(at, _)| at);
+    match (reasons, warning.rsplit_once("; ")) {
+        (Some(at), Some((_, remedy))) => format!("{}; {remedy}", &warning[..at]),
+        _ => warning.to_owned(),
     }
 }
 
@@ -258,7 +318,7 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     let by = model.fault.as_ref().and_then(|told| told.by.as_ref());
     let by = by.map(|by| format!(" It was {}.", model.who(by))).unwrap_or_default();
     coloured(ui, palette.bad, format!("{what}{by}"));
-    if let Some(text) = too_fast(model, state) {
+    if let Some(text) = too_fast(model) {
         coloured(ui, palette.warn, text);
     }
     // What was found comes before the usual remedy. A simulated rig has no plug that is loose.
@@ -271,11 +331,12 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     ui.add(egui::Label::new(cure).wrap());
 }
 
-/// Says that the sphere must slow down before a reset, if it is still as fast as in the fault
+/// Says that the sphere must slow down before a reset, if it is or just was as fast as in the fault
 /// `overspeed`.
-fn too_fast(model: &Model, state: &StateEvent) -> Option<String> {
-    let (speed, limit) = (DVec3::from(state.omega).length(), model.info.limits.speed);
-    let fast = state.fault == Some(Fault::Overspeed) && limit > 0.0 && speed > limit;
+pub(super) fn too_fast(model: &Model) -> Option<String> {
+    let (speed, limit) = (model.history.fastest(RECENT_S), model.info.limits.speed);
+    let fault = model.state.as_ref().and_then(|state| state.fault);
+    let fast = fault == Some(Fault::Overspeed) && limit > 0.0 && speed > limit;
     let hand = if model.is_simulated() {
         " If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate]."
     } else {
@@ -298,6 +359,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let width = (ui.available_width() - 2.0 * ui.spacing().item_spacing.x) / 3.0;
     let height = ORDER[usize::from(!is_low(ui))];
     let refusal = recover::refusal(model).filter(|_| mode == Some(Mode::Idle));
+    let too_fast = too_fast(model);
     let orders = [
         (
             "Enable",
@@ -314,8 +376,8 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         (
             "Reset",
             Intent::Reset,
-            may && matches!(mode, Some(Mode::Fault | Mode::Estop)),
-            "leave a fault or a stop, once its cause is gone",
+            may && matches!(mode, Some(Mode::Fault | Mode::Estop)) && too_fast.is_none(),
+            too_fast.as_deref().unwrap_or("leave a fault or a stop, once its cause is gone"),
         ),
     ];
     ui.horizontal(|ui| {
@@ -335,27 +397,19 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
     let Some(state) = &model.state else {
         // The bars keep their places.
         for name in METERS {
-            meter(ui, palette, name, 0.0, palette.good, "-".to_owned());
+            meter(ui, palette, name, (0.0, palette.good, "-".to_owned()));
         }
         lead(ui, palette, 0.0);
         return;
     };
     let limits = &model.info.limits;
     let torque = DVec3::from(state.torque).length();
-    let speed = DVec3::from(state.omega).length();
     let lost = 1.0 - state.scale;
     let is_cut = lost > 0.0005;
-    let load = |share: f64, figures: String| {
-        let color = match share {
-            s if s > 0.9 => palette.bad,
-            s if s > 0.7 => palette.warn,
-            _ => palette.good,
-        };
-        (share, color, figures)
-    };
+    let load = |share, figures| load(palette, share, figures);
     let values = [
         load(share(torque, limits.torque), format!("{torque:.2} / {:.2} N m", limits.torque)),
-        load(share(speed, limits.speed), format!("{speed:.2} / {} rad/s", limits.speed)),
+        speed(state, model, palette),
         load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
         load(
             share(state.slip, limits.slip),
@@ -368,10 +422,25 @@ fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
             (0.0, palette.warn, "none".to_owned())
         },
     ];
-    for (name, (share, color, figures)) in METERS.into_iter().zip(values) {
-        meter(ui, palette, name, share, color, figures);
+    for (name, value) in METERS.into_iter().zip(values) {
+        meter(ui, palette, name, value);
     }
     lead(ui, palette, state.timing.lead_us);
+}
+
+/// Returns a part of a limit, with its colour and its text.
+fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String) {
+    let color = match share {
+        s if s > 0.9 => palette.bad,
+        s if s > 0.7 => palette.warn,
+        _ => palette.good,
+    };
+    (share, color, figures)
+}
+
+fn speed(state: &StateEvent, model: &Model, palette: Palette) -> (f64, Color32, String) {
+    let (speed, limit) = (DVec3::from(state.omega).length(), model.info.limits.speed);
+    load(palette, share(speed, limit), format!("{speed:.2} / {limit} rad/s"))
 }
 
 /// Draws how far ahead the scene is rendered. The line keeps its place; a low window has none.
@@ -401,9 +470,7 @@ fn meter(
     ui: &mut Ui,
     palette: Palette,
     (name, hint): (&str, &str),
-    share: f64,
-    color: Color32,
-    figures: String,
+    (share, color, figures): (f64, Color32, String),
 ) {
     ui.horizontal(|ui| {
         column(ui, 70.0, name).on_hover_text(hint);

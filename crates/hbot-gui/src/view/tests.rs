@@ -27,7 +27,7 @@ const SIZES: [[f32; 2]; 2] = [[1280.0, 760.0], [1024.0, 600.0]];
 const SMALLEST: [f32; 2] = [900.0, 600.0];
 
 /// What the user drags or clicks in the window, by name.
-const CONTROLS: [&str; 23] = [
+const CONTROLS: [&str; 24] = [
     "Stop",
     "Enable",
     "Disable",
@@ -51,6 +51,7 @@ const CONTROLS: [&str; 23] = [
     "Pause",
     "Export CSV",
     "Light or dark",
+    "Release",
 ];
 
 struct Window {
@@ -90,7 +91,7 @@ fn shows(seen: &Seen, text: &str) -> bool {
 fn places(seen: &Seen) -> Vec<(&'static str, Rect)> {
     let mut places: Vec<_> =
         CONTROLS.into_iter().map(|name| (name, seen.get_by_label(name).rect())).collect();
-    let lease = ["Release", "Take command", "Take over"];
+    let lease = ["Take command", "Take over"];
     let button = lease.into_iter().find_map(|name| seen.query_by_label(name)).expect("the lease's button");
     places.push(("the button for the lease", button.rect()));
     places

@@ -131,7 +131,7 @@ fn every_plot_marks_scenes_changed_parameters_and_stops() {
     seat.type_number("Stiffness value", "1.5");
     for (plot, axis) in [
         ("Torque", "torque, N m"),
-        ("Angle", "rotation vector, rad"),
+        ("Angle", "turn from reference, rad"),
         ("Speed", "angular velocity, rad/s"),
         ("Slip", "slip, m/s"),
         ("Energy", "energy to the hand, J"),

@@ -31,7 +31,9 @@ const camera = new Camera();
 let token = null;
 
 const scheme = location.protocol === 'https:' ? 'wss:' : 'ws:';
-const link = new Link(`${scheme}//${location.host}/ws`, 'page', {
+// Other clients tell several pages apart by it.
+const device = /iPhone|iPad|Android|CrOS|Windows|Mac|Linux/.exec(navigator.userAgent)?.[0] ?? 'another device';
+const link = new Link(`${scheme}//${location.host}/ws`, `page on ${device}`, {
   token: () => token,
   opened(hello) {
     rig.opened(hello);
@@ -137,12 +139,9 @@ for (const op of ['enable', 'disable', 'reset']) $(op).onclick = () => ask(op);
 // A stop between the two makes the server refuse the second.
 $('recover').onclick = async () => await ask('reset', {}, 'recover') && ask('enable', {}, 'recover');
 
-$('lease').onclick = async () => {
+$('lease').onclick = () => {
   const { who, holder } = rig.lease;
-  if (who === 'mine') {
-    hand.letGo();
-    if (await ask('release')) rig.lease = { who: 'free' };
-  } else if (who === 'other' && hasTorque(rig.state?.mode)) {
+  if (who === 'other' && hasTorque(rig.state?.mode)) {
     const name = person(holder);
     put($('asked'), `Take over from ${name}?`);
     put($('consequence'), `The sphere pushes, and ${name} commands it. The scene goes on when you take `
@@ -151,9 +150,13 @@ $('lease').onclick = async () => {
     $('no').focus();
   } else acquire(who === 'other');
 };
+$('release').onclick = async () => {
+  hand.letGo();
+  if (await ask('release')) rig.lease = { who: 'free' };
+};
 async function acquire(steal) {
   $('question').hidden = true;
-  if (await ask('acquire', { steal }, 'take over')) rig.lease = { who: 'mine' };
+  if (await ask('acquire', { steal }, 'take over')) rig.mine();
   changed();
 }
 $('yes').onclick = () => acquire(true);
@@ -269,8 +272,8 @@ function words() {
   }
   put(legend.children[0], `torque ${length(state.torque).toFixed(3)} N m`);
   put(legend.children[1], state.reference ? 'reference, dashed' : 'no reference');
-  put(legend.children[2], `rotation n1 n2 n3 ${turned.map(figure).join(' ')} rad`);
-  put(legend.children[3], `turned ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
+  put(legend.children[2], `n1 n2 n3 from N ${turned.map(figure).join(' ')} rad`);
+  put(legend.children[3], `turned from N ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
   const away = rig.away;
   $('sphere').setAttribute('aria-label', `Sphere: turned ${angle.toFixed(2)} rad, torque `
     + `${length(state.torque).toFixed(2)} N m${away === null ? '' : `, ${away.toFixed(2)} rad from its reference`}`);
@@ -294,7 +297,7 @@ function showPlot() {
     plot($('torque'), samples, colours, {
       name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true, limit: rig.info?.limits.torque });
   } else {
-    plot($('angle'), samples, colours, { name: 'angle from reference, rad', short: 'from reference, rad', of: (s) => s.angle, least: 0.02 });
+    plot($('angle'), samples, colours, { name: `angle from ${rig.origin}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02 });
     $('curves').hidden = !rig.curves;
     if (rig.curves) plotCurves($('curves'), rig.curves, rig.present, colours, rig.info?.limits.torque ?? 0);
   }

@@ -19,6 +19,14 @@ export const hasTorque = (mode) => TORQUE.has(mode);
 /** Returns the user and machine in the name of a panel, and the whole name of other clients. */
 export const person = (name) => name.replace(/^panel /, '');
 
+/** A speed is judged by its largest value in this time, so that what is said does not flicker, s. */
+const RECENT = 0.5;
+/** The sphere shakes if its direction changes this often in a second, at a speed of at least this, rad/s. */
+const [REVERSALS, SHAKES] = [8, 1];
+
+/** The end of the message about a client that has taken over. */
+const TAKEN = ' has taken over command';
+
 export class Rig {
   constructor() {
     this.hello = null;
@@ -98,8 +106,15 @@ export class Rig {
 
   leased(holder, session) {
     if (session === null) this.lease = { who: 'free' };
-    else if (session === this.hello?.session) this.lease = { who: 'mine' };
+    else if (session === this.hello?.session) this.mine();
     else this.lease = { who: 'other', holder };
+  }
+
+  mine() {
+    this.lease = { who: 'mine' };
+    // What is over is no warning any more.
+    for (const message of this.messages) if (message.text.endsWith(TAKEN)) message.weight = '';
+    this.spoke = true;
   }
 
   /** Takes an event. Returns whether `info` has changed with it. */
@@ -119,15 +134,17 @@ export class Rig {
       }
       case 'lease':
         if (this.lease.who === 'mine' && message.cause === 'stolen') {
-          this.say(`${person(message.holder)} has taken over command`, 'warn');
+          this.say(`${person(message.holder)}${TAKEN}`, 'warn');
         }
         this.leased(message.holder, message.session);
         return false;
       case 'scene':
+        this.refusal = null;
         this.say(`scene: ${message.name}${message.by ? `, loaded by ${this.name(message.by)}` : ''}`);
         this.wishes.clear();
         return true;
       case 'set':
+        this.refusal = null;
         this.warnings = message.warnings;
         return false;
       case 'shaking':
@@ -147,6 +164,7 @@ export class Rig {
     const stopped = state.mode === 'fault' || state.mode === 'estop';
     // What was refused has come about, perhaps by another client.
     if (!stopped && (this.refusal?.op === 'reset' || hasTorque(state.mode))) this.refusal = null;
+    if (this.refusal?.op === 'enable' && this.state && !this.isFar) this.refusal = null;
     if (this.fault && state.tick > this.fault.tick && !stopped) this.fault = null;
     const stop = this.stop;
     if (stop && (stop.after === null || state.tick > stop.after) && !hasTorque(state.mode)) {
@@ -154,7 +172,7 @@ export class Rig {
     }
     this.state = state;
     this.heard = performance.now();
-    this.samples.push({ t: state.t, torque: state.torque, angle: this.deflection(state) });
+    this.samples.push({ t: state.t, omega: state.omega, torque: state.torque, angle: this.deflection(state) });
     const old = state.t - SPAN - 1;
     if (this.samples.length > MOST_SAMPLES || this.samples[0].t < old - 1) {
       this.samples = this.samples.filter((sample) => sample.t >= old).slice(-MOST_SAMPLES);
@@ -177,6 +195,35 @@ export class Rig {
     const anchor = state.reference
       ? product(conjugate(normalised(effect?.reference ?? [1, 0, 0, 0])), state.reference) : [1, 0, 0, 0];
     return { angle: rotation(product(state.q, conjugate(anchor))), torque: state.torque };
+  }
+
+  /** From what the angle of the plot is measured. */
+  get origin() {
+    return this.state?.reference ? 'reference' : 'N';
+  }
+
+  last(seconds) {
+    return this.samples.filter(({ t }) => t >= this.state.t - seconds).map(({ omega }) => omega);
+  }
+
+  /** Returns the largest speed of the last moments, rad/s. */
+  get fastest() {
+    return this.state ? Math.max(...this.last(RECENT).map(length)) : 0;
+  }
+
+  /** Whether the sphere shakes by a scene that is warned of: it turns back and forth faster than a hand can. */
+  get shakes() {
+    if (!this.state || !hasTorque(this.state.mode)) return false;
+    if (this.shaking) return true;
+    const fast = this.last(1).filter((omega) => length(omega) > SHAKES);
+    const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    return this.warnings.length > 0 && fast.filter((it, k) => k > 0 && dot(it, fast[k - 1]) < 0).length >= REVERSALS;
+  }
+
+  /** Whether the server refuses a reset because the sphere is still as fast as in the fault. */
+  get isFast() {
+    const limit = this.info?.limits.speed;
+    return this.state?.fault === 'overspeed' && limit > 0 && this.fastest > limit;
   }
 
   /** Returns who asked for something, as the person at this page would say it. */

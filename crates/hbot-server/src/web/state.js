@@ -89,6 +89,10 @@ function details(rig) {
   if (state.mode === 'estop') {
     return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)]];
   }
+  if (rig.shakes && !rig.shaking) {
+    return [['strong warn', `It shakes, at up to ${rig.fastest.toFixed(1)} rad/s.`],
+      ['warn', 'Lower the stiffness or raise the damping.']];
+  }
   const shaken = rig.shaking
     ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
@@ -105,6 +109,9 @@ function tooFar(rig) {
 }
 
 function notReset(rig) {
+  if (rig.isFast) {
+    return `The sphere must slow down before Reset: ${rig.fastest.toFixed(2)} rad/s, the limit is ${rig.info.limits.speed} rad/s.`;
+  }
   return rig.refusal?.op === 'reset' ? `Not reset: ${rig.refusal.why}` : '';
 }
 
@@ -125,16 +132,14 @@ $('box').append(notice);
 function noticed({ state, isCertain, shaking, warnings }) {
   if (!isCertain) return '';
   const speed = length(state.omega);
-  if (!hasTorque(state.mode) && speed > TURNS) {
-    return `The sphere still turns: ${speed.toFixed(2)} rad/s`;
-  }
+  const turns = !hasTorque(state.mode) && speed > TURNS ? `The sphere still turns: ${speed.toFixed(2)} rad/s` : '';
   const cut = 1 - state.scale;
   if (state.mode === 'active' && cut >= LEAST_TOLD && warnings.length === 0) {
     return `Limits cut ${percent(cut)} of the torque`;
   }
-  if (shaking || warnings.length === 0) return '';
+  if (shaking || warnings.length === 0) return turns;
   const many = warnings.length > 1 ? `${warnings.length} warnings` : 'Warning';
-  return `${many}, see the scene: ${warnings[0].replaceAll('`', '')}`;
+  return `${turns && `${turns}. `}${many}, see the scene: ${warnings[0].replaceAll('`', '')}`;
 }
 
 /** Says a part in per cent. All of it is never cut. */
@@ -174,6 +179,7 @@ export function showState(rig) {
     }));
     fit();
   }
+  document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   document.body.classList.toggle('old', !rig.isCertain);
   bar(rig);
   orders(rig);
@@ -195,7 +201,7 @@ function bar(rig) {
   const title_ = simulated === null ? 'hbot page' : `${word}: ${name} - hbot page`;
   if (document.title !== title_) document.title = title_;
   const [button, said] = {
-    mine: ['Release', 'you command'],
+    mine: ['Take command', 'you command'],
     free: ['Take command', 'nobody commands'],
     unknown: ['Take command', rig.hello ? 'watching' : ''],
     other: ['Take over', `you observe, ${person(rig.lease.holder ?? '')} commands`],
@@ -204,16 +210,21 @@ function bar(rig) {
   $('who').title = said;
   $('who').dataset.lease = rig.lease.who;
   put($('lease'), button);
-  $('lease').disabled = !rig.isLive;
+  $('who').classList.toggle('warn', rig.lease.who === 'free' && hasTorque(rig.state?.mode));
+  // A second click on the button that takes command must not release it.
+  const mine = rig.lease.who === 'mine';
+  $('lease').disabled = !rig.isLive || mine;
+  $('release').disabled = !rig.isLive || !mine;
 }
 
 function orders(rig) {
   const mode = rig.state?.mode;
   const stopped = mode === 'fault' || mode === 'estop';
-  $('enable').disabled = !(rig.commands && mode === 'idle');
+  const refused = rig.refusal?.op === 'enable' && rig.isFar;
+  $('enable').disabled = !(rig.commands && mode === 'idle' && !refused);
   $('disable').disabled = !(rig.hello && hasTorque(mode));
-  $('reset').disabled = !(rig.commands && stopped);
-  $('recover').disabled = !(rig.commands && stopped);
+  $('reset').disabled = !(rig.commands && stopped && !rig.isFast);
+  $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !refused);
   const allowed = rig.info?.limits.enable_max_angle;
   const { away } = rig;
   $('distance').classList.toggle('warn', rig.isFar);

@@ -29,7 +29,7 @@ pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a>
         .custom_x_axes(vec![AxisHints::new_x().min_thickness(x_axis_height)])
         .y_axis_min_width(Y_AXIS_WIDTH)
         .x_grid_spacer(|input| round_steps(input, 9.0))
-        .y_grid_spacer(|input| round_steps(input, 4.0))
+        .y_grid_spacer(vertical)
         .x_axis_formatter(|mark, _| figure(mark))
         .y_axis_formatter(|mark, _| figure(mark))
         .allow_drag(still)
@@ -37,6 +37,14 @@ pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a>
         .allow_scroll(still)
         .allow_boxed_zoom(still)
         .allow_axis_zoom_drag(still)
+}
+
+/// Returns the grid lines of the vertical axis. They are closer in a low plot, which would else
+/// have none but that at 0.
+fn vertical(input: GridInput) -> Vec<GridMark> {
+    let close = GridInput { ..input };
+    let apart = round_steps(input, 4.0);
+    if apart.len() < 2 { round_steps(close, 2.0) } else { apart }
 }
 
 /// Returns the grid lines of a plot. Their distance is a round number (1, 2 or 5 times a power of
@@ -62,6 +70,16 @@ fn figure(mark: GridMark) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_low_plot_has_more_numbers_than_0() {
+        let figures = |base_step_size| {
+            let marks = vertical(GridInput { bounds: (-0.8, 0.8), base_step_size });
+            marks.into_iter().map(figure).collect::<Vec<_>>()
+        };
+        assert_eq!(figures(0.2), ["-0.5", "0.0", "0.5"]);
+        assert_eq!(figures(0.05), ["-0.8", "-0.6", "-0.4", "-0.2", "0.0", "0.2", "0.4", "0.6", "0.8"]);
+    }
 
     #[test]
     fn grid_lines_have_round_numbers_with_their_decimals() {

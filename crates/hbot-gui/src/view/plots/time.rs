@@ -46,6 +46,11 @@ impl Quantity {
         };
         let alone = |name, of: fn(&PlotSample) -> f64| vec![Curve { name, color, of: Box::new(of) }];
         let zero = plots.zero;
+        let from = match &model.state {
+            _ if zero.is_some() => Some("turn from Zero here, rad"),
+            Some(state) if state.reference.is_some() => Some("turn from reference, rad"),
+            _ => None,
+        };
         let (axis, curves, least, limit) = match which {
             Which::Torque => ("torque, N m", length("length", |sample| sample.torque), 0.02, limits.torque),
             Which::Speed => {
@@ -53,7 +58,7 @@ impl Quantity {
             }
             Which::Angle => {
                 let angle = move |sample: &PlotSample| sample.deflection(sample.zero(zero)).to_array();
-                ("rotation vector, rad", components(palette, angle), 0.02, 0.0)
+                (from.unwrap_or("turn from N, rad"), components(palette, angle), 0.02, 0.0)
             }
             Which::Slip => ("slip, m/s", alone("largest slip", |sample| sample.slip), 0.002, limits.slip),
             Which::Energy => {

@@ -26,6 +26,8 @@ use hand::Push;
 const REACH: f64 = 1.5;
 /// Height of the text below the picture of the sphere, points.
 const READOUTS: f32 = 50.0;
+/// A picture of at most this width has the text on the hand below the sphere, points.
+const NARROW: f32 = 500.0;
 /// Length of the arrow that shows the torque, in units of the sphere's radius. The first number is
 /// the least length, so that the direction is always visible. The second is added to it at the
 /// rig's torque limit.
@@ -37,7 +39,9 @@ const PUSH_LENGTH: [f64; 2] = [0.15, 0.6];
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     let (response, painter) = ui.allocate_painter(ui.available_size(), Sense::click_and_drag());
     let rect = response.rect;
-    let room = rect.with_max_y(rect.bottom() - READOUTS);
+    let narrow = rect.width() <= NARROW;
+    let readouts_height = if narrow { READOUTS + 18.0 } else { READOUTS };
+    let room = rect.with_max_y(rect.bottom() - readouts_height);
     let middle = room.center();
     let radius = (room.width().min(room.height()) / 2.0 / REACH as f32).max(10.0);
     let view = desk.camera.onto(middle, radius);
@@ -77,7 +81,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     Drawing::new(ui, &painter, corner).corner();
     readouts(&draw.painter, rect, state, palette);
     legend(&draw.painter, rect, (state, push), &shapes, palette);
-    if rect.width() > 500.0 {
+    if !narrow {
         let at = rect.right_bottom() - vec2(8.0, 6.0);
         let hint = if model.has_hand() {
             "drag the sphere to turn it; with Shift or beside it, the view"
@@ -108,9 +112,9 @@ fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, pal
     let q = quaternion(state.q);
     let turn = (if q.w < 0.0 { -q } else { q }).to_scaled_axis();
     let lines = [
-        format!("q        {:7.4} {:7.4} {:7.4} {:7.4}", q.w, q.x, q.y, q.z),
-        format!("rotation {:7.4} {:7.4} {:7.4} rad", turn.x, turn.y, turn.z),
-        format!("angle    {:7.4} rad, {:.1}\u{b0}", turn.length(), turn.length().to_degrees()),
+        format!("q from N     {:6.3} {:6.3} {:6.3} {:6.3}", q.w, q.x, q.y, q.z),
+        format!("turn from N  {:7.4} {:7.4} {:7.4} rad", turn.x, turn.y, turn.z),
+        format!("angle from N {:7.4} rad, {:.1}\u{b0}", turn.length(), turn.length().to_degrees()),
     ];
     let font = FontId::monospace(12.0);
     for (k, line) in lines.iter().rev().enumerate() {
@@ -137,7 +141,12 @@ fn legend(
     if let Some(push) = push {
         let text =
             format!("the scene pushes your hand: {:.2} N, {:.3} N m", push.force.length(), push.torque);
-        lines.push((palette.hand, text));
+        if rect.width() <= NARROW {
+            let at = rect.left_bottom() + vec2(8.0, -READOUTS - 2.0);
+            painter.text(at, Align2::LEFT_BOTTOM, text, FontId::proportional(13.0), palette.hand);
+        } else {
+            lines.push((palette.hand, text));
+        }
     }
     if !shapes.met.is_empty() {
         lines.push((palette.felt, format!("meets {}", shapes.met.join(", "))));

@@ -4,14 +4,17 @@
 use eframe::egui::Color32;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Fault, InfoOk, Mode, ShakingEvent, StateEvent};
+use serde_json::json;
 
-use super::{Change, SIZES, Seen, limited, places, settle, shows, window};
+use super::{Change, SIZES, SMALLEST, Seen, limited, places, settle, shows, window};
 use crate::model::Model;
 use crate::model::tests::{
-    ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
+    ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by, told,
 };
-use crate::net::News;
+use crate::net::{Intent, Lease, News};
+use crate::view::Act;
 use crate::view::painted::{filled, hint, texts};
+use crate::view::state::brief;
 use crate::view::theme::Palette;
 
 #[test]
@@ -131,6 +134,123 @@ fn an_effect_that_shakes_the_sphere_is_named_until_it_is_calm() {
     }
 }
 
+/// The server warns of a spring as stiff as this one without damping.
+fn warned(mode: Mode) -> Model {
+    let mut model = commanding(true);
+    let effect = json!({"id": "spring", "kind": "spring", "stiffness": 400.0, "damping": 0.0});
+    let scene = json!({"name": "Stiff", "effect": [effect]});
+    let InfoOk { mut rig, limits, render, .. } = told();
+    rig.simulated = true;
+    let info = InfoOk { rig, limits, render, scene, ..model.info.clone() };
+    hear(&mut model, News::Info(Box::new(info)));
+    see(&mut model, 200, mode);
+    model
+}
+
+#[test]
+fn a_scene_that_is_warned_of_is_an_alarm_while_it_shakes() {
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, warned(Mode::Active));
+        assert!(shows(&seen, "Warning: spring: may shake"), "{size:?}");
+        let warn = Palette::of_theme(true, Color32::GRAY).warn;
+        let is_amber = |seen: &Seen| texts(seen).iter().any(|it| it.text == "ACTIVE" && it.color == warn);
+        // Back and forth at 10 Hz, then a second of calm.
+        for tick in 1..300 {
+            let shakes = tick < 150;
+            let speed = if !shakes {
+                0.0
+            } else if tick / 5 % 2 == 0 {
+                13.0
+            } else {
+                -13.0
+            };
+            let (tick, omega) = (200 + 10 * tick, [0.0, speed, 0.0]);
+            let t = tick as f64 / 1000.0;
+            let state = StateEvent { tick, t, mode: Mode::Active, omega, ..StateEvent::default() };
+            see_state(&mut seen.state_mut().model, state);
+            if tick == 1690 || tick == 3190 {
+                settle(&mut seen);
+                assert_eq!(is_amber(&seen), shakes, "{size:?}, {tick}");
+                assert_eq!(shows(&seen, "It shakes, at up to 13.0 rad/s."), shakes, "{size:?}, {tick}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_warning_is_read_whole_beside_recover() {
+    for mode in [Mode::Active, Mode::Idle, Mode::Estop, Mode::Fault] {
+        for size in [SIZES[0], SIZES[1], SMALLEST] {
+            let mut model = warned(mode);
+            model.state.as_mut().expect("a state").fault = (mode == Mode::Fault).then_some(Fault::Overspeed);
+            let seen = window(size, model);
+            let told = texts(&seen).into_iter().find(|it| it.text.starts_with("Warning: spring: may shake"));
+            assert!(told.is_some_and(|it| it.is_whole()), "{mode}, {size:?}");
+        }
+    }
+}
+
+#[test]
+fn a_low_box_says_what_and_what_to_do() {
+    let warning =
+        "s: may shake at its rest: it has 40 N m/rad: too much; it is so; set stiffness = 15 or less";
+    assert_eq!(brief(warning), "s: may shake at its rest; set stiffness = 15 or less");
+    assert_eq!(brief("s: has no effect"), "s: has no effect");
+}
+
+#[test]
+fn the_speed_stays_in_sight_in_a_fault() {
+    for size in [SIZES[0], SMALLEST] {
+        let mut model = commanding(true);
+        let (fault, omega) = (Some(Fault::Overspeed), [0.0, 7.0, 0.0]);
+        let mode = Mode::Fault;
+        see_state(&mut model, StateEvent { tick: 200, t: 0.2, mode, fault, omega, ..StateEvent::default() });
+        let seen = window(size, model);
+        assert!(seen.query_by_label("Speed: 7.00 / 0 rad/s").is_some(), "{size:?}");
+    }
+}
+
+#[test]
+fn a_sphere_that_is_too_far_is_anchored_by_one_press() {
+    let mut model = commanding(true);
+    model.info.limits.enable_max_angle = 0.5;
+    let q = [0.4_f64.cos(), 0.4_f64.sin(), 0.0, 0.0];
+    let reference = Some([1.0, 0.0, 0.0, 0.0]);
+    see_state(
+        &mut model,
+        StateEvent { tick: 200, t: 0.2, mode: Mode::Estop, q, reference, ..StateEvent::default() },
+    );
+    let mut seen = window(SMALLEST, model);
+    seen.get_by_label("0.80 rad from reference: set its anchor to here").click();
+    settle(&mut seen);
+    let acts = &seen.state().acts;
+    let is_asked = |act: &Act| {
+        matches!(act, Act::Ask(Intent::Set { effect, key, value })
+        if effect == "spring" && key == "anchor" && value == "here")
+    };
+    assert!(acts.len() == 1 && is_asked(&acts[0]), "{acts:?}");
+}
+
+#[test]
+fn the_button_that_takes_command_never_releases_it() {
+    let mut seen = window(SMALLEST, commanding(true));
+    let places = |seen: &Seen| {
+        ["Take command", "Release"].map(|name| {
+            let button = seen.get_by_label(name);
+            (button.rect(), button.accesskit_node().is_disabled())
+        })
+    };
+    let mine = places(&seen);
+    seen.state_mut().model.lease = Lease::Free;
+    settle(&mut seen);
+    let free = places(&seen);
+    assert_eq!([mine[0].1, mine[1].1, free[0].1, free[1].1], [true, false, false, true]);
+    assert_eq!([mine[0].0, mine[1].0], [free[0].0, free[1].0]);
+    let told = texts(&seen).into_iter().find(|it| it.text == "nobody commands: a change takes it");
+    let warn = Palette::of_theme(true, Color32::GRAY).warn;
+    assert!(told.is_some_and(|it| it.is_whole() && it.color == warn));
+}
+
 #[test]
 fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
     let mut seen = window(SIZES[0], commanding(false));
@@ -221,12 +341,17 @@ fn a_sphere_that_is_still_too_fast_for_a_reset_is_told() {
         (Fault::Overspeed, 29.0, true, false),
         (Fault::Thermal, 45.25, true, false),
     ] {
+        // A moment later the sphere is slower, which is not yet enough.
         let mut model = commanding(simulated);
         model.info.limits.speed = 30.0;
         let (mode, omega) = (Mode::Fault, [0.0, speed, 0.0]);
         let fault = Some(fault);
         see_state(&mut model, StateEvent { tick: 200, t: 0.2, mode, fault, omega, ..StateEvent::default() });
+        see_state(&mut model, StateEvent { tick: 300, t: 0.3, mode, fault, ..StateEvent::default() });
         let seen = window(SIZES[1], model);
+        for name in ["Reset", "Recover"] {
+            assert_eq!(seen.get_by_label(name).accesskit_node().is_disabled(), fast, "{name}: {fault:?}");
+        }
         assert_eq!(shows(&seen, told), fast, "{fault:?} at {speed} rad/s");
         assert_eq!(shows(&seen, hand), fast && simulated, "{fault:?} at {speed} rad/s");
         assert!(texts(&seen).iter().all(|it| it.is_whole()));
