@@ -15,7 +15,7 @@ use hbot_config::rig::Protocol;
 use self::units::Quantity;
 use super::ask::{at_terminal, note_if_nobody_is_there, somebody_is_there};
 use super::numbers::whole;
-use super::out::{create_new, note, say};
+use super::out::{create_new, note, say, tell};
 
 /// Options of `hbot rig new`. On a terminal, the command asks for each number that is not given.
 /// Otherwise it takes the default.
@@ -183,7 +183,7 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
         .write_all(text.as_bytes())
         .with_context(|| format!("{}: cannot be written", args.file.display()))?;
     say!("{} is written. Measure what is marked \"measure\", then run", args.file.display())?;
-    say!("  hbot rig check {0}\n  hbot server --rig {0} --port sim", args.file.display())?;
+    tell!("  hbot rig check {0}\n  hbot server --rig {0} --port sim", args.file.display())?;
     say!("docs/first-torque.md leads from here to the first torque")?;
     Ok(ExitCode::SUCCESS)
 }

@@ -30,7 +30,7 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
 use super::numbers::{positive, seconds, unchecked};
-use super::out::make_folder;
+use super::out::{self, make_folder};
 use super::record::file_or_folder;
 use super::sockets::Web;
 use super::{own_folder, secrets, sockets, status, style};
@@ -254,7 +254,7 @@ async fn serve(
     if let Some(file) = server.recording_file() {
         console.say(format!("recording to {}", file.display()));
     }
-    console.say(banner);
+    console.say(out::banner(&banner));
     let nowhere = nowhere.then(|| {
         "no flight logs are written: neither XDG_STATE_HOME nor HOME is an absolute path".to_owned()
     });
@@ -395,7 +395,7 @@ fn banner(
     format!(
         "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {}{baud}\n  rate     {} Hz, {how}{cpu}, \
          accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}\n  \
-         Ctrl-C stops it; in another terminal, `hbot watch{at}` shows the sphere and `hbot set{at}` changes an effect",
+         Ctrl-C stops it; in another terminal, `hbot watch{at}` shows the sphere and `hbot scene show{at}` what `hbot set` can change",
         env!("CARGO_PKG_VERSION"),
         live_or_simulated(port),
         rig.name,
