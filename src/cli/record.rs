@@ -173,7 +173,8 @@ fn create(file: &Path) -> anyhow::Result<File> {
 
 /// Why states are lost, and what to do about it.
 const ADVICE: &str = "\
-The server drops states if this program or the network takes them too slowly. Record fewer of them by `--every N`, or \
+The server keeps about 128 states for a client, 0.13 s at 1 kHz, and drops the next ones: this computer or the network \
+was busy for longer. Record fewer states by `--every N`, or \
 record on the rig's computer by `hbot server --record FILE`, which does not send them over the network.";
 
 /// Says how many states are recorded, and how many are lost.
