@@ -21,6 +21,7 @@ use hbot_host::rig::last_word::Program;
 use hbot_host::run_loop::signals;
 use serde_json::json;
 
+use super::numbers::{positive, whole};
 use super::out::{note, tell};
 use super::style;
 pub(crate) use calibrate::{CalibrateArgs, run_calibrate};
@@ -67,7 +68,7 @@ pub(crate) struct TestArgs {
     #[command(flatten)]
     which: Which,
     /// Number of the joint, from 1, in the order steer, drive of each wheel
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=16_usize))]
     joint: usize,
     /// Torque at the joint with its controller's own sign, N m, up to its peak and not 0; begin
     /// with a hundredth of its peak. `auto`: rises slowly to the joint's continuous torque at most,
@@ -75,7 +76,7 @@ pub(crate) struct TestArgs {
     #[arg(long, value_name = "T|auto", allow_negative_numbers = true)]
     torque: TestTorque,
     /// Stop if any joint turns faster than this, rad/s, above 0
-    #[arg(long, value_name = "RATE", default_value_t = 5.0)]
+    #[arg(long, value_name = "RATE", default_value_t = 5.0, value_parser = positive("rad/s"), allow_negative_numbers = true)]
     speed: f64,
 }
 
@@ -210,9 +211,6 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
         }
         TestTorque::Auto if !(peak > 0.0) => bail!("joint {} has no motor", args.joint),
         _ => {}
-    }
-    if !(args.speed > 0.0) {
-        bail!("--speed {} is out of range; legal: above 0 rad/s", args.speed);
     }
     let outcome = on_the_lines(&rig, Truth::default(), |bench| {
         Ok(match args.torque {

@@ -13,6 +13,7 @@ use hbot_host::commission::doctor::{
 };
 use serde_json::{Value, json};
 
+use super::numbers::{unchecked, whole};
 use super::out::{foreign, say, tell};
 use super::{ServerAddress, orders, server, show, style};
 
@@ -29,13 +30,13 @@ pub(crate) struct DoctorArgs {
     #[arg(long, value_name = "DEVICE")]
     port: Option<String>,
     /// Ticks a second to measure at, 50 to 20000, in place of the rig file's
-    #[arg(long, value_name = "HZ", value_parser = server::hertz)]
+    #[arg(long, value_name = "HZ", value_parser = unchecked("50 to 20000 Hz"))]
     rate: Option<u32>,
     /// Processor of the loop, 0 to 1023, in place of the rig file's
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = unchecked("0 to 1023"))]
     cpu: Option<u32>,
     /// How long to measure the lateness of this machine, 1 to 3600 s
-    #[arg(long, value_name = "SECONDS", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=3600))]
+    #[arg(long, value_name = "SECONDS", default_value_t = 5, allow_negative_numbers = true, value_parser = whole(1..=3600_u64))]
     seconds: u64,
     /// Also show the statistics of a running server's loop
     #[arg(long, value_name = "ADDR")]

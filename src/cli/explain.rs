@@ -19,6 +19,7 @@ use hbot_record::messages::hbot::State;
 use hbot_record::reader::{Item, ReadError};
 use hbot_record::told::{Told, told};
 
+use super::numbers::whole;
 use super::out::{foreign, note, refuse_folder_or_pipe, tell};
 use super::scene::plot::{svg, write};
 use super::style;
@@ -32,7 +33,7 @@ pub(crate) struct ExplainArgs {
     /// Recording or flight log (MCAP)
     file: PathBuf,
     /// Which fault or emergency stop of the recording to explain, from 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(1..=u32::MAX))]
     number: u32,
     /// Draw the time before the fault into this file; its name ends in .svg
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]

@@ -1,11 +1,13 @@
 //! Command lines that people type out of habit, and what they mean in hbot.
 
+use std::error::Error as _;
 use std::ffi::OsString;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use hbot_config::did_you_mean;
 use hbot_config::scene::{ShelfScene, kinds};
 
+use super::numbers::LEGAL;
 use super::orders::SHOW_SCENE;
 
 /// Words that are no commands of hbot, and the command that does what they ask for.
@@ -73,11 +75,20 @@ pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<Stri
     match answer.kind() {
         ErrorKind::InvalidSubcommand => command(answer, arguments),
         ErrorKind::UnknownArgument => argument(answer, arguments),
+        ErrorKind::ValueValidation => number(answer),
         ErrorKind::MissingRequiredArgument if is_command(arguments, &["set"]) => {
             Some(format!("name an effect and its new values: `hbot set EFFECT KEY=VALUE`; {SHOW_SCENE}"))
         }
         _ => None,
     }
+}
+
+/// Returns the error about a number, without clap's words around it.
+fn number(answer: &clap::Error) -> Option<String> {
+    let why = answer.source()?.to_string();
+    let Some(ContextValue::String(option)) = answer.get(ContextKind::InvalidArg) else { return None };
+    let option = option.split(' ').next().unwrap_or(option);
+    why.contains(LEGAL).then(|| format!("{option}: {why}"))
 }
 
 /// Commands that are clients of a server.

@@ -16,6 +16,7 @@ use hbot_config::sweep::Probe;
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Curve, PlotPanel, sheet};
 
+use super::numbers::real;
 use super::out::{note, say, tell};
 use super::scene::plot::{svg, write};
 use super::show;
@@ -57,7 +58,7 @@ pub(crate) struct TurnArgs {
     #[arg(long, value_name = "TIME", default_value = "2s", value_parser = time)]
     over: f64,
     /// Stiffness of the hand's grip, 0 to 100 N m/rad
-    #[arg(long, value_name = "NM/RAD", default_value_t = 20.0)]
+    #[arg(long, value_name = "NM/RAD", default_value_t = 20.0, value_parser = grip, allow_negative_numbers = true)]
     stiffness: f64,
     /// File for a picture of torque against angle; its name ends in .svg
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]
@@ -88,6 +89,11 @@ fn angle(text: &str) -> Result<f64, String> {
     rad.or_else(|| text.strip_suffix("rad").and_then(number))
         .filter(|rad| *rad != 0.0 && rad.abs() <= std::f64::consts::PI)
         .ok_or_else(|| "an angle with its unit, such as 40deg or -0.7rad, at most half a turn".to_owned())
+}
+
+/// Parses the stiffness of a grip, N m/rad.
+fn grip(text: &str) -> Result<f64, String> {
+    real("N m/rad", |stiffness| (0.0..=100.0).contains(&stiffness), "0 to 100")(text)
 }
 
 /// Parses a time in seconds.

@@ -10,6 +10,7 @@ mod explain;
 pub(crate) mod habits;
 mod hand;
 mod man;
+mod numbers;
 mod orders;
 pub(crate) mod out;
 mod record;

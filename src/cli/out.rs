@@ -79,8 +79,42 @@ pub(crate) fn aside(text: Arguments<'_>) {
 
 /// Returns a text whose lines fit the terminal that `output` writes to, if it is one.
 pub(crate) fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> String {
-    let text = text.to_string();
+    let text = pasteable(&text.to_string(), &program());
     terminal::columns(output).map_or_else(|| text.clone(), |columns| terminal::wrapped(&text, columns))
+}
+
+/// Returns how this program was called: `cargo run`, the path that was typed, or `hbot` if it was
+/// found without one.
+fn program() -> String {
+    let called = std::env::args().next().unwrap_or_default();
+    let release = if cfg!(debug_assertions) { "" } else { " --release" };
+    match std::env::var_os("CARGO_MANIFEST_DIR") {
+        _ if !called.contains('/') => "hbot".to_owned(),
+        Some(_) => format!("cargo run{release}"),
+        None => called,
+    }
+}
+
+/// Returns a text for people whose commands of hbot begin with `program`.
+fn pasteable(text: &str, program: &str) -> String {
+    if program == "hbot" {
+        return text.to_owned();
+    }
+    // cargo takes an option for its own that is not after a command or after two dashes.
+    let dashes = if program.starts_with("cargo") { " --" } else { "" };
+    let text = text.replace(" (`cargo run server` in the project's folder)", "");
+    let text = text
+        .replace("`hbot --", &format!("`{program}{dashes} --"))
+        .replace("`hbot ", &format!("`{program} "));
+    let line = |line: &str| {
+        line.strip_prefix("  hbot ").map_or_else(|| line.to_owned(), |rest| format!("  {program} {rest}"))
+    };
+    text.split('\n').map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Returns the start message of a server, like [`fitted`] but without broken lines.
+pub(crate) fn banner(text: &str) -> String {
+    pasteable(text, &program())
 }
 
 /// Prints the error that ended a command. Its text can contain text from a server.
@@ -156,6 +190,17 @@ pub(crate) fn answer(mut answer: clap::Error, arguments: &[OsString]) -> anyhow:
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_command_can_be_pasted_as_the_program_was_called() {
+        let text = "`hbot reset`, `hbot --version`\n  hbot rig check x\n  hbot-gui";
+        assert_eq!(pasteable(text, "hbot"), text);
+        let cargo = "`cargo run reset`, `cargo run -- --version`\n  cargo run rig check x\n  hbot-gui";
+        assert_eq!(pasteable(text, "cargo run"), cargo);
+        assert_eq!(pasteable("`hbot --help`", "./hbot"), "`./hbot --help`");
+        let none = "with `hbot server` (`cargo run server` in the project's folder), or";
+        assert_eq!(pasteable(none, "cargo run"), "with `cargo run server`, or");
+    }
 
     #[test]
     fn a_server_s_words_stay_on_their_line_and_do_nothing_to_the_terminal() {

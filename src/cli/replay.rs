@@ -15,6 +15,7 @@ use hbot_config::{RunningScene, SceneFile};
 use hbot_record::replay::{Flaw, Replay, ReplayError, Replayed, Report, renumbered};
 use hbot_record::{About, Writer, public};
 
+use super::numbers::real;
 use super::out::{create_new, refuse_folder_or_pipe, say, tell};
 use super::record::new_recording;
 use super::{scene, style};
@@ -25,10 +26,10 @@ pub(crate) struct ReplayArgs {
     /// Recording that was made by `hbot server --record`, or a flight log (MCAP)
     file: PathBuf,
     /// Compare from this time of the run on, 0 to 1e9 s
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = time_of_run, allow_negative_numbers = true)]
     from: Option<f64>,
     /// Compare up to this time of the run, 0 to 1e9 s
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = time_of_run, allow_negative_numbers = true)]
     to: Option<f64>,
     /// Render this scene (a file, or the name of a ready-made scene) instead of the recorded one:
     /// what would the same hand have felt?
@@ -39,11 +40,9 @@ pub(crate) struct ReplayArgs {
     out: Option<PathBuf>,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.strip_suffix('s').unwrap_or(text).parse::<f64>() {
-        Ok(s) if (0.0..=1.0e9).contains(&s) => Ok(s),
-        _ => Err("a number of seconds from 0 to 1e9".to_owned()),
-    }
+/// Parses a time of the run, s.
+fn time_of_run(text: &str) -> Result<f64, String> {
+    real("s", |s| (0.0..=1.0e9).contains(&s), "0 to 1e9")(text)
 }
 
 /// Replays a recording. Returns success only if every bit of it agrees.

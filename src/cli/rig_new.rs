@@ -14,7 +14,8 @@ use hbot_config::rig::Protocol;
 
 use self::units::Quantity;
 use super::ask::{at_terminal, note_if_nobody_is_there, somebody_is_there};
-use super::out::{create_new, note, say};
+use super::numbers::whole;
+use super::out::{create_new, note, say, tell};
 
 /// Options of `hbot rig new`. On a terminal, the command asks for each number that is not given.
 /// Otherwise it takes the default.
@@ -32,7 +33,7 @@ pub(crate) struct NewArgs {
     #[arg(long, value_name = "sim|DEVICE")]
     port: Option<String>,
     /// Number of wheels, 2 to 8
-    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=8))]
+    #[arg(long, allow_negative_numbers = true, value_parser = whole(2..=8_u32))]
     wheels: Option<u32>,
     /// Radius of the sphere, m, 0.001 to 10
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = length)]
@@ -182,7 +183,7 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
         .write_all(text.as_bytes())
         .with_context(|| format!("{}: cannot be written", args.file.display()))?;
     say!("{} is written. Measure what is marked \"measure\", then run", args.file.display())?;
-    say!("  hbot rig check {0}\n  hbot server --rig {0} --port sim", args.file.display())?;
+    tell!("  hbot rig check {0}\n  hbot server --rig {0} --port sim", args.file.display())?;
     say!("docs/first-torque.md leads from here to the first torque")?;
     Ok(ExitCode::SUCCESS)
 }

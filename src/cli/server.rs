@@ -29,7 +29,8 @@ use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
-use super::out::make_folder;
+use super::numbers::{positive, seconds, unchecked};
+use super::out::{self, make_folder};
 use super::record::file_or_folder;
 use super::sockets::Web;
 use super::{own_folder, secrets, sockets, status, style};
@@ -68,17 +69,17 @@ pub(crate) struct ServerArgs {
     #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address)]
     listen: Option<SocketAddr>,
     /// Ticks a second, 50 to 20000
-    #[arg(long, value_name = "HZ", value_parser = hertz)]
+    #[arg(long, value_name = "HZ", value_parser = unchecked("50 to 20000 Hz"))]
     rate: Option<u32>,
     /// Processor that the loop's thread is pinned to, 0 to 1023
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = unchecked("0 to 1023"))]
     cpu: Option<u32>,
     /// Preset of methods
     #[arg(long, value_enum)]
     accuracy: Option<Accuracy>,
     /// Use the cheapest methods whose error is at most this (above 0) in 10 s of brisk motion, as
     /// measured at start
-    #[arg(long, value_name = "RAD", value_parser = radians, allow_negative_numbers = true, conflicts_with = "accuracy")]
+    #[arg(long, value_name = "RAD", value_parser = positive("rad"), allow_negative_numbers = true, conflicts_with = "accuracy")]
     accuracy_target: Option<f64>,
     /// Wall-clock time, or as fast as the machine allows (simulated rig only)
     #[arg(long, value_enum, default_value_t = TimeArg::Wall)]
@@ -134,25 +135,6 @@ enum TimeArg {
     Wall,
     /// Ticks in lock-step with the simulated rig
     Virtual,
-}
-
-/// Parses a rate of the loop. The rig file's check judges its range.
-pub(crate) fn hertz(text: &str) -> Result<u32, String> {
-    text.parse().map_err(|_| "a whole number of ticks a second, 50 to 20000, such as 1000".to_owned())
-}
-
-pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    match text.strip_suffix('s').unwrap_or(text).parse::<f64>() {
-        Ok(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
-        _ => Err("a number of seconds above 0, at most 1e9".to_owned()),
-    }
-}
-
-fn radians(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(angle) if angle > 0.0 && angle.is_finite() => Ok(angle),
-        _ => Err("an angle above 0, rad, such as 1e-4".to_owned()),
-    }
 }
 
 impl ServerArgs {
@@ -272,7 +254,7 @@ async fn serve(
     if let Some(file) = server.recording_file() {
         console.say(format!("recording to {}", file.display()));
     }
-    console.say(banner);
+    console.say(out::banner(&banner));
     let nowhere = nowhere.then(|| {
         "no flight logs are written: neither XDG_STATE_HOME nor HOME is an absolute path".to_owned()
     });
@@ -413,7 +395,7 @@ fn banner(
     format!(
         "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {}{baud}\n  rate     {} Hz, {how}{cpu}, \
          accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}\n  \
-         Ctrl-C stops it; in another terminal, `hbot watch{at}` shows the sphere and `hbot set{at}` changes an effect",
+         Ctrl-C stops it; in another terminal, `hbot watch{at}` shows the sphere and `hbot scene show{at}` what `hbot set` can change",
         env!("CARGO_PKG_VERSION"),
         live_or_simulated(port),
         rig.name,

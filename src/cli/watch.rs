@@ -8,6 +8,7 @@ use clap::Args;
 use hbot_api::{Event, StateEvent, time_of_day};
 use hbot_host::run_loop::{StopFlag, signals};
 
+use super::numbers::whole;
 use super::out::{Reader, foreign, note, say, written};
 use super::{ServerAddress, orders, show, style, terminal};
 
@@ -26,7 +27,7 @@ pub(crate) struct WatchArgs {
     #[arg(long)]
     json: bool,
     /// Take every N-th tick, 1 to 1000000 (default: ten samples a second)
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=1_000_000_u64))]
     every: Option<u64>,
 }
 

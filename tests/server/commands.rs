@@ -283,7 +283,9 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
     hbot(&["server", "--listen", "127.0.0.1:0", "--record", file])
         .failure()
         .stderr(contains(file).and(contains("exists already. Name another one, or a folder")));
-    hbot(&["replay", file, "--from", "1000"]).failure().stderr(contains("the run ends earlier"));
+    hbot(&["replay", file, "--from", "1000"])
+        .failure()
+        .stderr(contains(" s of the run (tick ").and(contains("the recording ends at ")));
     hbot(&["rig", "identify", "--rig", &rig, file]).stderr(contains("recorded on the simulated rig"));
     std::fs::write(other, "mine").expect("written");
     hbot(&["replay", file, "--scene", "clay", "--out", other])

@@ -2,6 +2,7 @@
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::unix::process::CommandExt as _;
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 
 use hbot_testing::patience::until;
@@ -11,9 +12,11 @@ use rustix::process::Signal;
 /// The signals that end the program.
 pub(crate) const STOPPING: [Signal; 5] = [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP];
 
-/// Returns the program under test.
+/// Returns the program under test, called by its name as if it was installed.
 pub(crate) fn hbot() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_hbot"))
+    let mut hbot = Command::new(env!("CARGO_BIN_EXE_hbot"));
+    hbot.arg0("hbot");
+    hbot
 }
 
 /// Writes the rig file of [`patient_file`] into `folder` and returns its path.

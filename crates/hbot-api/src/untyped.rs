@@ -77,7 +77,7 @@ fn decode<'de, S: DeserializeSeed<'de>>(
             let mut deserializer = serde_json::Deserializer::from_slice(bytes);
             seed.deserialize(&mut deserializer)
                 .and_then(|value| deserializer.end().map(|()| value))
-                .map_err(|error| format!("not a JSON object: {error}"))
+                .map_err(|error| format!("not a JSON object: {error}{}", no_number(bytes, error.column())))
         }
         Encoding::Msgpack => {
             let mut deserializer = rmp_serde::Deserializer::new(bytes);
@@ -88,6 +88,19 @@ fn decode<'de, S: DeserializeSeed<'de>>(
                 left => Err(format!("{left} bytes are left over after the MessagePack map")),
             })
         }
+    }
+}
+
+/// Returns the end of the error about a NaN or an infinity, of which JSON has none: the field that
+/// holds it. `column` is the place of the error. Empty for other mistakes.
+fn no_number(bytes: &[u8], column: usize) -> String {
+    let (before, rest) = bytes.split_at(column.saturating_sub(1).min(bytes.len()));
+    let is_number = [&b"NaN"[..], b"nan", b"Inf", b"inf"].iter().any(|word| rest.starts_with(word));
+    let before = String::from_utf8_lossy(before);
+    let field = before.rsplit_once("\":").and_then(|(before, _)| before.rsplit('"').next());
+    match field.filter(|_| is_number) {
+        Some(field) => format!(" in field {:?}; legal: a finite number", crate::fields::Excerpt(field)),
+        None => String::new(),
     }
 }
 

@@ -66,12 +66,24 @@ impl Document {
         if !errors.is_empty() {
             for error in errors.iter().take(MOST_SYNTAX_ERRORS) {
                 let (line, column) = error.span().map(|span| report.position(span.start)).unzip();
-                let hint = line.and_then(|line| syntax_hint(text.lines().nth(line - 1)?)).unwrap_or_default();
+                let hint = line.and_then(|line| {
+                    let line = text.lines().nth(line - 1)?;
+                    if error.message().contains("between array elements") && line.contains('=') {
+                        return Some(" (is a `]` missing before this line?)".to_owned());
+                    }
+                    syntax_hint(line)
+                });
+                let hint = hint.unwrap_or_default();
                 let message = format!("not TOML: {}{hint}", error.message().replace('\n', ", "));
                 let file = report.file.clone();
                 let mistake = Diagnostic { file, line, column, path: String::new(), message, legal: None };
+                // What follows a bracket that is not closed is no mistake.
+                let is_open = mistake.message.contains("array");
                 if !report.found.contains(&mistake) {
                     report.found.push(mistake);
+                }
+                if is_open {
+                    break;
                 }
             }
             return Err(Diagnostics::new(report.found));

@@ -132,12 +132,18 @@ pub(crate) fn mistyped(schema: &Value, value: &Value) -> String {
     let is_number = |schema: &Value| ["number", "integer"].iter().any(|kind| schema["type"] == *kind);
     let wanted = is_number(schema) || branches(schema).is_some_and(|all| all.iter().any(is_number));
     let is_told = wanted && schema["unit"] != "rad" && value.as_str().is_some_and(has_unit);
-    let hint = if is_told { NUMBER_ALONE } else { "" };
+    let is_angle = wanted && schema["unit"] == "rad" && value.is_string();
+    let hint = match (is_told, is_angle) {
+        (true, _) => NUMBER_ALONE,
+        (_, true) => " (write degrees as \"35 deg\")",
+        _ => "",
+    };
     format!("found {}{hint}", found(value))
 }
 
-/// Words that people use for kinds of effects, and the kind.
-const OTHER_WORDS: [(&[&str], &str); 6] = [
+/// Words that mean a kind of effect, and the kind; and a key that is missing if there is another.
+const OTHER_WORDS: [(&[&str], &str); 7] = [
+    (&["kind"], "type"),
     (&["wall", "walls", "stop", "limit"], "end_stop"),
     (&["notch", "notches", "click", "clicks"], "detents"),
     (&["hinge", "rail"], "guide"),

@@ -44,9 +44,16 @@ pub enum ReplayError {
     OfReplay,
     /// The file has nothing to replay.
     #[error(
-        "no exact inputs in the wanted part: the run ends earlier (`hbot replay FILE` says when), or the file is cut off before the first second"
+        "no exact inputs in the wanted part: {}",
+        .last.map_or_else(
+            || "the recording begins later, or is cut off before its first second".to_owned(),
+            |(tick, s)| format!("the recording ends at {s:.3} s of the run (tick {tick})")
+        )
     )]
-    Empty,
+    Empty {
+        /// Number of the last tick before the wanted part, and its time of the run, s.
+        last: Option<(u64, f64)>,
+    },
 }
 
 /// The first tick whose outputs differ from the recorded ones.
@@ -129,6 +136,8 @@ pub struct Replay<R> {
     /// The scene that replaces all recorded ones, if any.
     other: Option<Box<CompiledScene>>,
     unknown: u64,
+    /// Number of the last tick that was read.
+    last: Option<u64>,
     report: Report,
 }
 
@@ -160,7 +169,17 @@ impl<R: Read + Seek> Replay<R> {
         if about.contains_key("other_scene") {
             return Err(ReplayError::OfReplay);
         }
-        Ok(Self { reader, about, format, controller: None, scene: None, other, unknown: 0, report })
+        Ok(Self {
+            reader,
+            about,
+            format,
+            controller: None,
+            scene: None,
+            other,
+            unknown: 0,
+            last: None,
+            report,
+        })
     }
 
     /// Returns the metadata of the recording.
@@ -203,6 +222,7 @@ impl<R: Read + Seek> Replay<R> {
             match Exact::read_from(self.format, &data) {
                 Ok(Exact::Tick(tick)) if tick.0.tick > to => break,
                 Ok(Exact::Tick(tick)) => {
+                    self.last = Some(tick.0.tick);
                     let wanted = tick.0.tick >= from;
                     if !self.tick(&tick, wanted, |replayed| each(&Replayed { log_time, ..replayed }))? {
                         break;
@@ -216,7 +236,10 @@ impl<R: Read + Seek> Replay<R> {
         }
         self.settle();
         if self.report.range.is_none() && self.report.difference.is_none() && self.report.flaws.is_empty() {
-            return Err(ReplayError::Empty.into());
+            let period_ns = self.about.get("period_ns").and_then(|text| text.parse::<f64>().ok());
+            let last = self.last.zip(period_ns);
+            let last = last.map(|(tick, period_ns)| (tick, tick as f64 * period_ns * 1.0e-9));
+            return Err(ReplayError::Empty { last }.into());
         }
         Ok(self.report)
     }

@@ -15,6 +15,7 @@ use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
 use hbot_identify::calibrate::{Calibration, calibrate, exchanged, explains, still};
 use hbot_identify::motion::Counts;
 
+use super::super::numbers::whole;
 use super::super::out::{refuse_folder_or_pipe, tell};
 use super::super::style;
 use super::{Which, edit, joint_name, on_the_lines, wheel_name};
@@ -35,7 +36,7 @@ pub(crate) struct CalibrateArgs {
     #[command(flatten)]
     which: Which,
     /// How long to watch the joints, 5 to 600 s
-    #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u32).range(5..=600))]
+    #[arg(long, value_name = "SECONDS", default_value_t = 20, allow_negative_numbers = true, value_parser = whole(5..=600_u32))]
     seconds: u32,
     /// Write the rig file with the corrections to this file; it can be the rig file itself
     #[arg(long, value_name = "FILE")]

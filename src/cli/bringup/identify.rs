@@ -15,6 +15,7 @@ use hbot_config::RigConfig;
 use hbot_identify::identify::{Identified, Name, Value};
 use hbot_identify::{Recorded, What, identify};
 
+use super::super::numbers::positive;
 use super::super::out::{note, refuse_folder_or_pipe, tell};
 use super::super::style;
 use super::{Which, edit};
@@ -45,7 +46,7 @@ pub(crate) struct IdentifyArgs {
     /// Inertia that has been added to the sphere since the rig file was written by `--motors`, the
     /// same about all axes, kg m². It shows the scale of all values, which otherwise is that of a
     /// hollow sphere of sphere.mass
-    #[arg(long, value_name = "INERTIA", requires = "motors")]
+    #[arg(long, value_name = "INERTIA", requires = "motors", value_parser = positive("kg m²"), allow_negative_numbers = true)]
     added: Option<f64>,
     /// Write the rig file with the values found to this file; it can be the rig file itself
     #[arg(long, value_name = "FILE")]

@@ -12,6 +12,7 @@ use hbot_config::sweep::{Curves, Probe};
 use hbot_core::Vec3;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
+use super::super::numbers::real;
 use super::super::out::{create_new, refuse_folder_or_pipe};
 use super::{Which, say, warn};
 
@@ -61,10 +62,7 @@ fn axis(text: &str) -> Result<Axis, String> {
 }
 
 fn degrees(text: &str) -> Result<f64, String> {
-    match text.trim_end_matches("deg").trim_end_matches('°').trim().parse::<f64>() {
-        Ok(angle) if (-180.0..=180.0).contains(&angle) => Ok(angle),
-        _ => Err("an angle, -180 to 180 degrees".to_owned()),
-    }
+    real("deg", |angle| (-180.0..=180.0).contains(&angle), "-180 to 180")(text.trim_end_matches('°'))
 }
 
 /// Parses the name of the picture. Other formats are refused, because the picture would still be

@@ -53,6 +53,8 @@ fn messages_name_field_and_what_is_legal() {
             r#""torque":[1,2,3]"#,
             r#"field "valid_ms" is missing; legal: a whole number from 1 to 1000"#,
         ),
+        ("torque", r#""torque": [1,2,NaN],"valid_ms":1"#, r#" in field "torque"; legal: a finite number"#),
+        ("set", r#""effect":"a","stiffness":-Infinity"#, r#" in field "stiffness"; legal: a finite number"#),
         ("torque", r#""torque":[1,2,3],"valid_ms":1001"#, r#"field "valid_ms" is 1001; legal"#),
         ("torque", r#""torque":[1,2,3],"valid_ms":0"#, r#"field "valid_ms" is 0; legal"#),
         (

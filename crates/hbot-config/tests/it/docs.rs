@@ -51,7 +51,41 @@ fn tables(page: &str) -> Vec<(String, String)> {
         all.push((name.to_owned(), rows(table)));
     }
     all.extend(phenomena().into_iter().map(|it| described(format!("simulate.{}", it.name), it)));
-    all
+    all.into_iter().map(|(name, table)| (name, with_short_rows(&table))).collect()
+}
+
+/// Moves all but the first sentence of a long row's meaning below the table.
+fn with_short_rows(table: &str) -> String {
+    const MOST_CHARS: usize = 200;
+    const MOST_COLUMNS: usize = 120;
+    let mut below = String::new();
+    let mut all = String::new();
+    for line in table.lines() {
+        let cells: Vec<&str> = line.splitn(3, " | ").collect();
+        let [key, meaning, rest] = cells[..] else {
+            writeln!(all, "{line}").unwrap();
+            continue;
+        };
+        match meaning.split_once(". ").filter(|_| line.chars().count() > MOST_CHARS) {
+            Some((first, more)) => {
+                writeln!(all, "{key} | {first}. | {rest}").unwrap();
+                let mut width = 0;
+                for word in format!("- {}: {more}", key.trim_start_matches("| ")).split(' ') {
+                    let length = word.chars().count() + 1;
+                    let space = match width {
+                        0 => "",
+                        _ if width + length > MOST_COLUMNS => "\n  ",
+                        _ => " ",
+                    };
+                    width = if space.starts_with('\n') { 1 } else { width } + length;
+                    write!(below, "{space}{word}").unwrap();
+                }
+                below.push('\n');
+            }
+            None => writeln!(all, "{line}").unwrap(),
+        }
+    }
+    if below.is_empty() { all } else { format!("{all}\n{below}") }
 }
 
 /// Writes the computed figures of the rate estimates on the prototype with a lead, as a Markdown

@@ -248,6 +248,13 @@ fn one_bracket_and_a_decimal_comma_are_told_what_to_write() {
     for value in ["2nd", "3-wheel", "1e", "N m"] {
         assert!(!said(&format!("name = {value}\n")).contains("number alone"), "{value}");
     }
+    let open = said("[[effect]]\nid = 'a'\nkind = 'spring'\nanchor = [1, 0, 0, 0\ndamping = 0.1\n");
+    let line = "x.toml:5:1: not TOML: missing comma between array elements, expected `,` (is a `]` missing before this line?)";
+    assert_eq!(open, line);
+    let grad = said("[[effect]]\nid = 'a'\nkind = 'end_stop'\ncone = '35 grad'\n");
+    assert!(grad.contains("the string \"35 grad\" (write degrees as \"35 deg\"); legal: "), "{grad}");
+    let typed = said("[[effect]]\nid = 'a'\ntype = 'spring'\n");
+    assert!(typed.contains("effect[0].kind: missing (is it `type`?); legal: "), "{typed}");
     let twice = said("[effect]\nid = 'a'\n[effect]\nid = 'b'\n");
     assert!(twice.contains("x.toml:3:2: not TOML") && twice.contains("write [[effect]]"), "{twice}");
     assert!(!said("a = [1, 2\n").contains("decimal"));
@@ -273,6 +280,8 @@ fn matrices_and_quaternions() {
         said_of_spring("stiffness = [[1, 0, 0], [0, 1, 0]]"),
         "x.toml:4:13: effect[0].stiffness: found an array of 2 elements; legal: three for the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix"
     );
+    let two = "x.toml:4:13: effect[0].stiffness: found an array of 2 elements; legal: three for the axes, such as [2,3,4], or a symmetric positive semidefinite 3x3 matrix";
+    assert_eq!(said_of_spring("stiffness = [1, 2]"), two);
     assert_eq!(
         said_of_spring("stiffness = [[1, 0, 0], [0, nan, 0], [0, 0, 2000]]"),
         "x.toml:4:29: effect[0].stiffness[1][1]: nan is not a finite number; legal: a number, -1000 to 1000 N m/rad\n\

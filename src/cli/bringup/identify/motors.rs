@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use clap::Args;
 use hbot_config::RigConfig;
 use hbot_core::Quat;
@@ -18,6 +18,7 @@ use toml_edit::{Array, InlineTable, Item};
 
 use super::super::{edit, joint_name, on_the_lines};
 use super::IdentifyArgs;
+use crate::cli::numbers::{positive, whole};
 use crate::cli::out::{note, refuse_folder_or_pipe, say};
 use crate::cli::style;
 
@@ -43,14 +44,14 @@ enum Moved {
 pub(crate) struct Motion {
     /// Time of the motion by the motors, 20 to 600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 60, requires = "motors",
-        value_parser = clap::value_parser!(u32).range(20..=600))]
+        allow_negative_numbers = true, value_parser = whole(20..=600_u32))]
     seconds: u32,
     /// Speed of the motion by the motors about each axis, root mean square, rad/s
-    #[arg(long, value_name = "RATE", default_value_t = 0.8, requires = "motors")]
+    #[arg(long, value_name = "RATE", default_value_t = 0.8, requires = "motors", value_parser = positive("rad/s"), allow_negative_numbers = true)]
     wander: f64,
     /// Switch the motors off if the sphere, or a joint that is tested alone, turns faster than
     /// this, rad/s
-    #[arg(long, value_name = "RATE", default_value_t = 6.0, requires = "motors")]
+    #[arg(long, value_name = "RATE", default_value_t = 6.0, requires = "motors", value_parser = positive("rad/s"), allow_negative_numbers = true)]
     speed: f64,
     /// Build the simulated rig from this rig file, which says its true friction, torque constants
     /// and so on
@@ -62,9 +63,6 @@ pub(super) fn run(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     if let Some(file) = &args.out {
         refuse_folder_or_pipe(file, "the rig file to write")?;
-    }
-    if let Some(added) = args.added {
-        positive("--added", added, "kg m²")?;
     }
     let found = match measured(&rig, &args.motion)? {
         Ok(found) => found,
@@ -93,8 +91,6 @@ pub(super) fn run(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
 /// result if a motor does not do what it is told, or if something ended the motion.
 pub(crate) fn measured(rig: &RigConfig, motion: &Motion) -> anyhow::Result<Result<Measured, String>> {
     let Motion { seconds, wander, speed, .. } = *motion;
-    positive("--wander", wander, "rad/s")?;
-    positive("--speed", speed, "rad/s")?;
     let built = motion.built.as_deref().map(RigConfig::from_path).transpose()?;
     say!(
         "the motors move the sphere for {seconds} s, with at most half of what they can hold continuously: hands off, and one at the switch"
@@ -124,14 +120,6 @@ pub(crate) fn measured(rig: &RigConfig, motion: &Motion) -> anyhow::Result<Resul
     };
     note!("{}computing from {} readings{}", style::DIM, log.len(), style::OFF);
     Ok(measure(&rig.rig, from, &log).map_err(|refusal| refusal.to_string()))
-}
-
-/// Refuses the value of an option that is not above 0.
-fn positive(option: &str, value: f64, unit: &str) -> anyhow::Result<()> {
-    if !(value > 0.0 && value.is_finite()) {
-        bail!("{option} {value} is out of range; legal: above 0 {unit}");
-    }
-    Ok(())
 }
 
 /// Tests that each motor turns its joint the right way, before the joints act together. Returns the

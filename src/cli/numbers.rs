@@ -1,0 +1,85 @@
+//! Numbers on the command line. Errors about them have the words of errors about keys of files.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
+
+/// Returns a parser of whole numbers in a range. The bounds name the type: clap checks it only when
+/// the command line is parsed.
+pub(crate) fn whole<T>(
+    legal: RangeInclusive<T>,
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
+where
+    T: FromStr + PartialOrd + Display + Clone + Send + Sync + 'static,
+{
+    move |text| {
+        let number = text.parse().ok().filter(|number| legal.contains(number));
+        number
+            .ok_or_else(|| refused(text, "a whole number", &format!("{} to {}", legal.start(), legal.end())))
+    }
+}
+
+/// Returns a parser of whole numbers, such as those of the rig file, which checks their range.
+/// `legal` describes it.
+pub(crate) fn unchecked(
+    legal: &'static str,
+) -> impl Fn(&str) -> Result<u32, String> + Clone + Send + Sync + 'static {
+    move |text| text.parse().map_err(|_| refused(text, "a whole number", legal))
+}
+
+/// Returns a parser of numbers in a range, with or without the unit. `legal` describes the range.
+pub(crate) fn real(
+    unit: &'static str,
+    is_legal: fn(f64) -> bool,
+    legal: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let number = text.strip_suffix(unit).unwrap_or(text).trim();
+        let parsed = number.parse().ok().filter(|&number: &f64| number.is_finite() && is_legal(number));
+        parsed.ok_or_else(|| refused(number, "a number", format!("{legal} {unit}").trim_end()))
+    }
+}
+
+/// Returns a parser of numbers above 0.
+pub(crate) fn positive(
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    real(unit, |number| number > 0.0, "above 0")
+}
+
+/// Parses a time above 0, s.
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    real("s", |s| s > 0.0 && s <= 1.0e9, "above 0 and at most 1e9")(text)
+}
+
+/// Returns the error about an argument that is not `wanted` or not in the range `legal`.
+fn refused(text: &str, wanted: &str, legal: &str) -> String {
+    if text.parse::<f64>().is_ok_and(f64::is_finite) {
+        format!("{text} is out of range; {LEGAL}{legal}")
+    } else {
+        format!("{text:?} is not {wanted}; {LEGAL}{legal}")
+    }
+}
+
+/// What begins the legal values in an error.
+pub(crate) const LEGAL: &str = "legal: ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_refused_in_the_words_of_the_files() {
+        let every = whole(1..=1_000_000_u64);
+        assert_eq!(every("7"), Ok(7));
+        assert_eq!(every("0").unwrap_err(), "0 is out of range; legal: 1 to 1000000");
+        assert_eq!(every("x").unwrap_err(), "\"x\" is not a whole number; legal: 1 to 1000000");
+        assert_eq!(seconds("2.5s"), Ok(2.5));
+        assert_eq!(seconds("-1").unwrap_err(), "-1 is out of range; legal: above 0 and at most 1e9 s");
+        assert_eq!(positive("m")("nan").unwrap_err(), "\"nan\" is not a number; legal: above 0 m");
+        assert_eq!(
+            unchecked("50 to 20000 Hz")("1k").unwrap_err(),
+            "\"1k\" is not a whole number; legal: 50 to 20000 Hz"
+        );
+    }
+}
