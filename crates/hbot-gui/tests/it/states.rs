@@ -24,7 +24,7 @@ const STOP_BUTTON: [u32; 2] = [140, 75];
 
 /// Returns the middle of the button for the lease, in a window of this size.
 const fn lease_button([width, _]: [u32; 2]) -> [u32; 2] {
-    [width - 126, 16]
+    [width - 195, 16]
 }
 
 /// The columns of the badge, in every window.
@@ -32,7 +32,7 @@ const BADGE: Range<u32> = 8..104;
 
 /// Returns the columns in which the bar says who commands, in a window of this size.
 const fn beside_lease_button([width, _]: [u32; 2]) -> Range<u32> {
-    width - 390..width - 190
+    width - 460..width - 262
 }
 
 /// Returns the middle of the tab for the joints, in a window of this size.

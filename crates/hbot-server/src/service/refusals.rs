@@ -2,6 +2,7 @@
 
 use hbot_api::{ErrorBody, ErrorCode, OpName};
 use hbot_core::Rig;
+use hbot_core::design::rig::Zero;
 use hbot_core::outputs::Refusal;
 use hbot_core::safety::mode::{Cause, Obstacle};
 
@@ -37,7 +38,7 @@ pub(super) fn refusal<'a>(
         }
         Refusal::Mode(Obstacle::Unreferenced) => (
             ErrorCode::Faulted,
-            format!("op {op}: a steering zero is not known: turn the wheels past their index, or calibrate"),
+            format!("op {op}: a steering zero is not known: {}", homing(rig, simulated)),
         ),
         Refusal::TooFar { slot, angle } => {
             let id = effect(slot).unwrap_or("?");
@@ -112,10 +113,29 @@ fn still_there(cause: Cause, sample: &Sample, rig: &Rig, simulated: bool) -> Str
     format!("{what}. {remedy}")
 }
 
+/// Returns what makes the zeros of all steer joints known.
+fn homing(rig: &Rig, simulated: bool) -> String {
+    let has = |zero| (0..rig.device.joints()).step_by(2).any(|joint| rig.joints[joint].zero == zero);
+    let assumed = if simulated {
+        "start the server again"
+    } else {
+        "switch the controllers off, set the wheels to their zeros, switch the controllers on, then start the \
+         server again"
+    };
+    let remedies = [
+        (Zero::Index, "turn the wheels past their index"),
+        (Zero::Calibrate, "run `hbot rig calibrate`, then give the joint another `zero` in the rig file"),
+        (Zero::Assume, assumed),
+    ];
+    let needed: Vec<_> = remedies.iter().filter(|(zero, _)| has(*zero)).map(|(_, what)| *what).collect();
+    needed.join("; ")
+}
+
 #[cfg(test)]
 mod tests {
     use hbot_config::RigConfig;
     use hbot_core::Vec3;
+    use hbot_core::design::rig::RigParts;
 
     use super::*;
 
@@ -136,6 +156,27 @@ mod tests {
         assert!(real.ends_with("Stop the sphere first") && !real.contains("scene"), "{real}");
         assert!(told(Cause::Overspeed, 0.0, false).contains("by its encoders' counts"));
         assert!(told(Cause::Thermal, 45.25, true).ends_with("is still there: remove it first"));
+    }
+
+    #[test]
+    fn a_zero_that_is_not_known_is_found_as_the_rig_file_says() {
+        let told = |first, second, simulated| {
+            let set = |parts: &mut RigParts| {
+                (parts.joints[0].zero, parts.joints[2].zero) = (first, second);
+            };
+            let rig = RigConfig::prototype().rig.with(set).expect("each zero is legal");
+            let sample = crate::still::still(7);
+            let refused = Refusal::Mode(Obstacle::Unreferenced);
+            refusal("enable", refused, &rig, (&sample, simulated), |_| None, None).message
+        };
+        let index = "op enable: a steering zero is not known: turn the wheels past their index";
+        assert_eq!(told(Zero::Absolute, Zero::Index, false), index);
+        let assumed = told(Zero::Assume, Zero::Assume, false);
+        assert!(assumed.contains("set the wheels to their zeros") && !assumed.contains("index"), "{assumed}");
+        let simulated = told(Zero::Assume, Zero::Assume, true);
+        assert!(simulated.ends_with("not known: start the server again"), "{simulated}");
+        let both = told(Zero::Index, Zero::Calibrate, false);
+        assert!(both.starts_with(index) && both.contains("; run `hbot rig calibrate`"), "{both}");
     }
 
     #[test]
