@@ -136,11 +136,9 @@ impl Judge {
         let mut caution = 1.0e-3;
         // Dry friction is stiff in a swing and holds nothing back here: where a step takes less
         // than half of the torque away, the next one is longer.
-        let (mut stiffness, mut stride, mut pace) = (None, 1.0, QUICK_PACES);
+        let (mut stiffness, mut stride) = (None, 1.0);
         for _ in 0..60 {
-            let matrix = *stiffness.get_or_insert_with(|| {
-                self.around_at(scene, &at, SPEEDS[0], SLOWEST, 0, &mut pace).1.stiffness
-            });
+            let matrix = *stiffness.get_or_insert_with(|| self.around(scene, &at, SPEEDS[0]).1.stiffness);
             let (sizes, axes) = principal(&matrix);
             let size = sizes.abs() + caution * sizes.abs().max_element() + 1.0e-9;
             let step = axes * ((axes.transpose() * torque) / size);
