@@ -30,10 +30,10 @@ pub(crate) struct DoctorArgs {
     #[arg(long, value_name = "DEVICE")]
     port: Option<String>,
     /// Ticks a second to measure at, 50 to 20000, in place of the rig file's
-    #[arg(long, value_name = "HZ", value_parser = unchecked("50 to 20000 Hz"))]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = unchecked("50 to 20000 Hz"))]
     rate: Option<u32>,
     /// Processor of the loop, 0 to 1023, in place of the rig file's
-    #[arg(long, value_name = "N", value_parser = unchecked("0 to 1023"))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = unchecked("0 to 1023"))]
     cpu: Option<u32>,
     /// How long to measure the lateness of this machine, 1 to 3600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 5, allow_negative_numbers = true, value_parser = whole(1..=3600_u64))]

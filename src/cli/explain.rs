@@ -183,6 +183,10 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
 /// Reads the time before the wanted fault.
 fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
     let path = &hbot_record::recording_of(&args.file);
+    if path.extension().is_some_and(|ending| ending == "csv") && path.exists() {
+        let recording = path.with_extension("mcap");
+        bail!("a flight log is two files: beside {} there is no {}", path.display(), recording.display());
+    }
     refuse_folder_or_pipe(path, "the file of a recording (MCAP)")?;
     let name = || path.display().to_string();
     let mut reader = Reader::new(BufReader::new(File::open(path).with_context(name)?)).with_context(name)?;

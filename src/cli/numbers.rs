@@ -36,7 +36,7 @@ pub(crate) fn real(
     move |text| {
         let number = text.strip_suffix(unit).unwrap_or(text).trim();
         let parsed = number.parse().ok().filter(|&number: &f64| number.is_finite() && is_legal(number));
-        parsed.ok_or_else(|| refused(number, "a number", format!("{legal} {unit}").trim_end()))
+        parsed.ok_or_else(|| refused(number, REAL, format!("{legal} {unit}").trim_end()))
     }
 }
 
@@ -54,13 +54,16 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
 
 /// Returns the error about an argument that is not `wanted` or not in the range `legal`.
 fn refused(text: &str, wanted: &str, legal: &str) -> String {
-    if text.parse::<f64>().is_ok_and(f64::is_finite) {
+    let is_whole = text.parse::<i128>().is_ok();
+    if is_whole || wanted == REAL && text.parse::<f64>().is_ok_and(f64::is_finite) {
         format!("{text} is out of range; {LEGAL}{legal}")
     } else {
         format!("{text:?} is not {wanted}; {LEGAL}{legal}")
     }
 }
 
+/// What a number is called that need not be whole.
+const REAL: &str = "a number";
 /// What begins the legal values in an error.
 pub(crate) const LEGAL: &str = "legal: ";
 
@@ -74,6 +77,7 @@ mod tests {
         assert_eq!(every("7"), Ok(7));
         assert_eq!(every("0").unwrap_err(), "0 is out of range; legal: 1 to 1000000");
         assert_eq!(every("x").unwrap_err(), "\"x\" is not a whole number; legal: 1 to 1000000");
+        assert_eq!(every("2.5").unwrap_err(), "\"2.5\" is not a whole number; legal: 1 to 1000000");
         assert_eq!(seconds("2.5s"), Ok(2.5));
         assert_eq!(seconds("-1").unwrap_err(), "-1 is out of range; legal: above 0 and at most 1e9 s");
         assert_eq!(positive("m")("nan").unwrap_err(), "\"nan\" is not a number; legal: above 0 m");

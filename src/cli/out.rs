@@ -86,7 +86,7 @@ pub(crate) fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> Str
 /// Returns how this program was called: `cargo run`, the path that was typed, or `hbot` if it was
 /// found without one.
 fn program() -> String {
-    let called = std::env::args().next().unwrap_or_default();
+    let called = std::env::args_os().next().unwrap_or_default().to_string_lossy().into_owned();
     let release = if cfg!(debug_assertions) { "" } else { " --release" };
     match std::env::var_os("CARGO_MANIFEST_DIR") {
         _ if !called.contains('/') => "hbot".to_owned(),

@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_of_the_run_is_recorded_than_the_duration() {
+    fn states_that_come_after_the_end_are_not_taken() {
         let at = |t| Event::State(hbot_api::StateEvent { t, ..Default::default() });
         let mut span = Span { duration: Some(1.0), taken: None };
         assert_eq!(span.in_words(), "");

@@ -69,10 +69,10 @@ pub(crate) struct ServerArgs {
     #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address)]
     listen: Option<SocketAddr>,
     /// Ticks a second, 50 to 20000
-    #[arg(long, value_name = "HZ", value_parser = unchecked("50 to 20000 Hz"))]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = unchecked("50 to 20000 Hz"))]
     rate: Option<u32>,
     /// Processor that the loop's thread is pinned to, 0 to 1023
-    #[arg(long, value_name = "N", value_parser = unchecked("0 to 1023"))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = unchecked("0 to 1023"))]
     cpu: Option<u32>,
     /// Preset of methods
     #[arg(long, value_enum)]
@@ -395,7 +395,7 @@ fn banner(
     format!(
         "{name}hbot {}{off}: {}\n  rig      {} ({wheels} wheels, {} joints)\n  port     {}{baud}\n  rate     {} Hz, {how}{cpu}, \
          accuracy {}\n  methods  {}: orientation takes {:.2} us a tick here{debug} ({load:.2} %), {error}\n  scene    {scene}{web}\n  listen{tls}   {name}{address}{off}\n  \
-         Ctrl-C stops it; in another terminal, `hbot watch{at}` shows the sphere and `hbot scene show{at}` what `hbot set` can change",
+         Ctrl-C stops it; in another terminal, `hbot watch{at}` shows the sphere and `hbot scene show{at}` tells what `hbot set` can change",
         env!("CARGO_PKG_VERSION"),
         live_or_simulated(port),
         rig.name,

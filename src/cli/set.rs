@@ -46,7 +46,12 @@ fn assignment(text: &str) -> Result<(String, Value), String> {
     if let Some(right) = decimal_point(value) {
         return Err(format!("write a decimal point: {key}={right}"));
     }
-    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::from(value));
+    let value = match serde_json::from_str(value) {
+        Err(_) if value.starts_with('[') => {
+            return Err(format!("{key}: {value} is no list (is a `]` or a comma missing?)"));
+        }
+        parsed => parsed.unwrap_or_else(|_| Value::from(value)),
+    };
     Ok((key.to_owned(), value))
 }
 
@@ -244,6 +249,9 @@ mod tests {
             assert_eq!(assignment(text), Ok((key.to_owned(), value)), "{text}");
         }
         assert_eq!(assignment("stiffness=2,5").unwrap_err(), "write a decimal point: stiffness=2.5");
+        assert!(
+            assignment("stiffness=[[1,0,0],[0,2,0]").unwrap_err().contains("is a `]` or a comma missing")
+        );
         for wrong in ["stiffness", "=2", "stiffness="] {
             assert!(assignment(wrong).unwrap_err().contains("KEY=VALUE"), "{wrong}");
         }

@@ -41,7 +41,13 @@ fn an_overspeed_is_told_in_ten_lines_and_drawn() {
     let log = logs
         .map(|entry| entry.expect("a file").path())
         .find(|path| path.extension().is_some_and(|e| e == "csv"));
-    explain(&[text(&log.expect("a flight log"))])
+    let log = log.expect("a flight log");
+    let copy = state.path().join("copy.csv");
+    std::fs::copy(&log, &copy).expect("copied");
+    explain(&[text(&copy)])
+        .failure()
+        .stderr(contains("a flight log is two files").and(contains("copy.mcap")));
+    explain(&[text(&log)])
         .success()
         .stdout(contains("overspeed at ").and(contains("cause ")).and(contains("Push")));
     explain(&[text(&run), "--number", "2"]).failure().stderr(contains("fault 2 is not in it; legal: 1 to 1"));

@@ -95,7 +95,10 @@ fn decode<'de, S: DeserializeSeed<'de>>(
 /// holds it. `column` is the place of the error. Empty for other mistakes.
 fn no_number(bytes: &[u8], column: usize) -> String {
     let (before, rest) = bytes.split_at(column.saturating_sub(1).min(bytes.len()));
-    let is_number = [&b"NaN"[..], b"nan", b"Inf", b"inf"].iter().any(|word| rest.starts_with(word));
+    let is_number = ["NaN", "nan", "Infinity", "inf"].iter().any(|word| {
+        let after = rest.strip_prefix(word.as_bytes());
+        after.is_some_and(|after| !after.first().is_some_and(u8::is_ascii_alphabetic))
+    });
     let before = String::from_utf8_lossy(before);
     let field = before.rsplit_once("\":").and_then(|(before, _)| before.rsplit('"').next());
     match field.filter(|_| is_number) {

@@ -68,7 +68,9 @@ impl Document {
                 let (line, column) = error.span().map(|span| report.position(span.start)).unzip();
                 let hint = line.and_then(|line| {
                     let line = text.lines().nth(line - 1)?;
-                    if error.message().contains("between array elements") && line.contains('=') {
+                    let begins = column.is_some_and(|c| line.chars().take(c - 1).all(char::is_whitespace));
+                    let is_key = begins && line.contains('=') && !line.trim_start().starts_with('{');
+                    if is_key && error.message().contains("between array elements") {
                         return Some(" (is a `]` missing before this line?)".to_owned());
                     }
                     syntax_hint(line)
@@ -78,7 +80,8 @@ impl Document {
                 let file = report.file.clone();
                 let mistake = Diagnostic { file, line, column, path: String::new(), message, legal: None };
                 // What follows a bracket that is not closed is no mistake.
-                let is_open = mistake.message.contains("array");
+                let is_open =
+                    ["between array elements", "unclosed"].iter().any(|it| mistake.message.contains(it));
                 if !report.found.contains(&mistake) {
                     report.found.push(mistake);
                 }

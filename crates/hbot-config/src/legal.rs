@@ -141,7 +141,7 @@ pub(crate) fn mistyped(schema: &Value, value: &Value) -> String {
     format!("found {}{hint}", found(value))
 }
 
-/// Words that mean a kind of effect, and the kind; and a key that is missing if there is another.
+/// Words that people use for a kind of effect or for the key `kind`, and the word that hbot knows.
 const OTHER_WORDS: [(&[&str], &str); 7] = [
     (&["kind"], "type"),
     (&["wall", "walls", "stop", "limit"], "end_stop"),

@@ -46,7 +46,7 @@ pub enum ReplayError {
     #[error(
         "no exact inputs in the wanted part: {}",
         .last.map_or_else(
-            || "the recording begins later, or is cut off before its first second".to_owned(),
+            || "the recording has no tick there, begins later, or is cut off before its first second".to_owned(),
             |(tick, s)| format!("the recording ends at {s:.3} s of the run (tick {tick})")
         )
     )]
@@ -220,7 +220,10 @@ impl<R: Read + Seek> Replay<R> {
                 }
             };
             match Exact::read_from(self.format, &data) {
-                Ok(Exact::Tick(tick)) if tick.0.tick > to => break,
+                Ok(Exact::Tick(tick)) if tick.0.tick > to => {
+                    self.last = None;
+                    break;
+                }
                 Ok(Exact::Tick(tick)) => {
                     self.last = Some(tick.0.tick);
                     let wanted = tick.0.tick >= from;

@@ -97,6 +97,10 @@ impl Judge {
             let far = self.far(scene, place);
             let mut pace = QUICK_PACES;
             for speed in speeds {
+                // The slowest swing comes last. It can be stiffer than all others.
+                if *speed < SPEEDS[0] {
+                    pace = QUICK_PACES;
+                }
                 let swinging = Swinging { holds: &holds, place, speed: *speed, far };
                 if let Some(finding) = self.at(scene, &swinging, SLOWEST, &mut pace, &found) {
                     keep(&mut found, finding);

@@ -54,9 +54,9 @@ pub(crate) struct CompensationTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::COMPENSATED.least, max = legal::COMPENSATED.most))]
     pub(crate) friction: Option<f64>,
-    /// Rate at which a third of the dry friction is fed forward. Slower motion gets less, so with
-    /// small loads a smaller value leaves less hysteresis. If absent: three times the noise of the
-    /// joint rates that the counts make, at least 0.005.
+    /// Rate at which a third of the dry friction is fed forward. In slower motion less is fed, so
+    /// with small loads a smaller value leaves less hysteresis. If absent: three times the noise of
+    /// the joint rates that the counts make, at least 0.005.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(min = legal::SMOOTHING.least, max = legal::SMOOTHING.most), extend("unit" = legal::SMOOTHING.unit))]
     pub(crate) smoothing: Option<f64>,

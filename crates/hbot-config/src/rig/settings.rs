@@ -34,12 +34,12 @@ pub(crate) struct Loop {
     /// Whether the torque is lowered if the sphere shakes by itself.
     pub(crate) shaking_guard: bool,
     /// Whether a scene is rendered at the pose that the sphere will have when the torque acts:
-    /// true, false, or a table of parameters. Such a lead takes the age of the reading, half a
-    /// period and `torque_lag` out of the loop, so that it is stable with stiffer scenes.
+    /// true, false, or a table of parameters. A lead takes the age of the reading, half a period
+    /// and `torque_lag` out of the loop, so that it is stable with stiffer scenes.
     pub(crate) lead: Lead,
     /// Whether the imperfections that this file says (`friction`, `cogging`, `torque_scale`,
-    /// `gear_loss`, `imbalance`) are fed forward: true, false, or a table of parameters. Nothing is
-    /// if the file says none.
+    /// `gear_loss`, `imbalance`) are fed forward: true, false, or a table of parameters. What the
+    /// file does not say is not fed forward.
     pub(crate) compensation: Compensation,
     /// Largest lead, which is the time from the loop's wake-up to the deadline of a tick. Never
     /// more than a quarter of the period. The loop measures which lead this machine needs. Between

@@ -251,6 +251,10 @@ fn one_bracket_and_a_decimal_comma_are_told_what_to_write() {
     let open = said("[[effect]]\nid = 'a'\nkind = 'spring'\nanchor = [1, 0, 0, 0\ndamping = 0.1\n");
     let line = "x.toml:5:1: not TOML: missing comma between array elements, expected `,` (is a `]` missing before this line?)";
     assert_eq!(open, line);
+    let comma = said("[[effect]]\nid = 'a'\nkind = 'spring'\nanchor = [1 0, 0, 0]\n");
+    assert!(comma.contains("x.toml:4:") && !comma.contains("before this line"), "{comma}");
+    let header = said("[sphere\nradius = 1\n[sphere]\nradius = 2\nradius = 3\n");
+    assert!(header.contains("unclosed table") && !header.contains("duplicate"), "{header}");
     let grad = said("[[effect]]\nid = 'a'\nkind = 'end_stop'\ncone = '35 grad'\n");
     assert!(grad.contains("the string \"35 grad\" (write degrees as \"35 deg\"); legal: "), "{grad}");
     let typed = said("[[effect]]\nid = 'a'\ntype = 'spring'\n");

@@ -12,8 +12,9 @@ const MAX_SAMPLES: usize = 32_768;
 /// Longest time that the plots can show, in seconds of the control loop's time.
 pub(crate) const SPAN_S: f64 = 30.0;
 
-/// The sphere shakes if its direction changes this often in the last second. No hand is as quick.
-const REVERSALS: usize = 8;
+/// The sphere shakes if its direction changes this often in the last second: at 6 Hz or faster.
+/// Hands are slower.
+const REVERSALS: usize = 12;
 
 /// Speed that counts in a shaking, rad/s.
 const SHAKES: f64 = 1.0;

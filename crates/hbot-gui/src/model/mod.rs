@@ -430,7 +430,7 @@ impl Model {
             && let (Lease::Other(holder), Some(LeaseCause::Stolen)) = (&lease, cause)
         {
             self.messages.add(Weight::Warn, format!("{}{TAKEN}", person(holder)));
-        } else {
+        } else if lease == Lease::Mine {
             self.messages.is_over(TAKEN);
         }
         self.lease = lease;

@@ -225,7 +225,7 @@ impl<'a> Session<'a> {
         // the server refuses with that reason.
         if commands && matches!(self.lease, Lease::Free | Lease::Unknown) {
             self.acquire(false)?;
-            let text = format!("you command now: {} took command", intent.name());
+            let text = format!("you command now, because of {:?}", intent.name());
             self.mailbox.post(News::Note(Ok(text)));
         }
         match intent {

@@ -4,6 +4,7 @@
 use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
+use super::state::has_keys;
 use super::theme::{LIVE, Palette, badge, heading, lamp, named, weak};
 use crate::model::{Link, Model, has_torque, person};
 use crate::net::{Intent, Lease};
@@ -96,7 +97,7 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
         Lease::Free => {
             let pushes = model.mode().is_some_and(has_torque);
             let color = if pushes { palette.warn } else { palette.text };
-            ("nobody commands: a change takes it".to_owned(), color)
+            ("nobody commands: a change takes command".to_owned(), color)
         }
         Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
         Lease::Other(holder) => (format!("you observe, {} commands", person(holder)), palette.warn),
@@ -124,9 +125,10 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         frame.show(ui, |ui| {
             ui.set_width(QUESTION);
             heading(ui, &format!("Take over from {holder}?"));
+            let keys = if has_keys(ui) { " Esc stops the rig and closes this question." } else { "" };
             let text = format!(
                 "The sphere pushes, and {holder} commands it. The scene goes on when you take over. If the program of {holder} \
-                 streams torques, they end. Esc stops the rig and closes this question."
+                 streams torques, they end.{keys}"
             );
             ui.add(egui::Label::new(text).wrap());
             ui.add_space(6.0);

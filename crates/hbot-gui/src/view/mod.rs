@@ -153,7 +153,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     Panel::top("bar").show(ui, |ui| bar::show(ui, model, desk, &mut intents));
     Panel::left("state").exact_size(left).resizable(false).show(ui, |ui| {
         ui.add_space(6.0);
-        state::stop(ui, &mut intents);
+        state::stop(ui, model, &mut intents);
         ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
             let online = model.is_online();
             let warnings = if online { desk.judged.warnings(&model.scene.shown()) } else { &[] };

@@ -46,7 +46,7 @@ const LEAD: &str = "the scene is rendered where the sphere will be when the torq
 
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
-pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
+pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let text = RichText::new("STOP").size(30.0).strong().color(Color32::WHITE);
     let button = Button::new(text).fill(STOP).corner_radius(8);
     let size = vec2(ui.available_width(), 60.0);
@@ -68,7 +68,9 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
         intents.push(Intent::Stop);
     }
     let palette = Palette::of(ui);
-    let (text, color) = if has_keys(ui) {
+    let (text, color) = if !model.is_online() {
+        ("No connection: STOP cannot reach the rig", palette.warn)
+    } else if has_keys(ui) {
         ("Esc or Space, anywhere in this window", palette.weak)
     } else {
         ("Esc and Space do not work: click this window", palette.warn)
@@ -78,7 +80,7 @@ pub(crate) fn stop(ui: &mut Ui, intents: &mut Vec<Intent>) {
 }
 
 /// Returns whether this window gets what is typed.
-fn has_keys(ui: &Ui) -> bool {
+pub(super) fn has_keys(ui: &Ui) -> bool {
     ui.input(|input| input.focused)
 }
 
@@ -116,7 +118,8 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
     let mut frame =
         egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(8, 5)).stroke((2.0, edge));
     let shakes = matches!(headline, Headline::Mode(mode) if has_torque(mode))
-        && (model.shaking.is_some() || !warnings.is_empty() && model.history.shakes());
+        && (model.shaking.is_some()
+            || warnings.iter().any(|it| it.contains(": may shake")) && model.history.shakes());
     // The box is as loud as the state.
     frame = match headline {
         _ if shakes => frame.fill(palette.warn.gamma_multiply(0.12)).stroke((2.0, palette.warn)),
@@ -147,9 +150,9 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         }
         let cut = cut(model, headline);
         // Only the speed matters without torque, and it tells when a reset is possible.
-        let fault = matches!(headline, Headline::Mode(_)) && is_long(ui, headline, warnings);
+        let is_long = matches!(headline, Headline::Mode(_)) && is_long(ui, headline, warnings);
         // The last line of the box, so that nothing moves when it comes and goes.
-        let line = match (fault, cut) {
+        let line = match (is_long, cut) {
             (true, _) => ui.spacing().interact_size.y + 4.0,
             (false, Some(_)) => ui.text_style_height(&TextStyle::Body).ceil() + 4.0,
             (false, None) => 0.0,
@@ -170,7 +173,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         if let Some(cut) = cut {
             coloured(ui, palette.warn, format!("Limits cut {} of the torque", percent(cut)));
         }
-        if let Some(state) = model.state.as_ref().filter(|_| fault) {
+        if let Some(state) = model.state.as_ref().filter(|_| is_long) {
             meter(ui, palette, METERS[1], speed(state, model, palette));
         }
     });
@@ -329,6 +332,11 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     let cure = RichText::new(cure);
     let cure = if model.is_simulated() { cure.weak() } else { cure };
     ui.add(egui::Label::new(cure).wrap());
+    if model.is_simulated() && too_fast(model).is_some() {
+        let hand =
+            "If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].";
+        ui.add(egui::Label::new(hand).wrap());
+    }
 }
 
 /// Says that the sphere must slow down before a reset, if it is or just was as fast as in the fault
@@ -337,13 +345,8 @@ pub(super) fn too_fast(model: &Model) -> Option<String> {
     let (speed, limit) = (model.history.fastest(RECENT_S), model.info.limits.speed);
     let fault = model.state.as_ref().and_then(|state| state.fault);
     let fast = fault == Some(Fault::Overspeed) && limit > 0.0 && speed > limit;
-    let hand = if model.is_simulated() {
-        " If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate]."
-    } else {
-        ""
-    };
     fast.then(|| {
-        format!("The sphere must slow down before Reset: {speed:.2} rad/s, the limit is {limit} rad/s.{hand}")
+        format!("The sphere must slow down before Reset: {speed:.2} rad/s, the limit is {limit} rad/s.")
     })
 }
 

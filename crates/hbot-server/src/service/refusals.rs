@@ -128,7 +128,7 @@ fn homing(rig: &Rig, simulated: bool) -> String {
         (Zero::Assume, assumed),
     ];
     let needed: Vec<_> = remedies.iter().filter(|(zero, _)| has(*zero)).map(|(_, what)| *what).collect();
-    needed.join("; ")
+    if needed.is_empty() { "wait for the first reading".to_owned() } else { needed.join("; ") }
 }
 
 #[cfg(test)]

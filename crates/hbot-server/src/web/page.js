@@ -32,7 +32,8 @@ let token = null;
 
 const scheme = location.protocol === 'https:' ? 'wss:' : 'ws:';
 // Other clients tell several pages apart by it.
-const device = /iPhone|iPad|Android|CrOS|Windows|Mac|Linux/.exec(navigator.userAgent)?.[0] ?? 'another device';
+const device = ['iPhone', 'iPad', 'Android', 'CrOS', 'Windows', 'Mac', 'Linux']
+  .find((name) => navigator.userAgent.includes(name)) ?? 'another device';
 const link = new Link(`${scheme}//${location.host}/ws`, `page on ${device}`, {
   token: () => token,
   opened(hello) {
@@ -77,7 +78,7 @@ async function ask(op, fields, what = op) {
     return true;
   } catch (error) {
     tell(what)(error);
-    if (['enable', 'reset'].includes(op)) rig.refusal = { op, why: error.message };
+    if (['enable', 'reset'].includes(op)) rig.refusal = { op, why: error.message, far: rig.isFar };
     return false;
   }
 }
@@ -223,7 +224,7 @@ function showRights() {
       : 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.'
     : rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
       : `Drag to turn the view, double ${touch.matches ? 'tap' : 'click'} to turn it back.`);
-  put($('keys'), document.hasFocus() ? 'Esc or Space stops, anywhere here'
+  put($('keys'), !rig.hello ? 'No connection: STOP cannot reach the rig' : document.hasFocus() ? 'Esc or Space stops, anywhere here'
     : 'The keys go elsewhere: press STOP');
 }
 

@@ -21,8 +21,8 @@ export const person = (name) => name.replace(/^panel /, '');
 
 /** A speed is judged by its largest value in this time, so that what is said does not flicker, s. */
 const RECENT = 0.5;
-/** The sphere shakes if its direction changes this often in a second, at a speed of at least this, rad/s. */
-const [REVERSALS, SHAKES] = [8, 1];
+/** The sphere shakes if it turns back this often in a second, 6 Hz, at a speed of at least this, rad/s. Hands are slower. */
+const [REVERSALS, SHAKES] = [12, 1];
 
 /** The end of the message about a client that has taken over. */
 const TAKEN = ' has taken over command';
@@ -164,7 +164,7 @@ export class Rig {
     const stopped = state.mode === 'fault' || state.mode === 'estop';
     // What was refused has come about, perhaps by another client.
     if (!stopped && (this.refusal?.op === 'reset' || hasTorque(state.mode))) this.refusal = null;
-    if (this.refusal?.op === 'enable' && this.state && !this.isFar) this.refusal = null;
+    if (this.refusal?.op === 'enable' && this.refusal.far && !this.isFar) this.refusal = null;
     if (this.fault && state.tick > this.fault.tick && !stopped) this.fault = null;
     const stop = this.stop;
     if (stop && (stop.after === null || state.tick > stop.after) && !hasTorque(state.mode)) {
@@ -217,7 +217,7 @@ export class Rig {
     if (this.shaking) return true;
     const fast = this.last(1).filter((omega) => length(omega) > SHAKES);
     const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    return this.warnings.length > 0 && fast.filter((it, k) => k > 0 && dot(it, fast[k - 1]) < 0).length >= REVERSALS;
+    return this.warnings.some((text) => text.includes(': may shake')) && fast.filter((it, k) => k > 0 && dot(it, fast[k - 1]) < 0).length >= REVERSALS;
   }
 
   /** Whether the server refuses a reset because the sphere is still as fast as in the fault. */

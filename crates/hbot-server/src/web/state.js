@@ -5,6 +5,7 @@ import { length } from './maths.js';
 
 /** From this rate on, the page says that the sphere still turns without torque, rad/s. */
 const TURNS = 0.1;
+const TURNING = 'The sphere still turns:';
 /** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
 const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
 
@@ -17,6 +18,9 @@ export function put(element, text) {
 
 /** Whether the page is used with a finger, which has no keys. */
 export const touch = matchMedia('(pointer: coarse)');
+
+/** Where the bar has no room for the rate. */
+const narrow = matchMedia('(max-width: 36rem)');
 
 const METERS = [
   ['Torque', "of the sphere / the rig's limit"],
@@ -98,7 +102,8 @@ function details(rig) {
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
   if (state.mode === 'idle' && rig.refusal?.op === 'enable') return [['warn', `Not enabled: ${rig.refusal.why}`]];
   if (state.mode === 'idle' && rig.isFar) return [['warn', `No torque. ${tooFar(rig)}`]];
-  return [...shaken, ['weak', mode]];
+  const alone = rig.lease.who === 'free' && hasTorque(state.mode) ? [['warn', 'Nobody commands it.']] : [];
+  return [...shaken, ['weak', mode], ...alone];
 }
 
 /** Says that the server may refuse to enable. Only it knows the turns that the scene leaves free. */
@@ -129,15 +134,15 @@ notice.id = 'notice';
 $('box').append(notice);
 
 /** Returns the line at the end of the box: a sphere that turns, what is cut, or a warning. */
-function noticed({ state, isCertain, shaking, warnings }) {
+function noticed({ state, isCertain, shaking, shakes, warnings }) {
   if (!isCertain) return '';
   const speed = length(state.omega);
-  const turns = !hasTorque(state.mode) && speed > TURNS ? `The sphere still turns: ${speed.toFixed(2)} rad/s` : '';
+  const turns = !hasTorque(state.mode) && speed > TURNS ? `${TURNING} ${speed.toFixed(2)} rad/s` : '';
   const cut = 1 - state.scale;
   if (state.mode === 'active' && cut >= LEAST_TOLD && warnings.length === 0) {
     return `Limits cut ${percent(cut)} of the torque`;
   }
-  if (shaking || warnings.length === 0) return turns;
+  if (shaking || shakes || warnings.length === 0) return turns;
   const many = warnings.length > 1 ? `${warnings.length} warnings` : 'Warning';
   return `${turns && `${turns}. `}${many}, see the scene: ${warnings[0].replaceAll('`', '')}`;
 }
@@ -162,6 +167,7 @@ export function showState(rig) {
   const lines = details(rig).filter(([, text]) => text);
   const line = noticed(rig);
   put(notice, line);
+  notice.classList.toggle('turns', line.startsWith(TURNING));
   notice.title = line;
   // A rate that changes keeps its length.
   const key = JSON.stringify([head, lines, line.length]);
@@ -197,7 +203,7 @@ function bar(rig) {
   badge.title = title;
   put(badge, word);
   const name = rig.info?.rig.name ?? rig.hello?.rig;
-  put($('rig'), rig.hello ? `${name}  ${rig.hello.rate_hz} Hz` : 'not connected');
+  put($('rig'), !rig.hello ? 'not connected' : narrow.matches ? name : `${name}  ${rig.hello.rate_hz} Hz`);
   const title_ = simulated === null ? 'hbot page' : `${word}: ${name} - hbot page`;
   if (document.title !== title_) document.title = title_;
   const [button, said] = {

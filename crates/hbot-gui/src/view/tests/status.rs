@@ -246,7 +246,7 @@ fn the_button_that_takes_command_never_releases_it() {
     let free = places(&seen);
     assert_eq!([mine[0].1, mine[1].1, free[0].1, free[1].1], [true, false, false, true]);
     assert_eq!([mine[0].0, mine[1].0], [free[0].0, free[1].0]);
-    let told = texts(&seen).into_iter().find(|it| it.text == "nobody commands: a change takes it");
+    let told = texts(&seen).into_iter().find(|it| it.text == "nobody commands: a change takes command");
     let warn = Palette::of_theme(true, Color32::GRAY).warn;
     assert!(told.is_some_and(|it| it.is_whole() && it.color == warn));
 }
