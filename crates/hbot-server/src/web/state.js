@@ -102,8 +102,7 @@ function details(rig) {
       + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
   if (state.mode === 'idle' && rig.refusal?.op === 'enable') return [['warn', `Not enabled: ${rig.refusal.why}`]];
   if (state.mode === 'idle' && rig.isFar) return [['warn', `No torque. ${tooFar(rig)}`]];
-  const alone = rig.lease.who === 'free' && hasTorque(state.mode) ? [['warn', 'Nobody commands it.']] : [];
-  return [...shaken, ['weak', mode], ...alone];
+  return [...shaken, ['weak', mode]];
 }
 
 /** Says that the server may refuse to enable. Only it knows the turns that the scene leaves free. */
