@@ -257,15 +257,14 @@ impl<'de> Visitor<'de> for FewBuilder<'_> {
             if few.others.len() == FEW {
                 return Err(A::Error::custom("more fields"));
             }
+            let known_before = builder.problem.is_some();
             if name == "op" {
-                let known_before = builder.problem.is_some();
                 if few.op.replace(map.next_value_seed(Text)?).is_some() {
                     builder.given_twice();
                 }
                 builder.place(known_before, || name.clone().into_owned());
                 continue;
             }
-            let known_before = builder.problem.is_some();
             let value = map.next_value_seed(builder.inner())?;
             let same = few.others.iter_mut().find(|(other, _)| *other == name);
             if same.is_some() {

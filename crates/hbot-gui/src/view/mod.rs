@@ -9,6 +9,7 @@ mod film;
 mod health;
 mod joints;
 mod law;
+mod meters;
 #[cfg(test)]
 mod painted;
 mod parameter;

@@ -1,14 +1,14 @@
 //! The mode of the rig, and the buttons that change it, with the stop button first.
 
 use eframe::egui::{
-    self, Button, Color32, Event, FontId, PointerButton, RichText, Role, ScrollArea, TextStyle, Ui,
-    WidgetInfo, vec2,
+    self, Button, Color32, Event, FontId, PointerButton, RichText, ScrollArea, TextStyle, Ui, vec2,
 };
 use glam::DVec3;
 use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
+use super::meters::{self, percent};
 use super::recover;
-use super::theme::{Palette, STOP, coloured, column, named, stripes, weak};
+use super::theme::{Palette, STOP, coloured, named, stripes, weak};
 use crate::model::{Headline, Model, has_torque};
 use crate::net::Intent;
 
@@ -30,20 +30,9 @@ const BARS: [f32; 2] = [114.0, 130.0];
 /// Height of the buttons that enable, disable and reset, in a low and in a tall window, points.
 const ORDER: [f32; 2] = [30.0, 38.0];
 /// A window of at least this height is tall, points.
-const TALL: f32 = 720.0;
+pub(super) const TALL: f32 = 720.0;
 /// Size of the text below the stop button, points.
 const KEYS: f32 = 12.0;
-/// Names of the bars and their hover texts, which also explain the units.
-const METERS: [(&str, &str); 5] = [
-    ("Torque", "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m"),
-    ("Speed", "how fast the sphere turns / the rig's limit. rad/s: radians per second, 1 rad is 57.3\u{b0}"),
-    ("Traction", "part of the friction between wheel and sphere that is in use, at the wheel that uses most"),
-    ("Slip", "how fast a wheel slides on the sphere / the rig's limit. mm/s: millimetres per second"),
-    ("Saturation", "part of the scene's torque that the rig's limits cut off"),
-];
-/// Hover text of the line that tells the lead.
-const LEAD: &str = "the scene is rendered where the sphere will be when the torque acts, so that the delay takes no damping away";
-
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
 pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
@@ -95,7 +84,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[String], intents: &mu
         status(ui, model, warnings, palette, STATUS[size] + BARS[size]);
     } else {
         status(ui, model, warnings, palette, STATUS[size]);
-        ui.add_enabled_ui(model.is_certain(), |ui| meters(ui, model, palette));
+        ui.add_enabled_ui(model.is_certain(), |ui| meters::show(ui, model, palette));
     }
 }
 
@@ -174,7 +163,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
             coloured(ui, palette.warn, format!("Limits cut {} of the torque", percent(cut)));
         }
         if let Some(state) = model.state.as_ref().filter(|_| is_long) {
-            meter(ui, palette, METERS[1], speed(state, model, palette));
+            meters::show_speed(ui, state, model, palette);
         }
     });
     if headline == Headline::NotStopped {
@@ -183,11 +172,6 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
         painter.set(ground, stripes(rect, Color32::WHITE, STOP));
     }
-}
-
-/// Says a part in per cent. All of it is never cut.
-fn percent(part: f64) -> String {
-    if part > 0.99 { "over 99 %".to_owned() } else { format!("{:.0} %", 100.0 * part) }
 }
 
 /// Returns the part of the torque that the limits cut, if it is worth telling.
@@ -394,132 +378,6 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     });
 }
 
-/// Draws bars that show how near the rig is to each of its limits.
-fn meters(ui: &mut Ui, model: &Model, palette: Palette) {
-    ui.spacing_mut().item_spacing.y = 2.0;
-    let Some(state) = &model.state else {
-        // The bars keep their places.
-        for name in METERS {
-            meter(ui, palette, name, (0.0, palette.good, "-".to_owned()));
-        }
-        lead(ui, palette, 0.0);
-        return;
-    };
-    let limits = &model.info.limits;
-    let torque = DVec3::from(state.torque).length();
-    let lost = 1.0 - state.scale;
-    let is_cut = lost > 0.0005;
-    let load = |share, figures| load(palette, share, figures);
-    let values = [
-        load(share(torque, limits.torque), format!("{torque:.2} / {:.2} N m", limits.torque)),
-        speed(state, model, palette),
-        load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
-        load(
-            share(state.slip, limits.slip),
-            format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip),
-        ),
-        // Whatever the limits cut, the scene does not feel as it is meant.
-        if is_cut {
-            (lost, palette.warn, format!("{} cut by limits", percent(lost)))
-        } else {
-            (0.0, palette.warn, "none".to_owned())
-        },
-    ];
-    for (name, value) in METERS.into_iter().zip(values) {
-        meter(ui, palette, name, value);
-    }
-    lead(ui, palette, state.timing.lead_us);
-}
-
-/// Returns a part of a limit, with its colour and its text.
-fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String) {
-    let color = match share {
-        s if s > 0.9 => palette.bad,
-        s if s > 0.7 => palette.warn,
-        _ => palette.good,
-    };
-    (share, color, figures)
-}
-
-fn speed(state: &StateEvent, model: &Model, palette: Palette) -> (f64, Color32, String) {
-    let (speed, limit) = (DVec3::from(state.omega).length(), model.info.limits.speed);
-    load(palette, share(speed, limit), format!("{speed:.2} / {limit} rad/s"))
-}
-
-/// Draws how far ahead the scene is rendered. The line keeps its place; a low window has none.
-fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
-    if is_low(ui) {
-        return;
-    }
-    let ahead = lead_us > 0.0;
-    let text = if ahead { format!("rendered {:.2} ms ahead", 1.0e-3 * lead_us) } else { " ".to_owned() };
-    let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
-    if ahead {
-        line.on_hover_text(LEAD);
-    }
-}
-
-fn is_low(ui: &Ui) -> bool {
+pub(super) fn is_low(ui: &Ui) -> bool {
     ui.ctx().content_rect().height() < TALL
-}
-
-fn share(value: f64, limit: f64) -> f64 {
-    if limit > 0.0 { value / limit } else { 0.0 }
-}
-
-/// Draws a bar with its name, whose hover text is `hint`, and the text `figures` next to it.
-/// `share` is the length of the bar: 1 means that a limit is reached.
-fn meter(
-    ui: &mut Ui,
-    palette: Palette,
-    (name, hint): (&str, &str),
-    (share, color, figures): (f64, Color32, String),
-) {
-    ui.horizontal(|ui| {
-        column(ui, 70.0, name).on_hover_text(hint);
-        let width = (ui.available_width() - 122.0).max(24.0);
-        let (rect, response) = ui.allocate_exact_size(vec2(width, 10.0), egui::Sense::hover());
-        response
-            .widget_info(|| WidgetInfo::labeled(Role::ProgressIndicator, true, format!("{name}: {figures}")));
-        let painter = ui.painter();
-        painter.rect_filled(rect, 3.0, ui.visuals().extreme_bg_color);
-        let full = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32);
-        painter.rect_filled(full, 3.0, color);
-        painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
-        ui.label(RichText::new(figures).size(12.0));
-    });
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::view::painted::hint;
-    use egui_kittest::Harness;
-    use egui_kittest::kittest::Queryable as _;
-
-    /// The line is there only while the scene is rendered ahead.
-    #[test]
-    fn the_lead_is_told() {
-        for (lead_us, told) in [(0.0, false), (2200.0, true)] {
-            let mut model = Model::new("", "panel me@here", 1);
-            let mut state = StateEvent::default();
-            state.timing.lead_us = lead_us;
-            model.state = Some(state);
-            let draw = move |ui: &mut Ui| meters(ui, &model, Palette::of(ui));
-            let mut seen = Harness::builder().with_size([600.0, TALL]).build_ui(draw);
-            seen.run_steps(4);
-            assert_eq!(seen.query_by_label("rendered 2.20 ms ahead").is_some(), told);
-        }
-    }
-
-    #[test]
-    fn each_bar_says_what_it_shows_and_what_its_unit_is() {
-        let model = Model::new("", "panel me@here", 1);
-        let draw = move |ui: &mut Ui| meters(ui, &model, Palette::of(ui));
-        let mut seen = Harness::builder().with_size([600.0, 400.0]).build_ui(draw);
-        seen.run_steps(4);
-        for (name, said) in METERS {
-            assert_eq!(hint(&mut seen, name), said);
-        }
-    }
 }

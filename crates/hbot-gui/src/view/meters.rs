@@ -1,0 +1,157 @@
+//! Bars that show how near the rig is to each of its limits.
+
+use eframe::egui::{self, Color32, RichText, Role, Ui, WidgetInfo, vec2};
+use glam::DVec3;
+use hbot_api::StateEvent;
+
+use super::state::is_low;
+use super::theme::{Palette, column};
+use crate::model::Model;
+
+/// Names of the bars and their hover texts, which also explain the units.
+const METERS: [(&str, &str); 5] = [
+    ("Torque", "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m"),
+    ("Speed", "how fast the sphere turns / the rig's limit. rad/s: radians per second, 1 rad is 57.3\u{b0}"),
+    ("Traction", "part of the friction between wheel and sphere that is in use, at the wheel that uses most"),
+    ("Slip", "how fast a wheel slides on the sphere / the rig's limit. mm/s: millimetres per second"),
+    ("Saturation", "part of the scene's torque that the rig's limits cut off"),
+];
+/// Hover text of the line that tells the lead.
+const LEAD: &str = "the scene is rendered where the sphere will be when the torque acts, so that the delay takes no damping away";
+
+/// Draws bars that show how near the rig is to each of its limits.
+pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
+    ui.spacing_mut().item_spacing.y = 2.0;
+    let Some(state) = &model.state else {
+        // The bars keep their places.
+        for name in METERS {
+            meter(ui, palette, name, (0.0, palette.good, "-".to_owned()));
+        }
+        lead(ui, palette, 0.0);
+        return;
+    };
+    let limits = &model.info.limits;
+    let torque = DVec3::from(state.torque).length();
+    let lost = 1.0 - state.scale;
+    let is_cut = lost > 0.0005;
+    let load = |share, figures| load(palette, share, figures);
+    let values = [
+        load(share(torque, limits.torque), format!("{torque:.2} / {:.2} N m", limits.torque)),
+        speed(state, model, palette),
+        load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
+        load(
+            share(state.slip, limits.slip),
+            format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip),
+        ),
+        // Whatever the limits cut, the scene does not feel as it is meant.
+        if is_cut {
+            (lost, palette.warn, format!("{} cut by limits", percent(lost)))
+        } else {
+            (0.0, palette.warn, "none".to_owned())
+        },
+    ];
+    for (name, value) in METERS.into_iter().zip(values) {
+        meter(ui, palette, name, value);
+    }
+    lead(ui, palette, state.timing.lead_us);
+}
+
+/// Returns a part of a limit, with its colour and its text.
+fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String) {
+    let color = match share {
+        s if s > 0.9 => palette.bad,
+        s if s > 0.7 => palette.warn,
+        _ => palette.good,
+    };
+    (share, color, figures)
+}
+
+fn speed(state: &StateEvent, model: &Model, palette: Palette) -> (f64, Color32, String) {
+    let (speed, limit) = (DVec3::from(state.omega).length(), model.info.limits.speed);
+    load(palette, share(speed, limit), format!("{speed:.2} / {limit} rad/s"))
+}
+
+/// Draws how far ahead the scene is rendered. The line keeps its place; a low window has none.
+fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
+    if is_low(ui) {
+        return;
+    }
+    let ahead = lead_us > 0.0;
+    let text = if ahead { format!("rendered {:.2} ms ahead", 1.0e-3 * lead_us) } else { " ".to_owned() };
+    let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
+    if ahead {
+        line.on_hover_text(LEAD);
+    }
+}
+
+/// Draws the bar of the speed alone.
+pub(super) fn show_speed(ui: &mut Ui, state: &StateEvent, model: &Model, palette: Palette) {
+    meter(ui, palette, METERS[1], speed(state, model, palette));
+}
+
+/// Says a part in per cent. All of it is never cut.
+pub(super) fn percent(part: f64) -> String {
+    if part > 0.99 { "over 99 %".to_owned() } else { format!("{:.0} %", 100.0 * part) }
+}
+
+fn share(value: f64, limit: f64) -> f64 {
+    if limit > 0.0 { value / limit } else { 0.0 }
+}
+
+/// Draws a bar with its name, whose hover text is `hint`, and the text `figures` next to it.
+/// `share` is the length of the bar: 1 means that a limit is reached.
+fn meter(
+    ui: &mut Ui,
+    palette: Palette,
+    (name, hint): (&str, &str),
+    (share, color, figures): (f64, Color32, String),
+) {
+    ui.horizontal(|ui| {
+        column(ui, 70.0, name).on_hover_text(hint);
+        let width = (ui.available_width() - 122.0).max(24.0);
+        let (rect, response) = ui.allocate_exact_size(vec2(width, 10.0), egui::Sense::hover());
+        response
+            .widget_info(|| WidgetInfo::labeled(Role::ProgressIndicator, true, format!("{name}: {figures}")));
+        let painter = ui.painter();
+        painter.rect_filled(rect, 3.0, ui.visuals().extreme_bg_color);
+        let full = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32);
+        painter.rect_filled(full, 3.0, color);
+        painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
+        ui.label(RichText::new(figures).size(12.0));
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::painted::hint;
+    use crate::view::state::TALL;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+
+    /// The line is there only while the scene is rendered ahead.
+    #[test]
+    fn the_lead_is_told() {
+        for (lead_us, told) in [(0.0, false), (2200.0, true)] {
+            let mut model = Model::new("", "panel me@here", 1);
+            let mut state = StateEvent::default();
+            state.timing.lead_us = lead_us;
+            model.state = Some(state);
+            let draw = move |ui: &mut Ui| show(ui, &model, Palette::of(ui));
+            let mut seen = Harness::builder().with_size([600.0, TALL]).build_ui(draw);
+            seen.run_steps(4);
+            assert_eq!(seen.query_by_label("rendered 2.20 ms ahead").is_some(), told);
+        }
+    }
+
+    #[test]
+    fn each_bar_says_what_it_shows_and_what_its_unit_is() {
+        let model = Model::new("", "panel me@here", 1);
+        let draw = move |ui: &mut Ui| show(ui, &model, Palette::of(ui));
+        let mut seen = Harness::builder().with_size([600.0, 400.0]).build_ui(draw);
+        seen.run_steps(4);
+        for (name, said) in METERS {
+            assert_eq!(hint(&mut seen, name), said);
+        }
+    }
+}
