@@ -55,13 +55,6 @@ fn every_figure_that_was_promised_is_there_and_every_check_holds() {
 }
 
 #[test]
-fn two_runs_say_the_same() {
-    let again = measure(Study::Paper);
-    assert_eq!(report().figures(), again.figures());
-    assert_eq!(report().checks(), again.checks());
-}
-
-#[test]
 fn margins_are_those_of_the_notes() {
     let (sin, cos) = 0.1745_f64.sin_cos();
     // r R sin a, and the smallest angle between the contacts: 90 deg minus two cone angles.

@@ -8,25 +8,32 @@ use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 use rustix::process::{Pid, Signal, kill_process};
 
+use crate::paper::report;
+
 /// Returns a command that runs the program under test, `hbot-study`.
 fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hbot-study"))
 }
 
+/// The program's figures are those of the run in this process, to the last digit.
 #[test]
-fn a_study_ends_well_and_says_where_its_report_is() {
+fn a_study_ends_well_says_where_its_report_is_and_gives_the_same_figures_again() {
     let folder = tempfile::tempdir().expect("a folder");
     assert_cmd::Command::from_std(program())
-        .args(["accuracy", "--quick", "--out"])
+        .args(["paper", "--quick", "--out"])
         .arg(folder.path())
-        .timeout(Duration::from_secs(120))
+        .timeout(Duration::from_secs(600))
         .assert()
         .success()
-        .stdout(contains("In short\n- In 10 s of brisk motion").and(contains("44 of 44 checks hold\n")))
-        .stdout(contains("report.html").and(contains("tick.svg")));
-    let summary = std::fs::read_to_string(folder.path().join("summary.json")).expect("a summary");
-    let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
-    assert_eq!(summary["study"], "accuracy");
+        .stdout(contains("In short\n- With all four motors").and(contains("48 of 48 checks hold\n")))
+        .stdout(contains("report.html").and(contains("margins.svg")));
+    let written = std::fs::read_to_string(folder.path().join("summary.json")).expect("a summary");
+    let [again, first] = [written, report().summary().to_string()]
+        .map(|text| serde_json::from_str::<serde_json::Value>(&text).expect("JSON"));
+    for part in ["study", "in_short", "results", "checks"] {
+        assert!(first[part] != serde_json::Value::Null, "{part}");
+        assert_eq!(again[part], first[part], "{part}");
+    }
 }
 
 /// The study would take minutes. It does not begin.
