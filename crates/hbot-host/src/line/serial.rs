@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
-use rustix::termios::tcgetsid;
+use rustix::termios::{isatty, tcgetsid};
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort as _, StopBits, TTYPort};
 use thiserror::Error;
 
@@ -99,6 +99,7 @@ impl Serial {
             reason: match error.kind() {
                 ErrorKind::PermissionDenied => format!("{error} (`hbot doctor` says how to get the right)"),
                 ErrorKind::ResourceBusy => "another program has it open".to_owned(),
+                ErrorKind::NotFound => "it does not exist".to_owned(),
                 _ => error.to_string(),
             },
             available: serialport::available_ports()
@@ -227,6 +228,9 @@ fn open(path: &Path, baud: u32) -> io::Result<Held> {
     // Opened first, because nobody can open the port after `TTYPort` has it exclusively.
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let line = rustix::fs::open(path, flags, Mode::empty())?;
+    if !isatty(&line) {
+        return Err(io::Error::other("it is no serial port"));
+    }
     // Only the terminal that controls this process tells its session. To change its settings would
     // leave the user's shell unusable, or stop this process if it runs in the background.
     if tcgetsid(&line).is_ok() {
