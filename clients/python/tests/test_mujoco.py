@@ -302,8 +302,9 @@ def test_the_energy_of_a_late_simulation_is_that_of_the_rig(
     """In virtual time, where the age of a model does not depend on this machine.
 
     The simulated hand turns the sphere, up to the torque limit of the rig. At random, a model is 8
-    ms late in the mean and up to 95 ms, as on a busy machine. The simulation takes the way of the
-    sphere in such an interval as straight, so it misses a part of the work.
+    ms late in the mean and up to 95 ms, as on a busy machine. The rig then takes up to a tenth more
+    from the hand than the simulation knows of. It is not the sphere's way within an interval, which
+    the simulation takes as straight: with each tick of it the difference is the same.
     """
     xml = runpy.run_path(str(EXAMPLES / f"mujoco_{example}.py"))
     model = mujoco.MjModel.from_xml_string(xml["VALVE" if example == "valve" else "LOCK"])
