@@ -145,6 +145,28 @@ fn a_second_cause_during_an_emergency_stop_is_a_fault() {
 }
 
 #[test]
+fn a_reset_without_a_reading_does_not_find_the_cause_gone() {
+    let mut bench = active();
+    let with = |bench: &mut Bench, complaints: Option<Complaints>| {
+        bench
+            .step_with(|inputs| {
+                match complaints {
+                    Some(complaints) => inputs.feedback.as_mut().unwrap().complaints = complaints,
+                    None => inputs.feedback = None,
+                }
+                inputs.commands.push(Command::Reset).unwrap();
+            })
+            .state
+            .mode
+    };
+    let hot = Complaints { overtemperature: true, ..Complaints::default() };
+    for complaints in [Some(hot), None, None, Some(hot), None] {
+        assert_eq!(with(&mut bench, complaints), Mode::Fault, "{complaints:?}");
+    }
+    assert_eq!(with(&mut bench, Some(Complaints::default())), Mode::Idle);
+}
+
+#[test]
 fn a_reboot_counts_although_the_reading_of_its_tick_complains_of_less() {
     // The reading of the tick says that the motor is too hot and that its watchdog expired.
     let complaints = Complaints { overtemperature: true, watchdog: true, ..Complaints::default() };

@@ -3,7 +3,7 @@
 use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
 use crate::rng::Rng;
 use hbot_core::design::kinematics::Posture;
-use hbot_core::design::rig::Rig;
+use hbot_core::design::rig::{RateEstimate, Rig};
 use hbot_core::inputs::{Command, Inputs};
 use hbot_core::outputs::Reply;
 use hbot_core::safety::mode::{Cause, Mode};
@@ -178,11 +178,15 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
     // the reported rate is 1 rad/s while the counts stand still.
     let drift = (DT / std::f64::consts::TAU * 16384.0).ceil() as i32;
     for (counts, rates) in [([drift, 0, 0, 0], [0.0; 4]), ([0; 4], [1.0, 0.0, 0.0, 0.0])] {
-        let (cause, tick) = lie(counts, rates).expect("a fault");
-        assert!(
-            cause == Cause::ImplausibleFeedback && (20..=75).contains(&tick),
-            "{cause:?} after {tick} ms"
-        );
+        // Rates that are estimated from counts always agree with them.
+        for rate in [RateEstimate::Controller, RateEstimate::Kalman { acceleration: 100.0 }] {
+            let rig = altered(&rig(), |rig| rig.methods.rate = rate);
+            let (cause, tick) = lie_to(rig, 1, counts, rates).expect("a fault");
+            assert!(
+                cause == Cause::ImplausibleFeedback && (20..=75).contains(&tick),
+                "{cause:?} after {tick} ms with {rate:?}"
+            );
+        }
     }
     // A lag of 5 ms in the rates is accepted while the sphere turns back and forth.
     let mut bench = active();

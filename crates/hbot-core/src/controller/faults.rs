@@ -118,7 +118,18 @@ impl Controller {
         if self.client_lost {
             return Some(Cause::ClientLost);
         }
-        self.motion_fault(powered)
+        self.motion_fault(powered).or_else(|| self.unanswered(inputs))
+    }
+
+    /// Returns the fault that the last reading showed, if no reading has come in this tick. So a
+    /// reset that arrives in a tick without a reading does not find the cause gone.
+    #[inline(always)]
+    fn unanswered(&self, inputs: &Inputs) -> Option<Cause> {
+        self.machine.present.filter(|cause| {
+            use Cause::{ControllerFault, ImplausibleFeedback, NonFinite, Overtorque, Thermal};
+            inputs.feedback.is_none()
+                && matches!(cause, ControllerFault | Overtorque | Thermal | NonFinite | ImplausibleFeedback)
+        })
     }
 
     /// Returns the fault that the measured motion shows, such as excessive speed or slip. With

@@ -109,7 +109,7 @@ impl Joints {
         self.estimator.restart();
         let count = rig.device.count();
         let rates = self.update_rates(count, rig, feedback, None);
-        self.watch.restart(&self.rate);
+        self.restart_watch(rig, feedback);
         rates?;
         self.locate(count, rig);
         Ok(())
@@ -166,13 +166,36 @@ impl Joints {
             self.watch.begin(count, &self.posture, turn);
         }
         self.locate(count, rig);
-        if judged {
+        if !judged {
+            self.restart_watch(rig, feedback);
+        } else if matches!(self.estimator, Rates::Reported) {
             let moved = Interval { delta: &delta, rate: &self.rate, turn, ticks, late };
             self.watch.end(count, rig, &self.posture, &moved);
         } else {
-            self.watch.restart(&self.rate);
+            let moved = Interval { delta: &delta, rate: &self.reported(rig, feedback), turn, ticks, late };
+            self.watch.end(count, rig, &self.posture, &moved);
         }
         Ok(Step { turn, answered: [last, feedback.sequence] })
+    }
+
+    /// Clears the check of the counts. It compares them with the rates that motor controllers
+    /// report, also if the rig estimates its own: rates from counts always agree with the counts.
+    fn restart_watch(&mut self, rig: &Rig, feedback: &JointReadings) {
+        if matches!(self.estimator, Rates::Reported) {
+            self.watch.restart(&self.rate);
+        } else {
+            self.watch.restart(&self.reported(rig, feedback));
+        }
+    }
+
+    /// Returns the joint rates that the motor controllers report, rad/s.
+    #[inline(never)]
+    fn reported(&self, rig: &Rig, feedback: &JointReadings) -> [Real; MAX_JOINTS] {
+        let mut rate = [0.0; MAX_JOINTS];
+        for i in 0..rig.device.joints() {
+            rate[i] = self.encoders[i].signed(feedback.rates[i]);
+        }
+        rate
     }
 
     /// Computes the turn of the sphere from the last to this reading (rotation vector, rad, frame

@@ -90,7 +90,7 @@ pub(crate) struct ModeMachine {
     pub(crate) gain: Real,
     /// Fault condition of the last tick. It is compared with that of the next tick, to distinguish
     /// a new condition from a lasting one.
-    present: Option<Cause>,
+    pub(crate) present: Option<Cause>,
 }
 
 /// The reason why `enable` or `reset` was refused.

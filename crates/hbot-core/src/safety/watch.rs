@@ -44,7 +44,7 @@ const MARGIN: Real = 1.05;
 pub(crate) struct Interval<'a> {
     /// Change of each joint's angle, rad.
     pub(crate) delta: &'a [Real; MAX_JOINTS],
-    /// Rate of each joint at the end of the interval, rad/s.
+    /// Rate of each joint at the end of the interval, as its motor controller reports it, rad/s.
     pub(crate) rate: &'a [Real; MAX_JOINTS],
     /// Turn of the sphere, as a rotation vector in frame N, in rad.
     pub(crate) turn: Vec3,

@@ -298,6 +298,14 @@ fn the_firmware_of_each_axis_is_known_after_bring_up() {
 }
 
 #[test]
+fn an_axis_whose_position_is_no_number_needs_its_encoder_and_no_firmware() {
+    let nowhere = InjectedFault::Slipped { joint: 0, angle: f64::NAN };
+    let (mut line, _, expected) = line(|rig| rig.inject(nowhere));
+    let refused = Odrive.meet(&mut line, &expected).expect_err("no number").to_string();
+    assert!(refused.contains("its position is no number: check and calibrate its encoder"), "{refused}");
+}
+
+#[test]
 fn positions_are_set_back_while_motors_are_off_and_counts_go_on() {
     let mut bench = Bench::new();
     bench.until(true, "on", good);

@@ -111,15 +111,15 @@ impl fmt::Display for Verdict {
             ),
             Self::Complains(complaints) => {
                 let all = [
-                    (complaints.fault, "it reports that it has a fault: read its display or log"),
+                    (complaints.fault, "it reports a fault or has restarted: read its display or log"),
                     (complaints.watchdog, "nothing heard within its watchdog time: this machine was busy, or the line is bad"),
                     (complaints.overcurrent, "too much current: lower --torque, or check the motor's leads"),
                     (complaints.overtemperature, "too hot: let it cool down"),
+                    (complaints.disobeyed, "its motor is not on when it should be: check supply, settings and errors"),
+                    (complaints.not_finite, "it says a number that is none: check and calibrate its encoder and sensors"),
                 ];
-                f.write_str("a controller complains: ")?;
-                let mut told = all.iter().filter(|(is, _)| *is).map(|(_, what)| *what);
-                f.write_str(told.next().unwrap_or("nothing any more"))?;
-                told.try_for_each(|what| write!(f, "; {what}"))
+                let told: Vec<&str> = all.iter().filter(|(is, _)| *is).map(|(_, what)| *what).collect();
+                write!(f, "a controller complains: {}", told.join("; "))
             }
         }
     }

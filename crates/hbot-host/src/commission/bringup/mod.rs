@@ -194,11 +194,12 @@ impl Bench {
     /// Gives up if `stop` returns true.
     fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointReadings, Interrupted> {
         let mut complaints = Complaints::default();
-        self.sent_s = self.time_s();
         for _ in 0..PATIENCE {
             if stop() {
                 return Err(Interrupted::Stopped);
             }
+            // That of the command that is answered: readings before it are lost.
+            self.sent_s = self.time_s();
             let now_ns = self.now_ns();
             // The result is ignored: if a command is not accepted, its reading does not arrive,
             // which is noticed.

@@ -102,10 +102,9 @@ fn found(talk: &mut Talk<'_>) -> Result<Vec<Found>, MeetError> {
             None
         };
         if let Some(what) = unknown {
-            remedies.push(Remedy {
-                what,
-                command: format!("update the firmware: python3 -m moteus.moteus_tool -t {id} --flash FILE"),
-            });
+            let how = if map > REGISTER_MAP { "flash an older firmware" } else { "update the firmware" };
+            let command = format!("{how}: python3 -m moteus.moteus_tool -t {id} --flash FILE");
+            remedies.push(Remedy { what, command });
         } else if !twice {
             // Two servos with one id answer at once, so their settings cannot be told apart.
             for must in &SETTINGS {

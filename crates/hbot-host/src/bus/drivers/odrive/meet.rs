@@ -115,11 +115,11 @@ pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found
             });
         }
         let [board, minor, variant] = met.hardware;
-        let [major, middle, revision] = met.firmware.unwrap_or_default();
+        let firmware = met.firmware.map_or("unknown".to_owned(), |[a, b, c]| format!("{a}.{b}.{c}"));
         let one = Found {
             id,
             model: format!("ODrive (board {board}.{minor}, variant {variant})"),
-            firmware: format!("{major}.{middle}.{revision}, CANSimple"),
+            firmware: format!("{firmware}, CANSimple"),
             supply_v: met.supply,
             zero: None,
             filtering: Filtering::default(),
@@ -201,10 +201,19 @@ fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
     let mut remedies = Vec::new();
     let save = "odrv0.save_configuration()";
     let mut wrong = |what: String, command: String| remedies.push(Remedy { what, command });
-    let [major, minor, revision] = met.firmware.unwrap_or_default();
-    if [major, minor] < FIRMWARE {
-        let what = format!("its firmware is {major}.{minor}.{revision}, this program needs 0.6 or newer");
-        wrong(what, "odrivetool dfu".to_owned());
+    match met.firmware {
+        Some([major, minor, revision]) if [major, minor] < FIRMWARE => {
+            let what = format!("its firmware is {major}.{minor}.{revision}, this program needs 0.6 or newer");
+            wrong(what, "odrivetool dfu".to_owned());
+        }
+        Some(_) => {}
+        None => wrong(
+            "it has not said its firmware (Get_Version), which 0.6 or newer does".to_owned(),
+            "check that the adapter passes remote frames; then odrivetool dfu".to_owned(),
+        ),
+    }
+    if met.position.is_some_and(|position| !position.is_finite()) {
+        wrong("its position is no number".to_owned(), "check and calibrate its encoder".to_owned());
     }
     let apart = |count: u32| listened_ms / u64::from(count.max(1));
     if apart(met.estimates) > ESTIMATES_MS {

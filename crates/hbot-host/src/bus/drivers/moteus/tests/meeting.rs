@@ -126,15 +126,18 @@ fn a_servo_with_another_register_map_or_without_its_time_since_power_on_is_refus
     let without_uptime: Change = |text| in_identity(text, 2, "297088130000", "317001505050");
     let with_map_4: Change =
         |text| in_identity(text, 2, "2B8002040000000F01000005", "2B8002040000000F01000004");
-    for (what, change) in [
-        ("it does not report its time since power-on", without_uptime),
-        ("its register map is version 4", with_map_4),
+    let with_map_6: Change =
+        |text| in_identity(text, 2, "2B8002040000000F01000005", "2B8002040000000F01000006");
+    for (what, remedy, change) in [
+        ("it does not report its time since power-on", "update the firmware: ", without_uptime),
+        ("its register map is version 4", "update the firmware: ", with_map_4),
+        ("its register map is version 6", "flash an older firmware: ", with_map_6),
     ] {
         let mut line = changed(servos(), change);
         let found = Moteus.scan(&mut line, &expected()).expect("they answer");
         let wrong: Vec<(u8, usize)> = found.iter().map(|it| (it.id, it.remedies.len())).collect();
         assert_eq!(wrong, [(1, 0), (2, 1), (3, 0), (4, 0)], "{what}");
-        assert!(found[1].remedies[0].command.starts_with("update the firmware: "), "{found:?}");
+        assert!(found[1].remedies[0].command.starts_with(remedy), "{found:?}");
         let refused = Moteus.meet(&mut line, &expected()).expect_err(what).to_string();
         assert!(refused.starts_with(&format!("a line: moteus of id 2: {what}")), "{refused}");
     }
