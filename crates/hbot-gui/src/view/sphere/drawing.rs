@@ -109,10 +109,10 @@ impl Drawing {
 }
 
 /// Returns the place of a name about the point `at` that covers none of the places `taken`: there,
-/// or else below, above or beside. If all of them are taken, it is the first.
+/// or else below, above, beside or farther away. If all of them are taken, it is the first.
 fn free_place(taken: &[Rect], at: Pos2, size: Vec2) -> Rect {
     /// Steps in the size of the name.
-    const STEPS: [[f32; 2]; 13] = [
+    const STEPS: [[f32; 2]; 21] = [
         [0.0, 0.0],
         [0.0, 1.0],
         [0.0, -1.0],
@@ -126,6 +126,14 @@ fn free_place(taken: &[Rect], at: Pos2, size: Vec2) -> Rect {
         [0.0, -2.0],
         [0.0, 3.0],
         [0.0, -3.0],
+        [1.5, 2.0],
+        [-1.5, 2.0],
+        [1.5, -2.0],
+        [-1.5, -2.0],
+        [2.0, 0.0],
+        [-2.0, 0.0],
+        [2.0, 1.0],
+        [-2.0, -1.0],
     ];
     let place = |[x, y]: [f32; 2]| Rect::from_center_size(at + vec2(x, y) * size, size);
     let is_free = |place: &Rect| !taken.iter().any(|other| other.shrink(1.0).intersects(*place));
