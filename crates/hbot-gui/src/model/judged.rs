@@ -251,7 +251,9 @@ impl Waiting {
                 return None;
             }
             if !waiting.0.is_empty() {
-                return Some(waiting.0.remove(0));
+                // Curves take little time, and follow a slider at once.
+                let curves = waiting.0.iter().position(|(_, question)| question.about == About::Curves);
+                return Some(waiting.0.remove(curves.unwrap_or(0)));
             }
             waiting = self.more.wait(waiting).unwrap_or_else(PoisonError::into_inner);
         }
