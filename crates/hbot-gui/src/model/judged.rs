@@ -284,6 +284,17 @@ pub(super) mod tests {
         json!({"name": "S", "effect": [{"id": "s", "kind": "spring", "stiffness": 40.0, "damping": damping}]})
     }
 
+    #[test]
+    fn a_curve_does_not_wait_for_a_border() {
+        let abilities = Arc::new(Abilities::told(Told::from(&told())));
+        let border = About::Border { key: StiffnessKey { effect: 0, axis: None }, most: 400.0 };
+        let asked = |about| (Arc::clone(&abilities), Question { about, scene: scene(0.01) });
+        let questions = [border, About::Curves, About::Warnings].map(asked).to_vec();
+        let waiting = Waiting { questions: Mutex::new((questions, true)), more: Condvar::new() };
+        let order = [(); 3].map(|()| waiting.next().expect("a question").1.about);
+        assert_eq!(order, [About::Curves, border, About::Warnings]);
+    }
+
     /// The window never waits: until the thread has answered, it has the last answer.
     #[test]
     fn a_thread_comes_to_the_same_answers() {

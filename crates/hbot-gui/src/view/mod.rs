@@ -45,7 +45,7 @@ use theme::{Palette, coloured, weak};
 const MESSAGE: f32 = 26.0;
 
 /// Height of the tape below the bar of a real rig, points. The parts below it begin lower.
-const TAPE: f32 = 5.0;
+const TAPE: f32 = 4.0;
 
 /// Something that the user has asked for while the window was drawn.
 #[derive(Clone, Debug)]
@@ -276,7 +276,7 @@ fn new_message(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let fresh = || model.messages.fresh();
     // The newest of those that weigh most.
     // What was said last stays, in grey.
-    let newest = || model.messages.newest_first().next();
+    let newest = || model.messages.newest_first().find(|message| !message.told);
     let message = fresh().min_by_key(|message| Reverse(message.weight));
     let color = match message.map(|message| message.weight) {
         None => Palette::of(ui).weak,

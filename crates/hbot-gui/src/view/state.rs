@@ -13,11 +13,13 @@ use crate::model::{Headline, Model, has_torque};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points.
-const STATUS: [f32; 2] = [100.0, 158.0];
+const STATUS: [f32; 2] = [94.0, 158.0];
 /// Size of the word for the state, in a low and in a tall window, points.
 const HEADLINE: [f32; 2] = [20.0, 26.0];
 /// Size of the text in the box of a low window, points.
 const SMALL: f32 = 12.0;
+/// Size of what to do first, in the box, points.
+const LARGE: f32 = 15.0;
 /// A speed is judged by its largest value in this time, so that what is said does not flicker, s.
 const RECENT_S: f64 = 0.5;
 /// Speed above which the box says that the sphere still turns, rad/s.
@@ -192,7 +194,7 @@ fn cut(model: &Model, headline: Headline) -> Option<f64> {
 fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
-            let cut = RichText::new("Cut the motors' power.").strong().size(15.0);
+            let cut = RichText::new("Cut the motors' power.").strong().size(LARGE);
             ui.add(egui::Label::new(cut.color(Color32::WHITE)).wrap());
             if let Some(stop) = model.unconfirmed_stop() {
                 ui.add(egui::Label::new(stop.way_out(&model.server, has_keys(ui))).wrap());
@@ -263,7 +265,7 @@ fn warned(ui: &mut Ui, warnings: &[String], palette: Palette) {
 
 /// Draws what to do about a warning. It stands before the warning.
 pub(super) fn remedy(ui: &mut Ui, palette: Palette, text: &str) {
-    let text = RichText::new(text).strong().size(if is_low(ui) { SMALL } else { 15.0 });
+    let text = RichText::new(text).strong().size(if is_low(ui) { SMALL } else { LARGE });
     ui.add(egui::Label::new(text.color(palette.warn)).wrap());
 }
 
@@ -310,10 +312,16 @@ fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
         Some(silent) => format!("The server has said nothing for {:.0} s.", silent.as_secs_f64()),
         None => "Not connected.".to_owned(),
     };
+    // What to do comes first, and the text on the state last: it can be out of sight in a low window.
+    let simulated = model.badge() == Some("SIMULATED");
+    if !simulated {
+        let size = if is_low(ui) { SMALL } else { LARGE };
+        let advice = RichText::new("If in doubt, cut the motors' power.").strong().size(size);
+        ui.add(egui::Label::new(advice).wrap());
+    }
     coloured(ui, palette.bad, text);
-    // Before the text on the state, which can be out of sight in a low window.
-    let advice = "What the rig does now is not known. If in doubt, cut the motors' power.";
-    ui.add(egui::Label::new(advice).wrap());
+    let rig = if simulated { " It is simulated and has no motors." } else { "" };
+    ui.add(egui::Label::new(format!("What the rig does now is not known.{rig}")).wrap());
     if let Some(text) = old(model) {
         weak(ui, text);
     }
@@ -335,11 +343,6 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     if let Some(text) = too_fast(model) {
         coloured(ui, palette.warn, text);
     }
-    // What was found comes before the usual remedy.
-    match &model.fault {
-        Some(told) => ui.add(egui::Label::new(format!("{fault}: {}", found(fault, &told.message))).wrap()),
-        None => weak(ui, fault.as_str()),
-    };
     // A simulated rig has no plug that is loose.
     let cure = if model.is_simulated() && is_of_hardware(fault) { UNBROKEN } else { cure };
     ui.add(egui::Label::new(cure).wrap());
@@ -348,6 +351,9 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
             "If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].";
         ui.add(egui::Label::new(hand).wrap());
     }
+    // What was found comes last, because it can be long.
+    let found = model.fault.as_ref().map(|told| format!("{fault}: {}", found(fault, &told.message)));
+    weak(ui, found.as_deref().unwrap_or(fault.as_str()));
 }
 
 /// Says that the sphere must slow down before a reset, if it is or just was as fast as in the fault

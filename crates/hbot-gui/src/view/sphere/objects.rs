@@ -91,7 +91,7 @@ impl Drawing {
         // The rolling direction at the contact.
         let (from, to) = (centre - contact.rolling * 0.3, centre + contact.rolling * 0.3);
         self.arrow(from, to, Stroke::new(1.5, color));
-        self.text(contact.axis * 1.5, name, color, 9.0);
+        self.text(contact.axis * 1.5, name, self.palette.wheel, 9.0);
     }
 
     pub(super) fn torque(&self, torque: DVec3, limit: f64) {
