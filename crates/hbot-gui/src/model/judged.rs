@@ -251,7 +251,9 @@ impl Waiting {
                 return None;
             }
             if !waiting.0.is_empty() {
-                return Some(waiting.0.remove(0));
+                // Curves take little time, and follow a slider at once.
+                let curves = waiting.0.iter().position(|(_, question)| question.about == About::Curves);
+                return Some(waiting.0.remove(curves.unwrap_or(0)));
             }
             waiting = self.more.wait(waiting).unwrap_or_else(PoisonError::into_inner);
         }
@@ -280,6 +282,17 @@ pub(super) mod tests {
 
     fn scene(damping: f64) -> Value {
         json!({"name": "S", "effect": [{"id": "s", "kind": "spring", "stiffness": 40.0, "damping": damping}]})
+    }
+
+    #[test]
+    fn a_curve_does_not_wait_for_a_border() {
+        let abilities = Arc::new(Abilities::told(Told::from(&told())));
+        let border = About::Border { key: StiffnessKey { effect: 0, axis: None }, most: 400.0 };
+        let asked = |about| (Arc::clone(&abilities), Question { about, scene: scene(0.01) });
+        let questions = [border, About::Curves, About::Warnings].map(asked).to_vec();
+        let waiting = Waiting { questions: Mutex::new((questions, true)), more: Condvar::new() };
+        let order = [(); 3].map(|()| waiting.next().expect("a question").1.about);
+        assert_eq!(order, [About::Curves, border, About::Warnings]);
     }
 
     /// The window never waits: until the thread has answered, it has the last answer.

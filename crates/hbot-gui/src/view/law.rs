@@ -3,11 +3,13 @@
 use std::f64::consts::PI;
 
 use eframe::egui::{Role, Ui, WidgetInfo};
-use egui_plot::{GridMark, Line, LineStyle, Plot, PlotBounds, Points};
+use egui_plot::{GridMark, Line, LineStyle, Plot, PlotBounds, Points as Dots};
+use hbot_config::sweep::Points;
 use hbot_core::rotation;
 
-use super::Desk;
+use super::pointer::{self, Reading};
 use super::theme::{Palette, weak};
+use super::{Desk, faded_unless_live};
 use crate::model::Model;
 use crate::model::sample::quaternion;
 
@@ -19,21 +21,31 @@ const BEYOND: f64 = 1.25;
 /// The vertical axis extends at least this far, N m.
 const LEAST: f64 = 0.02;
 
-/// Draws the torque about n1, n2 and n3 against the angle about each, with a dot for each axis.
+/// Draws the torque about n1, n2 and n3 against the angle about each, with a dot for each axis. All
+/// is grey unless it is what the rig does now.
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     desk.judged.take(&model.info);
     let Some(curves) = desk.judged.curves(&model.scene.shown()) else { return };
+    ui.scope(|ui| {
+        faded_unless_live(ui, model);
+        draw(ui, model, curves);
+    });
+}
+
+fn draw(ui: &mut Ui, model: &Model, curves: &[Points; 3]) {
     let palette = Palette::of(ui);
     let largest = curves.iter().flatten().fold(LEAST, |most, (_, torque)| most.max(torque.abs()));
     let limit = model.info.limits.torque;
     let end = 1.08 * if limit > 0.0 { largest.min(BEYOND * limit) } else { largest };
+    // Curves that lie on each other are one line, which has none of the colours of the axes.
+    let alike = are_alike(curves, 0.01 * end);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 6.0;
-        weak(ui, "scene, N m about");
+        weak(ui, if alike { "N m, alike about" } else { "N m about" });
         for (k, color) in palette.axes.into_iter().enumerate() {
             ui.colored_label(color, format!("n{}", k + 1));
         }
-        weak(ui, "(dots: now)");
+        weak(ui, if model.is_live() { "(dots: now)" } else { "(dots: last heard)" });
     });
     let dots = dots(model);
     let degrees = |mark: GridMark, _: &_| format!("{:.0}\u{b0}", mark.value.to_degrees());
@@ -55,13 +67,15 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
         .allow_zoom(false)
         .allow_scroll(false)
         .allow_boxed_zoom(false)
+        .show_crosshair(false)
         .show_x(false)
         .show_y(false);
     let shown = plot.show(ui, |plot| {
         plot.set_plot_bounds(PlotBounds::from_min_max([-PI, -end], [PI, end]));
-        for (k, curve) in curves.iter().enumerate() {
+        for (k, curve) in curves.iter().enumerate().take(if alike { 1 } else { 3 }) {
             let points: Vec<_> = curve.iter().map(|(x, y)| [*x, *y]).collect();
-            plot.line(Line::new(format!("n{}", k + 1), points).color(palette.axes[k]).width(1.6));
+            let color = if alike { palette.text } else { palette.axes[k] };
+            plot.line(Line::new(format!("n{}", k + 1), points).color(color).width(1.6));
         }
         if limit > 0.0 && end > limit {
             for limit in [-limit, limit] {
@@ -71,17 +85,31 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk) {
             }
         }
         for (k, [x, y]) in dots.iter().flatten().enumerate() {
-            let dot = Points::new(format!("now n{}", k + 1), vec![[*x, y.clamp(-end, end)]]);
+            let dot = Dots::new(format!("now n{}", k + 1), vec![[*x, y.clamp(-end, end)]]);
             plot.points(dot.color(palette.axes[k]).radius(4.0));
         }
+    });
+    pointer::show(ui, &shown.response, &shown.transform, |x| {
+        let near =
+            |curve: &Points| curve.iter().min_by(|a, b| (a.0 - x).abs().total_cmp(&(b.0 - x).abs())).copied();
+        let of = |k: usize| Some((palette.axes[k], format!("n{}", k + 1), near(&curves[k])?.1));
+        let values = (0..3).filter_map(of).collect();
+        Some(Reading { x, place: format!("{:.0}\u{b0}", x.to_degrees()), values })
     });
     let text = "Torque of the scene against the angle about each axis";
     shown.response.widget_info(|| WidgetInfo::labeled(Role::Image, true, text));
 }
 
+/// Returns whether the curves of all axes differ by at most `by`, N m.
+fn are_alike([first, others @ ..]: &[Points; 3], by: f64) -> bool {
+    others.iter().all(|other| {
+        first.len() == other.len() && first.iter().zip(other).all(|(a, b)| (a.1 - b.1).abs() <= by)
+    })
+}
+
 /// Returns the angle about each axis from the scene's anchor, rad, and the torque about it, N m.
 fn dots(model: &Model) -> Option<[[f64; 2]; 3]> {
-    let state = model.state.as_ref().filter(|_| model.is_live())?;
+    let state = model.state.as_ref()?;
     let anchor = model.placing().anchor(model.scene.laws());
     let turn = rotation::difference(quaternion(state.q), anchor);
     Some([0, 1, 2].map(|k| [turn[k], state.torque[k]]))

@@ -2,7 +2,6 @@
 
 use eframe::egui::{self, Color32, RichText, Role, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use hbot_api::StateEvent;
 
 use super::state::is_low;
 use super::theme::{Palette, column};
@@ -21,7 +20,9 @@ const LEAD: &str = "the scene is rendered where the sphere will be when the torq
 
 /// Draws bars that show how near the rig is to each of its limits.
 pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
-    ui.spacing_mut().item_spacing.y = 2.0;
+    // A low window needs the room for what stands below.
+    (ui.spacing_mut().item_spacing.y, ui.spacing_mut().interact_size.y) =
+        if is_low(ui) { (0.0, 16.0) } else { (2.0, ui.spacing().interact_size.y) };
     let Some(state) = &model.state else {
         // The bars keep their places.
         for name in METERS {
@@ -37,7 +38,7 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
     let load = |share, figures| load(palette, share, figures);
     let values = [
         load(share(torque, limits.torque), format!("{torque:.2} / {:.2} N m", limits.torque)),
-        speed(state, model, palette),
+        speed(DVec3::from(state.omega).length(), model, palette),
         load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
         load(
             share(state.slip, limits.slip),
@@ -66,8 +67,8 @@ fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String)
     (share, color, figures)
 }
 
-fn speed(state: &StateEvent, model: &Model, palette: Palette) -> (f64, Color32, String) {
-    let (speed, limit) = (DVec3::from(state.omega).length(), model.info.limits.speed);
+fn speed(speed: f64, model: &Model, palette: Palette) -> (f64, Color32, String) {
+    let limit = model.info.limits.speed;
     load(palette, share(speed, limit), format!("{speed:.2} / {limit} rad/s"))
 }
 
@@ -85,8 +86,8 @@ fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
 }
 
 /// Draws the bar of the speed alone.
-pub(super) fn show_speed(ui: &mut Ui, state: &StateEvent, model: &Model, palette: Palette) {
-    meter(ui, palette, METERS[1], speed(state, model, palette));
+pub(super) fn show_speed(ui: &mut Ui, speed: f64, model: &Model, palette: Palette) {
+    meter(ui, palette, METERS[1], self::speed(speed, model, palette));
 }
 
 /// Says a part in per cent. All of it is never cut.
@@ -128,6 +129,7 @@ mod tests {
     use crate::view::state::TALL;
     use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
+    use hbot_api::StateEvent;
 
     /// The line is there only while the scene is rendered ahead.
     #[test]

@@ -14,6 +14,7 @@ mod meters;
 mod painted;
 mod parameter;
 mod plots;
+mod pointer;
 mod recordings;
 mod recover;
 mod scene;
@@ -42,6 +43,9 @@ use theme::{Palette, coloured, weak};
 
 /// Height of the line for a new message, points.
 const MESSAGE: f32 = 26.0;
+
+/// Height of the tape below the bar of a real rig, points. The parts below it begin lower.
+const TAPE: f32 = 4.0;
 
 /// Something that the user has asked for while the window was drawn.
 #[derive(Clone, Debug)]
@@ -151,7 +155,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     let mut intents = Vec::new();
     let narrow = ui.available_width() < 1100.0;
     let (left, right) = if narrow { (262.0, 286.0) } else { (300.0, 330.0) };
-    Panel::top("bar").show(ui, |ui| bar::show(ui, model, desk, &mut intents));
+    let bar = Panel::top("bar").show(ui, |ui| bar::show(ui, model, desk, &mut intents)).response.rect;
     Panel::left("state").exact_size(left).resizable(false).show(ui, |ui| {
         ui.add_space(6.0);
         state::stop(ui, model, &mut intents);
@@ -212,6 +216,12 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         }
         bar::no_server(ui, model, desk, &mut intents);
     });
+    // A real rig can be told from a simulated one at a glance. The tape takes no room, so that
+    // nothing moves.
+    if model.badge() == Some("LIVE") {
+        let line = bar.bottom() - 1.0..=bar.bottom() + TAPE;
+        theme::tape(ui.painter(), egui::Rect::from_x_y_ranges(ui.ctx().content_rect().x_range(), line));
+    }
     bar::question(ui, model, desk, &mut intents);
     acts.extend(intents.into_iter().map(Act::Ask));
 }
@@ -265,12 +275,16 @@ fn messages(ui: &mut Ui, model: &Model) {
 fn new_message(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let fresh = || model.messages.fresh();
     // The newest of those that weigh most.
-    let Some(message) = fresh().min_by_key(|message| Reverse(message.weight)) else { return };
-    let color = match message.weight {
-        Weight::Good => Palette::of(ui).text,
-        weight => Palette::of(ui).weight(weight),
+    // What was said last stays, in grey.
+    let newest = || model.messages.newest_first().find(|message| !message.told);
+    let message = fresh().min_by_key(|message| Reverse(message.weight));
+    let color = match message.map(|message| message.weight) {
+        None => Palette::of(ui).weak,
+        Some(Weight::Good) => Palette::of(ui).text,
+        Some(weight) => Palette::of(ui).weight(weight),
     };
-    let more = fresh().count() - 1;
+    let Some(message) = message.or_else(newest) else { return };
+    let more = fresh().count().saturating_sub(1);
     let label = egui::Label::new(RichText::new(&message.text).color(color)).truncate();
     let text = |ui: &mut Ui| ui.add(label.sense(egui::Sense::click())).clicked();
     let count = |ui: &mut Ui| {

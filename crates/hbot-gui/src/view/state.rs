@@ -13,11 +13,13 @@ use crate::model::{Headline, Model, has_torque};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points.
-const STATUS: [f32; 2] = [88.0, 158.0];
+const STATUS: [f32; 2] = [94.0, 158.0];
 /// Size of the word for the state, in a low and in a tall window, points.
 const HEADLINE: [f32; 2] = [20.0, 26.0];
 /// Size of the text in the box of a low window, points.
 const SMALL: f32 = 12.0;
+/// Size of what to do first, in the box, points.
+const LARGE: f32 = 15.0;
 /// A speed is judged by its largest value in this time, so that what is said does not flicker, s.
 const RECENT_S: f64 = 0.5;
 /// Speed above which the box says that the sphere still turns, rad/s.
@@ -26,13 +28,20 @@ const TURNS: f64 = 0.1;
 const LEAST_CUT: f64 = 0.01;
 /// Height of the bars in a low and in a tall window, points. A fault takes their place, so that its
 /// explanation and remedy can be read without scrolling; in a low window, all that is wrong does.
-const BARS: [f32; 2] = [114.0, 130.0];
+const BARS: [f32; 2] = [86.0, 130.0];
 /// Height of the buttons that enable, disable and reset, in a low and in a tall window, points.
 const ORDER: [f32; 2] = [30.0, 38.0];
 /// A window of at least this height is tall, points.
 pub(super) const TALL: f32 = 720.0;
 /// Size of the text below the stop button, points.
 const KEYS: f32 = 12.0;
+/// What to do about a sphere that shakes.
+const LESS: &str = "Lower the stiffness or raise the damping.";
+/// What to do about a fault that only a real rig gives a cause for.
+const UNBROKEN: &str = "The rig is simulated and nothing is broken: Reset, then Enable.";
+/// What the server adds to the message about a fault of a simulated rig.
+const SERVERS_UNBROKEN: &str = ". The rig is simulated and nothing is broken: reset, then enable";
+
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
 pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
@@ -105,7 +114,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
     // The edge is as wide in all states, so that nothing below the box moves.
     let edge = egui::Frame::group(ui.style()).stroke.color;
     let mut frame =
-        egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(8, 5)).stroke((2.0, edge));
+        egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(10, 6)).stroke((2.0, edge));
     let shakes = matches!(headline, Headline::Mode(mode) if has_torque(mode))
         && (model.shaking.is_some()
             || warnings.iter().any(|it| it.contains(": may shake")) && model.history.shakes());
@@ -122,7 +131,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
     let ground = ui.painter().add(egui::Shape::Noop);
     let drawn = frame.show(ui, |ui| {
         ui.set_width(ui.available_width());
-        ui.set_height(height);
+        ui.set_height(height - 2.0);
         ui.spacing_mut().item_spacing.y = 3.0;
         let color = if headline == Headline::NotStopped {
             ui.visuals_mut().override_text_color = Some(Color32::WHITE);
@@ -151,10 +160,10 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         area.show(ui, |ui| {
             if shakes && model.shaking.is_none() {
                 let speed = model.history.fastest(RECENT_S);
-                let text = format!(
-                    "It shakes, at up to {speed:.1} rad/s. Lower the stiffness or raise the damping."
-                );
-                ui.add(egui::Label::new(RichText::new(text).strong().color(palette.warn)).wrap());
+                let text = format!("It shakes, at up to {speed:.1} rad/s.");
+                let known = warnings.iter().find_map(|warning| parted(warning).1);
+                remedy(ui, palette, known.as_deref().unwrap_or(LESS));
+                coloured(ui, palette.warn, text);
             } else {
                 details(ui, model, warnings, headline, palette);
             }
@@ -163,7 +172,9 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
             coloured(ui, palette.warn, format!("Limits cut {} of the torque", percent(cut)));
         }
         if let Some(state) = model.state.as_ref().filter(|_| is_long) {
-            meters::show_speed(ui, state, model, palette);
+            // The speed of the sentence above.
+            let speed = DVec3::from(state.omega).length().max(model.history.fastest(RECENT_S));
+            meters::show_speed(ui, speed, model, palette);
         }
     });
     if headline == Headline::NotStopped {
@@ -183,14 +194,15 @@ fn cut(model: &Model, headline: Headline) -> Option<f64> {
 fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
-            let cut = RichText::new("Cut the motors' power.").strong().size(15.0);
+            let cut = RichText::new("Cut the motors' power.").strong().size(LARGE);
             ui.add(egui::Label::new(cut.color(Color32::WHITE)).wrap());
             if let Some(stop) = model.unconfirmed_stop() {
                 ui.add(egui::Label::new(stop.way_out(&model.server, has_keys(ui))).wrap());
-                ui.add(egui::Label::new(format!("At {}: {}.", stop.server, stop.why())).wrap());
-                if stop.server != model.server
-                    && let Some(mode) = model.mode().filter(|_| model.is_live())
-                {
+                // The bar names the address of this panel's own server.
+                let here = stop.server == model.server;
+                let whose = if here { "Why".to_owned() } else { format!("At {}", stop.server) };
+                ui.add(egui::Label::new(format!("{whose}: {}.", stop.why())).wrap());
+                if !here && let Some(mode) = model.mode().filter(|_| model.is_live()) {
                     let text = format!("The mode of the rig at {} is {mode}.", model.server);
                     ui.add(egui::Label::new(text).wrap());
                 }
@@ -220,6 +232,7 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
                 turns(ui, model, palette);
             }
             if let Some(shaking) = &model.shaking {
+                remedy(ui, palette, LESS);
                 coloured(ui, palette.warn, shaken(shaking));
             }
             if warnings.is_empty() {
@@ -238,11 +251,30 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
 fn warned(ui: &mut Ui, warnings: &[String], palette: Palette) {
     let Some(first) = warnings.first() else { return };
     let text = if is_low(ui) { brief(first) } else { first.clone() };
+    let (text, cure) = parted(&text);
+    let color = if cure.is_some() { palette.text } else { palette.warn };
+    if let Some(cure) = cure {
+        remedy(ui, palette, &cure);
+    }
     let text = match warnings.len() {
         1 => format!("Warning: {text}"),
         many => format!("The first of {many} warnings: {text}"),
     };
-    coloured(ui, palette.warn, text).on_hover_text(first);
+    coloured(ui, color, text).on_hover_text(first);
+}
+
+/// Draws what to do about a warning. It stands before the warning.
+pub(super) fn remedy(ui: &mut Ui, palette: Palette, text: &str) {
+    let text = RichText::new(text).strong().size(if is_low(ui) { SMALL } else { LARGE });
+    ui.add(egui::Label::new(text.color(palette.warn)).wrap());
+}
+
+/// Parts a warning of the server into what it warns of, and what to do about it as a sentence.
+pub(super) fn parted(warning: &str) -> (&str, Option<String>) {
+    let Some((what, cure)) = warning.rsplit_once("; ") else { return (warning, None) };
+    let mut letters = cure.chars();
+    let first = letters.next().map(|letter| letter.to_ascii_uppercase());
+    (what, Some(format!("{}{}.", first.into_iter().collect::<String>(), letters.as_str())))
 }
 
 /// Leaves out the reasons in the middle of a long warning of the server, for a box without room.
@@ -254,13 +286,10 @@ pub(super) fn brief(warning: &str) -> String {
     }
 }
 
-/// Says which effect shook the sphere, and what to do.
+/// Says which effect shook the sphere.
 fn shaken(shaking: &ShakingEvent) -> String {
     let who = shaking.effect.as_deref().unwrap_or("the scene");
-    format!(
-        "Torque lowered: {who} shook the sphere at {:.0} Hz. Lower its stiffness or raise its damping.",
-        shaking.frequency
-    )
+    format!("Torque lowered: {who} shook the sphere at {:.0} Hz.", shaking.frequency)
 }
 
 /// Draws who has stopped the rig, and which button goes on.
@@ -283,10 +312,16 @@ fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
         Some(silent) => format!("The server has said nothing for {:.0} s.", silent.as_secs_f64()),
         None => "Not connected.".to_owned(),
     };
+    // What to do comes first, and the text on the state last: it can be out of sight in a low window.
+    let simulated = model.badge() == Some("SIMULATED");
+    if !simulated {
+        let size = if is_low(ui) { SMALL } else { LARGE };
+        let advice = RichText::new("If in doubt, cut the motors' power.").strong().size(size);
+        ui.add(egui::Label::new(advice).wrap());
+    }
     coloured(ui, palette.bad, text);
-    // Before the text on the state, which can be out of sight in a low window.
-    let advice = "What the rig does now is not known. If in doubt, cut the motors' power.";
-    ui.add(egui::Label::new(advice).wrap());
+    let rig = if simulated { " It is simulated and has no motors." } else { "" };
+    ui.add(egui::Label::new(format!("What the rig does now is not known.{rig}")).wrap());
     if let Some(text) = old(model) {
         weak(ui, text);
     }
@@ -308,19 +343,17 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     if let Some(text) = too_fast(model) {
         coloured(ui, palette.warn, text);
     }
-    // What was found comes before the usual remedy. A simulated rig has no plug that is loose.
-    match &model.fault {
-        Some(told) => ui.add(egui::Label::new(format!("{fault}: {}", without_log(&told.message))).wrap()),
-        None => weak(ui, fault.as_str()),
-    };
-    let cure = RichText::new(cure);
-    let cure = if model.is_simulated() { cure.weak() } else { cure };
+    // A simulated rig has no plug that is loose.
+    let cure = if model.is_simulated() && is_of_hardware(fault) { UNBROKEN } else { cure };
     ui.add(egui::Label::new(cure).wrap());
     if model.is_simulated() && too_fast(model).is_some() {
         let hand =
             "If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].";
         ui.add(egui::Label::new(hand).wrap());
     }
+    // What was found comes last, because it can be long.
+    let found = model.fault.as_ref().map(|told| format!("{fault}: {}", found(fault, &told.message)));
+    weak(ui, found.as_deref().unwrap_or(fault.as_str()));
 }
 
 /// Says that the sphere must slow down before a reset, if it is or just was as fast as in the fault
@@ -332,6 +365,30 @@ pub(super) fn too_fast(model: &Model) -> Option<String> {
     fast.then(|| {
         format!("The sphere must slow down before Reset: {speed:.2} rad/s, the limit is {limit} rad/s.")
     })
+}
+
+/// Returns what the server has found about a fault, in the box. The speed at which the sphere was
+/// too fast is left out, because the box tells the present one beside the limit.
+fn found(fault: Fault, message: &str) -> String {
+    let message = without_log(message).replace(SERVERS_UNBROKEN, "");
+    match message.split_once("; the limit is ") {
+        Some(_) if fault == Fault::Overspeed => "limits.speed of the rig file".to_owned(),
+        _ => message,
+    }
+}
+
+/// Returns whether the usual remedy of a fault is one for motors, wheels and cables.
+const fn is_of_hardware(fault: Fault) -> bool {
+    match fault {
+        Fault::LinkLost
+        | Fault::LinkCorrupt
+        | Fault::ControllerFault
+        | Fault::Overtorque
+        | Fault::Slip
+        | Fault::ImplausibleFeedback
+        | Fault::Thermal => true,
+        Fault::Overspeed | Fault::NonFinite | Fault::Deadline | Fault::ClientLost => false,
+    }
 }
 
 /// Removes the path of the flight log from a message, because the path is long. The list of

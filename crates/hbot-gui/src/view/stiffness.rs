@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::Desk;
 use super::bar::OBSERVER;
 use super::parameter;
+use super::state::{is_low, parted, remedy};
 use super::theme::{Palette, coloured, heading, named, weak};
 use super::{round_up, three_digits};
 use crate::model::{Effect, Model};
@@ -27,6 +28,10 @@ const STIFFNESS: &str =
 const DAMPING: &str = "torque against each radian per second. N m s/rad: newton metres per radian per second";
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
+    if is_low(ui) {
+        // The sentence on what is stable stays in sight.
+        ui.spacing_mut().item_spacing.y = 2.0;
+    }
     heading(ui, "Stiffness and damping");
     desk.judged.take(&model.info);
     let scene = model.scene.shown();
@@ -98,9 +103,14 @@ fn tells_loop(model: &Model) -> bool {
 
 /// Draws what the server warns of when it loads such a scene.
 fn warnings(ui: &mut Ui, warnings: &[String]) {
-    let warn = Palette::of(ui).warn;
+    let palette = Palette::of(ui);
     for warning in warnings {
-        coloured(ui, warn, warning);
+        let (what, cure) = parted(warning);
+        let color = if cure.is_some() { palette.text } else { palette.warn };
+        if let Some(cure) = cure {
+            remedy(ui, palette, &cure);
+        }
+        coloured(ui, color, what);
     }
 }
 
@@ -262,12 +272,6 @@ fn limits(
     let gain = model.scene.value(effect, "gain").and_then(Value::as_f64).unwrap_or(1.0);
     let stiffest = diagonal(value).into_iter().fold(0.0, f64::max) * gain;
     let limit = model.info.limits.torque;
-    if limit > 0.0
-        && let Some(index) = index_of(model, effect)
-        && let Some(reach) = desk.judged.reach(scene, index, limit)
-    {
-        weak(ui, reach.in_words(limit));
-    }
     if let Some(stable) = stable
         && value.is_number()
     {
@@ -283,6 +287,12 @@ fn limits(
         } else {
             weak(ui, text);
         }
+    }
+    if limit > 0.0
+        && let Some(index) = index_of(model, effect)
+        && let Some(reach) = desk.judged.reach(scene, index, limit)
+    {
+        weak(ui, reach.in_words(limit));
     }
 }
 
@@ -423,7 +433,12 @@ mod tests {
         let warnings = Abilities::of(&unled()).warnings(&scene);
         assert_eq!(warnings.len(), 1);
         let said_of = said(model);
-        assert!(said_of.contains(&warnings[0]), "{warnings:?}");
+        // What to do comes first.
+        let (what, cure) = parted(&warnings[0]);
+        let cure = cure.expect("a remedy");
+        assert_eq!(format!("{what}; {cure}").to_lowercase(), format!("{}.", warnings[0]).to_lowercase());
+        let [cure, what] = [cure.as_str(), what].map(|text| said_of.find(text).expect("told in full"));
+        assert!(cure < what, "{said_of}");
         // The sentence about the mark has the number of the warning.
         let border = border(&said_of);
         assert!(

@@ -31,7 +31,8 @@ pub(crate) struct Palette {
 
 /// Colour of the stop button, on both light and dark backgrounds.
 pub(crate) const STOP: Color32 = Color32::from_rgb(0xb8, 0x25, 0x08);
-/// Colour of the word LIVE, as on the page in the browser. Nothing else has it.
+/// Colour of the word LIVE, as on the page in the browser, and of the tape below the bar of a real
+/// rig. Nothing else has it.
 pub(crate) const LIVE: Color32 = Color32::from_rgb(0xff, 0xc4, 0x00);
 
 impl Palette {
@@ -200,6 +201,27 @@ pub(crate) fn stripes(rect: egui::Rect, stripe: Color32, ground: Color32) -> egu
     shapes.extend((0..=count).map(|k| slanted(rect.left() - height + 3.0 * STRIPE * f32::from(k))));
     shapes.push(egui::Shape::rect_filled(rect.shrink(EDGE), 0.0, ground));
     egui::Shape::Vec(shapes)
+}
+
+/// Draws a tape with slanted black stripes, such as stands around machines, into `rect`.
+pub(crate) fn tape(painter: &egui::Painter, rect: egui::Rect) {
+    /// Distance of the stripes, points.
+    const STRIPES: f32 = 24.0;
+    let painter = painter.with_clip_rect(rect);
+    painter.rect_filled(rect, 0.0, LIVE);
+    let height = rect.height();
+    let count = (rect.width() / STRIPES).ceil() as u16;
+    for left in (0..=count).map(|k| rect.left() + STRIPES * f32::from(k)) {
+        let corner = |x: f32, y: f32| egui::pos2(left + x, y);
+        let [top, bottom] = [rect.top(), rect.bottom()];
+        let points = vec![
+            corner(height, top),
+            corner(height + STRIPES / 2.0, top),
+            corner(STRIPES / 2.0, bottom),
+            corner(0.0, bottom),
+        ];
+        painter.add(egui::Shape::convex_polygon(points, Color32::BLACK, egui::Stroke::NONE));
+    }
 }
 
 /// Draws a small coloured dot, which shows a state like a lamp.

@@ -37,6 +37,9 @@ pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a>
         .allow_scroll(still)
         .allow_boxed_zoom(still)
         .allow_axis_zoom_drag(still)
+        .show_crosshair(false)
+        .show_x(false)
+        .show_y(false)
 }
 
 /// Returns the grid lines of the vertical axis. They are closer in a low plot, which would else

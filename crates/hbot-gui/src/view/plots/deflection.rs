@@ -1,7 +1,7 @@
 //! The plot of torque against deflection, with the stiffness and damping fitted to it.
 
 use eframe::egui::{Role, Ui, WidgetInfo};
-use egui_plot::{Line, Points};
+use egui_plot::{CoordinatesFormatter, Corner, Line, PlotPoint, Points};
 
 use super::PlotDesk;
 use super::axes::plot;
@@ -36,8 +36,12 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
             weak(ui, format!("since {}, {:.1} s ago", mark.text, newest - mark.t));
         }
     });
-    let shown =
-        plot(ui, "deflection", plots, "torque, N m").x_axis_label("deflection, rad").show(ui, |plot| {
+    let at_pointer = |at: &PlotPoint, _: &_| format!("{:.4} rad, {:.3} N m", at.x, at.y);
+    let shown = plot(ui, "deflection", plots, "torque, N m")
+        .x_axis_label("deflection, rad")
+        .show_crosshair(true)
+        .coordinates_formatter(Corner::LeftBottom, CoordinatesFormatter::new(at_pointer))
+        .show(ui, |plot| {
             for (k, cloud) in clouds.into_iter().enumerate() {
                 let color = palette.axes[k];
                 plot.points(Points::new(format!("n{}", k + 1), cloud).color(color).radius(1.6));

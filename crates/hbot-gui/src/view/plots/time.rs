@@ -8,6 +8,7 @@ use egui_plot::{HLine, Line, LineStyle, PlotBounds, PlotPoint, PlotUi, Text, VLi
 use super::axes::plot;
 use super::{PlotDesk, Which};
 use crate::model::{History, Link, Mark, Model, PlotSample, What, thinned};
+use crate::view::pointer::{self, Reading};
 use crate::view::theme::{Palette, weak};
 
 /// Stands at a mark whose text has no room.
@@ -123,18 +124,19 @@ pub(super) fn show(
                 ui.colored_label(curve.color, curve.name);
             }
             if limit.is_some() {
-                ui.colored_label(palette.warn, "limit, dashed");
+                ui.colored_label(palette.warn, "limit");
             }
         });
     });
-    let recorded = matches!(model.link, Link::Recording);
     let marks: Vec<&Mark> = model.marks.between(now - plots.window, now).collect();
     let shown = plot(ui, quantity.axis, plots, quantity.axis)
         .include_x(-plots.window)
         .include_x(0.0)
         .include_y(low)
         .include_y(high)
-        .x_axis_label(if recorded { "time before this moment, s" } else { "time before now, s" })
+        // The curves end where the plot does.
+        .set_margin_fraction(vec2(0.0, 0.05))
+        .x_axis_label(before(model, plots))
         .show(ui, |plot| {
             for (curve, points) in quantity.curves.iter().zip(lines) {
                 plot.line(Line::new(curve.name, points).color(curve.color).width(1.6));
@@ -146,9 +148,28 @@ pub(super) fn show(
             }
             draw(plot, &marks, now, palette, low..high);
         });
+    pointer::show(ui, &shown.response, &shown.transform, |x| {
+        let away = |sample: &&PlotSample| (sample.t - now - x).abs();
+        let sample = history.last(plots.window).min_by(|a, b| away(a).total_cmp(&away(b)))?;
+        let of = |curve: &Curve| (curve.color, curve.name.to_owned(), (curve.of)(sample));
+        let values = quantity.curves.iter().map(of).collect();
+        Some(Reading { x: sample.t - now, place: format!("{:.2} s", sample.t - now), values })
+    });
     let text = in_words(quantity.axis, history.last(plots.window).len(), limit, &marks, now);
     shown.response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &text));
     Some(*shown.transform.bounds())
+}
+
+/// Returns the name of the axis of time, which says from when the time counts.
+fn before(model: &Model, plots: &PlotDesk) -> &'static str {
+    match model.link {
+        Link::Recording => "time before this moment, s",
+        _ if plots.paused.is_some() => "time before the pause, s",
+        // Nothing is known of the time since then.
+        Link::Offline { .. } => "time before the last state, s",
+        _ if model.silent_for().is_some() => "time before the last state, s",
+        _ => "time before now, s",
+    }
 }
 
 /// Draws a vertical line with a text at each mark. The texts stay within `span`, the range of the

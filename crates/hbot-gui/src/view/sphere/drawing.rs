@@ -80,7 +80,8 @@ impl Drawing {
 
     /// Notes a name to be written at a place, `beyond` points farther from the sphere's centre.
     pub(super) fn text(&self, at: DVec3, text: &str, color: Color32, beyond: f32) {
-        let dim = if self.view.is_hidden(at) { 0.6 } else { 1.0 };
+        // A name can be read also where the sphere hides its place.
+        let dim = if self.view.is_hidden(at) { 0.85 } else { 1.0 };
         let point = self.view.point(at);
         let out = point - self.view.point(DVec3::ZERO);
         // An axis along the line of sight has no direction in the picture.
@@ -109,10 +110,10 @@ impl Drawing {
 }
 
 /// Returns the place of a name about the point `at` that covers none of the places `taken`: there,
-/// or else below, above or beside. If all of them are taken, it is the first.
+/// or else below, above, beside or farther away. If all of them are taken, it is the first.
 fn free_place(taken: &[Rect], at: Pos2, size: Vec2) -> Rect {
     /// Steps in the size of the name.
-    const STEPS: [[f32; 2]; 13] = [
+    const STEPS: [[f32; 2]; 21] = [
         [0.0, 0.0],
         [0.0, 1.0],
         [0.0, -1.0],
@@ -126,6 +127,14 @@ fn free_place(taken: &[Rect], at: Pos2, size: Vec2) -> Rect {
         [0.0, -2.0],
         [0.0, 3.0],
         [0.0, -3.0],
+        [1.5, 2.0],
+        [-1.5, 2.0],
+        [1.5, -2.0],
+        [-1.5, -2.0],
+        [2.0, 0.0],
+        [-2.0, 0.0],
+        [2.0, 1.0],
+        [-2.0, -1.0],
     ];
     let place = |[x, y]: [f32; 2]| Rect::from_center_size(at + vec2(x, y) * size, size);
     let is_free = |place: &Rect| !taken.iter().any(|other| other.shrink(1.0).intersects(*place));
@@ -157,7 +166,7 @@ mod tests {
     #[test]
     fn names_at_one_point_do_not_cover_each_other() {
         let mut taken = Vec::new();
-        for width in [20.0, 40.0, 8.0, 60.0, 20.0, 30.0] {
+        for width in [20.0, 40.0, 8.0, 60.0, 20.0, 30.0, 16.0, 16.0, 16.0] {
             let place = free_place(&taken, pos2(100.0, 100.0), vec2(width, 14.0));
             let clear = taken.iter().all(|other: &Rect| !other.shrink(1.0).intersects(place));
             assert!(clear, "{place:?} among {taken:?}");

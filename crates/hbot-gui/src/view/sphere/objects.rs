@@ -50,7 +50,7 @@ impl Drawing {
             let axis = q * axis;
             self.arrow(DVec3::ZERO, axis * 1.3, Stroke::new(2.5, color));
             self.text(axis * 1.3, &format!("s{}", k + 1), color, 14.0);
-            self.keep_free(axis * 1.3);
+            [1.15, 1.3].into_iter().for_each(|far| self.keep_free(axis * far));
             // A mark where the axis leaves the sphere. It turns with the surface.
             if !self.view.is_hidden(axis) {
                 self.painter.circle_filled(self.view.point(axis), 3.5, color);
@@ -91,7 +91,7 @@ impl Drawing {
         // The rolling direction at the contact.
         let (from, to) = (centre - contact.rolling * 0.3, centre + contact.rolling * 0.3);
         self.arrow(from, to, Stroke::new(1.5, color));
-        self.text(contact.axis * 1.5, name, color, 9.0);
+        self.text(contact.axis * 1.5, name, self.palette.wheel, 9.0);
     }
 
     pub(super) fn torque(&self, torque: DVec3, limit: f64) {
@@ -152,6 +152,8 @@ impl Drawing {
             let ends = [DVec3::ZERO, axis].map(|p| self.view.point(p));
             self.painter.line_segment(ends, Stroke::new(2.0, color));
             self.text(axis, &format!("n{}", k + 1), color, 11.0);
+            // An axis along the line of sight is a point, beside which its name stands.
+            [0.3, 0.7].into_iter().for_each(|share| self.keep_free(axis * share));
         }
         self.write_names();
     }

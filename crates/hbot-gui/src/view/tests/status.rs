@@ -1,12 +1,12 @@
 //! Tests of what the window says about the state of the rig, and of what is grey if it may be
 //! wrong.
 
-use eframe::egui::Color32;
+use eframe::egui::{Color32, vec2};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use hbot_api::{Fault, InfoOk, Mode, ShakingEvent, StateEvent};
+use hbot_api::{Fault, FaultEvent, InfoOk, Mode, ShakingEvent, StateEvent};
 use serde_json::json;
 
-use super::{Change, SIZES, SMALLEST, Seen, limited, places, settle, shows, window};
+use super::{Change, SIZES, SMALLEST, Seen, fault_of, limited, places, settle, shows, window};
 use crate::model::Model;
 use crate::model::tests::{
     ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by, told,
@@ -15,7 +15,7 @@ use crate::net::{Intent, Lease, News};
 use crate::view::Act;
 use crate::view::painted::{filled, hint, texts};
 use crate::view::state::brief;
-use crate::view::theme::Palette;
+use crate::view::theme::{LIVE, Palette};
 
 #[test]
 fn a_stop_that_failed_is_shown_above_all_else() {
@@ -198,6 +198,46 @@ fn a_low_box_says_what_and_what_to_do() {
     assert_eq!(brief("s: has no effect"), "s: has no effect");
 }
 
+/// A simulated rig has no cables, and its server says that nothing is broken.
+#[test]
+fn the_remedy_of_a_fault_suits_a_simulated_rig() {
+    let nothing = "The rig is simulated and nothing is broken: Reset, then Enable.";
+    for fault in Fault::ALL {
+        for simulated in [true, false] {
+            let mut model = commanding(simulated);
+            fault_of(&mut model, fault);
+            let seen = window(SIZES[0], model);
+            let usual = shows(&seen, fault.words().1);
+            assert!(usual != shows(&seen, nothing), "{fault:?}: one remedy");
+            assert!(simulated || usual, "{fault:?}");
+            let of_hardware = ["cable", "controller", "Clean", "cool"];
+            let told = of_hardware.iter().any(|word| fault.words().1.contains(word));
+            assert_eq!(usual, !(simulated && told), "{fault:?}, simulated: {simulated}");
+        }
+    }
+}
+
+/// The speed of the message is that of the fault, and the box says how fast the sphere is now.
+#[test]
+fn one_speed_is_told_after_overspeed() {
+    let mut model = commanding(true);
+    model.info.limits.speed = 0.3;
+    let fault = Some(Fault::Overspeed);
+    let message = "the sphere turned at 0.300 rad/s; the limit is 0.3 (limits.speed). The rig is simulated and nothing is \
+                   broken: reset, then enable; flight log: a.csv"
+        .to_owned();
+    let event = FaultEvent { mode: Mode::Fault, fault, message, ..stopped_by("", None) };
+    hear(&mut model, News::Fault(event));
+    let mode = Mode::Fault;
+    for (tick, speed) in [(200, 0.5), (201, 0.4)] {
+        let (t, omega) = (tick as f64 / 1000.0, [0.0, speed, 0.0]);
+        see_state(&mut model, StateEvent { tick, t, mode, fault, omega, ..StateEvent::default() });
+    }
+    let seen = window(SIZES[0], model);
+    assert!(seen.query_by_label("Speed: 0.50 / 0.3 rad/s").is_some());
+    assert!(shows(&seen, "Reset: 0.50 rad/s") && !shows(&seen, "0.300") && !shows(&seen, "0.40"));
+}
+
 #[test]
 fn the_speed_stays_in_sight_in_a_fault() {
     for size in [SIZES[0], SMALLEST] {
@@ -356,4 +396,65 @@ fn a_sphere_that_is_still_too_fast_for_a_reset_is_told() {
         assert_eq!(shows(&seen, hand), fast && simulated, "{fault:?} at {speed} rad/s");
         assert!(texts(&seen).iter().all(|it| it.is_whole()));
     }
+}
+
+/// The stability is what a user must know before the stiffness is raised.
+#[test]
+fn the_sentence_on_stability_is_in_sight() {
+    for [width, height] in [SIZES[0], SIZES[1], SMALLEST] {
+        let seen = window([width, height], warned(Mode::Active));
+        let sentence = seen.get_by_label_contains("expected to be stable up to");
+        assert!(sentence.rect().bottom() <= height, "{width} x {height}: {:?}", sentence.rect());
+    }
+}
+
+#[test]
+fn a_real_rig_has_a_tape_across_the_window() {
+    for simulated in [true, false] {
+        for size in [SIZES[0], SMALLEST] {
+            let seen = window(size, commanding(simulated));
+            let tape =
+                filled(&seen).into_iter().find(|(rect, color)| *color == LIVE && rect.width() == size[0]);
+            assert_eq!(tape.is_some(), !simulated, "{size:?}");
+            let stop = seen.get_by_label("Stop").rect();
+            assert!(tape.is_none_or(|(rect, _)| rect.bottom() < stop.top()), "it covers no control");
+        }
+    }
+}
+
+/// What is old counts from the last state, not from now.
+#[test]
+fn plots_of_a_silent_rig_end_at_the_last_state() {
+    let mut seen = window(SIZES[0], commanding(true));
+    let now = ["time before now, s", "(dots: now)"];
+    let old = ["time before the last state, s", "(dots: last heard)"];
+    let shows = |seen: &Seen, words: [&str; 2]| {
+        let texts = texts(seen);
+        words.map(|word| texts.iter().any(|it| it.text == word))
+    };
+    assert_eq!([shows(&seen, now), shows(&seen, old)], [[true; 2], [false; 2]]);
+    grow_silent(&mut seen.state_mut().model);
+    settle(&mut seen);
+    assert_eq!([shows(&seen, now), shows(&seen, old)], [[false; 2], [true; 2]]);
+    disconnect(&mut seen.state_mut().model);
+    settle(&mut seen);
+    assert_eq!(shows(&seen, old), [true; 2]);
+}
+
+#[test]
+fn a_plot_tells_the_time_and_the_values_at_the_pointer() {
+    let mut model = commanding(true);
+    for (tick, torque) in [(200, 0.1), (1200, 0.2), (2200, 0.3)] {
+        let (t, torque) = (tick as f64 / 1000.0, [0.0, torque, 0.0]);
+        see_state(&mut model, StateEvent { tick, t, mode: Mode::Active, torque, ..StateEvent::default() });
+    }
+    let mut seen = window(SIZES[0], model);
+    let plot = seen.get_by_label_contains("Plot of torque, N m").rect();
+    let told = |seen: &Seen| texts(seen).into_iter().any(|it| it.text == "0.200" && it.is_whole());
+    assert!(!told(&seen));
+    // The plot shows 10 s, and the sample of 1 s ago is the nearest.
+    let from_right = 0.12 * plot.width();
+    seen.hover_at(plot.right_center() - vec2(from_right, 0.0));
+    settle(&mut seen);
+    assert!(told(&seen) && texts(&seen).iter().any(|it| it.text == "-1.00 s"));
 }
