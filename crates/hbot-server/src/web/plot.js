@@ -53,10 +53,10 @@ function trace(c, points, x, y) {
 
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
- * Where there is no room for `name`, the legend has `short`. With `total`, the length of the vector
+ * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With `total`, the length of the vector
  * is a fourth curve. A `limit` of it is drawn once a sample comes near.
  */
-export function plot(canvas, samples, colours, { name, short = name, of, least, total, limit }) {
+export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -93,7 +93,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   c.textAlign = 'center';
   for (const t of [-SPAN, -SPAN / 2, 0]) {
     c.textAlign = t === 0 ? 'right' : t === -SPAN ? 'left' : 'center';
-    c.fillText(t === 0 ? 'now' : `${t} s`, x(now + t), height - 6);
+    c.fillText(t === 0 ? last : `${t} s`, x(now + t), height - 6);
   }
   c.textAlign = 'left';
   c.fillStyle = colours.text;
@@ -126,10 +126,10 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
 
 /**
  * Draws the torque of the scene against the angle about each axis, with a dot for each axis where the
- * sphere is now. `curves` are pairs of rad and N m, `present` has the angle and the torque about each
- * axis or is null, and `limit` is the rig's torque limit, N m.
+ * sphere is now, grey if this is not `live`. `curves` are pairs of rad and N m, faint if they are `old`, `present` has the
+ * angle and the torque about each axis or is null, and `limit` is the rig's torque limit, N m.
  */
-export function plotCurves(canvas, curves, present, colours, limit) {
+export function plotCurves(canvas, { curves, old }, present, live, colours, limit) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const largest = Math.max(0.02, ...curves.flat().map(([, torque]) => Math.abs(torque)));
@@ -173,7 +173,14 @@ export function plotCurves(canvas, curves, present, colours, limit) {
   c.beginPath();
   c.rect(left, top, width - left - right, height - top - bottom);
   c.clip();
-  curves.forEach((curve, k) => line(curve, colours.axes[k]));
+  c.globalAlpha = old ? 0.3 : 1;
+  curves.forEach((curve, k) => {
+    // Curves that coincide show as stripes.
+    c.lineWidth = 4.5 - 1.5 * k;
+    line(curve, colours.axes[k]);
+  });
+  c.lineWidth = 1.5;
+  c.globalAlpha = 1;
   if (limit > 0 && end > limit) {
     c.setLineDash([6, 6]);
     for (const v of [-limit, limit]) line([[-Math.PI, v], [Math.PI, v]], colours.warn);
@@ -185,7 +192,7 @@ export function plotCurves(canvas, curves, present, colours, limit) {
     if (text) c.fillText(text, at + 6, 9);
   }
   present?.torque.forEach((torque, k) => {
-    c.fillStyle = colours.axes[k];
+    c.fillStyle = live ? colours.axes[k] : colours.weak;
     c.beginPath();
     c.arc(x(present.angle[k]), y(clamp(torque)), 4, 0, 2 * Math.PI);
     c.fill();
