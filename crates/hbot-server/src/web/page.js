@@ -221,8 +221,9 @@ function showRights() {
       return item;
     }));
   }
-  put($('hint'), rig.state && rig.silentFor !== null ? `Last heard ${rig.silentFor.toFixed(0)} s ago.` : !rig.isLive || hand.held ? '' : hand.may()
-    ? touch.matches || narrow.matches ? 'Drag the sphere to turn it. Beside it or with two fingers: the view.'
+  put($('hint'), rig.state && rig.silentFor !== null ? `Last heard ${rig.silentFor.toFixed(0)} s ago.` : !rig.isLive ? ''
+    : hand.held ? !touch.matches && hand.held.pointer ? 'Scroll to twist the sphere about the line of sight.' : ''
+    : hand.may() ? touch.matches || narrow.matches ? 'Drag the sphere to turn it. Beside it or with two fingers: the view.'
       : 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.'
     : rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
       : `Drag to turn the view, double ${touch.matches ? 'tap' : 'click'} to turn it back.`);

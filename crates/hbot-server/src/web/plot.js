@@ -67,7 +67,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
     curves.push({ label: 'length', colour: colours.torque, at: (sample) => length(of(sample)) });
   }
   let most = least;
-  for (const sample of samples) {
+  for (const sample of shown) {
     for (const curve of curves) most = Math.max(most, Math.abs(curve.at(sample)));
   }
   // The line needs room above it.
@@ -174,11 +174,16 @@ export function plotCurves(canvas, { curves, old }, present, live, colours, limi
   c.rect(left, top, width - left - right, height - top - bottom);
   c.clip();
   c.globalAlpha = old ? 0.3 : 1;
+  c.lineWidth = 2;
+  curves.forEach((curve, k) => line(curve, colours.axes[k]));
+  // Where curves coincide, their colours alternate. Elsewhere each dash lies on a line of its colour.
+  c.setLineDash([8, 16]);
   curves.forEach((curve, k) => {
-    // Curves that coincide show as stripes.
-    c.lineWidth = 4.5 - 1.5 * k;
+    c.lineDashOffset = -8 * k;
     line(curve, colours.axes[k]);
   });
+  c.setLineDash([]);
+  c.lineDashOffset = 0;
   c.lineWidth = 1.5;
   c.globalAlpha = 1;
   if (limit > 0 && end > limit) {
@@ -194,7 +199,10 @@ export function plotCurves(canvas, { curves, old }, present, live, colours, limi
   present?.torque.forEach((torque, k) => {
     c.fillStyle = live ? colours.axes[k] : colours.weak;
     c.beginPath();
-    c.arc(x(present.angle[k]), y(clamp(torque)), 4, 0, 2 * Math.PI);
+    c.arc(x(present.angle[k]), y(clamp(torque)), 5, 0, 2 * Math.PI);
     c.fill();
+    // Its edge keeps it apart from the curve.
+    c.strokeStyle = colours.ground;
+    c.stroke();
   });
 }
