@@ -491,10 +491,13 @@ await shows("#who", "nobody commands");
 // How a real rig looks: the same server, which says that its rig is real.
 await page.addInitScript(() => {
   const parse = JSON.parse;
-  // With `shakes`, also that the sphere turns back and forth at 10 Hz. With `hides`, nothing of the scene's curve.
+  // With `shakes`, also that the sphere turns back and forth at 10 Hz. With `hides`, nothing of the scene's curve. With
+  // `fast`, a damaged line is a sphere that is too fast.
   JSON.parse = (text) => parse(text.replace('"simulated":true', '"simulated":false').replace(/"omega":\[[^\]]*\]/,
     (told) => (window.shakes ? `"omega":[0,${performance.now() % 100 < 50 ? 13 : -13},0]` : told))
-    .replace('"curves":', (told) => (window.hides ? '"hidden":' : told)));
+    .replace('"curves":', (told) => (window.hides ? '"hidden":' : told))
+    .replace(/"fault":"link_corrupt"|"omega":\[[^\]]*\]|"message":"the scene's table[^"]*"/g, (told) => (!window.fast ? told
+      : { f: '"fault":"overspeed"', o: '"omega":[0,31,0]', m: '"message":"the sphere turned at 31.204 rad/s; the limit is 30"' }[told[1]])));
 });
 await page.reload();
 await shows("#badge", "LIVE");
@@ -534,8 +537,12 @@ await picture("shakes-dark");
 await page.evaluate(() => { window.shakes = false; });
 await until("calm", async () => !await alarm());
 
-// A fault of a real rig has the usual remedy.
+// A fault of a real rig has the usual remedy, and a sphere that is too fast has one speed.
+await page.evaluate(() => { window.fast = true; });
 await load({ name: "A bad line", effect: [spring], simulate: { link: { corrupt: 0.4 } } });
+await shows("#details", "The sphere must slow down before Reset: 31.00 rad/s");
+assert(!/31\.204|still turns/.test(await text("#box")), "two speeds");
+await page.evaluate(() => { window.fast = false; });
 await shows("#details", words.remedy);
 
 // The browser complains of lost connections, which are meant here, and of nothing else.

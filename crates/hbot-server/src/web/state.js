@@ -145,14 +145,14 @@ function noticed({ state, isCertain, isFast, lease, shakes, warnings }) {
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
   if (!hasTorque(state.mode) && speed > TURNS && !isFast) return `${TURNING} ${speed.toFixed(2)} rad/s`;
-  if (lease.who === 'free' && hasTorque(state.mode)) return 'Nobody commands: take command';
   if (shakes) return '';
+  const lines = lease.who === 'free' && hasTorque(state.mode) ? ['Nobody commands: take command'] : [];
+  const cut = 1 - state.scale;
   if (warnings.length > 0) {
     const [cure, reason] = warned(warnings[0].replaceAll('`', ''));
-    return `${cure && `${cure}. `}${warnings.length > 1 ? `${warnings.length} warnings` : 'Warning'}, see the scene: ${reason}`;
-  }
-  const cut = 1 - state.scale;
-  return state.mode === 'active' && cut >= LEAST_TOLD ? `Limits cut ${percent(cut)} of the torque` : '';
+    lines.push(...(cure ? [cure] : []), `${warnings.length > 1 ? `${warnings.length} warnings` : 'Warning'}, see the scene: ${reason}`);
+  } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`Limits cut ${percent(cut)} of the torque`);
+  return lines.join('. ');
 }
 
 /** Returns what to do about a warning, if the server says it in the end, and why. */
