@@ -460,6 +460,12 @@ await shows("#hint", "Last heard");
 await picture("silent");
 const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
 assert.deepEqual(await end(), [["last heard"], ["last heard"]]);
+const dots = () => page.evaluate(() => {
+  const { weak, axis3 } = Object.fromEntries(["weak", "axis3"].map((name) => (
+    [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim()])));
+  return { [weak]: "grey", [axis3]: "coloured" }[window.dots.curves];
+});
+assert.equal(await dots(), "grey");
 await page.keyboard.press("Escape");
 await shows("#headline", "NOT STOPPED");
 await picture("not-stopped");
@@ -472,6 +478,7 @@ await until("a stop that is proved", async () => {
   return head === "ESTOP";
 });
 await until("the plots end now", async () => JSON.stringify(await end()) === '[["now"],["now"]]');
+await until("the dots have their colours", async () => (await dots()) === "coloured");
 
 // A server that is gone, and comes back.
 const { ports } = server;
@@ -528,6 +535,11 @@ assert(await alarm());
 assert.match(await text("#details"), /^Lower the stiffness or raise the damping/, "what to do comes first");
 for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390]]) {
   await page.setViewportSize({ width, height });
+  // The alarm begins anew, and is not only fitted because the window has changed.
+  await page.evaluate(() => { window.shakes = false; });
+  await until("calm", async () => !await alarm());
+  await page.evaluate(() => { window.shakes = true; });
+  await until("the alarm", alarm);
   await page.waitForTimeout(300);
   assert(!await page.locator("#box.long").count(), `the alarm covers the bars at ${width} x ${height}`);
 }

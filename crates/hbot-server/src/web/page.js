@@ -221,15 +221,23 @@ function showRights() {
       return item;
     }));
   }
-  put($('hint'), rig.state && rig.silentFor !== null ? `Last heard ${rig.silentFor.toFixed(0)} s ago.` : !rig.isLive ? ''
-    : hand.held ? !touch.matches && hand.held.pointer ? 'Scroll to twist the sphere about the line of sight.' : ''
-    : hand.may() ? touch.matches || narrow.matches ? 'Drag the sphere to turn it. Beside it or with two fingers: the view.'
-      : 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.'
-    : rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
-      : `Drag to turn the view, double ${touch.matches ? 'tap' : 'click'} to turn it back.`);
+  put($('hint'), hint());
   put($('keys'), !rig.hello ? 'No connection: STOP cannot reach the rig' : document.hasFocus() ? 'Esc or Space stops, anywhere here'
     : 'The keys go elsewhere: press STOP');
   $('keys').classList.toggle('warn', !rig.hello || !document.hasFocus());
+}
+
+/** Returns what the hand can do with the picture. */
+function hint() {
+  if (rig.state && rig.silentFor !== null) return `Last heard ${rig.silentFor.toFixed(0)} s ago.`;
+  if (!rig.isLive) return '';
+  if (hand.held) return hand.held.pointer && !touch.matches ? 'Scroll to twist the sphere about the line of sight.' : '';
+  if (hand.may()) {
+    return touch.matches || narrow.matches ? 'Drag the sphere to turn it. Beside it or with two fingers: the view.'
+      : 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.';
+  }
+  return rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
+    : `Drag to turn the view, double ${touch.matches ? 'tap' : 'click'} to turn it back.`;
 }
 
 const dark = matchMedia('(prefers-color-scheme: dark)');
@@ -303,7 +311,10 @@ function showPlot() {
     plot($('torque'), samples, colours, {
       name: 'torque, N m', of: (s) => s.torque, least: 0.02, end, total: true, limit: rig.info?.limits.torque });
   } else {
-    plot($('angle'), samples, colours, { name: `angle from ${rig.origin}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end });
+    plot($('angle'), samples, colours, {
+      name: `angle from ${rig.origin}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
+      // Beyond half a turn the least rotation is the other way round.
+      jump: Math.PI });
     $('curves').hidden = !rig.curves;
     if (rig.curves) plotCurves($('curves'), rig.presentCurves, rig.present, rig.isLive, colours, rig.info?.limits.torque ?? 0);
   }

@@ -1,6 +1,6 @@
 // A quantity of three components against the time before now, with its legend above the curves.
 
-import { length } from './maths.js';
+import { add, length, scaled } from './maths.js';
 import { SPAN } from './rig.js';
 
 /** Room around the curves, CSS pixels: top, right, bottom, left. */
@@ -53,10 +53,11 @@ function trace(c, points, x, y) {
 
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
- * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With `total`, the length of the vector
- * is a fourth curve. A `limit` of it is drawn once a sample comes near.
+ * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With
+ * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn once a sample comes near. A
+ * change by more than `jump` is no line.
  */
-export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit }) {
+export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -66,6 +67,11 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   if (total) {
     curves.push({ label: 'length', colour: colours.torque, at: (sample) => length(of(sample)) });
   }
+  const runs = [];
+  shown.forEach((sample, k) => {
+    if (k === 0 || length(add(of(sample), scaled(of(shown[k - 1]), -1))) > jump) runs.push([]);
+    runs.at(-1).push(sample);
+  });
   let most = least;
   for (const sample of shown) {
     for (const curve of curves) most = Math.max(most, Math.abs(curve.at(sample)));
@@ -108,7 +114,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
     c.strokeStyle = curve.colour;
     c.lineWidth = 1.5;
     c.beginPath();
-    trace(c, shown, (sample) => x(sample.t), (sample) => y(curve.at(sample)));
+    for (const run of runs) trace(c, run, (sample) => x(sample.t), (sample) => y(curve.at(sample)));
     c.stroke();
   }
   if (limited) {

@@ -206,8 +206,8 @@ export class Rig {
   }
 
   /**
-   * Returns the curves with the parameters as they are now, and whether they are `old`: only the server can tell them. The
-   * torque at rest is proportional to all that makes it together, by the units; so that of a single parameter needs no server.
+   * Returns the curves with the parameters as they are now, and whether they are `old`: only the server can tell the new
+   * ones. By its unit, the torque at rest is proportional to all that makes it together. So one parameter needs no server.
    */
   get presentCurves() {
     const effects = this.info?.scene?.effect ?? [];
@@ -224,7 +224,8 @@ export class Rig {
     }
     const known = changes === 0 || (changes === 1 && pushing === 1 && Number.isFinite(factor));
     const old = !known || names(effects) !== names(this.curved);
-    return { old, curves: old ? this.curves : this.curves.map((curve) => curve.map(([angle, torque]) => [angle, factor * torque])) };
+    const part = old ? 1 : factor;
+    return { old, curves: this.curves.map((curve) => curve.map(([angle, torque]) => [angle, part * torque])) };
   }
 
   last(seconds) {

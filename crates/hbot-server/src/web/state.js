@@ -74,7 +74,7 @@ function details(rig) {
   if (head === 'NO CONTACT') {
     const why = rig.silentFor === null
       ? `Not connected: ${rig.closed?.why ?? ''}. The page tries again by itself.`
-      : `The server has said nothing for ${rig.silentFor.toFixed(0)} s.`;
+      : `The server has said nothing for ${rig.silentFor.toFixed(0)}\u00a0s.`;
     return [
       ['bad', why],
       ['', "What the rig does now is not known. If in doubt, cut the motors' power."],
@@ -87,8 +87,8 @@ function details(rig) {
     const who = by ? ` It was ${rig.name(by)}.` : '';
     const told = rig.fault?.message.split(FLIGHT_LOG)[0] ?? '';
     // The usual remedy is for a real rig. A simulated one has no plug that could be loose, and the server says what to do.
-    const at = rig.isSimulated ? told.indexOf('. ') + 1 : 0;
-    const [found, remedy] = at > 0 ? [told.slice(0, at), sentence(told.slice(at + 1))] : [told, words?.remedy ?? ''];
+    const [found, rest] = told.split('. The rig is simulated');
+    const remedy = !rig.isSimulated ? words?.remedy ?? '' : rest ? sentence(`The rig is simulated${rest}`) : '';
     // A speed that was stands in the list of messages. Beside the speed that is, it would confuse.
     const past = found.startsWith('the sphere turned at ');
     return [
@@ -115,7 +115,8 @@ function notEnabled(rig) {
   const allowed = rig.info.limits.enable_max_angle;
   const cure = rig.isSimulated ? 'Set the anchor to here.' : 'Turn the sphere nearer.';
   return [['strong warn', rig.isFar ? cure : ''],
-    ['warn', rig.refusal?.op === 'enable' ? `Not enabled: ${rig.refusal.why}` : `No torque. The sphere is ${rig.away.toFixed(2)} rad from the reference, and Enable is refused beyond `
+    ['warn', rig.refusal?.op === 'enable' ? `Not enabled: ${rig.refusal.why}`
+      : `No torque. The sphere is ${rig.away.toFixed(2)} rad from the reference, and Enable is refused beyond `
       + `${allowed.toFixed(2)} rad unless the scene lets it turn that far.`]];
 }
 
@@ -144,7 +145,7 @@ function noticed({ state, isCertain, isFast, lease, shakes, warnings }) {
   if (!isCertain) return '';
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
-  if (!hasTorque(state.mode) && speed > TURNS && !isFast) return `${TURNING} ${speed.toFixed(2)} rad/s`;
+  if (!hasTorque(state.mode) && speed > TURNS && !isFast) return `${TURNING} ${speed.toFixed(2)}\u00a0rad/s`;
   if (shakes) return '';
   const lines = lease.who === 'free' && hasTorque(state.mode) ? ['Nobody commands: take command'] : [];
   const cut = 1 - state.scale;
@@ -183,6 +184,8 @@ export function showState(rig) {
   put(notice, line);
   notice.classList.toggle('turns', line.startsWith(TURNING));
   notice.title = line;
+  // Before the text is fitted, because it has another place then.
+  document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   // A rate that changes keeps its length.
   const key = JSON.stringify([head, lines, line.length]);
   if (key !== shown) {
@@ -199,7 +202,6 @@ export function showState(rig) {
     }));
     fit();
   }
-  document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   document.body.classList.toggle('old', !rig.isCertain);
   bar(rig);
   orders(rig);
