@@ -179,7 +179,7 @@ export function plotCurves(canvas, { curves, old }, present, live, colours, limi
   c.beginPath();
   c.rect(left, top, width - left - right, height - top - bottom);
   c.clip();
-  c.globalAlpha = old ? 0.3 : 1;
+  c.globalAlpha = old ? 0.45 : 1;
   c.lineWidth = 2;
   curves.forEach((curve, k) => line(curve, colours.axes[k]));
   // Where curves coincide, their colours alternate. Elsewhere each dash lies on a line of its colour.

@@ -19,8 +19,8 @@ export const hasTorque = (mode) => TORQUE.has(mode);
 /** Returns the user and machine in the name of a panel, and the whole name of other clients. */
 export const person = (name) => name.replace(/^panel /, '');
 
-/** Units of what makes a torque at rest, and of what only acts in motion. */
-const [PUSHES, MOVES] = [/^(N m(\/rad)?|kg)$/, /^N m( s\/rad|\/\(rad\/s\))$/];
+/** Units of what makes a torque at rest. */
+const PUSHES = /^(N m(\/rad)?|kg)$/;
 
 /** A speed is judged by its largest value in this time, so that what is said does not flicker, s. */
 const RECENT = 0.5;
@@ -206,8 +206,9 @@ export class Rig {
   }
 
   /**
-   * Returns the curves with the parameters as they are now, and whether they are `old`: only the server can tell the new
-   * ones. By its unit, the torque at rest is proportional to all that makes it together. So one parameter needs no server.
+   * Returns the curves, and whether they are `old`: the server has not told them since the scene has changed. By its
+   * unit, the torque at rest is proportional to all that makes it together. So the curves follow a single parameter at
+   * once, but for the little that damping adds to them.
    */
   get presentCurves() {
     const effects = this.info?.scene?.effect ?? [];
@@ -217,15 +218,14 @@ export class Rig {
       for (const [key, { unit = '' }] of Object.entries(this.kind(effect.kind)?.schema.properties ?? {})) {
         const [before, now] = [this.curved[k]?.[key], this.value(effect, key)];
         if (PUSHES.test(unit) && (before || now)) pushing += 1;
-        if (MOVES.test(unit) || JSON.stringify(before) === JSON.stringify(now)) continue;
+        if (JSON.stringify(before) === JSON.stringify(now)) continue;
         changes += 1;
         factor = PUSHES.test(unit) && before > 0 ? now / before : NaN;
       }
     }
-    const known = changes === 0 || (changes === 1 && pushing === 1 && Number.isFinite(factor));
-    const old = !known || names(effects) !== names(this.curved);
-    const part = old ? 1 : factor;
-    return { old, curves: this.curves.map((curve) => curve.map(([angle, torque]) => [angle, part * torque])) };
+    const other = names(effects) !== names(this.curved);
+    const part = !other && changes === 1 && pushing === 1 && Number.isFinite(factor) ? factor : 1;
+    return { old: other || changes > 0, curves: this.curves.map((curve) => curve.map(([angle, torque]) => [angle, part * torque])) };
   }
 
   last(seconds) {

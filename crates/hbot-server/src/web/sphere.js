@@ -229,7 +229,7 @@ class Drawing {
     ctx.stroke();
     ctx.globalAlpha = 1;
     this.arrow(add(centre, scaled(rolling, -0.3)), add(centre, scaled(rolling, 0.3)), colour, 1.5);
-    this.text(scaled(axis, 1 + 2 * r), wheel.name ?? '?', colour, 10);
+    this.text(scaled(axis, 1 + 2 * r), wheel.name ?? '?', colour, 13);
   }
 
   torque(torque, limit) {
