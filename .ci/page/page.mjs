@@ -92,6 +92,7 @@ assert.equal((await watcher.ask("info")).lease.holder, null, "a page that is ope
 await shows("#effects", "stiffness");
 assert(await page.locator("#effects").evaluate((it) => it.inert), "an observer changes nothing");
 assert(await page.locator("#who.warn").count(), "what pushes is commanded by nobody");
+await shows("#notice", "Nobody commands");
 await page.waitForTimeout(3000);
 await picture("observing");
 await ticks();
@@ -138,6 +139,20 @@ for (const [width, height] of [[390, 844], [844, 390], [360, 640], [320, 640], [
 await page.setViewportSize(SIZES.desk);
 await page.evaluate(() => document.querySelector("#scene").scrollIntoView());
 
+// A finger finds Release, although it is small on telephones.
+for (const [width, height] of [[390, 844], [360, 640]]) {
+  await page.setViewportSize({ width, height });
+  await page.evaluate(() => window.scrollTo(0, 0));
+  await page.waitForTimeout(200);
+  const found = await page.evaluate(() => {
+    const { x, y, width: w, height: h } = document.querySelector("#release").getBoundingClientRect();
+    const hits = (dy) => document.elementFromPoint(x + w / 2, y + h / 2 + dy)?.id === "release";
+    return Array.from({ length: 61 }, (_, k) => k - 30).filter(hits).length;
+  });
+  assert(found >= 44, `Release is ${found} px high at ${width} x ${height}`);
+}
+await page.setViewportSize(SIZES.desk);
+
 // How old a state is when the page has painted it. What the browser's compositor adds until the screen shows it, about
 // 6 ms, is not in it.
 const { pictures: drawn, states, clocks } = await (async () => {
@@ -176,7 +191,8 @@ await until("the lease", async () => (await watcher.ask("info")).lease.holder?.s
 
 // The hand turns the sphere, and the spring turns the hand.
 const middle = await page.locator("#sphere").boundingBox().then((box) => ({
-  x: box.x + box.width / 2, y: box.y + box.height / 2, radius: Math.min(box.width, box.height) / 2 / 1.62 }));
+  x: box.x + box.width / 2, y: box.y + box.height / 2,
+  radius: Math.max(Math.min(box.width, box.height) / 2 / 1.62, (Math.min(box.width, box.height) / 2 - 20) / 1.25) }));
 async function settled() {
   let still = 0;
   await until("the sphere rests", () => {
@@ -202,6 +218,9 @@ assert(turned > 0.1, "the sphere turns with the pointer");
 assert(Math.abs(ratio - 1) < 0.02, `the spring is felt: ${ratio}`);
 const shown = parseFloat((await text("#grip")).match(/([\d.]+) N m/)[1]);
 assert(Math.abs(shown - length(held.torque)) < 0.005, `the page shows ${shown} N m`);
+const label = await page.locator("#grip").boundingBox();
+const off = Math.hypot(label.x + label.width / 2 - middle.x, label.y + label.height / 2 - middle.y);
+assert(off < 1.2 * middle.radius, `the force stands ${off} px from the middle of the sphere`);
 await picture("hand");
 await picture("hand-dark");
 // The wheel twists the held sphere about the line of sight.
@@ -254,6 +273,7 @@ await number.fill("200");
 await number.press("Enter");
 await shows("#warnings", "spring: may shake");
 await shows("#notice", "see the scene: spring: may shake");
+for (const place of ["#warnings", "#notice"]) assert.match(await text(place), /^Set stiffness = /, "what to do comes first");
 await picture("warned");
 await number.fill("2");
 await number.press("Enter");
@@ -393,7 +413,9 @@ await watcher.mode("active");
 await load({ name: "A bad line", effect: [spring], simulate: { link: { corrupt: 0.4 } } });
 await shows("#headline", "FAULT");
 const words = (await watcher.ask("info")).faults.find((fault) => fault.name === watcher.state.fault);
-assert((await text("#details")).includes(words.remedy), `the remedy of ${watcher.state.fault}`);
+// The usual remedy is about cables, which a simulated rig does not have.
+assert((await text("#details")).includes("nothing is broken: reset, then enable"), "what to do about a simulated fault");
+assert(!(await text("#details")).includes(words.remedy), `the remedy of a real ${watcher.state.fault}`);
 assert.deepEqual(await places(), before);
 for (const viewport of Object.values(SIZES)) {
   await page.setViewportSize(viewport);
@@ -434,7 +456,16 @@ await shows("#who", "you command");
 // A server that hangs: nothing is known, and a stop is not a stop until a state proves it.
 server.kill("SIGSTOP");
 await shows("#headline", "NO CONTACT");
+await shows("#hint", "Last heard");
 await picture("silent");
+const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
+assert.deepEqual(await end(), [["last heard"], ["last heard"]]);
+const dots = () => page.evaluate(() => {
+  const { weak, axis3 } = Object.fromEntries(["weak", "axis3"].map((name) => (
+    [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim()])));
+  return { [weak]: "grey", [axis3]: "coloured" }[window.dots.curves];
+});
+assert.equal(await dots(), "grey");
 await page.keyboard.press("Escape");
 await shows("#headline", "NOT STOPPED");
 await picture("not-stopped");
@@ -446,6 +477,8 @@ await until("a stop that is proved", async () => {
   if (head === "NOT STOPPED") await page.keyboard.press("Escape");
   return head === "ESTOP";
 });
+await until("the plots end now", async () => JSON.stringify(await end()) === '[["now"],["now"]]');
+await until("the dots have their colours", async () => (await dots()) === "coloured");
 
 // A server that is gone, and comes back.
 const { ports } = server;
@@ -454,6 +487,9 @@ await shows("#headline", "NO CONTACT");
 await shows("#details", "Not connected");
 assert.equal(await text("#badge"), "UNKNOWN", "the next server there may have a real rig");
 await shows("#absent", `No server answers at ${ports.web}.`);
+const [under, over] = await page.evaluate(() => [document.querySelector("#keys").getBoundingClientRect().bottom,
+  document.querySelector("#orders").getBoundingClientRect().top]);
+assert(under <= over, `the line below STOP ends at ${under} px, and the buttons begin at ${over} px`);
 await picture("gone");
 server = await Server.start(hbot, ports);
 await shows("#headline", "ACTIVE");
@@ -462,9 +498,13 @@ await shows("#who", "nobody commands");
 // How a real rig looks: the same server, which says that its rig is real.
 await page.addInitScript(() => {
   const parse = JSON.parse;
-  // With `shakes`, also that the sphere turns back and forth at 10 Hz.
+  // With `shakes`, also that the sphere turns back and forth at 10 Hz. With `hides`, nothing of the scene's curve. With
+  // `fast`, a damaged line is a sphere that is too fast.
   JSON.parse = (text) => parse(text.replace('"simulated":true', '"simulated":false').replace(/"omega":\[[^\]]*\]/,
-    (told) => (window.shakes ? `"omega":[0,${performance.now() % 100 < 50 ? 13 : -13},0]` : told)));
+    (told) => (window.shakes ? `"omega":[0,${performance.now() % 100 < 50 ? 13 : -13},0]` : told))
+    .replace('"curves":', (told) => (window.hides ? '"hidden":' : told))
+    .replace(/"fault":"link_corrupt"|"omega":\[[^\]]*\]|"message":"the scene's table[^"]*"/g, (told) => (!window.fast ? told
+      : { f: '"fault":"overspeed"', o: '"omega":[0,31,0]', m: '"message":"the sphere turned at 31.204 rad/s; the limit is 30"' }[told[1]])));
 });
 await page.reload();
 await shows("#badge", "LIVE");
@@ -473,6 +513,15 @@ await shows("#who", "you command");
 await shows("#hint", "Drag to turn the view");
 await page.waitForTimeout(1500);
 await picture("live");
+
+// The scene's curve follows a stiffness before the server has told the new one.
+const range = (most) => until(`a curve up to ${most} N m`, () => page.evaluate((it) => window.written.curves.includes(it), most));
+await range("2");
+await page.evaluate(() => { window.hides = true; });
+await number.fill("0.1");
+await number.press("Enter");
+await range("0.5");
+await page.evaluate(() => { window.hides = false; });
 
 // A scene that is warned of is an alarm while it shakes.
 const alarm = () => page.evaluate(() => document.body.classList.contains("shakes"));
@@ -483,10 +532,30 @@ assert(!await alarm(), "at rest");
 await page.evaluate(() => { window.shakes = true; });
 await shows("#details", "It shakes, at up to 13.0 rad/s.");
 assert(await alarm());
+assert.match(await text("#details"), /^Lower the stiffness or raise the damping/, "what to do comes first");
+for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390]]) {
+  await page.setViewportSize({ width, height });
+  // The alarm begins anew, and is not only fitted because the window has changed.
+  await page.evaluate(() => { window.shakes = false; });
+  await until("calm", async () => !await alarm());
+  await page.evaluate(() => { window.shakes = true; });
+  await until("the alarm", alarm);
+  await page.waitForTimeout(300);
+  assert(!await page.locator("#box.long").count(), `the alarm covers the bars at ${width} x ${height}`);
+}
+await page.setViewportSize(SIZES.desk);
 await picture("shakes");
 await picture("shakes-dark");
 await page.evaluate(() => { window.shakes = false; });
 await until("calm", async () => !await alarm());
+
+// A fault of a real rig has the usual remedy, and a sphere that is too fast has one speed.
+await page.evaluate(() => { window.fast = true; });
+await load({ name: "A bad line", effect: [spring], simulate: { link: { corrupt: 0.4 } } });
+await shows("#details", "The sphere must slow down before Reset: 31.00 rad/s");
+assert(!/31\.204|still turns/.test(await text("#box")), "two speeds");
+await page.evaluate(() => { window.fast = false; });
+await shows("#details", words.remedy);
 
 // The browser complains of lost connections, which are meant here, and of nothing else.
 assert.deepEqual(complaints.filter((text) => !/WebSocket connection to|ERR_CONNECTION/.test(text)), []);

@@ -44,8 +44,14 @@ export function watch() {
   // What is written on each canvas since it was cleared, and what of it ends beyond the right edge.
   window.written = {};
   window.beyond = {};
-  const { clearRect, fillText } = CanvasRenderingContext2D.prototype;
+  // The colour of the newest dot on each canvas.
+  window.dots = {};
+  const { arc, clearRect, fillText } = CanvasRenderingContext2D.prototype;
   Object.assign(CanvasRenderingContext2D.prototype, {
+    arc(...all) {
+      window.dots[this.canvas.id] = this.fillStyle;
+      arc.apply(this, all);
+    },
     clearRect(...all) {
       window.written[this.canvas.id] = [];
       delete window.beyond[this.canvas.id];

@@ -136,7 +136,7 @@ export class Controls {
       // A warning has no field for its effect. The server begins it with the effect's id and a colon.
       const warned = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: `));
       text.className = warned || get() > border ? 'warn' : 'weak';
-      put(text, `Expected to be stable up to ${roundedDown(border)} N m/rad in this scene (mark)`);
+      put(text, `Expected to be stable up to ${roundedDown(border)} N m/rad (mark)`);
     });
     return text;
   }

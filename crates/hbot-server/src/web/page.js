@@ -8,7 +8,7 @@ import { length, rotation } from './maths.js';
 import { plot, plotCurves } from './plot.js';
 import { Rig, hasTorque, person } from './rig.js';
 import { Camera, draw } from './sphere.js';
-import { put, showMessages, showState, touch, withCode } from './state.js';
+import { narrow, put, showMessages, showState, touch, warned, withCode } from './state.js';
 
 /** States per second that the page asks for. */
 const STATES = 60;
@@ -215,17 +215,29 @@ function showRights() {
     list.dataset.shown = rig.warnings.join('\n');
     list.replaceChildren(...rig.warnings.map((text) => {
       const item = document.createElement('li');
-      item.append(...withCode(text));
+      const [cure, reason] = warned(text);
+      if (cure) item.append(Object.assign(document.createElement('strong'), { textContent: `${cure.replaceAll('`', '')}.` }));
+      item.append(...withCode(reason));
       return item;
     }));
   }
-  put($('hint'), !rig.isLive || hand.held ? '' : hand.may()
-    ? touch.matches ? 'Drag the sphere to turn it. Beside it or with two fingers: the view.'
-      : 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.'
-    : rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
-      : `Drag to turn the view, double ${touch.matches ? 'tap' : 'click'} to turn it back.`);
+  put($('hint'), hint());
   put($('keys'), !rig.hello ? 'No connection: STOP cannot reach the rig' : document.hasFocus() ? 'Esc or Space stops, anywhere here'
     : 'The keys go elsewhere: press STOP');
+  $('keys').classList.toggle('warn', !rig.hello || !document.hasFocus());
+}
+
+/** Returns what the hand can do with the picture. */
+function hint() {
+  if (rig.state && rig.silentFor !== null) return `Last heard ${rig.silentFor.toFixed(0)} s ago.`;
+  if (!rig.isLive) return '';
+  if (hand.held) return hand.held.pointer && !touch.matches ? 'Scroll to twist the sphere about the line of sight.' : '';
+  if (hand.may()) {
+    return touch.matches || narrow.matches ? 'Drag the sphere to turn it. Beside it or with two fingers: the view.'
+      : 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.';
+  }
+  return rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
+    : `Drag to turn the view, double ${touch.matches ? 'tap' : 'click'} to turn it back.`;
 }
 
 const dark = matchMedia('(prefers-color-scheme: dark)');
@@ -293,15 +305,29 @@ function changed() {
 /** Draws one plot or the others, in turns. */
 function showPlot() {
   const { samples } = rig;
+  const end = rig.isLive ? 'now' : samples.length > 0 ? 'last heard' : '';
   odd = !odd;
   if (odd) {
     plot($('torque'), samples, colours, {
-      name: 'torque, N m', of: (s) => s.torque, least: 0.02, total: true, limit: rig.info?.limits.torque });
+      name: 'torque, N m', of: (s) => s.torque, least: 0.02, end, total: true, limit: rig.info?.limits.torque });
   } else {
-    plot($('angle'), samples, colours, { name: `angle from ${rig.origin}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02 });
+    plot($('angle'), samples, colours, {
+      name: `angle from ${rig.origin}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
+      // Beyond half a turn the least rotation is the other way round.
+      jump: Math.PI });
     $('curves').hidden = !rig.curves;
-    if (rig.curves) plotCurves($('curves'), rig.curves, rig.present, colours, rig.info?.limits.torque ?? 0);
+    if (rig.curves) plotCurves($('curves'), rig.presentCurves, rig.present, rig.isLive, colours, rig.info?.limits.torque ?? 0);
   }
+}
+
+/** Puts the force above the hand and its arrow, whose ends are `points` on the canvas. A finger hides more than a mouse. */
+function placeGrip(points) {
+  if (!points) return;
+  const [[x, from], [, to]] = points;
+  const { style, offsetWidth: width, offsetHeight: height } = $('grip');
+  const most = $('picture').clientWidth - width;
+  style.left = `${Math.max(0, Math.min(most, x - width / 2))}px`;
+  style.top = `${Math.max(0, $('sphere').offsetTop + Math.min(from - (touch.matches ? 50 : 12), to - 12) - height)}px`;
 }
 
 let head = '';
@@ -309,7 +335,7 @@ function frame(now) {
   asked = false;
   if (hand.step((now - last) / 1000)) changed();
   last = now;
-  draw($('sphere'), rig, camera, colours, hand.held);
+  placeGrip(draw($('sphere'), rig, camera, colours, hand.held));
   // For whoever measures: the tick that the picture shows.
   $('sphere').dataset.tick = rig.state?.tick ?? '';
   if (now - plotted > PLOT_EVERY) {

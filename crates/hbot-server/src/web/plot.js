@@ -1,6 +1,6 @@
 // A quantity of three components against the time before now, with its legend above the curves.
 
-import { length } from './maths.js';
+import { add, length, scaled } from './maths.js';
 import { SPAN } from './rig.js';
 
 /** Room around the curves, CSS pixels: top, right, bottom, left. */
@@ -53,10 +53,11 @@ function trace(c, points, x, y) {
 
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
- * Where there is no room for `name`, the legend has `short`. With `total`, the length of the vector
- * is a fourth curve. A `limit` of it is drawn once a sample comes near.
+ * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With
+ * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn once a sample comes near. A
+ * change by more than `jump` is no line.
  */
-export function plot(canvas, samples, colours, { name, short = name, of, least, total, limit }) {
+export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -66,8 +67,13 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   if (total) {
     curves.push({ label: 'length', colour: colours.torque, at: (sample) => length(of(sample)) });
   }
+  const runs = [];
+  shown.forEach((sample, k) => {
+    if (k === 0 || length(add(of(sample), scaled(of(shown[k - 1]), -1))) > jump) runs.push([]);
+    runs.at(-1).push(sample);
+  });
   let most = least;
-  for (const sample of samples) {
+  for (const sample of shown) {
     for (const curve of curves) most = Math.max(most, Math.abs(curve.at(sample)));
   }
   // The line needs room above it.
@@ -93,7 +99,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   c.textAlign = 'center';
   for (const t of [-SPAN, -SPAN / 2, 0]) {
     c.textAlign = t === 0 ? 'right' : t === -SPAN ? 'left' : 'center';
-    c.fillText(t === 0 ? 'now' : `${t} s`, x(now + t), height - 6);
+    c.fillText(t === 0 ? last : `${t} s`, x(now + t), height - 6);
   }
   c.textAlign = 'left';
   c.fillStyle = colours.text;
@@ -108,7 +114,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
     c.strokeStyle = curve.colour;
     c.lineWidth = 1.5;
     c.beginPath();
-    trace(c, shown, (sample) => x(sample.t), (sample) => y(curve.at(sample)));
+    for (const run of runs) trace(c, run, (sample) => x(sample.t), (sample) => y(curve.at(sample)));
     c.stroke();
   }
   if (limited) {
@@ -126,10 +132,10 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
 
 /**
  * Draws the torque of the scene against the angle about each axis, with a dot for each axis where the
- * sphere is now. `curves` are pairs of rad and N m, `present` has the angle and the torque about each
- * axis or is null, and `limit` is the rig's torque limit, N m.
+ * sphere is now, grey if this is not `live`. `curves` are pairs of rad and N m, faint if they are `old`, `present` has the
+ * angle and the torque about each axis or is null, and `limit` is the rig's torque limit, N m.
  */
-export function plotCurves(canvas, curves, present, colours, limit) {
+export function plotCurves(canvas, { curves, old }, present, live, colours, limit) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const largest = Math.max(0.02, ...curves.flat().map(([, torque]) => Math.abs(torque)));
@@ -173,7 +179,19 @@ export function plotCurves(canvas, curves, present, colours, limit) {
   c.beginPath();
   c.rect(left, top, width - left - right, height - top - bottom);
   c.clip();
+  c.globalAlpha = old ? 0.45 : 1;
+  c.lineWidth = 2;
   curves.forEach((curve, k) => line(curve, colours.axes[k]));
+  // Where curves coincide, their colours alternate. Elsewhere each dash lies on a line of its colour.
+  c.setLineDash([8, 16]);
+  curves.forEach((curve, k) => {
+    c.lineDashOffset = -8 * k;
+    line(curve, colours.axes[k]);
+  });
+  c.setLineDash([]);
+  c.lineDashOffset = 0;
+  c.lineWidth = 1.5;
+  c.globalAlpha = 1;
   if (limit > 0 && end > limit) {
     c.setLineDash([6, 6]);
     for (const v of [-limit, limit]) line([[-Math.PI, v], [Math.PI, v]], colours.warn);
@@ -185,9 +203,12 @@ export function plotCurves(canvas, curves, present, colours, limit) {
     if (text) c.fillText(text, at + 6, 9);
   }
   present?.torque.forEach((torque, k) => {
-    c.fillStyle = colours.axes[k];
+    c.fillStyle = live ? colours.axes[k] : colours.weak;
     c.beginPath();
-    c.arc(x(present.angle[k]), y(clamp(torque)), 4, 0, 2 * Math.PI);
+    c.arc(x(present.angle[k]), y(clamp(torque)), 5, 0, 2 * Math.PI);
     c.fill();
+    // Its edge keeps it apart from the curve.
+    c.strokeStyle = colours.ground;
+    c.stroke();
   });
 }

@@ -19,6 +19,9 @@ export const hasTorque = (mode) => TORQUE.has(mode);
 /** Returns the user and machine in the name of a panel, and the whole name of other clients. */
 export const person = (name) => name.replace(/^panel /, '');
 
+/** Units of what makes a torque at rest. */
+const PUSHES = /^(N m(\/rad)?|kg)$/;
+
 /** A speed is judged by its largest value in this time, so that what is said does not flicker, s. */
 const RECENT = 0.5;
 /** The sphere shakes if it turns back this often in a second, 6 Hz, at a speed of at least this, rad/s. Hands are slower. */
@@ -43,6 +46,8 @@ export class Rig {
     this.stable = [];
     /** Torque of the scene against angle about n1, n2, n3, as the server said last. */
     this.curves = null;
+    /** The effects that these curves belong to. */
+    this.curved = [];
     this.forget();
   }
 
@@ -50,6 +55,8 @@ export class Rig {
   forget() {
     this.state = null;
     this.samples = [];
+    /** From what the newest angle is measured. */
+    this.origin = 'N';
     this.fault = null;
     this.shaking = null;
     this.heard = performance.now();
@@ -96,7 +103,7 @@ export class Rig {
     this.info = info;
     // The server takes up to a second to know it of a changed scene. The last answer stays until then.
     this.stable = info.stable ?? this.stable;
-    this.curves = info.curves ?? this.curves;
+    if (info.curves) [this.curves, this.curved] = [info.curves, structuredClone(info.scene?.effect ?? [])];
     // The page may have come after the stop.
     this.fault ??= info.incident ?? null;
     if (this.lease.who === 'unknown' && info.lease) {
@@ -172,6 +179,7 @@ export class Rig {
     }
     this.state = state;
     this.heard = performance.now();
+    this.origin = state.reference ? 'reference' : 'N';
     this.samples.push({ t: state.t, omega: state.omega, torque: state.torque, angle: this.deflection(state) });
     const old = state.t - SPAN - 1;
     if (this.samples.length > MOST_SAMPLES || this.samples[0].t < old - 1) {
@@ -197,9 +205,27 @@ export class Rig {
     return { angle: rotation(product(state.q, conjugate(anchor))), torque: state.torque };
   }
 
-  /** From what the angle of the plot is measured. */
-  get origin() {
-    return this.state?.reference ? 'reference' : 'N';
+  /**
+   * Returns the curves, and whether they are `old`: the server has not told them since the scene has changed. By its
+   * unit, the torque at rest is proportional to all that makes it together. So the curves follow a single parameter at
+   * once, but for the little that damping adds to them.
+   */
+  get presentCurves() {
+    const effects = this.info?.scene?.effect ?? [];
+    const names = (all) => all.map(({ id, kind }) => `${id} ${kind}`).join('\n');
+    let [factor, changes, pushing] = [1, 0, 0];
+    for (const [k, effect] of effects.entries()) {
+      for (const [key, { unit = '' }] of Object.entries(this.kind(effect.kind)?.schema.properties ?? {})) {
+        const [before, now] = [this.curved[k]?.[key], this.value(effect, key)];
+        if (PUSHES.test(unit) && (before || now)) pushing += 1;
+        if (JSON.stringify(before) === JSON.stringify(now)) continue;
+        changes += 1;
+        factor = PUSHES.test(unit) && before > 0 ? now / before : NaN;
+      }
+    }
+    const other = names(effects) !== names(this.curved);
+    const part = !other && changes === 1 && pushing === 1 && Number.isFinite(factor) ? factor : 1;
+    return { old: other || changes > 0, curves: this.curves.map((curve) => curve.map(([angle, torque]) => [angle, part * torque])) };
   }
 
   last(seconds) {

@@ -4,11 +4,15 @@
 import { AXES, across, add, cross, dot, fromN3, length, product, rotated, scaled, turn, unit } from './maths.js';
 import { prepare } from './plot.js';
 
-/** Everything in the picture is within this distance from the centre. */
-const REACH = 1.62;
+/** Everything in the picture is within this distance from the centre, and the axes without their names. */
+const [REACH, AXIS] = [1.62, 1.25];
+/** Room for the name of an axis, px. */
+const NAME = 20;
 /** Length of the torque's arrow: the least, and what the rig's limit adds. */
-const TORQUE = [0.2, 0.32];
+const TORQUE = [0.14, 0.26];
 const CIRCLE = 48;
+/** The band from the hand to the pointer: its least length, and the ring at its end, px. */
+const [BAND, RING] = [24, 5];
 
 const angles = (n, span = 2 * Math.PI) => Array.from({ length: n + 1 }, (_, k) => (span * k) / n);
 const segment = (a, b) => angles(12, 1).map((k) => add(scaled(a, 1 - k), scaled(b, k)));
@@ -57,7 +61,8 @@ export class Camera {
 
 /** The middle and radius of the sphere in a picture of this size, px. */
 export function place(width, height) {
-  return { x: width / 2, y: height / 2, radius: Math.max(10, Math.min(width, height) / 2 / REACH) };
+  const half = Math.min(width, height) / 2;
+  return { x: width / 2, y: height / 2, radius: Math.max(10, half / REACH, (half - NAME) / AXIS) };
 }
 
 class Drawing {
@@ -192,9 +197,9 @@ class Drawing {
   axes(q) {
     AXES.forEach((axis, k) => {
       const [tip, colour] = [rotated(q, axis), this.colours.axes[k]];
-      this.arrow([0, 0, 0], scaled(tip, 1.3), colour, 2.5);
+      this.arrow([0, 0, 0], scaled(tip, AXIS), colour, 2.5);
       if (!this.hides(tip)) this.dot(tip, 3.5, colour);
-      this.text(scaled(tip, 1.3), `s${k + 1}`, colour, 14);
+      this.text(scaled(tip, AXIS), `s${k + 1}`, colour, 13);
     });
   }
 
@@ -211,7 +216,7 @@ class Drawing {
     const colour = this.colours.wheel;
     const alpha = this.hides(centre) ? 0.35 : 1;
     const ctx = this.c;
-    this.line(segment(axis, scaled(axis, 1.5)), colour, 1, [0.7, 0.2], { dashed: true });
+    this.line(segment(axis, scaled(axis, 1 + 2 * r)), colour, 1, [0.7, 0.2], { dashed: true });
     ctx.beginPath();
     for (const t of angles(CIRCLE)) ctx.lineTo(...this.point(rim(t)));
     ctx.moveTo(...this.point(centre));
@@ -224,7 +229,7 @@ class Drawing {
     ctx.stroke();
     ctx.globalAlpha = 1;
     this.arrow(add(centre, scaled(rolling, -0.3)), add(centre, scaled(rolling, 0.3)), colour, 1.5);
-    this.text(scaled(axis, 1.56), wheel.name ?? '?', colour);
+    this.text(scaled(axis, 1 + 2 * r), wheel.name ?? '?', colour, 13);
   }
 
   torque(torque, limit) {
@@ -243,26 +248,33 @@ class Drawing {
     if (!this.hides(arc[20])) this.head(this.point(arc[18]), this.point(arc[20]), 7, colour, 1);
   }
 
-  /** Draws where the hand holds the sphere, and the force with which the scene pushes it. */
+  /**
+   * Draws where the hand holds the sphere, a band from there to the pointer, and the force with which the scene pushes.
+   * Returns the ends of the force.
+   */
   grip(grip, pointer, torque, limit) {
-    if (pointer) {
-      const { c } = this;
+    const { c } = this;
+    const from = this.point(grip);
+    const [dx, dy] = pointer ? [pointer[0] - from[0], pointer[1] - from[1]] : [0, 0];
+    const run = Math.hypot(dx, dy);
+    // A shorter band is hidden by the hand.
+    if (run > BAND) {
+      const part = 1 - RING / run;
       c.strokeStyle = this.colours.hand;
       c.lineWidth = 1.5;
-      c.setLineDash([2, 3]);
       c.beginPath();
-      c.moveTo(...this.point(grip));
-      c.lineTo(...pointer);
+      c.moveTo(...from);
+      c.lineTo(from[0] + part * dx, from[1] + part * dy);
       c.stroke();
-      c.setLineDash([]);
+      c.beginPath();
+      c.arc(...pointer, RING, 0, 2 * Math.PI);
+      c.stroke();
     }
     this.dot(grip, 7, this.colours.hand);
     const force = scaled(cross(torque, grip), limit > 0 ? 1 / limit : 1);
     const share = length(force);
-    if (share < 0.01) return;
-    const run = scaled(force, (0.15 + 0.6 * Math.min(share, 1)) / share);
-    const [from, to] = [this.point(grip), this.point(add(grip, run))];
-    const { c } = this;
+    if (share < 0.01) return [from, from];
+    const to = this.point(add(grip, scaled(force, (0.15 + 0.6 * Math.min(share, 1)) / share)));
     c.strokeStyle = this.colours.hand;
     c.lineWidth = 5;
     c.beginPath();
@@ -270,17 +282,18 @@ class Drawing {
     c.lineTo(...to);
     c.stroke();
     this.head(from, to, 16, this.colours.hand, 1);
+    return [from, to];
   }
 }
 
-/** Draws the picture. `held` is where a hand holds the sphere, or null. */
+/** Draws the picture. `held` is where a hand holds the sphere, or null. Returns the ends of its force on the canvas, px. */
 export function draw(canvas, rig, camera, colours, held) {
   const { context, width, height } = prepare(canvas);
   const drawing = new Drawing(context, camera.frame, place(width, height), colours);
   const { state, info } = rig;
   const limit = info?.limits.torque ?? 0;
   // Without a state there is no pose to show.
-  if (!state) return;
+  if (!state) return null;
   const { q } = state;
   context.font = '13px system-ui, sans-serif';
   drawing.sphere(q);
@@ -289,7 +302,7 @@ export function draw(canvas, rig, camera, colours, held) {
   info?.rig.wheels.forEach((wheel, k) => drawing.wheel(wheel, info.rig.sphere.radius,
     state.joints[2 * k]?.angle ?? 0, state.joints[2 * k + 1]?.angle ?? 0));
   drawing.torque(state.torque, limit);
-  if (held) drawing.grip(rotated(q, held.grip), held.pointer, state.torque, limit);
+  const grip = held && drawing.grip(rotated(q, held.grip), held.pointer, state.torque, limit);
   const corner = new Drawing(context, camera.frame, { x: width - 42, y: 40, radius: 20 }, colours);
   AXES.forEach((axis, k) => {
     const colour = colours.axes[k];
@@ -301,4 +314,5 @@ export function draw(canvas, rig, camera, colours, held) {
     context.stroke();
     corner.text(axis, `n${k + 1}`, colour, 11);
   });
+  return grip;
 }

@@ -19,8 +19,8 @@ export function put(element, text) {
 /** Whether the page is used with a finger, which has no keys. */
 export const touch = matchMedia('(pointer: coarse)');
 
-/** Where the bar has no room for the rate. */
-const narrow = matchMedia('(max-width: 36rem)');
+/** Where there is no room for all words: the window of a telephone. */
+export const narrow = matchMedia('(max-height: 30rem), (max-width: 36rem)');
 
 const METERS = [
   ['Torque', "of the sphere / the rig's limit"],
@@ -50,6 +50,9 @@ export const withCode = (text) => text.split('`').map((part, k) => (
 /** The server's words before a path at the end of a message. Without them, a message is shown as it is. */
 const FLIGHT_LOG = '; flight log: ';
 
+/** What a simulated sphere needs that does not slow down by itself. */
+const HELD = 'If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].';
+
 const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 
 /** Returns the paragraphs below the headline: `[weight, text]`. */
@@ -71,7 +74,7 @@ function details(rig) {
   if (head === 'NO CONTACT') {
     const why = rig.silentFor === null
       ? `Not connected: ${rig.closed?.why ?? ''}. The page tries again by itself.`
-      : `The server has said nothing for ${rig.silentFor.toFixed(0)} s.`;
+      : `The server has said nothing for ${rig.silentFor.toFixed(0)}\u00a0s.`;
     return [
       ['bad', why],
       ['', "What the rig does now is not known. If in doubt, cut the motors' power."],
@@ -82,34 +85,39 @@ function details(rig) {
   if (state.mode === 'fault') {
     const words = rig.info?.faults?.find((fault) => fault.name === state.fault);
     const who = by ? ` It was ${rig.name(by)}.` : '';
-    const told = rig.fault ? `: ${rig.fault.message.split(FLIGHT_LOG)[0]}` : '';
-    // What was found comes before the usual remedy. A simulated rig has no plug that could be loose.
+    const told = rig.fault?.message.split(FLIGHT_LOG)[0] ?? '';
+    // The usual remedy is for a real rig. A simulated one has no plug that could be loose, and the server says what to do.
+    const [found, rest] = told.split('. The rig is simulated');
+    const remedy = !rig.isSimulated ? words?.remedy ?? '' : rest ? sentence(`The rig is simulated${rest}`) : '';
+    // A speed that was stands in the list of messages. Beside the speed that is, it would confuse.
+    const past = found.startsWith('the sphere turned at ');
     return [
       ['bad', `${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
-      ['', `${state.fault}${told}`],
-      [rig.isSimulated && told ? 'weak' : '', words?.remedy ?? '']];
+      ['', rig.isSimulated && rig.isFast ? HELD : remedy],
+      ['weak', past ? '' : `${state.fault}${found && `: ${found}`}`]];
   }
   if (state.mode === 'estop') {
     return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)]];
   }
-  if (rig.shakes && !rig.shaking) {
-    return [['strong warn', `It shakes, at up to ${rig.fastest.toFixed(1)} rad/s.`],
-      ['warn', 'Lower the stiffness or raise the damping.']];
+  if (rig.shakes) {
+    const { shaking } = rig;
+    return [['strong warn', 'Lower the stiffness or raise the damping.'],
+      ['warn', shaking ? `Torque lowered: ${shaking.effect ?? 'the scene'} shook the sphere at ${shaking.frequency.toFixed(0)} Hz.`
+        : `It shakes, at up to ${rig.fastest.toFixed(1)} rad/s.`]];
   }
-  const shaken = rig.shaking
-    ? [['warn', `Torque lowered: ${rig.shaking.effect ?? 'the scene'} shook the sphere at `
-      + `${rig.shaking.frequency.toFixed(0)} Hz. Lower its stiffness or raise its damping.`]] : [];
-  if (state.mode === 'idle' && rig.refusal?.op === 'enable') return [['warn', `Not enabled: ${rig.refusal.why}`]];
-  if (state.mode === 'idle' && rig.isFar) return [['warn', `No torque. ${tooFar(rig)}`]];
-  return [...shaken, ['weak', mode]];
+  if (state.mode === 'idle' && (rig.refusal?.op === 'enable' || rig.isFar)) return notEnabled(rig);
+  return [['weak', mode]];
 }
 
-/** Says that the server may refuse to enable. Only it knows the turns that the scene leaves free. */
-function tooFar(rig) {
+/** Says that the server has refused or may refuse to enable. Only it knows the turns that the scene leaves free. */
+function notEnabled(rig) {
   const allowed = rig.info.limits.enable_max_angle;
-  return `The sphere is ${rig.away.toFixed(2)} rad from the reference, and Enable is refused beyond ${allowed.toFixed(2)} rad `
-    + `unless the scene lets it turn that far: ${rig.isSimulated ? 'set the anchor to here' : 'turn the sphere nearer'}.`;
+  const cure = rig.isSimulated ? 'Set the anchor to here.' : 'Turn the sphere nearer.';
+  return [['strong warn', rig.isFar ? cure : ''],
+    ['warn', rig.refusal?.op === 'enable' ? `Not enabled: ${rig.refusal.why}`
+      : `No torque. The sphere is ${rig.away.toFixed(2)} rad from the reference, and Enable is refused beyond `
+      + `${allowed.toFixed(2)} rad unless the scene lets it turn that far.`]];
 }
 
 function notReset(rig) {
@@ -132,18 +140,26 @@ const notice = document.createElement('p');
 notice.id = 'notice';
 $('box').append(notice);
 
-/** Returns the line at the end of the box: a sphere that turns, what is cut, or a warning. */
-function noticed({ state, isCertain, shaking, shakes, warnings }) {
+/** Returns the line at the end of the box: a sphere that turns, that nobody commands, what is cut, or a warning. */
+function noticed({ state, isCertain, isFast, lease, shakes, warnings }) {
   if (!isCertain) return '';
   const speed = length(state.omega);
-  const turns = !hasTorque(state.mode) && speed > TURNS ? `${TURNING} ${speed.toFixed(2)} rad/s` : '';
+  // The box says it already of a sphere that is too fast.
+  if (!hasTorque(state.mode) && speed > TURNS && !isFast) return `${TURNING} ${speed.toFixed(2)}\u00a0rad/s`;
+  if (shakes) return '';
+  const lines = lease.who === 'free' && hasTorque(state.mode) ? ['Nobody commands: take command'] : [];
   const cut = 1 - state.scale;
-  if (state.mode === 'active' && cut >= LEAST_TOLD && warnings.length === 0) {
-    return `Limits cut ${percent(cut)} of the torque`;
-  }
-  if (shaking || shakes || warnings.length === 0) return turns;
-  const many = warnings.length > 1 ? `${warnings.length} warnings` : 'Warning';
-  return `${turns && `${turns}. `}${many}, see the scene: ${warnings[0].replaceAll('`', '')}`;
+  if (warnings.length > 0) {
+    const [cure, reason] = warned(warnings[0].replaceAll('`', ''));
+    lines.push(...(cure ? [cure] : []), `${warnings.length > 1 ? `${warnings.length} warnings` : 'Warning'}, see the scene: ${reason}`);
+  } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`Limits cut ${percent(cut)} of the torque`);
+  return lines.join('. ');
+}
+
+/** Returns what to do about a warning, if the server says it in the end, and why. */
+export function warned(text) {
+  const [, reason, cure] = text.match(/^(.*); ((?:set|add|make|damp|give) .*)$/) ?? [null, text, ''];
+  return [cure && `${cure[0].toUpperCase()}${cure.slice(1)}`, reason];
 }
 
 /** Says a part in per cent. All of it is never cut. */
@@ -168,6 +184,8 @@ export function showState(rig) {
   put(notice, line);
   notice.classList.toggle('turns', line.startsWith(TURNING));
   notice.title = line;
+  // Before the text is fitted, because it has another place then.
+  document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   // A rate that changes keeps its length.
   const key = JSON.stringify([head, lines, line.length]);
   if (key !== shown) {
@@ -184,7 +202,6 @@ export function showState(rig) {
     }));
     fit();
   }
-  document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   document.body.classList.toggle('old', !rig.isCertain);
   bar(rig);
   orders(rig);
@@ -209,7 +226,7 @@ function bar(rig) {
     mine: ['Take command', 'you command'],
     free: ['Take command', 'nobody commands'],
     unknown: ['Take command', rig.hello ? 'watching' : ''],
-    other: ['Take over', `you observe, ${person(rig.lease.holder ?? '')} commands`],
+    other: ['Take over', `${narrow.matches ? '' : 'you observe, '}${person(rig.lease.holder ?? '')} commands`],
   }[rig.lease.who];
   put($('who'), said);
   $('who').title = said;
