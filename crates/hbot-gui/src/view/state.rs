@@ -312,7 +312,8 @@ fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
         Some(silent) => format!("The server has said nothing for {:.0} s.", silent.as_secs_f64()),
         None => "Not connected.".to_owned(),
     };
-    // What to do comes first, and the text on the state last: it can be out of sight in a low window.
+    // What to do comes first, and the text on the state last: it can be out of sight in a low
+    // window.
     let simulated = model.badge() == Some("SIMULATED");
     if !simulated {
         let size = if is_low(ui) { SMALL } else { LARGE };

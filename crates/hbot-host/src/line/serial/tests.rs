@@ -143,7 +143,8 @@ fn a_pause_on_a_real_line_lasts_a_millisecond() {
 #[test]
 fn what_is_no_port_is_told_in_words() {
     for (path, reason) in [("/dev/null", "it is no serial port"), ("/dev/simm", "it does not exist")] {
-        let error = Serial::open(path, BAUD).err().expect("it is refused").to_string();
+        let Err(error) = Serial::open(path, BAUD) else { panic!("{path} is open") };
+        let error = error.to_string();
         assert!(error.starts_with(&format!("cannot open serial port {path}: {reason}\n")), "{error}");
     }
 }
