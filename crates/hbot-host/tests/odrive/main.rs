@@ -129,6 +129,10 @@ fn a_lost_question_is_repeated_and_an_axis_that_takes_no_position_is_refused() {
     let mut lossy = Lossy { line: lossy.line, loses: first(1, "r0578") };
     let found = Odrive.scan(&mut lossy, &expected).expect("they answer");
     assert_eq!(found.iter().map(|it| it.supply_v).collect::<Vec<_>>(), [Some(24.0); 4]);
+    let mut lossy = Lossy { line: lossy.line, loses: first(u32::MAX, "r0408") };
+    let silent = &Odrive.scan(&mut lossy, &expected).expect("they are there")[2];
+    assert_eq!(silent.firmware, "unknown, CANSimple");
+    assert!(silent.remedies[0].what.starts_with("it has not said its firmware"), "{silent:?}");
 }
 
 #[test]
@@ -297,12 +301,33 @@ fn the_firmware_of_each_axis_is_known_after_bring_up() {
     assert_eq!(names, [new.clone(), new.clone(), other, new, None]);
 }
 
+/// A line to simulated ODrives on which axis 2 says a position that is not a number.
+struct Nowhere(Memory);
+
+impl Line for Nowhere {
+    fn read(&mut self, now_ns: u64, buffer: &mut [u8]) -> io::Result<usize> {
+        let n = self.0.read(now_ns, buffer)?;
+        for at in 0..n.saturating_sub(12) {
+            if buffer[at..n].starts_with(b"t0498") {
+                buffer[at + 5..at + 13].copy_from_slice(b"0000C07F");
+            }
+        }
+        Ok(n)
+    }
+
+    fn write(&mut self, now_ns: u64, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(now_ns, bytes)
+    }
+
+    fn pause(&mut self) {}
+}
+
 #[test]
 fn an_axis_whose_position_is_no_number_needs_its_encoder_and_no_firmware() {
-    let nowhere = InjectedFault::Slipped { joint: 0, angle: f64::NAN };
-    let (mut line, _, expected) = line(|rig| rig.inject(nowhere));
-    let refused = Odrive.meet(&mut line, &expected).expect_err("no number").to_string();
-    assert!(refused.contains("its position is no number: check and calibrate its encoder"), "{refused}");
+    let (line, _calls, expected) = line(|_| ());
+    let said = Odrive.meet(&mut Nowhere(line), &expected).expect_err("it is no number").to_string();
+    let words = "ODrive 2 (wheel[1].steer): its position is no number: check and calibrate its encoder";
+    assert!(said.contains(words), "{said}");
 }
 
 #[test]

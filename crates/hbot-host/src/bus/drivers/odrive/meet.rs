@@ -212,7 +212,7 @@ fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
             "check that the adapter passes remote frames; then odrivetool dfu".to_owned(),
         ),
     }
-    if met.position.is_some_and(|position| !position.is_finite()) {
+    if met.estimates > 0 && met.position.is_none() {
         wrong("its position is no number".to_owned(), "check and calibrate its encoder".to_owned());
     }
     let apart = |count: u32| listened_ms / u64::from(count.max(1));

@@ -28,7 +28,7 @@ pub(super) struct Met {
     pub(super) error: u32,
     /// State in the last heartbeat.
     pub(super) state: u8,
-    /// Last position, in turns of the encoder.
+    /// Last position, in turns of the encoder. `None` also if it was not a number.
     pub(super) position: Option<f64>,
     /// Supply voltage, in V.
     pub(super) supply: Option<f64>,
