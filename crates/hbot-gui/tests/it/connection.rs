@@ -227,7 +227,9 @@ fn a_server_that_hangs_does_not_hang_the_window() {
     seat.until_text("The server has said nothing for");
     assert!(seat.shows("NO CONTACT") && !seat.shows("ACTIVE"), "{}", seat.texts());
     assert!(!seat.is_enabled("Stiffness") && seat.is_enabled("Stop"));
+    assert!(seat.shows("No answer: STOP may not reach the rig"), "{}", seat.texts());
     seat.click("Stop");
+    seat.until_text("STOP sent, not confirmed yet");
     seat.until_text("the server has not confirmed the stop");
     // What a real rig is told instead is tested without a server.
     assert!(
@@ -246,6 +248,17 @@ fn a_server_that_hangs_does_not_hang_the_window() {
     assert!(!seat.shows("NOT STOPPED"), "{}", seat.texts());
     // The panel has given up the connection over which it asked, but it was this panel.
     seat.until_text("Stopped by you.");
+    // A stop that a state has proved is not sent again.
+    seat.until_text("you command");
+    seat.click("Recover");
+    seat.until_text("ACTIVE");
+    let start = std::time::Instant::now();
+    while start.elapsed() < Duration::from_secs(1) {
+        seat.frame();
+        // What is tested is that nothing happens in this time.
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert!(seat.shows("ACTIVE"), "{}", seat.texts());
 }
 
 #[test]
