@@ -14,7 +14,7 @@ use crate::view::{self, Act, Desk, theme};
 
 /// Longest time between two frames of the window. Clocks and countdowns in the window are late by
 /// at most this time.
-const FRAME_AT_LEAST_EVERY: std::time::Duration = std::time::Duration::from_millis(250);
+const FRAME_AT_LEAST_EVERY: std::time::Duration = std::time::Duration::from_millis(100);
 
 /// The contents of a window, together with the threads that keep them up to date.
 ///
@@ -78,7 +78,11 @@ impl Panel {
     /// while the window is hidden.
     pub fn catch_up(&mut self) {
         self.network.mailbox.take(&mut self.delivery);
+        let pending = self.model.has_pending_stop();
         self.model.take(&mut self.delivery);
+        if pending && !self.model.has_pending_stop() {
+            self.network.stop_settled();
+        }
         if let Ok(recorded) = self.opened.1.try_recv() {
             self.desk.open(Film::new(Arc::new(recorded)));
         }

@@ -1,8 +1,16 @@
 //! What the panel says at a glance: what the rig does, whether it is simulated, and who did it.
 
+use std::time::Duration;
+
 use hbot_api::{Mode, Requester};
 
-use super::{Link, Model};
+use super::{Link, Model, PendingStop, SILENT_AFTER};
+
+/// If no state message arrives for this time, what the window shows is grey.
+const QUIET_AFTER: Duration = Duration::from_millis(500);
+/// The torque is at its limit if it is this part of it or more for so long, s.
+const AT_LIMIT: f64 = 0.95;
+const AT_LIMIT_S: f64 = 0.2;
 
 /// The one thing that the user must know first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +49,49 @@ impl Model {
             (Link::Online(_) | Link::Recording, Some(state)) => Headline::Mode(state.mode),
             _ => Headline::NoState,
         }
+    }
+
+    /// Returns the time since the last state message, if the panel is connected and this time is so
+    /// long that what the window shows may be old. Returns `None` otherwise. It comes before
+    /// [`Model::silent_for`]; a panel that requests few states per second waits for some of them.
+    pub(crate) fn quiet_for(&self) -> Option<Duration> {
+        let few = Duration::from_secs_f64(2.5 / f64::from(self.samples_per_s.max(1)));
+        let quiet = self.heard?.elapsed();
+        (self.is_online() && quiet > QUIET_AFTER.max(few).min(SILENT_AFTER)).then_some(quiet)
+    }
+
+    /// Returns whether what the window shows is live, and so new that it need not be grey.
+    pub(crate) fn is_fresh(&self) -> bool {
+        self.is_live() && self.quiet_for().is_none()
+    }
+
+    /// Returns whether the user has asked the present server for a stop that nothing has confirmed.
+    pub(crate) fn has_pending_stop(&self) -> bool {
+        self.stops.iter().any(|stop| stop.server == self.server)
+    }
+
+    /// Returns whether a stop was sent to the present server, and its answer may still come in
+    /// time.
+    pub(crate) fn awaits_stop(&self) -> bool {
+        self.has_pending_stop() && self.unconfirmed_stop().is_none_or(|stop| stop.server != self.server)
+    }
+
+    /// Returns whether the rig that `stop` should have stopped pushes, as a connection says that
+    /// was made after it.
+    pub(crate) fn pushes_again(&self, stop: &PendingStop) -> bool {
+        let pushes = self.mode().is_some_and(super::has_torque);
+        stop.reconnected && stop.server == self.server && self.is_fresh() && pushes
+    }
+
+    /// Returns whether the torque has been at its limit for a while.
+    pub(crate) fn is_at_limit(&self) -> bool {
+        let limit = self.info.limits.torque;
+        limit > 0.0 && self.history.pushes_with(AT_LIMIT * limit, AT_LIMIT_S)
+    }
+
+    /// Returns whether the rig that `stop` should have stopped is simulated, as was last heard.
+    pub(crate) fn is_of_simulated(&self, stop: &PendingStop) -> bool {
+        if stop.server == self.server { self.is_simulated() } else { stop.simulated }
     }
 
     /// Returns the word that tells at a glance whether motors can push. The server's banner and

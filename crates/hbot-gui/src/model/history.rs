@@ -65,6 +65,13 @@ impl History {
         fast.filter(|omega| std::mem::replace(&mut before, *omega).dot(*omega) < 0.0).count() >= REVERSALS
     }
 
+    /// Returns whether the torque was at least `torque`, N m, in all of the last `seconds` seconds.
+    pub(crate) fn pushes_with(&self, torque: f64, seconds: f64) -> bool {
+        let known = self.samples.front().zip(self.newest());
+        known.is_some_and(|(first, newest)| newest.t - first.t >= seconds)
+            && self.last(seconds).all(|sample| sample.torque.length() >= torque)
+    }
+
     pub(crate) fn newest(&self) -> Option<&PlotSample> {
         self.samples.back()
     }
@@ -150,6 +157,22 @@ mod tests {
         (0..100).for_each(|tick| history.push(sample(tick, 100.0)));
         history.push(sample(3, 100.0));
         assert_eq!(history.len(), 1);
+    }
+
+    #[test]
+    fn a_torque_counts_that_lasts() {
+        let mut history = History::default();
+        for tick in 0..800 {
+            let torque = DVec3::new(0.0, if tick < 100 { 0.1 } else { 0.9 }, 0.0);
+            let mut sample = sample(tick, 1000.0);
+            sample.torque = torque;
+            history.push(sample);
+            let lasts = tick >= 300;
+            assert_eq!(history.pushes_with(0.85, 0.2), lasts, "tick {tick}");
+        }
+        let mut new = History::default();
+        (0..100).for_each(|tick| new.push(sample(tick, 1000.0)));
+        assert!(!new.pushes_with(0.0, 0.2), "0.1 s is all that is known");
     }
 
     #[test]

@@ -46,6 +46,9 @@ use sample::quaternion;
 /// If no state message arrives for this time, the window reports that the server is silent.
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
 
+/// What follows from a stop of a simulated rig that is not confirmed.
+const NO_MOTORS: &str = "the rig is simulated and has no motors";
+
 /// The end of the message about a client that has taken over.
 const TAKEN: &str = " has taken over command";
 
@@ -168,10 +171,10 @@ impl Model {
         (is_recorded || self.is_online()) && self.state.is_some() && self.silent_for().is_none()
     }
 
-    /// Returns whether the user can rely on what the window shows: it is live, and no stop of the
+    /// Returns whether the user can rely on what the window shows: it is new, and no stop of the
     /// user is unconfirmed.
     pub(crate) fn is_certain(&self) -> bool {
-        self.is_live() && self.unconfirmed_stop().is_none()
+        self.is_fresh() && self.unconfirmed_stop().is_none()
     }
 
     /// Returns whether the user can command the rig: the panel is connected, the server is not
@@ -267,6 +270,9 @@ impl Model {
         match intent {
             Intent::Set { effect, key, value } => self.scene.ask(effect, key, value),
             Intent::Connect(address) if *address != self.server => {
+                let simulated = self.is_simulated();
+                let here = self.stops.iter_mut().filter(|stop| stop.server == self.server);
+                here.for_each(|stop| stop.simulated = simulated);
                 self.server.clone_from(address);
                 self.simulated = None;
                 self.sessions.clear();
@@ -350,7 +356,8 @@ impl Model {
         self.dropped = 0;
         // The server can have started again with another rig. The answer to `info` says which.
         self.simulated = None;
-        self.stops.iter_mut().for_each(PendingStop::reconnected);
+        let here = self.stops.iter_mut().filter(|stop| stop.server == self.server);
+        here.for_each(PendingStop::reconnect);
     }
 
     fn fault(&mut self, fault: FaultEvent) {
@@ -414,15 +421,15 @@ impl Model {
             self.stops.retain(|stop| stop.server != server || stop.is_unconfirmed());
             return;
         };
-        self.messages.add_told(Weight::Bad, format!("{why}: cut the motors' power"));
-        if let Some(stop) = self.stops.iter_mut().find(|stop| stop.server == server) {
-            stop.fail(why);
-        } else {
-            let newest = self.state.as_ref().filter(|_| server == self.server);
-            let mut stop = PendingStop::new(server, newest);
-            stop.fail(why);
-            self.stops.push(stop);
-        }
+        let known = self.stops.iter().position(|stop| stop.server == server);
+        let mut stop = known.map_or_else(
+            || PendingStop::new(server, self.state.as_ref().filter(|_| server == self.server)),
+            |index| self.stops.remove(index),
+        );
+        let advice = if self.is_of_simulated(&stop) { NO_MOTORS } else { "cut the motors' power" };
+        self.messages.add_told(Weight::Bad, format!("{why}: {advice}"));
+        stop.fail(why);
+        self.stops.push(stop);
     }
 
     fn lease(&mut self, lease: Lease, cause: Option<LeaseCause>) {

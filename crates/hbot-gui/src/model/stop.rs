@@ -17,31 +17,49 @@ pub(crate) struct PendingStop {
     /// Tick of the newest state when the stop was asked for. `None` if no state of the present
     /// connection had arrived by then.
     after: Option<u64>,
-    /// Why the stop was not confirmed, if that is known.
+    /// Whether the stop could not be sent or was not answered.
+    failed: bool,
+    /// Why the stop was not confirmed, if the present connection has told it.
     why: Option<String>,
+    /// Whether a connection was made after the stop was asked for. The stop is sent again over it.
+    pub(crate) reconnected: bool,
+    /// Whether its rig is simulated, as the panel knew when it went to another server.
+    pub(crate) simulated: bool,
 }
 
 impl PendingStop {
     pub(crate) fn new(server: &str, newest: Option<&StateEvent>) -> Self {
         let after = newest.map(|state| state.tick);
-        Self { server: server.to_owned(), asked: Instant::now(), after, why: None }
+        let server = server.to_owned();
+        Self {
+            server,
+            asked: Instant::now(),
+            after,
+            failed: false,
+            why: None,
+            reconnected: false,
+            simulated: false,
+        }
     }
 
     /// Records that the stop could not be sent or was not answered. The first reason stays, because
     /// further attempts fail for the same or for a lesser reason.
     pub(crate) fn fail(&mut self, why: String) {
+        self.failed = true;
         self.why.get_or_insert(why);
     }
 
     /// Records that a new connection was made. Its ticks can begin again at 0, and all of its
-    /// states come after the stop.
-    pub(crate) fn reconnected(&mut self) {
+    /// states come after the stop. Why an earlier attempt failed says nothing about this one.
+    pub(crate) fn reconnect(&mut self) {
         self.after = None;
+        self.why = None;
+        self.reconnected = true;
     }
 
     /// Returns whether the stop has failed, or has not been answered in time.
     pub(crate) fn is_unconfirmed(&self) -> bool {
-        self.why.is_some() || self.asked.elapsed() > CONFIRMED_WITHIN
+        self.failed || self.asked.elapsed() > CONFIRMED_WITHIN
     }
 
     /// Returns whether `state`, from the server at the address `server`, proves that the rig has
@@ -53,7 +71,11 @@ impl PendingStop {
 
     /// Returns what went wrong, for the person who uses the rig.
     pub(crate) fn why(&self) -> &str {
-        self.why.as_deref().unwrap_or("the server has not confirmed the stop")
+        match &self.why {
+            Some(why) => why,
+            None if self.reconnected => "sent again over the new connection, and not confirmed yet",
+            None => "the server has not confirmed the stop",
+        }
     }
 
     /// Returns what the user of a panel at the address `server` can do, and what ends the report of
@@ -105,7 +127,7 @@ mod tests {
             assert_eq!(stop.is_proved_by(server, &state), proved, "{server} {tick} {mode}");
         }
         let mut stop = stop;
-        stop.reconnected();
+        stop.reconnect();
         assert!(stop.is_proved_by("a", &state(7, Mode::Idle)), "a server that has started again");
     }
 }

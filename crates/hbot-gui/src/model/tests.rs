@@ -57,6 +57,11 @@ pub(crate) fn grow_silent(model: &mut Model) {
     model.heard = Instant::now().checked_sub(2 * SILENT_AFTER);
 }
 
+/// Lets so much time pass for the model that what it shows may be old.
+pub(crate) fn grow_quiet(model: &mut Model) {
+    model.heard = Instant::now().checked_sub(Duration::from_millis(640));
+}
+
 /// Ends the model's connection.
 pub(crate) fn disconnect(model: &mut Model) {
     let again_in = Duration::from_secs(1);
@@ -148,6 +153,52 @@ fn stops_at_two_servers_are_confirmed_apart() {
     hear(&mut model, News::Connected(hello(2)));
     see(&mut model, 7, Mode::Estop);
     assert_eq!(model.headline(), Headline::Mode(Mode::Estop));
+}
+
+#[test]
+fn a_stop_is_pending_until_it_is_confirmed() {
+    let mut model = commanding(false);
+    assert!(!model.has_pending_stop() && !model.awaits_stop());
+    model.asked(&Intent::Stop);
+    assert!(model.has_pending_stop() && model.awaits_stop());
+    confirm(&mut model);
+    assert!(!model.has_pending_stop());
+    stop_in_vain(&mut model);
+    assert!(model.has_pending_stop() && !model.awaits_stop(), "NOT STOPPED says it");
+}
+
+#[test]
+fn why_a_stop_failed_is_not_told_over_the_next_connection() {
+    let mut model = commanding(false);
+    stop_in_vain(&mut model);
+    disconnect(&mut model);
+    let told = |model: &Model| {
+        let stop = model.unconfirmed_stop().expect("a stop");
+        (stop.why().to_owned(), model.pushes_again(stop))
+    };
+    assert_eq!(told(&model), ("the server has not confirmed the stop (no answer)".to_owned(), false));
+    hear(&mut model, News::Connected(hello(9)));
+    let again = "sent again over the new connection, and not confirmed yet".to_owned();
+    assert_eq!(told(&model), (again.clone(), false), "no state has come yet");
+    see(&mut model, 5, Mode::Active);
+    assert_eq!(told(&model), (again.clone(), true));
+    confirm(&mut model);
+    assert_eq!(told(&model), (again, true), "no state has proved it");
+    see(&mut model, 6, Mode::Estop);
+    assert!(!model.has_pending_stop());
+}
+
+#[test]
+fn what_is_shown_is_old_before_the_server_is_silent() {
+    let mut model = commanding(false);
+    assert!(model.is_fresh() && model.is_certain());
+    grow_quiet(&mut model);
+    assert!(model.quiet_for().is_some() && !model.is_fresh() && !model.is_certain());
+    assert_eq!(model.headline(), Headline::Mode(Mode::Active));
+    assert!(model.silent_for().is_none() && model.may_command(), "the limit of the alarm is another");
+    // A panel that requests two states per second waits longer.
+    model.samples_per_s = 2;
+    assert!(model.is_fresh());
 }
 
 #[test]

@@ -112,9 +112,12 @@ impl Outgoing {
         given_up
     }
 
-    /// Adds a request of the user at the front of the queue, so that it is sent first.
+    /// Adds a request of the user at the front of the queue, so that it is sent first, and only
+    /// once.
     pub(crate) fn push_first(&self, intent: Intent) {
-        lock(&self.waiting).0.push_front(intent);
+        let mut waiting = lock(&self.waiting);
+        waiting.0.retain(|other| *other != intent);
+        waiting.0.push_front(intent);
     }
 
     pub(crate) fn pop(&self) -> Option<Intent> {

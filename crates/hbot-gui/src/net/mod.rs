@@ -237,6 +237,13 @@ impl Network {
     }
 }
 
+impl Network {
+    /// Tells the stop line that a state has proved the stop of the present server's rig.
+    pub(crate) fn stop_settled(&self) {
+        self.stop.settled();
+    }
+}
+
 impl Drop for Network {
     fn drop(&mut self) {
         self.outgoing.close();

@@ -45,7 +45,7 @@ fn draw(ui: &mut Ui, model: &Model, curves: &[Points; 3]) {
         for (k, color) in palette.axes.into_iter().enumerate() {
             ui.colored_label(color, format!("n{}", k + 1));
         }
-        weak(ui, if model.is_live() { "(dots: now)" } else { "(dots: last heard)" });
+        weak(ui, if model.is_fresh() { "(dots: now)" } else { "(dots: last heard)" });
     });
     let dots = dots(model);
     let degrees = |mark: GridMark, _: &_| format!("{:.0}\u{b0}", mark.value.to_degrees());

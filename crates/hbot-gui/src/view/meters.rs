@@ -46,7 +46,7 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
         ),
         // Whatever the limits cut, the scene does not feel as it is meant.
         if is_cut {
-            (lost, palette.warn, format!("{} cut by limits", percent(lost)))
+            (lost, palette.warn, format!("{} cut by limits", percent(lost).replace("over ", "> ")))
         } else {
             (0.0, palette.warn, "none".to_owned())
         },
@@ -118,7 +118,8 @@ fn meter(
         let full = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32);
         painter.rect_filled(full, 3.0, color);
         painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
-        ui.label(RichText::new(figures).size(12.0));
+        // A long text does not widen the column, because the sliders would move.
+        ui.add(egui::Label::new(RichText::new(figures).size(12.0)).truncate());
     });
 }
 

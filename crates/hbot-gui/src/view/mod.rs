@@ -192,8 +192,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
                 drop(weak(ui, "Not connected."));
             }
             Tab::Scene => scene::show(ui, model, desk, acts),
-            Tab::Joints => drop(ui.add_enabled_ui(model.is_live(), |ui| joints::show(ui, model))),
-            Tab::Health => drop(ui.add_enabled_ui(model.is_live(), |ui| health::show(ui, model))),
+            Tab::Joints => drop(ui.add_enabled_ui(model.is_fresh(), |ui| joints::show(ui, model))),
+            Tab::Health => drop(ui.add_enabled_ui(model.is_fresh(), |ui| health::show(ui, model))),
             Tab::Recordings => recordings::show(ui, model, &mut desk.reels, acts),
             Tab::Messages => messages(ui, model),
         });
@@ -245,7 +245,7 @@ fn curves(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
 
 /// Greys out what is drawn in `ui` from now on, unless it shows what the rig does now.
 fn faded_unless_live(ui: &mut Ui, model: &Model) {
-    if !model.is_live() {
+    if !model.is_fresh() {
         ui.multiply_opacity(ui.visuals().disabled_alpha());
     }
 }

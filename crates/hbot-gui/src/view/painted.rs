@@ -14,7 +14,7 @@ const SAME_LINE: f32 = 7.0;
 pub(super) struct Text {
     pub(super) text: String,
     pub(super) color: Color32,
-    place: Rect,
+    pub(super) place: Rect,
     /// The part of the window in which the text is visible.
     clip: Rect,
     /// Whether the text is too long for its place and ends in dots.

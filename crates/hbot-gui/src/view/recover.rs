@@ -127,7 +127,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         let text = distance.in_words(allowed, at_rest.then_some(&remedy));
         // The text has two lines of room beside the button, whatever it says.
         ui.allocate_ui(vec2(ui.available_width(), 34.0), |ui| {
-            if !model.is_live() {
+            if !model.is_fresh() {
                 ui.disable();
             }
             match distance {

@@ -1,5 +1,7 @@
 //! The mode of the rig, and the buttons that change it, with the stop button first.
 
+use std::time::Duration;
+
 use eframe::egui::{
     self, Button, Color32, Event, FontId, PointerButton, RichText, ScrollArea, TextStyle, Ui, vec2,
 };
@@ -35,7 +37,9 @@ const ORDER: [f32; 2] = [30.0, 38.0];
 pub(super) const TALL: f32 = 720.0;
 /// Size of the text below the stop button, points.
 const KEYS: f32 = 12.0;
-/// What to do about a sphere that shakes.
+/// What a warning says after the id of an effect that is not stable.
+const MAY_SHAKE: &str = ": may shake";
+/// What to do about a sphere that shakes, if its scene has no remedy.
 const LESS: &str = "Lower the stiffness or raise the damping.";
 /// What to do about a fault that only a real rig gives a cause for.
 const UNBROKEN: &str = "The rig is simulated and nothing is broken: Reset, then Enable.";
@@ -68,6 +72,10 @@ pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let palette = Palette::of(ui);
     let (text, color) = if !model.is_online() {
         ("No connection: STOP cannot reach the rig", palette.warn)
+    } else if model.awaits_stop() {
+        ("STOP sent, not confirmed yet", palette.warn)
+    } else if model.quiet_for().is_some() {
+        ("No answer: STOP may not reach the rig", palette.warn)
     } else if has_keys(ui) {
         ("Esc or Space, anywhere in this window", palette.weak)
     } else {
@@ -111,16 +119,21 @@ fn is_long(ui: &Ui, headline: Headline, warnings: &[String]) -> bool {
 /// `height` points high. So the sliders below it stay in their place; a longer text scrolls.
 fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, height: f32) {
     let headline = model.headline();
+    // What is old stands in grey.
+    let old = model.quiet_for().filter(|_| matches!(headline, Headline::Mode(_)));
     // The edge is as wide in all states, so that nothing below the box moves.
     let edge = egui::Frame::group(ui.style()).stroke.color;
     let mut frame =
         egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(10, 6)).stroke((2.0, edge));
-    let shakes = matches!(headline, Headline::Mode(mode) if has_torque(mode))
-        && (model.shaking.is_some()
-            || warnings.iter().any(|it| it.contains(": may shake")) && model.history.shakes());
-    // The box is as loud as the state.
+    let pushes = matches!(headline, Headline::Mode(mode) if has_torque(mode));
+    let may_shake = warnings.iter().any(|it| it.contains(MAY_SHAKE));
+    let shakes = pushes && (model.shaking.is_some() || may_shake && model.history.shakes());
+    let is_amber = pushes && (shakes || may_shake || model.is_at_limit());
+    // The box is as loud as the worst of the state.
     frame = match headline {
+        _ if old.is_some() => frame,
         _ if shakes => frame.fill(palette.warn.gamma_multiply(0.12)).stroke((2.0, palette.warn)),
+        _ if is_amber => frame.stroke((2.0, palette.warn)),
         Headline::NotStopped => frame.stroke((2.0, Color32::TRANSPARENT)),
         Headline::NoState => frame,
         Headline::NoContact | Headline::Mode(Mode::Fault | Mode::Estop) => {
@@ -136,7 +149,9 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         let color = if headline == Headline::NotStopped {
             ui.visuals_mut().override_text_color = Some(Color32::WHITE);
             Color32::WHITE
-        } else if shakes {
+        } else if old.is_some() {
+            palette.weak
+        } else if is_amber {
             palette.warn
         } else {
             palette.headline(headline)
@@ -158,11 +173,14 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
         let area = ScrollArea::vertical().id_salt("status").auto_shrink(false).min_scrolled_height(0.0);
         let area = area.max_height(ui.available_height() - line);
         area.show(ui, |ui| {
+            if let Some(quiet) = old {
+                coloured(ui, palette.warn, format!("last heard {:.1} s ago", tenths(quiet)));
+                ui.disable();
+            }
             if shakes && model.shaking.is_none() {
                 let speed = model.history.fastest(RECENT_S);
                 let text = format!("It shakes, at up to {speed:.1} rad/s.");
-                let known = warnings.iter().find_map(|warning| parted(warning).1);
-                remedy(ui, palette, known.as_deref().unwrap_or(LESS));
+                remedy(ui, palette, &cure(warnings, None));
                 coloured(ui, palette.warn, text);
             } else {
                 details(ui, model, warnings, headline, palette);
@@ -194,9 +212,16 @@ fn cut(model: &Model, headline: Headline) -> Option<f64> {
 fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
-            let cut = RichText::new("Cut the motors' power.").strong().size(LARGE);
+            let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
+            let cut = if simulated { no_motors(model) } else { "Cut the motors' power." };
+            let cut = RichText::new(cut).strong().size(LARGE);
             ui.add(egui::Label::new(cut.color(Color32::WHITE)).wrap());
             if let Some(stop) = model.unconfirmed_stop() {
+                if let Some(mode) = model.mode().filter(|_| model.pushes_again(stop)) {
+                    let mode = Headline::Mode(mode).text();
+                    let text = format!("Connected again: the rig is {mode} and pushes. Press STOP.");
+                    ui.add(egui::Label::new(RichText::new(text).strong()).wrap());
+                }
                 ui.add(egui::Label::new(stop.way_out(&model.server, has_keys(ui))).wrap());
                 // The bar names the address of this panel's own server.
                 let here = stop.server == model.server;
@@ -214,14 +239,14 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
         (Headline::NoContact, _) => no_contact(ui, model, palette),
         (Headline::Mode(Mode::Fault), Some(state)) => {
             fault(ui, model, state, palette);
-            warned(ui, warnings, palette);
+            warned(ui, warnings, palette, false);
         }
         (Headline::Mode(Mode::Estop), _) => {
             match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
                 Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
                 None => stopped(ui, model, palette, Mode::Estop.sentence()),
             }
-            warned(ui, warnings, palette);
+            warned(ui, warnings, palette, false);
         }
         (Headline::Mode(Mode::Idle), _) if let Some(text) = recover::refusal(model) => {
             turns(ui, model, palette);
@@ -232,13 +257,16 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
                 turns(ui, model, palette);
             }
             if let Some(shaking) = &model.shaking {
-                remedy(ui, palette, LESS);
+                remedy(ui, palette, &cure(warnings, shaking.effect.as_deref()));
                 coloured(ui, palette.warn, shaken(shaking));
+            }
+            if mode == Mode::Active && model.is_at_limit() && cut(model, headline).is_none() {
+                coloured(ui, palette.warn, "The torque is at its limit.");
             }
             if warnings.is_empty() {
                 weak(ui, mode.sentence());
             }
-            warned(ui, warnings, palette);
+            warned(ui, warnings, palette, model.shaking.is_some());
         }
         (Headline::NoState, _) => {
             weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
@@ -247,13 +275,13 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
 }
 
 /// Draws the first warning about the scene: the list below the sliders can be out of sight when the
-/// user enables or recovers.
-fn warned(ui: &mut Ui, warnings: &[String], palette: Palette) {
+/// user enables or recovers. `is_cured` is whether the box says what to do already.
+fn warned(ui: &mut Ui, warnings: &[String], palette: Palette, is_cured: bool) {
     let Some(first) = warnings.first() else { return };
     let text = if is_low(ui) { brief(first) } else { first.clone() };
     let (text, cure) = parted(&text);
     let color = if cure.is_some() { palette.text } else { palette.warn };
-    if let Some(cure) = cure {
+    if let Some(cure) = cure.filter(|_| !is_cured) {
         remedy(ui, palette, &cure);
     }
     let text = match warnings.len() {
@@ -261,6 +289,15 @@ fn warned(ui: &mut Ui, warnings: &[String], palette: Palette) {
         many => format!("The first of {many} warnings: {text}"),
     };
     coloured(ui, color, text).on_hover_text(first);
+}
+
+/// Returns what to do about a shaking of `effect`: what the warning of it says, or another one of
+/// the scene, so that there is one instruction.
+fn cure(warnings: &[String], effect: Option<&str>) -> String {
+    let of = |warning: &&String| warning.split_once(MAY_SHAKE).is_some_and(|(id, _)| Some(id) == effect);
+    let shaky = |warning: &&String| warning.contains(MAY_SHAKE);
+    let first = warnings.iter().filter(of).chain(warnings.iter().filter(shaky)).chain(warnings);
+    first.filter_map(|warning| parted(warning).1).next().unwrap_or_else(|| LESS.to_owned())
 }
 
 /// Draws what to do about a warning. It stands before the warning.
@@ -309,23 +346,37 @@ fn turns(ui: &mut Ui, model: &Model, palette: Palette) {
 
 fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
     let text = match model.silent_for() {
-        Some(silent) => format!("The server has said nothing for {:.0} s.", silent.as_secs_f64()),
+        Some(silent) => format!("The server has said nothing for {:.1} s.", tenths(silent)),
         None => "Not connected.".to_owned(),
     };
     // What to do comes first, and the text on the state last: it can be out of sight in a low
     // window.
-    let simulated = model.badge() == Some("SIMULATED");
+    let simulated = model.is_simulated();
     if !simulated {
         let size = if is_low(ui) { SMALL } else { LARGE };
         let advice = RichText::new("If in doubt, cut the motors' power.").strong().size(size);
         ui.add(egui::Label::new(advice).wrap());
     }
     coloured(ui, palette.bad, text);
-    let rig = if simulated { " It is simulated and has no motors." } else { "" };
-    ui.add(egui::Label::new(format!("What the rig does now is not known.{rig}")).wrap());
+    let rig = if simulated { no_motors(model) } else { "" };
+    ui.add(egui::Label::new(format!("What the rig does now is not known. {rig}").trim_end()).wrap());
     if let Some(text) = old(model) {
         weak(ui, text);
     }
+}
+
+/// Says that a simulated rig cannot push. The next one at the address can be another.
+fn no_motors(model: &Model) -> &'static str {
+    if model.is_online() {
+        "It is simulated and has no motors."
+    } else {
+        "It was simulated when last heard: no motors."
+    }
+}
+
+/// Returns a time in seconds, not rounded up: what is said is not older than what is meant.
+fn tenths(time: Duration) -> f64 {
+    (10.0 * time.as_secs_f64()).floor() / 10.0
 }
 
 /// Says that what the window shows is old, if the server is silent.

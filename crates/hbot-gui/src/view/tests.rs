@@ -1,5 +1,6 @@
 //! Tests of the whole window, drawn into memory from a model.
 
+mod alarm;
 mod status;
 
 use std::path::Path;
@@ -17,7 +18,7 @@ use super::theme::Palette;
 use super::{Act, Desk, Tab, round_up, show, theme};
 use crate::model::Model;
 use crate::model::tests::{
-    ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
+    ME, commanding, disconnect, grow_quiet, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
 };
 use crate::net::{Intent, Lease, News};
 
@@ -126,6 +127,9 @@ fn states() -> Vec<(String, Change)> {
     add("observer", Box::new(observer));
     add("limited", Box::new(|model| limited(model, 0.36)));
     add("free", Box::new(|model| hear(model, News::Lease { lease: Lease::Free, cause: None })));
+    add("limited much", Box::new(|model| limited(model, 0.001)));
+    add("quiet", Box::new(grow_quiet));
+    add("stop sent", Box::new(|model| model.asked(&Intent::Stop)));
     add("no contact", Box::new(grow_silent));
     add("not stopped", Box::new(stop_in_vain));
     add("silent and not stopped", Box::new(|model| (grow_silent(model), stop_in_vain(model)).0));

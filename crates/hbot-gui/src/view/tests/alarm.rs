@@ -1,0 +1,199 @@
+//! Tests of how loud the box with the mode is, and of what stands under the stop button.
+
+use eframe::egui::Color32;
+use egui_kittest::kittest::Queryable as _;
+use hbot_api::{Mode, ShakingEvent, StateEvent};
+
+use super::status::warned;
+use super::{SIZES, SMALLEST, Seen, limited, settle, shows, window};
+use crate::model::tests::{
+    commanding, disconnect, grow_quiet, grow_silent, hear, see, see_state, stop_in_vain,
+};
+use crate::net::{Intent, News};
+use crate::view::painted::{rims, texts};
+use crate::view::theme::Palette;
+
+const KEYS: &str = "Esc or Space, anywhere in this window";
+const SENT: &str = "STOP sent, not confirmed yet";
+const NO_ANSWER: &str = "No answer: STOP may not reach the rig";
+const NO_CONNECTION: &str = "No connection: STOP cannot reach the rig";
+
+fn palette() -> Palette {
+    Palette::of_theme(true, Color32::GRAY)
+}
+
+/// Returns the colour of the word for the mode.
+fn color_of(seen: &Seen, word: &str) -> Option<Color32> {
+    texts(seen).into_iter().find(|it| it.text == word).map(|it| it.color)
+}
+
+#[test]
+fn the_line_under_stop_says_whether_a_stop_arrives() {
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, commanding(false));
+        let mut check = |change: &dyn Fn(&mut crate::model::Model), line: &str| {
+            seen.state_mut().model = commanding(false);
+            change(&mut seen.state_mut().model);
+            settle(&mut seen);
+            for other in [KEYS, SENT, NO_ANSWER, NO_CONNECTION] {
+                assert_eq!(shows(&seen, other), other == line, "{size:?}: {other:?}, not {line:?}");
+            }
+            let told = texts(&seen).into_iter().find(|it| it.text == line).expect("the line");
+            assert!(told.is_whole() && (line == KEYS || told.color == palette().warn), "{told:?}");
+        };
+        check(&|_| {}, KEYS);
+        check(&|model| model.asked(&Intent::Stop), SENT);
+        check(&|model| (grow_silent(model), model.asked(&Intent::Stop)).1, SENT);
+        check(&grow_quiet, NO_ANSWER);
+        check(&grow_silent, NO_ANSWER);
+        check(&|model| (grow_silent(model), stop_in_vain(model)).1, NO_ANSWER);
+        check(&disconnect, NO_CONNECTION);
+        check(&|model| (disconnect(model), model.asked(&Intent::Stop)).1, NO_CONNECTION);
+    }
+}
+
+#[test]
+fn what_may_be_old_is_grey_and_says_how_old_it_is() {
+    for mode in [Mode::Active, Mode::Idle] {
+        let mut model = commanding(false);
+        see(&mut model, 200, mode);
+        let mut seen = window(SIZES[0], model);
+        let word = mode.as_str().to_uppercase();
+        let before = color_of(&seen, &word);
+        assert!(!shows(&seen, "last heard") && before.is_some());
+        grow_quiet(&mut seen.state_mut().model);
+        settle(&mut seen);
+        assert!(shows(&seen, "last heard 0.") && !shows(&seen, "NO CONTACT"));
+        let after = color_of(&seen, &word).expect("the mode");
+        assert!(Some(after) != before && after.r() == after.g() && after.g() == after.b(), "{after:?}");
+        let bar = color_of(&seen, "0.00 / 0.90 N m").expect("the bar of the torque");
+        assert!(!bar.is_opaque(), "grey");
+    }
+}
+
+#[test]
+fn a_server_that_pushes_again_is_told_beside_a_stop_that_is_not_confirmed() {
+    let words = "Connected again: the rig is ACTIVE and pushes. Press STOP.";
+    for size in [SIZES[0], SMALLEST] {
+        let mut model = commanding(false);
+        stop_in_vain(&mut model);
+        let mut seen = window(size, model);
+        assert!(!shows(&seen, words) && shows(&seen, "(no answer)"));
+        disconnect(&mut seen.state_mut().model);
+        let hello = hbot_api::HelloOk {
+            server: "hbot 0.1.0".to_owned(),
+            version: 1,
+            rig: "Prototype".to_owned(),
+            rate_hz: 1000.0,
+            session: 9,
+        };
+        hear(&mut seen.state_mut().model, News::Connected(hello));
+        see(&mut seen.state_mut().model, 5, Mode::Active);
+        settle(&mut seen);
+        assert!(shows(&seen, "NOT STOPPED") && shows(&seen, words) && !shows(&seen, "(no answer)"));
+    }
+}
+
+#[test]
+fn only_a_rig_with_motors_has_power_to_cut() {
+    for simulated in [true, false] {
+        let changes: [fn(&mut crate::model::Model); 5] = [
+            grow_silent,
+            stop_in_vain,
+            |model| (grow_silent(model), stop_in_vain(model)).1,
+            disconnect,
+            |model| (disconnect(model), stop_in_vain(model)).1,
+        ];
+        for (k, change) in changes.into_iter().enumerate() {
+            let mut model = commanding(simulated);
+            change(&mut model);
+            let online = model.is_online();
+            let seen = window(SIZES[0], model);
+            assert_eq!(shows(&seen, "ut the motors' power"), !simulated, "change {k}");
+            let now = shows(&seen, "It is simulated and has no motors.");
+            assert_eq!(now, simulated && online, "change {k}");
+            let before = shows(&seen, "It was simulated when last heard: no motors.");
+            assert_eq!(before, simulated && !online, "change {k}");
+        }
+        // What a panel at another server says about the rig that it has left.
+        let mut model = commanding(simulated);
+        stop_in_vain(&mut model);
+        model.asked(&Intent::Connect("other:4268".to_owned()));
+        let seen = window(SIZES[0], model);
+        assert_eq!(shows(&seen, "Cut the motors' power."), !simulated);
+    }
+    // Nothing is known of a rig that has never answered.
+    let mut model = crate::model::Model::new("rig:4268", "panel me@here", 120);
+    stop_in_vain(&mut model);
+    assert!(shows(&window(SIZES[0], model), "Cut the motors' power."));
+}
+
+#[test]
+fn a_box_is_as_loud_as_the_worst_in_it() {
+    let is_amber = |seen: &Seen| {
+        let stop = seen.get_by_label("Stop").rect();
+        // Half a point for rounding.
+        let rim = |color| {
+            rims(seen).iter().any(|(rect, it)| *it == color && (rect.width() - stop.width()).abs() < 3.0)
+        };
+        let amber = color_of(seen, "ACTIVE") == Some(palette().warn);
+        assert_eq!([rim(palette().warn), rim(palette().good)], [amber, !amber]);
+        amber
+    };
+    for size in [SIZES[0], SMALLEST] {
+        assert!(is_amber(&window(size, warned(Mode::Active))), "a spring that may shake");
+        // The limit of this rig is 0.9 N m.
+        for (torque, lasts, amber) in [(0.86, 300, true), (0.84, 300, false), (0.9, 100, false)] {
+            let mut model = commanding(true);
+            for tick in 0..500 {
+                let torque = [0.0, if tick < 500 - lasts { 0.0 } else { torque }, 0.0];
+                let (t, tick) = (0.2 + 1e-3 * f64::from(tick), 200 + tick as u64);
+                let state = StateEvent { tick, t, mode: Mode::Active, torque, ..StateEvent::default() };
+                see_state(&mut model, state);
+            }
+            let seen = window(size, model);
+            assert_eq!(is_amber(&seen), amber, "{torque} N m for {lasts} ms, {size:?}");
+            assert_eq!(shows(&seen, "The torque is at its limit."), amber);
+        }
+    }
+}
+
+#[test]
+fn one_instruction_is_given_while_it_shakes() {
+    for size in [SIZES[0], SMALLEST] {
+        let mut model = warned(Mode::Active);
+        let event = ShakingEvent {
+            tick: 201,
+            t: 0.2,
+            shaking: true,
+            frequency: 16.0,
+            amplitude: 1.5,
+            effect: Some("spring".to_owned()),
+            gain: 0.5,
+            message: "it shakes".to_owned(),
+        };
+        hear(&mut model, News::Shaking(event));
+        see(&mut model, 202, Mode::Active);
+        let seen = window(size, model);
+        assert!(shows(&seen, "spring shook the sphere at 16 Hz") && !shows(&seen, "Lower the stiffness"));
+        let remedies = texts(&seen).into_iter().filter(|it| it.text.starts_with("Set stiffness = "));
+        let below = seen.get_by_label("Stiffness").rect();
+        let in_box =
+            remedies.filter(|it| it.place.bottom() < below.top() && it.place.left() < below.right()).count();
+        assert_eq!(in_box, 1, "{size:?}");
+    }
+}
+
+/// The sliders below stay under the pointer.
+#[test]
+fn what_the_limits_cut_does_not_widen_the_column() {
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, commanding(true));
+        let before = seen.get_by_label("Stiffness").rect();
+        limited(&mut seen.state_mut().model, 0.0);
+        settle(&mut seen);
+        assert_eq!(seen.get_by_label("Stiffness").rect(), before, "{size:?}");
+        let told = texts(&seen).into_iter().find(|it| it.text == "> 99 % cut by limits");
+        assert!(told.is_some_and(|it| it.is_whole()), "{size:?}");
+    }
+}
