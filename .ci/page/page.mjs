@@ -27,11 +27,10 @@ await page.addInitScript(watch);
 
 // While the page is changed: its scripts and styles come from this folder, without building the server.
 const folder = process.env.HBOT_PAGE;
-if (folder) {
-  // Without the first, which must come from the server, or the browser would not let it connect there.
-  await page.route(/\/\w+\.(js|css|svg)$/, (route) => (
-    route.fulfill({ path: folder + new URL(route.request().url()).pathname })));
-}
+// Without the first, which must come from the server, or the browser would not let it connect there.
+const fresh = (page) => folder && page.route(/\/\w+\.(js|css|svg)$/, (route) => (
+  route.fulfill({ path: folder + new URL(route.request().url()).pathname })));
+await fresh(page);
 
 /** Takes a picture of the present state at both sizes, in light and dark. */
 async function picture(name) {
@@ -73,6 +72,15 @@ const text = (selector) => page.locator(selector).innerText();
 const shows = (selector, part, seconds) =>
   until(`${selector} shows ${part}`, async () => (await text(selector)).includes(part), seconds);
 const ms = (x) => `${x.toFixed(1)} ms`;
+
+/** Returns what the line below STOP says from now on, in a list that grows. */
+const spoken = () => page.evaluateHandle(() => {
+  const all = [];
+  const keys = document.getElementById("keys");
+  new MutationObserver(() => all.push(keys.textContent)).observe(keys, { childList: true });
+  return all;
+});
+const UNHEARD = "No answer: STOP may not reach the rig";
 
 // The first picture.
 await page.goto(server.page);
@@ -456,7 +464,9 @@ await shows("#who", "you command");
 // A server that hangs: nothing is known, and a stop is not a stop until a state proves it.
 server.kill("SIGSTOP");
 await shows("#headline", "NO CONTACT");
+await shows("#keys", UNHEARD);
 await shows("#hint", "Last heard");
+await shows("#details", "is not known. It is simulated and has no motors.");
 await picture("silent");
 const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
 assert.deepEqual(await end(), [["last heard"], ["last heard"]]);
@@ -468,6 +478,7 @@ const dots = () => page.evaluate(() => {
 assert.equal(await dots(), "grey");
 await page.keyboard.press("Escape");
 await shows("#headline", "NOT STOPPED");
+await shows("#details", "It is simulated and has no motors.");
 await picture("not-stopped");
 server.kill("SIGCONT");
 await shows("#rig", "Hz");
@@ -556,6 +567,35 @@ await shows("#details", "The sphere must slow down before Reset: 31.00 rad/s");
 assert(!/31\.204|still turns/.test(await text("#box")), "two speeds");
 await page.evaluate(() => { window.fast = false; });
 await shows("#details", words.remedy);
+
+// Without an answer of a real rig, its power is what counts.
+server.kill("SIGSTOP");
+await shows("#details", "If in doubt, cut the motors' power.");
+server.kill("SIGCONT");
+await shows("#headline", "FAULT");
+const said = await spoken();
+server.kill("SIGSTOP");
+await page.keyboard.press("Escape");
+await shows("#headline", "NOT STOPPED");
+await shows("#details", "Cut the motors' power.");
+assert.equal(await page.locator("#alarm").textContent(), "NOT STOPPED: cut the motors' power");
+assert.deepEqual((await said.jsonValue()).slice(0, 2), ["STOP sent, not confirmed yet", UNHEARD]);
+await picture("not-stopped-live");
+server.kill("SIGCONT");
+await shows("#keys", "Esc or Space stops, anywhere here");
+
+// A finger has no keys.
+const tablet = await browser.newContext({ viewport: { width: 820, height: 1100 }, hasTouch: true, isMobile: true });
+const finger = await tablet.newPage();
+await fresh(finger);
+await finger.goto(server.page);
+for (const act of [() => {}, () => finger.click("#lease"), () => finger.click("#stop")]) {
+  await act();
+  await finger.waitForTimeout(500);
+  const words = await finger.evaluate(() => document.body.textContent);
+  assert(!/\b(Esc|Space|[Kk]eys|[Ss]croll|double click)\b/.test(words), words);
+}
+await finger.screenshot({ path: `${pictures}/finger.png` });
 
 // The browser complains of lost connections, which are meant here, and of nothing else.
 assert.deepEqual(complaints.filter((text) => !/WebSocket connection to|ERR_CONNECTION/.test(text)), []);

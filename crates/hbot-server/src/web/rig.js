@@ -261,11 +261,12 @@ export class Rig {
   /** Notes that the person has asked for a stop. The time limit begins with the first request. */
   asksStop() {
     this.stop ??= { asked: performance.now(), after: this.state?.tick ?? null, why: null };
+    this.spoke = true;
   }
 
   stopFailed(why) {
     if (this.stop) this.stop.why ??= why;
-    this.say(`${why}: cut the motors' power`, 'bad');
+    this.say(this.isSimulated ? `not stopped: ${why}` : `${why}: cut the motors' power`, 'bad');
   }
 
   get unconfirmedStop() {

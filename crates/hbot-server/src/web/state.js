@@ -53,6 +53,9 @@ const FLIGHT_LOG = '; flight log: ';
 /** What a simulated sphere needs that does not slow down by itself. */
 const HELD = 'If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].';
 
+/** What is said of a simulated rig in place of what to do about motors. */
+const UNPOWERED = 'It is simulated and has no motors.';
+
 const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 
 /** Returns the paragraphs below the headline: `[weight, text]`. */
@@ -65,7 +68,7 @@ function details(rig) {
     ? [['', `What is shown is old. The last mode was ${state.mode}.`]] : [];
   if (stop) {
     return [
-      ['strong', "Cut the motors' power."],
+      ['strong', rig.isSimulated ? UNPOWERED : "Cut the motors' power."],
       ['', `${touch.matches || !document.hasFocus() ? 'Press STOP again.' : 'STOP or Esc tries again.'} This message ends when a state shows `
         + 'no torque.'],
       ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
@@ -77,7 +80,7 @@ function details(rig) {
       : `The server has said nothing for ${rig.silentFor.toFixed(0)}\u00a0s.`;
     return [
       ['bad', why],
-      ['', "What the rig does now is not known. If in doubt, cut the motors' power."],
+      ['', `What the rig does now is not known. ${rig.isSimulated ? UNPOWERED : "If in doubt, cut the motors' power."}`],
       ...old];
   }
   if (!state) return [['weak', rig.hello ? 'Waiting for the first state.' : 'Not connected.']];
@@ -230,6 +233,7 @@ function bar(rig) {
   }[rig.lease.who];
   put($('who'), said);
   $('who').title = said;
+  put($('alarm'), `NOT STOPPED: ${simulated ? 'the rig is simulated' : "cut the motors' power"}`);
   $('who').dataset.lease = rig.lease.who;
   put($('lease'), button);
   $('who').classList.toggle('warn', rig.lease.who === 'free' && hasTorque(rig.state?.mode));
