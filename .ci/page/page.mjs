@@ -73,6 +73,14 @@ const shows = (selector, part, seconds) =>
   until(`${selector} shows ${part}`, async () => (await text(selector)).includes(part), seconds);
 const ms = (x) => `${x.toFixed(1)} ms`;
 
+/** Checks that torque and speed are in sight, which the text must not cover. */
+async function bars() {
+  const hidden = await page.$$eval("meter", (all) => all.slice(0, 2).map((it) => {
+    const { x, y, width, height } = it.getBoundingClientRect();
+    return document.elementFromPoint(x + width / 2, y + height / 2) === it ? "" : it.ariaLabel;
+  }));
+  assert.deepEqual(hidden, ["", ""]);
+}
 /** Returns what the line below STOP says from now on, in a list that grows. */
 const spoken = () => page.evaluateHandle(() => {
   const all = [];
@@ -280,12 +288,32 @@ const number = page.getByRole("spinbutton", { name: "spring stiffness value" });
 await number.fill("200");
 await number.press("Enter");
 await shows("#warnings", "spring: may shake");
-await shows("#notice", "see the scene: spring: may shake");
-for (const place of ["#warnings", "#notice"]) assert.match(await text(place), /^Set stiffness = /, "what to do comes first");
+await shows("#details", "Warning: spring may shake the sphere at its rest.");
+for (const place of ["#warnings", "#details"]) assert.match(await text(place), /^Set stiffness = /, "what to do comes first");
+// The box has the colour of its worst, and all its words.
+const edge = () => page.evaluate(() => {
+  const warn = getComputedStyle(document.documentElement).getPropertyValue("--warn").trim();
+  const is = (it) => getComputedStyle(it).getPropertyValue("--say").trim() === warn;
+  return is(document.getElementById("box"));
+});
+for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390]]) {
+  await page.setViewportSize({ width, height });
+  await page.waitForTimeout(300);
+  assert(await edge(), "a warning in green");
+  const [over, long] = await page.evaluate(() => {
+    const box = document.getElementById("box");
+    const cut = (it) => it.scrollHeight > it.clientHeight + 1 || it.scrollWidth > it.clientWidth + 1;
+    return [[box, ...box.querySelectorAll("p")].filter((it) => it.textContent && cut(it)).map((it) => it.textContent),
+      box.classList.contains("long")];
+  });
+  assert.deepEqual([over, long], [[], false], `the warning at ${width} x ${height}`);
+}
+await page.setViewportSize(SIZES.desk);
 await picture("warned");
 await number.fill("2");
 await number.press("Enter");
 await until("no warning", async () => (await text("#warnings")) === "");
+await until("no amber", async () => !await edge());
 
 // A slider of many decades is logarithmic, with 0 at its end, and says its value with the unit.
 const at = {};
@@ -433,6 +461,7 @@ for (const viewport of Object.values(SIZES)) {
 }
 await page.setViewportSize(SIZES.desk);
 await ticks();
+await bars();
 await picture("fault");
 await load({ name: "A good line", effect: [spring], simulate: {} });
 // For some ticks the cause is still there, and the server refuses.
@@ -467,6 +496,7 @@ await shows("#headline", "NO CONTACT");
 await shows("#keys", UNHEARD);
 await shows("#hint", "Last heard");
 await shows("#details", "is not known. It is simulated and has no motors.");
+await bars();
 await picture("silent");
 const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
 assert.deepEqual(await end(), [["last heard"], ["last heard"]]);
@@ -476,9 +506,14 @@ const dots = () => page.evaluate(() => {
   return { [weak]: "grey", [axis3]: "coloured" }[window.dots.curves];
 });
 assert.equal(await dots(), "grey");
+// Again, because the page soon makes a new connection to a server that is silent.
+server.kill("SIGCONT");
+await shows("#headline", "ACTIVE");
+server.kill("SIGSTOP");
 await page.keyboard.press("Escape");
 await shows("#headline", "NOT STOPPED");
 await shows("#details", "It is simulated and has no motors.");
+await bars();
 await picture("not-stopped");
 server.kill("SIGCONT");
 await shows("#rig", "Hz");
@@ -541,9 +576,14 @@ await number.press("Enter");
 await shows("#warnings", "spring: may shake");
 assert(!await alarm(), "at rest");
 await page.evaluate(() => { window.shakes = true; });
-await shows("#details", "It shakes, at up to 13.0 rad/s.");
+await shows("#details", "It shakes: peak 13.0 rad/s.");
 assert(await alarm());
-assert.match(await text("#details"), /^Lower the stiffness or raise the damping/, "what to do comes first");
+const cures = await Promise.all([text("#details p:first-child"), text("#warnings strong")]);
+assert.match(cures[0], /^Set stiffness = /, "what to do comes first");
+assert.equal(cures[0], cures[1], "two instructions");
+// With 13 of 30 rad/s.
+const { low, value } = await page.locator("meter[aria-label=Speed]").evaluate(({ low, value }) => ({ low, value }));
+assert(value > low, "a sphere that shakes has a green speed");
 for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390]]) {
   await page.setViewportSize({ width, height });
   // The alarm begins anew, and is not only fitted because the window has changed.
@@ -580,6 +620,7 @@ await shows("#headline", "NOT STOPPED");
 await shows("#details", "Cut the motors' power.");
 assert.equal(await page.locator("#alarm").textContent(), "NOT STOPPED: cut the motors' power");
 assert.deepEqual((await said.jsonValue()).slice(0, 2), ["STOP sent, not confirmed yet", UNHEARD]);
+await bars();
 await picture("not-stopped-live");
 server.kill("SIGCONT");
 await shows("#keys", "Esc or Space stops, anywhere here");
