@@ -117,7 +117,9 @@ function details(rig) {
   }
   if (isWarned(rig)) {
     const [cure, reason] = brief(rig.unstable[0]);
-    return [['strong warn', cure && `${cure}.`], ['warn', `Warning: ${reason}.`]];
+    // Where it shakes stands at the scene.
+    const what = narrow.matches ? reason.replace(/(may shake the sphere).*/, '$1') : reason;
+    return [['strong warn', cure && `${cure}.`], ['warn', `Warning: ${what}.`]];
   }
   if (state.mode === 'idle' && (rig.refusal?.op === 'enable' || rig.isFar)) return notEnabled(rig);
   return [['weak', mode]];
