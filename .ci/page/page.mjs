@@ -27,11 +27,10 @@ await page.addInitScript(watch);
 
 // While the page is changed: its scripts and styles come from this folder, without building the server.
 const folder = process.env.HBOT_PAGE;
-if (folder) {
-  // Without the first, which must come from the server, or the browser would not let it connect there.
-  await page.route(/\/\w+\.(js|css|svg)$/, (route) => (
-    route.fulfill({ path: folder + new URL(route.request().url()).pathname })));
-}
+// Without the first, which must come from the server, or the browser would not let it connect there.
+const fresh = (page) => folder && page.route(/\/\w+\.(js|css|svg)$/, (route) => (
+  route.fulfill({ path: folder + new URL(route.request().url()).pathname })));
+await fresh(page);
 
 /** Takes a picture of the present state at both sizes, in light and dark. */
 async function picture(name) {
@@ -73,6 +72,20 @@ const text = (selector) => page.locator(selector).innerText();
 const shows = (selector, part, seconds) =>
   until(`${selector} shows ${part}`, async () => (await text(selector)).includes(part), seconds);
 const ms = (x) => `${x.toFixed(1)} ms`;
+
+/** Checks that torque and speed are in sight, which the text must not cover once it is fitted to the window. */
+const bars = () => until("torque and speed in sight", () => page.$$eval("meter", (all) => all.slice(0, 2).every((it) => {
+  const { x, y, width, height } = it.getBoundingClientRect();
+  return document.elementFromPoint(x + width / 2, y + height / 2) === it;
+})));
+/** Returns what the line below STOP says from now on, in a list that grows. */
+const spoken = () => page.evaluateHandle(() => {
+  const all = [];
+  const keys = document.getElementById("keys");
+  new MutationObserver(() => all.push(keys.textContent)).observe(keys, { childList: true });
+  return all;
+});
+const UNHEARD = "No answer: STOP may not reach the rig";
 
 // The first picture.
 await page.goto(server.page);
@@ -272,12 +285,32 @@ const number = page.getByRole("spinbutton", { name: "spring stiffness value" });
 await number.fill("200");
 await number.press("Enter");
 await shows("#warnings", "spring: may shake");
-await shows("#notice", "see the scene: spring: may shake");
-for (const place of ["#warnings", "#notice"]) assert.match(await text(place), /^Set stiffness = /, "what to do comes first");
+await shows("#details", "Warning: spring may shake the sphere at its rest.");
+for (const place of ["#warnings", "#details"]) assert.match(await text(place), /^Set stiffness = /, "what to do comes first");
+// The box has the colour of its worst, and all its words.
+const edge = () => page.evaluate(() => {
+  const warn = getComputedStyle(document.documentElement).getPropertyValue("--warn").trim();
+  const is = (it) => getComputedStyle(it).getPropertyValue("--say").trim() === warn;
+  return is(document.getElementById("box"));
+});
+for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390]]) {
+  await page.setViewportSize({ width, height });
+  await page.waitForTimeout(300);
+  assert(await edge(), "a warning in green");
+  const [over, long] = await page.evaluate(() => {
+    const box = document.getElementById("box");
+    const cut = (it) => it.scrollHeight > it.clientHeight + 1 || it.scrollWidth > it.clientWidth + 1;
+    return [[box, ...box.querySelectorAll("p")].filter((it) => it.textContent && cut(it)).map((it) => it.textContent),
+      box.classList.contains("long")];
+  });
+  assert.deepEqual([over, long], [[], false], `the warning at ${width} x ${height}`);
+}
+await page.setViewportSize(SIZES.desk);
 await picture("warned");
 await number.fill("2");
 await number.press("Enter");
 await until("no warning", async () => (await text("#warnings")) === "");
+await until("no amber", async () => !await edge());
 
 // A slider of many decades is logarithmic, with 0 at its end, and says its value with the unit.
 const at = {};
@@ -425,14 +458,17 @@ for (const viewport of Object.values(SIZES)) {
 }
 await page.setViewportSize(SIZES.desk);
 await ticks();
+await bars();
 await picture("fault");
 await load({ name: "A good line", effect: [spring], simulate: {} });
 // For some ticks the cause is still there, and the server refuses.
-await until("the rig recovers", async () => {
-  if (watcher.state.mode === "fault") await page.click("#recover");
+const recovers = () => until("the rig recovers", async () => {
+  if (await text("#headline") === "FAULT") await page.click("#recover");
   await page.waitForTimeout(200);
-  return watcher.state.mode === "active";
+  return await text("#headline") === "ACTIVE";
 });
+await recovers();
+await watcher.mode("active");
 
 // Another client takes over, and the page takes it back after a question.
 await watcher.ask("acquire", { steal: true });
@@ -456,7 +492,10 @@ await shows("#who", "you command");
 // A server that hangs: nothing is known, and a stop is not a stop until a state proves it.
 server.kill("SIGSTOP");
 await shows("#headline", "NO CONTACT");
+await shows("#keys", UNHEARD);
 await shows("#hint", "Last heard");
+await shows("#details", "is not known. It is simulated and has no motors.");
+await bars();
 await picture("silent");
 const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
 assert.deepEqual(await end(), [["last heard"], ["last heard"]]);
@@ -466,17 +505,24 @@ const dots = () => page.evaluate(() => {
   return { [weak]: "grey", [axis3]: "coloured" }[window.dots.curves];
 });
 assert.equal(await dots(), "grey");
+// Again, because the page soon makes a new connection to a server that is silent.
+server.kill("SIGCONT");
+await shows("#headline", "ACTIVE");
+server.kill("SIGSTOP");
 await page.keyboard.press("Escape");
 await shows("#headline", "NOT STOPPED");
+await shows("#details", "It is simulated and has no motors.");
+await bars();
 await picture("not-stopped");
 server.kill("SIGCONT");
 await shows("#rig", "Hz");
 // The server may have read the stop when it went on. One that found no server is lost, and asked for again.
-await until("a stop that is proved", async () => {
+const proved = () => until("a stop that is proved", async () => {
   const head = await text("#headline");
   if (head === "NOT STOPPED") await page.keyboard.press("Escape");
   return head === "ESTOP";
 });
+await proved();
 await until("the plots end now", async () => JSON.stringify(await end()) === '[["now"],["now"]]');
 await until("the dots have their colours", async () => (await dots()) === "coloured");
 
@@ -530,9 +576,14 @@ await number.press("Enter");
 await shows("#warnings", "spring: may shake");
 assert(!await alarm(), "at rest");
 await page.evaluate(() => { window.shakes = true; });
-await shows("#details", "It shakes, at up to 13.0 rad/s.");
+await shows("#details", "It shakes: peak 13.0 rad/s.");
 assert(await alarm());
-assert.match(await text("#details"), /^Lower the stiffness or raise the damping/, "what to do comes first");
+const cures = await Promise.all([text("#details p:first-child"), text("#warnings strong")]);
+assert.match(cures[0], /^Set stiffness = /, "what to do comes first");
+assert.equal(cures[0], cures[1], "two instructions");
+// With 13 of 30 rad/s.
+const { low, value } = await page.locator("meter[aria-label=Speed]").evaluate(({ low, value }) => ({ low, value }));
+assert(value > low, "a sphere that shakes has a green speed");
 for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390]]) {
   await page.setViewportSize({ width, height });
   // The alarm begins anew, and is not only fitted because the window has changed.
@@ -556,6 +607,41 @@ await shows("#details", "The sphere must slow down before Reset: 31.00 rad/s");
 assert(!/31\.204|still turns/.test(await text("#box")), "two speeds");
 await page.evaluate(() => { window.fast = false; });
 await shows("#details", words.remedy);
+
+// Without an answer of a real rig, its power is what counts.
+await load({ name: "A good line", effect: [spring], simulate: {} });
+await recovers();
+server.kill("SIGSTOP");
+await shows("#details", "If in doubt, cut the motors' power.");
+server.kill("SIGCONT");
+await shows("#headline", "ACTIVE");
+const said = await spoken();
+server.kill("SIGSTOP");
+await page.keyboard.press("Escape");
+await shows("#headline", "NOT STOPPED");
+await shows("#details", "Cut the motors' power.");
+assert.equal(await page.locator("#alarm").textContent(), "NOT STOPPED: cut the motors' power");
+const lines = await said.jsonValue();
+const sent = lines.indexOf("STOP sent, not confirmed yet");
+assert(sent >= 0 && lines[sent + 1] === UNHEARD, lines.join("\n"));
+await bars();
+await picture("not-stopped-live");
+server.kill("SIGCONT");
+await proved();
+await shows("#keys", "Esc or Space stops, anywhere here");
+
+// A finger has no keys.
+const tablet = await browser.newContext({ viewport: { width: 820, height: 1100 }, hasTouch: true, isMobile: true });
+const finger = await tablet.newPage();
+await fresh(finger);
+await finger.goto(server.page);
+for (const act of [() => {}, () => finger.click("#lease"), () => finger.click("#stop")]) {
+  await act();
+  await finger.waitForTimeout(500);
+  const words = await finger.evaluate(() => document.body.textContent);
+  assert(!/\b(Esc|Space|[Kk]eys|[Ss]croll|double click)\b/.test(words), words);
+}
+await finger.screenshot({ path: `${pictures}/finger.png` });
 
 // The browser complains of lost connections, which are meant here, and of nothing else.
 assert.deepEqual(complaints.filter((text) => !/WebSocket connection to|ERR_CONNECTION/.test(text)), []);

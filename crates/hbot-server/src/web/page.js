@@ -146,7 +146,7 @@ $('lease').onclick = () => {
     const name = person(holder);
     put($('asked'), `Take over from ${name}?`);
     put($('consequence'), `The sphere pushes, and ${name} commands it. The scene goes on when you take `
-      + `over. If the program of ${name} streams torques, they end. Esc stops the rig and closes this question.`);
+      + `over. If the program of ${name} streams torques, they end. ${touch.matches ? 'STOP' : 'Esc'} stops the rig and closes this question.`);
     $('question').hidden = false;
     $('no').focus();
   } else acquire(who === 'other');
@@ -183,6 +183,7 @@ $('loadtext').onclick = () => {
   }
 };
 $('astext').ontoggle = () => $('text').value || $('show').click();
+if (touch.matches) put($('astext').lastElementChild, 'Paste a text, or edit it elsewhere.');
 
 /** Draws what changes with `info`: the scene, its controls and the ready-made scenes. */
 function showScene() {
@@ -222,9 +223,17 @@ function showRights() {
     }));
   }
   put($('hint'), hint());
-  put($('keys'), !rig.hello ? 'No connection: STOP cannot reach the rig' : document.hasFocus() ? 'Esc or Space stops, anywhere here'
-    : 'The keys go elsewhere: press STOP');
-  $('keys').classList.toggle('warn', !rig.hello || !document.hasFocus());
+  const trouble = stopTrouble();
+  put($('keys'), trouble || (touch.matches ? '' : 'Esc or Space stops, anywhere here'));
+  $('keys').classList.toggle('warn', trouble !== '');
+}
+
+/** Returns why STOP may not work as usual, or that it is on its way. */
+function stopTrouble() {
+  if (!rig.hello) return 'No connection: STOP cannot reach the rig';
+  if (rig.unconfirmedStop || !(rig.isLive || rig.stop)) return 'No answer: STOP may not reach the rig';
+  if (rig.stop) return 'STOP sent, not confirmed yet';
+  return touch.matches || document.hasFocus() ? '' : 'The keys go elsewhere: press STOP';
 }
 
 /** Returns what the hand can do with the picture. */

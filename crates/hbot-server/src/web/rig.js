@@ -228,8 +228,19 @@ export class Rig {
     return { old: other || changes > 0, curves: this.curves.map((curve) => curve.map(([angle, torque]) => [angle, part * torque])) };
   }
 
-  last(seconds) {
-    return this.samples.filter(({ t }) => t >= this.state.t - seconds).map(({ omega }) => omega);
+  last(seconds, of = 'omega') {
+    return this.samples.filter(({ t }) => t >= this.state.t - seconds).map((sample) => sample[of]);
+  }
+
+  /** Whether the sphere pushes, and its torque has lately been this part of the rig's limit or more. */
+  isAtLimit(part) {
+    const limit = this.info?.limits.torque;
+    return hasTorque(this.state?.mode) && limit > 0 && this.last(RECENT, 'torque').some((it) => length(it) >= part * limit);
+  }
+
+  /** Returns the warnings that the scene may shake the sphere. */
+  get unstable() {
+    return this.warnings.filter((text) => text.includes(': may shake'));
   }
 
   /** Returns the largest speed of the last moments, rad/s. */
@@ -243,7 +254,7 @@ export class Rig {
     if (this.shaking) return true;
     const fast = this.last(1).filter((omega) => length(omega) > SHAKES);
     const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    return this.warnings.some((text) => text.includes(': may shake')) && fast.filter((it, k) => k > 0 && dot(it, fast[k - 1]) < 0).length >= REVERSALS;
+    return this.unstable.length > 0 && fast.filter((it, k) => k > 0 && dot(it, fast[k - 1]) < 0).length >= REVERSALS;
   }
 
   /** Whether the server refuses a reset because the sphere is still as fast as in the fault. */
@@ -261,11 +272,12 @@ export class Rig {
   /** Notes that the person has asked for a stop. The time limit begins with the first request. */
   asksStop() {
     this.stop ??= { asked: performance.now(), after: this.state?.tick ?? null, why: null };
+    this.spoke = true;
   }
 
   stopFailed(why) {
     if (this.stop) this.stop.why ??= why;
-    this.say(`${why}: cut the motors' power`, 'bad');
+    this.say(this.isSimulated ? `not stopped: ${why}` : `${why}: cut the motors' power`, 'bad');
   }
 
   get unconfirmedStop() {

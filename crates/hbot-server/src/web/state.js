@@ -8,6 +8,8 @@ const TURNS = 0.1;
 const TURNING = 'The sphere still turns:';
 /** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
 const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
+/** Parts of a limit from which a bar says that it is near, and that it is reached. */
+const [NEAR, REACHED] = [0.7, 0.9];
 
 const $ = (id) => document.getElementById(id);
 
@@ -36,12 +38,15 @@ const METERS = [
   label.textContent = name;
   const meter = document.createElement('meter');
   meter.setAttribute('aria-label', name);
-  Object.assign(meter, { min: 0, max: 1, low: 0.7, high: 0.9, optimum: 0, ...borders });
+  Object.assign(meter, { min: 0, max: 1, low: NEAR, high: REACHED, optimum: 0, ...borders });
   const figures = document.createElement('span');
   row.append(label, meter, figures);
   return { row, meter, figures, name };
 });
 $('meters').append(...METERS.map(({ row }) => row));
+/** What stays in sight where a long text covers the bars and the window has room. */
+const KEPT = METERS.slice(0, 2);
+const roomy = matchMedia('(min-width: 44.01rem) and (min-height: 48rem)');
 
 /** Returns what shows a text of the server: what stands between backticks is code. */
 export const withCode = (text) => text.split('`').map((part, k) => (
@@ -52,6 +57,9 @@ const FLIGHT_LOG = '; flight log: ';
 
 /** What a simulated sphere needs that does not slow down by itself. */
 const HELD = 'If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].';
+
+/** What is said of a simulated rig in place of what to do about motors. */
+const UNPOWERED = 'It is simulated and has no motors.';
 
 const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 
@@ -65,7 +73,7 @@ function details(rig) {
     ? [['', `What is shown is old. The last mode was ${state.mode}.`]] : [];
   if (stop) {
     return [
-      ['strong', "Cut the motors' power."],
+      ['strong', rig.isSimulated ? UNPOWERED : "Cut the motors' power."],
       ['', `${touch.matches || !document.hasFocus() ? 'Press STOP again.' : 'STOP or Esc tries again.'} This message ends when a state shows `
         + 'no torque.'],
       ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
@@ -77,7 +85,7 @@ function details(rig) {
       : `The server has said nothing for ${rig.silentFor.toFixed(0)}\u00a0s.`;
     return [
       ['bad', why],
-      ['', "What the rig does now is not known. If in doubt, cut the motors' power."],
+      ['', `What the rig does now is not known. ${rig.isSimulated ? UNPOWERED : "If in doubt, cut the motors' power."}`],
       ...old];
   }
   if (!state) return [['weak', rig.hello ? 'Waiting for the first state.' : 'Not connected.']];
@@ -102,9 +110,16 @@ function details(rig) {
   }
   if (rig.shakes) {
     const { shaking } = rig;
-    return [['strong warn', 'Lower the stiffness or raise the damping.'],
+    const [cure] = brief(rig.unstable.find((text) => text.startsWith(`${shaking?.effect}: `)) ?? rig.unstable[0] ?? '');
+    return [['strong warn', cure ? `${cure}.` : 'Lower the stiffness or raise the damping.'],
       ['warn', shaking ? `Torque lowered: ${shaking.effect ?? 'the scene'} shook the sphere at ${shaking.frequency.toFixed(0)} Hz.`
-        : `It shakes, at up to ${rig.fastest.toFixed(1)} rad/s.`]];
+        : `It shakes: peak ${rig.fastest.toFixed(1)} rad/s.`]];
+  }
+  if (isWarned(rig)) {
+    const [cure, reason] = brief(rig.unstable[0]);
+    // Where it shakes stands at the scene.
+    const what = narrow.matches ? reason.replace(/(may shake the sphere).*/, '$1') : reason;
+    return [['strong warn', cure && `${cure}.`], ['warn', `Warning: ${what}.`]];
   }
   if (state.mode === 'idle' && (rig.refusal?.op === 'enable' || rig.isFar)) return notEnabled(rig);
   return [['weak', mode]];
@@ -140,19 +155,28 @@ const notice = document.createElement('p');
 notice.id = 'notice';
 $('box').append(notice);
 
+/** Whether the sphere can push by a scene that may shake it. */
+const isWarned = (rig) => hasTorque(rig.state?.mode) && rig.unstable.length > 0;
+
+/** Whether the rig's limits shape what is felt. */
+const isStrained = (rig) => rig.isAtLimit(REACHED) || (rig.state?.mode === 'active' && 1 - rig.state.scale >= LEAST_TOLD);
+
 /** Returns the line at the end of the box: a sphere that turns, that nobody commands, what is cut, or a warning. */
-function noticed({ state, isCertain, isFast, lease, shakes, warnings }) {
+function noticed(rig) {
+  const { state, isCertain, isFast, lease, shakes, warnings } = rig;
   if (!isCertain) return '';
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
   if (!hasTorque(state.mode) && speed > TURNS && !isFast) return `${TURNING} ${speed.toFixed(2)}\u00a0rad/s`;
-  if (shakes) return '';
+  // There, the warning has the place of this line, and the bar above who commands.
+  if (shakes || (narrow.matches && isWarned(rig))) return '';
   const lines = lease.who === 'free' && hasTorque(state.mode) ? ['Nobody commands: take command'] : [];
   const cut = 1 - state.scale;
-  if (warnings.length > 0) {
-    const [cure, reason] = warned(warnings[0].replaceAll('`', ''));
-    lines.push(...(cure ? [cure] : []), `${warnings.length > 1 ? `${warnings.length} warnings` : 'Warning'}, see the scene: ${reason}`);
+  if (warnings.length > 0 && !isWarned(rig)) {
+    const [cure, reason] = brief(warnings[0]);
+    lines.push(...(cure ? [cure] : []), `${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${reason}`);
   } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`Limits cut ${percent(cut)} of the torque`);
+  else if (rig.isAtLimit(REACHED)) lines.push("The torque is at the rig's limit");
   return lines.join('. ');
 }
 
@@ -162,16 +186,32 @@ export function warned(text) {
   return [cure && `${cure[0].toUpperCase()}${cure.slice(1)}`, reason];
 }
 
+/** Returns what to do about a warning, and why without the reasons of that, in words for the box. */
+function brief(text) {
+  const [cure, why] = warned(text.replaceAll('`', ''));
+  const [effect, what] = why.split(': ');
+  return [cure, what?.startsWith('may ') ? `${effect} ${what}` : what ? `${effect}: ${what}` : why];
+}
+
 /** Says a part in per cent. All of it is never cut. */
 function percent(part) {
   return part > 0.99 ? 'over 99 %' : `${(100 * part).toFixed(0)} %`;
 }
 
+const kept = document.createElement('div');
+kept.id = 'kept';
+$('box').append(kept);
+
 /** Lets the box cover the bars if its text needs their room. So nothing moves. */
 function fit() {
   const box = $('box');
   box.classList.remove('long');
-  box.classList.toggle('long', box.scrollHeight > box.clientHeight);
+  $('meters').prepend(...KEPT.map(({ row }) => row));
+  const long = box.scrollHeight > box.clientHeight;
+  box.classList.toggle('long', long);
+  if (!long || !roomy.matches) return;
+  kept.append(...KEPT.map(({ row }) => row));
+  if (box.scrollHeight > box.clientHeight) $('meters').prepend(...kept.children);
 }
 window.addEventListener('resize', fit);
 
@@ -186,6 +226,8 @@ export function showState(rig) {
   notice.title = line;
   // Before the text is fitted, because it has another place then.
   document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
+  document.body.classList.toggle('warned', rig.isCertain && isWarned(rig));
+  document.body.classList.toggle('strained', rig.isCertain && isStrained(rig));
   // A rate that changes keeps its length.
   const key = JSON.stringify([head, lines, line.length]);
   if (key !== shown) {
@@ -230,6 +272,7 @@ function bar(rig) {
   }[rig.lease.who];
   put($('who'), said);
   $('who').title = said;
+  put($('alarm'), `NOT STOPPED: ${simulated ? 'the rig is simulated' : "cut the motors' power"}`);
   $('who').dataset.lease = rig.lease.who;
   put($('lease'), button);
   $('who').classList.toggle('warn', rig.lease.who === 'free' && hasTorque(rig.state?.mode));
@@ -275,6 +318,8 @@ function meters(rig) {
   METERS.forEach(({ meter, figures, name }, k) => {
     const [value, text] = values[k];
     meter.value = Math.min(value, 1);
+    // A sphere that shakes is never as it should be, however slow.
+    if (name === 'Speed') meter.low = rig.isCertain && rig.shakes ? LEAST_SHOWN : NEAR;
     meter.setAttribute('aria-valuetext', `${name}: ${text}`);
     put(figures, text);
   });
