@@ -379,7 +379,9 @@ await until("the names", async () => JSON.stringify(await heads()) === '["twxyz"
 // What the server would refuse is told before.
 await page.click("#disable");
 await watcher.mode("idle");
-await load({ name: "Far", effect: [{ ...spring, anchor: "absolute", reference: [0.87, 0.5, 0, 0] }] });
+// Half a turn from where the sphere is, which may still turn.
+const [w, x, y, z] = watcher.state.q;
+await load({ name: "Far", effect: [{ ...spring, anchor: "absolute", reference: [-x, w, z, -y] }] });
 await shows("#details", "Enable is refused beyond 0.50 rad");
 await page.click("#enable");
 await shows("#details", "Not enabled: op enable: the reference of effect \"spring\"");
