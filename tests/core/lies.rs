@@ -177,17 +177,22 @@ fn counts_and_rates_that_disagree_are_not_believed_within_75_ms() {
     // First a steer joint drifts at 1 rad/s, below the slip limit, with reported rates of 0. Then
     // the reported rate is 1 rad/s while the counts stand still.
     let drift = (DT / std::f64::consts::TAU * 16384.0).ceil() as i32;
-    for (counts, rates) in [([drift, 0, 0, 0], [0.0; 4]), ([0; 4], [1.0, 0.0, 0.0, 0.0])] {
-        // Rates that are estimated from counts always agree with them.
-        for rate in [RateEstimate::Controller, RateEstimate::Kalman { acceleration: 100.0 }] {
-            let rig = altered(&rig(), |rig| rig.methods.rate = rate);
-            let (cause, tick) = lie_to(rig, 1, counts, rates).expect("a fault");
-            assert!(
-                cause == Cause::ImplausibleFeedback && (20..=75).contains(&tick),
-                "{cause:?} after {tick} ms with {rate:?}"
-            );
-        }
+    let (drifts, stands) = (([drift, 0, 0, 0], [0.0; 4]), ([0; 4], [1.0, 0.0, 0.0, 0.0]));
+    // Rates that are estimated from counts always agree with them.
+    let estimated = RateEstimate::Kalman { acceleration: 100.0 };
+    for (rate, (counts, rates)) in
+        [(RateEstimate::Controller, drifts), (RateEstimate::Controller, stands), (estimated, stands)]
+    {
+        let rig = altered(&rig(), |rig| rig.methods.rate = rate);
+        let (cause, tick) = lie_to(rig, 1, counts, rates).expect("a fault");
+        assert!(
+            cause == Cause::ImplausibleFeedback && (20..=75).contains(&tick),
+            "{cause:?} after {tick} ms with {rate:?}"
+        );
     }
+    // A controller that reports no rate says 0.
+    let rig = altered(&rig(), |rig| rig.methods.rate = estimated);
+    assert_eq!(lie_to(rig, 1, drifts.0, drifts.1), None);
     // A lag of 5 ms in the rates is accepted while the sphere turns back and forth.
     let mut bench = active();
     let mut rates = [0.0; 4];

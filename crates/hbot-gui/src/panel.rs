@@ -78,11 +78,7 @@ impl Panel {
     /// while the window is hidden.
     pub fn catch_up(&mut self) {
         self.network.mailbox.take(&mut self.delivery);
-        let pending = self.model.has_pending_stop();
         self.model.take(&mut self.delivery);
-        if pending && !self.model.has_pending_stop() {
-            self.network.stop_settled();
-        }
         if let Ok(recorded) = self.opened.1.try_recv() {
             self.desk.open(Film::new(Arc::new(recorded)));
         }

@@ -118,16 +118,16 @@ impl Controller {
         if self.client_lost {
             return Some(Cause::ClientLost);
         }
-        self.motion_fault(powered).or_else(|| self.unanswered(inputs))
+        self.motion_fault(powered).or_else(|| self.unanswered(feedback))
     }
 
-    /// Returns the fault that the last reading showed, if no reading has come in this tick. So a
-    /// reset that arrives in a tick without a reading does not find the cause gone.
+    /// Returns the fault of the last tick if a reading showed it and none has come in this tick. So
+    /// a reset that arrives in a tick without a reading does not find the cause gone.
     #[inline(always)]
-    fn unanswered(&self, inputs: &Inputs) -> Option<Cause> {
+    fn unanswered(&self, feedback: Result<bool, Cause>) -> Option<Cause> {
         self.machine.present.filter(|cause| {
             use Cause::{ControllerFault, ImplausibleFeedback, NonFinite, Overtorque, Thermal};
-            inputs.feedback.is_none()
+            feedback != Ok(true)
                 && matches!(cause, ControllerFault | Overtorque | Thermal | NonFinite | ImplausibleFeedback)
         })
     }

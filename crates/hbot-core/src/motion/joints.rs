@@ -188,12 +188,15 @@ impl Joints {
         }
     }
 
-    /// Returns the joint rates that the motor controllers report, rad/s.
+    /// Returns the joint rates that the motor controllers report, rad/s. A controller that reports
+    /// no rate says 0: its rate is the estimated one.
     #[inline(never)]
     fn reported(&self, rig: &Rig, feedback: &JointReadings) -> [Real; MAX_JOINTS] {
         let mut rate = [0.0; MAX_JOINTS];
         for i in 0..rig.device.joints() {
-            rate[i] = self.encoders[i].signed(feedback.rates[i]);
+            let reported = feedback.rates[i];
+            let says = reported != 0.0 && reported.is_finite();
+            rate[i] = if says { self.encoders[i].signed(reported) } else { self.rate[i] };
         }
         rate
     }

@@ -89,9 +89,10 @@ impl Model {
         limit > 0.0 && self.history.pushes_with(AT_LIMIT * limit, AT_LIMIT_S)
     }
 
-    /// Returns whether the rig that `stop` should have stopped is simulated, as was last heard.
+    /// Returns whether the rig that `stop` should have stopped is known to be simulated. Without a
+    /// connection it is not: the next one at its address can have motors.
     pub(crate) fn is_of_simulated(&self, stop: &PendingStop) -> bool {
-        if stop.server == self.server { self.is_simulated() } else { stop.simulated }
+        stop.server == self.server && self.is_online() && self.is_simulated()
     }
 
     /// Returns the word that tells at a glance whether motors can push. The server's banner and

@@ -270,9 +270,6 @@ impl Model {
         match intent {
             Intent::Set { effect, key, value } => self.scene.ask(effect, key, value),
             Intent::Connect(address) if *address != self.server => {
-                let simulated = self.is_simulated();
-                let here = self.stops.iter_mut().filter(|stop| stop.server == self.server);
-                here.for_each(|stop| stop.simulated = simulated);
                 self.server.clone_from(address);
                 self.simulated = None;
                 self.sessions.clear();

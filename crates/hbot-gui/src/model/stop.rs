@@ -21,25 +21,15 @@ pub(crate) struct PendingStop {
     failed: bool,
     /// Why the stop was not confirmed, if the present connection has told it.
     why: Option<String>,
-    /// Whether a connection was made after the stop was asked for. The stop is sent again over it.
+    /// Whether a connection was made after the stop was asked for.
     pub(crate) reconnected: bool,
-    /// Whether its rig is simulated, as the panel knew when it went to another server.
-    pub(crate) simulated: bool,
 }
 
 impl PendingStop {
     pub(crate) fn new(server: &str, newest: Option<&StateEvent>) -> Self {
         let after = newest.map(|state| state.tick);
         let server = server.to_owned();
-        Self {
-            server,
-            asked: Instant::now(),
-            after,
-            failed: false,
-            why: None,
-            reconnected: false,
-            simulated: false,
-        }
+        Self { server, asked: Instant::now(), after, failed: false, why: None, reconnected: false }
     }
 
     /// Records that the stop could not be sent or was not answered. The first reason stays, because
@@ -73,7 +63,7 @@ impl PendingStop {
     pub(crate) fn why(&self) -> &str {
         match &self.why {
             Some(why) => why,
-            None if self.reconnected => "sent again over the new connection, and not confirmed yet",
+            None if self.reconnected => "asked for before the present connection",
             None => "the server has not confirmed the stop",
         }
     }

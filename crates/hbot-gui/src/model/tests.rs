@@ -178,7 +178,7 @@ fn why_a_stop_failed_is_not_told_over_the_next_connection() {
     };
     assert_eq!(told(&model), ("the server has not confirmed the stop (no answer)".to_owned(), false));
     hear(&mut model, News::Connected(hello(9)));
-    let again = "sent again over the new connection, and not confirmed yet".to_owned();
+    let again = "asked for before the present connection".to_owned();
     assert_eq!(told(&model), (again.clone(), false), "no state has come yet");
     see(&mut model, 5, Mode::Active);
     assert_eq!(told(&model), (again.clone(), true));

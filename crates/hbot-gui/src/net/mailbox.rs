@@ -112,11 +112,16 @@ impl Outgoing {
         given_up
     }
 
-    /// Adds a request of the user at the front of the queue, so that it is sent first, and only
-    /// once.
+    /// Removes requests that `intent`, which goes another way, makes obsolete.
+    pub(crate) fn make_way_for(&self, intent: &Intent) {
+        lock(&self.waiting).0.retain(|other| !replaces(intent, other));
+    }
+
+    /// Adds a request of the user at the front of the queue, so that it is sent first. Removes
+    /// requests that it makes obsolete.
     pub(crate) fn push_first(&self, intent: Intent) {
         let mut waiting = lock(&self.waiting);
-        waiting.0.retain(|other| *other != intent);
+        waiting.0.retain(|other| !replaces(&intent, other));
         waiting.0.push_front(intent);
     }
 

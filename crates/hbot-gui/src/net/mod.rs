@@ -222,7 +222,10 @@ impl Network {
     /// connection.
     pub(crate) fn send(&self, intent: Intent) {
         match intent {
-            Intent::Stop => self.stop.request(),
+            Intent::Stop => {
+                self.outgoing.make_way_for(&intent);
+                self.stop.request();
+            }
             Intent::Connect(address) => {
                 self.stop.connect(&address);
                 self.outgoing.push(Intent::Connect(address));
@@ -234,13 +237,6 @@ impl Network {
                 }
             }
         }
-    }
-}
-
-impl Network {
-    /// Tells the stop line that a state has proved the stop of the present server's rig.
-    pub(crate) fn stop_settled(&self) {
-        self.stop.settled();
     }
 }
 

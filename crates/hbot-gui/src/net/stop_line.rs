@@ -20,8 +20,6 @@ const TIMEOUT: Duration = Duration::from_secs(1);
 
 enum Order {
     Stop,
-    /// A state has proved that the rig has stopped, so that a stop that failed is not repeated.
-    Settled,
     Connect(String),
 }
 
@@ -49,11 +47,6 @@ impl StopLine {
         let _ = self.orders.send(Order::Stop);
     }
 
-    /// Tells the thread that the rig has stopped, so that it does not repeat a stop that failed.
-    pub(super) fn settled(&self) {
-        let _ = self.orders.send(Order::Settled);
-    }
-
     pub(super) fn connect(&self, address: &str) {
         let _ = self.orders.send(Order::Connect(address.to_owned()));
     }
@@ -62,9 +55,6 @@ impl StopLine {
 fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, outgoing: &Outgoing) {
     let mut client = None;
     let mut waiting = VecDeque::new();
-    // Addresses of the servers that owe the answer to a stop. It is sent again as the first thing
-    // over the next connection to them.
-    let mut owed: Vec<String> = Vec::new();
     loop {
         match waiting.pop_front().map_or_else(|| inbox.recv_timeout(IDLE), Ok) {
             Ok(Order::Stop) => {
@@ -75,10 +65,8 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
                     waiting.pop_front();
                 }
                 let result = estop(&mut client, &options, mailbox);
-                owed.retain(|server| *server != options.server);
                 if let Err(error) = &result {
                     client = None;
-                    owed.push(options.server.clone());
                     // The user may have chosen another server meanwhile, which must not be stopped.
                     waiting.extend(inbox.try_iter());
                     let elsewhere = waiting.iter().any(|order| matches!(order, Order::Connect(_)));
@@ -93,7 +81,6 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
                 });
                 mailbox.post(News::Stop { server: options.server.clone(), result });
             }
-            Ok(Order::Settled) => owed.retain(|server| *server != options.server),
             Ok(Order::Connect(address)) => {
                 options.server = address;
                 client = None;
@@ -101,12 +88,6 @@ fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, ou
             Err(RecvTimeoutError::Timeout) => {
                 if client.as_mut().is_none_or(|client| !drain(client)) {
                     client = open(&options, mailbox).ok();
-                }
-                // A state can have come first, after which the user may have started the rig again.
-                waiting.extend(inbox.try_iter());
-                let is_settled = waiting.iter().any(|order| matches!(order, Order::Settled));
-                if client.is_some() && owed.contains(&options.server) && !is_settled {
-                    waiting.push_front(Order::Stop);
                 }
             }
             Err(RecvTimeoutError::Disconnected) => return,

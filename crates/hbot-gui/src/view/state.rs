@@ -18,6 +18,10 @@ use crate::net::Intent;
 const STATUS: [f32; 2] = [94.0, 158.0];
 /// Size of the word for the state, in a low and in a tall window, points.
 const HEADLINE: [f32; 2] = [20.0, 26.0];
+/// What replaces the advice to cut the motors' power.
+const NO_MOTORS: &str = "It is simulated and has no motors.";
+/// How a part of a warning begins that says what to do.
+const ORDERS: [&str; 5] = ["set ", "add ", "make ", "damp ", "give "];
 /// Size of the text in the box of a low window, points.
 const SMALL: f32 = 12.0;
 /// Size of what to do first, in the box, points.
@@ -213,7 +217,7 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
             let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
-            let cut = if simulated { no_motors(model) } else { "Cut the motors' power." };
+            let cut = if simulated { NO_MOTORS } else { "Cut the motors' power." };
             let cut = RichText::new(cut).strong().size(LARGE);
             ui.add(egui::Label::new(cut.color(Color32::WHITE)).wrap());
             if let Some(stop) = model.unconfirmed_stop() {
@@ -296,7 +300,7 @@ fn warned(ui: &mut Ui, warnings: &[String], palette: Palette, is_cured: bool) {
 fn cure(warnings: &[String], effect: Option<&str>) -> String {
     let of = |warning: &&String| warning.split_once(MAY_SHAKE).is_some_and(|(id, _)| Some(id) == effect);
     let shaky = |warning: &&String| warning.contains(MAY_SHAKE);
-    let first = warnings.iter().filter(of).chain(warnings.iter().filter(shaky)).chain(warnings);
+    let first = warnings.iter().filter(of).chain(warnings.iter().filter(shaky));
     first.filter_map(|warning| parted(warning).1).next().unwrap_or_else(|| LESS.to_owned())
 }
 
@@ -306,9 +310,13 @@ pub(super) fn remedy(ui: &mut Ui, palette: Palette, text: &str) {
     ui.add(egui::Label::new(text.color(palette.warn)).wrap());
 }
 
-/// Parts a warning of the server into what it warns of, and what to do about it as a sentence.
+/// Parts a warning of the server into what it warns of, and what to do about it as a sentence. Not
+/// every warning ends with what to do.
 pub(super) fn parted(warning: &str) -> (&str, Option<String>) {
-    let Some((what, cure)) = warning.rsplit_once("; ") else { return (warning, None) };
+    let orders = |cure: &str| ORDERS.iter().any(|order| cure.starts_with(order));
+    let Some((what, cure)) = warning.rsplit_once("; ").filter(|(_, cure)| orders(cure)) else {
+        return (warning, None);
+    };
     let mut letters = cure.chars();
     let first = letters.next().map(|letter| letter.to_ascii_uppercase());
     (what, Some(format!("{}{}.", first.into_iter().collect::<String>(), letters.as_str())))
@@ -351,26 +359,17 @@ fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
     };
     // What to do comes first, and the text on the state last: it can be out of sight in a low
     // window.
-    let simulated = model.is_simulated();
+    let simulated = model.is_online() && model.is_simulated();
     if !simulated {
         let size = if is_low(ui) { SMALL } else { LARGE };
         let advice = RichText::new("If in doubt, cut the motors' power.").strong().size(size);
         ui.add(egui::Label::new(advice).wrap());
     }
     coloured(ui, palette.bad, text);
-    let rig = if simulated { no_motors(model) } else { "" };
+    let rig = if simulated { NO_MOTORS } else { "" };
     ui.add(egui::Label::new(format!("What the rig does now is not known. {rig}").trim_end()).wrap());
     if let Some(text) = old(model) {
         weak(ui, text);
-    }
-}
-
-/// Says that a simulated rig cannot push. The next one at the address can be another.
-fn no_motors(model: &Model) -> &'static str {
-    if model.is_online() {
-        "It is simulated and has no motors."
-    } else {
-        "It was simulated when last heard: no motors."
     }
 }
 

@@ -4,7 +4,7 @@
 import { AXES, across, add, cross, dot, fromN3, length, product, rotated, scaled, turn, unit } from './maths.js';
 import { prepare } from './plot.js';
 
-/** Everything in the picture is within this distance from the centre, and the axes without their names. */
+/** Least distance from the centre that the picture shows, and that of the ends of the axes without their names. */
 const [REACH, AXIS] = [1.62, 1.25];
 /** Room for the name of an axis, px. */
 const NAME = 20;

@@ -115,7 +115,7 @@ impl fmt::Display for Verdict {
                     (complaints.watchdog, "nothing heard within its watchdog time: this machine was busy, or the line is bad"),
                     (complaints.overcurrent, "too much current: lower --torque, or check the motor's leads"),
                     (complaints.overtemperature, "too hot: let it cool down"),
-                    (complaints.disobeyed, "its motor is not on when it should be: check supply, settings and errors"),
+                    (complaints.disobeyed, "its motor is on or off against the command: check supply, settings and errors"),
                     (complaints.not_finite, "it says a number that is none: check and calibrate its encoder and sensors"),
                 ];
                 let told: Vec<&str> = all.iter().filter(|(is, _)| *is).map(|(_, what)| *what).collect();

@@ -60,7 +60,7 @@ pub struct Bench {
     /// True if the motors are simulated. Their time advances with each command, independently of
     /// the clock.
     simulated: bool,
-    /// When the bench was created, and when the last command was sent first, s after that.
+    /// When the bench was created, and when the last answered command was sent, s after that.
     begun: Instant,
     sent_s: f64,
     /// Orientation of the sphere relative to that at the first reading, and the counts of the last
@@ -247,7 +247,7 @@ impl Bench {
         if self.simulated { self.now_ns() as f64 * 1.0e-9 } else { self.begun.elapsed().as_secs_f64() }
     }
 
-    /// Returns the time at which the last command was sent for the first time, s.
+    /// Returns the time at which the last answered command was sent, s.
     #[must_use]
     pub fn sent_s(&self) -> f64 {
         self.sent_s
