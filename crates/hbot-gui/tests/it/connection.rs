@@ -243,11 +243,7 @@ fn a_server_that_hangs_does_not_hang_the_window() {
     assert!(seat.longest < Duration::from_secs(1), "a frame took {:?}", seat.longest);
     wire.freeze(false);
     // What was held up arrives now, including the stop.
-    witness.state("active", |state| state.mode == Mode::Active);
-    // A panel learns who has stopped the rig only if it is connected when that happens.
-    seat.until_text("Connected again: the rig is ACTIVE and pushes. Press STOP.");
-    seat.until_text("rad from reference");
-    seat.click("Stop");
+    witness.state("stopped", |state| state.mode == Mode::Estop);
     seat.until_text("ESTOP");
     assert!(!seat.shows("NOT STOPPED"), "{}", seat.texts());
     // The panel has given up the connection over which it asked, but it was this panel.
@@ -267,7 +263,10 @@ fn a_stop_that_found_no_server_can_be_asked_again_when_one_comes() {
     assert!(!seat.shows("name another address"), "advice on the command line: {}", seat.texts());
     let bench = AloneServer::beside(&ServerSetup { address: free, ..ServerSetup::default() });
     let mut witness = Witness::new(&bench);
-    witness.state("stopped", |state| state.mode == Mode::Estop);
+    witness.state("active", |state| state.mode == Mode::Active);
+    // A panel learns who has stopped the rig only if it is connected when that happens.
+    seat.until_text("rad from reference");
+    seat.click("Stop");
     seat.until_text("ESTOP");
     seat.until_text("Stopped by you.");
     assert!(!seat.shows("NOT STOPPED"), "{}", seat.texts());
