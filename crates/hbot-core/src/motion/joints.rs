@@ -109,7 +109,7 @@ impl Joints {
         self.estimator.restart();
         let count = rig.device.count();
         let rates = self.update_rates(count, rig, feedback, None);
-        self.restart_watch(rig, feedback);
+        self.watch.restart(&self.reported(rig, feedback));
         rates?;
         self.locate(count, rig);
         Ok(())
@@ -167,7 +167,7 @@ impl Joints {
         }
         self.locate(count, rig);
         if !judged {
-            self.restart_watch(rig, feedback);
+            self.watch.restart(&self.reported(rig, feedback));
         } else if matches!(self.estimator, Rates::Reported) {
             let moved = Interval { delta: &delta, rate: &self.rate, turn, ticks, late };
             self.watch.end(count, rig, &self.posture, &moved);
@@ -178,24 +178,15 @@ impl Joints {
         Ok(Step { turn, answered: [last, feedback.sequence] })
     }
 
-    /// Clears the check of the counts. It compares them with the rates that motor controllers
-    /// report, also if the rig estimates its own: rates from counts always agree with the counts.
-    fn restart_watch(&mut self, rig: &Rig, feedback: &JointReadings) {
-        if matches!(self.estimator, Rates::Reported) {
-            self.watch.restart(&self.rate);
-        } else {
-            self.watch.restart(&self.reported(rig, feedback));
-        }
-    }
-
-    /// Returns the joint rates that the motor controllers report, rad/s. A controller that reports
-    /// no rate says 0: its rate is the estimated one.
+    /// Returns the joint rates that the motor controllers report, rad/s, with which the counts are
+    /// compared: rates that the rig estimates from the counts always agree with them. A controller
+    /// that reports no rate says 0: its rate is the estimated one.
     #[inline(never)]
     fn reported(&self, rig: &Rig, feedback: &JointReadings) -> [Real; MAX_JOINTS] {
         let mut rate = [0.0; MAX_JOINTS];
         for i in 0..rig.device.joints() {
             let reported = feedback.rates[i];
-            let says = reported != 0.0 && reported.is_finite();
+            let says = reported != 0.0 && fabs(reported) <= MAX_RATE;
             rate[i] = if says { self.encoders[i].signed(reported) } else { self.rate[i] };
         }
         rate

@@ -57,7 +57,7 @@ pub(crate) fn grow_silent(model: &mut Model) {
     model.heard = Instant::now().checked_sub(2 * SILENT_AFTER);
 }
 
-/// Lets so much time pass for the model that what it shows may be old.
+/// Makes the last state so old that the window is grey.
 pub(crate) fn grow_quiet(model: &mut Model) {
     model.heard = Instant::now().checked_sub(Duration::from_millis(640));
 }

@@ -24,6 +24,8 @@ const PUSHES = /^(N m(\/rad)?|kg)$/;
 
 /** A speed is judged by its largest value in this time, so that what is said does not flicker, s. */
 const RECENT = 0.5;
+/** The torque is at its limit if it is this part of it or more for so long, s. */
+const [AT_LIMIT, AT_LIMIT_S] = [0.95, 0.2];
 /** The sphere shakes if it turns back this often in a second, 6 Hz, at a speed of at least this, rad/s. Hands are slower. */
 const [REVERSALS, SHAKES] = [12, 1];
 
@@ -232,10 +234,10 @@ export class Rig {
     return this.samples.filter(({ t }) => t >= this.state.t - seconds).map((sample) => sample[of]);
   }
 
-  /** Whether the sphere pushes, and its torque has lately been this part of the rig's limit or more. */
-  isAtLimit(part) {
+  /** Whether the sphere pushes, and its torque has been at the rig's limit for a while. */
+  get isAtLimit() {
     const limit = this.info?.limits.torque;
-    return hasTorque(this.state?.mode) && limit > 0 && this.last(RECENT, 'torque').some((it) => length(it) >= part * limit);
+    return hasTorque(this.state?.mode) && limit > 0 && this.last(AT_LIMIT_S, 'torque').every((it) => length(it) >= AT_LIMIT * limit);
   }
 
   /** Returns the warnings that the scene may shake the sphere. */

@@ -8,8 +8,8 @@ const TURNS = 0.1;
 const TURNING = 'The sphere still turns:';
 /** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
 const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
-/** Parts of a limit from which a bar says that it is near, and that it is reached. */
-const [NEAR, REACHED] = [0.7, 0.9];
+/** Part of a limit from which a bar says that it is near. */
+const NEAR = 0.7;
 
 const $ = (id) => document.getElementById(id);
 
@@ -38,7 +38,7 @@ const METERS = [
   label.textContent = name;
   const meter = document.createElement('meter');
   meter.setAttribute('aria-label', name);
-  Object.assign(meter, { min: 0, max: 1, low: NEAR, high: REACHED, optimum: 0, ...borders });
+  Object.assign(meter, { min: 0, max: 1, low: NEAR, high: 0.9, optimum: 0, ...borders });
   const figures = document.createElement('span');
   row.append(label, meter, figures);
   return { row, meter, figures, name };
@@ -158,9 +158,6 @@ $('box').append(notice);
 /** Whether the sphere can push by a scene that may shake it. */
 const isWarned = (rig) => hasTorque(rig.state?.mode) && rig.unstable.length > 0;
 
-/** Whether the rig's limits shape what is felt. */
-const isStrained = (rig) => rig.isAtLimit(REACHED) || (rig.state?.mode === 'active' && 1 - rig.state.scale >= LEAST_TOLD);
-
 /** Returns the line at the end of the box: a sphere that turns, that nobody commands, what is cut, or a warning. */
 function noticed(rig) {
   const { state, isCertain, isFast, lease, shakes, warnings } = rig;
@@ -176,7 +173,7 @@ function noticed(rig) {
     const [cure, reason] = brief(warnings[0]);
     lines.push(...(cure ? [cure] : []), `${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${reason}`);
   } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`Limits cut ${percent(cut)} of the torque`);
-  else if (rig.isAtLimit(REACHED)) lines.push("The torque is at the rig's limit");
+  else if (rig.isAtLimit) lines.push("The torque is at the rig's limit");
   return lines.join('. ');
 }
 
@@ -227,7 +224,7 @@ export function showState(rig) {
   // Before the text is fitted, because it has another place then.
   document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   document.body.classList.toggle('warned', rig.isCertain && isWarned(rig));
-  document.body.classList.toggle('strained', rig.isCertain && isStrained(rig));
+  document.body.classList.toggle('strained', rig.isCertain && rig.isAtLimit);
   // A rate that changes keeps its length.
   const key = JSON.stringify([head, lines, line.length]);
   if (key !== shown) {
