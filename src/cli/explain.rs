@@ -124,7 +124,7 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
     if let Some((scene, since)) = &history.scene {
         tell!("  {:<10} {}, since {:.1} s before", "scene", foreign(scene.name()), last.t - since)?;
         for warning in Abilities::of(&rig).warnings(scene).iter().take(2) {
-            tell!("  {:<10} {}", "", foreign(warning))?;
+            tell!("  {:<10} {}", "", foreign(&warning.to_string()))?;
         }
     }
     if let Some(holder) = &history.holder {

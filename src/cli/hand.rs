@@ -41,7 +41,7 @@ const AT_LIMIT: f64 = 0.98;
 #[derive(Debug, Subcommand)]
 pub(crate) enum HandCommands {
     /// Turn the sphere from where it is and print the torque against the angle, beside that of the
-    /// scene's law. After that, the hand of the scene holds the sphere where it is
+    /// scene's law. After that, the hand of the scene goes on from there
     Turn(TurnArgs),
 }
 
@@ -130,7 +130,10 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     // Where no hand held the sphere before, none does after the turn.
     if states[0].hand.is_some() {
         let back = (-1.0e2 * points[points.len() - 1].angle.to_degrees()).round() / 1.0e2;
-        tell!("the hand stays there; `hbot hand turn {} {back}deg` turns it back", args.axis.name)?;
+        tell!(
+            "the scene's hand goes on from there; `hbot hand turn {} {back}deg` turns it back",
+            args.axis.name
+        )?;
     }
     if let Some(path) = &args.out {
         write(path, &picture(&info, &points, args.axis.name))?;

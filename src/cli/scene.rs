@@ -189,7 +189,9 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
         tell!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored))?;
     }
     // The scene is sent with all parameters, so the server does not know which ones the file names.
-    let own = in_vain(scene).filter(|warning| !loaded.warnings.contains(warning));
+    let own = in_vain(scene)
+        .map(|warning| warning.to_string())
+        .filter(|warning| !loaded.warnings.contains(warning));
     warn(&loaded.warnings.iter().cloned().chain(own).collect::<Vec<_>>())?;
     // On a real rig the phenomena are ignored.
     if loaded.ignored.is_empty() {
@@ -199,9 +201,9 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
 }
 
 /// Prints the warnings about a scene.
-pub(super) fn warn(warnings: &[String]) -> anyhow::Result<()> {
+pub(super) fn warn<W: ToString>(warnings: &[W]) -> anyhow::Result<()> {
     for warning in warnings {
-        tell!("  {}warning:{} {}", style::WARN, style::OFF, foreign(warning))?;
+        tell!("  {}warning:{} {}", style::WARN, style::OFF, foreign(&warning.to_string()))?;
     }
     Ok(())
 }

@@ -225,7 +225,7 @@ async fn serve(
     secrets.extend(live_at.and_then(secrets::live_notice));
     let banner = banner(&rig, scene.name(), (address, web_at), time, expected);
     let mut warnings = uncalibrated(&rig);
-    warnings.extend(Abilities::of(&rig).warnings(&scene));
+    warnings.extend(Abilities::of(&rig).warnings(&scene).iter().map(ToString::to_string));
     let recording = recording(&args, &rig)?;
     let flight_dir = flight_dir();
     let nowhere = flight_dir.is_none();

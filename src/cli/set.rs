@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use anyhow::{anyhow, bail};
 use clap::Args;
 use hbot_api::InfoOk;
-use hbot_config::advice::{Abilities, Told};
+use hbot_config::advice::{Abilities, Told, Warning};
 use hbot_config::scene::SetError;
 use hbot_config::{RunningScene, SceneFile, decimal_point};
 use hbot_server::service::set_refusal;
@@ -136,7 +136,7 @@ fn effect(info: &InfoOk, id: &str) -> Value {
 /// Returns what the rig cannot make of the running scene or may not keep stable, and what has no
 /// effect in it, as the answer to `load_scene` says it. A scene with kinds that this program does
 /// not know has none. An older server does not tell its loop. Then stability is not judged.
-fn warnings(info: &InfoOk) -> Vec<String> {
+fn warnings(info: &InfoOk) -> Vec<Warning> {
     let Ok(scene) = SceneFile::from_json(info.scene.clone()) else { return Vec::new() };
     Abilities::told(Told::from(info)).warnings(&scene)
 }

@@ -92,6 +92,12 @@ pub struct FaultEvent {
     pub fault: Option<Fault>,
     /// Description for people: what was measured, which limit it exceeded, and what to do.
     pub message: String,
+    /// What was found about the fault, without what to do. `None` without a fault.
+    #[serde(default)]
+    pub found: Option<String>,
+    /// What to do about the fault on this rig, in sentences. `None` without a fault.
+    #[serde(default)]
+    pub remedy: Option<String>,
     /// Who stopped or reset the rig. `None` if the rig stopped by itself.
     #[serde(default)]
     pub by: Option<Requester>,
@@ -162,9 +168,28 @@ pub struct SetEvent {
     pub parameters: Map<String, Value>,
     /// Warnings about the changed scene, as in [`SetOk`](crate::SetOk).
     pub warnings: Vec<String>,
+    /// The same warnings in parts.
+    #[serde(default)]
+    pub advice: Vec<WarningParts>,
     /// Who changed them.
     #[serde(default)]
     pub by: Option<Requester>,
+}
+
+/// A warning about a scene, in the parts of which its sentence is made.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct WarningParts {
+    /// Id of the effect.
+    pub effect: Option<String>,
+    /// What it warns of, without the effect.
+    pub what: String,
+    /// The values that lead to it.
+    pub why: Option<String>,
+    /// What to do about it, a sentence.
+    pub remedy: Option<String>,
+    /// Whether the scene may shake the sphere.
+    pub shakes: bool,
 }
 
 /// The fields of [`Event::Dropped`], sent when state messages were dropped because the client reads

@@ -81,7 +81,7 @@ pub use encoding::{Encoding, MessageEncodeError};
 pub use error::{ErrorBody, ErrorCode, RequestRefusal};
 pub use event::{
     DroppedEvent, Event, EventName, FaultEvent, LeaseCause, LeaseEvent, RefusedEvent, Requester, SceneEvent,
-    SetEvent, ShakingEvent, StoppingEvent,
+    SetEvent, ShakingEvent, StoppingEvent, WarningParts,
 };
 pub use frame::{SplitError, Splitter};
 pub use id::{Id, MAX_ID_BYTES};

@@ -124,7 +124,7 @@ mod tests {
         let text = text("Usual", &named(&["spring".to_owned()]).unwrap());
         let scene = SceneFile::from_toml(&text, "x.toml").unwrap();
         let abilities = hbot_config::advice::Abilities::of(&hbot_config::RigConfig::prototype());
-        assert_eq!(abilities.warnings(&scene), Vec::<String>::new());
+        assert_eq!(abilities.warnings(&scene), []);
     }
 
     #[test]

@@ -141,6 +141,10 @@ class FaultEvent:
     """Description for people."""
     by: Requester | None = None
     """Who stopped or reset the rig. None if the rig stopped by itself."""
+    found: str | None = None
+    """What was found about the fault. None without a fault, as the next."""
+    remedy: str | None = None
+    """What to do about the fault on this rig."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +188,22 @@ class SceneEvent:
 
 
 @dataclass(frozen=True, slots=True)
+class SceneWarning:
+    """A warning about a scene, in the parts of which its sentence is made."""
+
+    effect: str | None
+    """Id of the effect. None if it is about no effect."""
+    what: str
+    """What it warns of."""
+    why: str | None
+    """Values that lead to it."""
+    remedy: str | None
+    """What to do about it, a sentence."""
+    shakes: bool
+    """Whether the scene may shake the sphere."""
+
+
+@dataclass(frozen=True, slots=True)
 class SetEvent:
     """Parameters of an effect have changed."""
 
@@ -197,6 +217,8 @@ class SetEvent:
     """Warnings about the changed scene."""
     by: Requester | None = None
     """Who changed them."""
+    advice: tuple[SceneWarning, ...] = ()
+    """The same warnings in parts."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from .events import FaultEvent, Mode
+from .events import FaultEvent, Mode, SceneWarning
 from .vectors import Vector
 
 
@@ -307,6 +307,8 @@ class Info:
     """What each fault means, and what to do about it."""
     warnings: tuple[str, ...] = ()
     """Warnings about the running scene, as in the answer to `load_scene`."""
+    advice: tuple[SceneWarning, ...] = ()
+    """The same warnings in parts."""
     stable: tuple[StableStiffness, ...] | None = None
     """Largest stiffness of each effect with which the running scene is stable.
 

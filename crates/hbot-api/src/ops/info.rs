@@ -6,7 +6,7 @@
 use super::{Op, OpRow, Who};
 use crate::names::names;
 use crate::{Client, ClientError, finite};
-use crate::{FaultEvent, Mode};
+use crate::{FaultEvent, Mode, WarningParts};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -46,6 +46,8 @@ pub struct InfoOk {
     pub scene: Value,
     /// Warnings about the running scene, as in the answer to `load_scene`.
     pub warnings: Vec<String>,
+    /// The same warnings in parts.
+    pub advice: Vec<WarningParts>,
     /// Largest stiffness with which the loop is expected to keep the running scene stable, for each
     /// stiffness in it, the rest of the scene unchanged. `None` until the server has computed it
     /// for the present values, or if it does not send this field.

@@ -113,7 +113,9 @@ pub(super) fn events() -> Vec<ServerMessage> {
         t: 0.005,
         mode: Mode::Fault,
         fault: Some(Fault::LinkLost),
-        message: "x".into(),
+        message: "x: y".into(),
+        found: Some("x".into()),
+        remedy: Some("Y.".into()),
         by: None,
     };
     let by = Some(Requester { name: "other".into(), session: Some(8) });
@@ -145,7 +147,14 @@ pub(super) fn events() -> Vec<ServerMessage> {
             tick: 78,
             effect: "spring".into(),
             parameters: serde_json::Map::from_iter([("stiffness".into(), 2.5.into())]),
-            warnings: vec!["spring: too stiff".into()],
+            warnings: vec!["spring: too stiff; soften it".into()],
+            advice: vec![WarningParts {
+                effect: Some("spring".into()),
+                what: "too stiff".into(),
+                why: None,
+                remedy: Some("Soften it.".into()),
+                shakes: true,
+            }],
             by,
         }),
         Event::Dropped(DroppedEvent { count: 3, total: 300 }),
@@ -190,6 +199,7 @@ pub(super) fn info() -> InfoOk {
         scenes: vec![SceneInfo::default()],
         modes: vec![ModeWords::default()],
         faults: vec![FaultWords::default()],
+        advice: vec![WarningParts::default()],
         lease: Some(LeaseInfo::default()),
         mode: Some(Mode::Idle),
         ..InfoOk::default()

@@ -10,6 +10,7 @@ use super::bound::StiffnessBound;
 use super::finding::{Finding, Why};
 use super::judge::Judge;
 use super::sampled::HOLDS;
+use super::warning::Warning;
 use crate::scene::{IdleKey, Listed, RunningScene, SceneEffect, kinds};
 use crate::{RigConfig, SceneFile};
 
@@ -65,23 +66,23 @@ impl Abilities {
         }
     }
 
-    /// Returns a sentence for each effect that the rig does not keep stable, for each parameter
+    /// Returns a warning for each effect that the rig does not keep stable, for each parameter
     /// that asks for more torque than the rig makes or a larger virtual mass than the loop renders,
     /// and for each that has no effect because of the values of others.
     ///
     /// Stability is judged by [`Judge`]: for a sphere without friction, free and in two hands, at
     /// each place where a law is steepest or changes.
     #[must_use]
-    pub fn warnings(&self, scene: &SceneFile) -> Vec<String> {
+    pub fn warnings(&self, scene: &SceneFile) -> Vec<Warning> {
         let compiled = RunningScene::new().load(scene.clone());
         let mut found = self.unstable(scene, &compiled);
         for effect in scene.effects() {
             for (name, torque) in values(effect, TORQUE).filter(|(_, torque)| *torque > self.torque) {
                 let (id, most) = (effect.id(), self.torque);
-                found.push(format!(
-                    "{id}: {name} {torque} N m is more than this rig makes; the sum of all torques is cut off at {most} N m \
+                found.push(Warning::of(id, format!(
+                    "{name} {torque} N m is more than this rig makes; the sum of all torques is cut off at {most} N m \
                      (limits.torque)"
-                ));
+                )));
             }
         }
         found.extend(self.too_heavy(scene, &compiled));
@@ -90,8 +91,8 @@ impl Abilities {
         found
     }
 
-    /// Returns a sentence for each virtual mass of which the loop renders only a part.
-    fn too_heavy(&self, scene: &SceneFile, compiled: &CompiledScene) -> Vec<String> {
+    /// Returns a warning for each virtual mass of which the loop renders only a part.
+    fn too_heavy(&self, scene: &SceneFile, compiled: &CompiledScene) -> Vec<Warning> {
         let period = 1.0 / f64::from(self.rate_hz);
         let part = self.inertia.map_or(1.0, |inertia| compiled.masses(inertia, period, |_, _| {}));
         let asked = scene
@@ -100,21 +101,21 @@ impl Abilities {
             .flat_map(|effect| values(effect, INERTIA).map(move |(name, mass)| (effect.id(), name, mass)));
         let told = asked.filter(|(.., mass)| part < 1.0 && *mass > 0.0).map(|(id, name, mass)| {
             let rendered = rounded_down(part * mass);
-            format!(
-                "{id}: {name} {mass} kg m² is more than this loop keeps stable; it renders {rendered} kg m². With a longer \
+            Warning::of(id, format!(
+                "{name} {mass} kg m² is more than this loop keeps stable; it renders {rendered} kg m². With a longer \
                  smoothing it renders more"
-            )
+            ))
         });
         told.collect()
     }
 
-    /// Returns a sentence for each effect that the rig does not keep stable.
-    fn unstable(&self, scene: &SceneFile, compiled: &CompiledScene) -> Vec<String> {
+    /// Returns a warning for each effect that the rig does not keep stable.
+    fn unstable(&self, scene: &SceneFile, compiled: &CompiledScene) -> Vec<Warning> {
         let Some(judge) = &self.judge else { return Vec::new() };
-        judge.findings(compiled).iter().map(|finding| self.sentence(scene, finding)).collect()
+        judge.findings(compiled).iter().map(|finding| self.warning(scene, finding)).collect()
     }
 
-    fn sentence(&self, scene: &SceneFile, finding: &Finding) -> String {
+    fn warning(&self, scene: &SceneFile, finding: &Finding) -> Warning {
         let effect = &scene.effects()[finding.effect];
         let (id, rate) = (effect.id(), self.rate_hz);
         let place = place(scene, finding);
@@ -145,6 +146,12 @@ impl Abilities {
             ),
             _ => String::new(),
         };
+        let shakes = |why, cure| Warning {
+            why: Some(why),
+            remedy: Some(cure),
+            shakes: true,
+            ..Warning::of(id, format!("may shake {whom}{about} {place}"))
+        };
         match finding.why {
             Why::Stiff { stiffness, stable, damping, cure } => {
                 let most = rounded_down(stiffness * stable);
@@ -161,25 +168,26 @@ impl Abilities {
                     [] => "make the effects of the scene softer".to_owned(),
                     cures => cures.join(", or "),
                 };
-                format!(
-                    "{id}: may shake {whom}{about} {place}: the scene has {} N m/rad and a damping of {} N m s/rad there, and at \
-                     {rate} Hz at most {most} N m/rad is stable{after}{whatever}; {cure}",
+                let why = format!(
+                    "the scene has {} N m/rad and a damping of {} N m s/rad there, and at {rate} Hz at most {most} N m/rad is \
+                     stable{after}{whatever}",
                     near(stiffness),
                     near(damping),
-                )
+                );
+                shakes(why, cure)
             }
             Why::Damped { damping, stable, own } => {
                 let cure = softer(&[DAMPING], own).map_or("damp less".to_owned(), |key| format!("set {key}"));
-                format!(
-                    "{id}: may shake {whom}{about} {place}: the damping of the scene, {} N m s/rad, acts too late, and at {rate} Hz \
-                     at most {} is stable{after}; {cure}",
+                let why = format!(
+                    "the damping of the scene, {} N m s/rad, acts too late, and at {rate} Hz at most {} is stable{after}",
                     near(damping),
                     rounded_down(damping * stable),
-                )
+                );
+                shakes(why, cure)
             }
             Why::Rings { added } => {
-                let cure = damped(added);
-                format!("{id}: a free sphere swings for more than 3 s after a tap{about} {place}; {cure}")
+                let what = format!("a free sphere swings for more than 3 s after a tap{about} {place}");
+                Warning { remedy: Some(damped(added)), ..Warning::of(id, what) }
             }
             Why::Bounces { times } => {
                 // A wall that damps more is touched for a shorter time, so a fifth more is told.
@@ -189,9 +197,10 @@ impl Abilities {
                     }
                     _ => "give it a damping".to_owned(),
                 };
-                format!(
-                    "{id}: walls throw a free sphere back and forth for more than 3 s after a tap{about} {place}; {cure}"
-                )
+                let what = format!(
+                    "walls throw a free sphere back and forth for more than 3 s after a tap{about} {place}"
+                );
+                Warning { remedy: Some(cure), ..Warning::of(id, what) }
             }
             Why::Turning { speed, damping } => {
                 let reaches = if speed.is_finite() {
@@ -199,24 +208,27 @@ impl Abilities {
                 } else {
                     String::new()
                 };
-                format!(
-                    "{id}: a free sphere that turns{about} gains speed{reaches}, because its torque acts late; add {} N m s/rad of \
-                     damping, or set passivity = true in the rig file",
-                    rounded_up(damping),
-                )
+                let what = format!(
+                    "a free sphere that turns{about} gains speed{reaches}, because its torque acts late"
+                );
+                let cure = format!(
+                    "add {} N m s/rad of damping, or set passivity = true in the rig file",
+                    rounded_up(damping)
+                );
+                Warning { remedy: Some(cure), ..Warning::of(id, what) }
             }
         }
     }
 
-    /// Returns the words that say that the simulated motors of a scene are later than those by
-    /// which a stiffness is judged, or `None` if they are not.
-    fn too_late(&self, scene: &SceneFile) -> Option<String> {
+    /// Returns a warning if the simulated motors of a scene are later than those by which a
+    /// stiffness is judged.
+    fn too_late(&self, scene: &SceneFile) -> Option<Warning> {
         let (simulated, judged) = (scene.simulate()?.motor?.lag_s, self.simulated_lag?);
         (simulated > judged).then(|| {
-            format!(
+            Warning::plain(format!(
                 "simulate.motor: lag_s {simulated} s is more than the lag of {judged} s by which a stiffness is judged \
                  (torque_lag of the rig file's joints); springs buzz sooner"
-            )
+            ))
         })
     }
 }
@@ -269,12 +281,13 @@ fn rounded(x: f64, digits: i32, round: fn(f64) -> f64) -> String {
     format!("{:.places$}", whole * unit)
 }
 
-/// Returns a sentence for each parameter that the file of the scene names although it has no effect
+/// Returns a warning for each parameter that the file of the scene names although it has no effect
 /// because of the values of others.
-pub fn in_vain(scene: &SceneFile) -> impl Iterator<Item = String> {
+pub fn in_vain(scene: &SceneFile) -> impl Iterator<Item = Warning> {
     scene.effects().iter().flat_map(|effect| {
-        effect.in_vain().iter().map(move |IdleKey { name, remedy, .. }| {
-            format!("{}: {name} has no effect here; to make it count, {remedy}", effect.id())
+        effect.in_vain().iter().map(move |IdleKey { name, remedy, .. }| Warning {
+            remedy: Some(format!("to make it count, {remedy}")),
+            ..Warning::of(effect.id(), format!("{name} has no effect here"))
         })
     })
 }

@@ -26,6 +26,7 @@ mod rates;
 mod sampled;
 #[cfg(feature = "info")]
 mod told;
+mod warning;
 
 pub use abilities::{Abilities, in_vain, rounded_down};
 pub use border::{StiffnessBorder, StiffnessKey};
@@ -39,3 +40,4 @@ pub use rates::{RateAdvice, RatePick, RateQuality};
 pub use sampled::{HOLDS, Hold, Sampled, Scene};
 #[cfg(feature = "info")]
 pub use told::Told;
+pub use warning::Warning;

@@ -20,7 +20,7 @@ fn warnings(text: &str) -> Vec<String> {
 
 fn warnings_on(rig: &RigConfig, text: &str) -> Vec<String> {
     let scene = SceneFile::from_toml(text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
-    Abilities::of(rig).warnings(&scene)
+    Abilities::of(rig).warnings(&scene).iter().map(ToString::to_string).collect()
 }
 
 #[test]
@@ -144,7 +144,7 @@ fn defaults_without_effect_are_not_named() {
         let scene = SceneFile::from_json(bare).unwrap_or_else(|error| panic!("{error}"));
         let again = SceneFile::from_json(scene.to_json()).unwrap_or_else(|error| panic!("{error}"));
         let said = Abilities::of(&RigConfig::prototype()).warnings(&again);
-        assert!(!said.iter().any(|warning| warning.contains("has no effect")), "{said:?}");
+        assert!(!said.iter().any(|warning| warning.what.contains("has no effect")), "{said:?}");
     }
 }
 
@@ -403,7 +403,7 @@ fn an_effect_at_random_without_torque_changes_no_warning() {
         let said = |effects: &[&Value]| -> Option<Vec<String>> {
             let scene = SceneFile::from_json(json!({"effect": effects})).ok()?;
             let said = abilities.warnings(&scene).into_iter();
-            Some(said.filter(|said| said.starts_with("s:")).collect())
+            Some(said.map(|said| said.to_string()).filter(|said| said.starts_with("s:")).collect())
         };
         let alone = said(&[&own]).unwrap_or_else(|| panic!("{own}"));
         warned += usize::from(!alone.is_empty());

@@ -2,8 +2,6 @@
 
 use std::collections::VecDeque;
 
-use glam::DVec3;
-
 use super::PlotSample;
 
 /// Largest number of samples kept for the plots: 30 s at 1 kHz, 20 MB.
@@ -11,13 +9,6 @@ const MAX_SAMPLES: usize = 32_768;
 
 /// Longest time that the plots can show, in seconds of the control loop's time.
 pub(crate) const SPAN_S: f64 = 30.0;
-
-/// The sphere shakes if its direction changes this often in the last second: at 6 Hz or faster.
-/// Hands are slower.
-const REVERSALS: usize = 12;
-
-/// Speed that counts in a shaking, rad/s.
-const SHAKES: f64 = 1.0;
 
 /// The samples of the last [`SPAN_S`] seconds, in order of time. If samples arrive so fast that
 /// they would need too much memory, some are skipped.
@@ -56,13 +47,6 @@ impl History {
     /// Returns the largest speed of the sphere in the last `seconds` seconds, rad/s.
     pub(crate) fn fastest(&self, seconds: f64) -> f64 {
         self.last(seconds).map(|sample| sample.omega.length()).fold(0.0, f64::max)
-    }
-
-    /// Returns whether the sphere shakes: it turns back and forth faster than a hand can.
-    pub(crate) fn shakes(&self) -> bool {
-        let fast = self.last(1.0).map(|sample| sample.omega).filter(|omega| omega.length() > SHAKES);
-        let mut before = DVec3::ZERO;
-        fast.filter(|omega| std::mem::replace(&mut before, *omega).dot(*omega) < 0.0).count() >= REVERSALS
     }
 
     /// Returns whether the torque was at least `torque`, N m, in all of the last `seconds` seconds.
@@ -123,6 +107,7 @@ pub(crate) fn thinned(samples: impl ExactSizeIterator<Item = [f64; 2]>, columns:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use hbot_api::StateEvent;
 
     fn sample(tick: u64, rate_hz: f64) -> PlotSample {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
 
 use hbot_api::InfoOk;
-use hbot_config::advice::{Abilities, StiffnessKey, Told};
+use hbot_config::advice::{Abilities, StiffnessKey, Told, Warning};
 use hbot_config::sweep::{Points, Probe};
 use hbot_config::{RunningScene, SceneFile};
 use serde_json::Value;
@@ -69,7 +69,7 @@ impl About {
 
 #[derive(Clone, Debug)]
 enum Answer {
-    Warnings(Vec<String>),
+    Warnings(Vec<Warning>),
     Curves(Option<[Points; 3]>),
     Border(Option<f64>),
 }
@@ -115,7 +115,7 @@ impl Judged {
 
     /// Returns the warnings of `scene`, in the words of the answer to `load_scene`. Returns none if
     /// the scene has kinds or values that the panel does not know.
-    pub(crate) fn warnings(&mut self, scene: &Value) -> &[String] {
+    pub(crate) fn warnings(&mut self, scene: &Value) -> &[Warning] {
         match self.ask(Question { about: About::Warnings, scene: scene.clone() }) {
             Some(Answer::Warnings(warnings)) => warnings,
             _ => &[],

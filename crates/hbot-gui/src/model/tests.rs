@@ -72,7 +72,8 @@ pub(crate) fn disconnect(model: &mut Model) {
 pub(crate) fn stopped_by(name: &str, session: Option<u64>) -> FaultEvent {
     let (mode, message) = (Mode::Estop, "stopped; reset, then enable, to go on".to_owned());
     let by = Some(Requester { name: name.to_owned(), session });
-    FaultEvent { tick: 200, t: 0.2, mode, fault: None, message, by }
+    let (found, remedy) = (None, None);
+    FaultEvent { tick: 200, t: 0.2, mode, fault: None, message, found, remedy, by }
 }
 
 /// Makes the model's user stop the rig, without a confirmation by the server.
@@ -321,6 +322,7 @@ fn a_parameter_that_another_client_sets_is_marked_with_its_name() {
         effect: "spring".to_owned(),
         parameters: json!({"stiffness": 2.5}).as_object().expect("a map").clone(),
         warnings: Vec::new(),
+        advice: Vec::new(),
         by: Some(Requester { name: "lab".to_owned(), session: Some(session) }),
     };
     let (mut other, mut own) = (commanding(true), commanding(true));

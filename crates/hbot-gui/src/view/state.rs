@@ -7,6 +7,7 @@ use eframe::egui::{
 };
 use glam::DVec3;
 use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
+use hbot_config::advice::Warning;
 
 use super::meters::{self, percent};
 use super::recover;
@@ -20,8 +21,6 @@ const STATUS: [f32; 2] = [94.0, 158.0];
 const HEADLINE: [f32; 2] = [20.0, 26.0];
 /// What replaces the advice to cut the motors' power.
 const NO_MOTORS: &str = "It is simulated and has no motors.";
-/// How a part of a warning begins that says what to do.
-const ORDERS: [&str; 5] = ["set ", "add ", "make ", "damp ", "give "];
 /// Size of the text in the box of a low window, points.
 const SMALL: f32 = 12.0;
 /// Size of what to do first, in the box, points.
@@ -41,15 +40,8 @@ const ORDER: [f32; 2] = [30.0, 38.0];
 pub(super) const TALL: f32 = 720.0;
 /// Size of the text below the stop button, points.
 const KEYS: f32 = 12.0;
-/// What a warning says after the id of an effect that is not stable.
-const MAY_SHAKE: &str = ": may shake";
 /// What to do about a sphere that shakes, if its scene has no remedy.
 const LESS: &str = "Lower the stiffness or raise the damping.";
-/// What to do about a fault that only a real rig gives a cause for.
-const UNBROKEN: &str = "The rig is simulated and nothing is broken: Reset, then Enable.";
-/// What the server adds to the message about a fault of a simulated rig.
-const SERVERS_UNBROKEN: &str = ". The rig is simulated and nothing is broken: reset, then enable";
-
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
 pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
@@ -96,7 +88,7 @@ pub(super) fn has_keys(ui: &Ui) -> bool {
 
 /// Draws the buttons that enable, disable and reset the rig, what the rig does now, and how near it
 /// is to its limits. `warnings` are those about the running scene.
-pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[String], intents: &mut Vec<Intent>) {
+pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &mut Vec<Intent>) {
     orders(ui, model, intents);
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
@@ -110,7 +102,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[String], intents: &mu
 }
 
 /// Returns whether the box takes the place of the bars.
-fn is_long(ui: &Ui, headline: Headline, warnings: &[String]) -> bool {
+fn is_long(ui: &Ui, headline: Headline, warnings: &[Warning]) -> bool {
     match headline {
         Headline::Mode(Mode::Fault) => true,
         Headline::Mode(Mode::Estop) => is_low(ui) && !warnings.is_empty(),
@@ -121,7 +113,7 @@ fn is_long(ui: &Ui, headline: Headline, warnings: &[String]) -> bool {
 
 /// Draws what the rig does now, and what the user must know about it, in a box whose text is
 /// `height` points high. So the sliders below it stay in their place; a longer text scrolls.
-fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, height: f32) {
+fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, height: f32) {
     let headline = model.headline();
     // What is old stands in grey.
     let old = model.quiet_for().filter(|_| matches!(headline, Headline::Mode(_)));
@@ -130,8 +122,8 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
     let mut frame =
         egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(10, 6)).stroke((2.0, edge));
     let pushes = matches!(headline, Headline::Mode(mode) if has_torque(mode));
-    let may_shake = warnings.iter().any(|it| it.contains(MAY_SHAKE));
-    let shakes = pushes && (model.shaking.is_some() || may_shake && model.history.shakes());
+    let may_shake = warnings.iter().any(|it| it.shakes);
+    let shakes = pushes && model.shaking.is_some();
     let is_amber = pushes && (shakes || may_shake || model.is_at_limit());
     // The box is as loud as the worst of the state.
     frame = match headline {
@@ -181,14 +173,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[String], palette: Palette, hei
                 coloured(ui, palette.warn, format!("last heard {:.1} s ago", tenths(quiet)));
                 ui.disable();
             }
-            if shakes && model.shaking.is_none() {
-                let speed = model.history.fastest(RECENT_S);
-                let text = format!("It shakes, at up to {speed:.1} rad/s.");
-                remedy(ui, palette, &cure(warnings, None));
-                coloured(ui, palette.warn, text);
-            } else {
-                details(ui, model, warnings, headline, palette);
-            }
+            details(ui, model, warnings, headline, palette);
         });
         if let Some(cut) = cut {
             coloured(ui, palette.warn, format!("Limits cut {} of the torque", percent(cut)));
@@ -213,7 +198,7 @@ fn cut(model: &Model, headline: Headline) -> Option<f64> {
     Some(1.0 - state.scale).filter(|cut| *cut >= LEAST_CUT)
 }
 
-fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, palette: Palette) {
+fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline, palette: Palette) {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
             let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
@@ -280,10 +265,10 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[String], headline: Headline, 
 
 /// Draws the first warning about the scene: the list below the sliders can be out of sight when the
 /// user enables or recovers. `is_cured` is whether the box says what to do already.
-fn warned(ui: &mut Ui, warnings: &[String], palette: Palette, is_cured: bool) {
+fn warned(ui: &mut Ui, warnings: &[Warning], palette: Palette, is_cured: bool) {
     let Some(first) = warnings.first() else { return };
-    let text = if is_low(ui) { brief(first) } else { first.clone() };
-    let (text, cure) = parted(&text);
+    let text = if is_low(ui) { first.brief() } else { first.reason() };
+    let cure = first.advice();
     let color = if cure.is_some() { palette.text } else { palette.warn };
     if let Some(cure) = cure.filter(|_| !is_cured) {
         remedy(ui, palette, &cure);
@@ -292,43 +277,21 @@ fn warned(ui: &mut Ui, warnings: &[String], palette: Palette, is_cured: bool) {
         1 => format!("Warning: {text}"),
         many => format!("The first of {many} warnings: {text}"),
     };
-    coloured(ui, color, text).on_hover_text(first);
+    coloured(ui, color, text).on_hover_text(first.to_string());
 }
 
 /// Returns what to do about a shaking of `effect`: what the warning of it says, or another one of
 /// the scene, so that there is one instruction.
-fn cure(warnings: &[String], effect: Option<&str>) -> String {
-    let of = |warning: &&String| warning.split_once(MAY_SHAKE).is_some_and(|(id, _)| Some(id) == effect);
-    let shaky = |warning: &&String| warning.contains(MAY_SHAKE);
-    let first = warnings.iter().filter(of).chain(warnings.iter().filter(shaky));
-    first.filter_map(|warning| parted(warning).1).next().unwrap_or_else(|| LESS.to_owned())
+fn cure(warnings: &[Warning], effect: Option<&str>) -> String {
+    let shaky = || warnings.iter().filter(|warning| warning.shakes);
+    let mut first = shaky().filter(|warning| warning.effect.as_deref() == effect).chain(shaky());
+    first.find_map(Warning::advice).unwrap_or_else(|| LESS.to_owned())
 }
 
 /// Draws what to do about a warning. It stands before the warning.
 pub(super) fn remedy(ui: &mut Ui, palette: Palette, text: &str) {
     let text = RichText::new(text).strong().size(if is_low(ui) { SMALL } else { LARGE });
     ui.add(egui::Label::new(text.color(palette.warn)).wrap());
-}
-
-/// Parts a warning of the server into what it warns of, and what to do about it as a sentence. Not
-/// every warning ends with what to do.
-pub(super) fn parted(warning: &str) -> (&str, Option<String>) {
-    let orders = |cure: &str| ORDERS.iter().any(|order| cure.starts_with(order));
-    let Some((what, cure)) = warning.rsplit_once("; ").filter(|(_, cure)| orders(cure)) else {
-        return (warning, None);
-    };
-    let mut letters = cure.chars();
-    let first = letters.next().map(|letter| letter.to_ascii_uppercase());
-    (what, Some(format!("{}{}.", first.into_iter().collect::<String>(), letters.as_str())))
-}
-
-/// Leaves out the reasons in the middle of a long warning of the server, for a box without room.
-pub(super) fn brief(warning: &str) -> String {
-    let reasons = warning.match_indices(": ").nth(1).map(|(at, _)| at);
-    match (reasons, warning.rsplit_once("; ")) {
-        (Some(at), Some((_, remedy))) => format!("{}; {remedy}", &warning[..at]),
-        _ => warning.to_owned(),
-    }
 }
 
 /// Says which effect shook the sphere.
@@ -388,22 +351,19 @@ fn old(model: &Model) -> Option<String> {
 fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     let Some(fault) = state.fault else { return };
     let (what, cure) = fault.words();
-    let by = model.fault.as_ref().and_then(|told| told.by.as_ref());
-    let by = by.map(|by| format!(" It was {}.", model.who(by))).unwrap_or_default();
+    let told = model.fault.as_ref();
+    let by = told
+        .and_then(|told| told.by.as_ref())
+        .map(|by| format!(" It was {}.", model.who(by)))
+        .unwrap_or_default();
     coloured(ui, palette.bad, format!("{what}{by}"));
     if let Some(text) = too_fast(model) {
         coloured(ui, palette.warn, text);
     }
-    // A simulated rig has no plug that is loose.
-    let cure = if model.is_simulated() && is_of_hardware(fault) { UNBROKEN } else { cure };
-    ui.add(egui::Label::new(cure).wrap());
-    if model.is_simulated() && too_fast(model).is_some() {
-        let hand =
-            "If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].";
-        ui.add(egui::Label::new(hand).wrap());
-    }
+    // The server knows more of this rig than the usual words.
+    ui.add(egui::Label::new(told.and_then(|told| told.remedy.as_deref()).unwrap_or(cure)).wrap());
     // What was found comes last, because it can be long.
-    let found = model.fault.as_ref().map(|told| format!("{fault}: {}", found(fault, &told.message)));
+    let found = told.and_then(|told| told.found.as_ref()).map(|found| format!("{fault}: {found}"));
     weak(ui, found.as_deref().unwrap_or(fault.as_str()));
 }
 
@@ -416,36 +376,6 @@ pub(super) fn too_fast(model: &Model) -> Option<String> {
     fast.then(|| {
         format!("The sphere must slow down before Reset: {speed:.2} rad/s, the limit is {limit} rad/s.")
     })
-}
-
-/// Returns what the server has found about a fault, in the box. The speed at which the sphere was
-/// too fast is left out, because the box tells the present one beside the limit.
-fn found(fault: Fault, message: &str) -> String {
-    let message = without_log(message).replace(SERVERS_UNBROKEN, "");
-    match message.split_once("; the limit is ") {
-        Some(_) if fault == Fault::Overspeed => "limits.speed of the rig file".to_owned(),
-        _ => message,
-    }
-}
-
-/// Returns whether the usual remedy of a fault is one for motors, wheels and cables.
-const fn is_of_hardware(fault: Fault) -> bool {
-    match fault {
-        Fault::LinkLost
-        | Fault::LinkCorrupt
-        | Fault::ControllerFault
-        | Fault::Overtorque
-        | Fault::Slip
-        | Fault::ImplausibleFeedback
-        | Fault::Thermal => true,
-        Fault::Overspeed | Fault::NonFinite | Fault::Deadline | Fault::ClientLost => false,
-    }
-}
-
-/// Removes the path of the flight log from a message, because the path is long. The list of
-/// messages still shows it.
-fn without_log(message: &str) -> &str {
-    message.split("; flight log:").next().unwrap_or_default()
 }
 
 fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {

@@ -2,13 +2,13 @@
 
 use eframe::egui::style::HandleShape;
 use eframe::egui::{self, ComboBox, DragValue, Slider, SliderClamping, Stroke, Ui};
-use hbot_config::advice::{StiffnessKey, rounded_down};
+use hbot_config::advice::{StiffnessKey, Warning, rounded_down};
 use serde_json::{Value, json};
 
 use super::Desk;
 use super::bar::OBSERVER;
 use super::parameter;
-use super::state::{is_low, parted, remedy};
+use super::state::{is_low, remedy};
 use super::theme::{Palette, coloured, heading, named, weak};
 use super::{round_up, three_digits};
 use crate::model::{Effect, Model};
@@ -102,15 +102,14 @@ fn tells_loop(model: &Model) -> bool {
 }
 
 /// Draws what the server warns of when it loads such a scene.
-fn warnings(ui: &mut Ui, warnings: &[String]) {
+fn warnings(ui: &mut Ui, warnings: &[Warning]) {
     let palette = Palette::of(ui);
     for warning in warnings {
-        let (what, cure) = parted(warning);
-        let color = if cure.is_some() { palette.text } else { palette.warn };
-        if let Some(cure) = cure {
+        let color = if warning.remedy.is_some() { palette.text } else { palette.warn };
+        if let Some(cure) = warning.advice() {
             remedy(ui, palette, &cure);
         }
-        coloured(ui, color, what);
+        coloured(ui, color, warning.reason());
     }
 }
 
@@ -434,15 +433,13 @@ mod tests {
         assert_eq!(warnings.len(), 1);
         let said_of = said(model);
         // What to do comes first.
-        let (what, cure) = parted(&warnings[0]);
-        let cure = cure.expect("a remedy");
-        assert_eq!(format!("{what}; {cure}").to_lowercase(), format!("{}.", warnings[0]).to_lowercase());
-        let [cure, what] = [cure.as_str(), what].map(|text| said_of.find(text).expect("told in full"));
+        let (what, cure) = (warnings[0].reason(), warnings[0].advice().expect("a remedy"));
+        let [cure, what] = [cure, what].map(|text| said_of.find(&text).expect("told in full"));
         assert!(cure < what, "{said_of}");
         // The sentence about the mark has the number of the warning.
         let border = border(&said_of);
         assert!(
-            warnings[0].contains(&format!("at most {border:?} N m/rad is stable")),
+            warnings[0].to_string().contains(&format!("at most {border:?} N m/rad is stable")),
             "{border}, {warnings:?}"
         );
         assert!(!said(panel(5.0, 0.02, true)).contains("shake"));

@@ -1,6 +1,7 @@
 //! Conversions from the core's types to those of the TCP messages.
 
 use hbot_api::{ClientLostPolicy, StateEvent, StateTiming};
+use hbot_config::advice::Warning;
 use hbot_core::inputs::OnClientLost;
 use hbot_core::outputs::State;
 use hbot_core::{Quat, Vec3};
@@ -13,6 +14,10 @@ pub(super) fn client_lost_policy(policy: OnClientLost) -> ClientLostPolicy {
         OnClientLost::Keep => ClientLostPolicy::Keep,
         OnClientLost::Fault => ClientLostPolicy::Fault,
     }
+}
+
+pub(super) fn sentences(warnings: &[Warning]) -> Vec<String> {
+    warnings.iter().map(ToString::to_string).collect()
 }
 
 pub(super) fn vector([x, y, z]: [f64; 3]) -> Vec3 {

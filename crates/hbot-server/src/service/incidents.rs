@@ -10,6 +10,7 @@ use hbot_core::safety::mode::{Cause, Mode};
 
 use super::convert;
 use super::flights::Flights;
+use explanation::Explanation;
 use hbot_host::run_loop::bridge::ServiceEnd;
 use hbot_host::run_loop::sample::Sample;
 
@@ -132,36 +133,35 @@ impl Incidents {
     ) -> FaultEvent {
         let state = &sample.state;
         let tick = state.tick;
-        let (mut message, by) = match (state.mode, state.cause) {
+        let (explanation, by) = match (state.mode, state.cause) {
             (Mode::Fault, Some(cause)) => {
                 counts.faults.add(convert::fault(cause));
                 let by = (cause == Cause::ClientLost).then(|| self.lost.take()).flatten();
-                (self.explain(cause, sample), by)
+                (Ok(self.explain(cause, sample)), by)
             }
-            (Mode::Fault, None) => ("a fault of unknown cause".to_owned(), None),
+            (Mode::Fault, None) => (Err("a fault of unknown cause".to_owned()), None),
             _ => {
                 counts.estops += 1;
                 let by_client = self.stopper.take();
                 let by = if end.take_signalled() { Some(signal()) } else { by_client };
-                (
-                    format!(
-                        "stopped{}; reset, then enable, to go on",
-                        by.as_ref().map(in_words).unwrap_or_default()
-                    ),
-                    by,
-                )
+                let who = by.as_ref().map(in_words).unwrap_or_default();
+                (Err(format!("stopped{who}; reset, then enable, to go on")), by)
             }
+        };
+        let (mut message, found, remedy) = match explanation {
+            Ok(Explanation { message, found, remedy }) => (message, Some(found), Some(remedy)),
+            Err(message) => (message, None, None),
         };
         let what = state.cause.map_or(ApiMode::Estop.as_str(), |cause| convert::fault(cause).as_str());
         if let Some(path) = flights.trigger(tick, what) {
             message = format!("{message}; flight log: {}", path.display());
         }
         tracing::warn!(tick, "{what}: {message}");
-        event(sample, message, by)
+        FaultEvent { found, remedy, ..event(sample, message, by) }
     }
 
-    /// Returns the message that explains a fault to clients.
-    fn explain(&self, cause: Cause, sample: &Sample) -> String {
+    /// Explains a fault to clients.
+    fn explain(&self, cause: Cause, sample: &Sample) -> Explanation {
         if self.simulated {
             explanation::simulated(cause, sample, self.skipped_before, &self.rig, self.line.as_ref())
         } else {
@@ -190,6 +190,8 @@ fn event(sample: &Sample, message: String, by: Option<Requester>) -> FaultEvent 
         mode: convert::mode(state.mode),
         fault: state.cause.map(convert::fault),
         message,
+        found: None,
+        remedy: None,
         by,
     }
 }
@@ -208,10 +210,21 @@ mod tests {
             |simulated, cause| Incidents::new(RigConfig::prototype().rig, simulated).explain(cause, &sample);
         for cause in Cause::ALL {
             let said = told(true, cause);
-            assert!(said.contains("simulated and nothing is broken: reset, then enable"), "{said}");
-            assert!(!told(false, cause).contains("simulated"), "{cause:?}");
+            assert!(
+                said.message.contains("simulated and nothing is broken: reset, then enable"),
+                "{cause:?}"
+            );
+            let of_hardware = ["cable", "controller", "Clean", "cool"];
+            assert!(!of_hardware.iter().any(|word| said.remedy.contains(word)), "{}", said.remedy);
+            assert!(said.remedy.contains("Reset"), "{}", said.remedy);
+            // A sphere without a hand may never slow down.
+            assert_eq!(said.remedy.contains("`hand = {}`"), cause == Cause::Overspeed);
+            let real = told(false, cause);
+            assert!(!real.message.contains("simulated") && !real.remedy.contains("simulated"), "{cause:?}");
+            assert_eq!(real.remedy, convert::fault(cause).words().1);
+            assert!(real.message.contains(&real.found) || cause == Cause::Overspeed, "{}", real.found);
         }
-        assert!(!told(true, Cause::LinkLost).contains("cable"), "a simulated rig has no cable");
+        assert!(!told(true, Cause::LinkLost).message.contains("cable"), "a simulated rig has no cable");
     }
 
     #[test]
@@ -219,7 +232,7 @@ mod tests {
         let told = |cause, line| {
             let mut incidents = Incidents::new(RigConfig::prototype().rig, true);
             incidents.show(&Simulate { link: Some(line), ..Simulate::default() });
-            incidents.explain(cause, &crate::still::still(7))
+            incidents.explain(cause, &crate::still::still(7)).message
         };
         let still = Link { latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, ..Link::default() };
         let said = told(Cause::LinkLost, Link { loss: 0.6, ..still });

@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::convert;
 use super::outlook::Said;
-use hbot_config::advice::{RatePick, StiffnessBound, USUAL_DAMPING, told_limits, told_rig};
+use hbot_config::advice::{RatePick, StiffnessBound, USUAL_DAMPING, Warning, told_limits, told_rig};
 use hbot_host::run_loop::clock::Origin;
 use hbot_host::run_loop::sample::Sample;
 
@@ -29,7 +29,7 @@ pub(super) struct Now<'a> {
     /// The running scene.
     pub(super) scene: Value,
     /// The warnings about it.
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: &'a [Warning],
     /// What takes longer to say of it, as far as it is known.
     pub(super) outlook: Said,
     /// The newest sample of the loop, if there is one.
@@ -97,7 +97,8 @@ impl Info {
         InfoOk {
             clock,
             scene,
-            warnings,
+            warnings: convert::sentences(warnings),
+            advice: warnings.iter().map(Into::into).collect(),
             stable: outlook.stable,
             curves: outlook.curves,
             capability,

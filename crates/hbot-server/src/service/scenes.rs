@@ -15,9 +15,9 @@ use tokio::sync::Notify;
 use tokio::task::{JoinError, JoinSet};
 
 use super::outlook::{Outlook, Said};
-use super::{SetPhenomena, cost};
+use super::{SetPhenomena, convert, cost};
 use crate::recording::Notes;
-use hbot_config::advice::Abilities;
+use hbot_config::advice::{Abilities, Warning};
 use hbot_host::run_loop::bridge::ServiceEnd;
 use hbot_host::run_loop::sample::Sample;
 
@@ -42,7 +42,7 @@ pub(super) struct Scenes {
     /// What takes longer to say of the running scene.
     outlook: Outlook,
     /// Warnings about the running scene.
-    warnings: Vec<String>,
+    warnings: Vec<Warning>,
     /// The changes whose requests have not been answered yet, in the order in which they were sent
     /// to the loop.
     waiting: VecDeque<Waiting>,
@@ -60,7 +60,7 @@ struct Waiting {
     session: u64,
     id: Option<Id>,
     by: Option<Requester>,
-    warnings: Vec<String>,
+    warnings: Vec<Warning>,
     change: Change,
     /// The first tick that rendered the scene. `None` before it.
     tick: Option<u64>,
@@ -80,7 +80,7 @@ pub(super) struct Examined {
     revision: u64,
     /// The measured computing time of each effect, ns per tick.
     costs: Vec<u64>,
-    warnings: Vec<String>,
+    warnings: Vec<Warning>,
 }
 
 /// A change that is rendered, with the answer to its client and the event for all clients. Another
@@ -130,7 +130,7 @@ impl Scenes {
 
     /// Returns the warnings about this scene, as in the answer to `load_scene` or `set`. Before
     /// this answer there are none.
-    pub(super) fn warnings(&self) -> &[String] {
+    pub(super) fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
 
@@ -336,12 +336,23 @@ impl Scenes {
         let Waiting { session, id, by, warnings, change, .. } = self.waiting.pop_front()?;
         let (answer, event) = match change {
             Change::Scene { name, effects, ignored, .. } => (
-                json!(LoadSceneOk { effects: effects.clone(), ignored, warnings }),
+                json!(LoadSceneOk {
+                    effects: effects.clone(),
+                    ignored,
+                    warnings: convert::sentences(&warnings)
+                }),
                 Event::Scene(SceneEvent { tick, name, effects, by }),
             ),
             Change::Parameters { effect, parameters } => (
-                json!(SetOk { warnings: warnings.clone() }),
-                Event::Set(SetEvent { tick, effect, parameters, warnings, by }),
+                json!(SetOk { warnings: convert::sentences(&warnings) }),
+                Event::Set(SetEvent {
+                    tick,
+                    effect,
+                    parameters,
+                    warnings: convert::sentences(&warnings),
+                    advice: warnings.iter().map(Into::into).collect(),
+                    by,
+                }),
             ),
         };
         Some(Changed { session, id, answer, event })
@@ -375,16 +386,16 @@ fn named(file: &SceneFile) -> Option<(String, Simulate)> {
 
 /// Returns the warning about a scene that names no phenomena, while the simulated rig has those of
 /// the earlier scene `name`. A hand alone is no reason for one: without it, nothing would be felt.
-fn keeps(name: &str, simulate: &Simulate) -> Option<String> {
+fn keeps(name: &str, simulate: &Simulate) -> Option<Warning> {
     let all = names(&json!(simulate));
     if all == ["hand"] {
         return None;
     }
     let all = if all.is_empty() { "no hand and no other phenomenon".to_owned() } else { all.join(", ") };
-    Some(format!(
+    Some(Warning::plain(format!(
         "simulate: this scene has no such table, so the simulated rig keeps that of the scene {name:?}: {all}. \
          A table with `hand = {{}}` alone gives back the default hand on an ideal rig, which holds the sphere where it is then"
-    ))
+    )))
 }
 
 /// Reads a scene that a client has sent: a map with the structure of a scene file, or the name of a
@@ -441,23 +452,24 @@ mod tests {
         scenes.set(&mut end, 4, None, ("air".to_owned(), damping.clone()), ann.clone()).unwrap();
         let second = scenes.running.revision();
         scenes.rendered(&Sample { scene: first - 1, ..crate::still::still(6) });
-        let shakes = || vec!["it shakes".to_owned()];
+        let shakes = || vec![Warning::plain("it shakes".to_owned())];
         scenes.examined(Ok(Examined { revision: first, costs: vec![42], warnings: shakes() }));
         assert!(scenes.next_changed().is_none(), "examined and not rendered");
         assert!(scenes.warnings().is_empty(), "those of the change, which is later");
         scenes.rendered(&Sample { scene: first, ..crate::still::still(7) });
         let loaded = scenes.next_changed().expect("both");
         assert_eq!((loaded.session, &loaded.answer["effects"][0]["cost_ns"]), (3, &json!(42)));
-        assert_eq!(loaded.answer["warnings"], json!(shakes()));
+        assert_eq!(loaded.answer["warnings"], json!(["it shakes"]));
         let Event::Scene(event) = loaded.event else { panic!("a scene") };
         assert_eq!((event.tick, event.by), (7, ann.clone()));
         assert!(scenes.next_changed().is_none(), "the loop has the scene and not its change");
         scenes.rendered(&Sample { scene: second, ..crate::still::still(8) });
         let set = scenes.next_changed().expect("rendered; a change is not examined");
-        let warnings = Vec::new();
         assert_eq!((set.session, &set.answer), (4, &json!({"warnings": []})));
         let (tick, effect) = (8, "air".to_owned());
-        assert_eq!(set.event, Event::Set(SetEvent { tick, effect, parameters: damping, warnings, by: ann }));
+        let (warnings, advice) = (Vec::new(), Vec::new());
+        let event = SetEvent { tick, effect, parameters: damping, warnings, advice, by: ann };
+        assert_eq!(set.event, Event::Set(event));
         assert!(!scenes.is_waiting());
     }
 

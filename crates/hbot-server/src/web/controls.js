@@ -133,8 +133,7 @@ export class Controls {
       const border = this.border(of());
       text.hidden = border === null;
       if (border === null) return;
-      // A warning has no field for its effect. The server begins it with the effect's id and a colon.
-      const warned = this.rig.warnings.some((warning) => warning.startsWith(`${of().id}: `));
+      const warned = this.rig.warnings.some(({ effect }) => effect === of().id);
       text.className = warned || get() > border ? 'warn' : 'weak';
       put(text, `Expected to be stable up to ${roundedDown(border)} N m/rad (mark)`);
     });

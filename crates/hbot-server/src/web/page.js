@@ -8,7 +8,7 @@ import { length, rotation } from './maths.js';
 import { plot, plotCurves } from './plot.js';
 import { Rig, hasTorque, person } from './rig.js';
 import { Camera, draw } from './sphere.js';
-import { narrow, put, showMessages, showState, touch, warned, withCode } from './state.js';
+import { narrow, put, showMessages, showState, touch, withCode } from './state.js';
 
 /** States per second that the page asks for. */
 const STATES = 60;
@@ -72,8 +72,7 @@ function tell(what) {
 async function ask(op, fields, what = op) {
   rig.refusal = null;
   try {
-    const ok = await link.request(op, fields);
-    if (ok.warnings) rig.warnings = ok.warnings;
+    await link.request(op, fields);
     changed();
     return true;
   } catch (error) {
@@ -93,7 +92,6 @@ async function askInfo() {
   try {
     const info = await link.request('info');
     rig.take(info);
-    rig.warnings = info.warnings ?? rig.warnings;
     // The server has begun to compute it with this question.
     if (info.render && !info.stable) askInfoIn(STABLE_AFTER);
     showScene();
@@ -212,13 +210,13 @@ function showRights() {
     : rig.lease.who === 'other' ? 'Take over to change' : 'Take command to change');
   if (rig.lease.who !== 'other' || !rig.isLive || !hasTorque(rig.state.mode)) $('question').hidden = true;
   const list = $('warnings');
-  if (list.dataset.shown !== rig.warnings.join('\n')) {
-    list.dataset.shown = rig.warnings.join('\n');
-    list.replaceChildren(...rig.warnings.map((text) => {
+  const told = JSON.stringify(rig.warnings);
+  if (list.dataset.shown !== told) {
+    list.dataset.shown = told;
+    list.replaceChildren(...rig.warnings.map(({ effect, what, why, remedy }) => {
       const item = document.createElement('li');
-      const [cure, reason] = warned(text);
-      if (cure) item.append(Object.assign(document.createElement('strong'), { textContent: `${cure.replaceAll('`', '')}.` }));
-      item.append(...withCode(reason));
+      if (remedy) item.append(Object.assign(document.createElement('strong'), { textContent: remedy.replaceAll('`', '') }));
+      item.append(...withCode([effect, what, why].filter(Boolean).join(': ')));
       return item;
     }));
   }

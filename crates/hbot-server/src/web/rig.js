@@ -26,8 +26,6 @@ const PUSHES = /^(N m(\/rad)?|kg)$/;
 const RECENT = 0.5;
 /** The torque is at its limit if it is this part of it or more for so long, s. */
 const [AT_LIMIT, AT_LIMIT_S] = [0.95, 0.2];
-/** The sphere shakes if it turns back this often in a second, 6 Hz, at a speed of at least this, rad/s. Hands are slower. */
-const [REVERSALS, SHAKES] = [12, 1];
 
 /** The end of the message about a client that has taken over. */
 const TAKEN = ' has taken over command';
@@ -43,6 +41,7 @@ export class Rig {
     this.closed = null;
     this.stop = null;
     this.wishes = new Map();
+    /** What the server warns of in the scene, in parts: `{ effect, what, why, remedy, shakes }`. */
     this.warnings = [];
     /** Up to which stiffness the scene is stable, as the server said last. */
     this.stable = [];
@@ -103,6 +102,7 @@ export class Rig {
 
   take(info) {
     this.info = info;
+    this.warnings = info.advice;
     // The server takes up to a second to know it of a changed scene. The last answer stays until then.
     this.stable = info.stable ?? this.stable;
     if (info.curves) [this.curves, this.curved] = [info.curves, structuredClone(info.scene?.effect ?? [])];
@@ -154,7 +154,7 @@ export class Rig {
         return true;
       case 'set':
         this.refusal = null;
-        this.warnings = message.warnings;
+        this.warnings = message.advice;
         return false;
       case 'shaking':
         this.say(message.message, message.shaking ? 'warn' : '');
@@ -242,7 +242,7 @@ export class Rig {
 
   /** Returns the warnings that the scene may shake the sphere. */
   get unstable() {
-    return this.warnings.filter((text) => text.includes(': may shake'));
+    return this.warnings.filter(({ shakes }) => shakes);
   }
 
   /** Returns the largest speed of the last moments, rad/s. */
@@ -250,13 +250,9 @@ export class Rig {
     return this.state ? Math.max(...this.last(RECENT).map(length)) : 0;
   }
 
-  /** Whether the sphere shakes by a scene that is warned of: it turns back and forth faster than a hand can. */
+  /** Whether the server has found that the sphere shakes by itself. */
   get shakes() {
-    if (!this.state || !hasTorque(this.state.mode)) return false;
-    if (this.shaking) return true;
-    const fast = this.last(1).filter((omega) => length(omega) > SHAKES);
-    const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    return this.unstable.length > 0 && fast.filter((it, k) => k > 0 && dot(it, fast[k - 1]) < 0).length >= REVERSALS;
+    return this.shaking !== null && hasTorque(this.state?.mode);
   }
 
   /** Whether the server refuses a reset because the sphere is still as fast as in the fault. */

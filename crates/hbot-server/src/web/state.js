@@ -55,9 +55,6 @@ export const withCode = (text) => text.split('`').map((part, k) => (
 /** The server's words before a path at the end of a message. Without them, a message is shown as it is. */
 const FLIGHT_LOG = '; flight log: ';
 
-/** What a simulated sphere needs that does not slow down by itself. */
-const HELD = 'If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].';
-
 /** What is said of a simulated rig in place of what to do about motors. */
 const UNPOWERED = 'It is simulated and has no motors.';
 
@@ -93,33 +90,25 @@ function details(rig) {
   if (state.mode === 'fault') {
     const words = rig.info?.faults?.find((fault) => fault.name === state.fault);
     const who = by ? ` It was ${rig.name(by)}.` : '';
-    const told = rig.fault?.message.split(FLIGHT_LOG)[0] ?? '';
-    // The usual remedy is for a real rig. A simulated one has no plug that could be loose, and the server says what to do.
-    const [found, rest] = told.split('. The rig is simulated');
-    const remedy = !rig.isSimulated ? words?.remedy ?? '' : rest ? sentence(`The rig is simulated${rest}`) : '';
-    // A speed that was stands in the list of messages. Beside the speed that is, it would confuse.
-    const past = found.startsWith('the sphere turned at ');
+    const { found, remedy } = rig.fault ?? {};
     return [
       ['bad', `${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
-      ['', rig.isSimulated && rig.isFast ? HELD : remedy],
-      ['weak', past ? '' : `${state.fault}${found && `: ${found}`}`]];
+      ['', remedy ?? ''],
+      ['weak', found ? `${state.fault}: ${found}` : state.fault]];
   }
   if (state.mode === 'estop') {
     return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)]];
   }
   if (rig.shakes) {
-    const { shaking } = rig;
-    const [cure] = brief(rig.unstable.find((text) => text.startsWith(`${shaking?.effect}: `)) ?? rig.unstable[0] ?? '');
-    return [['strong warn', cure ? `${cure}.` : 'Lower the stiffness or raise the damping.'],
-      ['warn', shaking ? `Torque lowered: ${shaking.effect ?? 'the scene'} shook the sphere at ${shaking.frequency.toFixed(0)} Hz.`
-        : `It shakes: peak ${rig.fastest.toFixed(1)} rad/s.`]];
+    const { effect, frequency } = rig.shaking;
+    const { remedy } = rig.unstable.find((warning) => warning.effect === effect) ?? rig.unstable[0] ?? {};
+    return [['strong warn', remedy ?? 'Lower the stiffness or raise the damping.'],
+      ['warn', `Torque lowered: ${effect ?? 'the scene'} shook the sphere at ${frequency.toFixed(0)} Hz.`]];
   }
   if (isWarned(rig)) {
-    const [cure, reason] = brief(rig.unstable[0]);
-    // Where it shakes stands at the scene.
-    const what = narrow.matches ? reason.replace(/(may shake the sphere).*/, '$1') : reason;
-    return [['strong warn', cure && `${cure}.`], ['warn', `Warning: ${what}.`]];
+    const [first] = rig.unstable;
+    return [['strong warn', first.remedy], ['warn', `Warning: ${brief(first)}.`]];
   }
   if (state.mode === 'idle' && (rig.refusal?.op === 'enable' || rig.isFar)) return notEnabled(rig);
   return [['weak', mode]];
@@ -170,24 +159,19 @@ function noticed(rig) {
   const lines = lease.who === 'free' && hasTorque(state.mode) ? ['Nobody commands: take command'] : [];
   const cut = 1 - state.scale;
   if (warnings.length > 0 && !isWarned(rig)) {
-    const [cure, reason] = brief(warnings[0]);
-    lines.push(...(cure ? [cure] : []), `${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${reason}`);
+    const [first] = warnings;
+    const remedy = first.remedy ? `${first.remedy} ` : '';
+    lines.push(`${remedy}${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`);
   } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`Limits cut ${percent(cut)} of the torque`);
   else if (rig.isAtLimit) lines.push("The torque is at the rig's limit");
   return lines.join('. ');
 }
 
-/** Returns what to do about a warning, if the server says it in the end, and why. */
-export function warned(text) {
-  const [, reason, cure] = text.match(/^(.*); ((?:set|add|make|damp|give) .*)$/) ?? [null, text, ''];
-  return [cure && `${cure[0].toUpperCase()}${cure.slice(1)}`, reason];
-}
-
-/** Returns what to do about a warning, and why without the reasons of that, in words for the box. */
-function brief(text) {
-  const [cure, why] = warned(text.replaceAll('`', ''));
-  const [effect, what] = why.split(': ');
-  return [cure, what?.startsWith('may ') ? `${effect} ${what}` : what ? `${effect}: ${what}` : why];
+/** Returns what a warning says without its reasons, for the box. */
+function brief({ effect, what }) {
+  // Where it shakes stands at the scene.
+  const text = narrow.matches ? what.replace(/(may shake the sphere).*/, '$1') : what;
+  return (effect ? `${effect}: ${text}` : text).replaceAll('`', '');
 }
 
 /** Says a part in per cent. All of it is never cut. */

@@ -175,7 +175,7 @@ impl Hub {
         self.drain();
         let now = Now {
             scene: self.scenes.file().to_json(),
-            warnings: self.scenes.warnings().to_vec(),
+            warnings: self.scenes.warnings(),
             outlook: self.scenes.outlook(),
             sample: self.latest.as_ref(),
             lease: self.lease.info(),

@@ -8,17 +8,28 @@ use hbot_core::safety::mode::Cause;
 use super::super::convert;
 use hbot_host::run_loop::sample::Sample;
 
-/// Returns the message that explains a fault of a simulated rig to clients. It says that the rig is
-/// simulated, and names causes that a simulated rig can have. `line` has the errors of its serial
-/// line, if it has any; the other parameters are those of [`real`].
+/// What clients are told of a fault.
+pub(super) struct Explanation {
+    /// All of it, for the log and for clients that show one text.
+    pub(super) message: String,
+    /// What was found. The speed at which the sphere was too fast is left out, because clients show
+    /// the present one beside it.
+    pub(super) found: String,
+    /// What to do about it on this rig.
+    pub(super) remedy: String,
+}
+
+/// Explains a fault of a simulated rig. The explanation says that the rig is simulated, and names
+/// causes that a simulated rig can have. `line` has the errors of its serial line, if it has any;
+/// the other parameters are those of [`real`].
 pub(super) fn simulated(
     cause: Cause,
     sample: &Sample,
     skipped: u64,
     rig: &Rig,
     line: Option<&Link>,
-) -> String {
-    let (what, remedy) = match (cause, line) {
+) -> Explanation {
+    let (what, again) = match (cause, line) {
         (Cause::LinkLost, _) => {
             let what = format!(
                 "the simulated motor controllers have not answered for {} ticks (link.timeout_ticks), or answered late",
@@ -36,9 +47,53 @@ pub(super) fn simulated(
         (Cause::LinkCorrupt, _) => {
             ("too many frames of the simulated serial line are damaged".to_owned(), String::new())
         }
-        _ => (real(cause, sample, skipped, rig), String::new()),
+        _ => (observed(cause, sample, skipped, rig), String::new()),
     };
-    format!("{what}. The rig is simulated and nothing is broken: reset, then enable{remedy}")
+    let remedy = match cause {
+        Cause::Overspeed => format!("{} {HELD}", usual(cause)),
+        _ if is_of_hardware(cause) => format!("{UNBROKEN}: Reset, then Enable{again}."),
+        _ => usual(cause).to_owned(),
+    };
+    let message = format!("{what}. {UNBROKEN}: reset, then enable{again}");
+    Explanation { message, found: found(cause, rig, what), remedy }
+}
+
+/// Explains a fault of a real rig. `skipped` is the number of ticks that were skipped just before
+/// the sample.
+pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> Explanation {
+    let message = observed(cause, sample, skipped, rig);
+    Explanation { found: found(cause, rig, message.clone()), remedy: usual(cause).to_owned(), message }
+}
+
+const UNBROKEN: &str = "The rig is simulated and nothing is broken";
+/// What to do about a simulated sphere that is too fast and that nobody can hold.
+const HELD: &str =
+    "If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].";
+
+fn usual(cause: Cause) -> &'static str {
+    convert::fault(cause).words().1
+}
+
+/// Returns whether the usual remedy is one for motors, wheels and cables, which a simulated rig does
+/// not have.
+const fn is_of_hardware(cause: Cause) -> bool {
+    match cause {
+        Cause::LinkLost
+        | Cause::LinkCorrupt
+        | Cause::ControllerFault
+        | Cause::Overtorque
+        | Cause::Slip
+        | Cause::ImplausibleFeedback
+        | Cause::Thermal => true,
+        Cause::Overspeed | Cause::NonFinite | Cause::Deadline | Cause::ClientLost => false,
+    }
+}
+
+fn found(cause: Cause, rig: &Rig, what: String) -> String {
+    match cause {
+        Cause::Overspeed => format!("faster than {} rad/s (limits.speed)", rig.limits.speed),
+        _ => what,
+    }
 }
 
 /// What a simulated rig suffers from if its line is not to blame.
@@ -65,10 +120,8 @@ fn delays_and_losses(line: &Link) -> Option<(String, &'static str)> {
     Some((format!("the scene's table [simulate.link] {does}"), instead))
 }
 
-/// Returns the message that explains a fault of a real rig to clients: the observed value, the
-/// limit that it exceeded, and the remedy. `skipped` is the number of ticks that were skipped just
-/// before the sample.
-pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
+/// Returns the observed value, the limit that it exceeded, and for a real rig where to look.
+fn observed(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
     let state = &sample.state;
     match cause {
         Cause::LinkLost => format!(

@@ -61,7 +61,7 @@ fn info_keeps_its_names_their_order_and_types() {
                 accuracy: text, on_client_lost: text,
                 effects: [{{name: text, description: text, schema: map}}],
                 {phenomena} scenes: [{{file: text, name: text, description: text}}], modes: [{{name: text, sentence: text}}],
-                faults: [{{name: text, sentence: text, remedy: text}}], scene: map, warnings: [], capability: [real], lease: {{holder: null, session: null}},
+                faults: [{{name: text, sentence: text, remedy: text}}], scene: map, warnings: [], advice: [], capability: [real], lease: {{holder: null, session: null}},
                 mode: text
             }}"
         ))
