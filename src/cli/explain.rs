@@ -50,8 +50,9 @@ struct History {
     states: Vec<State>,
     /// The event of the fault, if the recording has it.
     event: Option<FaultEvent>,
-    /// The scene that was rendered, with the time at which it was loaded or changed last, s.
-    scene: Option<(SceneFile, f64)>,
+    /// The scene that was rendered, with the time at which it was loaded or changed last, s. `None`
+    /// as the time: before the recording begins.
+    scene: Option<(SceneFile, Option<f64>)>,
     /// The newest client that took the lease, if anybody holds it.
     holder: Option<String>,
     /// Metadata of the recording.
@@ -122,7 +123,9 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
         tell!("  {label:<10} {text}")?;
     }
     if let Some((scene, since)) = &history.scene {
-        tell!("  {:<10} {}, since {:.1} s before", "scene", foreign(scene.name()), last.t - since)?;
+        let since = since
+            .map_or("the recording begins".to_owned(), |since| format!("{:.1} s before", last.t - since));
+        tell!("  {:<10} {}, since {since}", "scene", foreign(scene.name()))?;
         for warning in Abilities::of(&rig).warnings(scene).iter().take(2) {
             tell!("  {:<10} {}", "", foreign(&warning.to_string()))?;
         }
@@ -223,7 +226,7 @@ struct Gathered {
     whole: Whole,
     /// Whether a state is one of a fault or an emergency stop.
     stopped: bool,
-    scene: Option<(SceneFile, f64)>,
+    scene: Option<(SceneFile, Option<f64>)>,
     holder: Option<String>,
     faults: u32,
     /// The newest event of a fault. It can stand before or after the state of its tick.
@@ -236,7 +239,7 @@ impl Gathered {
         match told {
             Told::State(state) => self.state(*state, wanted),
             Told::Scene(scene) => {
-                let at = self.recent.back().map_or(0.0, |state| state.t);
+                let at = self.recent.back().map(|state| state.t);
                 let file =
                     serde_json::from_str(&scene.json).ok().and_then(|json| SceneFile::from_json(json).ok());
                 self.scene = file.map(|file| (file, at));

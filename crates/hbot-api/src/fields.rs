@@ -204,6 +204,7 @@ impl fmt::Display for Integer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(from, to) = self;
         match *to {
+            to if to == *from => write!(f, "the number {from}"),
             u64::MAX => write!(f, "a whole number from {from}"),
             to => write!(f, "a whole number from {from} to {to}"),
         }

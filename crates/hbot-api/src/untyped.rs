@@ -75,9 +75,15 @@ fn decode<'de, S: DeserializeSeed<'de>>(
     match encoding {
         Encoding::Json => {
             let mut deserializer = serde_json::Deserializer::from_slice(bytes);
-            seed.deserialize(&mut deserializer)
-                .and_then(|value| deserializer.end().map(|()| value))
-                .map_err(|error| format!("not a JSON object: {error}{}", no_number(bytes, error.column())))
+            seed.deserialize(&mut deserializer).and_then(|value| deserializer.end().map(|()| value)).map_err(
+                |error| {
+                    format!(
+                        "not a JSON object: {error}{}{}",
+                        no_number(bytes, error.column()),
+                        hint(bytes, &error)
+                    )
+                },
+            )
         }
         Encoding::Msgpack => {
             let mut deserializer = rmp_serde::Deserializer::new(bytes);
@@ -88,6 +94,17 @@ fn decode<'de, S: DeserializeSeed<'de>>(
                 left => Err(format!("{left} bytes are left over after the MessagePack map")),
             })
         }
+    }
+}
+
+/// Returns the end of the error about a message that ends too early or is none of this API.
+fn hint(bytes: &[u8], error: &serde_json::Error) -> &'static str {
+    match bytes {
+        _ if error.is_eof() => "; a message is one JSON object on one line",
+        [b'G' | b'P' | b'H' | b'O', b'A'..=b'Z', b'A'..=b'Z', ..] => {
+            "; this looks like HTTP, which only the port after `web` in the server's output speaks"
+        }
+        _ => "",
     }
 }
 
