@@ -243,44 +243,45 @@ impl Closed {
     fn at(&self, point: &Point) -> Complex {
         let Point { pace, back, level, responses } = point;
         let one = Complex::real(1.0);
-        let difference = (one - *back) * (1.0 / self.period);
-        // What is asked about each direction of the limits.
-        let spring = |of: &Direction| Complex { re: of.damping, im: -of.stiffness / *pace };
-        let mut asked = self.limit.as_ref().map(|(_, directions)| directions.each_ref().map(spring));
-        // By columns.
-        let mut m = [[Complex::real(0.0); 3]; 3];
-        let add = |column: &mut [Complex; 3], response: Complex, sizes: &[f64; 3]| {
-            for (entry, size) in column.iter_mut().zip(sizes) {
-                *entry = *entry + response * *size;
-            }
-        };
-        for (j, [angle, rate]) in responses.iter().enumerate() {
-            add(&mut m[j], *angle, &self.stiffness[j]);
-            add(&mut m[j], *rate, &self.damping[j]);
-        }
+        // A virtual mass resists the change of the rate since the last tick, smoothed: how much, for
+        // each entry of the matrix and about each direction of the limits.
+        let mut resists = [[Complex::real(0.0); 3]; 3];
+        let mut about = [Complex::real(0.0); 3];
         for (n, (mass, part)) in self.masses.iter().enumerate() {
-            // A virtual mass resists the change of the rate since the last tick, smoothed.
-            let smoothed = difference * *part * (one - *back * (1.0 - part)).inverse();
-            if let (Some(asked), Some((_, directions))) = (&mut asked, &self.limit) {
-                for (asked, direction) in asked.iter_mut().zip(directions) {
-                    *asked = *asked + smoothed * direction.masses[n];
+            let change = (one - *back) * (*part / self.period);
+            let smoothed = change * (one - *back * (1.0 - part)).inverse();
+            for j in 0..3 {
+                for i in 0..3 {
+                    resists[j][i] = resists[j][i] + smoothed * mass[j][i];
+                }
+                if let Some((_, directions)) = &self.limit {
+                    about[j] = about[j] + smoothed * directions[j].masses[n];
                 }
             }
-            for (j, [_, rate]) in responses.iter().enumerate() {
-                add(&mut m[j], *rate * smoothed, &mass[j]);
+        }
+        // By columns.
+        let mut m = [[Complex::real(0.0); 3]; 3];
+        for j in 0..3 {
+            let [angle, rate] = responses[j];
+            for i in 0..3 {
+                let damping = resists[j][i] + self.damping[j][i];
+                m[j][i] = angle * self.stiffness[j][i] + rate * damping;
             }
         }
-        if let (Some((limit, _)), Some(asked)) = (&self.limit, asked) {
+        if let Some((limit, directions)) = &self.limit {
             // The part of the torque about each direction that is made.
-            for (i, asked) in asked.iter().enumerate() {
+            for (i, of) in directions.iter().enumerate() {
+                let asked = about[i] + Complex { re: of.damping, im: -of.stiffness / *pace };
                 let part = limit.part(limit.speed * asked.size(), *pace);
                 if part != one {
                     m.iter_mut().for_each(|column| column[i] = column[i] * part);
                 }
             }
         }
-        for (column, frame) in m.iter_mut().zip(&self.frame) {
-            add(column, *level, frame);
+        for j in 0..3 {
+            for i in 0..3 {
+                m[j][i] = m[j][i] + *level * self.frame[j][i];
+            }
         }
         determinant(&m)
     }
