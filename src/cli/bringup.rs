@@ -21,7 +21,7 @@ use hbot_host::rig::last_word::Program;
 use hbot_host::run_loop::signals;
 use serde_json::json;
 
-use super::numbers::{positive, whole};
+use super::numbers::{positive, real, whole};
 use super::out::{note, tell};
 use super::style;
 pub(crate) use calibrate::{CalibrateArgs, run_calibrate};
@@ -75,6 +75,9 @@ pub(crate) struct TestArgs {
     /// and ends when the joint has turned by 0.05 rad
     #[arg(long, value_name = "T|auto", allow_negative_numbers = true)]
     torque: TestTorque,
+    /// Time for which a torque is held that is a number, 0.1 to 30 s [default: 0.5]
+    #[arg(long, value_name = "SECONDS", value_parser = real("s", |s| (0.1..=30.0).contains(&s), "0.1 to 30"), allow_negative_numbers = true)]
+    hold: Option<f64>,
     /// Stop if any joint turns faster than this, rad/s, above 0
     #[arg(long, value_name = "RATE", default_value_t = 5.0, value_parser = positive("rad/s"), allow_negative_numbers = true)]
     speed: f64,
@@ -210,11 +213,14 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
             );
         }
         TestTorque::Auto if !(peak > 0.0) => bail!("joint {} has no motor", args.joint),
+        TestTorque::Auto if args.hold.is_some() => bail!("--hold needs a number after --torque"),
         _ => {}
     }
     let outcome = on_the_lines(&rig, Truth::default(), |bench| {
         Ok(match args.torque {
-            TestTorque::Fixed(torque) => joint::test(bench, number, torque, args.speed)?,
+            TestTorque::Fixed(torque) => {
+                joint::test(bench, number, torque, args.hold.unwrap_or(joint::HOLD_S), args.speed)?
+            }
             TestTorque::Auto => joint::ramp(bench, number, rig.rig.joints[number].continuous, args.speed)?,
         })
     })?;

@@ -179,7 +179,7 @@ impl Cli {
             Command::Hand(command) => hand::run(&command),
             Command::Estop(address) => orders::estop(&address),
             Command::Disable(address) => orders::unheld(&address, hbot_api::Client::disable),
-            Command::Enable(to) => orders::held(&to, hbot_api::Client::enable),
+            Command::Enable(to) => orders::enable(&to),
             Command::Reset(to) => orders::held(&to, hbot_api::Client::reset),
             Command::Completions(args) => completions::run(&args),
             Command::Man(args) => man::run(&args),

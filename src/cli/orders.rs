@@ -2,12 +2,17 @@
 //! connection of all commands that are clients.
 
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::Context as _;
 use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Token, Trust, client_name};
 
 use super::out::tell;
 use super::{Commanding, ServerAddress, show, style};
+
+/// Number of tenths of a second for which `hbot enable` waits for the end of the soft start. In
+/// virtual time it may not come.
+const RISES: u32 = 10;
 
 /// Stops the rig, and prints the mode that follows and what comes next. The stop is sent without
 /// waiting for an answer of the server. If the server does not confirm it, the error says so before
@@ -49,6 +54,24 @@ pub(crate) fn held(
     order: impl FnOnce(&mut Client) -> Result<Mode, ClientError>,
 ) -> anyhow::Result<ExitCode> {
     print(holding(&mut connect(&to.address, "hbot")?, to.steal, order)?)
+}
+
+/// Enables the rig, waits until it renders, and prints the mode that follows. Fails if a fault or a
+/// stop has ended the soft start.
+pub(crate) fn enable(to: &Commanding) -> anyhow::Result<ExitCode> {
+    let mode = holding(&mut connect(&to.address, "hbot")?, to.steal, |client| {
+        let mut mode = client.enable()?;
+        for _ in 0..RISES {
+            if mode != Mode::Enabling {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(100));
+            mode = client.info()?.mode.unwrap_or(mode);
+        }
+        Ok(mode)
+    })?;
+    print(mode)?;
+    Ok(if matches!(mode, Mode::Enabling | Mode::Active) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn print(mode: Mode) -> anyhow::Result<ExitCode> {

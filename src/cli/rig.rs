@@ -95,7 +95,7 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     if let Some(advice) = late_rates(&config) {
         tell!("  {}note:{} {advice}", style::NAME, style::OFF)?;
     }
-    for warning in warnings.unlikely.iter().chain(&warnings.uncalibrated) {
+    for warning in warnings.unlikely.iter().chain(&warnings.lax).chain(&warnings.uncalibrated) {
         tell!("  {}warning:{} {warning}", style::WARN, style::OFF)?;
     }
     geometry(&config, &warnings)?;
@@ -121,6 +121,8 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
 struct Warnings {
     /// A sentence for each size that is probably in another unit.
     unlikely: Vec<String>,
+    /// A sentence for each limit that protects nobody.
+    lax: Vec<String>,
     /// A sentence for each wheel that leaves its steering zero to a calibration.
     uncalibrated: Vec<String>,
     /// The pairs of wheels that can collide, from 0.
@@ -153,6 +155,7 @@ impl Warnings {
             .fold(0.0, f64::max);
         Self {
             unlikely: unlikely(config),
+            lax: lax(config),
             uncalibrated: uncalibrated(config),
             colliding: pairs.filter(can_collide).collect(),
             actuation: margins.fold(f64::INFINITY, f64::min),
@@ -170,6 +173,7 @@ impl Warnings {
     fn in_words(&self) -> String {
         let kinds = [
             ("unlikely size", self.unlikely.len()),
+            ("limit that protects nobody", self.lax.len()),
             ("steering zero not known", self.uncalibrated.len()),
             ("wheels can collide", self.colliding.len()),
             ("weak at some steering angles", usize::from(self.is_weak())),
@@ -201,6 +205,21 @@ fn unlikely(config: &RigConfig) -> Vec<String> {
         format!("wheel[{i}].radius {own} m is more than the sphere's {radius} m: is it in another unit?")
     });
     heavy.into_iter().chain(large).collect()
+}
+
+/// Returns a sentence for each limit that is so lax that it protects nobody.
+fn lax(config: &RigConfig) -> Vec<String> {
+    /// Longest watchdog time that needs no warning, ms.
+    const WATCHDOG_MS: u16 = 100;
+    /// Largest limit of the sphere's speed that needs no warning, rad/s.
+    const SPEED: f64 = 60.0;
+    let (watchdog, speed) = (config.link.watchdog_ms, config.rig.limits.speed);
+    let slow = (watchdog > WATCHDOG_MS).then(|| {
+        format!("link.watchdog_ms {watchdog}: if commands stop, the motors hold their last torque for {watchdog} ms; 20 ms is usual")
+    });
+    let fast = (speed > SPEED)
+        .then(|| format!("limits.speed {speed} rad/s: hands turn a sphere at up to 30 rad/s, and nothing stops a faster one"));
+    slow.into_iter().chain(fast).collect()
 }
 
 /// Returns the largest tangential force that a drive motor can make at its contact, N.

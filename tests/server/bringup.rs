@@ -211,6 +211,12 @@ fn a_new_rig_file_passes_its_check_whatever_it_is_made_of() {
     check(&text.replace("\ntorque = ", "\ntorque = 50 # ")).success().stdout(
         contains("1 warning").and(contains("limits.torque = 50 N m limits nothing: the motors make at most")),
     );
+    let lax = text.replace("\nspeed = ", "\nspeed = 900 # ").replace("[link]", "[link]\nwatchdog_ms = 1000");
+    check(&lax).success().stdout(
+        contains("2 warnings (limit that protects nobody)")
+            .and(contains("the motors hold their last torque for 1000 ms"))
+            .and(contains("nothing stops a faster one")),
+    );
     let two = text.replace("port = \"/dev/ttyACM0\"", "port = [\"/dev/a\", \"/dev/b\"]").replacen(
         "\ncontroller = ",
         "\nport = 1\ncontroller = ",

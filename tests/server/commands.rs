@@ -107,7 +107,7 @@ fn info_says_after_a_stop_how_torque_comes_back() {
     run(&server, &["info"])
         .success()
         .stdout(contains(format!("mode       {idle}")).and(contains("cause").not()));
-    let on = "enabling: the torque rises over half a second. `hbot estop` stops the rig at once\n";
+    let on = "active: the torque is on. `hbot estop` stops the rig at once\n";
     run(&server, &["enable"]).success().stdout(on);
 }
 

@@ -39,6 +39,9 @@ enum Moved {
     Log(Vec<Sample>, Quat, Ended),
 }
 
+/// Time for taking the hands off before the motors move, s.
+const BEFORE_S: f64 = 3.0;
+
 /// How the motors move the sphere.
 #[derive(Debug, Args)]
 pub(crate) struct Motion {
@@ -92,12 +95,17 @@ pub(super) fn run(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn measured(rig: &RigConfig, motion: &Motion) -> anyhow::Result<Result<Measured, String>> {
     let Motion { seconds, wander, speed, .. } = *motion;
     let built = motion.built.as_deref().map(RigConfig::from_path).transpose()?;
-    say!(
-        "the motors move the sphere for {seconds} s, with at most half of what they can hold continuously: hands off, and one at the switch"
-    )?;
     let how = Excitation { seconds: f64::from(seconds), wander, fastest: speed };
     let truth = Truth { built: built.as_ref(), ..Truth::default() };
     let moved = on_the_lines(rig, truth, |bench| {
+        say!(
+            "in {BEFORE_S} s the motors move the sphere for {seconds} s, with at most half of what they can hold continuously: hands off, \
+             and one at the switch. Ctrl-C stops it"
+        )?;
+        let came = bench.time_s();
+        while bench.time_s() - came < BEFORE_S {
+            bench.exchange(None)?;
+        }
         if let Some((joint, verdict)) = signs(bench, rig, speed)? {
             return Ok(Moved::Bad(joint, verdict));
         }

@@ -10,8 +10,8 @@ use super::{Bench, Interrupted};
 
 /// Time in which the test torque rises from zero to its full value, s.
 const RISE_S: f64 = 0.1;
-/// Longest time for which the full test torque is held, s.
-const HOLD_S: f64 = 0.5;
+/// Usual longest time for which the full test torque is held, s.
+pub const HOLD_S: f64 = 0.5;
 /// Turn of the joint after which the test ends, rad.
 const FAR: f64 = 0.3;
 /// Time in which the torque of [`ramp`] rises from zero to its largest value, s. It rises with the
@@ -125,14 +125,20 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// Tests one joint with a torque that rises to `torque`, N m, with its controller's sign. The test
-/// ends when the joint has turned a little, after 0.6 s, or when any joint turns
-/// faster than `speed`, rad/s. The motors are switched off at the end, even after an error.
+/// Tests one joint with a torque that rises to `torque`, N m, with its controller's sign, and is
+/// held for `hold_s`. The test ends then, or when the joint has turned a little, or when any joint
+/// turns faster than `speed`, rad/s. The motors are switched off at the end, even after an error.
 ///
 /// # Errors
 /// Fails if the controllers no longer answer, or if a stop was requested.
-pub fn test(bench: &mut Bench, joint: usize, torque: f64, speed: f64) -> Result<Outcome, Interrupted> {
-    push_and_stop(bench, joint, &Push::Fixed(torque), speed)
+pub fn test(
+    bench: &mut Bench,
+    joint: usize,
+    torque: f64,
+    hold_s: f64,
+    speed: f64,
+) -> Result<Outcome, Interrupted> {
+    push_and_stop(bench, joint, &Push::Fixed { torque, hold_s }, speed)
 }
 
 /// Tests one joint with a torque that rises slowly from zero to `most`, N m, with its controller's
@@ -148,8 +154,8 @@ pub fn ramp(bench: &mut Bench, joint: usize, most: f64, speed: f64) -> Result<Ou
 
 /// How the torque of a test rises, N m.
 enum Push {
-    /// To this torque, which is then held.
-    Fixed(f64),
+    /// To this torque, which is then held for a time, s.
+    Fixed { torque: f64, hold_s: f64 },
     /// Slowly to this torque at most.
     Ramp(f64),
 }
@@ -158,7 +164,7 @@ impl Push {
     /// Returns the torque `time` seconds after the start.
     fn torque(&self, time: f64) -> f64 {
         match self {
-            Self::Fixed(torque) => torque * (time / RISE_S).min(1.0),
+            Self::Fixed { torque, .. } => torque * (time / RISE_S).min(1.0),
             Self::Ramp(most) => most * (time / RAMP_S).min(1.0).powi(2),
         }
     }
@@ -166,7 +172,7 @@ impl Push {
     /// Returns how long the test lasts at most, s, and the turn after which it ends, rad.
     fn ends(&self) -> (f64, f64) {
         match self {
-            Self::Fixed(_) => (RISE_S + HOLD_S, FAR),
+            Self::Fixed { hold_s, .. } => (RISE_S + hold_s, FAR),
             Self::Ramp(_) => (RAMP_S, RAMP_FAR),
         }
     }
@@ -179,7 +185,7 @@ fn push_and_stop(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Res
 }
 
 fn push(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outcome, Interrupted> {
-    let (Push::Fixed(torque) | Push::Ramp(torque)) = *way;
+    let (Push::Fixed { torque, .. } | Push::Ramp(torque)) = *way;
     let (lasts, far) = way.ends();
     let came = bench.time_s();
     let mut before = bench.exchange(None)?;

@@ -12,7 +12,7 @@ use hbot_sim::phenomena::{JointFriction, Phenomena};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use hbot_testing::prototype::{simulated, simulated_as};
 
-use super::joint::{Verdict, ramp, test};
+use super::joint::{HOLD_S, Verdict, ramp, test};
 use super::*;
 use crate::line::{Line, Memory};
 
@@ -50,7 +50,7 @@ fn watched(bench: &mut Bench) -> Calibration {
 fn every_joint_of_a_good_rig_is_good() {
     for joint in 0..4 {
         for torque in [0.01, -0.01] {
-            let outcome = test(&mut bench(|_| (), false, |_| ()), joint, torque, 50.0).unwrap();
+            let outcome = test(&mut bench(|_| (), false, |_| ()), joint, torque, HOLD_S, 50.0).unwrap();
             assert_eq!(outcome.verdict, Verdict::Good, "{outcome:?}");
         }
     }
@@ -83,18 +83,20 @@ fn a_ramp_ends_when_the_joint_has_moved_and_says_what_moved_it() {
 fn a_joint_that_is_hot_held_or_geared_otherwise_is_named() {
     let mut hot = bench(|_| (), false, |rig| rig.inject(InjectedFault::Hot { joint: 1, on: true }));
     assert!(
-        matches!(test(&mut hot, 1, 0.01, 50.0).unwrap().verdict, Verdict::Complains(c) if c.overtemperature)
+        matches!(test(&mut hot, 1, 0.01, HOLD_S, 50.0).unwrap().verdict, Verdict::Complains(c) if c.overtemperature)
     );
     let mut dead = bench(|c| c.joints[1].peak = 0.0, false, |_| ());
-    let outcome = test(&mut dead, 1, 0.01, 50.0).unwrap();
+    let outcome = test(&mut dead, 1, 0.01, HOLD_S, 50.0).unwrap();
     assert!(matches!(outcome.verdict, Verdict::Stands | Verdict::Complains(_)), "{outcome:?}");
     let mut geared = bench(|c| c.joints[1].gear = 20.0, false, |_| ());
-    let Verdict::Gear(ratio) = test(&mut geared, 1, 0.01, 50.0).unwrap().verdict else { panic!("not seen") };
+    let Verdict::Gear(ratio) = test(&mut geared, 1, 0.01, HOLD_S, 50.0).unwrap().verdict else {
+        panic!("not seen")
+    };
     // The real gear is 20, the rig file states 17. Counts say 20/17 of what the rates say, to one
     // count in some thousand.
     assert!((ratio - 20.0 / 17.0).abs() < 0.01, "{ratio}");
     assert!(Verdict::Gear(ratio).to_string().contains("gear in the rig file is too small by that factor"));
-    let outcome = test(&mut bench(|_| (), false, |_| ()), 1, 0.05, 0.5).unwrap();
+    let outcome = test(&mut bench(|_| (), false, |_| ()), 1, 0.05, HOLD_S, 0.5).unwrap();
     assert_eq!(outcome.verdict, Verdict::TooFast(1));
 }
 
@@ -127,12 +129,12 @@ impl Line for Exchanged {
 fn a_motor_whose_counts_fall_under_a_positive_torque_is_named_before_any_loop_is_closed() {
     let exchanged = || on(Exchanged(Memory::new(simulated(), mpsc::channel().1)));
     for torque in [0.01, -0.01] {
-        let outcome = test(&mut exchanged(), 1, torque, 50.0).unwrap();
+        let outcome = test(&mut exchanged(), 1, torque, HOLD_S, 50.0).unwrap();
         assert_eq!(outcome.verdict, Verdict::Reversed, "{outcome:?}");
         assert!(outcome.moved * torque < 0.0);
         assert!(outcome.verdict.to_string().contains("exchange two leads"));
         // The other joints are not affected.
-        assert_eq!(test(&mut exchanged(), 3, torque, 50.0).unwrap().verdict, Verdict::Good);
+        assert_eq!(test(&mut exchanged(), 3, torque, HOLD_S, 50.0).unwrap().verdict, Verdict::Good);
     }
 }
 
@@ -162,12 +164,12 @@ impl Line for Slow {
 fn counts_and_rates_agree_on_a_slow_line_and_with_late_rates() {
     let mut slow = on(Slow(Memory::new(simulated(), mpsc::channel().1), Instant::now()));
     slow.simulated = false;
-    assert_eq!(test(&mut slow, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
+    assert_eq!(test(&mut slow, 1, 0.01, HOLD_S, 50.0).unwrap().verdict, Verdict::Good);
     let text = include_str!("../../../../../rigs/prototype-moteus.toml");
     let rig = RigConfig::from_toml(text, "x.toml").unwrap();
     let helper = Program::this("nothing");
     let mut servos = open(&rig, Truth::default(), StopFlag::default(), &helper).unwrap();
-    let outcome = test(&mut servos, 1, 0.005, 50.0).unwrap();
+    let outcome = test(&mut servos, 1, 0.005, HOLD_S, 50.0).unwrap();
     // 3.9 ms of the 0.1 s that the test lasts would be missing. What is left comes of the
     // acceleration, which changes the rate by a tenth in that time.
     assert!((outcome.by_rate / outcome.moved - 1.0).abs() < 0.01, "{outcome:?}");
@@ -179,17 +181,17 @@ fn a_joint_that_comes_to_rest_soon_is_waited_for() {
     let phenomena = Phenomena { joint_friction: Some(friction), ..Phenomena::default() };
     let mut bench = bench(|config| config.phenomena = phenomena, false, |_| ());
     for torque in [0.01, -0.01, 0.01] {
-        assert_eq!(test(&mut bench, 1, torque, 50.0).unwrap().verdict, Verdict::Good);
+        assert_eq!(test(&mut bench, 1, torque, HOLD_S, 50.0).unwrap().verdict, Verdict::Good);
     }
 }
 
 #[test]
 fn a_joint_that_turns_already_is_not_judged_by_that() {
     let mut bench = bench(|_| (), false, |_| ());
-    assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
+    assert_eq!(test(&mut bench, 1, 0.01, HOLD_S, 50.0).unwrap().verdict, Verdict::Good);
     // The sphere rolls on without friction and turns every wheel. This motion says nothing about a
     // torque in the other direction.
-    let outcome = test(&mut bench, 1, -0.01, 50.0).unwrap();
+    let outcome = test(&mut bench, 1, -0.01, HOLD_S, 50.0).unwrap();
     assert_eq!((outcome.verdict, outcome.moved), (Verdict::Turns, 0.0), "{outcome:?}");
 }
 
@@ -197,9 +199,22 @@ fn a_joint_that_turns_already_is_not_judged_by_that() {
 fn a_line_that_falls_silent_is_told() {
     let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
     let mut bench = on(Memory::new(simulated(), inbox));
-    assert_eq!(test(&mut bench, 1, 0.01, 50.0).unwrap().verdict, Verdict::Good);
+    assert_eq!(test(&mut bench, 1, 0.01, HOLD_S, 50.0).unwrap().verdict, Verdict::Good);
     calls.send(Box::new(|rig| rig.inject(InjectedFault::Deaf(true)))).unwrap();
-    assert_eq!(test(&mut bench, 1, 0.01, 50.0), Err(Interrupted::Silent));
+    assert_eq!(test(&mut bench, 1, 0.01, HOLD_S, 50.0), Err(Interrupted::Silent));
+}
+
+/// Long enough to pull a plug.
+#[test]
+fn a_torque_is_held_for_as_long_as_it_is_asked_for() {
+    // It moves no wheel.
+    let mut bench = on(Memory::new(simulated(), mpsc::channel().1));
+    for hold_s in [HOLD_S, 3.0] {
+        let began = bench.time_s();
+        let outcome = test(&mut bench, 1, 1.0e-6, hold_s, 50.0).unwrap();
+        let lasted = bench.time_s() - began;
+        assert!((hold_s..hold_s + 0.5).contains(&lasted), "{lasted} s: {outcome:?}");
+    }
 }
 
 #[test]
@@ -207,7 +222,7 @@ fn a_controller_that_has_lost_power_gets_no_further_torque() {
     let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
     let mut bench = on(Memory::new(simulated(), inbox));
     calls.send(Box::new(|rig| rig.inject(InjectedFault::Reboot))).unwrap();
-    let outcome = test(&mut bench, 1, 0.01, 50.0).unwrap();
+    let outcome = test(&mut bench, 1, 0.01, HOLD_S, 50.0).unwrap();
     assert!(matches!(outcome.verdict, Verdict::Complains(complaints) if complaints.fault), "{outcome:?}");
     assert_eq!(outcome.moved, 0.0, "by the first command with torque");
 }

@@ -7,6 +7,7 @@ use hbot_core::design::kinematics::Posture;
 use hbot_testing::prototype::device_with;
 
 use super::super::excite::{Ended, Exchange, Excitation, brake, excite};
+use super::super::joint::HOLD_S;
 use super::*;
 use crate::line::SimulatorCall;
 
@@ -74,9 +75,11 @@ fn pushes(heard: &Mutex<Vec<hbot_link::Command>>) -> usize {
 
 #[test]
 fn a_push_that_is_stopped_goes_no_further_and_ends_with_motors_off() {
-    for push in [test, ramp] {
+    let fixed = |bench: &mut Bench| test(bench, 1, 0.001, HOLD_S, 50.0);
+    let rising = |bench: &mut Bench| ramp(bench, 1, 0.001, 50.0);
+    for push in [&fixed as &dyn Fn(&mut Bench) -> Result<_, _>, &rising] {
         let (mut bench, heard) = recorded();
-        assert_eq!(push(&mut bench, 1, 0.001, 50.0), Err(Interrupted::Stopped));
+        assert_eq!(push(&mut bench), Err(Interrupted::Stopped));
         assert_eq!(pushes(&heard), 50, "the flag is looked at before each command");
         drop(bench);
         assert_eq!(pushes(&heard), 50);
@@ -159,7 +162,7 @@ fn every_end_of_an_excitation_leaves_the_motors_off() {
 fn a_joint_is_braked_within_its_torque_and_its_motor_is_off_then() {
     let (mut bench, heard) = recorded();
     bench.stop = StopFlag::default();
-    test(&mut bench, 1, 0.01, 50.0).unwrap();
+    test(&mut bench, 1, 0.01, HOLD_S, 50.0).unwrap();
     let rate = |bench: &mut Bench| bench.exchange(None).unwrap().rates[1].abs();
     let before = rate(&mut bench);
     heard.lock().unwrap().clear();

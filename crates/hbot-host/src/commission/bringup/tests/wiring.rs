@@ -2,7 +2,7 @@
 
 use hbot_link::{Command, Decoder, Feedback, FromController, encode};
 
-use super::super::joint::Outcome;
+use super::super::joint::{HOLD_S, Outcome};
 use super::*;
 
 /// Wiring errors that a test simulates between the motor controllers and their motors and encoders.
@@ -95,7 +95,7 @@ fn miswired(wiring: Wiring) -> Bench {
 }
 
 fn tested(wiring: Wiring, joint: usize, torque: f64, speed: f64) -> Outcome {
-    test(&mut miswired(wiring), joint, torque, speed).unwrap()
+    test(&mut miswired(wiring), joint, torque, HOLD_S, speed).unwrap()
 }
 
 #[test]
