@@ -329,6 +329,38 @@ for (const [key, value] of [["Home", 0], ["ArrowRight", 0.1]]) {
 await number.fill("2");
 await number.press("Enter");
 
+// What slips changes nothing: a press beside the handle, a finger that scrolls, a wheel over the number, a key that leaps.
+const grip = async () => {
+  const at = await slider.boundingBox();
+  const share = await slider.evaluate((it) => it.value / it.max);
+  return { x: at.x + 8 + share * (at.width - 16), y: at.y + 0.5 * at.height, end: at.x + at.width - 12 };
+};
+const stiff = async () => (await watcher.ask("info")).scene.effect[0].stiffness;
+await until("2 N m/rad", async () => (await stiff()) === 2);
+const here = await grip();
+await page.mouse.click(here.end, here.y);
+await slider.press("End");
+const swipe = (type, ...points) => screen.send("Input.dispatchTouchEvent", { type, touchPoints: points });
+for (const x of [here.end, here.x]) {
+  await swipe("touchStart", { x, y: here.y });
+  for (let k = 1; k <= 8; k += 1) await swipe("touchMove", { x: x + k, y: here.y - 20 * k });
+  await swipe("touchEnd");
+}
+await page.evaluate(() => scrollTo(0, 0));
+await number.focus();
+await number.hover();
+await page.mouse.wheel(0, -100);
+await page.waitForTimeout(300);
+assert.equal(await stiff(), 2, "a slip");
+const from = await grip();
+await page.mouse.move(from.x, from.y);
+await page.mouse.down();
+await page.mouse.move(from.x + 12, from.y, { steps: 4 });
+await page.mouse.up();
+await until("a drag of the handle", async () => (await stiff()) > 2);
+await number.fill("2");
+await number.press("Enter");
+
 // Another scene, by its name and as text.
 await page.selectOption("#shelf", "hinge");
 await page.click("#load");
@@ -639,6 +671,21 @@ await picture("not-stopped-live");
 server.kill("SIGCONT");
 await proved();
 await shows("#keys", "Esc or Space stops, anywhere here");
+
+// A stop that is lost with its server, and the next server pushes: its states are no old ones.
+const last = server.ports;
+await server.end();
+await shows("#headline", "NO CONTACT");
+await page.keyboard.press("Escape");
+await shows("#headline", "NOT STOPPED");
+server = await Server.start(hbot, last);
+await shows("#details", "Connected again: the rig is ACTIVE and pushes. Press STOP.");
+await shows("#keys", "Connected again: press STOP");
+assert(!await page.evaluate(() => document.body.classList.contains("old")), "grey");
+await bars();
+await picture("pushes-again");
+await page.keyboard.press("Escape");
+await shows("#headline", "ESTOP");
 
 // A finger has no keys.
 const tablet = await browser.newContext({ viewport: { width: 820, height: 1100 }, hasTouch: true, isMobile: true });

@@ -209,7 +209,8 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
                 if let Some(mode) = model.mode().filter(|_| model.pushes_again(stop)) {
                     let mode = Headline::Mode(mode).text();
                     let text = format!("Connected again: the rig is {mode} and pushes. Press STOP.");
-                    ui.add(egui::Label::new(RichText::new(text).strong()).wrap());
+                    let text = RichText::new(text).strong().size(LARGE).color(Color32::WHITE);
+                    ui.add(egui::Label::new(text).wrap());
                 }
                 ui.add(egui::Label::new(stop.way_out(&model.server, has_keys(ui))).wrap());
                 // The bar names the address of this panel's own server.
@@ -361,9 +362,11 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
         coloured(ui, palette.warn, text);
     }
     // The server knows more of this rig than the usual words.
-    ui.add(egui::Label::new(told.and_then(|told| told.remedy.as_deref()).unwrap_or(cure)).wrap());
+    let cure = told.and_then(|told| told.remedy.as_deref()).unwrap_or(cure);
+    ui.add(egui::Label::new(cure.replace('`', "")).wrap());
     // What was found comes last, because it can be long.
-    let found = told.and_then(|told| told.found.as_ref()).map(|found| format!("{fault}: {found}"));
+    let found =
+        told.and_then(|told| told.found.as_ref()).map(|found| format!("{fault}: {found}").replace('`', ""));
     weak(ui, found.as_deref().unwrap_or(fault.as_str()));
 }
 

@@ -51,6 +51,11 @@ function named(key, schema) {
 /** Returns a number as it stands in a field: six digits, without a tail of zeros. */
 const plain = (x) => `${+x.toPrecision(6)}`;
 
+/** A slider is taken where a press is this near to the middle of its handle, px. */
+const GRIP = 24;
+/** Keys that would move a slider far up at once. */
+const LEAPS = new Set(['End', 'PageUp']);
+
 /** Returns a number with two digits, rounded down, as the server's warnings have it. */
 function roundedDown(x) {
   if (!(x > 0)) return '0';
@@ -216,7 +221,8 @@ export class Controls {
     const unit = schema.unit ?? '';
     const field = make('input', {
       type: 'number', step: s.whole ? 1 : 'any', 'aria-label': bare ? name : `${name} value${unit && `, ${unit}`}`,
-      title: explain(schema) });
+      // The wheel scrolls, and changes no number.
+      onwheel: () => field.blur(), title: explain(schema) });
     if (Number.isFinite(s.least)) field.min = s.least;
     if (Number.isFinite(s.most)) field.max = s.most;
     // A rig must not get the 1 while the person types 15.
@@ -247,9 +253,25 @@ export class Controls {
     let scale = far ? logarithmic(least, end, s.least === 0) : linear;
     // Several places can stand for one whole number. A key moves by one place, and must not stay.
     let byKey = false;
-    slider.onkeydown = () => { byKey = true; };
-    slider.onpointerdown = () => { byKey = false; };
+    slider.onkeydown = (event) => {
+      [byKey, beside] = [true, false];
+      if (LEAPS.has(event.key)) event.preventDefault();
+    };
+    // A press beside the handle, as of a finger that scrolls, changes nothing. Nor does a drag that becomes a scroll.
+    let [beside, taken] = [false, null];
+    slider.onpointerdown = (event) => {
+      const { left, width } = slider.getBoundingClientRect();
+      const share = (slider.value - slider.min) / (slider.max - slider.min);
+      const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+      const handle = left + 0.5 * rem + share * (width - rem);
+      [byKey, beside, taken] = [false, Math.abs(event.clientX - handle) > GRIP, get()];
+    };
+    slider.onpointercancel = () => {
+      if (!beside && taken !== null && get() !== taken) set(taken);
+      beside = false;
+    };
     slider.oninput = () => {
+      if (beside) return update(slider);
       const [x, old] = [scale.value(+slider.value), get()];
       if (!s.whole) return set(x);
       const moved = slider.value - scale.place(old);

@@ -229,6 +229,7 @@ function showRights() {
 /** Returns why STOP may not work as usual, or that it is on its way. */
 function stopTrouble() {
   if (!rig.hello) return 'No connection: STOP cannot reach the rig';
+  if (rig.isBack) return 'Connected again: press STOP';
   if (rig.unconfirmedStop || !(rig.isLive || rig.stop)) return 'No answer: STOP may not reach the rig';
   if (rig.stop) return 'STOP sent, not confirmed yet';
   return touch.matches || document.hasFocus() ? '' : 'The keys go elsewhere: press STOP';

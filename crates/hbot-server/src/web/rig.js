@@ -74,7 +74,7 @@ export class Rig {
     this.info = null;
     this.lease = { who: 'unknown' };
     // The ticks can begin again at 0, and all states of this connection come after the stop.
-    if (this.stop) this.stop.after = null;
+    if (this.stop) Object.assign(this.stop, { after: null, again: true });
     this.say(`connected to ${hello.server}, ${hello.rig}`);
   }
 
@@ -295,7 +295,12 @@ export class Rig {
   }
 
   get isCertain() {
-    return this.isLive && !this.unconfirmedStop;
+    return this.isLive && (!this.unconfirmedStop || this.isBack);
+  }
+
+  /** Whether a connection that was made after the stop shows what the rig does. */
+  get isBack() {
+    return Boolean(this.unconfirmedStop?.again) && this.isLive;
   }
 
   get commands() {

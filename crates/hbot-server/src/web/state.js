@@ -71,6 +71,7 @@ function details(rig) {
   if (stop) {
     return [
       ['strong', rig.isSimulated ? UNPOWERED : "Cut the motors' power."],
+      ['strong', rig.isBack ? `Connected again: the rig is ${state.mode.toUpperCase()} and pushes. Press STOP.` : ''],
       ['', `${touch.matches || !document.hasFocus() ? 'Press STOP again.' : 'STOP or Esc tries again.'} This message ends when a state shows `
         + 'no torque.'],
       ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
@@ -94,7 +95,8 @@ function details(rig) {
     return [
       ['bad', `${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
-      ['', remedy ?? ''],
+      // What was refused is no advice.
+      ['', (!rig.refusal && remedy) || ''],
       ['weak', found ? `${state.fault}: ${found}` : state.fault]];
   }
   if (state.mode === 'estop') {
