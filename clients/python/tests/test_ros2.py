@@ -38,8 +38,8 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-OLDER = 20
-"""Number of poses between the two that are named."""
+OLDER = 3
+"""Number of poses between the two that are named. The clock of a busy rig waits, seldom in so few."""
 PUSH = 0.02
 """Torque of the commands, N m. So little that no limit of the prototype changes it."""
 
