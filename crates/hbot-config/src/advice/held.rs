@@ -243,8 +243,8 @@ impl Closed {
     fn at(&self, point: &Point) -> Complex {
         let Point { pace, back, level, responses } = point;
         let one = Complex::real(1.0);
-        // A virtual mass resists the change of the rate since the last tick, smoothed: how much, for
-        // each entry of the matrix and about each direction of the limits.
+        // A virtual mass resists the change of the rate since the last tick, smoothed: how much,
+        // for each entry of the matrix and about each direction of the limits.
         let mut resists = [[Complex::real(0.0); 3]; 3];
         let mut about = [Complex::real(0.0); 3];
         for (n, (mass, part)) in self.masses.iter().enumerate() {

@@ -74,8 +74,8 @@ fn usual(cause: Cause) -> &'static str {
     convert::fault(cause).words().1
 }
 
-/// Returns whether the usual remedy is one for motors, wheels and cables, which a simulated rig does
-/// not have.
+/// Returns whether the usual remedy is one for motors, wheels and cables, which a simulated rig
+/// does not have.
 const fn is_of_hardware(cause: Cause) -> bool {
     match cause {
         Cause::LinkLost
