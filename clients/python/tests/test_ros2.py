@@ -39,7 +39,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 OLDER = 3
-"""Number of poses between the two that are named. The clock of a busy rig waits, seldom in so few."""
+"""Poses between the two that are named: so few that a busy rig seldom waits between them."""
 PUSH = 0.02
 """Torque of the commands, N m. So little that no limit of the prototype changes it."""
 
