@@ -341,13 +341,15 @@ const here = await grip();
 await page.mouse.click(here.end, here.y);
 await slider.press("End");
 const swipe = (type, ...points) => screen.send("Input.dispatchTouchEvent", { type, touchPoints: points });
-for (const x of [here.end, here.x]) {
-  await swipe("touchStart", { x, y: here.y });
-  for (let k = 1; k <= 8; k += 1) await swipe("touchMove", { x: x + k, y: here.y - 20 * k });
+for (const place of ["end", "x"]) {
+  const { y, [place]: x } = await grip();
+  await swipe("touchStart", { x, y });
+  for (let k = 1; k <= 8; k += 1) await swipe("touchMove", { x: x + k, y: y - 20 * k });
   await swipe("touchEnd");
+  await page.evaluate(() => scrollTo(0, 0));
 }
-await page.evaluate(() => scrollTo(0, 0));
-await number.focus();
+await number.fill("");
+await number.pressSequentially("15");
 await number.hover();
 await page.mouse.wheel(0, -100);
 await page.waitForTimeout(300);

@@ -75,7 +75,8 @@ pub(crate) struct TestArgs {
     /// and ends when the joint has turned by 0.05 rad
     #[arg(long, value_name = "T|auto", allow_negative_numbers = true)]
     torque: TestTorque,
-    /// Time for which a torque is held that is a number, 0.1 to 30 s [default: 0.5]
+    /// How long `--torque T` is held, 0.1 to 30 s; above 0.5 s up to the joint's continuous torque
+    /// [default: 0.5]
     #[arg(long, value_name = "SECONDS", value_parser = real("s", |s| (0.1..=30.0).contains(&s), "0.1 to 30"), allow_negative_numbers = true)]
     hold: Option<f64>,
     /// Stop if any joint turns faster than this, rad/s, above 0
@@ -205,7 +206,8 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
         bail!("--joint {} is not there; legal: 1 to {joints}", args.joint);
     }
     let number = args.joint - 1;
-    let peak = rig.rig.joints[number].peak;
+    let (peak, continuous) = (rig.rig.joints[number].peak, rig.rig.joints[number].continuous);
+    let long = args.hold.is_some_and(|hold| hold > joint::HOLD_S);
     match args.torque {
         TestTorque::Fixed(torque) if !(torque != 0.0 && torque.abs() <= peak) => {
             bail!(
@@ -213,6 +215,9 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
             );
         }
         TestTorque::Auto if !(peak > 0.0) => bail!("joint {} has no motor", args.joint),
+        TestTorque::Fixed(torque) if long && torque.abs() > continuous => bail!(
+            "--torque {torque} is too much for --hold; legal: up to the joint's continuous torque, {continuous} N m, either way"
+        ),
         TestTorque::Auto if args.hold.is_some() => bail!("--hold needs a number after --torque"),
         _ => {}
     }
@@ -221,7 +226,7 @@ pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
             TestTorque::Fixed(torque) => {
                 joint::test(bench, number, torque, args.hold.unwrap_or(joint::HOLD_S), args.speed)?
             }
-            TestTorque::Auto => joint::ramp(bench, number, rig.rig.joints[number].continuous, args.speed)?,
+            TestTorque::Auto => joint::ramp(bench, number, continuous, args.speed)?,
         })
     })?;
     let good = outcome.verdict == Verdict::Good;

@@ -124,7 +124,7 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some((scene, since)) = &history.scene {
         let since = since
-            .map_or("the recording begins".to_owned(), |since| format!("{:.1} s before", last.t - since));
+            .map_or("before the recording".to_owned(), |since| format!("{:.1} s before", last.t - since));
         tell!("  {:<10} {}, since {since}", "scene", foreign(scene.name()))?;
         for warning in Abilities::of(&rig).warnings(scene).iter().take(2) {
             tell!("  {:<10} {}", "", foreign(&warning.to_string()))?;

@@ -95,7 +95,7 @@ enum Command {
     Estop(ServerAddress),
     /// Ramp down the torque of a running server
     Disable(ServerAddress),
-    /// Enable the torque of a running server: soft start over half a second
+    /// Enable the torque of a running server, and wait until it has risen: half a second
     Enable(Commanding),
     /// Leave a fault or an emergency stop after its cause is gone
     Reset(Commanding),

@@ -56,20 +56,18 @@ pub(crate) fn held(
     print(holding(&mut connect(&to.address, "hbot")?, to.steal, order)?)
 }
 
-/// Enables the rig, waits until it renders, and prints the mode that follows. Fails if a fault or a
-/// stop has ended the soft start.
+/// Enables the rig, waits until it renders, and prints the mode that follows. Fails if a fault, a
+/// stop or a `disable` has ended the soft start.
 pub(crate) fn enable(to: &Commanding) -> anyhow::Result<ExitCode> {
-    let mode = holding(&mut connect(&to.address, "hbot")?, to.steal, |client| {
-        let mut mode = client.enable()?;
-        for _ in 0..RISES {
-            if mode != Mode::Enabling {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(100));
-            mode = client.info()?.mode.unwrap_or(mode);
+    let mut client = connect(&to.address, "hbot")?;
+    let mut mode = holding(&mut client, to.steal, Client::enable)?;
+    for _ in 0..RISES {
+        if mode != Mode::Enabling {
+            break;
         }
-        Ok(mode)
-    })?;
+        std::thread::sleep(Duration::from_millis(100));
+        mode = client.info().map_err(remedied)?.mode.unwrap_or(mode);
+    }
     print(mode)?;
     Ok(if matches!(mode, Mode::Enabling | Mode::Active) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

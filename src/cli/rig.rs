@@ -218,7 +218,7 @@ fn lax(config: &RigConfig) -> Vec<String> {
         format!("link.watchdog_ms {watchdog}: if commands stop, the motors hold their last torque for {watchdog} ms; 20 ms is usual")
     });
     let fast = (speed > SPEED)
-        .then(|| format!("limits.speed {speed} rad/s: hands turn a sphere at up to 30 rad/s, and nothing stops a faster one"));
+        .then(|| format!("limits.speed {speed} rad/s: hands turn a sphere at up to 30 rad/s, and the rig stops a faster one only beyond this"));
     slow.into_iter().chain(fast).collect()
 }
 

@@ -145,6 +145,10 @@ fn each_joint_of_the_simulated_rig_passes_its_test() {
     }
     run(&["rig", "test", "--joint", "5", "--torque", "0.01"]).failure().stderr(contains("1 to 4"));
     run(&["rig", "test", "--joint", "1", "--torque", "2"]).failure().stderr(contains("0.93"));
+    // What a motor may have for a moment only is not held.
+    let held = |torque| run(&["rig", "test", "--joint", "1", "--torque", torque, "--hold", "10"]);
+    held("0.9").failure().stderr(contains("continuous torque, 0.073 N m"));
+    held("auto").failure().stderr(contains("--hold needs a number"));
     run(&["rig", "test", "--joint", "2", "--torque", "0.05", "--speed", "0.1"])
         .failure()
         .stdout(contains("faster than --speed"));
@@ -215,7 +219,7 @@ fn a_new_rig_file_passes_its_check_whatever_it_is_made_of() {
     check(&lax).success().stdout(
         contains("2 warnings (limit that protects nobody)")
             .and(contains("the motors hold their last torque for 1000 ms"))
-            .and(contains("nothing stops a faster one")),
+            .and(contains("stops a faster one only beyond this")),
     );
     let two = text.replace("port = \"/dev/ttyACM0\"", "port = [\"/dev/a\", \"/dev/b\"]").replacen(
         "\ncontroller = ",

@@ -92,7 +92,7 @@ pub struct FaultEvent {
     pub fault: Option<Fault>,
     /// Description for people: what was measured, which limit it exceeded, and what to do.
     pub message: String,
-    /// What was found about the fault, without what to do. `None` without a fault.
+    /// What was found about the fault, and where to look. `None` without a fault.
     #[serde(default)]
     pub found: Option<String>,
     /// What to do about the fault on this rig, in sentences. `None` without a fault.

@@ -142,7 +142,7 @@ class FaultEvent:
     by: Requester | None = None
     """Who stopped or reset the rig. None if the rig stopped by itself."""
     found: str | None = None
-    """What was found about the fault. None without a fault, as the next."""
+    """What was found about the fault, and where to look. None without a fault, as the next."""
     remedy: str | None = None
     """What to do about the fault on this rig."""
 

@@ -365,8 +365,11 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     let cure = told.and_then(|told| told.remedy.as_deref()).unwrap_or(cure);
     ui.add(egui::Label::new(cure.replace('`', "")).wrap());
     // What was found comes last, because it can be long.
-    let found =
-        told.and_then(|told| told.found.as_ref()).map(|found| format!("{fault}: {found}").replace('`', ""));
+    let found = told.map(|told| {
+        // An older server has all in the message, with the path of the flight log.
+        let found = told.found.as_deref().or_else(|| told.message.split("; flight log:").next());
+        format!("{fault}: {}", found.unwrap_or_default()).replace('`', "")
+    });
     weak(ui, found.as_deref().unwrap_or(fault.as_str()));
 }
 

@@ -53,7 +53,7 @@ const plain = (x) => `${+x.toPrecision(6)}`;
 
 /** A slider is taken where a press is this near to the middle of its handle, px. */
 const GRIP = 24;
-/** Keys that would move a slider far up at once. */
+/** Keys that would move a slider far up at once, as Home moves one that goes below 0. */
 const LEAPS = new Set(['End', 'PageUp']);
 
 /** Returns a number with two digits, rounded down, as the server's warnings have it. */
@@ -221,8 +221,13 @@ export class Controls {
     const unit = schema.unit ?? '';
     const field = make('input', {
       type: 'number', step: s.whole ? 1 : 'any', 'aria-label': bare ? name : `${name} value${unit && `, ${unit}`}`,
-      // The wheel scrolls, and changes no number.
-      onwheel: () => field.blur(), title: explain(schema) });
+      // The wheel scrolls, and changes no number. What is half typed is dropped.
+      onwheel: () => {
+        if (document.activeElement !== field) return;
+        field.value = plain(get() ?? 0);
+        field.blur();
+      },
+      title: explain(schema) });
     if (Number.isFinite(s.least)) field.min = s.least;
     if (Number.isFinite(s.most)) field.max = s.most;
     // A rig must not get the 1 while the person types 15.
@@ -255,7 +260,7 @@ export class Controls {
     let byKey = false;
     slider.onkeydown = (event) => {
       [byKey, beside] = [true, false];
-      if (LEAPS.has(event.key)) event.preventDefault();
+      if (LEAPS.has(event.key) || (event.key === 'Home' && s.least < 0)) event.preventDefault();
     };
     // A press beside the handle, as of a finger that scrolls, changes nothing. Nor does a drag that becomes a scroll.
     let [beside, taken] = [false, null];

@@ -102,7 +102,7 @@ export class Rig {
 
   take(info) {
     this.info = info;
-    this.warnings = info.advice;
+    this.warnings = info.advice ?? [];
     // The server takes up to a second to know it of a changed scene. The last answer stays until then.
     this.stable = info.stable ?? this.stable;
     if (info.curves) [this.curves, this.curved] = [info.curves, structuredClone(info.scene?.effect ?? [])];
@@ -154,7 +154,7 @@ export class Rig {
         return true;
       case 'set':
         this.refusal = null;
-        this.warnings = message.advice;
+        this.warnings = message.advice ?? [];
         return false;
       case 'shaking':
         this.say(message.message, message.shaking ? 'warn' : '');
@@ -269,6 +269,8 @@ export class Rig {
 
   /** Notes that the person has asked for a stop. The time limit begins with the first request. */
   asksStop() {
+    // What was sent to a server that is gone is over.
+    if (this.stop?.again) this.stop = null;
     this.stop ??= { asked: performance.now(), after: this.state?.tick ?? null, why: null };
     this.spoke = true;
   }

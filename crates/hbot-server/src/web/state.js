@@ -95,8 +95,7 @@ function details(rig) {
     return [
       ['bad', `${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
-      // What was refused is no advice.
-      ['', (!rig.refusal && remedy) || ''],
+      ['', remedy ?? ''],
       ['weak', found ? `${state.fault}: ${found}` : state.fault]];
   }
   if (state.mode === 'estop') {

@@ -184,7 +184,8 @@ fn one_speed_is_told_after_overspeed() {
     let message = "the sphere turned at 0.300 rad/s; the limit is 0.3 (limits.speed). The rig is simulated and nothing is \
                    broken: reset, then enable; flight log: a.csv"
         .to_owned();
-    let event = FaultEvent { mode: Mode::Fault, fault, message, ..stopped_by("", None) };
+    let found = Some("faster than 0.3 rad/s (limits.speed)".to_owned());
+    let event = FaultEvent { mode: Mode::Fault, fault, message, found, ..stopped_by("", None) };
     hear(&mut model, News::Fault(event));
     let mode = Mode::Fault;
     for (tick, speed) in [(200, 0.5), (201, 0.4)] {

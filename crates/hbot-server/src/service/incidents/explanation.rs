@@ -12,8 +12,8 @@ use hbot_host::run_loop::sample::Sample;
 pub(super) struct Explanation {
     /// All of it, for the log and for clients that show one text.
     pub(super) message: String,
-    /// What was found. The speed at which the sphere was too fast is left out, because clients show
-    /// the present one beside it.
+    /// What was found, and on a real rig where to look. The speed at which the sphere was too
+    /// fast is left out, because clients show the present one beside it.
     pub(super) found: String,
     /// What to do about it on this rig.
     pub(super) remedy: String,
@@ -55,14 +55,18 @@ pub(super) fn simulated(
         _ => usual(cause).to_owned(),
     };
     let message = format!("{what}. {UNBROKEN}: reset, then enable{again}");
-    Explanation { message, found: found(cause, rig, what), remedy }
+    Explanation { message, found: found(cause, sample, rig, what), remedy }
 }
 
 /// Explains a fault of a real rig. `skipped` is the number of ticks that were skipped just before
 /// the sample.
 pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> Explanation {
     let message = observed(cause, sample, skipped, rig);
-    Explanation { found: found(cause, rig, message.clone()), remedy: usual(cause).to_owned(), message }
+    Explanation {
+        found: found(cause, sample, rig, message.clone()),
+        remedy: usual(cause).to_owned(),
+        message,
+    }
 }
 
 const UNBROKEN: &str = "The rig is simulated and nothing is broken";
@@ -89,11 +93,10 @@ const fn is_of_hardware(cause: Cause) -> bool {
     }
 }
 
-fn found(cause: Cause, rig: &Rig, what: String) -> String {
-    match cause {
-        Cause::Overspeed => format!("faster than {} rad/s (limits.speed)", rig.limits.speed),
-        _ => what,
-    }
+fn found(cause: Cause, sample: &Sample, rig: &Rig, what: String) -> String {
+    let limit = rig.limits.speed;
+    let told = cause == Cause::Overspeed && sample.state.omega.length() > limit;
+    if told { format!("faster than {limit} rad/s (limits.speed)") } else { what }
 }
 
 /// What a simulated rig suffers from if its line is not to blame.
