@@ -2,17 +2,12 @@
 //! connection of all commands that are clients.
 
 use std::process::ExitCode;
-use std::time::Duration;
 
 use anyhow::Context as _;
 use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Token, Trust, client_name};
 
 use super::out::tell;
 use super::{Commanding, ServerAddress, show, style};
-
-/// Number of tenths of a second for which `hbot enable` waits for the end of the soft start. In
-/// virtual time it may not come.
-const RISES: u32 = 10;
 
 /// Stops the rig, and prints the mode that follows and what comes next. The stop is sent without
 /// waiting for an answer of the server. If the server does not confirm it, the error says so before
@@ -56,18 +51,13 @@ pub(crate) fn held(
     print(holding(&mut connect(&to.address, "hbot")?, to.steal, order)?)
 }
 
-/// Enables the rig, waits until it renders, and prints the mode that follows. Fails if a fault, a
-/// stop or a `disable` has ended the soft start.
+/// Enables the rig, waits for the end of the soft start, and prints the mode that follows. Fails if
+/// a fault, a stop or a `disable` has ended it. In virtual time the end may not come.
 pub(crate) fn enable(to: &Commanding) -> anyhow::Result<ExitCode> {
     let mut client = connect(&to.address, "hbot")?;
-    let mut mode = holding(&mut client, to.steal, Client::enable)?;
-    for _ in 0..RISES {
-        if mode != Mode::Enabling {
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(100));
-        mode = client.info().map_err(remedied)?.mode.unwrap_or(mode);
-    }
+    let mode = holding(&mut client, to.steal, Client::enable)?;
+    let risen = show::state(&mut client, |state| state.mode != Mode::Enabling)?;
+    let mode = risen.map_or(mode, |state| state.mode);
     print(mode)?;
     Ok(if matches!(mode, Mode::Enabling | Mode::Active) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

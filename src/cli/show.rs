@@ -55,7 +55,7 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         info.rig.rate_hz,
         foreign(&info.accuracy)
     )?;
-    tell!("  mode       {}", mode(newest_state(&mut client)?.as_ref(), info.limits.speed))?;
+    tell!("  mode       {}", mode(state(&mut client, |_| true)?.as_ref(), info.limits.speed))?;
     if let Some(incident) = &info.incident {
         // What comes next stands behind the mode.
         let cause = incident.message.replace("; reset, then enable, to go on", "");
@@ -125,12 +125,17 @@ fn stable(render: &RenderInfo) -> String {
 /// A server whose loop runs sends a state well within this time.
 const STATE_WITHIN: Duration = Duration::from_secs(2);
 
-/// Returns the state of the next tick. Returns `None` if none arrives.
-fn newest_state(client: &mut Client) -> anyhow::Result<Option<StateEvent>> {
+/// Returns the next state that is as `wanted`. Returns `None` if none arrives in time.
+pub(super) fn state(
+    client: &mut Client,
+    wanted: impl Fn(&StateEvent) -> bool,
+) -> anyhow::Result<Option<StateEvent>> {
     client.subscribe(1).map_err(orders::remedied)?;
     let until = Instant::now() + STATE_WITHIN;
     while let Some(left) = until.checked_duration_since(Instant::now()) {
-        if let Some(Event::State(state)) = client.next_event(left)? {
+        if let Some(Event::State(state)) = client.next_event(left)?
+            && wanted(&state)
+        {
             return Ok(Some(state));
         }
     }

@@ -44,7 +44,7 @@ impl Warning {
 
     /// Returns what to do about it, as a sentence.
     #[must_use]
-    pub fn advice(&self) -> Option<String> {
+    pub fn remedy_sentence(&self) -> Option<String> {
         let remedy = self.remedy.as_deref()?;
         let (first, rest) = remedy.split_at_checked(1)?;
         Some(format!("{}{rest}.", first.to_ascii_uppercase()))
@@ -63,6 +63,6 @@ impl fmt::Display for Warning {
 impl From<&Warning> for hbot_api::WarningParts {
     fn from(warning: &Warning) -> Self {
         let Warning { effect, what, why, shakes, .. } = warning.clone();
-        Self { effect, what, why, remedy: warning.advice(), shakes }
+        Self { effect, what, why, remedy: warning.remedy_sentence(), shakes }
     }
 }

@@ -269,7 +269,7 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
 fn warned(ui: &mut Ui, warnings: &[Warning], palette: Palette, is_cured: bool) {
     let Some(first) = warnings.first() else { return };
     let text = if is_low(ui) { first.brief() } else { first.reason() };
-    let cure = first.advice();
+    let cure = first.remedy_sentence();
     let color = if cure.is_some() { palette.text } else { palette.warn };
     if let Some(cure) = cure.filter(|_| !is_cured) {
         remedy(ui, palette, &cure);
@@ -286,7 +286,7 @@ fn warned(ui: &mut Ui, warnings: &[Warning], palette: Palette, is_cured: bool) {
 fn cure(warnings: &[Warning], effect: Option<&str>) -> String {
     let shaky = || warnings.iter().filter(|warning| warning.shakes);
     let mut first = shaky().filter(|warning| warning.effect.as_deref() == effect).chain(shaky());
-    first.find_map(Warning::advice).unwrap_or_else(|| LESS.to_owned())
+    first.find_map(Warning::remedy_sentence).unwrap_or_else(|| LESS.to_owned())
 }
 
 /// Draws what to do about a warning. It stands before the warning.

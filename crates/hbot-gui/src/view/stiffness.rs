@@ -106,7 +106,7 @@ fn warnings(ui: &mut Ui, warnings: &[Warning]) {
     let palette = Palette::of(ui);
     for warning in warnings {
         let color = if warning.remedy.is_some() { palette.text } else { palette.warn };
-        if let Some(cure) = warning.advice() {
+        if let Some(cure) = warning.remedy_sentence() {
             remedy(ui, palette, &cure);
         }
         coloured(ui, color, warning.reason());
@@ -433,7 +433,7 @@ mod tests {
         assert_eq!(warnings.len(), 1);
         let said_of = said(model);
         // What to do comes first.
-        let (what, cure) = (warnings[0].reason(), warnings[0].advice().expect("a remedy"));
+        let (what, cure) = (warnings[0].reason(), warnings[0].remedy_sentence().expect("a remedy"));
         let [cure, what] = [cure, what].map(|text| said_of.find(&text).expect("told in full"));
         assert!(cure < what, "{said_of}");
         // The sentence about the mark has the number of the warning.

@@ -74,7 +74,8 @@ function details(rig) {
       ['strong', rig.isBack ? `Connected again: the rig is ${state.mode.toUpperCase()} and pushes. Press STOP.` : ''],
       ['', `${touch.matches || !document.hasFocus() ? 'Press STOP again.' : 'STOP or Esc tries again.'} This message ends when a state shows `
         + 'no torque.'],
-      ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
+      // What was wrong is over where the rig is heard again.
+      ['', rig.isBack ? '' : sentence(stop.why ?? 'the server has not confirmed the stop')],
       ...old];
   }
   if (head === 'NO CONTACT') {
@@ -169,9 +170,9 @@ function noticed(rig) {
 }
 
 /** Returns what a warning says without its reasons, for the box. */
-function brief({ effect, what }) {
+function brief({ effect, what, shakes }) {
   // Where it shakes stands at the scene.
-  const text = narrow.matches ? what.replace(/(may shake the sphere).*/, '$1') : what;
+  const text = narrow.matches && shakes ? 'may shake the sphere' : what;
   return (effect ? `${effect}: ${text}` : text).replaceAll('`', '');
 }
 

@@ -8,7 +8,7 @@ use hbot_core::safety::mode::Cause;
 use super::super::convert;
 use hbot_host::run_loop::sample::Sample;
 
-/// What clients are told of a fault.
+/// The explanation of a fault, for clients.
 pub(super) struct Explanation {
     /// All of it, for the log and for clients that show one text.
     pub(super) message: String,
