@@ -156,11 +156,11 @@ function noticed(rig) {
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
   if (!hasTorque(state.mode) && speed > TURNS && !isFast) return `${TURNING} ${speed.toFixed(2)}\u00a0rad/s`;
-  // There, the warning has the place of this line, and the bar above who commands.
-  if (shakes || (narrow.matches && isWarned(rig))) return '';
+  // The warning has the place of this line. The bars show what is cut, and the bar above who commands.
+  if (shakes || isWarned(rig)) return '';
   const lines = lease.who === 'free' && hasTorque(state.mode) ? ['Nobody commands: take command'] : [];
   const cut = 1 - state.scale;
-  if (warnings.length > 0 && !isWarned(rig)) {
+  if (warnings.length > 0) {
     const [first] = warnings;
     const remedy = first.remedy ? `${first.remedy} ` : '';
     lines.push(`${remedy}${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`);
