@@ -65,3 +65,10 @@ def own_server(start_server: Callable[..., Server]) -> Server:
 def encoding(request: pytest.FixtureRequest) -> str:
     """Return each encoding in turn."""
     return str(request.param)
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Print the figures of tests that record some."""
+    for report in terminalreporter.getreports("passed"):
+        for name, figures in report.user_properties:
+            terminalreporter.line(f"{name}: {figures}")

@@ -97,6 +97,7 @@ class Connection:
         self.timeout = options.timeout
         self.lost = LostEvent(states=0, events=0, sends=0)
         self.refused = 0
+        self.refusal = ""
         self.dropped = 0
         self.holds_lease = False
         self.lost_lease_to: str | None = None
@@ -314,7 +315,7 @@ class Connection:
                     _LOG.warning(
                         "the server refused messages, the last: %s%s", event.message, advice
                     )
-                self.refused = event.total
+                self.refused, self.refusal = event.total, event.message
             elif isinstance(event, DroppedEvent):
                 self.dropped = event.total
             elif isinstance(event, StoppingEvent):

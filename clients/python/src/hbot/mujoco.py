@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from .errors import MissingExtra
+from .errors import MissingExtra, OutOfRange
 from .models import Model, Plane
 
 try:
@@ -78,11 +78,13 @@ class Felt:
     rig_work: float
     """The same by the rig's own observer, J, without the pauses."""
     imbalance: float
-    """Fraction by which `work` differs from `rig_work`. Energy that delays create or consume."""
+    """`work` over `rig_work`, less 1. Below 0, delays have taken energy from the hand."""
     age_ticks: float
     """Median age of the model in force, ticks since its state."""
     pauses: int
     """How often the simulation was paused or reset, so that the coupling began anew."""
+    refused: int
+    """Models that the server refused. The logger `hbot` has the reason of the first."""
 
 
 class Hand:
@@ -408,17 +410,19 @@ def run(
     each: Callable[[Hand, State], None] | None = None,
     **options: Any,
 ) -> Felt:
-    """Put a body into the hand until `duration` s of the rig's time are over.
+    """Put a body into the hand until `duration` s of the rig's time are over, or until Ctrl-C.
 
     Needs the lease and an enabled rig, like `Rig.render`. With `viewer`, MuJoCo's viewer shows the
     simulation. `each` is called after each update. The other options are those of `Hand`.
 
     Raises:
         NotHolder, Faulted, TimedOut, ConnectionLost: as `Rig.render`.
+        OutOfRange: the server has refused all models for a second.
         ValueError: as `Hand`.
     """
     hand = Hand(rig, model, body, **options)
-    updates, spent, rig_work = 0, 0.0, 0.0
+    connection = rig._connection
+    updates, spent, rig_work, refused = 0, 0.0, 0.0, connection.refused
     ages: list[int] = []
     first: State | None = None
     newest: State | None = None
@@ -432,6 +436,8 @@ def run(
         nonlocal updates, spent, rig_work, first, newest
         if first is not None and state.client is not None:
             ages.append(state.client.age_ticks)
+            if connection.refused > refused and ages[-1] > rig.hello.rate_hz:
+                raise OutOfRange(connection.refusal, op="model")
         begun, begins = time.perf_counter(), hand.begins
         made = hand.update(state)
         if newest is not None and hand.begins == begins:
@@ -450,11 +456,13 @@ def run(
     valid_ms = max(round(1000.0 * LONGEST_STEP), min(1000, round(5000.0 / rate_hz)))
     try:
         rig.render(torque, every=every, valid_ms=valid_ms, duration=duration)
+    except KeyboardInterrupt:
+        pass  # Returns what was felt until now.
     finally:
         if window is not None:
             window.close()
     if first is None or newest is None:
-        return Felt(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+        return Felt(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0)
     return Felt(
         updates,
         hand.steps,
@@ -464,4 +472,5 @@ def run(
         hand.work / rig_work - 1.0 if rig_work else 0.0,
         median(ages or [0]),
         hand.begins - 1,
+        connection.refused - refused,
     )
