@@ -583,7 +583,7 @@ await shows("#who", "nobody commands");
 await page.addInitScript(() => {
   const parse = JSON.parse;
   // When `shakes` changes, also that the sphere shakes, and it turns at 13 rad/s. With `hides`, nothing of the scene's
-  // curve. With `fast`, a damaged line is a sphere that is too fast.
+  // curve. With `cuts`, the limits cut 64 % of the torque. With `fast`, a damaged line is a sphere that is too fast.
   const shaking = { event: "shaking", frequency: 10, amplitude: 13, effect: "spring", gain: 0.5, message: "the sphere shakes" };
   let told = false;
   JSON.parse = (text) => {
@@ -622,6 +622,7 @@ await number.press("Enter");
 await shows("#warnings", "spring: may shake");
 assert(!await alarm(), "at rest");
 await page.evaluate(() => { window.shakes = true; });
+      .replace(/"scale":[^,}]*/, (told) => (window.cuts ? '"scale":0.36' : told))
 await shows("#details", "spring shook the sphere at 10 Hz.");
 assert(await alarm());
 const cures = await Promise.all([text("#details p:first-child"), text("#warnings strong")]);
@@ -644,6 +645,18 @@ await page.setViewportSize(SIZES.desk);
 await picture("shakes");
 await picture("shakes-dark");
 await page.evaluate(() => { window.shakes = false; });
+// What the limits cut has the colour of the torque, and not that of a warning.
+await page.evaluate(() => { window.cuts = true; });
+await shows("#notice", "Limits cut 64 % of the torque");
+const [cut, torque] = await page.evaluate(() => {
+  const probe = Object.assign(document.createElement("i"), { style: "color: var(--torque)" });
+  document.body.append(probe);
+  return [document.querySelector("#notice"), probe].map((it) => getComputedStyle(it).color);
+});
+assert.equal(cut, torque);
+await picture("cut");
+await page.evaluate(() => { window.cuts = false; });
+
 await until("calm", async () => !await alarm());
 
 // A fault of a real rig has the usual remedy, and a sphere that is too fast has one speed.

@@ -124,18 +124,22 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
     let pushes = matches!(headline, Headline::Mode(mode) if has_torque(mode));
     let may_shake = warnings.iter().any(|it| it.shakes);
     let shakes = pushes && model.shaking.is_some();
-    let is_amber = pushes && (shakes || may_shake || model.is_at_limit());
+    // A torque at the limit is no warning: nothing has to be done about it.
+    let alert = if pushes && (shakes || may_shake) {
+        Some(palette.warn)
+    } else {
+        (pushes && model.is_at_limit()).then_some(palette.torque)
+    };
     // The box is as loud as the worst of the state.
     frame = match headline {
         _ if old.is_some() => frame,
         _ if shakes => frame.fill(palette.warn.gamma_multiply(0.12)).stroke((2.0, palette.warn)),
-        _ if is_amber => frame.stroke((2.0, palette.warn)),
         Headline::NotStopped => frame.stroke((2.0, Color32::TRANSPARENT)),
         Headline::NoState => frame,
         Headline::NoContact | Headline::Mode(Mode::Fault | Mode::Estop) => {
             frame.fill(palette.bad.gamma_multiply(0.12)).stroke((2.0, palette.bad))
         }
-        Headline::Mode(_) => frame.stroke((2.0, palette.headline(headline))),
+        Headline::Mode(_) => frame.stroke((2.0, alert.unwrap_or(palette.headline(headline)))),
     };
     let ground = ui.painter().add(egui::Shape::Noop);
     let drawn = frame.show(ui, |ui| {
@@ -147,10 +151,8 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
             Color32::WHITE
         } else if old.is_some() {
             palette.weak
-        } else if is_amber {
-            palette.warn
         } else {
-            palette.headline(headline)
+            alert.unwrap_or(palette.headline(headline))
         };
         let size = HEADLINE[usize::from(!is_low(ui))];
         ui.label(RichText::new(headline.text()).strong().size(size).color(color));
@@ -176,7 +178,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
             details(ui, model, warnings, headline, palette);
         });
         if let Some(cut) = cut {
-            coloured(ui, palette.warn, format!("Limits cut {} of the torque", percent(cut)));
+            coloured(ui, palette.torque, format!("Limits cut {} of the torque", percent(cut)));
         }
         if let Some(state) = model.state.as_ref().filter(|_| is_long) {
             // The speed of the sentence above.
@@ -251,7 +253,7 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
                 coloured(ui, palette.warn, shaken(shaking));
             }
             if mode == Mode::Active && model.is_at_limit() && cut(model, headline).is_none() {
-                coloured(ui, palette.warn, "The torque is at its limit.");
+                coloured(ui, palette.torque, "The torque is at its limit.");
             }
             if warnings.is_empty() {
                 weak(ui, mode.sentence());

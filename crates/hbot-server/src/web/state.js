@@ -6,6 +6,7 @@ import { length } from './maths.js';
 /** From this rate on, the page says that the sphere still turns without torque, rad/s. */
 const TURNS = 0.1;
 const TURNING = 'The sphere still turns:';
+const [CUT, AT_LIMIT] = ['Limits cut', "The torque is at the rig's limit"];
 /** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
 const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
 /** Part of a limit from which a bar says that it is near. */
@@ -164,8 +165,8 @@ function noticed(rig) {
     const [first] = warnings;
     const remedy = first.remedy ? `${first.remedy} ` : '';
     lines.push(`${remedy}${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`);
-  } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`Limits cut ${percent(cut)} of the torque`);
-  else if (rig.isAtLimit) lines.push("The torque is at the rig's limit");
+  } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`${CUT} ${percent(cut)} of the torque`);
+  else if (rig.isAtLimit) lines.push(AT_LIMIT);
   return lines.join('. ');
 }
 
@@ -210,6 +211,7 @@ export function showState(rig) {
   // Before the text is fitted, because it has another place then.
   document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   document.body.classList.toggle('warned', rig.isCertain && isWarned(rig));
+  notice.classList.toggle('cut', line.startsWith(CUT) || line.startsWith(AT_LIMIT));
   document.body.classList.toggle('strained', rig.isCertain && rig.isAtLimit);
   // A rate that changes keeps its length.
   const key = JSON.stringify([head, lines, line.length]);

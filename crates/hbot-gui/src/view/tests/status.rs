@@ -59,7 +59,7 @@ fn keys_that_go_to_another_window_are_not_advised() {
 
 #[test]
 fn a_torque_that_the_limits_cut_is_told() {
-    let warning = Palette::of_theme(true, Color32::GRAY).warn;
+    let torque = Palette::of_theme(true, Color32::GRAY).torque;
     for (scale, bar, words) in [
         (0.36, "64 % cut by limits", Some("Limits cut 64 % of the torque")),
         (0.001, "> 99 % cut by limits", Some("Limits cut over 99 % of the torque")),
@@ -73,11 +73,11 @@ fn a_torque_that_the_limits_cut_is_told() {
             assert!(shows(&seen, bar), "{scale}");
             let told = texts(&seen).into_iter().find(|it| it.text.starts_with("Limits cut"));
             assert_eq!(told.as_ref().map(|it| it.text.as_str()), words);
-            assert!(told.is_none_or(|it| it.color == warning));
-            let is_warned = filled(&seen)
+            assert!(told.is_none_or(|it| it.color == torque));
+            let is_cut = filled(&seen)
                 .iter()
-                .any(|(rect, color)| *color == warning && rect.height() == 10.0 && rect.width() > 0.0);
-            assert_eq!(is_warned, scale < 1.0, "{scale}: the bar");
+                .any(|(rect, color)| *color == torque && rect.height() == 10.0 && rect.width() > 0.0);
+            assert_eq!(is_cut, scale < 1.0, "{scale}: the bar");
         }
     }
 }
