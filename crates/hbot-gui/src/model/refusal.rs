@@ -21,16 +21,16 @@ pub(crate) struct Refusal {
 }
 
 impl Refusal {
-    /// Returns the refusal of `intent` in the state `state`. Returns `None` if this is no request to
-    /// enable or to reset.
+    /// Returns the refusal of `intent` in the state `state`. Returns `None` if this is no request
+    /// to enable or to reset.
     pub(super) fn of(intent: &Intent, why: String, state: Option<&StateEvent>) -> Option<Self> {
         let q = state.map(|state| quaternion(state.q));
         let is_told = matches!(intent, Intent::Enable | Intent::Reset | Intent::Recover);
         is_told.then(|| Self { intent: intent.clone(), why, q })
     }
 
-    /// Returns whether what was refused has come about, perhaps by another client, or the reason may
-    /// be gone.
+    /// Returns whether what was refused has come about, perhaps by another client, or the reason
+    /// may be gone.
     pub(super) fn is_over(&self, state: &StateEvent) -> bool {
         let stopped = matches!(state.mode, Mode::Fault | Mode::Estop);
         let turned = self.q.is_some_and(|q| q.angle_between(quaternion(state.q)) > TURNED);
