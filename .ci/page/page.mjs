@@ -78,6 +78,13 @@ const bars = () => until("torque and speed in sight", () => page.$$eval("meter",
   const { x, y, width, height } = it.getBoundingClientRect();
   return document.elementFromPoint(x + width / 2, y + height / 2) === it;
 })));
+/** Checks that no word in sight is smaller than 12 px. */
+async function legible() {
+  const small = await page.evaluate(() => [...document.querySelectorAll("body *")].filter((it) => (
+    it.checkVisibility() && [...it.childNodes].some((node) => node.nodeType === 3 && node.data.trim())
+    && parseFloat(getComputedStyle(it).fontSize) < 12)).map((it) => it.outerHTML));
+  assert.deepEqual(small, [], `below 12 px at ${JSON.stringify(page.viewportSize())}`);
+}
 /** Returns what the line below STOP says from now on, in a list that grows. */
 const spoken = () => page.evaluateHandle(() => {
   const all = [];
@@ -148,6 +155,7 @@ for (const [width, height] of [[390, 844], [844, 390], [360, 640], [320, 640], [
   assert.deepEqual(covered, [], `at ${width} x ${height}`);
   const beyond = await page.evaluate(() => window.beyond);
   assert.deepEqual(beyond, {}, `written beyond the edge at ${width} x ${height}`);
+  await legible();
 }
 await page.setViewportSize(SIZES.desk);
 await page.evaluate(() => document.querySelector("#scene").scrollIntoView());
@@ -419,6 +427,13 @@ await watcher.mode("idle");
 const [w, x, y, z] = watcher.state.q;
 await load({ name: "Far", effect: [{ ...spring, anchor: "absolute", reference: [-x, w, z, -y] }] });
 await shows("#details", "Enable is refused beyond 0.50 rad");
+await watcher.ask("estop");
+await shows("#headline", "ESTOP");
+await shows("#distance", "rad from reference: set its anchor to here");
+assert(await page.locator("#recover").isDisabled(), "the server would refuse");
+assert.match(await page.locator("#recover").getAttribute("title"), /too far from the reference/);
+await page.click("#reset");
+await shows("#headline", "IDLE");
 await page.click("#enable");
 await shows("#details", "Not enabled: op enable: the reference of effect \"spring\"");
 await until("a refused Enable is off", () => page.locator("#enable").isDisabled());
@@ -493,15 +508,22 @@ for (const viewport of Object.values(SIZES)) {
   await page.waitForTimeout(300);
   assert(await page.evaluate(() => document.getElementById("box").scrollHeight <= document.getElementById("box").clientHeight),
     `at ${viewport.width} px the text of the fault does not fit`);
+  await legible();
 }
 await page.setViewportSize(SIZES.desk);
 await ticks();
 await bars();
 await picture("fault");
 await load({ name: "A good line", effect: [spring], simulate: {} });
+// A stop leaves the fault in sight.
+const fault = watcher.state.fault;
+await watcher.ask("estop");
+await shows("#details", `Before the stop: ${fault}.`);
+await shows("#details", "Stopped by watcher");
+await picture("fault-stopped");
 // For some ticks the cause is still there, and the server refuses.
 const recovers = () => until("the rig recovers", async () => {
-  if (await text("#headline") === "FAULT") await page.click("#recover");
+  if (["FAULT", "ESTOP"].includes(await text("#headline"))) await page.click("#recover");
   await page.waitForTimeout(200);
   return await text("#headline") === "ACTIVE";
 });
@@ -569,11 +591,18 @@ const { ports } = server;
 await server.end();
 await shows("#headline", "NO CONTACT");
 await shows("#details", "Not connected");
-assert.equal(await text("#badge"), "UNKNOWN", "the next server there may have a real rig");
+assert.equal(await text("#badge"), "was SIMULATED", "what it was");
+assert.equal(await page.locator("#badge").getAttribute("data-kind"), "unknown", "the next server there may have a real rig");
 await shows("#absent", `No server answers at ${ports.web}.`);
 const [under, over] = await page.evaluate(() => [document.querySelector("#keys").getBoundingClientRect().bottom,
   document.querySelector("#orders").getBoundingClientRect().top]);
 assert(under <= over, `the line below STOP ends at ${under} px, and the buttons begin at ${over} px`);
+await page.setViewportSize({ width: 360, height: 640 });
+await until("badge, chip and button in one row", () => page.evaluate(() => {
+  const [button, ...rest] = ["lease", "badge", "chip"].map((id) => document.getElementById(id).getBoundingClientRect());
+  return rest.every((it) => it.top >= button.top && it.bottom <= button.bottom);
+}), 5);
+await page.setViewportSize(SIZES.desk);
 await picture("gone");
 server = await Server.start(hbot, ports);
 await shows("#headline", "ACTIVE");
@@ -583,7 +612,7 @@ await shows("#who", "nobody commands");
 await page.addInitScript(() => {
   const parse = JSON.parse;
   // When `shakes` changes, also that the sphere shakes, and it turns at 13 rad/s. With `hides`, nothing of the scene's
-  // curve. With `fast`, a damaged line is a sphere that is too fast.
+  // curve. With `cuts`, the limits cut 64 % of the torque. With `fast`, a damaged line is a sphere that is too fast.
   const shaking = { event: "shaking", frequency: 10, amplitude: 13, effect: "spring", gain: 0.5, message: "the sphere shakes" };
   let told = false;
   JSON.parse = (text) => {
@@ -593,6 +622,7 @@ await page.addInitScript(() => {
     }
     return parse(text.replace('"simulated":true', '"simulated":false')
       .replace(/"omega":\[[^\]]*\]/, (told) => (window.shakes ? '"omega":[0,13,0]' : told))
+      .replace(/"scale":[^,}]*/, (told) => (window.cuts ? '"scale":0.36' : told))
       .replace('"curves":', (told) => (window.hides ? '"hidden":' : told))
       .replace(/"fault":"link_corrupt"|"omega":\[[^\]]*\]/g, (told) => (!window.fast ? told
         : { f: '"fault":"overspeed"', o: '"omega":[0,31,0]' }[told[1]])));
@@ -614,6 +644,18 @@ await number.fill("0.1");
 await number.press("Enter");
 await range("0.5");
 await page.evaluate(() => { window.hides = false; });
+
+// What the limits cut has the colour of the torque, and not that of a warning.
+await page.evaluate(() => { window.cuts = true; });
+await shows("#notice", "Limits cut 64 % of the torque");
+const [cut, torque] = await page.evaluate(() => {
+  const probe = Object.assign(document.createElement("i"), { style: "color: var(--torque)" });
+  document.body.append(probe);
+  return [document.querySelector("#notice"), probe].map((it) => getComputedStyle(it).color);
+});
+assert.equal(cut, torque);
+await picture("cut");
+await page.evaluate(() => { window.cuts = false; });
 
 // A scene that is warned of is an alarm while it shakes.
 const alarm = () => page.evaluate(() => document.body.classList.contains("shakes"));
@@ -696,9 +738,12 @@ const tablet = await browser.newContext({ viewport: { width: 820, height: 1100 }
 const finger = await tablet.newPage();
 await fresh(finger);
 await finger.goto(server.page);
-for (const act of [() => {}, () => finger.click("#lease"), () => finger.click("#stop")]) {
+const acts = [() => {}, () => finger.click("#lease"), () => finger.click("#stop")];
+for (const act of acts) {
   await act();
   await finger.waitForTimeout(500);
+  // Two pages have one name.
+  if (act !== acts[0]) assert.match(await text("#who"), /^you observe, page on \w+ \(session \d+\) commands$/);
   const words = await finger.evaluate(() => document.body.textContent);
   assert(!/\b(Esc|Space|[Kk]eys|[Ss]croll|double click)\b/.test(words), words);
 }

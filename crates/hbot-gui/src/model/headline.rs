@@ -5,6 +5,7 @@ use std::time::Duration;
 use hbot_api::{Mode, Requester};
 
 use super::{Link, Model, PendingStop, SILENT_AFTER};
+use crate::net::Lease;
 
 /// If no state message arrives for this time, what the window shows is grey.
 const QUIET_AFTER: Duration = Duration::from_millis(500);
@@ -103,6 +104,12 @@ impl Model {
         simulated.map(|simulated| if simulated { "SIMULATED" } else { "LIVE" })
     }
 
+    /// Returns the badge of the connection that is lost, marked as past.
+    pub(crate) fn last_badge(&self) -> Option<&'static str> {
+        let simulated = self.simulated.filter(|_| matches!(self.link, Link::Offline { .. }));
+        simulated.map(|simulated| if simulated { "was SIMULATED" } else { "was LIVE" })
+    }
+
     /// Returns whether the server has said that its rig is simulated.
     pub(crate) fn is_simulated(&self) -> bool {
         self.simulated == Some(true)
@@ -126,7 +133,18 @@ impl Model {
         match by.session {
             None => format!("the signal {}", by.name),
             Some(session) if by.name == self.name && own(session) => "you".to_owned(),
-            Some(_) => person(&by.name).to_owned(),
+            Some(_) => self.other(by),
+        }
+    }
+
+    /// Returns the user and machine of another panel, or the name of another client. The number of
+    /// its connection follows if this panel or the lease holder has the same name.
+    pub(crate) fn other(&self, by: &Requester) -> String {
+        let holds = |it: &Requester| it.name == by.name && it.session != by.session;
+        let alike = by.name == self.name || matches!(&self.lease, Lease::Other(it) if holds(it));
+        match by.session.filter(|_| alike) {
+            Some(session) => format!("{} (session {session})", person(&by.name)),
+            None => person(&by.name).to_owned(),
         }
     }
 
@@ -143,6 +161,6 @@ impl Model {
 }
 
 /// Returns the user and machine in the name of a panel, and the whole name of any other client.
-pub(crate) fn person(name: &str) -> &str {
+fn person(name: &str) -> &str {
     name.strip_prefix("panel ").unwrap_or(name)
 }

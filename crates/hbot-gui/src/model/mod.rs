@@ -11,6 +11,7 @@ mod marks;
 mod messages;
 mod own;
 mod reach;
+mod refusal;
 pub(crate) mod sample;
 mod scene;
 mod stop;
@@ -28,12 +29,13 @@ use hbot_api::{
 
 pub(crate) use film::Film;
 pub(crate) use fit::{Fit, fit};
-pub(crate) use headline::{Headline, person};
+pub(crate) use headline::Headline;
 pub(crate) use histogram::{BINS, Histogram};
 pub(crate) use history::{History, SPAN_S, thinned};
 pub(crate) use judged::Judged;
 pub(crate) use marks::{Mark, Marks, What};
 pub(crate) use messages::{Messages, Weight};
+pub(crate) use refusal::Refusal;
 pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 pub(crate) use stop::{PendingStop, has_torque};
@@ -107,6 +109,11 @@ pub(crate) struct Model {
     pub(crate) scene: Scene,
     /// The server's message about the fault or emergency stop that the rig is in. `None` otherwise.
     pub(crate) fault: Option<FaultEvent>,
+    /// The server's message about the fault that the rig was in when it was stopped. `None` outside
+    /// an emergency stop.
+    pub(crate) fault_before: Option<FaultEvent>,
+    /// The user's last request to enable or reset, if it was refused and nothing has changed since.
+    pub(crate) refusal: Option<Refusal>,
     /// What the server said when it found the sphere shaking by itself, while the torque is
     /// lowered.
     pub(crate) shaking: Option<ShakingEvent>,
@@ -145,6 +152,8 @@ impl Model {
             lacks_controllers: false,
             scene: Scene::default(),
             fault: None,
+            fault_before: None,
+            refusal: None,
             shaking: None,
             messages: Messages::default(),
             recording: None,
@@ -222,6 +231,8 @@ impl Model {
                 state.tick > fault.tick && !matches!(state.mode, Mode::Fault | Mode::Estop)
             };
             self.fault = self.fault.take().filter(|fault| !over(fault));
+            self.fault_before = self.fault_before.take().filter(|_| self.fault.is_some());
+            self.refusal = self.refusal.take().filter(|refusal| !refusal.is_over(&state));
             self.stops.retain(|stop| !stop.is_proved_by(&self.server, &state));
             let now = is_rendering(state.mode);
             match self.mode().map(is_rendering) {
@@ -268,7 +279,11 @@ impl Model {
     /// requested value.
     pub(crate) fn asked(&mut self, intent: &Intent) {
         match intent {
-            Intent::Set { effect, key, value } => self.scene.ask(effect, key, value),
+            Intent::Set { effect, key, value } => {
+                self.refusal = None;
+                self.scene.ask(effect, key, value);
+            }
+            Intent::Enable | Intent::Reset | Intent::Recover => self.refusal = None,
             Intent::Connect(address) if *address != self.server => {
                 self.server.clone_from(address);
                 self.simulated = None;
@@ -349,6 +364,8 @@ impl Model {
         self.info.scene = serde_json::Value::Null;
         self.heard = Some(Instant::now());
         self.fault = None;
+        self.fault_before = None;
+        self.refusal = None;
         self.shaking = None;
         self.dropped = 0;
         // The server can have started again with another rig. The answer to `info` says which.
@@ -369,6 +386,8 @@ impl Model {
         if stopped {
             self.unmarked.push((What::Fault, name, Some(fault.tick)));
         }
+        let before = self.fault.take().filter(|it| it.mode == Mode::Fault).or(self.fault_before.take());
+        self.fault_before = before.filter(|_| fault.mode == Mode::Estop);
         self.fault = stopped.then_some(fault);
     }
 
@@ -383,6 +402,7 @@ impl Model {
     }
 
     fn scene_loaded(&mut self, scene: SceneEvent) {
+        self.refusal = None;
         let by = scene.by.as_ref().map(|by| format!(", loaded by {}", self.who(by)));
         self.messages.add(Weight::Good, format!("scene: {}{}", scene.name, by.unwrap_or_default()));
         self.unmarked.push((What::Scene, format!("scene {}", scene.name), Some(scene.tick)));
@@ -390,6 +410,7 @@ impl Model {
     }
 
     fn parameters_set(&mut self, set: SetEvent) {
+        self.refusal = None;
         let SetEvent { tick, effect, parameters, by, .. } = set;
         let by = by.filter(|by| by.session.is_none_or(|session| !self.sessions.contains(session)));
         for (key, value) in parameters {
@@ -405,8 +426,14 @@ impl Model {
         if let Intent::Set { effect, key, value } = intent {
             self.scene.answered(effect, key, value, result.is_ok());
         }
-        if let Err(why) = result {
-            self.messages.add(Weight::Bad, format!("{}: {why}", intent.name()));
+        let Err(why) = result else { return };
+        let text = format!("{}: {why}", intent.name());
+        match Refusal::of(intent, why, self.state.as_ref()) {
+            None => self.messages.add(Weight::Bad, text),
+            refusal => {
+                self.messages.add_told(Weight::Bad, text);
+                self.refusal = refusal;
+            }
         }
     }
 
@@ -433,7 +460,7 @@ impl Model {
         if self.lease == Lease::Mine
             && let (Lease::Other(holder), Some(LeaseCause::Stolen)) = (&lease, cause)
         {
-            self.messages.add(Weight::Warn, format!("{}{TAKEN}", person(holder)));
+            self.messages.add(Weight::Warn, format!("{}{TAKEN}", self.other(holder)));
         } else if lease == Lease::Mine {
             self.messages.is_over(TAKEN);
         }

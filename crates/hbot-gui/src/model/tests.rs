@@ -76,6 +76,11 @@ pub(crate) fn stopped_by(name: &str, session: Option<u64>) -> FaultEvent {
     FaultEvent { tick: 200, t: 0.2, mode, fault: None, message, found, remedy, by }
 }
 
+/// Returns the lease of the client `name` with the session `session`.
+pub(crate) fn held_by(name: &str, session: u64) -> Lease {
+    Lease::Other(Requester { name: name.to_owned(), session: Some(session) })
+}
+
 /// Makes the model's user stop the rig, without a confirmation by the server.
 pub(crate) fn stop_in_vain(model: &mut Model) {
     model.asked(&Intent::Stop);
@@ -261,13 +266,27 @@ fn who_did_it_is_said_as_the_user_would_say_it() {
     for (name, session, who) in [
         (ME, Some(3), "you"),
         (ME, Some(4), "you"),
-        (ME, Some(5), "anna@lab2"),
+        (ME, Some(5), "anna@lab2 (session 5)"),
         ("panel ben@lab3", Some(3), "ben@lab3"),
         ("hbot set ben@lab3", Some(6), "hbot set ben@lab3"),
         ("SIGUSR1", None, "the signal SIGUSR1"),
     ] {
         assert_eq!(model.who(&Requester { name: name.to_owned(), session }), who);
     }
+}
+
+#[test]
+fn only_names_that_are_alike_have_a_number() {
+    let mut model = commanding(true);
+    let who = |model: &Model, session| {
+        model.who(&Requester { name: "panel ben@lab3".to_owned(), session: Some(session) })
+    };
+    hear(&mut model, News::Lease { lease: held_by("panel ben@lab3", 9), cause: None });
+    assert_eq!([who(&model, 9), who(&model, 10)], ["ben@lab3", "ben@lab3 (session 10)"]);
+    hear(&mut model, News::Lease { lease: held_by(ME, 9), cause: Some(LeaseCause::Stolen) });
+    assert_eq!(who(&model, 10), "ben@lab3");
+    let Lease::Other(holder) = &model.lease else { panic!("not held") };
+    assert_eq!(model.other(holder), "anna@lab2 (session 9)");
 }
 
 #[test]
@@ -280,17 +299,18 @@ fn what_this_panel_asked_over_an_earlier_connection_is_by_you() {
     for session in [3, 4, 6, 7] {
         assert_eq!(who(&model, session), "you", "{session}");
     }
-    assert_eq!(who(&model, 5), "anna@lab2", "another panel of the same user");
+    assert_eq!(who(&model, 5), "anna@lab2 (session 5)", "another panel of the same user");
     // A server that has started again counts its connections from the beginning.
     hear(&mut model, News::Connected(hello(1)));
     hear(&mut model, News::StopLine(2));
-    for (session, said) in
-        [(1, "you"), (2, "you"), (3, "anna@lab2"), (4, "anna@lab2"), (6, "anna@lab2"), (7, "anna@lab2")]
-    {
-        assert_eq!(who(&model, session), said, "{session}");
+    for session in [1, 2] {
+        assert_eq!(who(&model, session), "you", "{session}");
+    }
+    for session in [3, 4, 6, 7] {
+        assert_eq!(who(&model, session), format!("anna@lab2 (session {session})"));
     }
     model.asked(&Intent::Connect("other:4268".to_owned()));
-    assert_eq!(who(&model, 1), "anna@lab2", "of another server");
+    assert_eq!(who(&model, 1), "anna@lab2 (session 1)", "of another server");
 }
 
 #[test]

@@ -21,7 +21,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use hbot_api::{
-    ControllerInfo, DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, SceneEvent, SetEvent,
+    ControllerInfo, DroppedEvent, FaultEvent, HelloOk, InfoOk, LeaseCause, Requester, SceneEvent, SetEvent,
     ShakingEvent, StatsOk, Token, Trust, client_name,
 };
 use serde_json::Value;
@@ -134,8 +134,8 @@ pub(crate) enum Lease {
     Unknown,
     Free,
     Mine,
-    /// Another client holds the lease. The text is the name of this client.
-    Other(String),
+    /// Another client holds the lease. Its number is not known from a refused request.
+    Other(Requester),
 }
 
 /// A report from the network threads to the window, such as a lost connection.

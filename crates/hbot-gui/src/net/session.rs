@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use hbot_api::{
     Client, ClientError, ConnectOptions, Encoding, ErrorCode, Event, HandCommand, HandHold, LeaseEvent,
-    LeaseInfo,
+    LeaseInfo, Requester,
 };
 use serde_json::Map;
 
@@ -260,8 +260,11 @@ impl<'a> Session<'a> {
         match &result {
             Ok(()) => self.tell_lease(Lease::Mine),
             Err(ClientError::Server(error)) if error.code == ErrorCode::Busy => {
-                let holder = error.holder.clone().unwrap_or_else(|| "another client".to_owned());
-                self.tell_lease(Lease::Other(holder));
+                // What is known of the holder has its number, which the error lacks.
+                if !matches!(self.lease, Lease::Other(_)) {
+                    let name = error.holder.clone().unwrap_or_else(|| "another client".to_owned());
+                    self.tell_lease(Lease::Other(Requester { name, session: None }));
+                }
             }
             Err(_) => {}
         }
@@ -271,7 +274,7 @@ impl<'a> Session<'a> {
     fn lease_of(&self, holder: Option<String>, session: Option<u64>) -> Lease {
         match (holder, session) {
             (_, Some(session)) if session == self.client.hello().session => Lease::Mine,
-            (Some(holder), _) => Lease::Other(holder),
+            (Some(name), session) => Lease::Other(Requester { name, session }),
             (None, _) => Lease::Free,
         }
     }

@@ -6,7 +6,7 @@ use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 use super::Desk;
 use super::state::has_keys;
 use super::theme::{LIVE, Palette, badge, heading, lamp, named, weak};
-use crate::model::{Link, Model, has_torque, person};
+use crate::model::{Link, Model, has_torque};
 use crate::net::{Intent, Lease};
 
 /// Width of the button for the lease, points. It is wide enough for every text of the button.
@@ -50,7 +50,8 @@ fn kind_of_rig(ui: &mut Ui, model: &Model, desk: &Desk, palette: Palette) {
         Some(word @ "LIVE") => (LIVE, word, "a real rig: its motors can push"),
         Some(word) => (palette.text, word, "a simulated rig: there are no motors"),
         None => {
-            (palette.weak, "UNKNOWN", "not known: the server here can have a simulated rig or a real one")
+            let hint = "not known: the server here can have a simulated rig or a real one";
+            (palette.weak, model.last_badge().unwrap_or("UNKNOWN"), hint)
         }
     };
     badge(ui, ground, word).on_hover_text(hint);
@@ -69,9 +70,11 @@ fn theme_switch(ui: &mut Ui) {
 /// size.
 fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents: &mut Vec<Intent>) {
     let (text, hint, intent) = match &model.lease {
-        Lease::Other(holder) => {
-            ("Take over", format!("command in place of {holder}"), Intent::Acquire { steal: true })
-        }
+        Lease::Other(holder) => (
+            "Take over",
+            format!("command in place of {}", model.other(holder)),
+            Intent::Acquire { steal: true },
+        ),
         _ => ("Take command", "command this rig".to_owned(), Intent::Acquire { steal: false }),
     };
     let live = model.is_online() && model.silent_for().is_none();
@@ -100,7 +103,7 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
             ("nobody commands: a change takes command".to_owned(), color)
         }
         Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
-        Lease::Other(holder) => (format!("you observe, {} commands", person(holder)), palette.warn),
+        Lease::Other(holder) => (format!("you observe, {} commands", model.other(holder)), palette.warn),
     };
     let color = if model.is_certain() { color } else { palette.weak };
     ui.add(egui::Label::new(RichText::new(text).color(color)).truncate());
@@ -117,7 +120,7 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         desk.taking_over = None;
         return;
     }
-    let holder = person(asked).to_owned();
+    let holder = model.other(asked);
     let area = egui::Area::new(egui::Id::unique("taking over")).order(egui::Order::Foreground);
     let is_new = !ui.memory(|memory| memory.areas().visible_last_frame(&area.layer()));
     area.anchor(egui::Align2::CENTER_TOP, vec2(0.0, 90.0)).show(ui.ctx(), |ui| {

@@ -46,9 +46,9 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
         ),
         // Whatever the limits cut, the scene does not feel as it is meant.
         if is_cut {
-            (lost, palette.warn, format!("{} cut by limits", percent(lost).replace("over ", "> ")))
+            (lost, palette.torque, format!("{} cut by limits", percent(lost).replace("over ", "> ")))
         } else {
-            (0.0, palette.warn, "none".to_owned())
+            (0.0, palette.torque, "none".to_owned())
         },
     ];
     for (name, value) in METERS.into_iter().zip(values) {

@@ -33,7 +33,7 @@ use std::path::PathBuf;
 use std::time::SystemTime;
 
 use eframe::egui::{self, CentralPanel, Panel, RichText, ScrollArea, Ui};
-use hbot_api::time_of_day;
+use hbot_api::{Requester, time_of_day};
 
 use crate::files::Source;
 use crate::model::{Film, Judged, Model, PlotSample, Weight};
@@ -107,7 +107,7 @@ pub(crate) struct Desk {
     /// For each effect that the user has switched off, the gain it had before, by the effect's id.
     gains: BTreeMap<String, f64>,
     /// The lease holder, while the panel asks whether to take the lease from this client.
-    taking_over: Option<String>,
+    taking_over: Option<Requester>,
 }
 
 impl Desk {

@@ -72,15 +72,17 @@ impl Distance {
 }
 
 /// Returns how to go on after a stop, with the labels of the buttons.
-pub(crate) fn way_on(model: &Model) -> &'static str {
-    match (&model.lease, Distance::of(model)) {
-        (Lease::Other(_), _) => "No torque. To go on, press Take over, then Recover.",
+pub(crate) fn way_on(model: &Model) -> String {
+    let first = match (&model.lease, Distance::of(model)) {
+        (Lease::Other(_), _) => "press Take over, then",
         (_, Distance::Far(_)) if model.is_simulated() => {
-            "No torque. To go on, set the anchor to here in the tab Scene, then press Recover."
+            "set the anchor to here in the tab Scene, then press"
         }
-        (_, Distance::Far(_)) => "No torque. To go on, turn the sphere to its reference, then press Recover.",
-        _ => "No torque. To go on, press Recover.",
-    }
+        (_, Distance::Far(_)) => "turn the sphere to its reference, then press",
+        _ => "press",
+    };
+    let takes = if model.lease == Lease::Free { ", which takes command" } else { "" };
+    format!("No torque. To go on, {first} Recover{takes}.")
 }
 
 /// Returns why the server would refuse to enable now because of the distance, and what to do about
@@ -153,6 +155,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::tests::held_by;
     use hbot_api::StateEvent;
     use serde_json::json;
 
@@ -212,11 +215,14 @@ mod tests {
     fn the_way_on_after_a_stop_names_the_buttons() {
         let near = model(0.3, "absolute");
         assert_eq!(way_on(&near), "No torque. To go on, press Recover.");
+        let mut free = model(0.3, "absolute");
+        free.lease = Lease::Free;
+        assert_eq!(way_on(&free), "No torque. To go on, press Recover, which takes command.");
         let far = way_on(&model(0.6, "absolute"));
         assert_eq!(far, "No torque. To go on, turn the sphere to its reference, then press Recover.");
         for angle in [0.3, 0.6] {
             let mut observer = model(angle, "absolute");
-            observer.lease = Lease::Other("panel ben@lab3".to_owned());
+            observer.lease = held_by("panel ben@lab3", 9);
             assert_eq!(way_on(&observer), "No torque. To go on, press Take over, then Recover.");
         }
     }

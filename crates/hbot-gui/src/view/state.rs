@@ -6,13 +6,13 @@ use eframe::egui::{
     self, Button, Color32, Event, FontId, PointerButton, RichText, ScrollArea, TextStyle, Ui, vec2,
 };
 use glam::DVec3;
-use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
+use hbot_api::{Fault, FaultEvent, Mode, ShakingEvent, StateEvent};
 use hbot_config::advice::Warning;
 
 use super::meters::{self, percent};
 use super::recover;
 use super::theme::{Palette, STOP, coloured, named, stripes, weak};
-use crate::model::{Headline, Model, has_torque};
+use crate::model::{Headline, Model, Refusal, has_torque};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points.
@@ -93,7 +93,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &m
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
     let size = usize::from(!is_low(ui));
-    if is_long(ui, model.headline(), warnings) {
+    if is_long(ui, model, warnings) {
         status(ui, model, warnings, palette, STATUS[size] + BARS[size]);
     } else {
         status(ui, model, warnings, palette, STATUS[size]);
@@ -102,9 +102,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &m
 }
 
 /// Returns whether the box takes the place of the bars.
-fn is_long(ui: &Ui, headline: Headline, warnings: &[Warning]) -> bool {
-    match headline {
+fn is_long(ui: &Ui, model: &Model, warnings: &[Warning]) -> bool {
+    match model.headline() {
         Headline::Mode(Mode::Fault) => true,
+        Headline::Mode(Mode::Estop) if model.fault_before.is_some() => true,
         Headline::Mode(Mode::Estop) => is_low(ui) && !warnings.is_empty(),
         Headline::NotStopped | Headline::NoContact => is_low(ui),
         _ => false,
@@ -124,18 +125,22 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
     let pushes = matches!(headline, Headline::Mode(mode) if has_torque(mode));
     let may_shake = warnings.iter().any(|it| it.shakes);
     let shakes = pushes && model.shaking.is_some();
-    let is_amber = pushes && (shakes || may_shake || model.is_at_limit());
+    // A torque at the limit is no warning: nothing has to be done about it.
+    let alert = if pushes && (shakes || may_shake) {
+        Some(palette.warn)
+    } else {
+        (pushes && model.is_at_limit()).then_some(palette.torque)
+    };
     // The box is as loud as the worst of the state.
     frame = match headline {
         _ if old.is_some() => frame,
         _ if shakes => frame.fill(palette.warn.gamma_multiply(0.12)).stroke((2.0, palette.warn)),
-        _ if is_amber => frame.stroke((2.0, palette.warn)),
         Headline::NotStopped => frame.stroke((2.0, Color32::TRANSPARENT)),
         Headline::NoState => frame,
         Headline::NoContact | Headline::Mode(Mode::Fault | Mode::Estop) => {
             frame.fill(palette.bad.gamma_multiply(0.12)).stroke((2.0, palette.bad))
         }
-        Headline::Mode(_) => frame.stroke((2.0, palette.headline(headline))),
+        Headline::Mode(_) => frame.stroke((2.0, alert.unwrap_or(palette.headline(headline)))),
     };
     let ground = ui.painter().add(egui::Shape::Noop);
     let drawn = frame.show(ui, |ui| {
@@ -147,10 +152,8 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
             Color32::WHITE
         } else if old.is_some() {
             palette.weak
-        } else if is_amber {
-            palette.warn
         } else {
-            palette.headline(headline)
+            alert.unwrap_or(palette.headline(headline))
         };
         let size = HEADLINE[usize::from(!is_low(ui))];
         ui.label(RichText::new(headline.text()).strong().size(size).color(color));
@@ -159,7 +162,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
         }
         let cut = cut(model, headline);
         // Only the speed matters without torque, and it tells when a reset is possible.
-        let is_long = matches!(headline, Headline::Mode(_)) && is_long(ui, headline, warnings);
+        let is_long = matches!(headline, Headline::Mode(_)) && is_long(ui, model, warnings);
         // The last line of the box, so that nothing moves when it comes and goes.
         let line = match (is_long, cut) {
             (true, _) => ui.spacing().interact_size.y + 4.0,
@@ -176,7 +179,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
             details(ui, model, warnings, headline, palette);
         });
         if let Some(cut) = cut {
-            coloured(ui, palette.warn, format!("Limits cut {} of the torque", percent(cut)));
+            coloured(ui, palette.torque, format!("Limits cut {} of the torque", percent(cut)));
         }
         if let Some(state) = model.state.as_ref().filter(|_| is_long) {
             // The speed of the sentence above.
@@ -236,11 +239,21 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
                 Some(by) => stopped(ui, model, palette, &format!("Stopped by {}.", model.who(by))),
                 None => stopped(ui, model, palette, Mode::Estop.sentence()),
             }
+            if let Some((before, fault)) = model.fault_before.as_ref().and_then(|it| Some((it, it.fault?))) {
+                coloured(ui, palette.bad, format!("Before the stop: {fault}. {}", fault.words().0));
+                ui.add(egui::Label::new(cure_of(fault, Some(before))).wrap());
+            }
             warned(ui, warnings, palette, false);
         }
-        (Headline::Mode(Mode::Idle), _) if let Some(text) = recover::refusal(model) => {
+        (Headline::Mode(Mode::Idle), _)
+            if let Some(text) = model
+                .refusal
+                .as_ref()
+                .map(Refusal::in_words)
+                .or_else(|| recover::refusal(model).map(|text| format!("No torque. {text}"))) =>
+        {
             turns(ui, model, palette);
-            coloured(ui, palette.warn, format!("No torque. {text}"));
+            coloured(ui, palette.warn, text);
         }
         (Headline::Mode(mode), _) => {
             if mode == Mode::Idle {
@@ -251,7 +264,7 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
                 coloured(ui, palette.warn, shaken(shaking));
             }
             if mode == Mode::Active && model.is_at_limit() && cut(model, headline).is_none() {
-                coloured(ui, palette.warn, "The torque is at its limit.");
+                coloured(ui, palette.torque, "The torque is at its limit.");
             }
             if warnings.is_empty() {
                 weak(ui, mode.sentence());
@@ -305,7 +318,15 @@ fn shaken(shaking: &ShakingEvent) -> String {
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
     coloured(ui, palette.bad, who);
     turns(ui, model, palette);
+    refused(ui, model, palette);
     ui.add(egui::Label::new(recover::way_on(model)).wrap());
+}
+
+/// Says that the user's last request to enable or reset was refused, and why, if it was.
+fn refused(ui: &mut Ui, model: &Model, palette: Palette) {
+    if let Some(refusal) = &model.refusal {
+        coloured(ui, palette.warn, refusal.in_words());
+    }
 }
 
 /// Says that the sphere turns without torque, if it does.
@@ -351,19 +372,18 @@ fn old(model: &Model) -> Option<String> {
 
 fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
     let Some(fault) = state.fault else { return };
-    let (what, cure) = fault.words();
+    let (what, _) = fault.words();
     let told = model.fault.as_ref();
     let by = told
         .and_then(|told| told.by.as_ref())
         .map(|by| format!(" It was {}.", model.who(by)))
         .unwrap_or_default();
     coloured(ui, palette.bad, format!("{what}{by}"));
-    if let Some(text) = too_fast(model) {
-        coloured(ui, palette.warn, text);
+    match too_fast(model) {
+        Some(text) => drop(coloured(ui, palette.warn, text)),
+        None => refused(ui, model, palette),
     }
-    // The server knows more of this rig than the usual words.
-    let cure = told.and_then(|told| told.remedy.as_deref()).unwrap_or(cure);
-    ui.add(egui::Label::new(cure.replace('`', "")).wrap());
+    ui.add(egui::Label::new(cure_of(fault, told)).wrap());
     // What was found comes last, because it can be long.
     let found = told.map(|told| {
         // An older server has all in the message, with the path of the flight log.
@@ -371,6 +391,12 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
         format!("{fault}: {}", found.unwrap_or_default()).replace('`', "")
     });
     weak(ui, found.as_deref().unwrap_or(fault.as_str()));
+}
+
+/// Returns what to do about a fault. The server knows more of this rig than the usual words.
+fn cure_of(fault: Fault, told: Option<&FaultEvent>) -> String {
+    let (_, usual) = fault.words();
+    told.and_then(|told| told.remedy.as_deref()).unwrap_or(usual).replace('`', "")
 }
 
 /// Says that the sphere must slow down before a reset, if it is or just was as fast as in the fault

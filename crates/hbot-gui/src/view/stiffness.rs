@@ -22,6 +22,8 @@ const STIFFEST_AT: f64 = 0.1;
 const DAMPING_SHARE: f64 = 0.02;
 /// Ratio of the least value above 0 on a slider to the largest. Sliders are logarithmic.
 const LEAST_SHARE: f64 = 2e-4;
+/// A slider that is dragged this near to its mark stays at the mark, points.
+const CATCH: f32 = 4.0;
 /// Hover texts of stiffness and damping, which also explain the units.
 const STIFFNESS: &str =
     "torque for each radian of turn. N m/rad: newton metres per radian, 1 rad is 57.3\u{b0}";
@@ -227,8 +229,17 @@ fn row(
             .trailing_fill(true);
         let response = named(ui.add(slider), name);
         if let Some(stable) = stable.filter(|stable| *stable < end) {
-            let share = 1.0 - (stable / end).ln() / LEAST_SHARE.ln();
-            mark(ui, response.rect, share.max(0.0));
+            let room = room(ui, response.rect);
+            let place = |x: f64| {
+                let share = 1.0 - (x / end).ln() / LEAST_SHARE.ln();
+                room.min + room.span() * share.max(0.0) as f32
+            };
+            let is_near = (place(x) - place(stable)).abs() < CATCH;
+            if response.interact_pointer_pos().is_some() && is_near {
+                // The number of the sentence below the sliders, on the stable side of the mark.
+                x = rounded_down(stable).parse().unwrap_or(x);
+            }
+            mark(ui, response.rect, room.max, place(stable));
         }
         let field = DragValue::new(&mut x)
             .range(0.0..=most)
@@ -240,20 +251,21 @@ fn row(
     (x != before).then_some(x)
 }
 
-/// Marks the part of a slider in which the rig is not expected to be stable. It begins at the
-/// fraction `share` of the slider.
-fn mark(ui: &Ui, slider: egui::Rect, share: f64) {
-    let palette = Palette::of(ui);
-    // The position of the middle of the handle at that value. By egui's own geometry, the handle
-    // stays half its width away from the ends.
+/// Returns where the middle of a slider's handle can be. By egui's own geometry, the handle stays
+/// half its width away from the ends.
+fn room(ui: &Ui, slider: egui::Rect) -> egui::Rangef {
     let narrower = match ui.visuals().handle_shape {
         HandleShape::Rect { aspect_ratio } => aspect_ratio,
         HandleShape::Circle => 1.0,
     };
-    let room = slider.x_range().shrink(narrower * slider.height() / 2.5);
-    let x = room.min + room.span() * share as f32;
+    slider.x_range().shrink(narrower * slider.height() / 2.5)
+}
+
+/// Marks the part of a slider in which the rig is not expected to be stable, from `x` to `end`.
+fn mark(ui: &Ui, slider: egui::Rect, end: f32, x: f32) {
+    let palette = Palette::of(ui);
     let painter = ui.painter();
-    let beyond = egui::Rect::from_x_y_ranges(x..=room.max, slider.bottom() - 3.0..=slider.bottom() - 1.0);
+    let beyond = egui::Rect::from_x_y_ranges(x..=end, slider.bottom() - 3.0..=slider.bottom() - 1.0);
     painter.rect_filled(beyond, 0.0, palette.warn);
     painter.vline(x, slider.y_range(), Stroke::new(2.0, palette.warn));
 }
@@ -317,7 +329,9 @@ fn has_off_diagonal(value: &Value) -> bool {
 mod tests {
     use super::*;
     use crate::view::painted::{filled, hint, vertical_lines};
+    use eframe::egui::pos2;
     use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
     use hbot_config::advice::{Abilities, StiffnessBound, USUAL_DAMPING};
     use hbot_config::{RigConfig, SceneFile};
 
@@ -423,6 +437,43 @@ mod tests {
             (whole - tenth - (tenth - hundredth)).abs() < 1.0 && whole > tenth + 5.0,
             "logarithmic: {whole}, {tenth}, {hundredth}"
         );
+    }
+
+    #[test]
+    fn a_slider_that_is_dragged_stays_at_the_mark_and_a_key_moves_it_past() {
+        let border = border(&said(panel(5.0, 0.02, true)));
+        let asked = |stiffness, act: &dyn Fn(&mut Harness<'_, Vec<Intent>>, f32)| {
+            let (model, mut desk) = (panel(stiffness, 0.02, true), Desk::new(".".into(), ""));
+            let draw = move |ui: &mut Ui, intents: &mut Vec<Intent>| show(ui, &model, &mut desk, intents);
+            let mut seen = Harness::new_ui_state(draw, Vec::new());
+            seen.run_steps(2);
+            let mark = vertical_lines(&seen)[0];
+            act(&mut seen, mark);
+            match seen.state().last().expect("a change") {
+                Intent::Set { value, .. } => value.as_f64().expect("a number"),
+                other => panic!("{other:?}"),
+            }
+        };
+        let dragged_by = |by: f32| {
+            asked(2.0, &|seen, mark| {
+                let y = seen.get_by_label("Stiffness").rect().center().y;
+                seen.drag_at(pos2(mark - 30.0, y));
+                seen.run_steps(2);
+                seen.hover_at(pos2(mark + by, y));
+                seen.run_steps(2);
+            })
+        };
+        for by in [-3.0, 0.0, 3.0] {
+            assert_eq!(dragged_by(by), border, "{by}");
+        }
+        assert!(dragged_by(-8.0) < border && dragged_by(8.0) > border);
+        let by_key = asked(border, &|seen, _| {
+            seen.get_by_label("Stiffness").focus();
+            seen.run_steps(2);
+            seen.key_press(eframe::egui::Key::ArrowRight);
+            seen.run_steps(2);
+        });
+        assert!(by_key > border, "{by_key}");
     }
 
     #[test]

@@ -18,7 +18,8 @@ use super::theme::Palette;
 use super::{Act, Desk, Tab, round_up, show, theme};
 use crate::model::Model;
 use crate::model::tests::{
-    ME, commanding, disconnect, grow_quiet, grow_silent, hear, see, see_state, stop_in_vain, stopped_by,
+    ME, commanding, disconnect, grow_quiet, grow_silent, hear, held_by, see, see_state, stop_in_vain,
+    stopped_by,
 };
 use crate::net::{Intent, Lease, News};
 
@@ -121,7 +122,7 @@ fn states() -> Vec<(String, Change)> {
         );
     }
     let observer = |model: &mut Model| {
-        let lease = Lease::Other("panel ben@a-machine-with-a-very-long-name-indeed".to_owned());
+        let lease = held_by("panel ben@a-machine-with-a-very-long-name-indeed", 9);
         hear(model, News::Lease { lease, cause: None });
     };
     add("observer", Box::new(observer));
@@ -332,7 +333,7 @@ fn a_window_below_the_smallest_is_drawn() {
 fn the_question_before_a_take_over_gives_enter_the_safe_answer() {
     let ask = || {
         let mut seen = window(SIZES[0], commanding(true));
-        seen.state_mut().model.lease = Lease::Other("panel ben@lab3".to_owned());
+        seen.state_mut().model.lease = held_by("panel ben@lab3", 9);
         settle(&mut seen);
         seen.get_by_label("Take over").click();
         settle(&mut seen);
@@ -441,8 +442,10 @@ fn simulated_or_live_is_said_in_every_state() {
             seen.state_mut().model = commanding(simulated);
             change(&mut seen.state_mut().model);
             settle(&mut seen);
-            let word = if name.starts_with("disconnected") { "UNKNOWN" } else { word };
-            assert!(shows(&seen, word), "{name}");
+            let was = format!("was {word}");
+            let lost = name.starts_with("disconnected");
+            let said = [word, was.as_str()].map(|it| seen.query_by_label(it).is_some());
+            assert_eq!(said, [!lost, lost], "{name}");
         }
     }
 }
@@ -474,7 +477,7 @@ fn the_controls_of_an_observer_are_grey_and_say_what_to_press() {
         let (law, warning) = ("geodesic", Palette::of_theme(true, Color32::GRAY).warn);
         let commanded = color(&seen, law);
         assert!(!shows(&seen, words));
-        seen.state_mut().model.lease = Lease::Other("panel ben@lab3".to_owned());
+        seen.state_mut().model.lease = held_by("panel ben@lab3", 9);
         settle(&mut seen);
         for name in values {
             assert!(seen.get_by_label(name).accesskit_node().is_disabled(), "{name}");
@@ -490,7 +493,7 @@ fn the_controls_of_an_observer_are_grey_and_say_what_to_press() {
             settle(&mut seen);
             assert!(!shows(&seen, words));
         }
-        seen.state_mut().model.lease = Lease::Other("panel ben@lab3".to_owned());
+        seen.state_mut().model.lease = held_by("panel ben@lab3", 9);
         grow_silent(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(!shows(&seen, words), "the button is grey while the server is silent");

@@ -175,7 +175,7 @@ pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>)
 
 /// Draws a word on a coloured ground, in a place of fixed size.
 pub(crate) fn badge(ui: &mut Ui, ground: Color32, word: &str) -> Response {
-    let (rect, response) = ui.allocate_exact_size(egui::vec2(96.0, 20.0), egui::Sense::hover());
+    let (rect, response) = ui.allocate_exact_size(egui::vec2(112.0, 20.0), egui::Sense::hover());
     let ink = if ground.intensity() > 0.5 { Color32::BLACK } else { Color32::WHITE };
     let painter = ui.painter();
     painter.rect_filled(rect, 4.0, ground);

@@ -6,7 +6,7 @@ import { Hand } from './hand.js';
 import { Link } from './link.js';
 import { length, rotation } from './maths.js';
 import { plot, plotCurves } from './plot.js';
-import { Rig, hasTorque, person } from './rig.js';
+import { Rig, hasTorque } from './rig.js';
 import { Camera, draw } from './sphere.js';
 import { narrow, put, showMessages, showState, touch, withCode } from './state.js';
 
@@ -26,7 +26,6 @@ const PLOT_EVERY = 25;
 const HAND = { stiffness: 3, damping: 0.05, inertia: 0.002 };
 
 const $ = (id) => document.getElementById(id);
-const rig = new Rig();
 const camera = new Camera();
 let token = null;
 
@@ -34,7 +33,8 @@ const scheme = location.protocol === 'https:' ? 'wss:' : 'ws:';
 // Other clients tell several pages apart by it.
 const device = ['iPhone', 'iPad', 'Android', 'CrOS', 'Windows', 'Mac', 'Linux']
   .find((name) => navigator.userAgent.includes(name)) ?? 'another device';
-const link = new Link(`${scheme}//${location.host}/ws`, `page on ${device}`, {
+const rig = new Rig(`page on ${device}`);
+const link = new Link(`${scheme}//${location.host}/ws`, rig.ownName, {
   token: () => token,
   opened(hello) {
     rig.opened(hello);
@@ -139,9 +139,9 @@ for (const op of ['enable', 'disable', 'reset']) $(op).onclick = () => ask(op);
 $('recover').onclick = async () => await ask('reset', {}, 'recover') && ask('enable', {}, 'recover');
 
 $('lease').onclick = () => {
-  const { who, holder } = rig.lease;
+  const { who, by } = rig.lease;
   if (who === 'other' && hasTorque(rig.state?.mode)) {
-    const name = person(holder);
+    const name = rig.name(by);
     put($('asked'), `Take over from ${name}?`);
     put($('consequence'), `The sphere pushes, and ${name} commands it. The scene goes on when you take `
       + `over. If the program of ${name} streams torques, they end. ${touch.matches ? 'STOP' : 'Esc'} stops the rig and closes this question.`);

@@ -16,9 +16,6 @@ const TORQUE = new Set(['enabling', 'active']);
 /** Returns whether the motors can have torque in this mode. */
 export const hasTorque = (mode) => TORQUE.has(mode);
 
-/** Returns the user and machine in the name of a panel, and the whole name of other clients. */
-export const person = (name) => name.replace(/^panel /, '');
-
 /** Units of what makes a torque at rest. */
 const PUSHES = /^(N m(\/rad)?|kg)$/;
 
@@ -31,9 +28,13 @@ const [AT_LIMIT, AT_LIMIT_S] = [0.95, 0.2];
 const TAKEN = ' has taken over command';
 
 export class Rig {
-  constructor() {
+  /** `ownName` is what other clients know this page by. */
+  constructor(ownName) {
+    this.ownName = ownName;
     this.hello = null;
     this.info = null;
+    /** Whether the rig was simulated, as the server said last. Another one may be there now. */
+    this.wasSimulated = null;
     this.lease = { who: 'unknown' };
     /** Numbers of this page's connections, to recognise what it has done itself. */
     this.own = new Set();
@@ -59,6 +60,8 @@ export class Rig {
     /** From what the newest angle is measured. */
     this.origin = 'N';
     this.fault = null;
+    /** The fault that the rig was in when it was stopped. */
+    this.faultBefore = null;
     this.shaking = null;
     this.heard = performance.now();
     this.wishes.clear();
@@ -102,6 +105,7 @@ export class Rig {
 
   take(info) {
     this.info = info;
+    this.wasSimulated = info.rig.simulated;
     this.warnings = info.advice ?? [];
     // The server takes up to a second to know it of a changed scene. The last answer stays until then.
     this.stable = info.stable ?? this.stable;
@@ -116,7 +120,7 @@ export class Rig {
   leased(holder, session) {
     if (session === null) this.lease = { who: 'free' };
     else if (session === this.hello?.session) this.mine();
-    else this.lease = { who: 'other', holder };
+    else this.lease = { who: 'other', by: { name: holder, session } };
   }
 
   mine() {
@@ -138,12 +142,14 @@ export class Rig {
         const said = this.own.has(message.by?.session) ? message.message.replace(
           `client ${JSON.stringify(message.by.name)} (session ${message.by.session})`, 'you') : message.message;
         this.say(`${message.fault ?? message.mode}: ${said}${by}`, message.mode === 'fault' ? 'bad' : '');
+        const before = this.fault?.mode === 'fault' ? this.fault : this.faultBefore;
+        this.faultBefore = message.mode === 'estop' ? before : null;
         this.fault = stopped ? message : null;
         return false;
       }
       case 'lease':
         if (this.lease.who === 'mine' && message.cause === 'stolen') {
-          this.say(`${person(message.holder)}${TAKEN}`, 'warn');
+          this.say(`${this.name({ name: message.holder, session: message.session })}${TAKEN}`, 'warn');
         }
         this.leased(message.holder, message.session);
         return false;
@@ -174,7 +180,7 @@ export class Rig {
     // What was refused has come about, perhaps by another client.
     if (!stopped && (this.refusal?.op === 'reset' || hasTorque(state.mode))) this.refusal = null;
     if (this.refusal?.op === 'enable' && this.refusal.far && !this.isFar) this.refusal = null;
-    if (this.fault && state.tick > this.fault.tick && !stopped) this.fault = null;
+    if (this.fault && state.tick > this.fault.tick && !stopped) this.fault = this.faultBefore = null;
     const stop = this.stop;
     if (stop && (stop.after === null || state.tick > stop.after) && !hasTorque(state.mode)) {
       this.stop = null;
@@ -264,7 +270,11 @@ export class Rig {
   /** Returns who asked for something, as the person at this page would say it. */
   name(by) {
     if (by.session === null) return `the signal ${by.name}`;
-    return this.own.has(by.session) ? 'you' : person(by.name);
+    if (this.own.has(by.session)) return 'you';
+    // Clients of one name have the numbers of their connections.
+    const holder = this.lease.by;
+    const alike = by.name === this.ownName || (by.name === holder?.name && by.session !== holder.session);
+    return `${by.name.replace(/^panel /, '')}${alike ? ` (session ${by.session})` : ''}`;
   }
 
   /** Notes that the person has asked for a stop. The time limit begins with the first request. */
@@ -333,11 +343,23 @@ export class Rig {
       && this.away > this.info?.limits.enable_max_angle;
   }
 
-  /** Whether the effect whose reference counts is placed where the sphere is when it is enabled. */
+  /** Whether the server refuses to enable, for all that is known: a spring lets no turn free. */
+  get isRefused() {
+    return this.isFar && (this.refusal?.op === 'enable' || this.placed?.kind === 'spring');
+  }
+
+  /** The first effect that has an anchor: its reference counts. */
+  get placed() {
+    return this.info?.scene?.effect?.find((effect) => this.anchor(effect) !== undefined);
+  }
+
+  /** Whether this effect is placed where the sphere is when it is enabled. */
   get beginsHere() {
-    const placed = (this.info?.scene?.effect ?? []).map((effect) => (
-      effect.anchor ?? this.kind(effect.kind)?.schema.properties?.anchor?.default));
-    return placed.find((anchor) => anchor !== undefined) === 'here';
+    return this.placed !== undefined && this.anchor(this.placed) === 'here';
+  }
+
+  anchor(effect) {
+    return effect.anchor ?? this.kind(effect.kind)?.schema.properties?.anchor?.default;
   }
 
   kind(name) {

@@ -1,11 +1,12 @@
 // The state of the rig in words: badge, headline, what to do, the buttons' rights and the bars.
 
-import { hasTorque, person } from './rig.js';
+import { hasTorque } from './rig.js';
 import { length } from './maths.js';
 
 /** From this rate on, the page says that the sphere still turns without torque, rad/s. */
 const TURNS = 0.1;
 const TURNING = 'The sphere still turns:';
+const [CUT, AT_LIMIT] = ['Limits cut', "The torque is at the rig's limit"];
 /** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
 const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
 /** Part of a limit from which a bar says that it is near. */
@@ -100,7 +101,10 @@ function details(rig) {
       ['weak', found ? `${state.fault}: ${found}` : state.fault]];
   }
   if (state.mode === 'estop') {
-    return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)]];
+    const { fault: before, remedy } = rig.faultBefore ?? {};
+    const what = rig.info?.faults?.find((fault) => fault.name === before)?.sentence ?? '';
+    return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)],
+      ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', remedy ?? '']];
   }
   if (rig.shakes) {
     const { effect, frequency } = rig.shaking;
@@ -116,11 +120,12 @@ function details(rig) {
   return [['weak', mode]];
 }
 
+const cure = (rig) => (rig.isSimulated ? 'Set the anchor to here.' : 'Turn the sphere nearer.');
+
 /** Says that the server has refused or may refuse to enable. Only it knows the turns that the scene leaves free. */
 function notEnabled(rig) {
   const allowed = rig.info.limits.enable_max_angle;
-  const cure = rig.isSimulated ? 'Set the anchor to here.' : 'Turn the sphere nearer.';
-  return [['strong warn', rig.isFar ? cure : ''],
+  return [['strong warn', rig.isFar ? cure(rig) : ''],
     ['warn', rig.refusal?.op === 'enable' ? `Not enabled: ${rig.refusal.why}`
       : `No torque. The sphere is ${rig.away.toFixed(2)} rad from the reference, and Enable is refused beyond `
       + `${allowed.toFixed(2)} rad unless the scene lets it turn that far.`]];
@@ -164,8 +169,8 @@ function noticed(rig) {
     const [first] = warnings;
     const remedy = first.remedy ? `${first.remedy} ` : '';
     lines.push(`${remedy}${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`);
-  } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`Limits cut ${percent(cut)} of the torque`);
-  else if (rig.isAtLimit) lines.push("The torque is at the rig's limit");
+  } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`${CUT} ${percent(cut)} of the torque`);
+  else if (rig.isAtLimit) lines.push(AT_LIMIT);
   return lines.join('. ');
 }
 
@@ -206,6 +211,7 @@ export function showState(rig) {
   const line = noticed(rig);
   put(notice, line);
   notice.classList.toggle('turns', line.startsWith(TURNING));
+  notice.classList.toggle('cut', line.startsWith(CUT) || line.startsWith(AT_LIMIT));
   notice.title = line;
   // Before the text is fitted, because it has another place then.
   document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
@@ -235,8 +241,10 @@ export function showState(rig) {
 
 function bar(rig) {
   const simulated = rig.isSimulated;
+  const last = rig.wasSimulated;
   const [kind, word, title] = simulated === null
-    ? ['unknown', 'UNKNOWN', 'no server says now whether its rig is simulated']
+    ? ['unknown', last === null ? 'UNKNOWN' : last ? 'was SIMULATED' : 'was LIVE',
+      'no server says now whether its rig is simulated: the next one here may have another rig']
     : simulated ? ['simulated', 'SIMULATED', 'a simulated rig: there are no motors']
       : ['live', 'LIVE', 'a real rig: its motors can push'];
   const badge = $('badge');
@@ -251,7 +259,7 @@ function bar(rig) {
     mine: ['Take command', 'you command'],
     free: ['Take command', 'nobody commands'],
     unknown: ['Take command', rig.hello ? 'watching' : ''],
-    other: ['Take over', `${narrow.matches ? '' : 'you observe, '}${person(rig.lease.holder ?? '')} commands`],
+    other: ['Take over', `${narrow.matches ? '' : 'you observe, '}${rig.lease.by ? rig.name(rig.lease.by) : ''} commands`],
   }[rig.lease.who];
   put($('who'), said);
   $('who').title = said;
@@ -272,7 +280,9 @@ function orders(rig) {
   $('enable').disabled = !(rig.commands && mode === 'idle' && !refused);
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped && !rig.isFast);
-  $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !refused);
+  $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isRefused);
+  $('recover').title = stopped && rig.isRefused ? `Refused: the sphere is too far from the reference. ${cure(rig)}`
+    : 'Reset and Enable in one step. The sphere must be near the reference';
   const allowed = rig.info?.limits.enable_max_angle;
   const { away } = rig;
   $('distance').classList.toggle('warn', rig.isFar);
@@ -280,7 +290,9 @@ function orders(rig) {
     : away === null ? 'No reference: nothing pulls at once.'
       // While the scene is rendered, it has begun elsewhere.
       : rig.beginsHere ? hasTorque(mode) ? `${away.toFixed(2)} rad from reference` : 'The scene begins where the sphere is.'
-        : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
+        : stopped && rig.isRefused ? `${away.toFixed(2)} rad from reference: ${
+          rig.isSimulated ? 'set its anchor to here' : `turn to within ${allowed.toFixed(2)}`}`
+          : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
 }
 
 function meters(rig) {

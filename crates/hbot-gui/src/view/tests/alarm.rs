@@ -128,20 +128,23 @@ fn only_a_rig_with_motors_has_power_to_cut() {
 
 #[test]
 fn a_box_is_as_loud_as_the_worst_in_it() {
-    let is_amber = |seen: &Seen| {
+    let color_of_box = |seen: &Seen| {
         let stop = seen.get_by_label("Stop").rect();
         // Half a point for rounding.
         let rim = |color| {
             rims(seen).iter().any(|(rect, it)| *it == color && (rect.width() - stop.width()).abs() < 3.0)
         };
-        let amber = color_of(seen, "ACTIVE") == Some(palette().warn);
-        assert_eq!([rim(palette().warn), rim(palette().good)], [amber, !amber]);
-        amber
+        let color = color_of(seen, "ACTIVE").expect("the mode");
+        let palette = palette();
+        let all = [palette.warn, palette.torque, palette.good];
+        assert_eq!(all.map(rim), all.map(|it| it == color));
+        color
     };
     for size in [SIZES[0], SMALLEST] {
-        assert!(is_amber(&window(size, warned(Mode::Active))), "a spring that may shake");
+        let shaky = window(size, warned(Mode::Active));
+        assert_eq!(color_of_box(&shaky), palette().warn, "a spring that may shake");
         // The limit of this rig is 0.9 N m.
-        for (torque, lasts, amber) in [(0.86, 300, true), (0.84, 300, false), (0.9, 100, false)] {
+        for (torque, lasts, at_limit) in [(0.86, 300, true), (0.84, 300, false), (0.9, 100, false)] {
             let mut model = commanding(true);
             for tick in 0..500 {
                 let torque = [0.0, if tick < 500 - lasts { 0.0 } else { torque }, 0.0];
@@ -150,8 +153,9 @@ fn a_box_is_as_loud_as_the_worst_in_it() {
                 see_state(&mut model, state);
             }
             let seen = window(size, model);
-            assert_eq!(is_amber(&seen), amber, "{torque} N m for {lasts} ms, {size:?}");
-            assert_eq!(shows(&seen, "The torque is at its limit."), amber);
+            let color = if at_limit { palette().torque } else { palette().good };
+            assert_eq!(color_of_box(&seen), color, "{torque} N m for {lasts} ms, {size:?}");
+            assert_eq!(shows(&seen, "The torque is at its limit."), at_limit);
         }
     }
 }

@@ -59,7 +59,7 @@ fn keys_that_go_to_another_window_are_not_advised() {
 
 #[test]
 fn a_torque_that_the_limits_cut_is_told() {
-    let warning = Palette::of_theme(true, Color32::GRAY).warn;
+    let torque = Palette::of_theme(true, Color32::GRAY).torque;
     for (scale, bar, words) in [
         (0.36, "64 % cut by limits", Some("Limits cut 64 % of the torque")),
         (0.001, "> 99 % cut by limits", Some("Limits cut over 99 % of the torque")),
@@ -73,11 +73,11 @@ fn a_torque_that_the_limits_cut_is_told() {
             assert!(shows(&seen, bar), "{scale}");
             let told = texts(&seen).into_iter().find(|it| it.text.starts_with("Limits cut"));
             assert_eq!(told.as_ref().map(|it| it.text.as_str()), words);
-            assert!(told.is_none_or(|it| it.color == warning));
-            let is_warned = filled(&seen)
+            assert!(told.is_none_or(|it| it.color == torque));
+            let is_cut = filled(&seen)
                 .iter()
-                .any(|(rect, color)| *color == warning && rect.height() == 10.0 && rect.width() > 0.0);
-            assert_eq!(is_warned, scale < 1.0, "{scale}: the bar");
+                .any(|(rect, color)| *color == torque && rect.height() == 10.0 && rect.width() > 0.0);
+            assert_eq!(is_cut, scale < 1.0, "{scale}: the bar");
         }
     }
 }
@@ -110,6 +110,82 @@ fn who_stopped_the_rig_is_shown() {
         assert!(shows(&seen, words), "{words}");
     }
     assert!(shows(&seen, "To go on, press Recover."));
+}
+
+#[test]
+fn a_stop_leaves_the_fault_before_it_in_sight() {
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, commanding(true));
+        let model = &mut seen.state_mut().model;
+        fault_of(model, Fault::Overspeed);
+        hear(model, News::Fault(stopped_by("panel ben@lab3", Some(9))));
+        see(model, 201, Mode::Estop);
+        settle(&mut seen);
+        let stop = seen.get_by_label("Stopped by ben@lab3.").rect();
+        let fault = seen.get_by_label_contains("Before the stop: overspeed.").rect();
+        assert!(stop.bottom() <= fault.top() && shows(&seen, Fault::Overspeed.words().1), "{size:?}");
+        see(&mut seen.state_mut().model, 202, Mode::Idle);
+        settle(&mut seen);
+        assert!(!shows(&seen, "Before the stop"), "after the reset");
+        let model = &mut seen.state_mut().model;
+        hear(model, News::Fault(FaultEvent { tick: 203, ..stopped_by("panel ben@lab3", Some(9)) }));
+        see(model, 203, Mode::Estop);
+        settle(&mut seen);
+        assert!(shows(&seen, "Stopped by ben@lab3.") && !shows(&seen, "Before the stop"), "without a fault");
+    }
+}
+
+#[test]
+fn a_refusal_is_told_in_the_box_until_something_changes() {
+    let said = "the cause is still there";
+    let cases = [
+        (Mode::Idle, Intent::Enable, "Not enabled: "),
+        (Mode::Fault, Intent::Reset, "Not reset: "),
+        (Mode::Estop, Intent::Recover, "Not recovered: "),
+    ];
+    for (mode, intent, what) in cases {
+        for size in [SIZES[0], SMALLEST] {
+            let refuse = |seen: &mut Seen| {
+                let model = &mut seen.state_mut().model;
+                *model = commanding(true);
+                let fault = (mode == Mode::Fault).then_some(Fault::Overspeed);
+                see_state(model, StateEvent { tick: 200, t: 0.2, mode, fault, ..StateEvent::default() });
+                hear(model, News::Answer { intent: intent.clone(), result: Err(said.to_owned()) });
+                settle(seen);
+                let box_end = seen.get_by_label("Stiffness").rect();
+                let told = seen.get_by_label(&format!("{what}{said}")).rect();
+                assert!(told.bottom() < box_end.top() && told.right() < box_end.right() + 90.0, "{told:?}");
+                assert_eq!(seen.query_all_by_label_contains(said).count(), 1, "at one place");
+            };
+            let mut seen = window(size, commanding(true));
+            let changes: [fn(&mut Model); 4] = [
+                |model| model.asked(&Intent::Reset),
+                |model| {
+                    model.asked(&Intent::Set {
+                        effect: "spring".to_owned(),
+                        key: "gain".to_owned(),
+                        value: json!(1),
+                    })
+                },
+                |model| see(model, 201, Mode::Enabling),
+                disconnect,
+            ];
+            for (k, change) in changes.into_iter().enumerate() {
+                refuse(&mut seen);
+                change(&mut seen.state_mut().model);
+                settle(&mut seen);
+                assert!(!shows(&seen, said), "{mode}, change {k}");
+            }
+            refuse(&mut seen);
+            // The distance from the reference may be another.
+            let q = [0.1_f64.cos(), 0.1_f64.sin(), 0.0, 0.0];
+            let fault = (mode == Mode::Fault).then_some(Fault::Overspeed);
+            let state = StateEvent { tick: 201, t: 0.2, mode, fault, q, ..StateEvent::default() };
+            see_state(&mut seen.state_mut().model, state);
+            settle(&mut seen);
+            assert_eq!(shows(&seen, said), mode != Mode::Idle, "{mode}: turned");
+        }
+    }
 }
 
 #[test]
@@ -369,12 +445,16 @@ fn the_sentence_on_stability_is_in_sight() {
 fn a_real_rig_has_a_tape_across_the_window() {
     for simulated in [true, false] {
         for size in [SIZES[0], SMALLEST] {
-            let seen = window(size, commanding(simulated));
+            let mut seen = window(size, commanding(simulated));
             let tape =
                 filled(&seen).into_iter().find(|(rect, color)| *color == LIVE && rect.width() == size[0]);
             assert_eq!(tape.is_some(), !simulated, "{size:?}");
             let stop = seen.get_by_label("Stop").rect();
             assert!(tape.is_none_or(|(rect, _)| rect.bottom() < stop.top()), "it covers no control");
+            // The next rig there can be another.
+            disconnect(&mut seen.state_mut().model);
+            settle(&mut seen);
+            assert!(filled(&seen).iter().all(|(_, color)| *color != LIVE));
         }
     }
 }
