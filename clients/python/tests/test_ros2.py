@@ -38,6 +38,8 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from hbot.ros2.node import arguments
+
 OLDER = 3
 """Poses between the two that are named: so few that a busy rig seldom waits between them."""
 PUSH = 0.02
@@ -117,6 +119,18 @@ def with_peer(test: Callable[[Server, Peer], None]) -> Callable[[Server, Path], 
 def nanoseconds(message: Any) -> int:
     """Return the stamp of a message, ns."""
     return int(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
+
+
+def test_options_of_ros_come_last() -> None:
+    ros = ["--ros-args", "-r", "__ns:=/left"]
+    for given, address in [
+        ([], "127.0.0.1:4268"),
+        (["10.0.0.2:4268", "--command"], "10.0.0.2:4268"),
+    ]:
+        options, rest = arguments([*given, *ros])
+        assert (options.address, rest) == (address, ros)
+    with pytest.raises(SystemExit):
+        arguments(["127.0.0.1:4268", "-r", "__ns:=/left"])
 
 
 @with_peer

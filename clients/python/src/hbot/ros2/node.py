@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import threading
 from array import array
 from collections.abc import Callable
@@ -181,9 +182,9 @@ def arguments(given: list[str] | None = None) -> tuple[argparse.Namespace, list[
         "--token-file", type=Path, help="file with the server's token; default: HBOT_TOKEN_FILE"
     )
     parser.add_argument("--ca", type=Path, help="certificate of the server, if it encrypts (PEM)")
-    options, ros = parser.parse_known_args(given)
-    if ros and ros[0] != "--ros-args":
-        parser.error(f"unknown: {ros[0]}")
+    given = sys.argv[1:] if given is None else given
+    ours = given.index("--ros-args") if "--ros-args" in given else len(given)
+    options, ros = parser.parse_args(given[:ours]), given[ours:]
     if options.scene and not options.command:
         parser.error("--scene needs --command")
     if options.every < 1:
