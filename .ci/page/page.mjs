@@ -338,6 +338,16 @@ for (const [key, value] of [["Home", 0], ["ArrowRight", 0.1]]) {
 }
 await number.fill("2");
 await number.press("Enter");
+// A slip of the pen is no wish for the stiffest spring that there is.
+for (const wrong of ["5000", "-5"]) {
+  await number.fill(wrong);
+  await number.press("Enter");
+  assert(await number.evaluate((it) => it.matches(":invalid")), `${wrong} is marked`);
+  await page.waitForTimeout(100);
+  assert.equal((await watcher.ask("info")).scene.effect[0].stiffness, 2, wrong);
+}
+await number.blur();
+assert.equal(await number.inputValue(), "2", "what the rig has");
 
 // What slips changes nothing: a press beside the handle, a finger that scrolls, a wheel over the number, a key that leaps.
 const grip = async () => {
@@ -427,7 +437,7 @@ await watcher.mode("idle");
 const [w, x, y, z] = watcher.state.q;
 await load({ name: "Far", effect: [{ ...spring, anchor: "absolute", reference: [-x, w, z, -y] }] });
 await shows("#details", "Enable is refused beyond 0.50 rad");
-await watcher.ask("estop");
+await page.click("#stop");
 await shows("#headline", "ESTOP");
 await shows("#distance", "rad from reference: set its anchor to here");
 assert(await page.locator("#recover").isDisabled(), "the server would refuse");
@@ -448,6 +458,7 @@ await shows("#distance", "rad from reference");
 await drag(0.4);
 await settled();
 watcher.keep = [];
+await page.evaluate(() => { window.stopTick = null; });
 const pressed = performance.now();
 await page.keyboard.press("Escape");
 await shows("#headline", "ESTOP");
@@ -492,7 +503,12 @@ const before = await places();
 await watcher.ask("estop");
 await shows("#details", "Stopped by watcher");
 assert.deepEqual(await places(), before);
-await page.click("#recover");
+// Perhaps somebody else has a hand at the sphere.
+await shows("#details", "make sure that nobody touches the sphere, then press Reset, then Enable.");
+assert(await page.locator("#recover").isDisabled(), "one click does not lift the stop of another client");
+await page.click("#reset");
+await shows("#headline", "IDLE");
+await page.click("#enable");
 await watcher.mode("active");
 
 // A fault, in the words of the server. Nothing moves for them.
@@ -523,7 +539,12 @@ await shows("#details", "Stopped by watcher");
 await picture("fault-stopped");
 // For some ticks the cause is still there, and the server refuses.
 const recovers = () => until("the rig recovers", async () => {
-  if (["FAULT", "ESTOP"].includes(await text("#headline"))) await page.click("#recover");
+  for (const button of ["#recover", "#reset", "#enable"]) {
+    if (await page.locator(button).isEnabled()) {
+      await page.click(button);
+      break;
+    }
+  }
   await page.waitForTimeout(200);
   return await text("#headline") === "ACTIVE";
 });
@@ -706,6 +727,7 @@ await shows("#headline", "ACTIVE");
 const said = await spoken();
 server.kill("SIGSTOP");
 await page.keyboard.press("Escape");
+await shows("#details", "STOP sent, not confirmed yet.");
 await shows("#headline", "NOT STOPPED");
 await shows("#details", "Cut the motors' power.");
 assert.equal(await page.locator("#alarm").textContent(), "NOT STOPPED: cut the motors' power");

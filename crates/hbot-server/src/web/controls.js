@@ -232,8 +232,11 @@ export class Controls {
     if (Number.isFinite(s.most)) field.max = s.most;
     // A rig must not get the 1 while the person types 15.
     field.onchange = () => {
-      if (field.value !== '' && Number.isFinite(+field.value)) set(s.whole ? Math.round(field.value) : +field.value);
+      const { rangeUnderflow, rangeOverflow } = field.validity;
+      if (rangeUnderflow || rangeOverflow) field.reportValidity();
+      else if (field.value !== '' && Number.isFinite(+field.value)) set(s.whole ? Math.round(field.value) : +field.value);
     };
+    field.onblur = () => { field.value = plain(get() ?? 0); };
     const update = (slider) => {
       const x = get();
       if (typeof x !== 'number') return;

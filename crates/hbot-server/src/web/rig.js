@@ -5,8 +5,8 @@ import { conjugate, length, normalised, product, rotation } from './maths.js';
 
 /** If no state arrives for this time, the server is silent, ms. */
 const SILENT_AFTER = 1500;
-/** A stop that is not confirmed after this time is reported, ms. */
-const CONFIRMED_WITHIN = 1000;
+/** A stop that is not confirmed after the first time is told, and after the second an alarm, ms. */
+const [CONFIRMED_SOON, CONFIRMED_WITHIN] = [200, 1000];
 /** Samples are kept for this time, s. */
 export const SPAN = 10;
 const MOST_MESSAGES = 100;
@@ -294,6 +294,17 @@ export class Rig {
     const stop = this.stop;
     const late = stop && performance.now() - stop.asked > CONFIRMED_WITHIN;
     return stop && (stop.why !== null || late) ? stop : null;
+  }
+
+  /** Whether a stop has been on its way for longer than usual. */
+  get isStopping() {
+    return this.stop !== null && performance.now() - this.stop.asked > CONFIRMED_SOON;
+  }
+
+  /** Returns who else has stopped the rig, or null. */
+  get stopper() {
+    const by = this.fault?.by;
+    return this.state?.mode === 'estop' && by && !this.own.has(by.session) ? by : null;
   }
 
   /** Returns the time since the last state if it is too long, s. Otherwise null. */

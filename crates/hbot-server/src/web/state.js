@@ -95,7 +95,7 @@ function details(rig) {
     const who = by ? ` It was ${rig.name(by)}.` : '';
     const { found, remedy } = rig.fault ?? {};
     return [
-      ['bad', `${words?.sentence ?? state.fault}${who}`],
+      ['bad', `No torque. ${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
       ['', remedy ?? ''],
       ['weak', found ? `${state.fault}: ${found}` : state.fault]];
@@ -106,6 +106,7 @@ function details(rig) {
     return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)],
       ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', remedy ?? '']];
   }
+  if (rig.isStopping) return [['strong', 'STOP sent, not confirmed yet.']];
   if (rig.shakes) {
     const { effect, frequency } = rig.shaking;
     const { remedy } = rig.unstable.find((warning) => warning.effect === effect) ?? rig.unstable[0] ?? {};
@@ -139,12 +140,11 @@ function notReset(rig) {
 }
 
 function wayOn(rig) {
-  const first = !rig.isFar ? '' : rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
-  switch (rig.lease.who) {
-    case 'mine': return `No torque. To go on, ${first}press Recover.`;
-    case 'other': return 'No torque. To go on, press Take over, then Recover.';
-    default: return 'No torque. To go on, press Take command, then Recover.';
-  }
+  const take = { mine: '', other: 'press Take over, then ' }[rig.lease.who] ?? 'press Take command, then ';
+  const far = !rig.isFar || take ? '' : rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
+  const press = take ? '' : 'press ';
+  return rig.stopper ? `No torque. To go on, make sure that nobody touches the sphere, ${take || 'then '}${press}Reset, then Enable.`
+    : `No torque. To go on, ${take}${far}${press}Recover.`;
 }
 
 const notice = document.createElement('p');
@@ -280,14 +280,15 @@ function orders(rig) {
   $('enable').disabled = !(rig.commands && mode === 'idle' && !refused);
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped && !rig.isFast);
-  $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isRefused);
-  $('recover').title = stopped && rig.isRefused ? `Refused: the sphere is too far from the reference. ${cure(rig)}`
+  $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isRefused && !rig.stopper);
+  $('recover').title = rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
+    : stopped && rig.isRefused ? `Refused: the sphere is too far from the reference. ${cure(rig)}`
     : 'Reset and Enable in one step. The sphere must be near the reference';
   const allowed = rig.info?.limits.enable_max_angle;
   const { away } = rig;
   $('distance').classList.toggle('warn', rig.isFar);
   put($('distance'), !rig.state ? `Distance: not known ${rig.hello ? 'yet' : 'without a connection'}.`
-    : away === null ? 'No reference: nothing pulls at once.'
+    : away === null ? 'No reference: Enable works at any orientation.'
       // While the scene is rendered, it has begun elsewhere.
       : rig.beginsHere ? hasTorque(mode) ? `${away.toFixed(2)} rad from reference` : 'The scene begins where the sphere is.'
         : stopped && rig.isRefused ? `${away.toFixed(2)} rad from reference: ${
