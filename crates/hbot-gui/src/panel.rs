@@ -54,7 +54,8 @@ impl Panel {
     /// Fails if the operating system refuses a thread.
     pub fn new(ctx: &egui::Context, options: PanelOptions, folders: Folders) -> std::io::Result<Self> {
         theme::install(ctx);
-        let model = Model::new(&options.server, &options.name, options.samples_per_s);
+        let mut model = Model::new(&options.server, &options.name, options.samples_per_s);
+        model.observes = options.observe;
         let waker = ctx.clone();
         let desk = Desk::new(folders.scenes, &options.server)
             .judged_by(Judged::apart(move || waker.request_repaint()))
@@ -139,6 +140,7 @@ impl Panel {
                     Err(error) => self.network.mailbox.post(News::Note(Err(error.to_string()))),
                 }
             }
+            Act::Refuse(why) => self.network.mailbox.post(News::Note(Err(why))),
             Act::EndRecording => {
                 // The end waits for the disk, so it does not run in the window's thread.
                 let recorder = self.recorder.take();

@@ -137,6 +137,12 @@ impl Model {
         }
     }
 
+    /// Returns who has stopped the rig, if it was not the user of this panel.
+    pub(crate) fn other_stopper(&self) -> Option<String> {
+        let by = self.fault.as_ref().filter(|_| self.mode() == Some(Mode::Estop))?.by.as_ref()?;
+        Some(self.who(by)).filter(|who| who != "you")
+    }
+
     /// Returns the user and machine of another panel, or the name of another client. The number of
     /// its connection follows if this panel or the lease holder has the same name.
     pub(crate) fn other(&self, by: &Requester) -> String {

@@ -77,6 +77,8 @@ pub(crate) struct Model {
     pub(crate) server: String,
     pub(crate) link: Link,
     pub(crate) lease: Lease,
+    /// Whether the user only watches until they press `Take command`.
+    pub(crate) observes: bool,
     /// Name of this panel's clients.
     name: String,
     /// Numbers of the connections that have sent the user's requests.
@@ -134,6 +136,7 @@ impl Model {
             server: server.to_owned(),
             link: Link::Connecting,
             lease: Lease::Unknown,
+            observes: false,
             name: name.to_owned(),
             sessions: OwnSessions::default(),
             stop_sessions: OwnSessions::default(),
@@ -187,9 +190,15 @@ impl Model {
     }
 
     /// Returns whether the user can command the rig: the panel is connected, the server is not
-    /// silent, and no other client holds the lease.
+    /// silent, and the user need not take command first.
     pub(crate) fn may_command(&self) -> bool {
-        self.is_online() && self.silent_for().is_none() && !matches!(self.lease, Lease::Other(_))
+        self.is_online() && self.silent_for().is_none() && !self.must_take()
+    }
+
+    /// Returns whether the user must press a button to get the lease: another client has it, or
+    /// the user only watches. Otherwise a change takes it if it is free.
+    fn must_take(&self) -> bool {
+        matches!(self.lease, Lease::Other(_)) || self.observes && self.lease != Lease::Mine
     }
 
     /// Returns whether the user can turn the sphere by the hand of the simulated rig.
@@ -197,9 +206,9 @@ impl Model {
         self.is_live() && self.is_simulated() && self.may_command()
     }
 
-    /// Returns whether another client commands the rig, and the user can take over now.
+    /// Returns whether the user must take command before a change, and can do so now.
     pub(crate) fn is_observer(&self) -> bool {
-        self.is_live() && matches!(self.lease, Lease::Other(_))
+        self.is_live() && self.must_take()
     }
 
     /// Returns the stop that the user has asked for, if nothing has confirmed it in time. A stop at

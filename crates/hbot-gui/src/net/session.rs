@@ -222,8 +222,8 @@ impl<'a> Session<'a> {
                 | Intent::Hand(Some(_))
         );
         // A request that needs the lease takes it if it may be free. If another client holds it,
-        // the server refuses with that reason.
-        if commands && matches!(self.lease, Lease::Free | Lease::Unknown) {
+        // the server refuses with that reason. A panel that only watches never takes it like this.
+        if commands && !self.options.observe && matches!(self.lease, Lease::Free | Lease::Unknown) {
             self.acquire(false)?;
             let text = format!("you command now, because of {:?}", intent.name());
             self.mailbox.post(News::Note(Ok(text)));

@@ -11,12 +11,16 @@ use crate::net::{Intent, Lease};
 
 /// Width of the button for the lease, points. It is wide enough for every text of the button.
 const LEASE: f32 = 112.0;
-/// Says to an observer which button makes the grey controls work.
-pub(super) const OBSERVER: &str = "Take over to change";
 /// Width of the field for a server's address, points.
 const ADDRESS: f32 = 220.0;
 /// Width of the box that asks before the lease is taken over, points.
 const QUESTION: f32 = 380.0;
+
+/// Says to an observer which button makes the grey controls work.
+pub(super) fn first(model: &Model) -> Option<&'static str> {
+    let is_held = matches!(model.lease, Lease::Other(_));
+    model.is_observer().then_some(if is_held { "Take over to change" } else { "Take command first" })
+}
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
     let palette = Palette::of(ui);
@@ -100,7 +104,8 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
         Lease::Free => {
             let pushes = model.mode().is_some_and(has_torque);
             let color = if pushes { palette.warn } else { palette.text };
-            ("nobody commands: a change takes command".to_owned(), color)
+            let takes = if model.observes { "" } else { ": a change takes command" };
+            (format!("nobody commands{takes}"), color)
         }
         Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
         Lease::Other(holder) => (format!("you observe, {} commands", model.other(holder)), palette.warn),

@@ -10,6 +10,7 @@ mod health;
 mod joints;
 mod law;
 mod meters;
+mod number;
 #[cfg(test)]
 mod painted;
 mod parameter;
@@ -62,6 +63,8 @@ pub(crate) enum Act {
     EndRecording,
     /// Open a recording or a flight log.
     Open(PathBuf),
+    /// Say in a message that a number was refused, and why.
+    Refuse(String),
 }
 
 /// The tab that is open at the right of the window.
@@ -224,6 +227,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     }
     bar::question(ui, model, desk, &mut intents);
     acts.extend(intents.into_iter().map(Act::Ask));
+    acts.extend(number::refused(ui).map(Act::Refuse));
 }
 
 /// Draws the sphere, and below it the plots.

@@ -2,7 +2,7 @@
 //! their rims, and vertical lines.
 
 use eframe::egui::epaint::{ClippedShape, Shape, TextShape};
-use eframe::egui::{Color32, Rect};
+use eframe::egui::{Color32, Rect, Stroke};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 
@@ -55,10 +55,10 @@ pub(super) fn filled<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Color32)> {
     shapes(harness).into_iter().filter_map(of_shape).collect()
 }
 
-/// Returns the rectangles that the last frame has given a rim, with its colour.
-pub(super) fn rims<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Color32)> {
+/// Returns the rectangles that the last frame has given a rim, with the rim.
+pub(super) fn rims<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Stroke)> {
     let of_shape = |(shape, _): (&Shape, Rect)| match shape {
-        Shape::Rect(it) if !it.stroke.is_empty() => Some((it.rect, it.stroke.color)),
+        Shape::Rect(it) if !it.stroke.is_empty() => Some((it.rect, it.stroke)),
         _ => None,
     };
     shapes(harness).into_iter().filter_map(of_shape).collect()

@@ -4,6 +4,7 @@ use eframe::egui::{self, ComboBox, DragValue, Response, Ui};
 use glam::DQuat;
 use serde_json::Value;
 
+use super::number::number;
 use super::schema::{Shape, converted, explain, fits, may_be_absent, shape, words};
 use super::theme::{named, weak};
 
@@ -28,7 +29,7 @@ pub(crate) fn edit(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Op
 /// Draws a control for a value that is present, in contrast to an optional value that is absent.
 fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
     match shape(schema) {
-        Shape::Number { whole, least, most } => number(ui, name, schema, value, whole, [least, most]),
+        Shape::Number { whole, least, most } => numeric(ui, name, schema, value, whole, [least, most]),
         Shape::Flag => {
             let mut on = value.as_bool().unwrap_or_default();
             let response = named(ui.checkbox(&mut on, ""), name).on_hover_text(explain(schema));
@@ -61,7 +62,7 @@ fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Val
     }
 }
 
-fn number(
+fn numeric(
     ui: &mut Ui,
     name: &str,
     schema: &Value,
@@ -71,27 +72,24 @@ fn number(
 ) -> Option<Value> {
     let before = value.as_f64().unwrap_or_default();
     let mut x = before;
-    let mut drag = DragValue::new(&mut x)
-        .range(least..=most)
-        .speed(if whole { 0.1 } else { (0.01 * before.abs()).max(0.001) })
-        .max_decimals(if whole { 0 } else { 6 })
-        // A rig must not get the 1 while the user types 15.
-        .update_while_editing(false);
-    if whole {
-        drag = drag.fixed_decimals(0);
-    }
-    let response = match schema["unit"].as_str() {
-        // Beside the field, because a unit in it would vanish while a value is typed.
-        Some(unit) => {
-            let both = |ui: &mut Ui| {
-                ui.spacing_mut().item_spacing.x = 4.0;
-                (field(ui, drag), ui.weak(unit)).0
-            };
-            ui.horizontal(both).inner
+    let unit = schema["unit"].as_str();
+    let draw = |ui: &mut Ui, drag: DragValue<'_>| {
+        let mut drag = drag
+            .speed(if whole { 0.1 } else { (0.01 * before.abs()).max(0.001) })
+            .max_decimals(if whole { 0 } else { 6 });
+        if whole {
+            drag = drag.fixed_decimals(0);
         }
-        None => field(ui, drag),
+        // Beside the field, because a unit in it would vanish while a value is typed.
+        let Some(unit) = unit else { return field(ui, drag) };
+        let both = |ui: &mut Ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            (field(ui, drag), ui.weak(unit)).0
+        };
+        ui.horizontal(both).inner
     };
-    let response = named(response, name).on_hover_text(explained(schema, before));
+    let response = number(ui, name, &mut x, (least..=most, unit.unwrap_or_default()), draw)
+        .on_hover_text(explained(schema, before));
     let changed = response.changed() && x != before;
     changed.then(|| if whole { Value::from(x.round() as i64) } else { Value::from(x) })
 }

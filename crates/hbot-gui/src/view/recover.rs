@@ -64,7 +64,7 @@ impl Distance {
             }
             Self::Free(angle) => format!("{angle:.2} rad from reference"),
             Self::Here => "The scene begins where the sphere is.".to_owned(),
-            Self::None => "No reference: nothing pulls at once.".to_owned(),
+            Self::None => "No reference: Enable works at any orientation.".to_owned(),
             Self::NoConnection => "Distance: not known without a connection.".to_owned(),
             Self::NoState => "Distance: not known yet.".to_owned(),
         }
@@ -73,15 +73,27 @@ impl Distance {
 
 /// Returns how to go on after a stop, with the labels of the buttons.
 pub(crate) fn way_on(model: &Model) -> String {
-    let first = match (&model.lease, Distance::of(model)) {
-        (Lease::Other(_), _) => "press Take over, then",
+    let take = match model.lease {
+        Lease::Other(_) => Some("press Take over, then"),
+        Lease::Free | Lease::Unknown if model.observes => Some("press Take command, then"),
+        _ => None,
+    };
+    if model.other_stopper().is_some() {
+        // Who has stopped the rig may have a hand in it.
+        let press = take.unwrap_or("press");
+        return format!(
+            "No torque. To go on, make sure that nobody touches the sphere, {press} Reset, then Enable."
+        );
+    }
+    let first = match (take, Distance::of(model)) {
+        (Some(take), _) => take,
         (_, Distance::Far(_)) if model.is_simulated() => {
             "set the anchor to here in the tab Scene, then press"
         }
         (_, Distance::Far(_)) => "turn the sphere to its reference, then press",
         _ => "press",
     };
-    let takes = if model.lease == Lease::Free { ", which takes command" } else { "" };
+    let takes = if model.lease == Lease::Free && take.is_none() { ", which takes command" } else { "" };
     format!("No torque. To go on, {first} Recover{takes}.")
 }
 
@@ -108,7 +120,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let distance = Distance::of(model);
     let stopped = matches!(model.mode(), Some(Mode::Fault | Mode::Estop));
     let at_rest = stopped || model.mode() == Some(Mode::Idle);
+    let stopper = model.other_stopper().map(|who| format!("Stopped by {who}: press Reset, then Enable"));
     let refusal = super::state::too_fast(model).or_else(|| refusal(model)).filter(|_| stopped);
+    let refusal = stopper.or(refusal);
     let enabled = model.may_command() && stopped && refusal.is_none();
     let hint = refusal.as_deref().unwrap_or(
         "Reset and Enable in one step, with a soft start of half a second. The sphere must be near the reference",
@@ -155,7 +169,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::tests::held_by;
+    use crate::model::tests::{held_by, stopped_by};
     use hbot_api::StateEvent;
     use serde_json::json;
 
@@ -185,6 +199,9 @@ mod tests {
         let mut free = model(0.6, "absolute");
         free.state.as_mut().expect("a state").reference = None;
         assert_eq!(Distance::of(&free), Distance::None);
+        // Such a scene can have torque at once, such as a constant one.
+        let said = Distance::None.in_words(0.5, None);
+        assert_eq!(said, "No reference: Enable works at any orientation.");
         free.state = None;
         assert_eq!(Distance::of(&free), Distance::NoConnection);
     }
@@ -224,6 +241,11 @@ mod tests {
             let mut observer = model(angle, "absolute");
             observer.lease = held_by("panel ben@lab3", 9);
             assert_eq!(way_on(&observer), "No torque. To go on, press Take over, then Recover.");
+            observer.state.as_mut().expect("a state").mode = Mode::Estop;
+            observer.fault = Some(stopped_by("panel ben@lab3", Some(9)));
+            let way = "No torque. To go on, make sure that nobody touches the sphere, press Take over, then Reset, \
+                       then Enable.";
+            assert_eq!(way_on(&observer), way);
         }
     }
 }

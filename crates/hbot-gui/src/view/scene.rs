@@ -7,7 +7,7 @@ use eframe::egui::text::{LayoutJob, TextFormat};
 use eframe::egui::{self, CollapsingHeader, ComboBox, FontId, RichText, TextEdit, TextStyle, Ui, vec2};
 use serde_json::{Value, json};
 
-use super::bar::OBSERVER;
+use super::bar;
 use super::schema::{explain, words};
 use super::theme::{Palette, coloured, column, heading_text, named, weak};
 use super::{Act, Desk};
@@ -20,7 +20,7 @@ use crate::net::Intent;
 const LIST_EVERY: Duration = Duration::from_secs(2);
 /// Height of the list of scenes, points.
 const LIST: f32 = 420.0;
-/// Room for the words [`OBSERVER`] and the gap before them, points.
+/// Room for the words of [`bar::first`] and the gap before them, points.
 const OBSERVER_ROOM: f32 = 126.0;
 
 /// The ready-made scenes and the scene files in the folder, with their descriptions; the one that
@@ -83,11 +83,11 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
 fn title(ui: &mut Ui, model: &Model) {
     ui.add_space(2.0);
     ui.horizontal(|ui| {
-        let observer = model.is_observer();
-        let width = ui.available_width() - if observer { OBSERVER_ROOM } else { 0.0 };
+        let first = bar::first(model);
+        let width = ui.available_width() - first.map_or(0.0, |_| OBSERVER_ROOM);
         column(ui, width, heading_text(model.scene.name()));
-        if observer {
-            coloured(ui, Palette::of(ui).warn, OBSERVER);
+        if let Some(first) = first {
+            coloured(ui, Palette::of(ui).warn, first);
         }
     });
 }

@@ -378,7 +378,7 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
         .and_then(|told| told.by.as_ref())
         .map(|by| format!(" It was {}.", model.who(by)))
         .unwrap_or_default();
-    coloured(ui, palette.bad, format!("{what}{by}"));
+    coloured(ui, palette.bad, format!("No torque. {what}{by}"));
     match too_fast(model) {
         Some(text) => drop(coloured(ui, palette.warn, text)),
         None => refused(ui, model, palette),

@@ -6,7 +6,8 @@ use hbot_config::advice::{StiffnessKey, Warning, rounded_down};
 use serde_json::{Value, json};
 
 use super::Desk;
-use super::bar::OBSERVER;
+use super::bar;
+use super::number::number;
 use super::parameter;
 use super::state::{is_low, remedy};
 use super::theme::{Palette, coloured, heading, named, weak};
@@ -179,21 +180,25 @@ fn impedance(
     ui.horizontal(|ui| {
         weak(ui, format!("{key}, {unit}")).on_hover_text(hint);
         // This line has room for the words, so that they move nothing.
-        if key == "stiffness" && model.is_observer() {
+        if key == "stiffness"
+            && let Some(first) = bar::first(model)
+        {
             // They are not grey like the controls that they are about.
             ui.set_opacity(1.0);
-            coloured(ui, Palette::of(ui).warn, OBSERVER);
+            coloured(ui, Palette::of(ui).warn, first);
         }
     });
     if let Some(x) = value.as_f64() {
-        if let Some(x) = row(ui, "", names[0], x, [end, most], borders[0]) {
+        if let Some(x) = row(ui, "", names[0], x, ([end, most], unit), borders[0]) {
             set(json!(x));
         }
         return;
     }
     let before = diagonal(value);
     for k in 0..3 {
-        if let Some(x) = row(ui, ["n1", "n2", "n3"][k], names[k + 1], before[k], [end, most], borders[k]) {
+        if let Some(x) =
+            row(ui, ["n1", "n2", "n3"][k], names[k + 1], before[k], ([end, most], unit), borders[k])
+        {
             let mut after = before;
             after[k] = x;
             set(matrix(value, after));
@@ -211,11 +216,11 @@ fn row(
     label: &str,
     name: &str,
     before: f64,
-    [end, most]: [f64; 2],
+    ([end, most], unit): ([f64; 2], &str),
     stable: Option<f64>,
 ) -> Option<f64> {
     let mut x = before;
-    let end = end.max(before);
+    let end = end.min(most).max(before);
     ui.horizontal(|ui| {
         if !label.is_empty() {
             ui.label(label);
@@ -241,12 +246,11 @@ fn row(
             }
             mark(ui, response.rect, room.max, place(stable));
         }
-        let field = DragValue::new(&mut x)
-            .range(0.0..=most)
-            .speed((0.01 * before).max(0.001))
-            .max_decimals(4)
-            .update_while_editing(false);
-        named(ui.add_sized([70.0, ui.spacing().interact_size.y], field), &format!("{name} value"));
+        let draw = |ui: &mut Ui, field: DragValue<'_>| {
+            let field = field.speed((0.01 * before).max(0.001)).max_decimals(4);
+            ui.add_sized([70.0, ui.spacing().interact_size.y], field)
+        };
+        number(ui, &format!("{name} value"), &mut x, (0.0..=most, unit), draw);
     });
     (x != before).then_some(x)
 }

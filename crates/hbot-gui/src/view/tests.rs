@@ -252,7 +252,7 @@ fn the_rims_of_controls_stand_out_from_the_ground() {
             // Half a point for rounding.
             let of = rims.iter().find(|(rect, _)| place.expand(0.5).contains_rect(*rect));
             let (_, rim) = of.unwrap_or_else(|| panic!("{name} has no rim"));
-            let contrast = contrast(*rim, ground);
+            let contrast = contrast(rim.color, ground);
             assert!(contrast >= 3.0, "{theme:?}, {name}: {contrast}");
         }
     }
@@ -501,6 +501,57 @@ fn the_controls_of_an_observer_are_grey_and_say_what_to_press() {
 }
 
 #[test]
+fn who_only_watches_changes_nothing_before_take_command() {
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, commanding(true));
+        let names =
+            ["Stiffness", "Stiffness value", "spring on", "spring gain", "Enable", "Reset", "Recover"];
+        for (lease, commands) in [(Lease::Unknown, false), (Lease::Free, false), (Lease::Mine, true)] {
+            for (tick, mode) in [(200, Mode::Idle), (201, Mode::Estop)] {
+                let model = &mut seen.state_mut().model;
+                (model.observes, model.lease) = (true, lease.clone());
+                see(model, tick, mode);
+                settle(&mut seen);
+                for name in names {
+                    let off = (name == "Enable" && mode == Mode::Estop)
+                        || (["Reset", "Recover"].contains(&name) && mode == Mode::Idle);
+                    let disabled = seen.get_by_label(name).accesskit_node().is_disabled();
+                    assert_eq!(disabled, off || !commands, "{name}, {lease:?}, {mode}");
+                }
+                assert!(!seen.get_by_label("Stop").accesskit_node().is_disabled());
+                assert!(!shows(&seen, "takes command"), "{lease:?}");
+                let first = mode == Mode::Estop && !commands;
+                assert_eq!(shows(&seen, "To go on, press Take command, then Recover."), first);
+                let words = texts(&seen).into_iter().filter(|it| it.text == "Take command first");
+                let words: Vec<_> = words.collect();
+                assert_eq!(words.len(), if commands { 0 } else { 2 });
+                assert!(words.iter().all(|it| it.is_whole()), "{size:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_focus_of_the_keyboard_has_a_ring() {
+    let mut seen = window(SIZES[0], commanding(true));
+    for theme in [Theme::Dark, Theme::Light] {
+        seen.ctx.set_theme(theme);
+        let visuals = seen.ctx.style_of(theme).visuals.clone();
+        let accent = visuals.selection.stroke.color;
+        assert!(contrast(accent, visuals.panel_fill) >= 3.0, "{theme:?}");
+        for name in ["Disable", "Stiffness value", "spring on", "Law", "Scene file"] {
+            seen.get_by_label(name).focus();
+            settle(&mut seen);
+            let place = seen.get_by_label(name).rect().expand(1.0);
+            let has_ring = rims(&seen)
+                .iter()
+                .any(|(rect, rim)| place.contains_rect(*rect) && rim.width == 2.0 && rim.color == accent);
+            assert!(has_ring, "{theme:?}, {name}");
+        }
+    }
+}
+
+#[test]
 fn without_a_connection_there_are_dashes_and_no_numbers() {
     let mut seen = window(SIZES[0], commanding(false));
     assert!(seen.query_by_label("Torque: 0.00 / 0.90 N m").is_some());
@@ -510,7 +561,7 @@ fn without_a_connection_there_are_dashes_and_no_numbers() {
         assert!(seen.query_by_label(&format!("{name}: -")).is_some(), "{name}");
     }
     assert!(shows(&seen, "Distance: not known without a connection."));
-    assert!(!shows(&seen, "nothing pulls at once"));
+    assert!(!shows(&seen, "No reference"));
 }
 
 #[test]

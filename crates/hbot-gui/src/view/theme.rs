@@ -134,6 +134,8 @@ pub(crate) fn install(ctx: &egui::Context) {
             for widget in [&mut widgets.inactive, &mut widgets.open] {
                 widget.bg_stroke = egui::Stroke::new(1.0, palette.rim);
             }
+            // The ring of the control with the focus, as text fields have it.
+            widgets.active.bg_stroke = style.visuals.selection.stroke;
         });
     }
 }

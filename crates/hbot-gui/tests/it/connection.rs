@@ -4,6 +4,7 @@ use std::net::TcpListener;
 use std::time::Duration;
 
 use eframe::egui::Key;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Event, Mode};
 use hbot_gui::PanelOptions;
 
@@ -184,6 +185,7 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
     seat.until_text("IDLE");
     other.estop().expect("stopped");
     seat.until_text("Stopped by the experiment.");
+    assert!(!seat.is_enabled("Recover") && seat.is_enabled("Reset"));
 }
 
 #[test]
@@ -202,7 +204,12 @@ fn who_only_watches_takes_nothing() {
     let mut seat = Seat::with(options);
     seat.until_text("ACTIVE");
     seat.until_text("nobody commands");
+    assert!(!seat.is_enabled("Stiffness") && seat.is_enabled("Stop"));
     bench.client("the experiment").acquire(false).expect("nobody has taken it");
+    seat.until_text("nobody commands");
+    seat.click("Take command");
+    seat.until_text("you command");
+    seat.until("the controls", |harness| !harness.get_by_label("Stiffness").accesskit_node().is_disabled());
 }
 
 #[test]

@@ -98,6 +98,23 @@ fn a_value_that_the_server_refuses_is_told_and_not_shown() {
 }
 
 #[test]
+fn a_number_outside_its_range_is_refused_in_the_line_for_messages() {
+    let bench = AloneServer::start(&ServerSetup::default());
+    let (mut seat, mut witness) = seated(&bench);
+    for (label, name, unit) in
+        [("Stiffness value", "Stiffness", " N m/rad"), ("spring stiffness", "spring stiffness", "")]
+    {
+        for typed in ["5000", "-5"] {
+            seat.type_number(label, typed);
+            seat.until_text(&format!("{name}: {typed}; legal: 0 to 1000{unit}"));
+        }
+    }
+    seat.type_number("Damping value", "0.01");
+    arrived(&mut seat, &mut witness, "damping", &json!(0.01));
+    assert_eq!(witness.parameter("spring", "stiffness"), json!(0.2), "what was before");
+}
+
+#[test]
 fn the_button_esc_and_space_stop_and_reset_and_enable_lead_back() {
     type Way = dyn Fn(&mut Seat);
     let bench = AloneServer::start(&ServerSetup::default());

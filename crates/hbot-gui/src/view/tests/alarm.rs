@@ -132,7 +132,7 @@ fn a_box_is_as_loud_as_the_worst_in_it() {
         let stop = seen.get_by_label("Stop").rect();
         // Half a point for rounding.
         let rim = |color| {
-            rims(seen).iter().any(|(rect, it)| *it == color && (rect.width() - stop.width()).abs() < 3.0)
+            rims(seen).iter().any(|(rect, it)| it.color == color && (rect.width() - stop.width()).abs() < 3.0)
         };
         let color = color_of(seen, "ACTIVE").expect("the mode");
         let palette = palette();

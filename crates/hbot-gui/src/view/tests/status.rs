@@ -82,6 +82,20 @@ fn a_torque_that_the_limits_cut_is_told() {
     }
 }
 
+/// Checks that `Recover` leads on only after a stop by this user or by somebody whom the server
+/// does not name: who else has stopped the rig may have a hand in it.
+fn goes_on(seen: &mut Seen, recovers: bool) {
+    let other = "No torque. To go on, make sure that nobody touches the sphere, press Reset, then Enable.";
+    assert_eq!(shows(seen, "To go on, press Recover."), recovers);
+    assert_eq!(shows(seen, other), !recovers);
+    assert_eq!(seen.get_by_label("Recover").accesskit_node().is_disabled(), !recovers);
+    assert!(!seen.get_by_label("Reset").accesskit_node().is_disabled());
+    seen.hover_at(Default::default());
+    seen.run_steps(8);
+    let said = hint(seen, "Recover");
+    assert_eq!(said == "Stopped by ben@lab3: press Reset, then Enable", !recovers, "{said}");
+}
+
 #[test]
 fn who_stopped_the_rig_is_shown() {
     let mut seen = window(SIZES[1], commanding(true));
@@ -94,7 +108,7 @@ fn who_stopped_the_rig_is_shown() {
         see(model, 200, Mode::Estop);
         settle(&mut seen);
         assert!(shows(&seen, who));
-        assert!(shows(&seen, "To go on, press Recover."), "{who}");
+        goes_on(&mut seen, name == ME);
     }
     // A panel that came after the stop learns it from `info`, if the server knows.
     for (incident, words) in [
@@ -108,8 +122,8 @@ fn who_stopped_the_rig_is_shown() {
         see(model, 200, Mode::Estop);
         settle(&mut seen);
         assert!(shows(&seen, words), "{words}");
+        goes_on(&mut seen, words == "Stopped by somebody.");
     }
-    assert!(shows(&seen, "To go on, press Recover."));
 }
 
 #[test]
@@ -247,6 +261,7 @@ fn the_remedy_of_a_fault_is_that_of_the_server() {
             let seen = window(SIZES[0], model);
             assert_eq!(shows(&seen, "Do this and that."), remedy.is_some(), "{fault:?}");
             assert_eq!(shows(&seen, fault.words().1), remedy.is_none(), "{fault:?}: one remedy");
+            assert!(shows(&seen, &format!("No torque. {}", fault.words().0)), "{fault:?}");
         }
     }
 }
