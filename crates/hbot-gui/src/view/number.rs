@@ -80,8 +80,8 @@ mod tests {
 
     type Seen = Harness<'static, (f64, Option<String>)>;
 
-    /// Draws the field of 2 J with this range, lets the user act, and returns the number and what is
-    /// said.
+    /// Draws the field of 2 J with this range, lets the user act, and returns the number and what
+    /// is said.
     fn after(legal: RangeInclusive<f64>, act: impl FnOnce(&mut Seen)) -> (f64, String) {
         let draw = move |ui: &mut Ui, (x, said): &mut (f64, Option<String>)| {
             number(ui, "E value", x, (legal.clone(), "J"), |ui, field| ui.add(field));
