@@ -51,9 +51,12 @@ echo "-- style and types"
 "$venv/bin/ruff" check --quiet .
 "$venv/bin/mypy" --cache-dir "$target/python/mypy"
 
+echo "-- examples that feel MuJoCo, for a minute each"
+"$venv/bin/pytest" -q -k minute -o cache_dir="$target/python/pytest"
+
 # They mostly wait for a server.
 echo "-- tests against $HBOT_PROGRAM, four at a time"
-"$venv/bin/pytest" -q -n 4 -o cache_dir="$target/python/pytest"
+"$venv/bin/pytest" -q -n 4 -k "not minute" -o cache_dir="$target/python/pytest"
 
 # Each package is installed alone into an environment that has nothing else.
 rm -rf "$target/python/dist"

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from serving import Server
+
+# A shell that starts the tests in the background makes their programs ignore SIGINT.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Read by the library of LSL when it is loaded: streams stay on this machine.
 os.environ["LSLAPICFG"] = str(Path(__file__).parent / "lsl_api.cfg")

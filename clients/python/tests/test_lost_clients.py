@@ -22,8 +22,6 @@ import signal
 import sys
 import hbot
 
-# A shell that starts the tests in the background makes their programs ignore SIGINT.
-signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def push(state):
     if len(sys.argv) > 2 and state.mode == "active" and any(state.torque):

@@ -246,9 +246,12 @@ def test_what_cannot_be_held_is_refused() -> None:
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("example", ["mujoco_valve.py", "mujoco_key.py"])
 def test_the_examples_run_for_a_minute(
-    server: Server, example: str, record_property: Callable[[str, object], None]
+    start_server: Callable[..., Server],
+    example: str,
+    record_property: Callable[[str, object], None],
 ) -> None:
     """Their energies agree only if this machine has the time for it, so they are only shown."""
+    server = start_server(rate_hz=1000)
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / example), "--seconds", "60"],
         env={**os.environ, "HBOT_SERVER": server.address},
