@@ -51,8 +51,10 @@ echo "-- style and types"
 "$venv/bin/ruff" check --quiet .
 "$venv/bin/mypy" --cache-dir "$target/python/mypy"
 
-echo "-- examples that feel MuJoCo, for a minute each"
-"$venv/bin/pytest" -q -k minute -o cache_dir="$target/python/pytest"
+if [ -n "${HBOT_MUJOCO:-}" ]; then
+    echo "-- examples that feel MuJoCo, for a minute each"
+    "$venv/bin/pytest" -q -k minute -o cache_dir="$target/python/pytest"
+fi
 
 # They mostly wait for a server.
 echo "-- tests against $HBOT_PROGRAM, four at a time"
