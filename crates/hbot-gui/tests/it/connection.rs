@@ -205,7 +205,10 @@ fn who_only_watches_takes_nothing() {
     seat.until_text("ACTIVE");
     seat.until_text("nobody commands");
     assert!(!seat.is_enabled("Stiffness") && seat.is_enabled("Stop"));
-    bench.client("the experiment").acquire(false).expect("nobody has taken it");
+    let mut other = bench.client("the experiment");
+    other.acquire(false).expect("nobody has taken it");
+    seat.until_text("you observe, the experiment commands");
+    drop(other);
     seat.until_text("nobody commands");
     seat.click("Take command");
     seat.until_text("you command");
