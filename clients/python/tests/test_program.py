@@ -84,13 +84,6 @@ def test_a_program_names_its_own_errors(capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr().err == "error: EOFError\n"
 
 
-def test_ctrl_c_ends_the_program_without_a_word(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended, hbot.one_line_errors():
-        raise KeyboardInterrupt
-    assert ended.value.code == 130
-    assert capsys.readouterr().err == ""
-
-
 def test_other_exceptions_pass(capsys: pytest.CaptureFixture[str]) -> None:
     """Those of a mistake in the program need their traceback."""
     with pytest.raises(ZeroDivisionError), hbot.one_line_errors():

@@ -19,14 +19,13 @@ def one_line_errors(*more: type[Exception]) -> Iterator[None]:
 
     Expected errors are those of this package (`HbotError`) and of the system (`OSError`, such as a
     file that is missing). The person at the terminal mends their causes without the source code, so
-    a traceback would only hide the message. Ctrl-C ends the program with exit code 130. Any other
-    exception passes with its traceback.
+    a traceback would only hide the message. Any other exception passes with its traceback.
 
     Args:
         more: other exceptions that the program expects.
 
     Raises:
-        SystemExit: an expected error has left the block, and its message is printed; or Ctrl-C.
+        SystemExit: an expected error has left the block. Its message is printed.
     """
     expected: tuple[type[Exception], ...] = (HbotError, OSError, *more)
     try:
@@ -35,8 +34,6 @@ def one_line_errors(*more: type[Exception]) -> Iterator[None]:
         # Who reads standard output has enough, such as `head`. Python must not write the rest.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
-    except KeyboardInterrupt:
-        raise SystemExit(130) from None
     except expected as error:
         print(f"error: {str(error) or type(error).__name__}", file=sys.stderr, flush=True)
         raise SystemExit(1) from error
