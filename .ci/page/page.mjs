@@ -515,6 +515,7 @@ await watcher.mode("active");
 await load({ name: "A bad line", effect: [spring], simulate: { link: { corrupt: 0.4 } } });
 await shows("#headline", "FAULT");
 const words = (await watcher.ask("info")).faults.find((fault) => fault.name === watcher.state.fault);
+await shows("#details", `No torque. ${words.sentence}`);
 // The usual remedy is about cables, which a simulated rig does not have.
 assert((await text("#details")).includes("nothing is broken: Reset, then Enable"), "what to do about a simulated fault");
 assert(!(await text("#details")).includes(words.remedy), `the remedy of a real ${watcher.state.fault}`);

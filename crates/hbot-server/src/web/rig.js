@@ -354,23 +354,11 @@ export class Rig {
       && this.away > this.info?.limits.enable_max_angle;
   }
 
-  /** Whether the server refuses to enable, for all that is known: a spring lets no turn free. */
-  get isRefused() {
-    return this.isFar && (this.refusal?.op === 'enable' || this.placed?.kind === 'spring');
-  }
-
-  /** The first effect that has an anchor: its reference counts. */
-  get placed() {
-    return this.info?.scene?.effect?.find((effect) => this.anchor(effect) !== undefined);
-  }
-
-  /** Whether this effect is placed where the sphere is when it is enabled. */
+  /** Whether the effect whose reference counts is placed where the sphere is when it is enabled. */
   get beginsHere() {
-    return this.placed !== undefined && this.anchor(this.placed) === 'here';
-  }
-
-  anchor(effect) {
-    return effect.anchor ?? this.kind(effect.kind)?.schema.properties?.anchor?.default;
+    const placed = (this.info?.scene?.effect ?? []).map((effect) => (
+      effect.anchor ?? this.kind(effect.kind)?.schema.properties?.anchor?.default));
+    return placed.find((anchor) => anchor !== undefined) === 'here';
   }
 
   kind(name) {

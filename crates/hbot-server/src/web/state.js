@@ -280,9 +280,9 @@ function orders(rig) {
   $('enable').disabled = !(rig.commands && mode === 'idle' && !refused);
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped && !rig.isFast);
-  $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isRefused && !rig.stopper);
+  $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper);
   $('recover').title = rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
-    : stopped && rig.isRefused ? `Refused: the sphere is too far from the reference. ${cure(rig)}`
+    : stopped && rig.isFar ? `The sphere may be too far from the reference. ${cure(rig)} Or press Reset, then Enable`
     : 'Reset and Enable in one step. The sphere must be near the reference';
   const allowed = rig.info?.limits.enable_max_angle;
   const { away } = rig;
@@ -291,7 +291,7 @@ function orders(rig) {
     : away === null ? 'No reference: Enable works at any orientation.'
       // While the scene is rendered, it has begun elsewhere.
       : rig.beginsHere ? hasTorque(mode) ? `${away.toFixed(2)} rad from reference` : 'The scene begins where the sphere is.'
-        : stopped && rig.isRefused ? `${away.toFixed(2)} rad from reference: ${
+        : stopped && rig.isFar ? `${away.toFixed(2)} rad from reference: ${
           rig.isSimulated ? 'set its anchor to here' : `turn to within ${allowed.toFixed(2)}`}`
           : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
 }
