@@ -24,7 +24,8 @@ const STOPS: u32 = 3;
 /// memory, and never waits.
 pub struct Engine {
     motors: Motors,
-    controller: Controller,
+    /// In a box, because it is large and an engine is moved to its thread.
+    controller: Box<Controller>,
     scene: Box<CompiledScene>,
     bridge: LoopEnd,
     /// Tick number and send time (ns) of each of the last commands, from which the age of a reading
@@ -94,7 +95,7 @@ impl Engine {
     ) -> Self {
         Self {
             motors,
-            controller,
+            controller: Box::new(controller),
             scene,
             bridge,
             sent_at: Box::new([(u32::MAX, 0); SENT]),
@@ -192,7 +193,7 @@ impl Engine {
         };
         self.counters.dropped_samples += u64::from(!self.bridge.publish(sample));
         if let Some(recorder) = &mut self.recorder {
-            let (scene, controller) = (&self.scene, &self.controller);
+            let (scene, controller) = (&self.scene, &*self.controller);
             recorder(&Ticked { scene, inputs: &inputs, outputs: &outputs, sample: &sample, controller });
         }
     }
@@ -212,7 +213,7 @@ impl Engine {
             rebooted: false,
             commands: Commands::default(),
         };
-        black_box(self.controller.clone().tick(&self.scene, black_box(&inputs)));
+        black_box(Controller::clone(&self.controller).tick(&self.scene, black_box(&inputs)));
     }
 
     /// Ends the session. Sends the command that switches the motors off several times, in case a
