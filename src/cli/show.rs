@@ -61,6 +61,9 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         let cause = incident.message.replace("; reset, then enable, to go on", "");
         tell!("  cause      at {:.1} s: {}", incident.t, foreign(&cause))?;
     }
+    if let Some(shaking) = &info.shaking {
+        tell!("  shaking    at {:.1} s: {}", shaking.t, foreign(&shaking.message))?;
+    }
     let limits = &info.limits;
     tell!(
         "  limits     {} N m, {} N m/s, {} rad/s, slip {} m/s",

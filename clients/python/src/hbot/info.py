@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from .events import FaultEvent, Mode, SceneWarning
+from .events import FaultEvent, Mode, SceneWarning, ShakingEvent
 from .vectors import Vector
 
 
@@ -323,6 +323,8 @@ class Info:
     """Mode of the rig in the newest tick. None before the first."""
     incident: FaultEvent | None = None
     """The fault or the emergency stop in which the rig is now. None in other modes."""
+    shaking: ShakingEvent | None = None
+    """What shakes the sphere by itself, while the torque is lowered for it. None otherwise."""
 
     def __str__(self) -> str:
         """Say the rig's name, whether its motors can push, its mode and its scene."""

@@ -6,7 +6,7 @@
 use super::{Op, OpRow, Who};
 use crate::names::names;
 use crate::{Client, ClientError, finite};
-use crate::{FaultEvent, Mode, WarningParts};
+use crate::{FaultEvent, Mode, ShakingEvent, WarningParts};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -71,6 +71,10 @@ pub struct InfoOk {
     /// and who stopped it. `None` in other modes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub incident: Option<FaultEvent>,
+    /// The last event of a sphere that shakes by itself, while the torque is lowered for it. `None`
+    /// with the full torque, or if the server does not send this field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shaking: Option<ShakingEvent>,
 }
 
 /// The largest stiffness of an effect with which the running scene is stable.

@@ -331,8 +331,9 @@ impl Model {
             }
             News::Info(info) => {
                 self.simulated = Some(info.rig.simulated);
-                // A panel that came after the stop learns here who or what it was.
+                // A panel that came later learns here who or what stopped the rig, or shakes it.
                 self.fault = info.incident.clone().or(self.fault.take());
+                self.shaking = info.shaking.clone().or(self.shaking.take());
                 let known = !self.info.scene.is_null();
                 if self.scene.take(&info.scene) && known {
                     self.marks.fades(self.scene.fading_s());

@@ -2,7 +2,7 @@
 
 use hbot_api::{
     ClockInfo, Fault, FaultEvent, FaultWords, InfoOk, KindInfo, LeaseInfo, Mode, ModeWords, RenderInfo,
-    SceneInfo,
+    SceneInfo, ShakingEvent,
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::{Listed, SHELF};
@@ -38,6 +38,8 @@ pub(super) struct Now<'a> {
     pub(super) lease: LeaseInfo,
     /// The fault or stop in which the rig is now.
     pub(super) incident: Option<FaultEvent>,
+    /// What shakes the sphere, while the torque is lowered for it.
+    pub(super) shaking: Option<ShakingEvent>,
 }
 
 /// How the time of the loop relates to the clocks of the system.
@@ -82,7 +84,7 @@ impl Info {
     /// Returns the complete answer to `info`. The largest torque about each axis is computed for
     /// the posture in the sample, and is absent without a sample.
     pub(super) fn answer(&self, config: &RigConfig, now: Now<'_>) -> InfoOk {
-        let Now { scene, warnings, outlook, sample, lease, incident } = now;
+        let Now { scene, warnings, outlook, sample, lease, incident, shaking } = now;
         let capability = sample.map(|sample| {
             let device = &config.rig.device;
             let mut steering = [0.0; MAX_WHEELS];
@@ -105,6 +107,7 @@ impl Info {
             lease: Some(lease),
             mode,
             incident,
+            shaking,
             ..self.fixed.clone()
         }
     }

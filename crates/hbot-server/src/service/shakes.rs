@@ -9,8 +9,8 @@ use super::scenes::Scenes;
 /// Compares what the guard finds from sample to sample.
 #[derive(Debug, Default)]
 pub(super) struct Shakes {
-    /// Tick of the last finding, while the guard lowers the torque.
-    last: Option<u64>,
+    /// The event of the last finding, while the guard lowers the torque.
+    last: Option<ShakingEvent>,
 }
 
 impl Shakes {
@@ -19,12 +19,16 @@ impl Shakes {
     #[inline]
     pub(super) fn look(&mut self, sample: &Sample, scenes: &Scenes) -> Option<ShakingEvent> {
         let found = sample.state.shaking;
-        let tick = found.map(|found| found.tick);
-        if tick == self.last {
+        if found.map(|found| found.tick) == self.last.as_ref().map(|event| event.tick) {
             return None;
         }
-        self.last = tick;
-        Some(found.map_or_else(|| over(sample), |found| shaking(sample, &found, scenes)))
+        self.last = found.map(|found| shaking(sample, &found, scenes));
+        Some(self.last.clone().unwrap_or_else(|| over(sample)))
+    }
+
+    /// Returns the last event, while the torque is lowered.
+    pub(super) fn present(&self) -> Option<&ShakingEvent> {
+        self.last.as_ref()
     }
 }
 

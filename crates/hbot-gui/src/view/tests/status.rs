@@ -215,8 +215,11 @@ fn an_effect_that_shakes_the_sphere_is_named_until_it_is_calm() {
         gain: 0.5,
         message: "it shakes".to_owned(),
     };
-    for shaking in [true, false] {
-        hear(&mut seen.state_mut().model, News::Shaking(ShakingEvent { shaking, ..event.clone() }));
+    let news = |shaking| News::Shaking(ShakingEvent { shaking, ..event.clone() });
+    // A panel that comes later learns it from `info`.
+    let told = News::Info(Box::new(InfoOk { shaking: Some(event.clone()), ..told() }));
+    for (news, shaking) in [(news(true), true), (news(false), false), (told, true)] {
+        hear(&mut seen.state_mut().model, news);
         see(&mut seen.state_mut().model, 201, Mode::Active);
         settle(&mut seen);
         assert_eq!(shows(&seen, "stiff shook the sphere at 16 Hz"), shaking);

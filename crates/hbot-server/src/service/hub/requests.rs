@@ -180,6 +180,7 @@ impl Hub {
             sample: self.latest.as_ref(),
             lease: self.lease.info(),
             incident: self.incidents.present().cloned(),
+            shaking: self.shakes.present().cloned(),
         };
         let answer = self.info.answer(&self.rig, now);
         self.answer(session, id, answer);

@@ -34,8 +34,11 @@ fn a_sphere_that_shakes_by_itself_is_reported_with_the_effect_and_again_when_it_
     assert_eq!(found.effect.as_deref(), Some("stiff"), "{found:?}");
     assert!((5.0..100.0).contains(&found.frequency) && (0.2..30.0).contains(&found.amplitude), "{found:?}");
     assert!(found.message.contains("stiff") && found.message.contains("Hz"), "{found:?}");
-    // A client that comes later sees that the torque is lowered when it shakes again, or that it is
-    // calm: with another scene all torque comes back.
+    // A client that comes later sees why the torque is lowered.
+    let mut later = bench.client("later");
+    let told = later.info().unwrap().shaking.expect("the torque is lowered");
+    assert_eq!((told.shaking, told.effect.as_deref()), (true, Some("stiff")), "{told:?}");
+    // With another scene all torque comes back.
     client.call(scene(json!({"name": "y", "effect": [{"id": "soft", "kind": "spring", "anchor": "here", "damping": 0.02}]}))).unwrap();
     let over = loop {
         let event = shaking_event(&mut client);
@@ -45,5 +48,6 @@ fn a_sphere_that_shakes_by_itself_is_reported_with_the_effect_and_again_when_it_
     };
     assert_eq!((over.gain, over.effect, over.frequency), (1.0, None, 0.0));
     assert!(over.tick > found.tick);
+    assert_eq!(later.info().unwrap().shaking, None);
     bench.finish();
 }
