@@ -208,7 +208,7 @@ assert(late <= 10, `${late} pictures of states from before the end of a pause`);
 await page.click("#lease");
 await shows("#who", "you command");
 assert(await page.locator("#lease").isDisabled(), "a second click releases nothing");
-await until("the lease", async () => (await watcher.ask("info")).lease.holder?.startsWith("page on "));
+await until("the lease", async () => (await watcher.ask("info")).lease.holder === "Chrome on Linux");
 
 // The hand turns the sphere, and the spring turns the hand.
 const middle = await page.locator("#sphere").boundingBox().then((box) => ({
@@ -766,11 +766,25 @@ for (const act of acts) {
   await act();
   await finger.waitForTimeout(500);
   // Two pages have one name.
-  if (act !== acts[0]) assert.match(await text("#who"), /^you observe, page on \w+ \(session \d+\) commands$/);
+  if (act !== acts[0]) assert.match(await text("#who"), /^you observe, Chrome on Linux \(session \d+\) commands$/);
   const words = await finger.evaluate(() => document.body.textContent);
   assert(!/\b(Esc|Space|[Kk]eys|[Ss]croll|double click)\b/.test(words), words);
 }
 await finger.screenshot({ path: `${pictures}/finger.png` });
+// Other devices have other names.
+for (const [name, userAgent] of [
+  ["Firefox on Android", "Mozilla/5.0 (Android 14; Mobile; rv:140.0) Gecko/140.0 Firefox/140.0"],
+  ["Safari on iPad", "Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) AppleWebKit/605.1.15 (KHTML, like Gecko) Version/18.5 Safari/605.1.15"],
+  ["Edge on Windows", "Mozilla/5.0 (Windows NT 10.0; Win64; x64) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/156.0.0.0 Safari/537.36 Edg/156.0.0.0"],
+]) {
+  const device = await browser.newContext({ userAgent, hasTouch: !name.includes("Windows") });
+  const there = await device.newPage();
+  await fresh(there);
+  await there.goto(server.page);
+  await there.click("#lease");
+  await shows("#who", `you observe, ${name} commands`);
+  await device.close();
+}
 
 // The browser complains of lost connections, which are meant here, and of nothing else.
 assert.deepEqual(complaints.filter((text) => !/WebSocket connection to|ERR_CONNECTION/.test(text)), []);

@@ -30,10 +30,15 @@ const camera = new Camera();
 let token = null;
 
 const scheme = location.protocol === 'https:' ? 'wss:' : 'ws:';
-// Other clients tell several pages apart by it.
-const device = ['iPhone', 'iPad', 'Android', 'CrOS', 'Windows', 'Mac', 'Linux']
-  .find((name) => navigator.userAgent.includes(name)) ?? 'another device';
-const rig = new Rig(`page on ${device}`);
+// Other clients tell several pages apart by it. An iPad says that it is a Mac, but a Mac has no
+// touch screen.
+const { userAgent, maxTouchPoints } = navigator;
+const first = (names) => names.find(([sign]) => userAgent.includes(sign))[1];
+const browser = first([['Edg', 'Edge'], ['OPR', 'Opera'], ['SamsungBrowser', 'Samsung Internet'], ['Firefox', 'Firefox'],
+  ['FxiOS', 'Firefox'], ['Chrom', 'Chrome'], ['CriOS', 'Chrome'], ['Safari', 'Safari'], ['', 'browser']]);
+const system = first([['iPhone', 'iPhone'], ['iPad', 'iPad'], ['Android', 'Android'], ['CrOS', 'ChromeOS'],
+  ['Windows', 'Windows'], ['Mac', maxTouchPoints > 0 ? 'iPad' : 'Mac'], ['Linux', 'Linux'], ['', 'another system']]);
+const rig = new Rig(`${browser} on ${system}`);
 const link = new Link(`${scheme}//${location.host}/ws`, rig.ownName, {
   token: () => token,
   opened(hello) {
