@@ -383,10 +383,20 @@ await until("a drag of the handle", async () => (await stiff()) > 2);
 await number.fill("2");
 await number.press("Enter");
 
-// Another scene, by its name and as text.
+// Another scene, by its name and as text. No curve of the old scene stands below the new title.
+await until("a curve", () => page.evaluate(() => !window.written.curves.includes("computing the curve")));
+await page.evaluate(() => {
+  new MutationObserver((_, it) => {
+    it.disconnect();
+    window.below = window.written.curves;
+  }).observe(document.querySelector("#scene"), { childList: true });
+});
 await page.selectOption("#shelf", "hinge");
 await page.click("#load");
 await shows("#scene", "Hinge");
+const below = await page.evaluate(() => window.below);
+assert(below.includes("computing the curve"), `${below}`);
+await until("the new curve", () => page.evaluate(() => !window.written.curves.includes("computing the curve")));
 const load = async (scene) => {
   await page.locator("#astext").evaluate((it) => (it.open = true));
   await page.fill("#text", JSON.stringify(scene));

@@ -204,6 +204,8 @@ function showScene() {
   put($('feels'), feels === $('about').textContent ? '' : feels);
   showRights();
   controls.show();
+  // At once, because the curve is that of the name above it.
+  showCurves();
 }
 
 function showRights() {
@@ -328,9 +330,13 @@ function showPlot() {
       name: `angle from ${rig.origin}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
       // Beyond half a turn the least rotation is the other way round.
       jump: Math.PI });
-    $('curves').hidden = !rig.curves;
-    if (rig.curves) plotCurves($('curves'), rig.presentCurves, rig.present, rig.isLive, colours, rig.info?.limits.torque ?? 0);
+    showCurves();
   }
+}
+
+function showCurves() {
+  $('curves').hidden = !rig.curves;
+  if (rig.curves) plotCurves($('curves'), rig.presentCurves, rig.present, rig.isLive, colours, rig.info?.limits.torque ?? 0);
 }
 
 /** Puts the force above the hand and its arrow, whose ends are `points` on the canvas. A finger hides more than a mouse. */
