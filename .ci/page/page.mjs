@@ -630,10 +630,11 @@ const [under, over] = await page.evaluate(() => [document.querySelector("#keys")
   document.querySelector("#orders").getBoundingClientRect().top]);
 assert(under <= over, `the line below STOP ends at ${under} px, and the buttons begin at ${over} px`);
 await page.setViewportSize({ width: 360, height: 640 });
-await until("badge, chip and button in one row", () => page.evaluate(() => {
+const inRow = () => until("badge, chip and button in one row", () => page.evaluate(() => {
   const [button, ...rest] = ["lease", "badge", "chip"].map((id) => document.getElementById(id).getBoundingClientRect());
   return rest.every((it) => it.top >= button.top && it.bottom <= button.bottom);
 }), 5);
+await inRow();
 await page.setViewportSize(SIZES.desk);
 await picture("gone");
 server = await Server.start(hbot, ports);
@@ -683,10 +684,33 @@ await shows("#notice", "Limits cut 64 % of the torque");
 const [cut, torque] = await page.evaluate(() => {
   const probe = Object.assign(document.createElement("i"), { style: "color: var(--torque)" });
   document.body.append(probe);
-  return [document.querySelector("#notice"), probe].map((it) => getComputedStyle(it).color);
+  return [document.querySelector("#notice .cut"), probe].map((it) => getComputedStyle(it).color);
 });
 assert.equal(cut, torque);
 await picture("cut");
+// Beside a warning too, and at every size. It is of what a simulated rig keeps of an earlier scene.
+await load({ name: "A fair line", effect: [spring], simulate: { hand: {}, link: { loss: 0.001 } } });
+await page.selectOption("#shelf", "spring");
+await page.click("#load");
+await shows("#warnings", 'keeps that of the scene "A fair line": link, hand. A table with');
+await shows("#notice", "Limits cut 64 % of the torque. Warning: simulate: ");
+/** Checks that the texts are in sight in the box, at least where they begin. */
+const insight = (...texts) => until(`in sight at ${JSON.stringify(page.viewportSize())}: ${texts}`, () => page.evaluate((all) => {
+  const box = document.getElementById("box");
+  return all.every((text) => {
+    const it = [...box.querySelectorAll("#notice span, #details p")].find(({ textContent }) => textContent.includes(text));
+    const [{ left, top, right, bottom } = {}] = it?.getClientRects() ?? [];
+    const found = [[left + 2, top + 4], [Math.min(right, left + 80), bottom - 4]].map((at) => document.elementFromPoint(...at));
+    return found.every((one) => one === it || it.contains(one));
+  });
+}, texts), 5);
+for (const viewport of [...Object.values(SIZES), { width: 360, height: 640 }, { width: 844, height: 390 }]) {
+  await page.setViewportSize(viewport);
+  await insight("Limits cut 64 %", "Warning: simulate");
+}
+await page.setViewportSize(SIZES.desk);
+await picture("cut-warned");
+await load({ name: "A good line", effect: [spring], simulate: {} });
 await page.evaluate(() => { window.cuts = false; });
 
 // A scene that is warned of is an alarm while it shakes.
@@ -695,7 +719,8 @@ await number.fill("200");
 await number.press("Enter");
 await shows("#warnings", "spring: may shake");
 assert(!await alarm(), "at rest");
-await page.evaluate(() => { window.shakes = true; });
+await until("a word for amber", async () => await page.locator("#chip").textContent() === "ACTIVE: warning");
+await page.evaluate(() => { window.shakes = window.cuts = true; });
 await shows("#details", "spring shook the sphere at 10 Hz.");
 assert(await alarm());
 const cures = await Promise.all([text("#details p:first-child"), text("#warnings strong")]);
@@ -713,11 +738,15 @@ for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640],
   await until("the alarm", alarm);
   await page.waitForTimeout(300);
   assert(!await page.locator("#box.long").count(), `the alarm covers the bars at ${width} x ${height}`);
+  await insight("Set stiffness", "Limits cut 64 %", "Torque lowered");
+  // A colour never stands alone.
+  assert.equal(await page.locator("#chip").textContent(), "ACTIVE: shakes");
+  if (width < 600) await inRow();
 }
 await page.setViewportSize(SIZES.desk);
 await picture("shakes");
 await picture("shakes-dark");
-await page.evaluate(() => { window.shakes = false; });
+await page.evaluate(() => { window.shakes = window.cuts = false; });
 await until("calm", async () => !await alarm());
 
 // A fault of a real rig has the usual remedy, and a sphere that is too fast has one speed.
