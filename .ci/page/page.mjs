@@ -568,9 +568,29 @@ await shows("#who", "you observe, watcher commands");
 await page.click("#lease");
 await shows("#asked", "Take over from watcher?");
 await picture("asked");
+// Nothing draws through the question, wherever the page is scrolled.
+await page.setViewportSize(SIZES.phone);
+const sight = async () => {
+  await page.waitForTimeout(300);
+  const { x, y, width, height } = await page.locator("#question").boundingBox();
+  const shot = await page.screenshot({ clip: { x: x + 8, y: y + 8, width: width - 16, height: height - 16 } });
+  return shot.toString("base64");
+};
+await page.evaluate(() => window.scrollTo(0, 0));
+const plain = await sight();
+await page.evaluate(() => {
+  const slider = document.querySelector("#effects input[type=range]").getBoundingClientRect();
+  const question = document.querySelector("#question").getBoundingClientRect();
+  window.scrollBy(0, slider.top - (question.top + question.bottom) / 2);
+});
+await page.screenshot({ path: `${pictures}/asked-sliders.png` });
+assert.equal(await sight(), plain, "something draws through the question");
+await page.setViewportSize(SIZES.desk);
 assert.equal(await page.evaluate(() => document.activeElement.id), "no", "Enter gives the safe answer");
 await page.keyboard.press("Escape");
 await watcher.mode("estop");
+// The page must see the stop before another client ends it.
+await shows("#headline", "ESTOP");
 assert(await page.locator("#question").isHidden(), "Esc stops and closes the question");
 await watcher.ask("reset");
 await watcher.ask("enable");
