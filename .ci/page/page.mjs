@@ -122,6 +122,15 @@ const nameless = await page.$$eval("button, input, select, textarea, canvas, sum
   .filter((it) => it.offsetParent && !(it.getAttribute("aria-label") || it.textContent.trim() || it.labels?.length))
   .map((it) => it.outerHTML));
 assert.deepEqual(nameless, []);
+// What is written on them is explained, to the eye as to the ear.
+for (const id of ["sphere", "torque", "angle", "curves"]) {
+  const [told, title] = await page.locator(`#${id}`).evaluate((it) => [it.getAttribute("aria-describedby").split(" ")
+    .map((id) => document.getElementById(id).textContent).join(" "), it.title]);
+  for (const term of ["N: the frame of the rig", "n1", "s1"]) assert(told.includes(term), `${id}: ${told}`);
+  if (id !== "sphere") assert(told.endsWith(title) && title, `${id}: ${title}`);
+}
+assert((await page.locator("#legend").getAttribute("title")).startsWith("N: "));
+assert(await page.evaluate(() => ["wheel A", "wheel B"].every((it) => window.written.sphere.includes(it))), "a letter alone");
 await page.setViewportSize({ width: 360, height: 640 });
 await page.waitForTimeout(200);
 const wide = await page.evaluate(() => document.documentElement.scrollWidth);

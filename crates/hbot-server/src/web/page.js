@@ -208,6 +208,8 @@ function showScene() {
   showCurves();
 }
 
+for (const id of ['legend', 'torque', 'angle', 'curves']) $(id).title = $('terms').textContent;
+
 function showRights() {
   const may = rig.commands;
   for (const id of ['load', 'loadtext']) $(id).disabled = !may;
@@ -324,10 +326,10 @@ function showPlot() {
   odd = !odd;
   if (odd) {
     plot($('torque'), samples, colours, {
-      name: 'torque, N m', of: (s) => s.torque, least: 0.02, end, total: true, limit: rig.info?.limits.torque });
+      name: "torque about N's axes, N m", short: 'torque, N m', of: (s) => s.torque, least: 0.02, end, total: true, limit: rig.info?.limits.torque });
   } else {
     plot($('angle'), samples, colours, {
-      name: `angle from ${rig.origin}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
+      name: `angle from ${rig.origin}${rig.origin === 'N' ? " (the rig's frame)" : ''}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
       // Beyond half a turn the least rotation is the other way round.
       jump: Math.PI });
     showCurves();

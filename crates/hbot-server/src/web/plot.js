@@ -103,7 +103,8 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   c.textAlign = 'left';
   c.fillStyle = colours.text;
-  const room = width - left - right - curves.reduce((sum, { label }) => sum + c.measureText(label).width + 10, 4);
+  const labels = [...curves.map(({ label }) => label), ...(limited ? ['limit'] : [])];
+  const room = width - left - right - labels.reduce((sum, label) => sum + c.measureText(label).width + 10, 4);
   const title = c.measureText(name).width > room ? short : name;
   c.fillText(title, left, 9);
   let at = left + c.measureText(title).width + 14;
