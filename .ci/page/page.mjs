@@ -442,6 +442,14 @@ await picture("two-springs");
 await load({ name: "As text", effect: [spring] });
 await watcher.mode("active");
 
+// A scene that pulls to no orientation has no reference.
+await load({ name: "Air", effect: [{ id: "air", kind: "damper", damping: 0.02 }] });
+await until("no reference", () => !watcher.state.reference);
+await shows("#distance", "No reference: Enable works at any orientation.");
+await shows("#legend", "no reference");
+await load({ name: "As text", effect: [spring] });
+await shows("#distance", "rad from reference");
+
 // The numbers of an orientation have their names, and those of many points have them once.
 const heads = () => page.locator("#effects .heads").evaluateAll((all) => all.map((it) => it.textContent));
 assert.deepEqual(await heads(), ["wxyz"]);
