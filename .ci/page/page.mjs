@@ -180,6 +180,13 @@ for (const [width, height] of [[390, 844], [360, 640]]) {
     return Array.from({ length: 61 }, (_, k) => k - 30).filter(hits).length;
   });
   assert(found >= 44, `Release is ${found} px high at ${width} x ${height}`);
+  // Nor does it miss anything else, or zoom into a field.
+  const small = await page.$$eval("button, select, input, summary, textarea", (all) => all.filter((it) => {
+    const { width: w, height: h } = (it.closest("label") ?? it).getBoundingClientRect();
+    const zooms = it.matches("select, input, textarea") && parseFloat(getComputedStyle(it).fontSize) < 16;
+    return it.checkVisibility() && it.id !== "release" && (w < 44 || h < 44 || zooms);
+  }).map((it) => it.outerHTML));
+  assert.deepEqual(small, [], `at ${width} x ${height}`);
 }
 await page.setViewportSize(SIZES.desk);
 
@@ -552,6 +559,7 @@ for (const viewport of Object.values(SIZES)) {
   await page.waitForTimeout(300);
   assert(await page.evaluate(() => document.getElementById("box").scrollHeight <= document.getElementById("box").clientHeight),
     `at ${viewport.width} px the text of the fault does not fit`);
+  await bars();
   await legible();
 }
 await page.setViewportSize(SIZES.desk);

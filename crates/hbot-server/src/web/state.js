@@ -45,7 +45,7 @@ const METERS = [
 $('meters').append(...METERS.map(({ row }) => row));
 /** What stays in sight where a long text covers the bars and the window has room. */
 const KEPT = METERS.slice(0, 2);
-const roomy = matchMedia('(min-width: 44.01rem) and (min-height: 48rem)');
+const roomy = matchMedia('(min-width: 44.01rem) and (min-height: 48rem), (max-width: 36rem) and (min-height: 48.01rem)');
 
 /** Returns what shows a text of the server: what stands between backticks is code. */
 export const withCode = (text) => text.split('`').map((part, k) => (
