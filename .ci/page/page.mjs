@@ -122,6 +122,15 @@ const nameless = await page.$$eval("button, input, select, textarea, canvas, sum
   .filter((it) => it.offsetParent && !(it.getAttribute("aria-label") || it.textContent.trim() || it.labels?.length))
   .map((it) => it.outerHTML));
 assert.deepEqual(nameless, []);
+// What is written on them is explained, to the eye as to the ear.
+for (const id of ["sphere", "torque", "angle", "curves"]) {
+  const [told, title] = await page.locator(`#${id}`).evaluate((it) => [it.getAttribute("aria-describedby").split(" ")
+    .map((id) => document.getElementById(id).textContent).join(" "), it.title]);
+  for (const term of ["N: the frame of the rig", "n1", "s1"]) assert(told.includes(term), `${id}: ${told}`);
+  if (id !== "sphere") assert(told.endsWith(title) && title, `${id}: ${title}`);
+}
+assert((await page.locator("#legend").getAttribute("title")).startsWith("N: "));
+assert(await page.evaluate(() => ["wheel A", "wheel B"].every((it) => window.written.sphere.includes(it))), "a letter alone");
 await page.setViewportSize({ width: 360, height: 640 });
 await page.waitForTimeout(200);
 const wide = await page.evaluate(() => document.documentElement.scrollWidth);
@@ -171,6 +180,13 @@ for (const [width, height] of [[390, 844], [360, 640]]) {
     return Array.from({ length: 61 }, (_, k) => k - 30).filter(hits).length;
   });
   assert(found >= 44, `Release is ${found} px high at ${width} x ${height}`);
+  // Nor does it miss anything else, or zoom into a field.
+  const small = await page.$$eval("button, select, input, summary, textarea", (all) => all.filter((it) => {
+    const { width: w, height: h } = (it.closest("label") ?? it).getBoundingClientRect();
+    const zooms = it.matches("select, input, textarea") && parseFloat(getComputedStyle(it).fontSize) < 16;
+    return it.checkVisibility() && it.id !== "release" && (w < 44 || h < 44 || zooms);
+  }).map((it) => it.outerHTML));
+  assert.deepEqual(small, [], `at ${width} x ${height}`);
 }
 await page.setViewportSize(SIZES.desk);
 
@@ -208,7 +224,7 @@ assert(late <= 10, `${late} pictures of states from before the end of a pause`);
 await page.click("#lease");
 await shows("#who", "you command");
 assert(await page.locator("#lease").isDisabled(), "a second click releases nothing");
-await until("the lease", async () => (await watcher.ask("info")).lease.holder?.startsWith("page on "));
+await until("the lease", async () => (await watcher.ask("info")).lease.holder === "Chrome on Linux");
 
 // The hand turns the sphere, and the spring turns the hand.
 const middle = await page.locator("#sphere").boundingBox().then((box) => ({
@@ -383,10 +399,20 @@ await until("a drag of the handle", async () => (await stiff()) > 2);
 await number.fill("2");
 await number.press("Enter");
 
-// Another scene, by its name and as text.
+// Another scene, by its name and as text. No curve of the old scene stands below the new title.
+await until("a curve", () => page.evaluate(() => !window.written.curves.includes("computing the curve")));
+await page.evaluate(() => {
+  new MutationObserver((_, it) => {
+    it.disconnect();
+    window.below = window.written.curves;
+  }).observe(document.querySelector("#scene"), { childList: true });
+});
 await page.selectOption("#shelf", "hinge");
 await page.click("#load");
 await shows("#scene", "Hinge");
+const below = await page.evaluate(() => window.below);
+assert(below.includes("computing the curve"), `${below}`);
+await until("the new curve", () => page.evaluate(() => !window.written.curves.includes("computing the curve")));
 const load = async (scene) => {
   await page.locator("#astext").evaluate((it) => (it.open = true));
   await page.fill("#text", JSON.stringify(scene));
@@ -422,6 +448,14 @@ console.log(`a second spring of 3 N m/rad moves the mark of the first from ${bes
 await picture("two-springs");
 await load({ name: "As text", effect: [spring] });
 await watcher.mode("active");
+
+// A scene that pulls to no orientation has no reference.
+await load({ name: "Air", effect: [{ id: "air", kind: "damper", damping: 0.02 }] });
+await until("no reference", () => !watcher.state.reference);
+await shows("#distance", "No reference: Enable works at any orientation.");
+await shows("#legend", "no reference");
+await load({ name: "As text", effect: [spring] });
+await shows("#distance", "rad from reference");
 
 // The numbers of an orientation have their names, and those of many points have them once.
 const heads = () => page.locator("#effects .heads").evaluateAll((all) => all.map((it) => it.textContent));
@@ -525,6 +559,7 @@ for (const viewport of Object.values(SIZES)) {
   await page.waitForTimeout(300);
   assert(await page.evaluate(() => document.getElementById("box").scrollHeight <= document.getElementById("box").clientHeight),
     `at ${viewport.width} px the text of the fault does not fit`);
+  await bars();
   await legible();
 }
 await page.setViewportSize(SIZES.desk);
@@ -558,9 +593,29 @@ await shows("#who", "you observe, watcher commands");
 await page.click("#lease");
 await shows("#asked", "Take over from watcher?");
 await picture("asked");
+// Nothing draws through the question, wherever the page is scrolled.
+await page.setViewportSize(SIZES.phone);
+const sight = async () => {
+  await page.waitForTimeout(300);
+  const { x, y, width, height } = await page.locator("#question").boundingBox();
+  const shot = await page.screenshot({ clip: { x: x + 8, y: y + 8, width: width - 16, height: height - 16 } });
+  return shot.toString("base64");
+};
+await page.evaluate(() => window.scrollTo(0, 0));
+const plain = await sight();
+await page.evaluate(() => {
+  const slider = document.querySelector("#effects input[type=range]").getBoundingClientRect();
+  const question = document.querySelector("#question").getBoundingClientRect();
+  window.scrollBy(0, slider.top - (question.top + question.bottom) / 2);
+});
+await page.screenshot({ path: `${pictures}/asked-sliders.png` });
+assert.equal(await sight(), plain, "something draws through the question");
+await page.setViewportSize(SIZES.desk);
 assert.equal(await page.evaluate(() => document.activeElement.id), "no", "Enter gives the safe answer");
 await page.keyboard.press("Escape");
 await watcher.mode("estop");
+// The page must see the stop before another client ends it.
+await shows("#headline", "ESTOP");
 assert(await page.locator("#question").isHidden(), "Esc stops and closes the question");
 await watcher.ask("reset");
 await watcher.ask("enable");
@@ -620,10 +675,11 @@ const [under, over] = await page.evaluate(() => [document.querySelector("#keys")
   document.querySelector("#orders").getBoundingClientRect().top]);
 assert(under <= over, `the line below STOP ends at ${under} px, and the buttons begin at ${over} px`);
 await page.setViewportSize({ width: 360, height: 640 });
-await until("badge, chip and button in one row", () => page.evaluate(() => {
+const inRow = () => until("badge, chip and button in one row", () => page.evaluate(() => {
   const [button, ...rest] = ["lease", "badge", "chip"].map((id) => document.getElementById(id).getBoundingClientRect());
   return rest.every((it) => it.top >= button.top && it.bottom <= button.bottom);
 }), 5);
+await inRow();
 await page.setViewportSize(SIZES.desk);
 await picture("gone");
 server = await Server.start(hbot, ports);
@@ -673,10 +729,33 @@ await shows("#notice", "Limits cut 64 % of the torque");
 const [cut, torque] = await page.evaluate(() => {
   const probe = Object.assign(document.createElement("i"), { style: "color: var(--torque)" });
   document.body.append(probe);
-  return [document.querySelector("#notice"), probe].map((it) => getComputedStyle(it).color);
+  return [document.querySelector("#notice .cut"), probe].map((it) => getComputedStyle(it).color);
 });
 assert.equal(cut, torque);
 await picture("cut");
+// Beside a warning too, and at every size. It is of what a simulated rig keeps of an earlier scene.
+await load({ name: "A fair line", effect: [spring], simulate: { hand: {}, link: { loss: 0.001 } } });
+await page.selectOption("#shelf", "spring");
+await page.click("#load");
+await shows("#warnings", 'keeps that of the scene "A fair line": link, hand. A table with');
+await shows("#notice", "Limits cut 64 % of the torque. Warning: simulate: ");
+/** Checks that the texts are in sight in the box, at least where they begin. */
+const insight = (...texts) => until(`in sight at ${JSON.stringify(page.viewportSize())}: ${texts}`, () => page.evaluate((all) => {
+  const box = document.getElementById("box");
+  return all.every((text) => {
+    const it = [...box.querySelectorAll("#notice span, #details p")].find(({ textContent }) => textContent.includes(text));
+    const [{ left, top, right, bottom } = {}] = it?.getClientRects() ?? [];
+    const found = [[left + 2, top + 4], [Math.min(right, left + 80), bottom - 4]].map((at) => document.elementFromPoint(...at));
+    return found.every((one) => one === it || it.contains(one));
+  });
+}, texts), 5);
+for (const viewport of [...Object.values(SIZES), { width: 360, height: 640 }, { width: 844, height: 390 }]) {
+  await page.setViewportSize(viewport);
+  await insight("Limits cut 64 %", "Warning: simulate");
+}
+await page.setViewportSize(SIZES.desk);
+await picture("cut-warned");
+await load({ name: "A good line", effect: [spring], simulate: {} });
 await page.evaluate(() => { window.cuts = false; });
 
 // A scene that is warned of is an alarm while it shakes.
@@ -685,7 +764,8 @@ await number.fill("200");
 await number.press("Enter");
 await shows("#warnings", "spring: may shake");
 assert(!await alarm(), "at rest");
-await page.evaluate(() => { window.shakes = true; });
+await until("a word for amber", async () => await page.locator("#chip").textContent() === "ACTIVE: warning");
+await page.evaluate(() => { window.shakes = window.cuts = true; });
 await shows("#details", "spring shook the sphere at 10 Hz.");
 assert(await alarm());
 const cures = await Promise.all([text("#details p:first-child"), text("#warnings strong")]);
@@ -703,11 +783,15 @@ for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640],
   await until("the alarm", alarm);
   await page.waitForTimeout(300);
   assert(!await page.locator("#box.long").count(), `the alarm covers the bars at ${width} x ${height}`);
+  await insight("Set stiffness", "Limits cut 64 %", "Torque lowered");
+  // A colour never stands alone.
+  assert.equal(await page.locator("#chip").textContent(), "ACTIVE: shakes");
+  if (width < 600) await inRow();
 }
 await page.setViewportSize(SIZES.desk);
 await picture("shakes");
 await picture("shakes-dark");
-await page.evaluate(() => { window.shakes = false; });
+await page.evaluate(() => { window.shakes = window.cuts = false; });
 await until("calm", async () => !await alarm());
 
 // A fault of a real rig has the usual remedy, and a sphere that is too fast has one speed.
@@ -766,11 +850,25 @@ for (const act of acts) {
   await act();
   await finger.waitForTimeout(500);
   // Two pages have one name.
-  if (act !== acts[0]) assert.match(await text("#who"), /^you observe, page on \w+ \(session \d+\) commands$/);
+  if (act !== acts[0]) assert.match(await text("#who"), /^you observe, Chrome on Linux \(session \d+\) commands$/);
   const words = await finger.evaluate(() => document.body.textContent);
   assert(!/\b(Esc|Space|[Kk]eys|[Ss]croll|double click)\b/.test(words), words);
 }
 await finger.screenshot({ path: `${pictures}/finger.png` });
+// Other devices have other names.
+for (const [name, userAgent] of [
+  ["Firefox on Android", "Mozilla/5.0 (Android 14; Mobile; rv:140.0) Gecko/140.0 Firefox/140.0"],
+  ["Safari on iPad", "Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) AppleWebKit/605.1.15 (KHTML, like Gecko) Version/18.5 Safari/605.1.15"],
+  ["Edge on Windows", "Mozilla/5.0 (Windows NT 10.0; Win64; x64) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/156.0.0.0 Safari/537.36 Edg/156.0.0.0"],
+]) {
+  const device = await browser.newContext({ userAgent, hasTouch: !name.includes("Windows") });
+  const there = await device.newPage();
+  await fresh(there);
+  await there.goto(server.page);
+  await there.click("#lease");
+  await shows("#who", `you observe, ${name} commands`);
+  await device.close();
+}
 
 // The browser complains of lost connections, which are meant here, and of nothing else.
 assert.deepEqual(complaints.filter((text) => !/WebSocket connection to|ERR_CONNECTION/.test(text)), []);

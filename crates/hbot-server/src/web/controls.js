@@ -95,7 +95,7 @@ export class Controls {
     const of = () => this.rig.info.scene.effect[k] ?? {};
     const kind = this.rig.kind(of().kind);
     const summary = make('summary', { title: kind?.description ?? '' },
-      make('strong', {}, id), make('span', { className: 'weak' }, ` ${of().kind}`));
+      make('strong', {}, id), make('span', { className: 'weak' }, of().kind === id ? '' : ` ${of().kind}`));
     const box = make('details', { open }, summary);
     box.dataset.id = id;
     if (!kind) {
@@ -190,7 +190,8 @@ export class Controls {
       case 'flag': {
         const box = make('input', { type: 'checkbox', 'aria-label': name, onchange: () => set(box.checked) });
         this.updates.push(() => { box.checked = Boolean(get()); });
-        return box;
+        // A finger may also hit the ground around it.
+        return make('label', { className: 'flag' }, box);
       }
       case 'choice': {
         const text = (value) => (typeof value === 'string' ? value : JSON.stringify(value));
@@ -319,9 +320,11 @@ export class Controls {
     if (s.least !== s.most) {
       const button = (text, label, enabled, act) => make('button', {
         type: 'button', className: 'small', 'aria-label': `${name}: ${label}`, disabled: !enabled, onclick: act }, text);
-      box.append(
+      const buttons = [
         button('+', 'one more', parts.length < s.most, () => set([...get(), get().at(-1) ?? converted(s.item, null)])),
-        button('\u2212', 'one fewer', parts.length > s.least, () => set(get().slice(0, -1))));
+        button('\u2212', 'one fewer', parts.length > s.least, () => set(get().slice(0, -1)))];
+      // In a line of its own below the rows, or else behind the numbers.
+      box.append(...(nested ? [make('div', { className: 'count' }, ...buttons)] : buttons));
     }
     return box;
   }

@@ -30,10 +30,15 @@ const camera = new Camera();
 let token = null;
 
 const scheme = location.protocol === 'https:' ? 'wss:' : 'ws:';
-// Other clients tell several pages apart by it.
-const device = ['iPhone', 'iPad', 'Android', 'CrOS', 'Windows', 'Mac', 'Linux']
-  .find((name) => navigator.userAgent.includes(name)) ?? 'another device';
-const rig = new Rig(`page on ${device}`);
+// Other clients tell several pages apart by it. An iPad says that it is a Mac, but a Mac has no
+// touch screen.
+const { userAgent, maxTouchPoints } = navigator;
+const first = (names) => names.find(([sign]) => userAgent.includes(sign))[1];
+const browser = first([['Edg', 'Edge'], ['OPR', 'Opera'], ['SamsungBrowser', 'Samsung Internet'], ['Firefox', 'Firefox'],
+  ['FxiOS', 'Firefox'], ['Chrom', 'Chrome'], ['CriOS', 'Chrome'], ['Safari', 'Safari'], ['', 'browser']]);
+const system = first([['iPhone', 'iPhone'], ['iPad', 'iPad'], ['Android', 'Android'], ['CrOS', 'ChromeOS'],
+  ['Windows', 'Windows'], ['Mac', maxTouchPoints > 0 ? 'iPad' : 'Mac'], ['Linux', 'Linux'], ['', 'another system']]);
+const rig = new Rig(`${browser} on ${system}`);
 const link = new Link(`${scheme}//${location.host}/ws`, rig.ownName, {
   token: () => token,
   opened(hello) {
@@ -199,7 +204,11 @@ function showScene() {
   put($('feels'), feels === $('about').textContent ? '' : feels);
   showRights();
   controls.show();
+  // At once, because the curve is that of the name above it.
+  showCurves();
 }
+
+for (const id of ['legend', 'torque', 'angle', 'curves']) $(id).title = $('terms').textContent;
 
 function showRights() {
   const may = rig.commands;
@@ -317,15 +326,19 @@ function showPlot() {
   odd = !odd;
   if (odd) {
     plot($('torque'), samples, colours, {
-      name: 'torque, N m', of: (s) => s.torque, least: 0.02, end, total: true, limit: rig.info?.limits.torque });
+      name: "torque about N's axes, N m", short: 'torque, N m', of: (s) => s.torque, least: 0.02, end, total: true, limit: rig.info?.limits.torque });
   } else {
     plot($('angle'), samples, colours, {
-      name: `angle from ${rig.origin}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
+      name: `angle from ${rig.origin}${rig.origin === 'N' ? " (the rig's frame)" : ''}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
       // Beyond half a turn the least rotation is the other way round.
       jump: Math.PI });
-    $('curves').hidden = !rig.curves;
-    if (rig.curves) plotCurves($('curves'), rig.presentCurves, rig.present, rig.isLive, colours, rig.info?.limits.torque ?? 0);
+    showCurves();
   }
+}
+
+function showCurves() {
+  $('curves').hidden = !rig.curves;
+  if (rig.curves) plotCurves($('curves'), rig.presentCurves, rig.present, rig.isLive, colours, rig.info?.limits.torque ?? 0);
 }
 
 /** Puts the force above the hand and its arrow, whose ends are `points` on the canvas. A finger hides more than a mouse. */

@@ -103,7 +103,8 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   c.textAlign = 'left';
   c.fillStyle = colours.text;
-  const room = width - left - right - curves.reduce((sum, { label }) => sum + c.measureText(label).width + 10, 4);
+  const labels = [...curves.map(({ label }) => label), ...(limited ? ['limit'] : [])];
+  const room = width - left - right - labels.reduce((sum, label) => sum + c.measureText(label).width + 10, 4);
   const title = c.measureText(name).width > room ? short : name;
   c.fillText(title, left, 9);
   let at = left + c.measureText(title).width + 14;
@@ -132,8 +133,9 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
 
 /**
  * Draws the torque of the scene against the angle about each axis, with a dot for each axis where the
- * sphere is now, grey if this is not `live`. `curves` are pairs of rad and N m, faint if they are `old`, `present` has the
- * angle and the torque about each axis or is null, and `limit` is the rig's torque limit, N m.
+ * sphere is now, grey if this is not `live`. `curves` are pairs of rad and N m, faint if they are
+ * `old`. If there are none, the server computes them. `present` has the angle and the torque about
+ * each axis or is null, and `limit` is the rig's torque limit, N m.
  */
 export function plotCurves(canvas, { curves, old }, present, live, colours, limit) {
   const { context: c, width, height } = prepare(canvas);
@@ -153,7 +155,8 @@ export function plotCurves(canvas, { curves, old }, present, live, colours, limi
     c.stroke();
   };
   c.fillStyle = colours.weak;
-  for (const v of [-end, 0, end]) {
+  const known = curves.length > 0;
+  for (const v of known ? [-end, 0, end] : [0]) {
     line([[-Math.PI, v], [Math.PI, v]], colours.line);
     c.textAlign = 'right';
     c.fillText(`${+v.toPrecision(2)}`, left - 5, y(v));
@@ -201,6 +204,12 @@ export function plotCurves(canvas, { curves, old }, present, live, colours, limi
     c.fillStyle = colours.warn;
     const text = ['limit, dashed', 'limit'].find((text) => at + 6 + c.measureText(text).width <= width);
     if (text) c.fillText(text, at + 6, 9);
+  }
+  if (!known) {
+    c.fillStyle = colours.weak;
+    c.textAlign = 'center';
+    c.fillText('computing the curve', x(0), y(0) - 12);
+    return;
   }
   present?.torque.forEach((torque, k) => {
     c.fillStyle = live ? colours.axes[k] : colours.weak;

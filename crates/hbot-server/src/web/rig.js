@@ -48,8 +48,8 @@ export class Rig {
     this.stable = [];
     /** Torque of the scene against angle about n1, n2, n3, as the server said last. */
     this.curves = null;
-    /** The effects that these curves belong to. */
-    this.curved = [];
+    /** The name and the effects of the scene that these curves belong to. */
+    this.curved = { effects: [] };
     this.forget();
   }
 
@@ -109,7 +109,10 @@ export class Rig {
     this.warnings = info.advice ?? [];
     // The server takes up to a second to know it of a changed scene. The last answer stays until then.
     this.stable = info.stable ?? this.stable;
-    if (info.curves) [this.curves, this.curved] = [info.curves, structuredClone(info.scene?.effect ?? [])];
+    if (info.curves) {
+      this.curves = info.curves;
+      this.curved = structuredClone({ name: info.scene?.name, effects: info.scene?.effect ?? [] });
+    }
     // The page may have come after the stop.
     this.fault ??= info.incident ?? null;
     if (this.lease.who === 'unknown' && info.lease) {
@@ -214,26 +217,28 @@ export class Rig {
   }
 
   /**
-   * Returns the curves, and whether they are `old`: the server has not told them since the scene has changed. By its
-   * unit, the torque at rest is proportional to all that makes it together. So the curves follow a single parameter at
-   * once, but for the little that damping adds to them.
+   * Returns the curves, and whether they are `old`: the server has not told them since the scene
+   * has changed. There are none while those of another scene were told last. By its unit, the
+   * torque at rest is proportional to all that makes it together. So the curves follow a single
+   * parameter at once, but for the little that damping adds to them.
    */
   get presentCurves() {
-    const effects = this.info?.scene?.effect ?? [];
+    const { name, effect: effects = [] } = this.info?.scene ?? {};
+    const { curved } = this;
     const names = (all) => all.map(({ id, kind }) => `${id} ${kind}`).join('\n');
+    if (this.info && (name !== curved.name || names(effects) !== names(curved.effects))) return { old: true, curves: [] };
     let [factor, changes, pushing] = [1, 0, 0];
     for (const [k, effect] of effects.entries()) {
       for (const [key, { unit = '' }] of Object.entries(this.kind(effect.kind)?.schema.properties ?? {})) {
-        const [before, now] = [this.curved[k]?.[key], this.value(effect, key)];
+        const [before, now] = [curved.effects[k][key], this.value(effect, key)];
         if (PUSHES.test(unit) && (before || now)) pushing += 1;
         if (JSON.stringify(before) === JSON.stringify(now)) continue;
         changes += 1;
         factor = PUSHES.test(unit) && before > 0 ? now / before : NaN;
       }
     }
-    const other = names(effects) !== names(this.curved);
-    const part = !other && changes === 1 && pushing === 1 && Number.isFinite(factor) ? factor : 1;
-    return { old: other || changes > 0, curves: this.curves.map((curve) => curve.map(([angle, torque]) => [angle, part * torque])) };
+    const part = changes === 1 && pushing === 1 && Number.isFinite(factor) ? factor : 1;
+    return { old: !this.info || changes > 0, curves: this.curves.map((curve) => curve.map(([angle, torque]) => [angle, part * torque])) };
   }
 
   last(seconds, of = 'omega') {

@@ -139,7 +139,9 @@ class Drawing {
     const run = Math.hypot(dx, dy);
     // An axis along the line of sight has no direction in the picture.
     const [ux, uy] = run > 1 ? [dx / run, dy / run] : [0.7, -0.7];
-    const [x, y] = [x0 + beyond * ux, y0 + beyond * uy];
+    // A long text begins where a short one would.
+    const more = Math.max(0, c.measureText(text).width / 2 - NAME / 2);
+    const [x, y] = [x0 + (beyond + more) * ux, y0 + beyond * uy];
     c.strokeStyle = this.colours.ground;
     c.lineWidth = 3;
     c.lineJoin = 'round';
@@ -229,7 +231,7 @@ class Drawing {
     ctx.stroke();
     ctx.globalAlpha = 1;
     this.arrow(add(centre, scaled(rolling, -0.3)), add(centre, scaled(rolling, 0.3)), colour, 1.5);
-    this.text(scaled(axis, 1 + 2 * r), wheel.name ?? '?', colour, 13);
+    this.text(scaled(axis, 1 + 2 * r), `wheel ${wheel.name ?? '?'}`, colour, 13);
   }
 
   torque(torque, limit) {

@@ -5,8 +5,6 @@ import { length } from './maths.js';
 
 /** From this rate on, the page says that the sphere still turns without torque, rad/s. */
 const TURNS = 0.1;
-const TURNING = 'The sphere still turns:';
-const [CUT, AT_LIMIT] = ['Limits cut', "The torque is at the rig's limit"];
 /** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
 const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
 /** Part of a limit from which a bar says that it is near. */
@@ -47,7 +45,7 @@ const METERS = [
 $('meters').append(...METERS.map(({ row }) => row));
 /** What stays in sight where a long text covers the bars and the window has room. */
 const KEPT = METERS.slice(0, 2);
-const roomy = matchMedia('(min-width: 44.01rem) and (min-height: 48rem)');
+const roomy = matchMedia('(min-width: 44.01rem) and (min-height: 48rem), (max-width: 36rem) and (min-height: 48.01rem)');
 
 /** Returns what shows a text of the server: what stands between backticks is code. */
 export const withCode = (text) => text.split('`').map((part, k) => (
@@ -154,24 +152,32 @@ $('box').append(notice);
 /** Whether the sphere can push by a scene that may shake it. */
 const isWarned = (rig) => hasTorque(rig.state?.mode) && rig.unstable.length > 0;
 
-/** Returns the line at the end of the box: a sphere that turns, that nobody commands, what is cut, or a warning. */
+/**
+ * Returns the sentences at the end of the box as `[class, text]`: that the sphere turns, or what is
+ * cut, that nobody commands, and a warning.
+ */
 function noticed(rig) {
   const { state, isCertain, isFast, lease, shakes, warnings } = rig;
-  if (!isCertain) return '';
+  if (!isCertain) return [];
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
-  if (!hasTorque(state.mode) && speed > TURNS && !isFast) return `${TURNING} ${speed.toFixed(2)}\u00a0rad/s`;
-  // The warning has the place of this line. The bars show what is cut, and the bar above who commands.
-  if (shakes || isWarned(rig)) return '';
-  const lines = lease.who === 'free' && hasTorque(state.mode) ? ['Nobody commands: take command'] : [];
+  if (!hasTorque(state.mode) && speed > TURNS && !isFast) return [['turns', `The sphere still turns: ${speed.toFixed(2)}\u00a0rad/s`]];
+  const warned = shakes || isWarned(rig);
+  const short = warned || (narrow.matches && warnings.length > 0);
   const cut = 1 - state.scale;
+  const lines = [];
+  if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(['cut', `Limits cut ${percent(cut)}${short ? '' : ' of the torque'}`]);
+  else if (rig.isAtLimit) lines.push(['cut', short ? 'Torque at its limit' : "The torque is at the rig's limit"]);
+  // Such a warning has the place of the rest, and the bar above says who commands.
+  if (warned) return lines;
+  const free = lease.who === 'free' && hasTorque(state.mode);
+  if (free && !(narrow.matches && lines.length + warnings.length > 0)) lines.push(['', 'Nobody commands: take command']);
   if (warnings.length > 0) {
     const [first] = warnings;
     const remedy = first.remedy ? `${first.remedy} ` : '';
-    lines.push(`${remedy}${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`);
-  } else if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(`${CUT} ${percent(cut)} of the torque`);
-  else if (rig.isAtLimit) lines.push(AT_LIMIT);
-  return lines.join('. ');
+    lines.push(['', `${remedy}${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`]);
+  }
+  return lines;
 }
 
 /** Returns what a warning says without its reasons, for the box. */
@@ -203,16 +209,29 @@ function fit() {
 }
 window.addEventListener('resize', fit);
 
+/** Draws the sentences at the end of the box. Returns their text. */
+function showNotice(sentences) {
+  const text = sentences.map(([, sentence]) => sentence).join('. ');
+  if (notice.title === text) return text;
+  notice.title = text;
+  notice.replaceChildren(...sentences.flatMap(([className, sentence], k) => [
+    k > 0 ? '. ' : '', Object.assign(document.createElement('span'), { className, textContent: sentence })]));
+  return text;
+}
+
+/** Returns what the colour of the headline says beside the mode. */
+function mood(rig) {
+  if (!rig.isCertain || !hasTorque(rig.state.mode) || rig.headline === 'NOT STOPPED') return '';
+  return rig.shakes ? ': shakes' : isWarned(rig) ? ': warning' : rig.isAtLimit ? ': at limit' : '';
+}
+
 let shown = '';
 /** Draws everything that is text, without the scene. */
 export function showState(rig) {
   const head = rig.headline;
   const lines = details(rig).filter(([, text]) => text);
-  const line = noticed(rig);
-  put(notice, line);
-  notice.classList.toggle('turns', line.startsWith(TURNING));
-  notice.classList.toggle('cut', line.startsWith(CUT) || line.startsWith(AT_LIMIT));
-  notice.title = line;
+  const line = showNotice(noticed(rig));
+  put($('chip'), head + mood(rig));
   // Before the text is fitted, because it has another place then.
   document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   document.body.classList.toggle('warned', rig.isCertain && isWarned(rig));
@@ -224,7 +243,6 @@ export function showState(rig) {
     if ($('headline').textContent !== head) $('box').scrollTop = 0;
     document.body.dataset.head = head.toLowerCase().replace(' ', '-');
     put($('headline'), head);
-    put($('chip'), head);
     $('details').replaceChildren(...lines.map(([weight, text]) => {
       const line = document.createElement('p');
       line.className = weight;
