@@ -113,8 +113,9 @@ export class Rig {
       this.curves = info.curves;
       this.curved = structuredClone({ name: info.scene?.name, effects: info.scene?.effect ?? [] });
     }
-    // The page may have come after the stop.
+    // The page may have come after the stop, or while the sphere shakes.
     this.fault ??= info.incident ?? null;
+    this.shaking ??= info.shaking ?? null;
     if (this.lease.who === 'unknown' && info.lease) {
       this.leased(info.lease.holder, info.lease.session);
     }
