@@ -807,6 +807,7 @@ await load({ name: "A good line", effect: [spring], simulate: {} });
 await recovers();
 server.kill("SIGSTOP");
 await shows("#details", "If in doubt, cut the motors' power.");
+assert.match(await text("#details .strong"), /^If in doubt/);
 server.kill("SIGCONT");
 await shows("#headline", "ACTIVE");
 const said = await spoken();
@@ -834,6 +835,9 @@ await shows("#headline", "NOT STOPPED");
 server = await Server.start(hbot, last);
 await shows("#details", "Connected again: the rig is ACTIVE and pushes. Press STOP.");
 await shows("#keys", "Connected again: press STOP");
+// One thing after the other: STOP works again.
+assert.match(await text("#details"), /^Connected again: .* Press STOP\.\s*If it pushes on, cut the motors' power\./);
+assert.equal(await text("#notice"), "");
 assert(!await page.evaluate(() => document.body.classList.contains("old")), "grey");
 await bars();
 await picture("pushes-again");

@@ -124,7 +124,7 @@ class Server:
         self.process.wait(PATIENCE_S)
 
     def settle(self) -> None:
-        """Bring the rig to the start of every test: idle, the scene of a spring, no holder."""
+        """Bring the rig to the start of every test: idle, at the reference of a spring, free."""
         with hbot.connect(self.address, name="settle") as rig:
             rig.acquire(steal=True)
             rig.reset()
@@ -133,4 +133,5 @@ class Server:
             for state in running(rig.states()):
                 if state.mode == "idle" and not any(state.torque):
                     break
+            rig.align((1.0, 0.0, 0.0, 0.0), 1.0)
             rig.release()

@@ -205,16 +205,19 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
             let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
-            let cut = if simulated { NO_MOTORS } else { "Cut the motors' power." };
-            let cut = RichText::new(cut).strong().size(LARGE);
-            ui.add(egui::Label::new(cut.color(Color32::WHITE)).wrap());
-            if let Some(stop) = model.unconfirmed_stop() {
-                if let Some(mode) = model.mode().filter(|_| model.pushes_again(stop)) {
-                    let mode = Headline::Mode(mode).text();
-                    let text = format!("Connected again: the rig is {mode} and pushes. Press STOP.");
-                    let text = RichText::new(text).strong().size(LARGE).color(Color32::WHITE);
-                    ui.add(egui::Label::new(text).wrap());
-                }
+            let order = |ui: &mut Ui, text: &str| {
+                let text = RichText::new(text).strong().size(LARGE);
+                ui.add(egui::Label::new(text.color(Color32::WHITE)).wrap());
+            };
+            let stop = model.unconfirmed_stop();
+            let back = model.mode().filter(|_| stop.is_some_and(|stop| model.pushes_again(stop)));
+            if let Some(mode) = back {
+                let mode = Headline::Mode(mode).text();
+                order(ui, &format!("Connected again: the rig is {mode} and pushes. Press STOP."));
+            }
+            let cut = ["Cut the motors' power.", "If it pushes on, cut the motors' power."];
+            order(ui, if simulated { NO_MOTORS } else { cut[usize::from(back.is_some())] });
+            if let Some(stop) = stop {
                 ui.add(egui::Label::new(stop.way_out(&model.server, has_keys(ui))).wrap());
                 // The bar names the address of this panel's own server.
                 let here = stop.server == model.server;

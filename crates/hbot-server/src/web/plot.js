@@ -9,6 +9,9 @@ const ROOM = [20, 8, 16, 44];
 /** A point of a curve may lie beside the line that is drawn by this much, CSS pixels. */
 const TOLERANCE = 0.25;
 
+/** Time between two samples from which on no line joins them, s. */
+const GAP = 0.5;
+
 /** Prepares a canvas for its present size and resolution. Returns its context and CSS size. */
 export function prepare(canvas) {
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -55,7 +58,7 @@ function trace(c, points, x, y) {
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
  * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With
  * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn once a sample comes near. A
- * change by more than `jump` is no line.
+ * change by more than `jump` is no line, nor is a time without samples.
  */
 export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity }) {
   const { context: c, width, height } = prepare(canvas);
@@ -69,7 +72,8 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   const runs = [];
   shown.forEach((sample, k) => {
-    if (k === 0 || length(add(of(sample), scaled(of(shown[k - 1]), -1))) > jump) runs.push([]);
+    const gap = k > 0 && sample.t - shown[k - 1].t > GAP;
+    if (k === 0 || gap || length(add(of(sample), scaled(of(shown[k - 1]), -1))) > jump) runs.push([]);
     runs.at(-1).push(sample);
   });
   let most = least;

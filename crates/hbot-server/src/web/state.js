@@ -68,13 +68,19 @@ function details(rig) {
   const old = rig.silentFor !== null && state
     ? [['', `What is shown is old. The last mode was ${state.mode}.`]] : [];
   if (stop) {
+    const ends = 'This message ends when a state shows no torque.';
+    // What was wrong is over where the rig is heard again.
+    if (rig.isBack) {
+      return [
+        ['strong', `Connected again: the rig is ${state.mode.toUpperCase()} and pushes. Press STOP.`],
+        ['strong', rig.isSimulated ? UNPOWERED : "If it pushes on, cut the motors' power."],
+        ['', ends],
+        ...old];
+    }
     return [
       ['strong', rig.isSimulated ? UNPOWERED : "Cut the motors' power."],
-      ['strong', rig.isBack ? `Connected again: the rig is ${state.mode.toUpperCase()} and pushes. Press STOP.` : ''],
-      ['', `${touch.matches || !document.hasFocus() ? 'Press STOP again.' : 'STOP or Esc tries again.'} This message ends when a state shows `
-        + 'no torque.'],
-      // What was wrong is over where the rig is heard again.
-      ['', rig.isBack ? '' : sentence(stop.why ?? 'the server has not confirmed the stop')],
+      ['', `${touch.matches || !document.hasFocus() ? 'Press STOP again.' : 'STOP or Esc tries again.'} ${ends}`],
+      ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
       ...old];
   }
   if (head === 'NO CONTACT') {
@@ -82,8 +88,9 @@ function details(rig) {
       ? `Not connected: ${rig.closed?.why ?? ''}. The page tries again by itself.`
       : `The server has said nothing for ${rig.silentFor.toFixed(0)}\u00a0s.`;
     return [
+      rig.isSimulated ? ['', ''] : ['strong', "If in doubt, cut the motors' power."],
       ['bad', why],
-      ['', `What the rig does now is not known. ${rig.isSimulated ? UNPOWERED : "If in doubt, cut the motors' power."}`],
+      ['', `What the rig does now is not known. ${rig.isSimulated ? UNPOWERED : ''}`],
       ...old];
   }
   if (!state) return [['weak', rig.hello ? 'Waiting for the first state.' : 'Not connected.']];
@@ -116,7 +123,8 @@ function details(rig) {
     return [['strong warn', first.remedy], ['warn', `Warning: ${brief(first)}.`]];
   }
   if (state.mode === 'idle' && (rig.refusal?.op === 'enable' || rig.isFar)) return notEnabled(rig);
-  return [['weak', mode]];
+  // Motors can hurt a hand.
+  return [[hasTorque(state.mode) && !rig.isSimulated ? 'strong' : 'weak', mode]];
 }
 
 const cure = (rig) => (rig.isSimulated ? 'Set the anchor to here.' : 'Turn the sphere nearer.');
@@ -158,7 +166,7 @@ const isWarned = (rig) => hasTorque(rig.state?.mode) && rig.unstable.length > 0;
  */
 function noticed(rig) {
   const { state, isCertain, isFast, lease, shakes, warnings } = rig;
-  if (!isCertain) return [];
+  if (!isCertain || rig.unconfirmedStop) return [];
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
   if (!hasTorque(state.mode) && speed > TURNS && !isFast) return [['turns', `The sphere still turns: ${speed.toFixed(2)}\u00a0rad/s`]];

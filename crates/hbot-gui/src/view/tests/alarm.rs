@@ -91,6 +91,10 @@ fn a_server_that_pushes_again_is_told_beside_a_stop_that_is_not_confirmed() {
         see(&mut seen.state_mut().model, 5, Mode::Active);
         settle(&mut seen);
         assert!(shows(&seen, "NOT STOPPED") && shows(&seen, words) && !shows(&seen, "(no answer)"));
+        // STOP works again, so it comes first.
+        let all = texts(&seen);
+        let top = |text: &str| all.iter().find(|it| it.text == text).expect(text).place.top();
+        assert!(top(words) < top("If it pushes on, cut the motors' power."));
     }
 }
 
