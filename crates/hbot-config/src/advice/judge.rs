@@ -38,6 +38,8 @@ const MARGIN: f64 = 1.1;
 const LIMITED_MARGIN: f64 = 1.2;
 /// Multiple of what is just stable, at which the loop is no longer stable.
 const BEYOND: f64 = 1.05;
+/// Least part of a wall's stiffness that a round wall has about a second axis.
+const ROUND: f64 = 0.7;
 /// Cosine of half of the angle between two orientations that count as one.
 pub(super) const SAME: f64 = 1.0 - 1.0e-9;
 
@@ -301,11 +303,19 @@ impl Judge {
         }
         judged.push((sum.clone(), limit));
         drop(judged);
-        // A wall damps in one direction. While it does, it damps twice what a swing feels.
+        // A wall damps in one direction. While it does, it damps twice what a swing feels. Along a
+        // wall that is round a sphere also swings without it: half of the time.
         let wall = if place.spot == Spot::Wall { parts[place.effect].damping } else { Mat3::ZERO };
         let inwards = Scene { damping: sum.damping + wall, ..sum.clone() };
-        let sided = (place.spot == Spot::Wall).then(|| self.shakes(holds, &inwards, speed)).flatten();
-        let Some(hold) = self.shakes(holds, &sum, speed).or(sided) else {
+        let along = Scene { damping: sum.damping - wall * 0.5, ..sum.clone() };
+        let ways = [(&sum, &sum), (&inwards, &sum), (&along, &along)];
+        let ways = match place.spot {
+            Spot::Wall if is_round(&parts[place.effect]) => &ways[..],
+            Spot::Wall => &ways[..2],
+            _ => &ways[..1],
+        };
+        let shaking = ways.iter().find_map(|(way, sum)| Some((self.shakes(holds, way, speed)?, *sum)));
+        let Some((hold, sum)) = shaking.map(|(hold, sum)| (hold, sum.clone())) else {
             return self.ringing(&holds.usual[0], place, &parts, &sum);
         };
         let stable = |scene: Scene| self.shakes(holds, &scene, speed).is_none();
@@ -359,6 +369,13 @@ impl Judge {
         let limited = small_swings_are_stable(&border);
         Some(Finding { effect, place: *place, axis, hold, limited, away: false, why })
     }
+}
+
+/// Returns whether an effect holds the sphere about two axes alike, as a narrow cone does.
+fn is_round(part: &Linear) -> bool {
+    let mut sizes = principal(&part.stiffness).0.to_array();
+    sizes.sort_by(f64::total_cmp);
+    sizes[1] > ROUND * sizes[2]
 }
 
 /// Returns whether two scenes with the same masses differ only by rounding.

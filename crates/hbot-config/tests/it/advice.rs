@@ -434,3 +434,18 @@ fn a_damping_is_judged_with_the_smallest_inertia_about_any_axis() {
         assert_eq!(!found.is_empty(), warned, "{part}: {found:?}");
     }
 }
+
+/// A sphere in a narrow cone swings about two axes at once, beside the middle as often as through
+/// it. Beside it, the walls' damping takes no part.
+#[test]
+fn a_round_wall_damps_half_of_what_a_straight_swing_feels() {
+    let mut judge = Abilities::of(&unled()).judge.expect("legal inertias");
+    judge.sampled.inertia = Vec3::new(1.0, 2.0, 1.5) * judge.sampled.inertia.min_element();
+    judge.sampled.axes = Mat3::from_rotation_z(0.7);
+    for (damping, warned) in [(0.08, true), (0.16, false)] {
+        let cone = json!({"id": "c", "kind": "end_stop", "walls": "cone", "cone": 3e-4, "stiffness": 3, "damping": damping});
+        let file = SceneFile::from_json(json!({"effect": [cone]})).unwrap_or_else(|error| panic!("{error}"));
+        let found = judge.findings(&RunningScene::new().load(file));
+        assert_eq!(!found.is_empty(), warned, "{damping}: {found:?}");
+    }
+}
