@@ -21,6 +21,7 @@ hbot-core) judges=(hbot-core hbot-testing) targets=(--lib --test core --test gol
 hbot-link) judges=(hbot-link hbot-device) targets=(--lib --tests) ;;
 hbot-device) judges=(hbot-device) targets=(--lib --tests) ;;
 hbot-host) judges=(hbot-host) targets=(--lib --tests) ;;
+hbot-sim) judges=(hbot-sim hbot-testing) targets=(--lib --test sim --test golden) ;;
 *) judges=("$crate") targets=(--lib --tests) ;;
 esac
 

@@ -114,17 +114,20 @@ pub fn trajectory(case: &vectors::Trajectory, ledger: &mut Ledger) {
         compare(ledger, k, sample, &state, wheels, TRAJECTORY);
     }
 
-    // RK4 is checked by its order at the first sample after the start: with half the step, a
-    // sixteenth of the error remains, or the accuracy of the vectors. Another half is allowed for
-    // the next order.
+    // Each method is checked by its order at the first sample after the start: with half the step,
+    // 2^-order of the error remains, or the accuracy of the vectors. Another half is allowed for the
+    // next order.
     let Some(sample) = case.samples.iter().find(|sample| sample.t > 0.0) else { return };
-    let [coarse, fine] = [200, 400].map(|steps| {
-        let h = sample.t / f64::from(steps);
-        let mut state = start;
-        for k in 0..steps {
-            plant.step(Method::Rk4, &mut state, f64::from(k) * h, h, &free, &load);
-        }
-        norm(&(state.omega - vector(sample.omega)).to_array())
-    });
-    ledger.number("omega by RK4 at half the step", &[], fine, 0.0, 1.5 * coarse / 16.0 + TRAJECTORY);
+    for method in Method::ALL {
+        let [coarse, fine] = [200, 400].map(|steps| {
+            let h = sample.t / f64::from(steps);
+            let mut state = start;
+            for k in 0..steps {
+                plant.step(method, &mut state, f64::from(k) * h, h, &free, &load);
+            }
+            norm(&(state.omega - vector(sample.omega)).to_array())
+        });
+        let within = 1.5 * coarse / f64::from(method.order()).exp2() + TRAJECTORY;
+        ledger.number("omega by each method at half the step", &[], fine, 0.0, within);
+    }
 }

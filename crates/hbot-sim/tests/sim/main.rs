@@ -1,7 +1,6 @@
-//! Tests of the simulated rig: golden vectors, conservation laws, the line, and wall time.
+//! Tests of the simulated rig: conservation laws, the line, and wall time.
 
 mod devices;
-mod golden;
 mod laws;
 mod line;
 mod nonsmooth;
