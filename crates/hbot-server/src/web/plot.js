@@ -1,6 +1,6 @@
 // A quantity of three components against the time before now, with its legend above the curves.
 
-import { add, length, scaled } from './maths.js';
+import { add, conjugate, length, product, rotation, scaled } from './maths.js';
 import { SPAN } from './rig.js';
 
 /** Room around the curves, CSS pixels: top, right, bottom, left. */
@@ -11,6 +11,9 @@ const TOLERANCE = 0.25;
 
 /** Time between two samples from which on no line joins them, s. */
 const GAP = 0.5;
+
+/** A part of a quaternion that changes by less than this stands still. */
+const STILL = 1e-9;
 
 /** Prepares a canvas for its present size and resolution. Returns its context and CSS size. */
 export function prepare(canvas) {
@@ -54,13 +57,29 @@ function trace(c, points, x, y) {
   if (last) c.lineTo(...last);
 }
 
+const same = (p, q) => p === q || Boolean(p && q && p.every((x, k) => Math.abs(x - q[k]) < STILL));
+
+/**
+ * Whether the reference jumps at this sample: it stands still before it and after it. What a client moves at most at
+ * `rate`, rad/s, is no step.
+ */
+function isStep(samples, k, rate) {
+  const [before, now] = [samples[k - 1]?.reference ?? null, samples[k].reference ?? null];
+  if (same(before, now)) return false;
+  if (before === null || now === null) return true;
+  const stands = (k < 2 || same(samples[k - 2].reference, before)) && (k + 1 === samples.length || same(now, samples[k + 1].reference));
+  const turned = length(rotation(product(conjugate(before), now)));
+  return stands && (samples[k - 1].mode !== samples[k].mode || turned > rate * (samples[k].t - samples[k - 1].t));
+}
+
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
  * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With
  * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn once a sample comes near. A
- * change by more than `jump` is no line, nor is a time without samples.
+ * change by more than `jump` is no line, nor is a time without samples. With the rig's `rate` of references, nor is a step of one.
+ * Values that come near to `jump` have it as the end of their axis.
  */
-export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity }) {
+export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity, rate }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -72,8 +91,9 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   const runs = [];
   shown.forEach((sample, k) => {
-    const gap = k > 0 && sample.t - shown[k - 1].t > GAP;
-    if (k === 0 || gap || length(add(of(sample), scaled(of(shown[k - 1]), -1))) > jump) runs.push([]);
+    const before = shown[k - 1];
+    if (k === 0 || sample.t - before.t > GAP || length(add(of(sample), scaled(of(before), -1))) > jump
+      || (rate !== undefined && isStep(shown, k, rate))) runs.push([]);
     runs.at(-1).push(sample);
   });
   let most = least;
@@ -82,7 +102,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   // The line needs room above it.
   const limited = limit > 0 && most > 0.8 * limit;
-  const end = roundUp(limited ? Math.max(most, 1.1 * limit) : most);
+  const end = most > 0.6 * jump ? jump : roundUp(limited ? Math.max(most, 1.1 * limit) : most);
   const x = (t) => left + (width - left - right) * (1 + (t - now) / SPAN);
   const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
   c.font = '12px system-ui, sans-serif';
@@ -98,7 +118,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
     c.globalAlpha = 1;
     c.fillStyle = colours.weak;
     c.textAlign = 'right';
-    c.fillText(`${+v.toPrecision(2)}`, left - 5, y(v));
+    c.fillText(`${+v.toPrecision(v === Math.round(v) ? 2 : 3)}`, left - 5, y(v));
   }
   c.textAlign = 'center';
   for (const t of [-SPAN, -SPAN / 2, 0]) {
