@@ -142,8 +142,8 @@ export class Controls {
       text.className = warned || get() > border ? 'warn' : 'weak';
       // The border of one is that with what the others have now.
       const others = this.rig.stable.length - 1;
-      const up = `xpected to be stable up to ${roundedDown(border)} N m/rad (mark)`;
-      put(text, others > 0 ? `With the other${others > 1 ? 's' : ''} as set, e${up}` : `E${up}`);
+      put(text, `Expected to be stable up to ${roundedDown(border)} N m/rad${
+        others > 0 ? `, the other${others > 1 ? 's' : ''} as set` : ' (mark)'}`);
     });
     return text;
   }

@@ -371,10 +371,9 @@ export function draw(canvas, rig, camera, colours, held, label) {
     context.moveTo(...corner.point([0, 0, 0]));
     context.lineTo(...corner.point(axis));
     context.stroke();
-    corner.full.push(corner.around(axis, 2));
     corner.text(axis, `n${k + 1}`, colour, 11);
   });
-  corner.write(corner.full, [width, height]);
+  corner.write([], [width, height]);
   const full = [...drawing.full, [width - 80, 0, width, 80]];
   if (grip) {
     const [from, to] = grip;

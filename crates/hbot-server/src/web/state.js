@@ -66,7 +66,7 @@ function details(rig) {
   const state = rig.state;
   const mode = rig.info?.modes?.find((mode) => mode.name === state?.mode)?.sentence ?? '';
   const old = rig.silentFor !== null && state
-    ? [['', `What is shown is old. The last mode was ${state.mode}.`]] : [];
+    ? [['', `${narrow.matches ? '' : 'What is shown is old. '}The last mode was ${state.mode}.`]] : [];
   if (stop) {
     const ends = 'This message ends when a state shows no torque.';
     // What was wrong is over where the rig is heard again.
@@ -124,8 +124,9 @@ function details(rig) {
     return [['strong warn', first.remedy], ['warn', `Warning: ${brief(first)}.`]];
   }
   if (isStrained(rig)) {
+    const few = narrow.matches || rig.warnings.length > 0;
     return [['strong cut', rig.pushing.length > 0 ? `Lower ${rig.pushing.slice(0, 2).join(' or ')}, or push less.` : 'Ask for less torque.'],
-      ['', 'The scene asks for more torque than the limits let through.']];
+      ['', few ? '' : 'The scene asks for more torque than the limits let through.']];
   }
   if (state.mode === 'idle' && (rig.refusal?.op === 'enable' || rig.isFar)) return notEnabled(rig);
   // Motors can hurt a hand.
@@ -220,11 +221,18 @@ function fit() {
   const box = $('box');
   box.classList.remove('long');
   $('meters').prepend(...KEPT.map(({ row }) => row));
+  const told = $('told');
+  told.style.marginTop = '';
   const long = box.scrollHeight > box.clientHeight;
   box.classList.toggle('long', long);
-  if (!long || !roomy.matches) return;
-  kept.append(...KEPT.map(({ row }) => row));
-  if (box.scrollHeight > box.clientHeight) $('meters').prepend(...kept.children);
+  if (!long) return;
+  if (roomy.matches) {
+    kept.append(...KEPT.map(({ row }) => row));
+    if (box.scrollHeight > box.clientHeight) $('meters').prepend(...kept.children);
+  }
+  // A still longer one pushes the messages down.
+  const over = box.getBoundingClientRect().bottom - told.getBoundingClientRect().top;
+  if (told.parentElement.id === 'left' && over > 0) told.style.marginTop = `${Math.ceil(over)}px`;
 }
 window.addEventListener('resize', fit);
 
@@ -336,7 +344,7 @@ function orders(rig) {
         : stopped && rig.isFar ? `${away.toFixed(2)} rad from reference: ${
           rig.isSimulated ? 'set its anchor to here' : `turn to within ${allowed.toFixed(2)}`}`
           : `${away.toFixed(2)} rad from reference${allowed === undefined ? '' : narrow.matches
-            ? `; Enable up to ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
+            ? hasTorque(mode) ? '' : `; Enable works to ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
 }
 
 function meters(rig) {
