@@ -142,8 +142,8 @@ export class Controls {
       text.className = warned || get() > border ? 'warn' : 'weak';
       // The border of one is that with what the others have now.
       const others = this.rig.stable.length - 1;
-      put(text, `Expected to be stable up to ${roundedDown(border)} N m/rad${
-        others > 0 ? `, the other${others > 1 ? 's' : ''} as set` : ' (mark)'}`);
+      const up = `stable up to ${roundedDown(border)} N m/rad`;
+      put(text, others > 0 ? `Expected ${up}, the other${others > 1 ? 's' : ''} as set` : `Expected to be ${up} (mark)`);
     });
     return text;
   }

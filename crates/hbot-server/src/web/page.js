@@ -363,18 +363,19 @@ function showCurves() {
 }
 
 /**
- * Puts the force beside the hand and its arrow, whose ends are given, where it covers least of the rectangles that are
- * `full`, all on the canvas. Above it if it can. A finger hides more than a mouse. Returns its own rectangle.
+ * Puts the force beside the hand and its arrow, whose ends are given, where it covers least of the
+ * rectangles that are `full`, all on the canvas. Above it if it can. A finger hides more than a
+ * mouse. Returns its own rectangle.
  */
-function placeGrip([[x, y], [toX, toY]], full) {
+function placeGrip([[x, y], [, toY]], full) {
   const { style, offsetWidth: width, offsetHeight: height } = $('grip');
   const { clientWidth, offsetTop: top } = $('sphere');
   const most = $('picture').clientHeight - top - height;
   const room = touch.matches ? 50 : 12;
-  const middle = (y + toY - height) / 2;
   const [above, below] = [Math.min(y - room, toY - 12) - height, Math.max(y, toY) + 12];
-  const places = [[x - width / 2, above], [x - width / 2, below], [x - width, above], [x, above], [x - width, below], [x, below],
-    [Math.min(x, toX) - width - 14, middle], [Math.max(x, toX) + 14, middle]].map(([left, upper]) => {
+  const aside = [0, -width / 3, width / 3];
+  const rows = [above, below, above - height, below + height];
+  const places = rows.flatMap((row) => aside.map((part) => [x - width / 2 + part, row])).map(([left, upper]) => {
     const at = [Math.max(0, Math.min(clientWidth - width, left)), Math.max(-top, Math.min(most, upper))];
     return [...at, at[0] + width, at[1] + height];
   });

@@ -60,8 +60,8 @@ function trace(c, points, x, y) {
 const same = (p, q) => p === q || Boolean(p && q && p.every((x, k) => Math.abs(x - q[k]) < STILL));
 
 /**
- * Whether the reference jumps at this sample: it stands still before it and after it. What a client moves at most at
- * `rate`, rad/s, is no step.
+ * Whether the reference jumps at this sample: it stands still before it and after it. What a client
+ * moves at most at `rate`, rad/s, is no step.
  */
 function isStep(samples, k, rate) {
   const [before, now] = [samples[k - 1]?.reference ?? null, samples[k].reference ?? null];
@@ -69,15 +69,16 @@ function isStep(samples, k, rate) {
   if (before === null || now === null) return true;
   const stands = (k < 2 || same(samples[k - 2].reference, before)) && (k + 1 === samples.length || same(now, samples[k + 1].reference));
   const turned = length(rotation(product(conjugate(before), now)));
-  return stands && (samples[k - 1].mode !== samples[k].mode || turned > rate * (samples[k].t - samples[k - 1].t));
+  const most = rate * (samples[k].t - samples[k - 1].t);
+  return stands && (samples[k - 1].mode !== samples[k].mode || turned > most);
 }
 
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
  * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With
  * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn once a sample comes near. A
- * change by more than `jump` is no line, nor is a time without samples. With the rig's `rate` of references, nor is a step of one.
- * Values that come near to `jump` have it as the end of their axis.
+ * change by more than `jump` is no line, nor is a time without samples. With the rig's `rate` of
+ * references, nor is a step of one. Values that come near to `jump` have it as the end of their axis.
  */
 export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity, rate }) {
   const { context: c, width, height } = prepare(canvas);

@@ -263,7 +263,7 @@ export class Rig {
       && this.last(AT_LIMIT_S, 'scale').every((it) => 1 - it >= LEAST_TOLD);
   }
 
-  /** Returns the names of the parameters that make a torque at rest, as the server tells their units. */
+  /** Returns the names of the parameters that make a torque at rest, by the units that `info` tells. */
   get pushing() {
     const names = (this.info?.scene?.effect ?? []).flatMap((effect) => (
       Object.entries(this.kind(effect.kind)?.schema.properties ?? {})

@@ -11,7 +11,7 @@ const NAME = 20;
 /** Length of the torque's arrow: the least, and what the rig's limit adds. */
 const TORQUE = [0.14, 0.26];
 const CIRCLE = 48;
-/** Height of a text, and where it may stand: turned from the usual direction by so many rad, and further by px. */
+/** Height of a text, px. Where it may stand: turned from the usual direction, rad, and further, px. */
 const LINE = 14;
 const PLACES = [[0, 0], [0.6, 0], [-0.6, 0], [0, 12], [1.2, 4], [-1.2, 4], [0.6, 16], [-0.6, 16], [0, 28], [1.9, 8], [-1.9, 8], [Math.PI, 8]];
 /** A text stays where it is unless another place has this much less of its area covered, px². */
@@ -143,7 +143,7 @@ class Drawing {
     this.head(this.point(from), this.point(to), 5 + 2 * width, colour, this.hides(to) ? 0.35 : 1);
   }
 
-  /** Notes a text that is to stand `beyond` px behind the point p, seen from the centre. `write` writes it. */
+  /** Notes a text for `write`, to stand `beyond` px behind the point p, seen from the centre. */
   text(p, text, colour, beyond = 0) {
     this.texts.push({ at: this.point(p), text, colour, beyond });
   }
@@ -161,8 +161,8 @@ class Drawing {
   }
 
   /**
-   * Writes the noted texts where they cover least of `full`, which are rectangles, and of each other, and are within the
-   * picture. The edge of a text is that of the ground.
+   * Writes the noted texts where they cover least of the rectangles `full` and of each other, and
+   * are within the picture. The edge of a text is that of the ground.
    */
   write(full, [width, height]) {
     const { c } = this;
@@ -342,8 +342,9 @@ class Drawing {
 }
 
 /**
- * Draws the picture. `held` is where a hand holds the sphere, or null. Then `label(ends, full)` gets the ends of its force
- * on the canvas and the rectangles that are full there, px, and returns the one of its own text.
+ * Draws the picture. `held` is where a hand holds the sphere, or null. Then `label(ends, full)` gets
+ * the ends of its force on the canvas and the rectangles that are full there, px, and returns the
+ * one of its own text.
  */
 export function draw(canvas, rig, camera, colours, held, label) {
   const { context, width, height } = prepare(canvas);
