@@ -793,7 +793,7 @@ const dots = () => page.evaluate(() => {
     [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim()])));
   return { [weak]: "grey", [axis3]: "coloured" }[window.dots.curves];
 });
-assert.equal(await dots(), "grey");
+await until("grey dots", async () => (await dots()) === "grey", 5);
 // Again, because the page soon makes a new connection to a server that is silent.
 server.kill("SIGCONT");
 await shows("#headline", "ACTIVE");

@@ -352,7 +352,7 @@ function showPlot() {
     plot($('angle'), samples, colours, {
       name: `angle from ${rig.origin}${rig.origin === 'N' ? " (the rig's frame)" : ''}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
       // Beyond half a turn the least rotation is the other way round.
-      jump: Math.PI, rate: rig.info?.limits.reference_rate ?? 0 });
+      jump: Math.PI, steps: true });
     showCurves();
   }
 }

@@ -1,6 +1,6 @@
 // A quantity of three components against the time before now, with its legend above the curves.
 
-import { add, conjugate, length, product, rotation, scaled } from './maths.js';
+import { add, length, scaled } from './maths.js';
 import { SPAN } from './rig.js';
 
 /** Room around the curves, CSS pixels: top, right, bottom, left. */
@@ -12,6 +12,8 @@ const TOLERANCE = 0.25;
 /** Time between two samples from which on no line joins them, s. */
 const GAP = 0.5;
 
+/** A reference that has stood still for so long steps if it changes, s. */
+const STOOD = 0.3;
 /** A part of a quaternion that changes by less than this stands still. */
 const STILL = 1e-9;
 
@@ -60,27 +62,27 @@ function trace(c, points, x, y) {
 const same = (p, q) => p === q || Boolean(p && q && p.every((x, k) => Math.abs(x - q[k]) < STILL));
 
 /**
- * Whether the reference jumps at this sample: it stands still before it and after it. What a client
- * moves at most at `rate`, rad/s, is no step.
+ * Whether the reference jumps at this sample: it has stood still for STOOD before, and stands after.
+ * One that moves, or that a client streams, is no step.
  */
-function isStep(samples, k, rate) {
-  const [before, now] = [samples[k - 1]?.reference ?? null, samples[k].reference ?? null];
+function isStep(samples, k) {
+  const [before, now] = [samples[k - 1].reference ?? null, samples[k].reference ?? null];
   if (same(before, now)) return false;
   if (before === null || now === null) return true;
-  const stands = (k < 2 || same(samples[k - 2].reference, before)) && (k + 1 === samples.length || same(now, samples[k + 1].reference));
-  const turned = length(rotation(product(conjugate(before), now)));
-  const most = rate * (samples[k].t - samples[k - 1].t);
-  return stands && (samples[k - 1].mode !== samples[k].mode || turned > most);
+  for (let i = k - 2; i >= 0 && samples[k - 1].t - samples[i].t < STOOD; i -= 1) {
+    if (!same(samples[i].reference, before)) return false;
+  }
+  return k + 1 === samples.length || same(now, samples[k + 1].reference);
 }
 
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
  * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With
  * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn once a sample comes near. A
- * change by more than `jump` is no line, nor is a time without samples. With the rig's `rate` of
- * references, nor is a step of one. Values that come near to `jump` have it as the end of their axis.
+ * change by more than `jump` is no line, nor is a time without samples. With `steps`, nor
+ * is a step of the reference. Values that come near to `jump` have it as the end of their axis.
  */
-export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity, rate }) {
+export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity, steps }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -94,7 +96,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   shown.forEach((sample, k) => {
     const before = shown[k - 1];
     if (k === 0 || sample.t - before.t > GAP || length(add(of(sample), scaled(of(before), -1))) > jump
-      || (rate !== undefined && isStep(shown, k, rate))) runs.push([]);
+      || (steps && isStep(shown, k))) runs.push([]);
     runs.at(-1).push(sample);
   });
   let most = least;
