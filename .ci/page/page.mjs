@@ -9,6 +9,8 @@ import { watch } from "./watch.mjs";
 
 const [hbot, pictures] = process.argv.slice(2);
 const SIZES = { desk: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };
+// One more for pictures: a telephone that lies.
+const SHOWN = { ...SIZES, flat: { width: 640, height: 360 } };
 
 let server = await Server.start(hbot);
 const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"] });
@@ -32,19 +34,121 @@ const fresh = (page) => folder && page.route(/\/\w+\.(js|css|svg)$/, (route) => 
   route.fulfill({ path: folder + new URL(route.request().url()).pathname })));
 await fresh(page);
 
-/** Takes a picture of the present state at both sizes, in light and dark. */
+/** Takes a picture of the present state at all sizes, in light and dark. */
 async function picture(name) {
-  for (const [size, viewport] of Object.entries(SIZES)) {
+  for (const [size, viewport] of Object.entries(SHOWN)) {
     await page.setViewportSize(viewport);
-    await page.emulateMedia({ colorScheme: name.endsWith("dark") ? "dark" : "light" });
-    await page.waitForTimeout(300);
-    await page.screenshot({ path: `${pictures}/${name}-${size}.png` });
+    for (const colorScheme of ["light", "dark"]) {
+      await page.emulateMedia({ colorScheme });
+      await page.waitForTimeout(200);
+      await page.screenshot({ path: `${pictures}/${name}-${size}${colorScheme === "dark" ? "-dark" : ""}.png` });
+      if (size === "desk") await contrasts(`${name}, ${colorScheme}`);
+    }
   }
   await page.setViewportSize(SIZES.desk);
   await page.emulateMedia({ colorScheme: "light" });
+  // A page that hears nothing draws four times a second.
+  await page.waitForTimeout(300);
+}
+/**
+ * Checks that what is written has the contrast that WCAG 2 wants at level AA, and so have STOP and
+ * the edges of what can be pressed or changed. What is locked is exempt.
+ */
+async function contrasts(where) {
+  const weak = await page.evaluate(() => {
+    // A colour of the page has at most an alpha of 0 or 1.
+    const parts = (colour) => {
+      const numbers = colour.match(/[\d.]+/g).map(Number);
+      return (colour.startsWith("color(") ? numbers : numbers.map((x, k) => (k < 3 ? x / 255 : x)));
+    };
+    const seen = (colour) => parts(colour)[3] !== 0;
+    const light = (colour) => parts(colour).slice(0, 3)
+      .map((x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4))
+      .reduce((sum, x, k) => sum + [0.2126, 0.7152, 0.0722][k] * x, 0);
+    const ratio = (a, b) => (Math.max(light(a), light(b)) + 0.05) / (Math.min(light(a), light(b)) + 0.05);
+    const ground = (it) => {
+      for (let at = it; at; at = at.parentElement) {
+        const { backgroundColor } = getComputedStyle(at);
+        if (seen(backgroundColor)) return backgroundColor;
+      }
+      return null;
+    };
+    const locked = (it) => it.closest(":disabled, [inert]") || it.matches("option");
+    const found = [];
+    for (const it of document.querySelectorAll("body *")) {
+      if (!it.checkVisibility() || locked(it)) continue;
+      const { color, borderTopColor, fontSize, fontWeight, borderTopWidth } = getComputedStyle(it);
+      const [size, bold] = [parseFloat(fontSize), +fontWeight >= 700];
+      const least = size >= 24 || (bold && size >= 18.66) ? 3 : 4.5;
+      const written = [...it.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+      const name = it.id || `${it.className} ${it.textContent.slice(0, 40)}`;
+      if (written && ratio(color, ground(it)) < least) found.push(`${name}: ${ratio(color, ground(it)).toFixed(2)}`);
+      if (!it.matches("button, select, input:not([type=range]), textarea")) continue;
+      const around = ground(it.parentElement);
+      const edge = parseFloat(borderTopWidth) > 0 ? borderTopColor : getComputedStyle(it).backgroundColor;
+      if (ratio(edge, around) < 3) found.push(`the edge of ${name}: ${ratio(edge, around).toFixed(2)}`);
+    }
+    return found;
+  });
+  assert.deepEqual(weak, [], `contrast: ${where}`);
+}
+/** Checks that no text of the picture, nor the force at the hand, covers another by more than 2 px. */
+async function apart() {
+  const over = await page.evaluate(() => {
+    const { left, top } = document.querySelector("#sphere").getBoundingClientRect();
+    const grip = document.querySelector("#grip");
+    const own = grip.getBoundingClientRect();
+    const all = [...window.rectangles.sphere, ...(grip.hidden ? [] : [{ text: "grip", left: own.left - left, right: own.right - left,
+      top: own.top - top, bottom: own.bottom - top }])];
+    return all.flatMap((a, k) => all.slice(k + 1).filter((b) => (
+      Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 2))
+      .map((b) => `${a.text} and ${b.text}`));
+  });
+  assert.deepEqual(over, []);
+}
+/** Returns which buttons stand out as the next step. */
+const next = () => page.$$eval("#orders .next", (all) => all.map((it) => it.id));
+/**
+ * Checks that nothing of a rig that is not heard looks as if it were, or can be used but for STOP
+ * and Disable, which reach a rig that may still hear.
+ */
+async function grey() {
+  const loud = () => page.evaluate(() => [...document.querySelectorAll("#orders button:not(#disable), #lease, #release, #load, #loadtext")]
+    .filter((it) => !it.disabled).map((it) => it.id)
+    .concat(["torque", "angle"].filter((name) => window.written[name].includes("now")))
+    .concat(document.querySelector("#effects").inert ? [] : ["effects"])
+    .concat(/drag|turn/i.test(document.querySelector("#hint").textContent) ? ["hint"] : [])
+    .concat(document.body.classList.contains("old") ? [] : ["body"])
+    .concat(getComputedStyle(document.querySelector("#badge")).backgroundColor
+      === getComputedStyle(document.querySelector("#who")).color ? [] : ["badge"]));
+  // The plots are drawn in turns.
+  for (let k = 0; k < 10 && (await loud()).length > 0; k += 1) await page.waitForTimeout(100);
+  assert.deepEqual(await loud(), []);
+}
+/** Checks that the texts are in sight in the box, at least where they begin. */
+const insight = (...texts) => until(`in sight at ${JSON.stringify(page.viewportSize())}: ${texts}`, () => page.evaluate((all) => {
+  const box = document.getElementById("box");
+  return all.every((text) => {
+    const it = [...box.querySelectorAll("#notice span, #details p")].find(({ textContent }) => textContent.includes(text));
+    const [{ left, top, right, bottom } = {}] = it?.getClientRects() ?? [];
+    const found = [[left + 2, top + 4], [Math.min(right, left + 80), bottom - 4]].map((at) => document.elementFromPoint(...at));
+    return found.every((one) => one === it || it.contains(one));
+  });
+}, texts), 5);
+/** Checks that the box is short and the bars are in sight at every size. */
+async function short(...texts) {
+  for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390], [640, 360]]) {
+    await page.setViewportSize({ width, height });
+    await page.waitForTimeout(300);
+    assert(!await page.locator("#box.long").count(), `the box covers the bars at ${width} x ${height}`);
+    await insight(...texts);
+  }
+  await page.setViewportSize(SIZES.desk);
 }
 /** Checks that every plot has 0 and another number at its axis of values. */
 async function ticks() {
+  // Of a new scene the server computes it first.
+  await until("a curve", () => page.evaluate(() => !window.written.curves.includes("computing the curve")));
   const written = await page.evaluate(() => window.written);
   for (const name of ["torque", "angle", "curves"]) {
     const numbers = new Set(written[name].filter((it) => /^-?[\d.]+$/.test(it)));
@@ -116,6 +220,28 @@ await shows("#notice", "Nobody commands");
 await page.waitForTimeout(3000);
 await picture("observing");
 await ticks();
+await apart();
+
+// The first screen has the messages too, and the left column is used to its end.
+assert(await page.evaluate(() => {
+  const [first, list] = ["#messages li", "#messages"].map((it) => document.querySelector(it).getBoundingClientRect());
+  return first.top > 0 && first.bottom <= innerHeight && innerHeight - list.bottom < 20;
+}), "the messages are in sight");
+// Take command and Release are alike. On telephones a finger hits more than is seen of them.
+for (const viewport of Object.values(SHOWN)) {
+  await page.setViewportSize(viewport);
+  await page.waitForTimeout(200);
+  const [lease, release] = await page.evaluate(() => ["lease", "release"].map((id) => {
+    const it = document.getElementById(id);
+    const before = getComputedStyle(it, "::before");
+    const { width, height } = it.getBoundingClientRect();
+    return before.content === "none" ? [width, height] : [before.width, before.height, getComputedStyle(it).fontSize];
+  }));
+  const rounded = (size) => size.map((it) => Math.round(parseFloat(it)));
+  assert.deepEqual(rounded(lease), rounded(release), JSON.stringify([viewport, lease, release]));
+}
+await page.setViewportSize(SIZES.desk);
+assert.equal(await page.locator("header").evaluate((it) => getComputedStyle(it).boxShadow), "none", "the line of a real rig");
 
 // Every control has a name, and nothing is wider than a small telephone.
 const nameless = await page.$$eval("button, input, select, textarea, canvas, summary", (all) => all
@@ -259,7 +385,7 @@ const label = await page.locator("#grip").boundingBox();
 const off = Math.hypot(label.x + label.width / 2 - middle.x, label.y + label.height / 2 - middle.y);
 assert(off < 1.2 * middle.radius, `the force stands ${off} px from the middle of the sphere`);
 await picture("hand");
-await picture("hand-dark");
+await apart();
 // The wheel twists the held sphere about the line of sight.
 await page.mouse.wheel(0, -200);
 await until("the wheel twists it", () => angle(watcher.state.q, held.q) > 0.1);
@@ -305,6 +431,15 @@ await damping.fill("0.03");
 await damping.press("Enter");
 await until("more damping", async () => (await watcher.ask("info")).scene.effect[0].damping === 0.03);
 await until("the mark follows", async () => (await mark()) !== marked);
+// It has its number, and is in sight above and below the handle.
+assert.equal(await page.locator("#effects .mark").first().getAttribute("data-at"),
+  (await text("#effects details:first-of-type p")).match(/stable up to ([\d.]+)/)[1]);
+const [line, handle, shownAt] = await page.locator("#effects .mark").first().evaluate((it) => [
+  it.getBoundingClientRect(), it.parentElement.querySelector("input").getBoundingClientRect(),
+  getComputedStyle(it, "::before").content].map((it) => (it.top === undefined ? it : { top: it.top, bottom: it.bottom })));
+const half = (handle.top + handle.bottom) / 2;
+assert(line.top <= half - 12 && line.bottom >= half + 12, JSON.stringify([line, handle]));
+assert.match(shownAt, /\d/);
 const number = page.getByRole("spinbutton", { name: "spring stiffness value" });
 // A sphere that swings would shake at once.
 await until("rest", () => Math.hypot(...watcher.state.omega) < 0.01 && angle(watcher.state.q, watcher.state.reference) < 0.01);
@@ -437,6 +572,7 @@ const isShown = async () => {
 const both = (stiffness) => ({ name: "Two", effect: [spring, { ...spring, id: "other", stiffness }] });
 await load(both(0.1));
 await until("the mark of the scene", isShown);
+assert.match(await text("#effects details:first-of-type p"), /, the other as set$/);
 const beside = await told();
 await page.locator("#effects details").nth(1).evaluate((it) => (it.open = true));
 const second = page.getByRole("spinbutton", { name: "other stiffness value" });
@@ -478,6 +614,7 @@ assert(await page.locator("#recover").isDisabled(), "the server would refuse");
 assert.match(await page.locator("#recover").getAttribute("title"), /too far from the reference/);
 await page.click("#reset");
 await shows("#headline", "IDLE");
+assert.deepEqual(await next(), ["enable"]);
 await page.click("#enable");
 await shows("#details", "Not enabled: op enable: the reference of effect \"spring\"");
 await until("a refused Enable is off", () => page.locator("#enable").isDisabled());
@@ -511,8 +648,22 @@ await until("the hand lets go", () => !watcher.state.hand);
 await shows("#details", "Stopped by you");
 await until("the box says whether the sphere still turns", async () => (
   (await text("#notice")).includes("The sphere still turns") === length(watcher.state.omega) > 0.1));
+assert.deepEqual(await next(), ["recover"]);
+await until("the sphere turns", () => length(watcher.state.omega) > 0.1);
+// What the sphere does stands before what to press, and its bar is not green.
+assert(await page.evaluate(() => {
+  const [notice, details] = ["notice", "details"].map((id) => document.getElementById(id).getBoundingClientRect());
+  return notice.height > 0 && notice.bottom <= details.top + 1;
+}), "the sphere turns, and the way on comes first");
+assert(await page.locator("meter[aria-label=Speed]").evaluate(({ low, value }) => value > low), "a green speed without torque");
+await apart();
+for (const viewport of Object.values(SHOWN)) {
+  await page.setViewportSize(viewport);
+  await page.waitForTimeout(300);
+  assert(!await page.locator("#box.long").count(), `a stop covers the bars at ${JSON.stringify(viewport)}`);
+}
+await page.setViewportSize(SIZES.desk);
 await picture("stopped");
-await picture("stopped-dark");
 await page.click("#recover");
 await watcher.mode("active");
 
@@ -540,6 +691,7 @@ assert.deepEqual(await places(), before);
 // Perhaps somebody else has a hand at the sphere.
 await shows("#details", "make sure that nobody touches the sphere, then press Reset, then Enable.");
 assert(await page.locator("#recover").isDisabled(), "one click does not lift the stop of another client");
+assert.deepEqual(await next(), ["reset"]);
 await page.click("#reset");
 await shows("#headline", "IDLE");
 await page.click("#enable");
@@ -565,6 +717,7 @@ for (const viewport of Object.values(SIZES)) {
 await page.setViewportSize(SIZES.desk);
 await ticks();
 await bars();
+assert.deepEqual(await next(), ["reset"], "the remedy of a fault begins with Reset");
 await picture("fault");
 await load({ name: "A good line", effect: [spring], simulate: {} });
 // A stop leaves the fault in sight.
@@ -572,6 +725,7 @@ const fault = watcher.state.fault;
 await watcher.ask("estop");
 await shows("#details", `Before the stop: ${fault}.`);
 await shows("#details", "Stopped by watcher");
+assert.equal((await text("#details")).match(/Reset, then Enable/g).length, 1, "said twice");
 await picture("fault-stopped");
 // For some ticks the cause is still there, and the server refuses.
 const recovers = () => until("the rig recovers", async () => {
@@ -633,6 +787,7 @@ await shows("#keys", UNHEARD);
 await shows("#hint", "Last heard");
 await shows("#details", "is not known. It is simulated and has no motors.");
 await bars();
+await grey();
 await picture("silent");
 const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
 assert.deepEqual(await end(), [["last heard"], ["last heard"]]);
@@ -641,7 +796,7 @@ const dots = () => page.evaluate(() => {
     [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim()])));
   return { [weak]: "grey", [axis3]: "coloured" }[window.dots.curves];
 });
-assert.equal(await dots(), "grey");
+await until("grey dots", async () => (await dots()) === "grey", 5);
 // Again, because the page soon makes a new connection to a server that is silent.
 server.kill("SIGCONT");
 await shows("#headline", "ACTIVE");
@@ -650,6 +805,7 @@ await page.keyboard.press("Escape");
 await shows("#headline", "NOT STOPPED");
 await shows("#details", "It is simulated and has no motors.");
 await bars();
+await grey();
 await picture("not-stopped");
 server.kill("SIGCONT");
 await shows("#rig", "Hz");
@@ -690,7 +846,9 @@ await shows("#who", "nobody commands");
 await page.addInitScript(() => {
   const parse = JSON.parse;
   // When `shakes` changes, also that the sphere shakes, and it turns at 13 rad/s. With `hides`, nothing of the scene's
-  // curve. With `cuts`, the limits cut 64 % of the torque. With `fast`, a damaged line is a sphere that is too fast.
+  // curve. With `cuts`, the limits cut 64 % of the torque. With `deaf`, no state comes. With
+  // `turned`, an angle about n3, rad. With `step`, another reference. With `strains`, a torque of
+  // 0.89 of 0.90 N m. With `fast`, a damaged line is a sphere that is too fast.
   const shaking = { event: "shaking", frequency: 10, amplitude: 13, effect: "spring", gain: 0.5, message: "the sphere shakes" };
   let told = false;
   JSON.parse = (text) => {
@@ -698,9 +856,16 @@ await page.addInitScript(() => {
       told = window.shakes;
       return { ...shaking, shaking: told };
     }
+    if (window.deaf && text.includes('"event":"state"')) return {};
+    // What the sphere really does is not told while it is said to shake.
+    if (window.shakes && text.includes('"event":"shaking"')) return {};
     return parse(text.replace('"simulated":true', '"simulated":false')
       .replace(/"omega":\[[^\]]*\]/, (told) => (window.shakes ? '"omega":[0,13,0]' : told))
       .replace(/"scale":[^,}]*/, (told) => (window.cuts ? '"scale":0.36' : told))
+      .replace(/"q":\[[^\]]*\]/, (told) => (window.turned
+        ? `"q":[${Math.cos(window.turned / 2)},0,0,${Math.sin(window.turned / 2)}]` : told))
+      .replace(/"reference":\[[^\]]*\]/, (told) => (window.step ? '"reference":[0.9,0.435889894,0,0]' : told))
+      .replace(/"torque":\[[^\]]*\]/, (told) => (window.strains ? '"torque":[0,0.89,0]' : told))
       .replace('"curves":', (told) => (window.hides ? '"hidden":' : told))
       .replace(/"fault":"link_corrupt"|"omega":\[[^\]]*\]/g, (told) => (!window.fast ? told
         : { f: '"fault":"overspeed"', o: '"omega":[0,31,0]' }[told[1]])));
@@ -712,6 +877,30 @@ await page.click("#lease");
 await shows("#who", "you command");
 await shows("#hint", "Drag to turn the view");
 await page.waitForTimeout(1500);
+assert.match(await page.locator("header").evaluate((it) => getComputedStyle(it).boxShadow), /^rgb\(255, 196, 0\) 0px -4px 0px 0px inset$/,
+  "the line of a real rig");
+
+// A line breaks where time has a gap, the angle wraps or the reference steps, and nowhere else.
+const parts = () => page.evaluate(() => [window.parts.torque, window.parts.angle]);
+await page.waitForTimeout(500);
+assert.deepEqual(await parts(), [1, 1]);
+await page.evaluate(() => { window.deaf = true; });
+await page.waitForTimeout(900);
+await page.evaluate(() => { window.deaf = false; });
+await until("a gap", async () => JSON.stringify(await parts()) === "[2,2]", 5);
+await page.evaluate(() => { window.turned = 3; });
+await page.waitForTimeout(200);
+const [, turning] = await parts();
+await page.evaluate(() => { window.turned = -3; });
+await until("a wrap", async () => (await parts())[1] === turning + 1, 5);
+await page.evaluate(() => { window.turned = null; });
+await page.waitForTimeout(200);
+const [, turnedBack] = await parts();
+await page.evaluate(() => { window.step = true; });
+await until("a step of the reference", async () => JSON.stringify(await parts()) === JSON.stringify([2, turnedBack + 1]), 5);
+await page.evaluate(() => { window.step = false; });
+// Until they have left the plots.
+await until("lines in one part", async () => JSON.stringify(await parts()) === "[1,1]");
 await picture("live");
 
 // The scene's curve follows a stiffness before the server has told the new one.
@@ -732,28 +921,40 @@ const [cut, torque] = await page.evaluate(() => {
   return [document.querySelector("#notice .cut"), probe].map((it) => getComputedStyle(it).color);
 });
 assert.equal(cut, torque);
+/** Checks that the box and the chip say that the torque is at its limits, and what to do. */
+async function strained() {
+  await until("a chip", async () => await page.locator("#chip").textContent() === "ACTIVE: at limit", 5);
+  await shows("#details", "Lower stiffness, or push less.", 5);
+  // The colour of the box changes within 0.1 s.
+  await until("the colour of the torque", () => page.evaluate((torque) => ["box", "chip"].every((id) => (
+    getComputedStyle(document.getElementById(id)).borderTopColor === torque)), torque), 5);
+}
+await strained();
+await short("Lower stiffness", "Limits cut 64 %");
 await picture("cut");
+await page.evaluate(() => { [window.cuts, window.strains] = [false, true]; });
+await shows("#notice", "The torque is at the rig's limit");
+await strained();
+await page.evaluate(() => { [window.cuts, window.strains] = [true, false]; });
+await shows("#notice", "Limits cut 64 % of the torque");
 // Beside a warning too, and at every size. It is of what a simulated rig keeps of an earlier scene.
 await load({ name: "A fair line", effect: [spring], simulate: { hand: {}, link: { loss: 0.001 } } });
 await page.selectOption("#shelf", "spring");
 await page.click("#load");
 await shows("#warnings", 'keeps that of the scene "A fair line": link, hand. A table with');
 await shows("#notice", "Limits cut 64 % of the torque. Warning: simulate: ");
-/** Checks that the texts are in sight in the box, at least where they begin. */
-const insight = (...texts) => until(`in sight at ${JSON.stringify(page.viewportSize())}: ${texts}`, () => page.evaluate((all) => {
-  const box = document.getElementById("box");
-  return all.every((text) => {
-    const it = [...box.querySelectorAll("#notice span, #details p")].find(({ textContent }) => textContent.includes(text));
-    const [{ left, top, right, bottom } = {}] = it?.getClientRects() ?? [];
-    const found = [[left + 2, top + 4], [Math.min(right, left + 80), bottom - 4]].map((at) => document.elementFromPoint(...at));
-    return found.every((one) => one === it || it.contains(one));
-  });
-}, texts), 5);
 for (const viewport of [...Object.values(SIZES), { width: 360, height: 640 }, { width: 844, height: 390 }]) {
   await page.setViewportSize(viewport);
   await insight("Limits cut 64 %", "Warning: simulate");
 }
 await page.setViewportSize(SIZES.desk);
+await short("Lower stiffness", "Limits cut 64 %", "Warning: simulate");
+// A long warning is folded to two lines.
+const tallness = () => page.locator("#warnings li > span").evaluate((it) => it.clientHeight / parseFloat(getComputedStyle(it).lineHeight));
+assert(await tallness() < 2.5, "a long warning");
+await page.click("#warnings button");
+assert(await tallness() > 2.5, "the whole warning");
+await page.click("#warnings button");
 await picture("cut-warned");
 await load({ name: "A good line", effect: [spring], simulate: {} });
 await page.evaluate(() => { window.cuts = false; });
@@ -774,7 +975,7 @@ assert.equal(cures[0], cures[1], "two instructions");
 // With 13 of 30 rad/s.
 const { low, value } = await page.locator("meter[aria-label=Speed]").evaluate(({ low, value }) => ({ low, value }));
 assert(value > low, "a sphere that shakes has a green speed");
-for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390]]) {
+for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390], [640, 360]]) {
   await page.setViewportSize({ width, height });
   // The alarm begins anew, and is not only fitted because the window has changed.
   await page.evaluate(() => { window.shakes = false; });
@@ -790,7 +991,6 @@ for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640],
 }
 await page.setViewportSize(SIZES.desk);
 await picture("shakes");
-await picture("shakes-dark");
 await page.evaluate(() => { window.shakes = window.cuts = false; });
 await until("calm", async () => !await alarm());
 

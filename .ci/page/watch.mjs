@@ -44,21 +44,40 @@ export function watch() {
   // What is written on each canvas since it was cleared, and what of it ends beyond the right edge.
   window.written = {};
   window.beyond = {};
+  // Where each text stands, px.
+  window.rectangles = {};
   // The colour of the newest dot on each canvas.
   window.dots = {};
-  const { arc, clearRect, fillText } = CanvasRenderingContext2D.prototype;
+  // The most parts that a line on each canvas has, and how many the present one has.
+  window.parts = {};
+  let parts = 0;
+  const { arc, beginPath, clearRect, fillText, moveTo } = CanvasRenderingContext2D.prototype;
   Object.assign(CanvasRenderingContext2D.prototype, {
     arc(...all) {
       window.dots[this.canvas.id] = this.fillStyle;
       arc.apply(this, all);
     },
+    beginPath(...all) {
+      parts = 0;
+      beginPath.apply(this, all);
+    },
+    moveTo(...all) {
+      parts += 1;
+      window.parts[this.canvas.id] = Math.max(parts, window.parts[this.canvas.id]);
+      moveTo.apply(this, all);
+    },
     clearRect(...all) {
       window.written[this.canvas.id] = [];
+      window.rectangles[this.canvas.id] = [];
+      window.parts[this.canvas.id] = 0;
       delete window.beyond[this.canvas.id];
       clearRect.apply(this, all);
     },
     fillText(text, ...at) {
       window.written[this.canvas.id].push(text);
+      // The pictures of the sphere have them in the middle.
+      const half = this.measureText(text).width / 2;
+      window.rectangles[this.canvas.id].push({ text, left: at[0] - half, right: at[0] + half, top: at[1] - 6, bottom: at[1] + 6 });
       const end = this.textAlign === "left" ? at[0] + this.measureText(text).width : 0;
       if (end > this.canvas.clientWidth) (window.beyond[this.canvas.id] ??= []).push(text);
       fillText.call(this, text, ...at);

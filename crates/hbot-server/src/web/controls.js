@@ -140,7 +140,10 @@ export class Controls {
       if (border === null) return;
       const warned = this.rig.warnings.some(({ effect }) => effect === of().id);
       text.className = warned || get() > border ? 'warn' : 'weak';
-      put(text, `Expected to be stable up to ${roundedDown(border)} N m/rad (mark)`);
+      // The border of one is that with what the others have now.
+      const others = this.rig.stable.length - 1;
+      const up = `stable up to ${roundedDown(border)} N m/rad`;
+      put(text, others > 0 ? `Expected ${up}, the other${others > 1 ? 's' : ''} as set` : `Expected to be ${up} (mark)`);
     });
     return text;
   }
@@ -299,6 +302,7 @@ export class Controls {
       if (!border) return;
       const share = typeof border() === 'number' ? scale.place(border()) / slider.max : 1;
       mark.hidden = !(share < 1);
+      mark.dataset.at = mark.hidden ? '' : roundedDown(border());
       // The handle stays half its width of 1 rem away from the ends.
       mark.style.left = `calc(0.5rem + ${share} * (100% - 1rem))`;
     });

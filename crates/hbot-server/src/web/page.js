@@ -7,7 +7,7 @@ import { Link } from './link.js';
 import { length, rotation } from './maths.js';
 import { plot, plotCurves } from './plot.js';
 import { Rig, hasTorque } from './rig.js';
-import { Camera, draw } from './sphere.js';
+import { Camera, draw, shared } from './sphere.js';
 import { narrow, put, showMessages, showState, touch, withCode } from './state.js';
 
 /** States per second that the page asks for. */
@@ -208,6 +208,13 @@ function showScene() {
   showCurves();
 }
 
+/** The messages, below the bars where the window has room. */
+const told = Object.assign(document.createElement('div'), { id: 'told' });
+told.append($('messages').previousElementSibling, $('messages'));
+const tall = matchMedia('(min-width: 44.01rem) and (min-height: 44.01rem)');
+tall.onchange = () => $(tall.matches ? 'left' : 'right').append(told);
+tall.onchange();
+
 for (const id of ['legend', 'torque', 'angle', 'curves']) $(id).title = $('terms').textContent;
 
 function showRights() {
@@ -225,7 +232,21 @@ function showRights() {
     list.replaceChildren(...rig.warnings.map(({ effect, what, why, remedy }) => {
       const item = document.createElement('li');
       if (remedy) item.append(Object.assign(document.createElement('strong'), { textContent: remedy.replaceAll('`', '') }));
-      item.append(...withCode([effect, what, why].filter(Boolean).join(': ')));
+      const text = document.createElement('span');
+      text.append(...withCode([effect, what, why].filter(Boolean).join(': ')));
+      item.append(text);
+      // What follows the first sentence of a warning that is not urgent.
+      if (!remedy && /\. /.test(what)) {
+        text.className = 'folded';
+        const more = Object.assign(document.createElement('button'), { type: 'button', textContent: 'More' });
+        more.setAttribute('aria-expanded', 'false');
+        more.onclick = () => {
+          const folded = text.classList.toggle('folded');
+          more.setAttribute('aria-expanded', String(!folded));
+          put(more, folded ? 'More' : 'Less');
+        };
+        item.append(more);
+      }
       return item;
     }));
   }
@@ -331,7 +352,7 @@ function showPlot() {
     plot($('angle'), samples, colours, {
       name: `angle from ${rig.origin}${rig.origin === 'N' ? " (the rig's frame)" : ''}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
       // Beyond half a turn the least rotation is the other way round.
-      jump: Math.PI });
+      jump: Math.PI, steps: true });
     showCurves();
   }
 }
@@ -341,14 +362,28 @@ function showCurves() {
   if (rig.curves) plotCurves($('curves'), rig.presentCurves, rig.present, rig.isLive, colours, rig.info?.limits.torque ?? 0);
 }
 
-/** Puts the force above the hand and its arrow, whose ends are `points` on the canvas. A finger hides more than a mouse. */
-function placeGrip(points) {
-  if (!points) return;
-  const [[x, from], [, to]] = points;
+/**
+ * Puts the force beside the hand and its arrow, whose ends are given, where it covers least of the
+ * rectangles that are `full`, all on the canvas. Above it if it can. A finger hides more than a
+ * mouse. Returns its own rectangle.
+ */
+function placeGrip([[x, y], [, toY]], full) {
   const { style, offsetWidth: width, offsetHeight: height } = $('grip');
-  const most = $('picture').clientWidth - width;
-  style.left = `${Math.max(0, Math.min(most, x - width / 2))}px`;
-  style.top = `${Math.max(0, $('sphere').offsetTop + Math.min(from - (touch.matches ? 50 : 12), to - 12) - height)}px`;
+  const { clientWidth, offsetTop: top } = $('sphere');
+  const most = $('picture').clientHeight - top - height;
+  const room = touch.matches ? 50 : 12;
+  const [above, below] = [Math.min(y - room, toY - 12) - height, Math.max(y, toY) + 12];
+  const aside = [0, -width / 3, width / 3];
+  const rows = [above, below, above - height, below + height];
+  const places = rows.flatMap((row) => aside.map((part) => [x - width / 2 + part, row])).map(([left, upper]) => {
+    const at = [Math.max(0, Math.min(clientWidth - width, left)), Math.max(-top, Math.min(most, upper))];
+    return [...at, at[0] + width, at[1] + height];
+  });
+  const covered = places.map((rect) => full.reduce((sum, other) => sum + shared(rect, other), 0));
+  const best = places[covered.indexOf(Math.min(...covered))];
+  style.left = `${best[0]}px`;
+  style.top = `${top + best[1]}px`;
+  return best;
 }
 
 let head = '';
@@ -356,7 +391,7 @@ function frame(now) {
   asked = false;
   if (hand.step((now - last) / 1000)) changed();
   last = now;
-  placeGrip(draw($('sphere'), rig, camera, colours, hand.held));
+  draw($('sphere'), rig, camera, colours, hand.held, placeGrip);
   // For whoever measures: the tick that the picture shows.
   $('sphere').dataset.tick = rig.state?.tick ?? '';
   if (now - plotted > PLOT_EVERY) {

@@ -12,6 +12,11 @@ const TOLERANCE = 0.25;
 /** Time between two samples from which on no line joins them, s. */
 const GAP = 0.5;
 
+/** A reference that has stood still for so long steps if it changes, s. */
+const STOOD = 0.3;
+/** A part of a quaternion that changes by less than this stands still. */
+const STILL = 1e-9;
+
 /** Prepares a canvas for its present size and resolution. Returns its context and CSS size. */
 export function prepare(canvas) {
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -54,13 +59,30 @@ function trace(c, points, x, y) {
   if (last) c.lineTo(...last);
 }
 
+const same = (p, q) => p === q || Boolean(p && q && p.every((x, k) => Math.abs(x - q[k]) < STILL));
+
+/**
+ * Whether the reference jumps at this sample: it has stood still for STOOD before, and stands after.
+ * One that moves, or that a client streams, is no step.
+ */
+function isStep(samples, k) {
+  const [before, now] = [samples[k - 1].reference ?? null, samples[k].reference ?? null];
+  if (same(before, now)) return false;
+  if (before === null || now === null) return true;
+  for (let i = k - 2; i >= 0 && samples[k - 1].t - samples[i].t < STOOD; i -= 1) {
+    if (!same(samples[i].reference, before)) return false;
+  }
+  return k + 1 === samples.length || same(now, samples[k + 1].reference);
+}
+
 /**
  * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
  * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With
  * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn once a sample comes near. A
- * change by more than `jump` is no line, nor is a time without samples.
+ * change by more than `jump` is no line, nor is a time without samples. With `steps`, nor
+ * is a step of the reference. Values that come near to `jump` have it as the end of their axis.
  */
-export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity }) {
+export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity, steps }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -72,8 +94,9 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   const runs = [];
   shown.forEach((sample, k) => {
-    const gap = k > 0 && sample.t - shown[k - 1].t > GAP;
-    if (k === 0 || gap || length(add(of(sample), scaled(of(shown[k - 1]), -1))) > jump) runs.push([]);
+    const before = shown[k - 1];
+    if (k === 0 || sample.t - before.t > GAP || length(add(of(sample), scaled(of(before), -1))) > jump
+      || (steps && isStep(shown, k))) runs.push([]);
     runs.at(-1).push(sample);
   });
   let most = least;
@@ -82,7 +105,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   // The line needs room above it.
   const limited = limit > 0 && most > 0.8 * limit;
-  const end = roundUp(limited ? Math.max(most, 1.1 * limit) : most);
+  const end = most > 0.6 * jump ? jump : roundUp(limited ? Math.max(most, 1.1 * limit) : most);
   const x = (t) => left + (width - left - right) * (1 + (t - now) / SPAN);
   const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
   c.font = '12px system-ui, sans-serif';
@@ -98,7 +121,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
     c.globalAlpha = 1;
     c.fillStyle = colours.weak;
     c.textAlign = 'right';
-    c.fillText(`${+v.toPrecision(2)}`, left - 5, y(v));
+    c.fillText(`${+v.toPrecision(v === Math.round(v) ? 2 : 3)}`, left - 5, y(v));
   }
   c.textAlign = 'center';
   for (const t of [-SPAN, -SPAN / 2, 0]) {

@@ -5,6 +5,8 @@ import { conjugate, length, normalised, product, rotation } from './maths.js';
 
 /** If no state arrives for this time, the server is silent, ms. */
 const SILENT_AFTER = 1500;
+/** While a stop is not confirmed, a silence of this time is enough, ms. */
+const SILENT_AFTER_STOP = 500;
 /** A stop that is not confirmed after the first time is told, and after the second an alarm, ms. */
 const [CONFIRMED_SOON, CONFIRMED_WITHIN] = [200, 1000];
 /** Samples are kept for this time, s. */
@@ -23,6 +25,8 @@ const PUSHES = /^(N m(\/rad)?|kg)$/;
 const RECENT = 0.5;
 /** The torque is at its limit if it is this part of it or more for so long, s. */
 const [AT_LIMIT, AT_LIMIT_S] = [0.95, 0.2];
+/** Part of the torque that the limits cut: the least that is told. */
+export const LEAST_TOLD = 0.01;
 
 /** The end of the message about a client that has taken over. */
 const TAKEN = ' has taken over command';
@@ -192,7 +196,8 @@ export class Rig {
     this.state = state;
     this.heard = performance.now();
     this.origin = state.reference ? 'reference' : 'N';
-    this.samples.push({ t: state.t, omega: state.omega, torque: state.torque, angle: this.deflection(state) });
+    this.samples.push({ t: state.t, omega: state.omega, torque: state.torque, scale: state.scale,
+      mode: state.mode, reference: state.reference, angle: this.deflection(state) });
     const old = state.t - SPAN - 1;
     if (this.samples.length > MOST_SAMPLES || this.samples[0].t < old - 1) {
       this.samples = this.samples.filter((sample) => sample.t >= old).slice(-MOST_SAMPLES);
@@ -250,6 +255,21 @@ export class Rig {
   get isAtLimit() {
     const limit = this.info?.limits.torque;
     return hasTorque(this.state?.mode) && limit > 0 && this.last(AT_LIMIT_S, 'torque').every((it) => length(it) >= AT_LIMIT * limit);
+  }
+
+  /** Whether the limits have cut the torque for a while. */
+  get isCut() {
+    return this.last(AT_LIMIT_S, 'mode').every((it) => it === 'active')
+      && this.last(AT_LIMIT_S, 'scale').every((it) => 1 - it >= LEAST_TOLD);
+  }
+
+  /** Returns the names of the parameters that make a torque at rest, by the units that `info` tells. */
+  get pushing() {
+    const names = (this.info?.scene?.effect ?? []).flatMap((effect) => (
+      Object.entries(this.kind(effect.kind)?.schema.properties ?? {})
+        .filter(([key, { unit = '' }]) => PUSHES.test(unit) && this.value(effect, key))
+        .map(([key]) => key.replaceAll('_', ' '))));
+    return [...new Set(names)];
   }
 
   /** Returns the warnings that the scene may shake the sphere. */
@@ -316,7 +336,7 @@ export class Rig {
   /** Returns the time since the last state if it is too long, s. Otherwise null. */
   get silentFor() {
     const silent = performance.now() - this.heard;
-    return this.hello && silent > SILENT_AFTER ? silent / 1000 : null;
+    return this.hello && silent > (this.unconfirmedStop ? SILENT_AFTER_STOP : SILENT_AFTER) ? silent / 1000 : null;
   }
 
   get isLive() {

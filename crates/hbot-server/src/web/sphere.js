@@ -11,6 +11,11 @@ const NAME = 20;
 /** Length of the torque's arrow: the least, and what the rig's limit adds. */
 const TORQUE = [0.14, 0.26];
 const CIRCLE = 48;
+/** Height of a text, px. Where it may stand: turned from the usual direction, rad, and further, px. */
+const LINE = 14;
+const PLACES = [[0, 0], [0.6, 0], [-0.6, 0], [0, 12], [1.2, 4], [-1.2, 4], [0.6, 16], [-0.6, 16], [0, 28], [1.9, 8], [-1.9, 8], [Math.PI, 8]];
+/** A text stays where it is unless another place has this much less of its area covered, px². */
+const STAYS = 24;
 /** The band from the hand to the pointer: its least length, and the ring at its end, px. */
 const [BAND, RING] = [24, 5];
 
@@ -65,9 +70,16 @@ export function place(width, height) {
   return { x: width / 2, y: height / 2, radius: Math.max(10, half / REACH, (half - NAME) / AXIS) };
 }
 
+/** Returns the area that two rectangles `[left, top, right, bottom]` share, px². */
+export const shared = (a, b) => Math.max(0, Math.min(a[2], b[2]) - Math.max(a[0], b[0]))
+  * Math.max(0, Math.min(a[3], b[3]) - Math.max(a[1], b[1]));
+
+/** Which of its places each text has on a canvas. */
+const taken = new Map();
+
 class Drawing {
   constructor(context, frame, at, colours) {
-    Object.assign(this, { c: context, frame, at, colours });
+    Object.assign(this, { c: context, frame, at, colours, texts: [], full: [] });
   }
 
   point(p) {
@@ -131,25 +143,59 @@ class Drawing {
     this.head(this.point(from), this.point(to), 5 + 2 * width, colour, this.hides(to) ? 0.35 : 1);
   }
 
-  /** Writes a text `beyond` px behind the point p, seen from the centre. Its edge is that of the ground. */
+  /** Notes a text for `write`, to stand `beyond` px behind the point p, seen from the centre. */
   text(p, text, colour, beyond = 0) {
-    const { c } = this;
-    const [x0, y0] = this.point(p);
+    this.texts.push({ at: this.point(p), text, colour, beyond });
+  }
+
+  /** Returns the rectangle of a noted text at one of its places. */
+  rectangle({ at: [x0, y0], text, beyond }, [turned, further]) {
     const [dx, dy] = [x0 - this.at.x, y0 - this.at.y];
-    const run = Math.hypot(dx, dy);
     // An axis along the line of sight has no direction in the picture.
-    const [ux, uy] = run > 1 ? [dx / run, dy / run] : [0.7, -0.7];
+    const way = (Math.hypot(dx, dy) > 1 ? Math.atan2(dy, dx) : -Math.PI / 4) + turned;
+    const half = this.c.measureText(text).width / 2;
     // A long text begins where a short one would.
-    const more = Math.max(0, c.measureText(text).width / 2 - NAME / 2);
-    const [x, y] = [x0 + (beyond + more) * ux, y0 + beyond * uy];
-    c.strokeStyle = this.colours.ground;
-    c.lineWidth = 3;
-    c.lineJoin = 'round';
-    c.textAlign = 'center';
-    c.textBaseline = 'middle';
-    c.strokeText(text, x, y);
-    c.fillStyle = colour;
-    c.fillText(text, x, y);
+    const more = Math.max(0, half - NAME / 2);
+    const [x, y] = [x0 + (beyond + further + more) * Math.cos(way), y0 + (beyond + further) * Math.sin(way)];
+    return [x - half, y - LINE / 2, x + half, y + LINE / 2];
+  }
+
+  /**
+   * Writes the noted texts where they cover least of the rectangles `full` and of each other, and
+   * are within the picture. The edge of a text is that of the ground.
+   */
+  write(full, [width, height]) {
+    const { c } = this;
+    const room = [...full];
+    for (const noted of this.texts) {
+      const costs = PLACES.map((place, k) => {
+        const rect = this.rectangle(noted, place);
+        const inside = shared(rect, [0, 0, width, height]) - (rect[2] - rect[0]) * LINE;
+        return room.reduce((sum, other) => sum + shared(rect, other), 0) - 4 * inside + 2 * k;
+      });
+      let best = costs.indexOf(Math.min(...costs));
+      const last = taken.get(noted.text);
+      if (last !== undefined && costs[last] < costs[best] + STAYS) best = last;
+      taken.set(noted.text, best);
+      const rect = this.rectangle(noted, PLACES[best]);
+      room.push(rect);
+      const [x, y] = [(rect[0] + rect[2]) / 2, (rect[1] + rect[3]) / 2];
+      c.strokeStyle = this.colours.ground;
+      c.lineWidth = 3;
+      c.lineJoin = 'round';
+      c.textAlign = 'center';
+      c.textBaseline = 'middle';
+      c.strokeText(noted.text, x, y);
+      c.fillStyle = noted.colour;
+      c.fillText(noted.text, x, y);
+    }
+    this.texts = [];
+  }
+
+  /** Returns a square around a point, of `reach` px to each side. */
+  around(p, reach) {
+    const [x, y] = this.point(p);
+    return [x - reach, y - reach, x + reach, y + reach];
   }
 
   dot(p, radius, colour, filled = true) {
@@ -193,6 +239,7 @@ class Drawing {
     for (const axis of AXES.map((axis) => rotated(q, axis))) {
       this.line(segment(axis, scaled(axis, 1.16)), colour, 1.5, [1, 0.3], { dashed: true });
       this.dot(scaled(axis, 1.16), 4, colour, false);
+      this.full.push(this.around(scaled(axis, 1.16), 4));
     }
   }
 
@@ -201,6 +248,7 @@ class Drawing {
       const [tip, colour] = [rotated(q, axis), this.colours.axes[k]];
       this.arrow([0, 0, 0], scaled(tip, AXIS), colour, 2.5);
       if (!this.hides(tip)) this.dot(tip, 3.5, colour);
+      this.full.push(this.around(scaled(tip, AXIS), 3));
       this.text(scaled(tip, AXIS), `s${k + 1}`, colour, 13);
     });
   }
@@ -231,6 +279,10 @@ class Drawing {
     ctx.stroke();
     ctx.globalAlpha = 1;
     this.arrow(add(centre, scaled(rolling, -0.3)), add(centre, scaled(rolling, 0.3)), colour, 1.5);
+    const bounds = [centre, ...angles(8).map(rim)].map((p) => this.point(p));
+    const ends = (k, all) => [Math.min(...all.map((it) => it[k])), Math.max(...all.map((it) => it[k]))];
+    const [[left, right], [top, bottom]] = [ends(0, bounds), ends(1, bounds)];
+    this.full.push([left, top, right, bottom], ...[-0.3, 0.3].map((s) => this.around(add(centre, scaled(rolling, s)), 4)));
     this.text(scaled(axis, 1 + 2 * r), `wheel ${wheel.name ?? '?'}`, colour, 13);
   }
 
@@ -242,6 +294,7 @@ class Drawing {
     const colour = this.colours.torque;
     const tip = 1 + TORQUE[0] + TORQUE[1] * Math.min(share, 1);
     this.arrow(direction, scaled(direction, tip), colour, 5);
+    this.full.push(this.around(scaled(direction, tip), 8), this.around(scaled(direction, 1.08), 8));
     // An arc about the arrow shows the sense of rotation, by the right-hand rule.
     const [a, b] = across(direction);
     const arc = angles(20, 4.6).map((t) => add(
@@ -288,14 +341,18 @@ class Drawing {
   }
 }
 
-/** Draws the picture. `held` is where a hand holds the sphere, or null. Returns the ends of its force on the canvas, px. */
-export function draw(canvas, rig, camera, colours, held) {
+/**
+ * Draws the picture. `held` is where a hand holds the sphere, or null. Then `label(ends, full)` gets
+ * the ends of its force on the canvas and the rectangles that are full there, px, and returns the
+ * one of its own text.
+ */
+export function draw(canvas, rig, camera, colours, held, label) {
   const { context, width, height } = prepare(canvas);
   const drawing = new Drawing(context, camera.frame, place(width, height), colours);
   const { state, info } = rig;
   const limit = info?.limits.torque ?? 0;
   // Without a state there is no pose to show.
-  if (!state) return null;
+  if (!state) return;
   const { q } = state;
   context.font = '13px system-ui, sans-serif';
   drawing.sphere(q);
@@ -305,6 +362,7 @@ export function draw(canvas, rig, camera, colours, held) {
     state.joints[2 * k]?.angle ?? 0, state.joints[2 * k + 1]?.angle ?? 0));
   drawing.torque(state.torque, limit);
   const grip = held && drawing.grip(rotated(q, held.grip), held.pointer, state.torque, limit);
+  const usual = drawing.texts.map((text) => drawing.rectangle(text, PLACES[0]));
   const corner = new Drawing(context, camera.frame, { x: width - 42, y: 40, radius: 20 }, colours);
   AXES.forEach((axis, k) => {
     const colour = colours.axes[k];
@@ -316,5 +374,12 @@ export function draw(canvas, rig, camera, colours, held) {
     context.stroke();
     corner.text(axis, `n${k + 1}`, colour, 11);
   });
-  return grip;
+  corner.write([], [width, height]);
+  const full = [...drawing.full, [width - 80, 0, width, 80]];
+  if (grip) {
+    const [from, to] = grip;
+    const along = [0, 0.5, 1].map((part) => from.map((x, k) => x + part * (to[k] - x)));
+    full.push(label(grip, [...usual, ...full]), ...along.map(([x, y]) => [x - 8, y - 8, x + 8, y + 8]));
+  }
+  drawing.write(full, [width, height]);
 }

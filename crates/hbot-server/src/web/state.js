@@ -1,12 +1,12 @@
 // The state of the rig in words: badge, headline, what to do, the buttons' rights and the bars.
 
-import { hasTorque } from './rig.js';
+import { LEAST_TOLD, hasTorque } from './rig.js';
 import { length } from './maths.js';
 
 /** From this rate on, the page says that the sphere still turns without torque, rad/s. */
 const TURNS = 0.1;
-/** Part of the torque that the limits cut: the least that its bar shows, and that the box tells. */
-const [LEAST_SHOWN, LEAST_TOLD] = [0.0005, 0.01];
+/** Part of the torque that the limits cut: the least that its bar shows. */
+const LEAST_SHOWN = 0.0005;
 /** Part of a limit from which a bar says that it is near. */
 const NEAR = 0.7;
 
@@ -66,7 +66,7 @@ function details(rig) {
   const state = rig.state;
   const mode = rig.info?.modes?.find((mode) => mode.name === state?.mode)?.sentence ?? '';
   const old = rig.silentFor !== null && state
-    ? [['', `What is shown is old. The last mode was ${state.mode}.`]] : [];
+    ? [['', `${narrow.matches ? '' : 'What is shown is old. '}The last mode was ${state.mode}.`]] : [];
   if (stop) {
     const ends = 'This message ends when a state shows no torque.';
     // What was wrong is over where the rig is heard again.
@@ -109,7 +109,8 @@ function details(rig) {
     const { fault: before, remedy } = rig.faultBefore ?? {};
     const what = rig.info?.faults?.find((fault) => fault.name === before)?.sentence ?? '';
     return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)],
-      ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', remedy ?? '']];
+      // How to go on stands above.
+      ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', (remedy ?? '').replace(/[:,]? Reset, then Enable\b/, '')]];
   }
   if (rig.isStopping) return [['strong', 'STOP sent, not confirmed yet.']];
   if (rig.shakes) {
@@ -121,6 +122,11 @@ function details(rig) {
   if (isWarned(rig)) {
     const [first] = rig.unstable;
     return [['strong warn', first.remedy], ['warn', `Warning: ${brief(first)}.`]];
+  }
+  if (isStrained(rig)) {
+    const few = narrow.matches || rig.warnings.length > 0;
+    return [['strong cut', rig.pushing.length > 0 ? `Lower ${rig.pushing.slice(0, 2).join(' or ')}, or push less.` : 'Ask for less torque.'],
+      ['', few ? '' : 'The scene asks for more torque than the limits let through.']];
   }
   if (state.mode === 'idle' && (rig.refusal?.op === 'enable' || rig.isFar)) return notEnabled(rig);
   // Motors can hurt a hand.
@@ -160,6 +166,12 @@ $('box').append(notice);
 /** Whether the sphere can push by a scene that may shake it. */
 const isWarned = (rig) => hasTorque(rig.state?.mode) && rig.unstable.length > 0;
 
+/** Whether the limits keep the scene from being felt as it is meant. */
+const isStrained = (rig) => rig.isCut || rig.isAtLimit;
+
+/** Whether the sphere turns without torque, fast enough to tell. */
+const stillTurns = (rig) => rig.isCertain && !rig.unconfirmedStop && !hasTorque(rig.state.mode) && length(rig.state.omega) > TURNS;
+
 /**
  * Returns the sentences at the end of the box as `[class, text]`: that the sphere turns, or what is
  * cut, that nobody commands, and a warning.
@@ -169,7 +181,7 @@ function noticed(rig) {
   if (!isCertain || rig.unconfirmedStop) return [];
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
-  if (!hasTorque(state.mode) && speed > TURNS && !isFast) return [['turns', `The sphere still turns: ${speed.toFixed(2)}\u00a0rad/s`]];
+  if (stillTurns(rig) && !isFast) return [['turns', `The sphere still turns: ${speed.toFixed(2)}\u00a0rad/s`]];
   const warned = shakes || isWarned(rig);
   const short = warned || (narrow.matches && warnings.length > 0);
   const cut = 1 - state.scale;
@@ -191,7 +203,7 @@ function noticed(rig) {
 /** Returns what a warning says without its reasons, for the box. */
 function brief({ effect, what, shakes }) {
   // Where it shakes stands at the scene.
-  const text = narrow.matches && shakes ? 'may shake the sphere' : what;
+  const [text] = (narrow.matches && shakes ? 'may shake the sphere' : what).split('. ');
   return (effect ? `${effect}: ${text}` : text).replaceAll('`', '');
 }
 
@@ -209,11 +221,18 @@ function fit() {
   const box = $('box');
   box.classList.remove('long');
   $('meters').prepend(...KEPT.map(({ row }) => row));
+  const told = $('told');
+  told.style.marginTop = '';
   const long = box.scrollHeight > box.clientHeight;
   box.classList.toggle('long', long);
-  if (!long || !roomy.matches) return;
-  kept.append(...KEPT.map(({ row }) => row));
-  if (box.scrollHeight > box.clientHeight) $('meters').prepend(...kept.children);
+  if (!long) return;
+  if (roomy.matches) {
+    kept.append(...KEPT.map(({ row }) => row));
+    if (box.scrollHeight > box.clientHeight) $('meters').prepend(...kept.children);
+  }
+  // A still longer one pushes the messages down.
+  const over = box.getBoundingClientRect().bottom - told.getBoundingClientRect().top;
+  if (told.parentElement.id === 'left' && over > 0) told.style.marginTop = `${Math.ceil(over)}px`;
 }
 window.addEventListener('resize', fit);
 
@@ -230,7 +249,7 @@ function showNotice(sentences) {
 /** Returns what the colour of the headline says beside the mode. */
 function mood(rig) {
   if (!rig.isCertain || !hasTorque(rig.state.mode) || rig.headline === 'NOT STOPPED') return '';
-  return rig.shakes ? ': shakes' : isWarned(rig) ? ': warning' : rig.isAtLimit ? ': at limit' : '';
+  return rig.shakes ? ': shakes' : isWarned(rig) ? ': warning' : isStrained(rig) ? ': at limit' : '';
 }
 
 let shown = '';
@@ -243,7 +262,8 @@ export function showState(rig) {
   // Before the text is fitted, because it has another place then.
   document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
   document.body.classList.toggle('warned', rig.isCertain && isWarned(rig));
-  document.body.classList.toggle('strained', rig.isCertain && rig.isAtLimit);
+  document.body.classList.toggle('strained', rig.isCertain && isStrained(rig));
+  document.body.classList.toggle('turning', stillTurns(rig));
   // A rate that changes keeps its length.
   const key = JSON.stringify([head, lines, line.length]);
   if (key !== shown) {
@@ -259,7 +279,7 @@ export function showState(rig) {
     }));
     fit();
   }
-  document.body.classList.toggle('old', !rig.isCertain);
+  document.body.classList.toggle('old', !rig.isLive);
   bar(rig);
   orders(rig);
   meters(rig);
@@ -307,6 +327,9 @@ function orders(rig) {
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped && !rig.isFast);
   $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper);
+  // Only the next step stands out.
+  const next = !$('enable').disabled ? 'enable' : mode !== 'fault' && !$('recover').disabled ? 'recover' : 'reset';
+  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled);
   $('recover').title = rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
     : stopped && rig.isFar ? `The sphere may be too far from the reference. ${cure(rig)} Or press Reset, then Enable`
     : 'Reset and Enable in one step. The sphere must be near the reference';
@@ -314,12 +337,14 @@ function orders(rig) {
   const { away } = rig;
   $('distance').classList.toggle('warn', rig.isFar);
   put($('distance'), !rig.state ? `Distance: not known ${rig.hello ? 'yet' : 'without a connection'}.`
+    : !rig.isLive && away !== null ? `${away.toFixed(2)} rad from reference, as last heard`
     : away === null ? 'No reference: Enable works at any orientation.'
       // While the scene is rendered, it has begun elsewhere.
       : rig.beginsHere ? hasTorque(mode) ? `${away.toFixed(2)} rad from reference` : 'The scene begins where the sphere is.'
         : stopped && rig.isFar ? `${away.toFixed(2)} rad from reference: ${
           rig.isSimulated ? 'set its anchor to here' : `turn to within ${allowed.toFixed(2)}`}`
-          : `${away.toFixed(2)} rad from reference (enable: up to ${allowed?.toFixed(2) ?? '-'})`);
+          : `${away.toFixed(2)} rad from reference${allowed === undefined ? '' : narrow.matches
+            ? hasTorque(mode) ? '' : `; Enable works to ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
 }
 
 function meters(rig) {
@@ -340,8 +365,8 @@ function meters(rig) {
   METERS.forEach(({ meter, figures, name }, k) => {
     const [value, text] = values[k];
     meter.value = Math.min(value, 1);
-    // A sphere that shakes is never as it should be, however slow.
-    if (name === 'Speed') meter.low = rig.isCertain && rig.shakes ? LEAST_SHOWN : NEAR;
+    // A sphere that shakes, or turns without torque, is never as it should be, however slow.
+    if (name === 'Speed') meter.low = (rig.isCertain && rig.shakes) || stillTurns(rig) ? LEAST_SHOWN : NEAR;
     meter.setAttribute('aria-valuetext', `${name}: ${text}`);
     put(figures, text);
   });
