@@ -49,6 +49,11 @@ impl History {
         self.last(seconds).map(|sample| sample.omega.length()).fold(0.0, f64::max)
     }
 
+    /// Returns the largest torque on the sphere in the last `seconds` seconds, N m.
+    pub(crate) fn strongest(&self, seconds: f64) -> f64 {
+        self.last(seconds).map(|sample| sample.torque.length()).fold(0.0, f64::max)
+    }
+
     /// Returns whether the torque was at least `torque`, N m, in all of the last `seconds` seconds.
     pub(crate) fn pushes_with(&self, torque: f64, seconds: f64) -> bool {
         let known = self.samples.front().zip(self.newest());

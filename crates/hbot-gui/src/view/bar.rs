@@ -5,7 +5,7 @@ use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
 use super::state::has_keys;
-use super::theme::{LIVE, Palette, badge, heading, lamp, named, weak};
+use super::theme::{LIVE, Palette, badge, heading, lamp, leading, named, weak};
 use crate::model::{Link, Model, has_torque};
 use crate::net::{Intent, Lease};
 
@@ -110,8 +110,13 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
         Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
         Lease::Other(holder) => (format!("you observe, {} commands", model.other(holder)), palette.warn),
     };
-    let color = if model.is_certain() { color } else { palette.weak };
-    ui.add(egui::Label::new(RichText::new(text).color(color)).truncate());
+    let who = |ui: &mut Ui, color| ui.add(egui::Label::new(RichText::new(text).color(color)).truncate());
+    if model.is_certain() {
+        who(ui, color);
+    } else {
+        // As grey as the bars.
+        ui.add_enabled_ui(false, |ui| who(ui, palette.text));
+    }
 }
 
 /// Asks whether the user really wants to take the lease from a client whose scene pushes now. The
@@ -146,8 +151,7 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
                     desk.taking_over = None;
                 }
                 // The safe answer stands out, and Enter gives it.
-                let text = RichText::new("Cancel").strong().color(ui.visuals().panel_fill);
-                let cancel = ui.add(egui::Button::new(text).fill(Palette::of(ui).text));
+                let cancel = ui.add(leading(ui, "Cancel"));
                 if is_new {
                     cancel.request_focus();
                 }

@@ -7,6 +7,7 @@ use egui_plot::{GridMark, Line, LineStyle, Plot, PlotBounds, Points as Dots};
 use hbot_config::sweep::Points;
 use hbot_core::rotation;
 
+use super::plots::{figure, vertical};
 use super::pointer::{self, Reading};
 use super::theme::{Palette, weak};
 use super::{Desk, faded_unless_live};
@@ -18,8 +19,10 @@ const HEIGHT: f32 = 130.0;
 /// The vertical axis ends at this multiple of the rig's torque limit at most. Walls that are many
 /// times as strong would flatten everything that the hand can feel.
 const BEYOND: f64 = 1.25;
+/// Least width of the vertical axis, points. It holds a number such as -0.02.
+const Y_AXIS_WIDTH: f32 = 42.0;
 /// The vertical axis extends at least this far, N m.
-const LEAST: f64 = 0.02;
+const LEAST: f64 = 0.002;
 
 /// Draws the torque about n1, n2 and n3 against the angle about each, with a dot for each axis. All
 /// is grey unless it is what the rig does now.
@@ -62,7 +65,9 @@ fn draw(ui: &mut Ui, model: &Model, curves: &[Points; 3]) {
         .auto_bounds(false)
         .x_grid_spacer(quarter)
         .x_axis_formatter(degrees)
-        .y_axis_min_width(34.0)
+        .y_grid_spacer(vertical)
+        .y_axis_formatter(|mark, _| figure(mark))
+        .y_axis_min_width(Y_AXIS_WIDTH)
         .allow_drag(false)
         .allow_zoom(false)
         .allow_scroll(false)

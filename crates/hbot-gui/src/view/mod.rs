@@ -165,11 +165,13 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
             let online = model.is_online();
             let warnings = if online { desk.judged.warnings(&model.scene.shown()) } else { &[] };
-            state::show(ui, model, warnings, &mut intents);
+            let told = usize::from(state::show(ui, model, warnings, &mut intents));
             // A scene stays while the server is away, so that its sliders stay in their places.
             if model.is_online() || !model.scene.effects().is_empty() {
                 ui.separator();
-                ui.add_enabled_ui(model.may_command(), |ui| stiffness::show(ui, model, desk, &mut intents));
+                ui.add_enabled_ui(model.may_command(), |ui| {
+                    stiffness::show(ui, model, (desk, told), &mut intents)
+                });
             }
             ui.add_space(8.0);
         });

@@ -64,6 +64,15 @@ pub(super) fn rims<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Stroke)> {
     shapes(harness).into_iter().filter_map(of_shape).collect()
 }
 
+/// Returns the polygons that the last frame has filled with this colour.
+pub(super) fn polygons<S>(harness: &Harness<'_, S>, color: Color32) -> Vec<Rect> {
+    let of_shape = |(shape, _): (&Shape, Rect)| match shape {
+        Shape::Path(it) if it.fill == color => Some(it.visual_bounding_rect()),
+        _ => None,
+    };
+    shapes(harness).into_iter().filter_map(of_shape).collect()
+}
+
 /// Returns the horizontal places of the vertical lines that the last frame has painted.
 pub(super) fn vertical_lines<S>(harness: &Harness<'_, S>) -> Vec<f32> {
     let of_shape = |(shape, _): (&Shape, Rect)| match shape {

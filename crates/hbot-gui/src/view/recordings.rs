@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-use eframe::egui::{self, RichText, TextEdit, Ui};
+use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 use hbot_api::time_of_day;
 
 use super::Act;
@@ -13,6 +13,8 @@ use crate::model::Model;
 
 /// Time after which the folders are read again, to show new files.
 const LIST_EVERY: Duration = Duration::from_secs(2);
+/// Width of the buttons beside the fields, which end where all else in the tab does, points.
+const BUTTON: f32 = 76.0;
 /// Largest number of files of a folder in the list, the newest.
 const MOST_FILES: usize = 12;
 
@@ -75,11 +77,12 @@ fn record(ui: &mut Ui, model: &Model, reels: &mut Reels, acts: &mut Vec<Act>) {
         return;
     }
     ui.horizontal(|ui| {
-        let width = ui.available_width() - 84.0;
+        let width = ui.available_width() - BUTTON - ui.spacing().item_spacing.x;
         let hint = "name, or empty for the time";
         let field = TextEdit::singleline(&mut reels.name).hint_text(hint).desired_width(width);
         named(ui.add(field), "Name of the recording");
-        let button = ui.add_enabled(model.is_online(), egui::Button::new("Record"));
+        let button =
+            ui.add_enabled(model.is_online(), egui::Button::new("Record").min_size(vec2(BUTTON, 0.0)));
         if named(button, "Start recording").clicked() {
             acts.push(Act::Record(files::new_reel(&reels.folder, reels.name.trim(), SystemTime::now())));
             reels.name.clear();
@@ -91,12 +94,13 @@ fn record(ui: &mut Ui, model: &Model, reels: &mut Reels, acts: &mut Vec<Act>) {
 fn open(ui: &mut Ui, reels: &mut Reels, acts: &mut Vec<Act>) {
     heading(ui, "Open");
     ui.horizontal(|ui| {
-        let width = ui.available_width() - 84.0;
+        let width = ui.available_width() - BUTTON - ui.spacing().item_spacing.x;
         let field = TextEdit::singleline(&mut reels.path).hint_text("file, or drop one here");
         let response = named(ui.add(field.desired_width(width)), "Recording to open");
         let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
         let path = reels.path.trim();
-        let clicked = ui.add_enabled(!path.is_empty(), egui::Button::new("Open")).clicked();
+        let clicked =
+            ui.add_enabled(!path.is_empty(), egui::Button::new("Open").min_size(vec2(BUTTON, 0.0))).clicked();
         if (clicked || entered) && !path.is_empty() {
             acts.push(Act::Open(path.into()));
         }

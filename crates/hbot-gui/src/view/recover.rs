@@ -5,7 +5,7 @@ use eframe::egui::{Button, RichText, Ui, vec2};
 use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
-use super::theme::{Palette, coloured, weak};
+use super::theme::{Palette, coloured, leading, weak};
 use crate::model::sample::quaternion;
 use crate::model::{Model, has_torque};
 use crate::net::{Intent, Lease};
@@ -87,14 +87,26 @@ pub(crate) fn way_on(model: &Model) -> String {
     }
     let first = match (take, Distance::of(model)) {
         (Some(take), _) => take,
-        (_, Distance::Far(_)) if model.is_simulated() => {
-            "set the anchor to here in the tab Scene, then press"
-        }
+        (_, Distance::Far(_)) if model.is_simulated() => "press \"set its anchor to here\", then",
         (_, Distance::Far(_)) => "turn the sphere to its reference, then press",
         _ => "press",
     };
     let takes = if model.lease == Lease::Free && take.is_none() { ", which takes command" } else { "" };
     format!("No torque. To go on, {first} Recover{takes}.")
+}
+
+/// Returns the name of the button that is the next step of this user, if one of these is. In a
+/// fault it is the one that the remedy names.
+pub(crate) fn next_step(model: &Model) -> Option<&'static str> {
+    let far = matches!(Distance::of(model), Distance::Far(_));
+    match model.mode()? {
+        _ if !model.may_command() => None,
+        Mode::Fault => super::state::too_fast(model).is_none().then_some("Reset"),
+        Mode::Estop if model.other_stopper().is_some() => Some("Reset"),
+        Mode::Estop => (!far).then_some("Recover"),
+        Mode::Idle => (!far).then_some("Enable"),
+        _ => None,
+    }
 }
 
 /// Returns why the server would refuse to enable now because of the distance, and what to do about
@@ -105,7 +117,7 @@ pub(crate) fn refusal(model: &Model) -> Option<String> {
     let (id, allowed) = (effect.id(), model.info.limits.enable_max_angle);
     // Quicker than to turn the simulated sphere back by the mouse.
     let remedy = if model.is_simulated() {
-        format!("set its anchor to here, in the tab Scene or by `hbot set {id} anchor=here`")
+        format!("press \"set its anchor to here\" above, or type `hbot set {id} anchor=here`")
     } else {
         "turn the sphere nearer to the reference".to_owned()
     };
@@ -128,8 +140,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         "Reset and Enable in one step, with a soft start of half a second. The sphere must be near the reference",
     );
     ui.horizontal(|ui| {
-        let button = Button::new("Recover").min_size(vec2(76.0, 34.0));
-        let response = ui.add_enabled(enabled, button).on_hover_text(hint);
+        let leads = next_step(model) == Some("Recover");
+        let button = if leads { leading(ui, "Recover") } else { Button::new("Recover") };
+        let response = ui.add_enabled(enabled, button.min_size(vec2(76.0, 34.0))).on_hover_text(hint);
         if response.on_disabled_hover_text(hint).clicked() {
             intents.push(Intent::Recover);
         }
@@ -154,7 +167,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
                         && let Some((effect, _)) = model.scene.first_reference() =>
                 {
                     let text = RichText::new(text).color(Palette::of(ui).warn).size(12.0);
-                    if ui.add_enabled(model.may_command(), Button::new(text).wrap()).clicked() {
+                    // Two lines, as high as the button beside it, so that nothing below moves.
+                    ui.spacing_mut().button_padding.y = 1.0;
+                    let button = Button::new(text).wrap().min_size(vec2(0.0, 34.0));
+                    if ui.add_enabled(model.may_command(), button).clicked() {
                         let (effect, key) = (effect.id().to_owned(), "anchor".to_owned());
                         intents.push(Intent::Set { effect, key, value: "here".into() });
                     }

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::bar;
 use super::schema::{explain, words};
 use super::theme::{Palette, coloured, column, heading_text, named, weak};
-use super::{Act, Desk};
+use super::{Act, Desk, faded_unless_live};
 use super::{law, parameter};
 use crate::files;
 use crate::model::{Effect, Model};
@@ -20,6 +20,10 @@ use crate::net::Intent;
 const LIST_EVERY: Duration = Duration::from_secs(2);
 /// Height of the list of scenes, points.
 const LIST: f32 = 420.0;
+/// Widths of the buttons that load and save a scene, which end where all else in the tab does,
+/// points.
+const LOAD: f32 = 68.0;
+const SAVE: f32 = 88.0;
 /// Room for the words of [`bar::first`] and the gap before them, points.
 const OBSERVER_ROOM: f32 = 126.0;
 
@@ -53,15 +57,18 @@ impl Shelf {
 
 pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
     choose(ui, model, &mut desk.shelf, acts);
-    title(ui, model);
     // The shelf already shows the description of the scene that was picked.
     let above = desk.shelf.picked().map_or("", files::ShelfFile::said);
-    if !model.scene.description().is_empty() && model.scene.description() != above {
-        weak(ui, model.scene.description());
-    }
-    if model.scene.is_known() && model.scene.effects().is_empty() {
-        weak(ui, "This scene has no effects: nothing is rendered.");
-    }
+    ui.scope(|ui| {
+        faded_unless_live(ui, model);
+        title(ui, model);
+        if !model.scene.description().is_empty() && model.scene.description() != above {
+            weak(ui, model.scene.description());
+        }
+        if model.scene.is_known() && model.scene.effects().is_empty() {
+            weak(ui, "This scene has no effects: nothing is rendered.");
+        }
+    });
     law::show(ui, model, desk);
     let may = model.may_command();
     for effect in model.scene.effects() {
@@ -96,7 +103,7 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
     shelf.refresh();
     ui.horizontal(|ui| {
         let text = shelf.picked.as_ref().map_or_else(|| "choose a scene".to_owned(), files::Source::name);
-        let width = ui.available_width() - 76.0;
+        let width = ui.available_width() - LOAD - ui.spacing().item_spacing.x;
         let combo = ComboBox::from_id_salt("scenes").selected_text(text).width(width).height(LIST).truncate();
         let response = combo.show_ui(ui, |ui| {
             ui.set_width(width);
@@ -111,7 +118,7 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         });
         named(response.response, "Scene file");
         let enabled = model.may_command() && shelf.picked.is_some();
-        if ui.add_enabled(enabled, egui::Button::new("Load")).clicked()
+        if ui.add_enabled(enabled, egui::Button::new("Load").min_size(vec2(LOAD, 0.0))).clicked()
             && let Some(source) = &shelf.picked
         {
             acts.push(Act::LoadScene(source.clone()));
@@ -190,7 +197,7 @@ fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut 
 fn save(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
     ui.separator();
     ui.horizontal(|ui| {
-        let width = ui.available_width() - 96.0;
+        let width = ui.available_width() - SAVE - ui.spacing().item_spacing.x;
         let field = TextEdit::singleline(&mut shelf.save_as).hint_text("file name").desired_width(width);
         named(ui.add(field), "Save scene as");
         let name = shelf.save_as.trim();
@@ -198,7 +205,7 @@ fn save(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         let taken = !name.is_empty() && path.exists();
         let legal = !name.is_empty() && model.is_online();
         let text = if taken { "Overwrite" } else { "Save" };
-        if ui.add_enabled(legal, egui::Button::new(text)).clicked() {
+        if ui.add_enabled(legal, egui::Button::new(text).min_size(vec2(SAVE, 0.0))).clicked() {
             acts.push(Act::SaveScene(path));
             shelf.listed = None;
         }

@@ -11,12 +11,15 @@ use hbot_config::advice::Warning;
 
 use super::meters::{self, percent};
 use super::recover;
-use super::theme::{Palette, STOP, coloured, named, stripes, weak};
+use super::theme::{Palette, STOP, coloured, leading, named, stripes, weak};
 use crate::model::{Headline, Model, Refusal, has_torque};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points.
 const STATUS: [f32; 2] = [94.0, 158.0];
+/// Height of a window above which this text has more room, up to `MORE`, points.
+const USUAL: f32 = 774.0;
+const MORE: f32 = 46.0;
 /// Size of the word for the state, in a low and in a tall window, points.
 const HEADLINE: [f32; 2] = [20.0, 26.0];
 /// What replaces the advice to cut the motors' power.
@@ -87,18 +90,20 @@ pub(super) fn has_keys(ui: &Ui) -> bool {
 }
 
 /// Draws the buttons that enable, disable and reset the rig, what the rig does now, and how near it
-/// is to its limits. `warnings` are those about the running scene.
-pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &mut Vec<Intent>) {
+/// is to its limits. `warnings` are those about the running scene. Returns whether the first of
+/// them stands there in full.
+pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &mut Vec<Intent>) -> bool {
     orders(ui, model, intents);
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
     let size = usize::from(!is_low(ui));
+    let height = STATUS[size] + (ui.ctx().content_rect().height() - USUAL).clamp(0.0, MORE);
     if is_long(ui, model, warnings) {
-        status(ui, model, warnings, palette, STATUS[size] + BARS[size]);
-    } else {
-        status(ui, model, warnings, palette, STATUS[size]);
-        ui.add_enabled_ui(model.is_certain(), |ui| meters::show(ui, model, palette));
+        return status(ui, model, warnings, palette, height + BARS[size]);
     }
+    let in_full = status(ui, model, warnings, palette, height);
+    ui.add_enabled_ui(model.is_certain(), |ui| meters::show(ui, model, palette));
+    in_full
 }
 
 /// Returns whether the box takes the place of the bars.
@@ -114,7 +119,8 @@ fn is_long(ui: &Ui, model: &Model, warnings: &[Warning]) -> bool {
 
 /// Draws what the rig does now, and what the user must know about it, in a box whose text is
 /// `height` points high. So the sliders below it stay in their place; a longer text scrolls.
-fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, height: f32) {
+/// Returns whether the first warning stands there in full.
+fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, height: f32) -> bool {
     let headline = model.headline();
     // What is old stands in grey.
     let old = model.quiet_for().filter(|_| matches!(headline, Headline::Mode(_)));
@@ -170,13 +176,13 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
             (false, None) => 0.0,
         };
         let area = ScrollArea::vertical().id_salt("status").auto_shrink(false).min_scrolled_height(0.0);
-        let area = area.max_height(ui.available_height() - line);
-        area.show(ui, |ui| {
+        let room = ui.available_height() - line;
+        let area = area.max_height(room).show(ui, |ui| {
             if let Some(quiet) = old {
                 coloured(ui, palette.warn, format!("last heard {:.1} s ago", tenths(quiet)));
                 ui.disable();
             }
-            details(ui, model, warnings, headline, palette);
+            details(ui, model, (warnings, room), headline, palette)
         });
         if let Some(cut) = cut {
             coloured(ui, palette.torque, format!("Limits cut {} of the torque", percent(cut)));
@@ -186,6 +192,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
             let speed = DVec3::from(state.omega).length().max(model.history.fastest(RECENT_S));
             meters::show_speed(ui, speed, model, palette);
         }
+        area.inner
     });
     if headline == Headline::NotStopped {
         // The button STOP has the same colour, and this box cannot be pressed.
@@ -193,6 +200,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
         let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
         painter.set(ground, stripes(rect, Color32::WHITE, STOP));
     }
+    drawn.inner
 }
 
 /// Returns the part of the torque that the limits cut, if it is worth telling.
@@ -201,7 +209,15 @@ fn cut(model: &Model, headline: Headline) -> Option<f64> {
     Some(1.0 - state.scale).filter(|cut| *cut >= LEAST_CUT)
 }
 
-fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline, palette: Palette) {
+/// Draws what the user must know in the room of this height, and scrolls if it is more. Returns
+/// whether the first warning stands there in full.
+fn details(
+    ui: &mut Ui,
+    model: &Model,
+    (warnings, room): (&[Warning], f32),
+    headline: Headline,
+    palette: Palette,
+) -> bool {
     match (headline, &model.state) {
         (Headline::NotStopped, _) => {
             let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
@@ -235,7 +251,7 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
         (Headline::NoContact, _) => no_contact(ui, model, palette),
         (Headline::Mode(Mode::Fault), Some(state)) => {
             fault(ui, model, state, palette);
-            warned(ui, warnings, palette, false);
+            return warned(ui, (warnings, room), palette, None);
         }
         (Headline::Mode(Mode::Estop), _) => {
             match model.fault.as_ref().and_then(|told| told.by.as_ref()) {
@@ -246,7 +262,7 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
                 coloured(ui, palette.bad, format!("Before the stop: {fault}. {}", fault.words().0));
                 ui.add(egui::Label::new(cure_of(fault, Some(before))).wrap());
             }
-            warned(ui, warnings, palette, false);
+            return warned(ui, (warnings, room), palette, None);
         }
         (Headline::Mode(Mode::Idle), _)
             if let Some(text) = model
@@ -255,46 +271,59 @@ fn details(ui: &mut Ui, model: &Model, warnings: &[Warning], headline: Headline,
                 .map(Refusal::in_words)
                 .or_else(|| recover::refusal(model).map(|text| format!("No torque. {text}"))) =>
         {
-            turns(ui, model, palette);
             coloured(ui, palette.warn, text);
+            turns(ui, model, palette);
         }
         (Headline::Mode(mode), _) => {
             if mode == Mode::Idle {
                 turns(ui, model, palette);
             }
-            if let Some(shaking) = &model.shaking {
-                remedy(ui, palette, &cure(warnings, shaking.effect.as_deref()));
+            let cured = model.shaking.as_ref().map(|shaking| {
+                let cure = cure(warnings, shaking.effect.as_deref());
+                remedy(ui, palette, &cure);
                 coloured(ui, palette.warn, shaken(shaking));
-            }
+                cure
+            });
             if mode == Mode::Active && model.is_at_limit() && cut(model, headline).is_none() {
                 coloured(ui, palette.torque, "The torque is at its limit.");
             }
             if warnings.is_empty() {
                 weak(ui, mode.sentence());
             }
-            warned(ui, warnings, palette, model.shaking.is_some());
+            return warned(ui, (warnings, room), palette, cured.as_deref());
         }
         (Headline::NoState, _) => {
             weak(ui, if model.is_online() { "Waiting for the first state." } else { "Not connected." });
         }
     }
+    false
 }
 
 /// Draws the first warning about the scene: the list below the sliders can be out of sight when the
-/// user enables or recovers. `is_cured` is whether the box says what to do already.
-fn warned(ui: &mut Ui, warnings: &[Warning], palette: Palette, is_cured: bool) {
-    let Some(first) = warnings.first() else { return };
-    let text = if is_low(ui) { first.brief() } else { first.reason() };
+/// user enables or recovers. Without room for all of it, only what it warns of, and nothing if the
+/// box says what to do already (`cured`). Returns whether it stands there in full.
+fn warned(ui: &mut Ui, (warnings, room): (&[Warning], f32), palette: Palette, cured: Option<&str>) -> bool {
+    let Some(first) = warnings.first() else { return false };
     let cure = first.remedy_sentence();
     let color = if cure.is_some() { palette.text } else { palette.warn };
-    if let Some(cure) = cure.filter(|_| !is_cured) {
-        remedy(ui, palette, &cure);
+    if let Some(cure) = cure.as_deref().filter(|_| cured.is_none()) {
+        remedy(ui, palette, cure);
     }
-    let text = match warnings.len() {
+    let words = |text: String| match warnings.len() {
         1 => format!("Warning: {text}"),
         many => format!("The first of {many} warnings: {text}"),
     };
-    coloured(ui, color, text).on_hover_text(first.to_string());
+    let full = words(first.reason());
+    let text = egui::WidgetText::from(full.as_str());
+    let wrap = Some(egui::TextWrapMode::Wrap);
+    let height = text.into_galley(ui, wrap, ui.available_width(), TextStyle::Body).size().y;
+    let left = room - ui.min_rect().height() - ui.spacing().item_spacing.y;
+    let in_full = height <= left;
+    if in_full || cured.is_none() {
+        let text = if in_full { full } else { words(first.brief()) };
+        coloured(ui, color, text).on_hover_text(first.to_string());
+    }
+    in_full && (cured.is_none() || cured == cure.as_deref())
 }
 
 /// Returns what to do about a shaking of `effect`: what the warning of it says, or another one of
@@ -320,9 +349,9 @@ fn shaken(shaking: &ShakingEvent) -> String {
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
     coloured(ui, palette.bad, who);
-    turns(ui, model, palette);
     refused(ui, model, palette);
     ui.add(egui::Label::new(recover::way_on(model)).wrap());
+    turns(ui, model, palette);
 }
 
 /// Says that the user's last request to enable or reset was refused, and why, if it was.
@@ -420,6 +449,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let height = ORDER[usize::from(!is_low(ui))];
     let refusal = recover::refusal(model).filter(|_| mode == Some(Mode::Idle));
     let too_fast = too_fast(model);
+    let next = recover::next_step(model);
     let orders = [
         (
             "Enable",
@@ -442,8 +472,9 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     ];
     ui.horizontal(|ui| {
         for (name, intent, enabled, hint) in orders {
-            let button = Button::new(name).min_size(vec2(width, height));
-            let response = ui.add_enabled(enabled, button).on_hover_text(hint);
+            let leads = next == Some(name);
+            let button = if leads { leading(ui, name) } else { Button::new(name) };
+            let response = ui.add_enabled(enabled, button.min_size(vec2(width, height))).on_hover_text(hint);
             if response.on_disabled_hover_text(hint).clicked() {
                 intents.push(intent);
             }

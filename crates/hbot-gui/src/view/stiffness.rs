@@ -1,7 +1,7 @@
 //! Controls for the stiffness and damping of a spring. They are the panel's first purpose.
 
 use eframe::egui::style::HandleShape;
-use eframe::egui::{self, ComboBox, DragValue, Slider, SliderClamping, Stroke, Ui};
+use eframe::egui::{self, ComboBox, DragValue, Shape, Slider, SliderClamping, Stroke, Ui, pos2, vec2};
 use hbot_config::advice::{StiffnessKey, Warning, rounded_down};
 use serde_json::{Value, json};
 
@@ -25,12 +25,18 @@ const DAMPING_SHARE: f64 = 0.02;
 const LEAST_SHARE: f64 = 2e-4;
 /// A slider that is dragged this near to its mark stays at the mark, points.
 const CATCH: f32 = 4.0;
+/// Width of the field beside a slider, points.
+const FIELD: f32 = 70.0;
+/// Height of the flag on the mark, and half its width, points.
+const FLAG: f32 = 5.0;
 /// Hover texts of stiffness and damping, which also explain the units.
 const STIFFNESS: &str =
     "torque for each radian of turn. N m/rad: newton metres per radian, 1 rad is 57.3\u{b0}";
 const DAMPING: &str = "torque against each radian per second. N m s/rad: newton metres per radian per second";
 
-pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Vec<Intent>) {
+/// Draws the controls, and below them the warnings about the scene without the first `told`, which
+/// stand elsewhere.
+pub(crate) fn show(ui: &mut Ui, model: &Model, (desk, told): (&mut Desk, usize), intents: &mut Vec<Intent>) {
     if is_low(ui) {
         // The sentence on what is stable stays in sight.
         ui.spacing_mut().item_spacing.y = 2.0;
@@ -49,7 +55,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         let text =
             if known { "No effect of this scene has a stiffness." } else { "The scene is not known yet." };
         weak(ui, text);
-        warnings(ui, desk.judged.warnings(&scene));
+        warnings(ui, desk.judged.warnings(&scene).get(told..).unwrap_or_default());
         return;
     };
     ui.horizontal_wrapped(|ui| {
@@ -73,7 +79,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     impedance(ui, model, effect, "damping", names, stiffest * DAMPING_SHARE, [None; 3], intents);
     // The length of this text depends on the value of the sliders, so it comes below them.
     limits(ui, model, effect, &scene, (desk, borders[0]));
-    warnings(ui, desk.judged.warnings(&scene));
+    warnings(ui, desk.judged.warnings(&scene).get(told..).unwrap_or_default());
 }
 
 /// Returns the largest stiffness of `effect` about each axis with which the loop keeps `scene`
@@ -225,7 +231,8 @@ fn row(
         if !label.is_empty() {
             ui.label(label);
         }
-        ui.spacing_mut().slider_width = (ui.available_width() - 84.0).max(60.0);
+        ui.spacing_mut().slider_width =
+            (ui.available_width() - FIELD - ui.spacing().item_spacing.x).max(60.0);
         let slider = Slider::new(&mut x, 0.0..=end)
             .show_value(false)
             .clamping(SliderClamping::Edits)
@@ -248,7 +255,7 @@ fn row(
         }
         let draw = |ui: &mut Ui, field: DragValue<'_>| {
             let field = field.speed((0.01 * before).max(0.001)).max_decimals(4);
-            ui.add_sized([70.0, ui.spacing().interact_size.y], field)
+            ui.add_sized([FIELD, ui.spacing().interact_size.y], field)
         };
         number(ui, &format!("{name} value"), &mut x, (0.0..=most, unit), draw);
     });
@@ -272,6 +279,10 @@ fn mark(ui: &Ui, slider: egui::Rect, end: f32, x: f32) {
     let beyond = egui::Rect::from_x_y_ranges(x..=end, slider.bottom() - 3.0..=slider.bottom() - 1.0);
     painter.rect_filled(beyond, 0.0, palette.warn);
     painter.vline(x, slider.y_range(), Stroke::new(2.0, palette.warn));
+    // Above the handle, which else hides the mark where it matters.
+    let tip = pos2(x, slider.top() + 1.0);
+    let flag = vec![tip, tip + vec2(-FLAG, -FLAG), tip + vec2(FLAG, -FLAG)];
+    painter.add(Shape::convex_polygon(flag, palette.warn, Stroke::NONE));
 }
 
 /// Draws an explanation of the largest stiffness: where the effect reaches the rig's torque limit,
@@ -332,8 +343,7 @@ fn has_off_diagonal(value: &Value) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::painted::{filled, hint, vertical_lines};
-    use eframe::egui::pos2;
+    use crate::view::painted::{filled, hint, polygons, vertical_lines};
     use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
     use hbot_config::advice::{Abilities, StiffnessBound, USUAL_DAMPING};
@@ -368,7 +378,7 @@ mod tests {
     /// Draws the controls.
     fn drawn(model: Model) -> Harness<'static> {
         let mut desk = Desk::new(".".into(), "");
-        let mut harness = Harness::new_ui(move |ui| show(ui, &model, &mut desk, &mut Vec::new()));
+        let mut harness = Harness::new_ui(move |ui| show(ui, &model, (&mut desk, 0), &mut Vec::new()));
         harness.run();
         harness
     }
@@ -444,11 +454,23 @@ mod tests {
     }
 
     #[test]
+    fn the_handle_does_not_hide_the_mark() {
+        let border = border(&said(panel(5.0, 0.02, true)));
+        let seen = drawn(panel(border, 0.02, true));
+        let handle =
+            filled(&seen).into_iter().find(|(rect, _)| rect.height() > rect.width()).expect("a handle");
+        let flags = polygons(&seen, Palette::of_theme(true, eframe::egui::Color32::GRAY).warn);
+        let flag = flags.first().expect("a flag");
+        assert!(flag.bottom() <= handle.0.top() && (flag.center().x - handle.0.center().x).abs() < 1.0);
+    }
+
+    #[test]
     fn a_slider_that_is_dragged_stays_at_the_mark_and_a_key_moves_it_past() {
         let border = border(&said(panel(5.0, 0.02, true)));
         let asked = |stiffness, act: &dyn Fn(&mut Harness<'_, Vec<Intent>>, f32)| {
             let (model, mut desk) = (panel(stiffness, 0.02, true), Desk::new(".".into(), ""));
-            let draw = move |ui: &mut Ui, intents: &mut Vec<Intent>| show(ui, &model, &mut desk, intents);
+            let draw =
+                move |ui: &mut Ui, intents: &mut Vec<Intent>| show(ui, &model, (&mut desk, 0), intents);
             let mut seen = Harness::new_ui_state(draw, Vec::new());
             seen.run_steps(2);
             let mark = vertical_lines(&seen)[0];

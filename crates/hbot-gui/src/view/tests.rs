@@ -570,3 +570,22 @@ fn scales_end_at_round_numbers() {
         assert!((round_up(x) - end).abs() < 1e-12 * end, "{x}: {}", round_up(x));
     }
 }
+
+#[test]
+fn the_right_edges_of_a_column_are_in_line() {
+    for size in [SIZES[0], SIZES[1], SMALLEST] {
+        let mut seen = window(size, commanding(true));
+        let are_in_line = |seen: &Seen, names: &[&str]| {
+            // A heading can have the name of a button below it.
+            let end = |name: &&str| seen.query_all_by_label(name).last().expect("a control").rect().right();
+            let ends: Vec<_> = names.iter().map(end).collect();
+            // A point is the rounding of places.
+            assert!(ends.iter().all(|end| (end - ends[0]).abs() <= 1.0), "{size:?}, {names:?}: {ends:?}");
+        };
+        are_in_line(&seen, &["Stop", "Reset", "Stiffness value", "Damping value"]);
+        are_in_line(&seen, &["Load", "Save"]);
+        seen.state_mut().desk.tab = Tab::Recordings;
+        settle(&mut seen);
+        are_in_line(&seen, &["Start recording", "Open"]);
+    }
+}

@@ -140,6 +140,12 @@ pub(crate) fn install(ctx: &egui::Context) {
     }
 }
 
+/// Returns the button that leads on from here: it alone is filled, in the colour of the text.
+pub(crate) fn leading<'a>(ui: &Ui, text: &str) -> egui::Button<'a> {
+    let text = RichText::new(text).strong().color(ui.visuals().panel_fill);
+    egui::Button::new(text).fill(Palette::of(ui).text)
+}
+
 /// Gives a control a name, which screen readers and tests use.
 pub(crate) fn named(response: Response, name: &str) -> Response {
     response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));

@@ -264,6 +264,6 @@ fn recover_waits_until_the_sphere_is_near_its_reference() {
     assert!(!seat.shows("turn to within"), "one remedy");
     assert!(!seat.is_enabled("Recover"));
     seat.click("Reset");
-    seat.until_text("The rig enables it within 0.5 rad: set its anchor to here, in the tab Scene");
+    seat.until_text("The rig enables it within 0.5 rad: press \"set its anchor to here\" above");
     assert!(seat.is_enabled("Enable") && seat.shows("`hbot set spring anchor=here`"));
 }

@@ -44,7 +44,7 @@ pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a>
 
 /// Returns the grid lines of the vertical axis. They are closer in a low plot, which would else
 /// have none but that at 0.
-fn vertical(input: GridInput) -> Vec<GridMark> {
+pub(crate) fn vertical(input: GridInput) -> Vec<GridMark> {
     let close = GridInput { ..input };
     let apart = round_steps(input, 4.0);
     if apart.len() < 2 { round_steps(close, 2.0) } else { apart }
@@ -65,7 +65,7 @@ fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
 
 /// Formats the number next to a grid line, with as many decimals as the distance between lines
 /// needs.
-fn figure(mark: GridMark) -> String {
+pub(crate) fn figure(mark: GridMark) -> String {
     let decimals = (-mark.step_size.log10() - 1e-9).ceil().clamp(0.0, 9.0) as usize;
     format!("{:.decimals$}", mark.value)
 }

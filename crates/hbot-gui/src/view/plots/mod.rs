@@ -5,6 +5,7 @@ mod axes;
 mod deflection;
 mod time;
 
+pub(super) use axes::{figure, vertical};
 use eframe::egui::{self, Align, ComboBox, Layout, Rect, Ui, UiBuilder, vec2};
 use glam::DQuat;
 

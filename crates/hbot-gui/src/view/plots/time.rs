@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use eframe::egui::{Align2, Color32, Role, TextStyle, Ui, Vec2, WidgetInfo, vec2};
+use eframe::egui::{Align2, Color32, FontId, RichText, Role, Ui, Vec2, WidgetInfo, vec2};
 use egui_plot::{HLine, Line, LineStyle, PlotBounds, PlotPoint, PlotUi, Text, VLine};
 
 use super::axes::plot;
@@ -15,6 +15,8 @@ use crate::view::theme::{Palette, weak};
 const ELLIPSIS: &str = "\u{2026}";
 /// Largest number of rows of texts at marks.
 const MOST_ROWS: usize = 4;
+/// Size of these texts, points.
+const TEXT: f32 = 11.0;
 
 /// A curve of a plot.
 struct Curve {
@@ -53,7 +55,7 @@ impl Quantity {
             _ => None,
         };
         let (axis, curves, least, limit) = match which {
-            Which::Torque => ("torque, N m", length("length", |sample| sample.torque), 0.02, limits.torque),
+            Which::Torque => ("torque, N m", length("length", |sample| sample.torque), 0.002, limits.torque),
             Which::Speed => {
                 ("angular velocity, rad/s", length("speed", |sample| sample.omega), 0.1, limits.speed)
             }
@@ -176,7 +178,8 @@ fn before(model: &Model, plots: &PlotDesk) -> &'static str {
 /// curves: the axis grows with what is drawn, so a text placed by the range of the axis would make
 /// it grow in every frame.
 fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette, span: Range<f64>) {
-    let font = TextStyle::Small.resolve(&plot.ctx().style_of(plot.ctx().theme()));
+    let font = FontId::proportional(TEXT);
+    let ground = plot.ctx().style_of(plot.ctx().theme()).visuals.extreme_bg_color.gamma_multiply(0.8);
     let size = |text: &str| {
         let text = text.to_owned();
         plot.ctx().fonts_mut(|fonts| fonts.layout_no_wrap(text, font.clone(), Color32::WHITE).size())
@@ -207,11 +210,15 @@ fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette, span
         });
         labels.push((x, color, right, placed));
     }
+    for (x, color, ..) in &labels {
+        plot.vline(VLine::new("", *x).color(*color).width(1.0).style(LineStyle::dashed_dense()));
+    }
+    // No line of another mark crosses a text, and no curve.
     for (x, color, right, placed) in labels {
-        plot.vline(VLine::new("", x).color(color).width(1.0).style(LineStyle::dashed_dense()));
         if let Some((row, text)) = placed {
             let side = if right { Align2::RIGHT_BOTTOM } else { Align2::LEFT_BOTTOM };
             let place = PlotPoint::new(x, span.start + row as f64 * row_height);
+            let text = RichText::new(text).size(TEXT).color(color).background_color(ground);
             plot.text(Text::new("", place, text).color(color).anchor(side));
         }
     }
@@ -221,9 +228,10 @@ fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette, span
 struct Rows(Vec<Vec<Range<f32>>>);
 
 impl Rows {
-    /// Makes one row or more: as many as fit, up to [`MOST_ROWS`]. More would hide the curves.
+    /// Makes one row or more: as many as fit into the lower half, up to [`MOST_ROWS`]. More would
+    /// hide the curves.
     fn new(fit: usize) -> Self {
-        Self(vec![Vec::new(); fit.clamp(1, MOST_ROWS)])
+        Self(vec![Vec::new(); (fit / 2).clamp(1, MOST_ROWS)])
     }
 
     /// Takes the place `wanted` in the lowest row that has room there. Returns the row, or `None`
@@ -253,6 +261,7 @@ fn in_words(axis: &str, points: usize, limit: Option<f64>, marks: &[&Mark], now:
 mod tests {
     use super::*;
     use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
     use hbot_api::StateEvent;
 
     use crate::view::painted::texts;
@@ -270,8 +279,8 @@ mod tests {
         let mut seen = Harness::new_ui_state(draw, (model, None));
         seen.run_steps(200);
         let range = seen.state().1.expect("drawn");
-        // The curves are at 0. The plot leaves a margin around the least range of 0.02 N m.
-        assert!(range.height() < 0.06, "{range:?}");
+        // The curves are at 0. The plot leaves a margin around the least range of 0.002 N m.
+        assert!(range.height() < 0.006, "{range:?}");
     }
 
     #[test]
@@ -305,6 +314,32 @@ mod tests {
             assert_eq!((0..count).all(shown), all, "{count} marks");
             assert_eq!(texts.iter().any(|it| it.text.trim() == ELLIPSIS), !all, "{count} marks");
         }
+    }
+
+    #[test]
+    fn the_texts_of_marks_leave_the_upper_half_of_a_low_plot_to_the_curves() {
+        let mut model = Model::new("", "panel me@here", 1);
+        for t in [0.0, 10.0] {
+            model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
+        }
+        for k in 0..6 {
+            let text = format!("spring {k}: stiffness = 1.234567");
+            model.marks.add(Mark { what: What::Scene, t: 9.0 + 0.1 * f64::from(k), text }, 0.0);
+        }
+        let draw = move |ui: &mut Ui| {
+            show(ui, &model, &model.history, &PlotDesk::default(), Vec2::ZERO);
+        };
+        let mut seen = Harness::builder().with_size([560.0, 160.0]).build_ui(draw);
+        seen.run_steps(8);
+        let plot = seen.get_by_label_contains("Plot of").rect();
+        let marks = texts(&seen).into_iter().filter(|it| it.text.contains("stiffness"));
+        let ghost = Palette::of_theme(true, Color32::GRAY).ghost;
+        let mut count = 0;
+        for mark in marks {
+            assert!(mark.place.top() > plot.center().y - 2.0 && mark.color == ghost, "{mark:?} in {plot:?}");
+            count += 1;
+        }
+        assert!(count > 0, "the newest is told");
     }
 
     /// A table that is drawn for the first time makes egui draw the frame twice. In the first of

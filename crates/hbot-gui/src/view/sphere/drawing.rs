@@ -91,9 +91,9 @@ impl Drawing {
         self.names.borrow_mut().push((point + beyond * out, galley));
     }
 
-    /// Keeps names away from a point of the picture that has a mark.
-    pub(super) fn keep_free(&self, at: DVec3) {
-        self.taken.borrow_mut().push(Rect::from_center_size(self.view.point(at), vec2(9.0, 9.0)));
+    /// Keeps names away from a point of the picture that has a mark of this size, points.
+    pub(super) fn keep_free(&self, at: DVec3, size: f32) {
+        self.taken.borrow_mut().push(Rect::from_center_size(self.view.point(at), Vec2::splat(size)));
     }
 
     /// Writes all names, each at its place or beside it if another name or a mark is there. They

@@ -50,11 +50,11 @@ impl Drawing {
             let axis = q * axis;
             self.arrow(DVec3::ZERO, axis * 1.3, Stroke::new(2.5, color));
             self.text(axis * 1.3, &format!("s{}", k + 1), color, 14.0);
-            [1.15, 1.3].into_iter().for_each(|far| self.keep_free(axis * far));
+            [1.15, 1.3].into_iter().for_each(|far| self.keep_free(axis * far, 9.0));
             // A mark where the axis leaves the sphere. It turns with the surface.
             if !self.view.is_hidden(axis) {
                 self.painter.circle_filled(self.view.point(axis), 3.5, color);
-                self.keep_free(axis);
+                self.keep_free(axis, 9.0);
             }
         }
     }
@@ -69,7 +69,8 @@ impl Drawing {
             // These end before the labels at the ends of the sphere's own axes.
             self.dashes(&segment(axis, axis * 1.16), Stroke::new(1.5, color));
             self.painter.circle_stroke(self.view.point(axis * 1.16), 4.0, Stroke::new(1.2, color));
-            self.keep_free(axis * 1.16);
+            // With the edge of a name and a gap.
+            self.keep_free(axis * 1.16, 13.0);
         }
     }
 
@@ -153,7 +154,7 @@ impl Drawing {
             self.painter.line_segment(ends, Stroke::new(2.0, color));
             self.text(axis, &format!("n{}", k + 1), color, 11.0);
             // An axis along the line of sight is a point, beside which its name stands.
-            [0.3, 0.7].into_iter().for_each(|share| self.keep_free(axis * share));
+            [0.3, 0.7].into_iter().for_each(|share| self.keep_free(axis * share, 9.0));
         }
         self.write_names();
     }

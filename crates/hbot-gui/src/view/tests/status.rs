@@ -513,3 +513,89 @@ fn a_plot_tells_the_time_and_the_values_at_the_pointer() {
     settle(&mut seen);
     assert!(told(&seen) && texts(&seen).iter().any(|it| it.text == "-1.00 s"));
 }
+
+/// Without a next step no button is filled: then something else comes first.
+#[test]
+fn the_next_step_alone_is_filled() {
+    let [near, far] = [0.1_f64, 0.8];
+    for (mode, by, angle, next) in [
+        (Mode::Active, ME, near, None),
+        (Mode::Idle, ME, near, Some("Enable")),
+        (Mode::Idle, ME, far, None),
+        (Mode::Fault, ME, near, Some("Reset")),
+        (Mode::Estop, ME, near, Some("Recover")),
+        (Mode::Estop, ME, far, None),
+        (Mode::Estop, "panel ben@lab3", near, Some("Reset")),
+    ] {
+        let seen = at(SIZES[0], mode, by, angle);
+        let fill = Palette::of_theme(true, Color32::GRAY).text;
+        let is_filled = |name: &&str| {
+            let place = seen.get_by_label(name).rect().expand(1.0);
+            filled(&seen).iter().any(|(rect, color)| *color == fill && place.contains_rect(*rect))
+        };
+        let leads: Vec<_> = ["Enable", "Disable", "Reset", "Recover"].into_iter().filter(is_filled).collect();
+        assert_eq!(leads, Vec::from_iter(next), "{mode}, {by}, {angle}");
+    }
+}
+
+/// Draws a rig in this mode, stopped by `by` if it is, with its sphere at this angle from the
+/// reference.
+fn at(size: [f32; 2], mode: Mode, by: &str, angle: f64) -> Seen {
+    let mut model = commanding(true);
+    model.info.limits.enable_max_angle = 0.5;
+    if mode == Mode::Estop {
+        hear(&mut model, News::Fault(stopped_by(by, Some(if by == ME { 4 } else { 9 }))));
+    }
+    let fault = (mode == Mode::Fault).then_some(Fault::Thermal);
+    let q = [(0.5 * angle).cos(), (0.5 * angle).sin(), 0.0, 0.0];
+    let reference = Some([1.0, 0.0, 0.0, 0.0]);
+    see_state(
+        &mut model,
+        StateEvent { tick: 200, t: 0.2, mode, fault, q, reference, ..StateEvent::default() },
+    );
+    window(size, model)
+}
+
+#[test]
+fn the_button_for_the_anchor_moves_nothing_and_the_box_names_it() {
+    for size in [SIZES[0], SMALLEST] {
+        let [near, far] = [0.1, 0.8].map(|angle| at(size, Mode::Estop, ME, angle));
+        assert_eq!(places(&near), places(&far), "{size:?}");
+        assert!(far.query_by_label("0.80 rad from reference: set its anchor to here").is_some());
+        assert!(shows(&far, "press \"set its anchor to here\", then Recover."), "{size:?}");
+    }
+}
+
+#[test]
+fn a_warning_that_stands_in_full_in_the_box_is_not_told_again() {
+    let mut model = warned(Mode::Active);
+    let (message, effect) = ("it shakes".to_owned(), Some("spring".to_owned()));
+    let (frequency, amplitude, gain) = (16.0, 1.5, 0.5);
+    let event =
+        ShakingEvent { tick: 201, t: 0.2, shaking: true, frequency, amplitude, effect, gain, message };
+    for (height, shakes) in [(760.0, false), (800.0, false), (800.0, true)] {
+        if shakes {
+            hear(&mut model, News::Shaking(event.clone()));
+            see(&mut model, 202, Mode::Active);
+        }
+        let model = std::mem::replace(&mut model, warned(Mode::Active));
+        let seen = window([1280.0, height], model);
+        // The list below the sliders can be out of sight.
+        let told: Vec<_> = seen.query_all_by_label_contains("is stable").map(|it| it.rect()).collect();
+        let end = seen.get_by_label_contains("Torque: ").rect().top();
+        assert!(told.len() == 1 && told[0].bottom() < end, "{height}, {shakes}: {told:?}");
+    }
+}
+
+#[test]
+fn the_scene_of_a_silent_rig_is_grey() {
+    let mut seen = window(SIZES[0], commanding(false));
+    let is_grey = |seen: &Seen| {
+        let title = texts(seen).into_iter().find(|it| it.text == "Spring").expect("the title");
+        !title.color.is_opaque()
+    };
+    assert!(!is_grey(&seen));
+    grow_silent(&mut seen.state_mut().model);
+    settle(&mut seen);
+    assert!(is_grey(&seen));
+}
