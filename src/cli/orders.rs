@@ -151,6 +151,8 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
         Some(ErrorCode::UnknownEffect) => SHOW_SCENE,
         _ => match error {
             ClientError::NoServer { .. } => "by `--server ADDR` or the variable HBOT_SERVER",
+            // Its text has that of its source.
+            ClientError::Connect { .. } => return anyhow::anyhow!("{error}"),
             ClientError::Timeout { what: "hello", .. } => {
                 "the server is there but does not answer: it may be suspended or overloaded"
             }

@@ -2,7 +2,7 @@
 //! legal, and its exit code is not 0.
 
 use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
+use predicates::str::{contains, ends_with};
 
 use crate::process::hbot;
 
@@ -402,7 +402,11 @@ fn what_is_no_server_of_hbot_is_told() {
     answer.join().expect("it has answered");
     run(&["watch", "--server", "no-such-host.invalid"])
         .code(1)
-        .stderr(contains("no machine is known by the name \"no-such-host.invalid\""));
+        .stderr(contains("no machine is known by the name \"no-such-host.invalid\" (").and(ends_with(")\n")));
+    // An address that no machine on this network may have.
+    run(&["watch", "--server", "255.255.255.255"])
+        .code(1)
+        .stderr(contains("cannot connect to 255.255.255.255: ").and(contains("os error").count(1)));
 }
 
 /// `cargo run server -- --help` passes the two dashes on.

@@ -206,7 +206,7 @@ fn resolve(address: &str) -> Result<Vec<SocketAddr>, ClientError> {
     } else {
         (host, DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
     };
-    found.map_err(|source| ClientError::UnknownHost { host: host.to_owned(), source })
+    found.map_err(|error| ClientError::UnknownHost { host: host.to_owned(), reason: error.to_string() })
 }
 
 /// Returns the error of a connection that ended before the answer to the hello.

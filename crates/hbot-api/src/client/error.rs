@@ -26,12 +26,12 @@ pub enum ClientError {
         reason: String,
     },
     /// The address has the right form, but no machine is known by its name.
-    #[error("no machine is known by the name {host:?} ({source})")]
+    #[error("no machine is known by the name {host:?} ({reason})")]
     UnknownHost {
         /// The host in the address.
         host: String,
-        /// The error from the operating system.
-        source: io::Error,
+        /// The operating system's description of the error.
+        reason: String,
     },
     /// The connection failed for another reason than [`NoServer`](Self::NoServer),
     /// [`Address`](Self::Address) or [`UnknownHost`](Self::UnknownHost).
