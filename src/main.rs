@@ -20,6 +20,6 @@ fn main() -> ExitCode {
     };
     done.unwrap_or_else(|error| {
         cli::out::error(&error);
-        ExitCode::FAILURE
+        cli::out::code(&error)
     })
 }

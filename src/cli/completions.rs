@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use clap::{Args, CommandFactory as _};
+use clap::{Args, Command, CommandFactory as _};
 use clap_complete::{Shell, generate};
 
 use super::out::say;
@@ -33,8 +33,23 @@ pub(crate) fn run(args: &CompletionsArgs) -> anyhow::Result<ExitCode> {
 /// Returns the script. It is written to memory, because `generate` panics if it cannot write.
 fn script(shell: Shell) -> Vec<u8> {
     let mut script = Vec::new();
-    generate(shell, &mut Cli::command(), "hbot", &mut script);
+    generate(shell, &mut without_hidden(&Cli::command()), "hbot", &mut script);
     script
+}
+
+/// Returns a command without its hidden subcommands, which the scripts would offer.
+fn without_hidden(command: &Command) -> Command {
+    if !command.get_subcommands().any(Command::is_hide_set) {
+        return command.clone();
+    }
+    let shown = command.get_subcommands().filter(|sub| !sub.is_hide_set()).map(without_hidden);
+    // clap keeps names that live as long as the program.
+    let name: &'static str = command.get_name().to_owned().leak();
+    let bare = Command::new(name).version(env!("CARGO_PKG_VERSION"));
+    bare.about(command.get_about().cloned().unwrap_or_default())
+        .propagate_version(true)
+        .args(command.get_arguments().cloned())
+        .subcommands(shown)
 }
 
 fn install() -> anyhow::Result<()> {

@@ -13,15 +13,23 @@ use hbot_host::commission::doctor::{
 };
 use serde_json::{Value, json};
 
-use super::numbers::{unchecked, whole};
+use super::numbers::{self, rate, whole};
 use super::out::{foreign, say, tell};
 use super::{ServerAddress, orders, server, show, style};
 
 /// Number of flight logs that are listed.
 const LOGS: usize = 5;
 
+/// What the exit codes mean, for the help.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  this machine is good or usable
+  1  a finding is \"not sufficient\", or --server does not answer
+  2  the command line is wrong";
+
 /// Options of `hbot doctor`.
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_CODES)]
 pub(crate) struct DoctorArgs {
     /// Rig file with the port and rate to check [default: the prototype, built in]
     #[arg(long, value_name = "FILE")]
@@ -30,10 +38,10 @@ pub(crate) struct DoctorArgs {
     #[arg(long, value_name = "DEVICE")]
     port: Option<String>,
     /// Ticks a second to measure at, 50 to 20000, in place of the rig file's
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = unchecked("50 to 20000 Hz"))]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = rate)]
     rate: Option<u32>,
     /// Processor of the loop, 0 to 1023, in place of the rig file's
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = unchecked("0 to 1023"))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = numbers::processor)]
     cpu: Option<u32>,
     /// How long to measure the lateness of this machine, 1 to 3600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 5, allow_negative_numbers = true, value_parser = whole(1..=3600_u64))]
@@ -41,7 +49,7 @@ pub(crate) struct DoctorArgs {
     /// Also show the statistics of a running server's loop
     #[arg(long, value_name = "ADDR")]
     server: Option<String>,
-    /// File with the token that the server asks for
+    /// File with the token that the server asks for [env: HBOT_TOKEN_FILE]
     #[arg(long, value_name = "FILE", requires = "server")]
     token_file: Option<PathBuf>,
     /// File with the server's TLS certificate, or that of the authority that signed it (PEM)
@@ -84,13 +92,14 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
     };
     // The server is contacted before the measurement, so that the user does not wait for nothing if
     // it does not answer.
-    let mut server = match address.map(|address| orders::connect(&address, "hbot doctor")).transpose() {
-        Ok(server) => server,
-        Err(error) => {
-            findings.push(silent(&error));
-            None
-        }
-    };
+    let mut server =
+        match address.map(|address| orders::connect_by_option(&address, "hbot doctor")).transpose() {
+            Ok(server) => server,
+            Err(error) => {
+                findings.push(silent(&error));
+                None
+            }
+        };
     if !args.json {
         findings.iter().try_for_each(show)?;
         say!("  {}measuring for {} s{}", style::DIM, args.seconds, style::OFF)?;

@@ -4,6 +4,8 @@ use std::error::Error as _;
 use std::ffi::OsString;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Command, ValueEnum as _};
+use clap_complete::Shell;
 use hbot_config::did_you_mean;
 use hbot_config::scene::{ShelfScene, kinds};
 
@@ -69,6 +71,24 @@ pub(crate) fn keep_the_most_similar(answer: &mut clap::Error) {
     }
 }
 
+/// Writes the usage of the command anew into clap's answer. clap counts an option with a variable
+/// that is set among those that have to be given.
+pub(crate) fn usual_usage(answer: &mut clap::Error, arguments: &[OsString], mut all: Command) {
+    if answer.get(ContextKind::Usage).is_none() {
+        return;
+    }
+    all.build();
+    let mut command = &mut all;
+    for argument in arguments.iter().skip(1) {
+        if command.find_subcommand(argument).is_none() {
+            break;
+        }
+        let Some(sub) = command.find_subcommand_mut(argument) else { return };
+        command = sub;
+    }
+    answer.insert(ContextKind::Usage, ContextValue::StyledStr(command.render_usage()));
+}
+
 /// Returns what a user means whose command line clap refuses. Returns `None` if that is not known.
 /// `arguments` is the whole command line.
 pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
@@ -78,6 +98,19 @@ pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<Stri
         ErrorKind::ValueValidation => number(answer),
         ErrorKind::MissingRequiredArgument if is_command(arguments, &["set"]) => {
             Some(format!("name an effect and its new values: `hbot set EFFECT KEY=VALUE`; {SHOW_SCENE}"))
+        }
+        ErrorKind::MissingRequiredArgument if is_command(arguments, &["rig", "identify"]) => Some(
+            "name recordings of a hand's turns, which show the geometry: `hbot rig identify RUN.mcap`; or let the motors \
+             move the free sphere, for torque constants and friction: `hbot rig identify --motors`"
+                .to_owned(),
+        ),
+        ErrorKind::MissingRequiredArgument if is_command(arguments, &["completions"]) => {
+            let shells: Vec<String> = Shell::value_variants().iter().map(Shell::to_string).collect();
+            Some(format!(
+                "name the shell, as in `hbot completions bash` (legal: {}), or install for bash and fish: \
+                 `hbot completions --install`",
+                shells.join(", ")
+            ))
         }
         _ => None,
     }
@@ -92,8 +125,22 @@ fn number(answer: &clap::Error) -> Option<String> {
 }
 
 /// Commands that are clients of a server.
-const CLIENTS: [&str; 10] =
-    ["info", "watch", "set", "enable", "disable", "reset", "estop", "recover", "record", "hand"];
+const CLIENTS: [&[&str]; 14] = [
+    &["info"],
+    &["stats"],
+    &["watch"],
+    &["set"],
+    &["enable"],
+    &["disable"],
+    &["reset"],
+    &["estop"],
+    &["recover"],
+    &["record"],
+    &["hand"],
+    &["scene", "show"],
+    &["scene", "load"],
+    &["scene", "check"],
+];
 
 /// Returns whether a command line begins with these words, after the name of the program.
 fn is_command(arguments: &[OsString], words: &[&str]) -> bool {
@@ -107,7 +154,7 @@ fn argument(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
     if answer.get(ContextKind::SuggestedArg).is_some() {
         return None;
     }
-    let is_client = CLIENTS.iter().any(|client| is_command(arguments, &[*client]));
+    let is_client = CLIENTS.iter().any(|client| is_command(arguments, client));
     let option = word.strip_prefix("--");
     let meaning = match option.map(|option| option.split_once('=').map_or(option, |(name, _)| name)) {
         None if is_command(arguments, &["server"]) && word.ends_with(".toml") => {

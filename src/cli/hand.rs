@@ -14,10 +14,12 @@ use hbot_api::{
 use hbot_config::SceneFile;
 use hbot_config::sweep::Probe;
 use hbot_core::{Quat, Vec3, rotation};
+use hbot_host::run_loop::{StopFlag, signals};
 use hbot_plot::{Curve, PlotPanel, sheet};
 
 use super::numbers::real;
-use super::out::{note, say, tell};
+use super::out::{error, note, say, tell};
+use super::progress::Progress;
 use super::scene::plot::{svg, write};
 use super::show;
 use super::{Commanding, orders};
@@ -121,7 +123,19 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     if let Some(mode) = info.mode.filter(|mode| !matches!(mode, Mode::Active | Mode::Enabling)) {
         note!("the rig makes no torque, because it is in the mode {mode}{}", show::next(mode));
     }
-    let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args))?;
+    let stop = signals::stop_flag()?;
+    let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args, &stop))?;
+    if stop.is_set() {
+        // The hand lets go with the lease.
+        let (first, last) = (&states[0], &states[states.len() - 1]);
+        let turned = rotation::difference(quat(last.q), quat(first.q)).dot(args.axis.unit);
+        error(&format!(
+            "the turn was broken off after {:.1} s at {:.1} deg",
+            last.t - first.t,
+            turned.to_degrees()
+        ));
+        signals::end_as_interrupted()?;
+    }
     let points = points(&info, &states, args.axis.unit)?;
     table(&points)?;
     for line in told(&info, &states, &points, args) {
@@ -142,8 +156,8 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     Ok(ExitCode::SUCCESS)
 }
 
-/// Turns the sphere. Returns the states of the turn.
-fn turn(client: &mut Client, args: &TurnArgs) -> Result<Vec<StateEvent>, ClientError> {
+/// Turns the sphere until a signal sets `stop`, at most. Returns the states of the turn.
+fn turn(client: &mut Client, args: &TurnArgs, stop: &StopFlag) -> Result<Vec<StateEvent>, ClientError> {
     let rate_hz = client.hello().rate_hz;
     client.subscribe(1)?;
     let begin = next(client, 0.0)?;
@@ -160,7 +174,8 @@ fn turn(client: &mut Client, args: &TurnArgs) -> Result<Vec<StateEvent>, ClientE
     let (over, longest) = (begin.tick + ticks(args.over), begin.tick + ticks(args.over + REST_S));
     let (mut moved, begun) = (begin.tick, begin.t);
     let mut states = vec![begin];
-    loop {
+    let mut progress = Progress::new();
+    while !stop.is_set() {
         let last = &states[states.len() - 1];
         if !is_still(last, args) {
             moved = last.tick;
@@ -169,6 +184,7 @@ fn turn(client: &mut Client, args: &TurnArgs) -> Result<Vec<StateEvent>, ClientE
             break;
         }
         let since = last.t - begun;
+        progress.show(|_| format!("{since:.0} s of {} s", args.over));
         states.push(next(client, since)?);
     }
     // The turn is over: a server that is too busy to answer takes nothing of it away.

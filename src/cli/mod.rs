@@ -13,6 +13,7 @@ mod man;
 mod numbers;
 mod orders;
 pub(crate) mod out;
+mod progress;
 mod record;
 mod recover;
 mod rehearse;
@@ -44,12 +45,20 @@ const SERVER: &str = "127.0.0.1:4268";
 /// (see `hbot_host::rig::last_word`).
 const LAST_WORD: &str = "last-word";
 
+/// The commands with which a person begins, for the help.
+const FIRST_STEPS: &str = "\
+First steps:
+  hbot server                  run a simulated rig (a real one: `--rig FILE`)
+  hbot watch                   see the torque, in a second terminal
+  hbot set spring stiffness=2  make the spring stiffer
+  hbot estop                   stop at once";
+
 /// Drives an Hbot, a haptic sphere turned by steered and driven wheels.
 ///
 /// `hbot server` runs the rig, or a simulated one if there is no rig. The other commands are its
 /// clients, or check files.
 #[derive(Debug, Parser)]
-#[command(name = "hbot", version, propagate_version = true, max_term_width = 110)]
+#[command(name = "hbot", version, propagate_version = true, max_term_width = 110, after_help = FIRST_STEPS)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -59,6 +68,9 @@ pub(crate) struct Cli {
 enum Command {
     /// Run the control loop and offer haptics over TCP
     Server(server::ServerArgs),
+    /// Stop a running server's motors at once (until `hbot reset`)
+    #[command(aliases = ["stop", "halt", "e-stop", "emergency-stop"])]
+    Estop(ServerAddress),
     /// Show the state of a running server, live
     Watch(watch::WatchArgs),
     /// Show the rig, its limits, its motor controllers and the scene of a running server
@@ -90,9 +102,6 @@ enum Command {
     /// Check this machine for real-time use and serial access, and say how to correct what is
     /// missing
     Doctor(doctor::DoctorArgs),
-    /// Stop a running server's motors at once (until `hbot reset`)
-    #[command(aliases = ["stop", "halt", "e-stop", "emergency-stop"])]
-    Estop(ServerAddress),
     /// Ramp down the torque of a running server
     Disable(ServerAddress),
     /// Enable the torque of a running server, and wait until it has risen: half a second

@@ -19,12 +19,14 @@ where
     }
 }
 
-/// Returns a parser of whole numbers, such as those of the rig file, which checks their range.
-/// `legal` describes it.
-pub(crate) fn unchecked(
-    legal: &'static str,
-) -> impl Fn(&str) -> Result<u32, String> + Clone + Send + Sync + 'static {
-    move |text| text.parse().map_err(|_| refused(text, "a whole number", legal))
+/// Parses a rate of the loop, Hz. The range is that of `loop.rate_hz` in rig files.
+pub(crate) fn rate(text: &str) -> Result<u32, String> {
+    whole(50..=20_000)(text).map_err(|why| format!("{why} Hz"))
+}
+
+/// Parses the number of a processor. The range is that of `loop.cpu` in rig files.
+pub(crate) fn processor(text: &str) -> Result<u32, String> {
+    whole(0..=1023)(text)
 }
 
 /// Returns a parser of numbers in a range, with or without the unit. `legal` describes the range.
@@ -69,6 +71,8 @@ pub(crate) const LEGAL: &str = "legal: ";
 
 #[cfg(test)]
 mod tests {
+    use hbot_config::{Override, RigConfig};
+
     use super::*;
 
     #[test]
@@ -81,9 +85,24 @@ mod tests {
         assert_eq!(seconds("2.5s"), Ok(2.5));
         assert_eq!(seconds("-1").unwrap_err(), "-1 is out of range; legal: above 0 and at most 1e9 s");
         assert_eq!(positive("m")("nan").unwrap_err(), "\"nan\" is not a number; legal: above 0 m");
-        assert_eq!(
-            unchecked("50 to 20000 Hz")("1k").unwrap_err(),
-            "\"1k\" is not a whole number; legal: 50 to 20000 Hz"
-        );
+        assert_eq!(rate("1k").unwrap_err(), "\"1k\" is not a whole number; legal: 50 to 20000 Hz");
+    }
+
+    #[test]
+    fn rates_and_processors_have_the_ranges_of_the_rig_file() {
+        let legal = |path: &'static str, value: u32| {
+            let over = Override { path, value: value.into(), from: "a test" };
+            // A bound can be wrong for another reason, such as a line that is too slow.
+            RigConfig::load(None, &[over]).err().is_none_or(|error| {
+                let error = format!("{:#}", anyhow::Error::from(error));
+                !error.contains("is out of range")
+            })
+        };
+        for hz in [49, 50, 20_000, 20_001] {
+            assert_eq!(rate(&hz.to_string()).is_ok(), legal("loop.rate_hz", hz), "{hz}");
+        }
+        for cpu in [0, 1023, 1024] {
+            assert_eq!(processor(&cpu.to_string()).is_ok(), legal("loop.cpu", cpu), "{cpu}");
+        }
     }
 }

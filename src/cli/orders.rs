@@ -23,7 +23,7 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
     let confirmed = options(address, "hbot", token).and_then(|options| {
         Client::estop_at(&address.server, &options).map_err(|error| match error {
             ClientError::NoServer { .. } => anyhow::anyhow!("no server there: connection refused"),
-            other => not_connected(other),
+            other => not_connected(other, &address.server),
         })
     });
     let mode = confirmed.map_err(|error| {
@@ -71,7 +71,16 @@ fn print(mode: Mode) -> anyhow::Result<ExitCode> {
 /// the user and the machine follow.
 pub(crate) fn connect(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
     let options = options(address, program, token(address)?)?;
-    Client::connect_with(&address.server, &options).map_err(not_connected)
+    Client::connect_with(&address.server, &options).map_err(|error| not_connected(error, &address.server))
+}
+
+/// Like [`connect`], for a command that does not read the variable HBOT_SERVER.
+pub(crate) fn connect_by_option(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
+    let options = options(address, program, token(address)?)?;
+    Client::connect_with(&address.server, &options).map_err(|error| match error {
+        ClientError::NoServer { .. } => anyhow::anyhow!("{error}: by `--server ADDR`"),
+        error => not_connected(error, &address.server),
+    })
 }
 
 /// Returns the token in the file that `address` names, if it names one.
@@ -88,9 +97,12 @@ fn options(address: &ServerAddress, program: &str, token: Option<Token>) -> anyh
 }
 
 /// Adds to the error of a connection that failed what the command line can do about it.
-fn not_connected(error: ClientError) -> anyhow::Error {
+fn not_connected(error: ClientError, address: &str) -> anyhow::Error {
     match error {
         ClientError::Tls(_) => anyhow::Error::from(error).context("--ca FILE names whom to trust"),
+        ClientError::Protocol(why) => anyhow::anyhow!(
+            "what answers at {address} is no hbot server, or one of another version (its answer cannot be read: {why})"
+        ),
         other => remedied(other),
     }
 }
@@ -139,6 +151,8 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
         Some(ErrorCode::UnknownEffect) => SHOW_SCENE,
         _ => match error {
             ClientError::NoServer { .. } => "by `--server ADDR` or the variable HBOT_SERVER",
+            // Its text has that of its source.
+            ClientError::Connect { .. } => return anyhow::anyhow!("{error}"),
             ClientError::Timeout { what: "hello", .. } => {
                 "the server is there but does not answer: it may be suspended or overloaded"
             }

@@ -20,9 +20,10 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, anyhow, ensure};
+use clap::CommandFactory as _;
 use hbot_api::Plain;
 
-use super::{habits, style, terminal};
+use super::{Cli, habits, style, terminal};
 
 /// Writes a line to standard output like `println!`, but returns an error instead of panicking.
 macro_rules! say {
@@ -122,6 +123,24 @@ pub(crate) fn error(error: &impl Display) {
     note!("{}error:{} {}", style::BAD, style::OFF, foreign_lines(&format!("{error:#}")));
 }
 
+/// A wrong command line of which clap cannot know that it is wrong. Its exit code is that of the
+/// others: 2.
+#[derive(Debug)]
+pub(crate) struct WrongLine(pub(crate) String);
+
+impl Display for WrongLine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for WrongLine {}
+
+/// Returns the exit code of the error that ended a command.
+pub(crate) fn code(error: &anyhow::Error) -> ExitCode {
+    if error.is::<WrongLine>() { ExitCode::from(2) } else { ExitCode::FAILURE }
+}
+
 /// Makes text from a server safe to print on one line of a terminal, because anybody could have
 /// written it. The result cannot move the cursor, end the line, change the writing direction or
 /// hide anything.
@@ -142,6 +161,15 @@ pub(crate) fn refuse_folder_or_pipe(path: &Path, wanted: &str) -> anyhow::Result
     // Opening a pipe would wait for its other end.
     ensure!(!is_pipe, "{}: this is a pipe. Name {wanted}", path.display());
     Ok(())
+}
+
+/// Fails if the folder of a new file is missing. Before questions, so that no answer is lost.
+pub(crate) fn refuse_missing_folder(file: &Path) -> anyhow::Result<()> {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir());
+    match folder {
+        None => Ok(()),
+        Some(folder) => Err(anyhow!("{}: there is no folder {}", file.display(), folder.display())),
+    }
 }
 
 /// Creates a folder, unless it exists, and says so.
@@ -168,6 +196,7 @@ pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
 /// command that hbot calls by another name is named.
 pub(crate) fn answer(mut answer: clap::Error, arguments: &[OsString]) -> anyhow::Result<ExitCode> {
     habits::keep_the_most_similar(&mut answer);
+    habits::usual_usage(&mut answer, arguments, Cli::command());
     let printed = match habits::meant(&answer, arguments) {
         Some(meant) => {
             error(&meant);

@@ -1,12 +1,12 @@
 //! `hbot record`: records a running server from any machine.
 
 use std::fs::File;
-use std::io::{BufWriter, IsTerminal as _, Write as _, stderr};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_api::{ClientError, Event};
@@ -16,18 +16,26 @@ use hbot_server::recording::is_folder;
 
 use super::numbers::{seconds, whole};
 use super::out::{create_new, make_folder, note, say};
-use super::{ServerAddress, orders, style};
+use super::progress::Progress;
+use super::{ServerAddress, orders};
 
 /// Longest time for which states wait before they are in the file.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 /// Longest time until a signal is noticed if the server sends nothing.
 const LISTEN: Duration = Duration::from_millis(100);
-/// How often the progress is shown on a terminal, and how often elsewhere.
-const SHOWN_EVERY: Duration = Duration::from_secs(1);
-const NOTED_EVERY: Duration = Duration::from_secs(10);
+
+/// What the exit codes mean, for the help.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  everything was recorded until Ctrl-C, the end of --duration, or, without
+     --duration, the end of the server
+  1  states were lost, the connection broke, or the server ended before
+     --duration
+  2  the command line is wrong";
 
 /// Options of `hbot record`.
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_CODES)]
 pub(crate) struct RecordArgs {
     /// File to write (MCAP), which must not exist yet; its name ends in .mcap or has no ending
     #[arg(value_parser = PathBufValueParser::new().try_map(new_recording))]
@@ -81,6 +89,8 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let duration = args.duration.map_or(Duration::MAX, Duration::from_secs_f64);
     let mut span = Span::default();
     let mut flushed = Instant::now();
+    // What ended the recording before its time: the server's word that it stops, or an error.
+    let mut ended = None;
     while !stop.is_set() {
         let left = duration.saturating_sub(begun.elapsed());
         if left.is_zero() {
@@ -91,22 +101,22 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
                 span.extend(&event);
                 recording.take(&event).with_context(name)?;
                 if matches!(event, Event::Stopping(_)) {
+                    ended = Some(None);
                     break;
                 }
             }
             Ok(None) => {}
-            Err(ClientError::Closed) => {
-                progress.clear();
-                note!("the connection has ended");
+            Err(error) => {
+                ended = Some(Some(error));
                 break;
             }
-            Err(error) => return Err(error.into()),
         }
         if flushed.elapsed() >= FLUSH_EVERY {
             recording.flush().with_context(name)?;
             flushed = Instant::now();
         }
-        progress.show(recording.states(), recording.dropped() + client.events_lost());
+        let (states, lost) = (recording.states(), recording.dropped() + client.events_lost());
+        progress.show(|since| format!("{since:.0} s: {}", counts(states, lost)));
     }
     progress.clear();
     // What has arrived is taken, the subscription ends, and what came until then is taken, except
@@ -129,11 +139,26 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let (states, lost) = (recording.states(), recording.dropped() + client.events_lost());
     recording.finish().with_context(name)?;
     say!("{}{}", counts(states, lost), span.in_words())?;
-    if lost == 0 {
-        return Ok(ExitCode::SUCCESS);
+    if lost > 0 {
+        note!("{ADVICE}");
     }
-    note!("{ADVICE}");
-    Ok(ExitCode::FAILURE)
+    let after = format!("after {:.1} s", (ending - begun).as_secs_f64());
+    match (ended, args.duration) {
+        (None, _) => {}
+        (Some(None), None) => note!("the server stopped {after}"),
+        (Some(None), Some(wanted)) => {
+            bail!("the recording is shorter than wanted: the server stopped {after} of {wanted} s")
+        }
+        (Some(Some(error)), wanted) => {
+            let of = wanted.map_or_else(String::new, |wanted| format!(" of {wanted} s"));
+            let why = match error {
+                ClientError::Closed => String::new(),
+                error => format!(" ({error})"),
+            };
+            bail!("the recording is shorter than wanted: the connection broke {after}{of}{why}")
+        }
+    }
+    Ok(if lost == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// The part of the run that is recorded.
@@ -184,52 +209,6 @@ fn counts(states: u64, lost: u64) -> String {
     }
     let percent = 100.0 * lost as f64 / (states + lost) as f64;
     format!("{states} states recorded, {lost} lost ({percent:.2} %)")
-}
-
-/// Shows while a recording is made how many states it has: on a terminal in one line, and elsewhere
-/// in a line from time to time.
-struct Progress {
-    terminal: bool,
-    begun: Instant,
-    next: Instant,
-}
-
-impl Progress {
-    fn new() -> Self {
-        let (terminal, begun) = (stderr().is_terminal(), Instant::now());
-        Self { terminal, begun, next: begun + if terminal { SHOWN_EVERY } else { NOTED_EVERY } }
-    }
-
-    fn show(&mut self, states: u64, lost: u64) {
-        let now = Instant::now();
-        if now < self.next {
-            return;
-        }
-        let line = format!("{:.0} s: {}", (now - self.begun).as_secs_f64(), counts(states, lost));
-        if self.terminal {
-            self.next = now + SHOWN_EVERY;
-            let (begin, end) = (style::SAME_LINE, style::LINE_END);
-            // Like all text on standard error, it is lost if it cannot be written.
-            let _ = write!(stderr(), "{begin}{line}; Ctrl-C ends{end}");
-        } else {
-            self.next = now + NOTED_EVERY;
-            note!("{line}");
-        }
-    }
-
-    /// Removes the line from the terminal.
-    fn clear(&self) {
-        if self.terminal {
-            let _ = write!(stderr(), "{}", style::CLEAR_LINE);
-        }
-    }
-}
-
-/// Clears the line of progress, so that an error that ends the recording begins on an empty line.
-impl Drop for Progress {
-    fn drop(&mut self) {
-        self.clear();
-    }
 }
 
 #[cfg(test)]

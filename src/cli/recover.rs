@@ -5,7 +5,7 @@ use std::io::{BufReader, BufWriter};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_record::recover::recover;
@@ -14,8 +14,16 @@ use super::out::{create_new, refuse_folder_or_pipe, tell};
 use super::record::new_recording;
 use super::style;
 
+/// What the exit codes mean, for the help.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  everything that was written until the end or the cut is in the new recording
+  1  parts are damaged, or nothing can be recovered
+  2  the command line is wrong";
+
 /// Options of `hbot recover`.
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_CODES)]
 pub(crate) struct RecoverArgs {
     /// Recording (MCAP) without an end, because the program was killed, or with damaged parts
     file: PathBuf,
@@ -40,6 +48,15 @@ pub(crate) fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
     };
     for why in &found.damaged {
         tell!("{}damaged{}: {why}", style::BAD, style::OFF)?;
+    }
+    if found.messages == 0 {
+        let _ = std::fs::remove_file(&args.out);
+        let why = match (found.damaged.is_empty(), found.cut) {
+            (false, _) => "no message of it can be read",
+            (true, true) => "it was cut off before its first part (about a second) was written",
+            (true, false) => "it has no message",
+        };
+        bail!("{}: nothing can be recovered: {why}", name());
     }
     let seconds = found.range.map_or(0.0, |(first, last)| (last - first) as f64 * 1.0e-9);
     let state = if found.cut { "had no end" } else { "has an end" };

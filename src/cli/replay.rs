@@ -16,12 +16,20 @@ use hbot_record::replay::{Flaw, Replay, ReplayError, Replayed, Report, renumbere
 use hbot_record::{About, Writer, public};
 
 use super::numbers::real;
-use super::out::{create_new, refuse_folder_or_pipe, say, tell};
+use super::out::{WrongLine, create_new, note, refuse_folder_or_pipe, say, tell};
 use super::record::new_recording;
 use super::{scene, style};
 
+/// What the exit codes mean, for the help.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  every bit of the compared part agrees
+  1  a tick differs, parts are missing, or nothing could be replayed
+  2  the command line is wrong";
+
 /// Options of `hbot replay`.
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_CODES)]
 pub(crate) struct ReplayArgs {
     /// Recording that was made by `hbot server --record`, or a flight log (MCAP)
     file: PathBuf,
@@ -51,7 +59,7 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     if let (Some(from), Some(to)) = (args.from, args.to)
         && from > to
     {
-        bail!("--from {from} is behind --to {to}");
+        bail!(WrongLine(format!("--from {from} is behind --to {to}")));
     }
     let path = hbot_record::recording_of(&args.file);
     let name = || path.display().to_string();
@@ -79,6 +87,9 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
         _ => replay.run(from, to, |_| Ok::<_, ReplayError>(())).with_context(name)?,
     };
     tell(&report, period_ns, begun, args.out.as_deref().filter(|out| out.exists()))?;
+    if report.range.is_none() && report.difference.is_none() {
+        bail!("nothing could be replayed: no tick is readable");
+    }
     Ok(if report.is_exact() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -135,7 +146,7 @@ impl<'a> Output<'a> {
 fn tell(report: &Report, period_ns: u64, begun: Instant, out: Option<&Path>) -> anyhow::Result<()> {
     let at = |tick: u64| tick.saturating_mul(period_ns) as f64 * 1.0e-9;
     for flaw in &report.flaws {
-        say!("{}note{} {}", style::WARN, style::OFF, sentence(flaw))?;
+        note!("{}note{} {}", style::WARN, style::OFF, sentence(flaw));
     }
     if let Some((first, last)) = report.range {
         let elapsed = begun.elapsed().as_secs_f64();
@@ -156,6 +167,10 @@ fn tell(report: &Report, period_ns: u64, begun: Instant, out: Option<&Path>) -> 
         let (bad, off, tick) = (style::BAD, style::OFF, difference.tick);
         say!("{bad}differs{off} first at tick {tick} ({:.3} s of the run): {}", at(tick), difference.field)?;
         say!("  recorded {recorded}\n  computed {computed}")?;
+    } else if report.range.is_some() && !report.flaws.is_empty() {
+        let cut = report.flaws.iter().any(|flaw| matches!(flaw, Flaw::Cut));
+        let lacks = if cut { "the rest is missing" } else { "not everything is in it or can be read" };
+        tell!("{}the recording is not whole{}: {lacks} (exit code 1)", style::WARN, style::OFF)?;
     }
     Ok(())
 }

@@ -15,7 +15,7 @@ use hbot_config::rig::Protocol;
 use self::units::Quantity;
 use super::ask::{at_terminal, note_if_nobody_is_there, somebody_is_there};
 use super::numbers::whole;
-use super::out::{create_new, note, say, tell};
+use super::out::{create_new, note, refuse_missing_folder, say, tell};
 
 /// Options of `hbot rig new`. On a terminal, the command asks for each number that is not given.
 /// Otherwise it takes the default.
@@ -165,12 +165,7 @@ pub(crate) fn run(args: NewArgs) -> anyhow::Result<ExitCode> {
     if args.file.exists() {
         bail!("{} exists already: name another file", args.file.display());
     }
-    // Before the questions, so that no answer is lost.
-    if let Some(folder) =
-        args.file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
-    {
-        bail!("{}: there is no folder {}", args.file.display(), folder.display());
-    }
+    refuse_missing_folder(&args.file)?;
     note_if_nobody_is_there();
     if somebody_is_there() {
         note!(

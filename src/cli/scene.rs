@@ -11,13 +11,13 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::anyhow;
+use anyhow::{anyhow, bail};
 use clap::{Args, Subcommand};
 use hbot_config::advice::{Abilities, in_vain};
 use hbot_config::scene::ShelfScene;
 use hbot_config::{LoadError, SceneFile, did_you_mean, guess};
 
-use super::out::{foreign, note, say, tell};
+use super::out::{WrongLine, foreign, note, say, tell};
 use super::{Commanding, ServerAddress, orders, style};
 
 /// The subcommands of `hbot scene`.
@@ -52,6 +52,9 @@ pub(crate) enum SceneCommand {
         /// Check again on each save of the file, and load the scene into the server
         #[arg(long)]
         watch: bool,
+        /// End with exit code 1 if there is a warning
+        #[arg(long, conflicts_with = "watch")]
+        strict: bool,
         #[command(flatten, next_help_heading = "With --watch")]
         to: Commanding,
     },
@@ -129,8 +132,13 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
         SceneCommand::New(args) => new::run(&args)?,
         SceneCommand::Kinds { kind, json } => kinds::run(kind.as_deref(), json)?,
         SceneCommand::Show { address } => show(&address)?,
-        SceneCommand::Check { which, watch: true, to } => watch::run(&which, &to)?,
-        SceneCommand::Check { which, .. } => check(&which)?,
+        SceneCommand::Check { which, watch: true, to, .. } => watch::run(&which, &to)?,
+        SceneCommand::Check { which, strict, .. } => {
+            refuse_options_of_watch()?;
+            if check(&which)? && strict {
+                return Ok(ExitCode::FAILURE);
+            }
+        }
         SceneCommand::Load { scene: path, to } => load(&scene(&path)?, &to)?,
         SceneCommand::Plot(args) => plot::run(&args)?,
         SceneCommand::Page { folder } => shelf::page(&folder)?,
@@ -148,7 +156,24 @@ fn show(address: &ServerAddress) -> anyhow::Result<()> {
     }
 }
 
-fn check(which: &Which) -> anyhow::Result<()> {
+/// Fails if the command line has an option that only `--watch` needs. A variable such as
+/// HBOT_SERVER, which is for all commands, is no reason to fail.
+fn refuse_options_of_watch() -> anyhow::Result<()> {
+    let arguments: Vec<_> = std::env::args_os().take_while(|argument| argument != "--").collect();
+    let is_given = |option: &&str| {
+        let is_it = |text: &str| text.split('=').next() == Some(option);
+        arguments.iter().filter_map(|argument| argument.to_str()).any(is_it)
+    };
+    match ["--server", "--token-file", "--ca", "--steal"].iter().find(|option| is_given(option)) {
+        None => Ok(()),
+        Some(option) => bail!(WrongLine(format!(
+            "{option} needs `--watch`, which loads the scene into a server. Without it, a check asks no server"
+        ))),
+    }
+}
+
+/// Checks a scene. Returns whether there are warnings.
+fn check(which: &Which) -> anyhow::Result<bool> {
     let (scene, abilities) = which.load()?;
     let effects = match scene.effects().len() {
         0 => "no effects, so the scene makes no torque".to_owned(),
@@ -159,9 +184,10 @@ fn check(which: &Which) -> anyhow::Result<()> {
     for effect in scene.effects() {
         tell!("  {:12} {}", effect.id(), effect.kind_name())?;
     }
-    warn(&abilities.warnings(&scene))?;
+    let warnings = abilities.warnings(&scene);
+    warn(&warnings);
     note_if_nobody_holds(&scene);
-    Ok(())
+    Ok(!warnings.is_empty())
 }
 
 /// Says it if the simulated rig has no hand with a scene that names its phenomena.
@@ -186,13 +212,13 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
     }
     if !loaded.ignored.is_empty() {
         let ignored = loaded.ignored.join(", ");
-        tell!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored))?;
+        note!("  {}ignored on a real rig:{} {}", style::WARN, style::OFF, foreign(&ignored));
     }
     // The scene is sent with all parameters, so the server does not know which ones the file names.
     let own = in_vain(scene)
         .map(|warning| warning.to_string())
         .filter(|warning| !loaded.warnings.contains(warning));
-    warn(&loaded.warnings.iter().cloned().chain(own).collect::<Vec<_>>())?;
+    warn(&loaded.warnings.iter().cloned().chain(own).collect::<Vec<_>>());
     // On a real rig the phenomena are ignored.
     if loaded.ignored.is_empty() {
         note_if_nobody_holds(scene);
@@ -200,12 +226,11 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Prints the warnings about a scene.
-pub(super) fn warn<W: ToString>(warnings: &[W]) -> anyhow::Result<()> {
+/// Prints the warnings about a scene on standard error.
+pub(super) fn warn<W: ToString>(warnings: &[W]) {
     for warning in warnings {
-        tell!("  {}warning:{} {}", style::WARN, style::OFF, foreign(&warning.to_string()))?;
+        note!("  {}warning:{} {}", style::WARN, style::OFF, foreign(&warning.to_string()));
     }
-    Ok(())
 }
 
 /// Returns the error about a name that is not among the legal ones.

@@ -29,7 +29,7 @@ use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
-use super::numbers::{positive, seconds, unchecked};
+use super::numbers::{positive, processor, rate, seconds};
 use super::out::{self, make_folder};
 use super::record::file_or_folder;
 use super::sockets::Web;
@@ -69,10 +69,10 @@ pub(crate) struct ServerArgs {
     #[arg(long, value_name = "ADDR:PORT", value_parser = sockets::address)]
     listen: Option<SocketAddr>,
     /// Ticks a second, 50 to 20000
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = unchecked("50 to 20000 Hz"))]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = rate)]
     rate: Option<u32>,
     /// Processor that the loop's thread is pinned to, 0 to 1023
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = unchecked("0 to 1023"))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = processor)]
     cpu: Option<u32>,
     /// Preset of methods
     #[arg(long, value_enum)]

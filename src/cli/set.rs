@@ -6,12 +6,12 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use hbot_api::InfoOk;
 use hbot_config::advice::{Abilities, Told, Warning};
-use hbot_config::scene::SetError;
+use hbot_config::scene::{SetError, kinds};
 use hbot_config::{RunningScene, SceneFile, decimal_point};
 use hbot_server::service::set_refusal;
 use serde_json::{Map, Value};
 
-use super::out::{foreign, tell};
+use super::out::{WrongLine, foreign, tell};
 use super::{Commanding, orders, show, style};
 
 /// Options of `hbot set`.
@@ -56,25 +56,32 @@ fn assignment(text: &str) -> Result<(String, Value), String> {
 }
 
 pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
+    let typed = once(&args.values)?;
     let mut client = orders::connect(&args.to.address, "hbot set")?;
-    let parameters = once(&args.values)?;
     let before = client.info().map_err(orders::remedied)?;
+    let kind = effect(&before, &args.effect)["kind"].as_str().unwrap_or_default().to_owned();
+    let units: Map<String, Value> =
+        typed.keys().filter_map(|key| Some((key.clone(), unit(&kind, key)?.into()))).collect();
+    let unit_of = |key: &str| units.get(key).and_then(Value::as_str).unwrap_or_default();
+    let parameters: Map<String, Value> =
+        typed.iter().map(|(key, value)| (key.clone(), alone(value, unit_of(key)))).collect();
     check(&before, &args.effect, &parameters)?;
     orders::holding(&mut client, args.to.steal, |client| client.set(&args.effect, parameters.clone()))?;
     let after = client.info().map_err(orders::remedied)?;
     let [old, new] = [&before, &after].map(|info| effect(info, &args.effect));
-    for (key, typed) in &parameters {
+    for (key, typed) in &typed {
+        let unit = unit_of(key);
         tell!(
             "{}{}{}: {} = {} (before: {})",
             style::NAME,
             args.effect,
             style::OFF,
             key,
-            foreign(&shown(&new[key], typed)),
-            foreign(&shown(&old[key], typed))
+            foreign(&shown(&new[key], typed, unit)),
+            foreign(&shown(&old[key], typed, unit))
         )?;
     }
-    super::scene::warn(&warnings(&after))?;
+    super::scene::warn(&warnings(&after));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -83,18 +90,62 @@ fn once(values: &[(String, Value)]) -> anyhow::Result<Map<String, Value>> {
     let mut parameters = Map::new();
     for (key, value) in values {
         if parameters.insert(key.clone(), value.clone()).is_some() {
-            bail!("{key} is given twice");
+            bail!(WrongLine(format!("{key} is given twice")));
         }
     }
     Ok(parameters)
 }
 
-/// Returns a value of the running scene for people, in degrees if the user has typed degrees.
-fn shown(value: &Value, typed: &Value) -> String {
+/// Returns the unit of a parameter of a kind of effect, if it has one and this program knows it.
+fn unit(kind: &str, key: &str) -> Option<String> {
+    let kind = kinds().into_iter().find(|known| known.name == kind)?;
+    kind.schema["properties"][key]["unit"].as_str().map(str::to_owned)
+}
+
+/// Returns a value without the unit of its key, if it is a text of a number with it. An angle keeps
+/// its unit, which says whether it is in degrees.
+fn alone(value: &Value, unit: &str) -> Value {
+    let text = value.as_str().filter(|_| !["", "rad"].contains(&unit));
+    let number = text.and_then(|text| text.trim_end().strip_suffix(unit)?.trim().parse().ok());
+    number.map_or_else(|| value.clone(), Value::Number)
+}
+
+/// Returns a number for people: a long fraction is rounded.
+fn short(x: f64) -> String {
+    let six = show::number(x);
+    if six.parse() == Ok(x) || x.abs() >= 1.0e3 {
+        return six;
+    }
+    let three: f64 = format!("{x:.2e}").parse().unwrap_or(x);
+    three.to_string()
+}
+
+/// Returns numbers as JSON for people.
+fn rounded(value: &Value) -> String {
+    match value {
+        Value::Number(number) => short(number.as_f64().unwrap_or_default()),
+        Value::Array(elements) => {
+            format!("[{}]", elements.iter().map(rounded).collect::<Vec<_>>().join(", "))
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Returns whether a value is a number or a list of numbers.
+fn is_number(value: &Value) -> bool {
+    match value {
+        Value::Array(elements) => elements.first().is_some_and(is_number),
+        value => value.is_number(),
+    }
+}
+
+/// Returns a value of the running scene for people with its unit, in degrees if the user has typed
+/// degrees.
+fn shown(value: &Value, typed: &Value, unit: &str) -> String {
     let degrees = match typed {
         Value::String(text) => ["deg", "°"].iter().any(|unit| text.trim_end().ends_with(unit)),
         Value::Array(elements) => {
-            return elements.first().map_or_else(|| value.to_string(), |first| shown(value, first));
+            return shown(value, elements.first().unwrap_or(&Value::Null), unit);
         }
         _ => false,
     };
@@ -103,9 +154,10 @@ fn shown(value: &Value, typed: &Value) -> String {
             format!("{} deg", show::number(number.as_f64().unwrap_or_default().to_degrees()))
         }
         Value::Array(elements) if degrees => {
-            let shown: Vec<_> = elements.iter().map(|element| shown(element, typed)).collect();
+            let shown: Vec<_> = elements.iter().map(|element| shown(element, typed, unit)).collect();
             format!("[{}]", shown.join(", "))
         }
+        value if is_number(value) => format!("{} {unit}", rounded(value)).trim_end().to_owned(),
         _ => value.to_string(),
     }
 }
@@ -225,14 +277,36 @@ mod tests {
         for (value, typed, text) in [
             (json!(five), json!("5deg"), "5 deg"),
             (json!(five), json!("5°"), "5 deg"),
-            (json!(0.5), json!("0.5 rad"), "0.5"),
-            (json!(0.5), json!(0.5), "0.5"),
+            (json!(0.5), json!("0.5 rad"), "0.5 rad"),
+            (json!(0.0), json!(0), "0 rad"),
+            (json!(five), json!(five), "0.0873 rad"),
+            (json!([five, 1.0]), json!([five, 1]), "[0.0873, 1] rad"),
             (json!([five, 0.0]), json!(["5 deg", 0]), "[5 deg, 0 deg]"),
             (json!("geodesic"), json!("geodesic"), "\"geodesic\""),
             (json!(null), json!("5 deg"), "null"),
         ] {
-            assert_eq!(shown(&value, &typed), text, "{typed}");
+            assert_eq!(shown(&value, &typed, "rad"), text, "{typed}");
         }
+        assert_eq!(shown(&json!(2.0), &json!(2), ""), "2");
+        for (x, text) in [(1.234, "1.234"), (1.0 / 3.0, "0.333"), (12_345.678, "12345.7")] {
+            assert_eq!(short(x), text);
+        }
+    }
+
+    #[test]
+    fn a_number_may_have_the_unit_of_its_key() {
+        let stiffness = unit("spring", "stiffness").expect("it has one");
+        for (typed, value) in [
+            (json!("2 N m/rad"), json!(2)),
+            (json!("2.5N m/rad "), json!(2.5)),
+            (json!("2 N m"), json!("2 N m")),
+            (json!("N m/rad"), json!("N m/rad")),
+            (json!(2), json!(2)),
+        ] {
+            assert_eq!(alone(&typed, &stiffness), value, "{typed}");
+        }
+        assert_eq!(alone(&json!("0.5 rad"), "rad"), json!("0.5 rad"), "hbot-config reads angles");
+        assert_eq!(alone(&json!("2"), ""), json!("2"));
     }
 
     #[test]

@@ -66,7 +66,15 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let mut told = false;
     while !stop.is_set() {
         let wait = if told { silent_after } else { silent_after.saturating_sub(newest.elapsed()) };
-        let event = client.next_event(wait.min(ATTENTIVE))?;
+        let event = match client.next_event(wait.min(ATTENTIVE)) {
+            Ok(event) => event,
+            Err(error) => {
+                if !args.json {
+                    summary(begun, largest)?;
+                }
+                return Err(error.into());
+            }
+        };
         if matches!(event, Some(Event::State(_))) {
             newest = Instant::now();
             told = false;
@@ -89,6 +97,9 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
                     raw(|out| out.write_all(style::CLEAR_LINE.as_bytes()))?;
                 }
                 note!("the server stops");
+                if !args.json {
+                    summary(begun, largest)?;
+                }
                 return Ok(ExitCode::SUCCESS);
             }
             Event::Fault(fault) if !args.json => {
@@ -119,8 +130,13 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     }
-    say!("\nthe largest length in {:.1} s was {largest:.3} N m", begun.elapsed().as_secs_f64())?;
+    summary(begun, largest)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the largest length of the torque since `begun`, N m.
+fn summary(begun: Instant, largest: f64) -> anyhow::Result<()> {
+    say!("\nthe largest length in {:.1} s was {largest:.3} N m", begun.elapsed().as_secs_f64())
 }
 
 /// Returns the time without a state after which the user is told: [`SILENT_AFTER`], or longer if

@@ -3,6 +3,7 @@
 //! does not overwrite.
 
 use std::io::{BufRead as _, BufReader};
+use std::os::unix::process::ExitStatusExt as _;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
@@ -67,8 +68,16 @@ fn set_changes_the_running_scene_and_show_prints_it() {
     let state = tempfile::tempdir().expect("a folder");
     let server = server(state.path());
     run(&server, &["set", "spring", "stiffness=2", "deadband=5 deg"]).success().stdout(
-        contains("spring: stiffness = 2.0 (before: 1.0)").and(contains("deadband = 5 deg (before: 0 deg)")),
+        contains("spring: stiffness = 2 N m/rad (before: 1 N m/rad)")
+            .and(contains("deadband = 5 deg (before: 0 deg)")),
     );
+    run(&server, &["set", "spring", "deadband=0"])
+        .success()
+        .stdout(contains("deadband = 0 rad (before: 0.0873 rad)"));
+    run(&server, &["set", "spring", "stiffness=3 N m/rad"])
+        .success()
+        .stdout(contains("stiffness = 3 N m/rad"));
+    run(&server, &["set", "spring", "stiffness=2"]).success();
     let shown = run(&server, &["scene", "show"]).success();
     let text = String::from_utf8(shown.get_output().stdout.clone()).expect("UTF-8");
     let scene = SceneFile::from_toml(&text, "shown").unwrap_or_else(|error| panic!("{error}\n{text}"));
@@ -77,14 +86,14 @@ fn set_changes_the_running_scene_and_show_prints_it() {
     for (stiffness, warned) in [("300", false), ("500", true), ("[[1, 0, 0], [0, 500, 0], [0, 0, 1]]", true)]
     {
         let set = run(&server, &["set", "spring", &format!("stiffness={stiffness}"), "deadband=0"]).success();
-        let said = String::from_utf8_lossy(&set.get_output().stdout).into_owned();
+        let said = String::from_utf8_lossy(&set.get_output().stderr).into_owned();
         let unstable = said.contains("the scene has 500 N m/rad") && said.contains("with any damping");
         assert_eq!(unstable, warned, "{stiffness}: {said}");
     }
     // With the lead, 258 N m/rad are stable with the spring's 0.02 N m s/rad.
     run(&server, &["set", "spring", "stiffness=300"])
         .success()
-        .stdout(contains("warning: spring: may shake the sphere"));
+        .stderr(contains("warning: spring: may shake the sphere"));
     run(&server, &["set", "sprung", "stiffness=2"]).failure().stderr(contains("legal: spring"));
     run(&server, &["set", "spring", "stifness=2"]).failure().stderr(contains("did you mean `stiffness`"));
     run(&server, &["set", "spring", "stiffness"]).code(2).stderr(contains("KEY=VALUE"));
@@ -246,6 +255,37 @@ fn a_recording_lasts_as_long_as_the_clock_says_and_overwrites_nothing() {
     assert!(std::fs::read(file).expect("a recording") == before, "it is not touched");
 }
 
+#[test]
+fn a_recording_that_ends_before_its_time_says_why() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (signal, duration, code, said) in [
+        (Signal::KILL, "60", 1, "the recording is shorter than wanted: the connection broke after "),
+        (Signal::KILL, "", 1, "the recording is shorter than wanted: the connection broke after "),
+        (Signal::TERM, "60", 1, "the recording is shorter than wanted: the server stopped after "),
+        (Signal::TERM, "", 0, "the server stopped after "),
+    ] {
+        let server = server(folder.path());
+        let file = folder.path().join(format!("{}{duration}.mcap", signal.as_raw()));
+        let mut record = hbot();
+        record.arg("record").arg(&file).args(["--every", "10", "--server", &server.address]);
+        if !duration.is_empty() {
+            record.args(["--duration", duration]);
+        }
+        let record = record.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
+        eventually("some states", || std::fs::metadata(&file).is_ok_and(|found| found.len() > 4000));
+        server.signal(signal);
+        let ended = record.wait_with_output().expect("it ends");
+        let [out, err] = [ended.stdout, ended.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+        assert!(out.contains(" states recorded"), "the file has its end: {out}{err}");
+        assert!(err.contains(said) && err.contains(" of 60 s") == (duration == "60"), "{signal:?}: {err}");
+        // Whether states are lost depends on the machine.
+        assert!(
+            ended.status.code() == Some(code) || err.contains("drops the next ones"),
+            "{signal:?}: {err}"
+        );
+    }
+}
+
 /// Returns the number before `word` in a text.
 fn number_before(word: &str, text: &str) -> u64 {
     let before = text.split(word).next().and_then(|before| before.split_whitespace().last());
@@ -355,6 +395,42 @@ fn watch_explains_its_columns() {
     assert!(first[2].contains("torque N m") && first[2].contains("length"), "{first:?}");
 }
 
+#[test]
+fn watch_tells_the_largest_torque_also_if_the_server_ends() {
+    let state = tempfile::tempdir().expect("a folder");
+    for (signal, code) in [(Signal::TERM, 0), (Signal::KILL, 1)] {
+        let server = server(state.path());
+        let mut watch = hbot();
+        watch.args(["watch", "--server", &server.address]).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut watch = watch.spawn().expect("it runs");
+        let mut lines = BufReader::new(watch.stdout.take().expect("piped")).lines().map_while(Result::ok);
+        assert_eq!(lines.by_ref().take(5).count(), 5);
+        server.signal(signal);
+        let last = lines.last().unwrap_or_default();
+        assert!(last.starts_with("the largest length in ") && last.ends_with(" N m"), "{last}");
+        assert_eq!(watch.wait().expect("it ends").code(), Some(code));
+    }
+}
+
+#[test]
+fn a_turn_of_the_hand_that_a_signal_ends_says_where() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = server(state.path());
+    let mut turn = hbot();
+    turn.args(["hand", "turn", "n2", "20deg", "--over", "60s", "--server", &server.address]);
+    let turn = turn.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it runs");
+    let held = || {
+        let info = run(&server, &["info"]).success();
+        String::from_utf8_lossy(&info.get_output().stdout).contains("lease      held by hbot hand")
+    };
+    eventually("the hand turns", held);
+    rustix::process::kill_process(rustix::process::Pid::from_child(&turn), Signal::INT).expect("it is there");
+    let ended = turn.wait_with_output().expect("it ends");
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert!(said.contains("the turn was broken off after ") && said.contains(" deg"), "{said}");
+    assert_eq!(ended.status.signal(), Some(2), "a loop of a shell ends too");
+}
+
 /// Without a state, `watch` says once that it knows nothing, and goes on when states come again.
 #[test]
 fn watch_tells_a_silence_of_the_server_once() {
@@ -444,7 +520,8 @@ fn a_script_completes_commands_in_each_shell() {
             .args(["completions", shell])
             .assert()
             .success()
-            .stdout(contains("scene").and(contains("hbot")));
+            .stdout(contains("scene").and(contains("hbot")))
+            .stdout(contains("last-word").not().and(contains("pages of all commands").not()));
     }
 }
 
@@ -479,6 +556,9 @@ fn every_command_has_a_man_page_that_names_its_options() {
     let page = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect(name);
     assert!(page("hbot-server.1").contains(r"\-\-rig"));
     assert!(page("hbot-rig-check.1").contains("hbot\\-rig\\-check"));
+    for command in ["server", "record", "replay", "recover", "doctor"] {
+        assert!(page(&format!("hbot-{command}.1")).contains("\n.SH \"EXIT STATUS\"\n  0  "), "{command}");
+    }
     // Each page that a command refers to exists. Hidden commands have none.
     let all = page("hbot.1");
     let named: Vec<&str> =

@@ -72,7 +72,7 @@ fn a_recording_without_a_fault_says_that_nothing_went_wrong() {
     // A server that was killed leaves a recording without its end.
     let bytes = std::fs::read(&run).expect("the recording");
     std::fs::write(&run, &bytes[..bytes.len() * 2 / 3]).expect("written");
-    replay().failure().stdout(contains("cut"));
+    replay().failure().stderr(contains("cut"));
     assert!(!out.exists());
     explain(&[text(&run)])
         .success()

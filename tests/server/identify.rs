@@ -96,7 +96,7 @@ fn a_rig_that_is_not_as_drawn_is_identified_and_then_drifts_less() {
     std::fs::write(folder.join("true.toml"), built()).expect("written");
     std::fs::write(folder.join("hand.toml"), HAND).expect("written");
     record(folder, "drawing.toml", 60, "run.mcap");
-    run(folder, "rig identify --rig drawing.toml run.mcap --out fitted.toml").success().stdout(
+    run(folder, "rig identify --rig drawing.toml run.mcap --write fitted.toml").success().stdout(
         contains("wheel A cone rad")
             .and(contains("fitted.toml: written"))
             .and(contains("not everything").not()),
@@ -298,7 +298,15 @@ fn a_certificate_says_what_was_measured_and_what_was_not() {
         let file = |name: &str| std::fs::read_to_string(folder.join(out).join(name)).expect("written");
         (file("certificate.md"), file("certificate.html"))
     };
-    run(folder, "rig certify drawing.toml --out bare").success();
+    run(folder, "rig certify drawing.toml --out bare").success().stdout(
+        contains("figures have a value, 8 are not measured")
+            .and(contains("drift in a turn: it needs recordings: `hbot rig certify RIG.toml RUN.mcap`"))
+            .and(contains("imbalance, cogging: `hbot rig certify --motors` measures it"))
+            .and(contains("certificate.md: written")),
+    );
+    run(folder, "rig certify drawing.toml --out bare")
+        .code(1)
+        .stderr(contains("bare: a certificate is there already. Name another folder by --out"));
     let (bare, _) = page("bare");
     for not in ["drift in a turn", "torque accuracy", "friction of joints and sphere", "lateness of a tick"] {
         assert!(bare.contains(&format!("| {not} | not measured |")), "{not}:\n{bare}");

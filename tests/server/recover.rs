@@ -4,7 +4,7 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
 
 use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
+use predicates::str::{contains, ends_with};
 
 use crate::process::{Process, hbot, patient_rig};
 use hbot_testing::patience::eventually;
@@ -26,7 +26,23 @@ fn a_recording_that_was_cut_off_becomes_a_whole_one() {
     command(&[&cut, &out]).failure().stderr(contains("exists already"));
     let replayed = assert_cmd::Command::from_std(hbot()).arg("replay").arg(&out).assert();
     replayed.success().stdout(contains("every bit agrees").and(contains("cut").not()));
+    // What is left of a cut recording agrees, which is not all.
+    let replay =
+        |file: &std::path::Path| assert_cmd::Command::from_std(hbot()).arg("replay").arg(file).assert();
+    let missing = "the recording is not whole: the rest is missing (exit code 1)\n";
+    replay(&cut)
+        .code(1)
+        .stdout(contains("every bit agrees").and(ends_with(missing)))
+        .stderr(contains("note cut: "));
     std::fs::remove_file(&out).expect("removed");
+    // Its metadata, and nothing of its first part.
+    let head = bytes.len().min(15_000);
+    std::fs::write(&cut, &bytes[..head]).expect("written");
+    command(&[&cut, &out])
+        .code(1)
+        .stderr(contains("nothing can be recovered: it was cut off before its first"));
+    assert!(!out.exists(), "no empty recording is left");
+    replay(&cut).code(1).stderr(contains("nothing could be replayed: no tick is readable")).stdout("");
     command(&[&text, &out]).failure().stderr(contains("not an MCAP file"));
     assert!(!out.exists(), "nothing is left of a failure");
 }

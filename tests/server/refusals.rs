@@ -2,7 +2,7 @@
 //! legal, and its exit code is not 0.
 
 use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
+use predicates::str::{contains, ends_with};
 
 use crate::process::hbot;
 
@@ -39,8 +39,8 @@ fn a_processor_that_is_not_there() {
         assert!(text.contains("processor 1023 is not there") && text.contains("legal: one of 0"), "{text}");
     }
     run(&["server", "--cpu", "1024"])
-        .failure()
-        .stderr(contains("--cpu: loop.cpu: 1024 is out of range; legal: 0 to 1023"));
+        .code(2)
+        .stderr(contains("--cpu: 1024 is out of range; legal: 0 to 1023"));
 }
 
 /// Only regular files are read. The others here are a FIFO without a writer, an endless device and
@@ -298,6 +298,11 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
         (&["set", "spring.stiffness=2"], "hbot set spring stiffness=2"),
         (&["info", "--port", "4268"], "`--server HOST:PORT`"),
         (&["watch", "127.0.0.1:4268"], "`--server 127.0.0.1:4268`"),
+        (&["stats", "127.0.0.1:4268"], "`--server 127.0.0.1:4268`"),
+        (&["scene", "show", "127.0.0.1:4268"], "`--server 127.0.0.1:4268`"),
+        (&["rig", "identify"], "`hbot rig identify --motors`"),
+        (&["completions"], "(legal: bash, elvish, fish, powershell, zsh)"),
+        (&["completions"], "`hbot completions --install`"),
         (&["scene", "hinge"], "`hbot scene load hinge`"),
         (&["study", "accuracy", "--quick"], "`cargo run --release -p hbot-study -- accuracy --quick`"),
     ] {
@@ -311,6 +316,97 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
     run(&["scene", "lod"]).code(2).stderr(contains("'load'"));
     run(&["estopp"]).code(2).stderr(contains("exists: 'estop'\n"));
     run(&["enabel"]).code(2).stderr(contains("exists: 'enable'\n"));
+}
+
+/// clap sees nothing wrong with them.
+#[test]
+fn a_command_line_that_contradicts_itself_has_the_exit_code_of_wrong_ones() {
+    let only_with_watch = "needs `--watch`";
+    for (words, why) in [
+        (&["server", "--rate", "10"][..], "--rate: 10 is out of range; legal: 50 to 20000 Hz"),
+        (&["scene", "plot", "spring", "--from", "90", "--to", "10"], "--from 90 is not below --to 10"),
+        (&["replay", "no.mcap", "--from", "0.2", "--to", "0.1"], "--from 0.2 is behind --to 0.1"),
+        (&["set", "spring", "stiffness=1", "stiffness=2"], "stiffness is given twice"),
+        (&["scene", "check", "hinge", "--steal"], only_with_watch),
+        (&["scene", "check", "hinge", "--server=127.0.0.1:9"], only_with_watch),
+        (&["scene", "check", "hinge", "--server", "127.0.0.1:9"], only_with_watch),
+        (&["scene", "check", "hinge", "--strict", "--watch"], "cannot be used with"),
+    ] {
+        run(words).code(2).stderr(contains(why).and(contains("loop.rate_hz").not()));
+    }
+    // The variable is for all commands.
+    let mut check = assert_cmd::Command::from_std(hbot());
+    check.args(["scene", "check", "hinge"]).env("HBOT_SERVER", "127.0.0.1:9").assert().success();
+}
+
+#[test]
+fn the_usage_of_an_answer_does_not_ask_for_what_a_variable_gives() {
+    let usage = contains("Usage: hbot hand turn [OPTIONS] <AXIS> <ANGLE>\n");
+    let mut turn = assert_cmd::Command::from_std(hbot());
+    turn.args(["hand", "turn", "n2"]).env("HBOT_SERVER", "127.0.0.1:9").assert().code(2).stderr(usage);
+}
+
+#[test]
+fn a_strict_check_fails_for_a_warning() {
+    let stiff = file("[[effect]]\nid = 's'\nkind = 'spring'\nstiffness = 900\n");
+    let warned = || contains("warning: s: may shake the sphere");
+    run(&["scene", "check", path(&stiff)]).code(0).stderr(warned()).stdout(contains("warning").not());
+    run(&["scene", "check", path(&stiff), "--strict"]).code(1).stderr(warned());
+    run(&["scene", "check", "spring", "--strict"]).code(0);
+}
+
+#[test]
+fn a_new_file_in_no_folder_is_refused_before_questions() {
+    for what in ["scene", "rig"] {
+        let said = "/nodir/x.toml: there is no folder /nodir\n";
+        run(&[what, "new", "/nodir/x.toml"]).code(1).stderr(predicates::str::diff(format!("error: {said}")));
+    }
+}
+
+#[test]
+fn the_help_says_what_exit_codes_mean_and_how_to_begin() {
+    for command in ["server", "record", "replay", "recover", "doctor"] {
+        run(&[command, "--help"]).success().stdout(contains("Exit codes:\n  0  "));
+    }
+    let help = run(&["--help"]).success().stdout(contains("First steps:\n  hbot server "));
+    let help = String::from_utf8_lossy(&help.get_output().stdout).into_owned();
+    let names: Vec<&str> =
+        help.lines().filter_map(|line| line.strip_prefix("  ")?.split(' ').next()).collect();
+    assert_eq!(names[..2], ["server", "estop"], "{help}");
+    let mut steps = help.lines().filter(|line| line.starts_with("  hbot "));
+    assert!(steps.all(|line| line.chars().count() <= 80), "{help}");
+}
+
+/// `doctor` reads HBOT_TOKEN_FILE and not HBOT_SERVER.
+#[test]
+fn doctor_names_the_variables_that_it_reads() {
+    run(&["doctor", "--help"]).success().stdout(contains("[env: HBOT_TOKEN_FILE]"));
+    let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
+    run(&["doctor", "--seconds", "1", "--server", &free.to_string()])
+        .code(1)
+        .stdout(contains("by `--server ADDR`").and(contains("HBOT_SERVER").not()));
+}
+
+#[test]
+fn what_is_no_server_of_hbot_is_told() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("an address").to_string();
+    let answer = std::thread::spawn(move || {
+        use std::io::{Read as _, Write as _};
+        let mut peer = listener.accept().expect("a client").0;
+        let _ = peer.read(&mut [0; 4096]);
+        peer.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").expect("written");
+    });
+    let said = format!("what answers at {address} is no hbot server, or one of another version");
+    run(&["info", "--server", &address]).code(1).stderr(contains(said));
+    answer.join().expect("it has answered");
+    run(&["watch", "--server", "no-such-host.invalid"])
+        .code(1)
+        .stderr(contains("no machine is known by the name \"no-such-host.invalid\" (").and(ends_with(")\n")));
+    // An address that no machine on this network may have.
+    run(&["watch", "--server", "255.255.255.255"])
+        .code(1)
+        .stderr(contains("cannot connect to 255.255.255.255: ").and(contains("os error").count(1)));
 }
 
 /// `cargo run server -- --help` passes the two dashes on.

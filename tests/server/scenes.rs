@@ -221,7 +221,7 @@ fn a_check_says_what_the_rig_cannot_make_and_what_has_no_effect() {
     std::fs::write(&file, wall).expect("written");
     let check = |args: &[&str]| {
         let output = hbot().args(["scene", "check", file.to_str().expect("UTF-8")]).args(args).output();
-        String::from_utf8(output.expect("the binary runs").stdout).expect("UTF-8")
+        String::from_utf8(output.expect("the binary runs").stderr).expect("UTF-8")
     };
     let said = check(&[]);
     assert!(said.contains("warning: w: may shake the sphere") && said.contains("with any damping"), "{said}");

@@ -118,6 +118,16 @@ fn watch_shows_the_three_torques_in_80_columns() {
 }
 
 #[test]
+fn a_turn_of_the_hand_shows_how_far_it_is() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&["--rig", &patient_rig(state.path())], state.path());
+    let mut terminal = Terminal::open();
+    let turn = ["hand", "turn", "n2", "20deg", "--over", "60s", "--server", &server.address];
+    let _turn = Killed(terminal.run(hbot().args(turn)));
+    assert_fit(&terminal.read_until(" s of 60 s; Ctrl-C ends"));
+}
+
+#[test]
 fn info_and_the_answer_to_a_stop_break_between_words() {
     let state = tempfile::tempdir().expect("a folder");
     let server = Process::start(&["--rig", &patient_rig(state.path())], state.path());

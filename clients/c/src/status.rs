@@ -88,7 +88,7 @@ impl From<ClientError> for Failure {
         let status = match &error {
             ClientError::Server(body) => refusal(body.code),
             ClientError::NoServer { .. } => HbotStatus::NoServer,
-            ClientError::Address { .. } => HbotStatus::Address,
+            ClientError::Address { .. } | ClientError::UnknownHost { .. } => HbotStatus::Address,
             ClientError::Connect { .. } => HbotStatus::Connect,
             ClientError::Timeout { .. } | ClientError::NoState { .. } => HbotStatus::Timeout,
             ClientError::Closed | ClientError::NoHello { .. } => HbotStatus::Closed,

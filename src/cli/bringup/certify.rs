@@ -28,7 +28,7 @@ use self::page::Page;
 use super::identify::motors::{self, Motion};
 use super::identify::{News, read};
 use super::{edit, joint_name};
-use crate::cli::out::say;
+use crate::cli::out::{say, tell};
 
 /// Number of turns over which the drift is computed, the time of each, s, and the time between two
 /// readings, s.
@@ -37,6 +37,8 @@ const TURN_S: f64 = 4.0;
 const READING_S: f64 = 1.0e-3;
 /// What stands in place of a figure that was not measured.
 const NOT: &str = "not measured";
+/// How recordings are given.
+const RUNS: &str = "`hbot rig certify RIG.toml RUN.mcap`";
 
 /// Options of `hbot rig certify`.
 #[derive(Debug, Args)]
@@ -75,6 +77,8 @@ struct Known {
 }
 
 pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
+    // Before the motors move.
+    Page::refuse_another(&args.out)?;
     let over =
         args.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
     let rig = crate::cli::rig_file::load(Some(&args.rig), over.as_slice())?;
@@ -90,7 +94,15 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     let name = format!("{date}, rig file {:08x}", crc32fast::hash(text.as_bytes()));
     let page = page_of(&known, &args.rig, &name)?;
     page.write(&args.out)?;
-    say!("{}: written", args.out.join("certificate.html").display())?;
+    let (with, without) = page.measured();
+    let lacking: usize = without.iter().map(|(_, names)| names.len()).sum();
+    tell!("{with} figures have a value, {lacking} are {NOT}")?;
+    for (why, names) in without {
+        tell!("  {}: {why}", names.join("; "))?;
+    }
+    for file in page::FILES {
+        say!("{}: written", args.out.join(file).display())?;
+    }
     if let Some(file) = &args.write {
         let mut document = edit::open(Some(&args.rig))?;
         edit::put(document.as_item_mut(), "certificate", name.into());
@@ -110,7 +122,7 @@ fn recorded(rig: &RigConfig, runs: &[PathBuf]) -> anyhow::Result<(Result<Identif
         latency.read(run)?;
     }
     if runs.is_empty() {
-        return Ok((Err("no recording was given".to_owned()), latency));
+        return Ok((Err(format!("it needs recordings: {RUNS}")), latency));
     }
     let mut fitting = |step, most| news.tell(|| format!("fitting: step {step} of at most {most}"));
     let found = identify(&rig.rig, &recordings, What::Geometry, &mut fitting);
@@ -415,7 +427,7 @@ fn times(page: &mut Page, known: &Known) {
     let latency = &known.latency;
     if latency.ticks() == 0 {
         let rows = ["age of a reading", "lateness of a tick"].map(|what| {
-            vec![what.to_owned(), NOT.to_owned(), "no recording with readings was given".to_owned()]
+            vec![what.to_owned(), NOT.to_owned(), format!("it needs a recording with readings: {RUNS}")]
         });
         page.table(&["figure", "value", "how"], rows.to_vec());
         return;

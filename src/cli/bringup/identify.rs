@@ -49,7 +49,7 @@ pub(crate) struct IdentifyArgs {
     #[arg(long, value_name = "INERTIA", requires = "motors", value_parser = positive("kg m²"), allow_negative_numbers = true)]
     added: Option<f64>,
     /// Write the rig file with the values found to this file; it can be the rig file itself
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, visible_alias = "write", value_name = "FILE")]
     out: Option<PathBuf>,
 }
 

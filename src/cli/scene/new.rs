@@ -9,7 +9,7 @@ use hbot_config::SceneFile;
 use hbot_config::scene::{Listed, kinds};
 
 use super::super::ask::{at_terminal, note_if_nobody_is_there, somebody_is_there};
-use super::super::out::{create_new, note, tell};
+use super::super::out::{create_new, note, refuse_missing_folder, tell};
 use super::unknown;
 
 /// Options of `hbot scene new`. On a terminal, the command asks for what is not given.
@@ -30,6 +30,7 @@ pub(super) fn run(args: &NewArgs) -> anyhow::Result<()> {
     if args.file.exists() {
         bail!("{file} exists already: name another file");
     }
+    refuse_missing_folder(&args.file)?;
     let chosen = if args.effects.is_empty() { None } else { Some(named(&args.effects)?) };
     let name = match &args.name {
         Some(name) => name.clone(),

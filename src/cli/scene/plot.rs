@@ -13,7 +13,7 @@ use hbot_core::Vec3;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
 use super::super::numbers::real;
-use super::super::out::{create_new, refuse_folder_or_pipe};
+use super::super::out::{WrongLine, create_new, refuse_folder_or_pipe};
 use super::{Which, say, warn};
 
 /// Options of `hbot scene plot`.
@@ -82,13 +82,14 @@ pub(super) fn usual_axes() -> anyhow::Result<Vec<Axis>> {
 }
 
 pub(super) fn run(args: &PlotArgs) -> anyhow::Result<()> {
+    ensure!(args.from < args.to, WrongLine(format!("--from {} is not below --to {}", args.from, args.to)));
     let (scene, abilities) = args.which.load()?;
     let axes = if args.axis.is_empty() { usual_axes()? } else { args.axis.clone() };
-    ensure!(args.from < args.to, "--from {} is not below --to {}", args.from, args.to);
     let out = args.out.clone().unwrap_or_else(|| here(&args.which.scene));
     write(&out, &draw(&scene, &axes, args.from..args.to, &abilities))?;
     say!("{} shows the torque against the angle", out.display())?;
-    warn(&abilities.warnings(&scene))
+    warn(&abilities.warnings(&scene));
+    Ok(())
 }
 
 /// Returns the file for the picture of a scene if the user names none: in this folder, with the

@@ -169,8 +169,7 @@ pub(super) fn typed<T: serde::de::DeserializeOwned>(body: Value) -> Result<T, Cl
 /// Opens a TCP connection. Tries all addresses that the host name has: `localhost`, for example,
 /// can have two, and a server may listen on only one of them.
 fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
-    let candidates =
-        resolve(address).map_err(|reason| ClientError::Address { address: address.into(), reason })?;
+    let candidates = resolve(address)?;
     let mut last = io::Error::from(ErrorKind::AddrNotAvailable);
     for candidate in candidates {
         match TcpStream::connect_timeout(&candidate, timeout) {
@@ -184,25 +183,30 @@ fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
     })
 }
 
-/// Returns the socket addresses that an address names, or why it names none. The form is checked
+/// Returns the socket addresses that an address names. The form is checked
 /// first, because the system's message about a wrong form does not say what is wrong.
-fn resolve(address: &str) -> Result<Vec<SocketAddr>, String> {
-    if host(address).is_empty() {
-        return Err("it has no host".to_owned());
+fn resolve(address: &str) -> Result<Vec<SocketAddr>, ClientError> {
+    let wrong = |reason: String| Err(ClientError::Address { address: address.into(), reason });
+    let host = host(address);
+    if host.is_empty() {
+        return wrong("it has no host".to_owned());
     }
     if address.bytes().all(|byte| byte.is_ascii_digit()) {
-        return Err(format!("it is a port alone; on this machine it is 127.0.0.1:{address}"));
+        return wrong(format!("it is a port alone; on this machine it is 127.0.0.1:{address}"));
+    }
+    if let Some(c) = host.chars().find(|c| !c.is_alphanumeric() && !"-._:%".contains(*c)) {
+        return wrong(format!("the name of a machine has no {c:?}"));
     }
     let found: io::Result<Vec<SocketAddr>> = if has_port(address) {
         let port = address.rsplit(':').next().unwrap_or_default();
         if port.parse::<u16>().is_err() {
-            return Err(format!("{port:?} is no port, which is a number up to 65535"));
+            return wrong(format!("{port:?} is no port, which is a number up to 65535"));
         }
         address.to_socket_addrs().map(Iterator::collect)
     } else {
-        (host(address), DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
+        (host, DEFAULT_PORT).to_socket_addrs().map(Iterator::collect)
     };
-    found.map_err(|error| error.to_string())
+    found.map_err(|error| ClientError::UnknownHost { host: host.to_owned(), reason: error.to_string() })
 }
 
 /// Returns the error of a connection that ended before the answer to the hello.

@@ -17,17 +17,24 @@ pub enum ClientError {
         /// The address to which the client tried to connect.
         address: String,
     },
-    /// The address has a wrong form, or its host name cannot be resolved.
+    /// The address has a wrong form.
     #[error("{address:?} is no address of a server: {reason}. Legal: HOST or HOST:PORT, as 127.0.0.1:4268")]
     Address {
         /// The address that the caller gave.
         address: String,
-        /// What is wrong with the form of the address, or the operating system's description of
-        /// the error.
+        /// What is wrong with the form of the address.
         reason: String,
     },
-    /// The connection failed for another reason than [`NoServer`](Self::NoServer) or
-    /// [`Address`](Self::Address).
+    /// The address has the right form, but no machine is known by its name.
+    #[error("no machine is known by the name {host:?} ({reason})")]
+    UnknownHost {
+        /// The host in the address.
+        host: String,
+        /// The operating system's description of the error.
+        reason: String,
+    },
+    /// The connection failed for another reason than [`NoServer`](Self::NoServer),
+    /// [`Address`](Self::Address) or [`UnknownHost`](Self::UnknownHost).
     #[error("cannot connect to {address}: {source}")]
     Connect {
         /// The address to which the client tried to connect.

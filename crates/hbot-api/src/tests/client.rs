@@ -273,6 +273,10 @@ fn a_server_that_says_nothing_or_nonsense_is_told_apart() {
         assert!(matches!(error, ClientError::Address { .. }), "{address}: {error}");
         assert!(error.to_string().contains(why), "{address}: {error}");
     }
+    for address in ["no-such-host.invalid", "no-such-host.invalid:4268"] {
+        let told = Client::connect(address, "tester").unwrap_err().to_string();
+        assert!(told.starts_with("no machine is known by the name \"no-such-host.invalid\" ("), "{told}");
+    }
 }
 
 #[test]

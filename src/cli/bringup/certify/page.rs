@@ -4,8 +4,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 
+use super::NOT;
+
+/// The files of a page, besides its plots.
+pub(super) const FILES: [&str; 2] = ["certificate.md", "certificate.html"];
 /// Style sheet of the HTML page.
 const STYLE: &str = "\
 :root { color-scheme: light dark }
@@ -49,6 +53,36 @@ impl Page {
         self.blocks.push(Block::Plot { name: name.to_owned(), caption: caption.to_owned(), svg });
     }
 
+    /// Returns how many figures of the tables have a value, and for each reason why others have
+    /// none the names of these.
+    pub(super) fn measured(&self) -> (usize, Vec<(&str, Vec<&str>)>) {
+        let (mut with, mut without) = (0, Vec::<(&str, Vec<&str>)>::new());
+        for block in &self.blocks {
+            let Block::Table { rows, .. } = block else { continue };
+            for row in rows {
+                let [name, value, .., why] = row.as_slice() else { continue };
+                if value != NOT {
+                    with += 1;
+                } else if let Some((_, names)) = without.iter_mut().find(|(other, _)| other == why) {
+                    names.push(name);
+                } else {
+                    without.push((why, vec![name]));
+                }
+            }
+        }
+        (with, without)
+    }
+
+    /// Fails if there is a certificate in the folder `out`.
+    pub(super) fn refuse_another(out: &Path) -> anyhow::Result<()> {
+        ensure!(
+            !FILES.iter().any(|file| out.join(file).exists()),
+            "{}: a certificate is there already. Name another folder by --out, or remove it first",
+            out.display()
+        );
+        Ok(())
+    }
+
     /// Writes certificate.md with its plots, and certificate.html, into the folder `out`.
     pub(super) fn write(&self, out: &Path) -> anyhow::Result<()> {
         let put = |name: &str, text: &str| {
@@ -56,8 +90,9 @@ impl Page {
             std::fs::write(&path, text).with_context(|| format!("{}: cannot be written", path.display()))
         };
         std::fs::create_dir_all(out).with_context(|| format!("{}: cannot be made", out.display()))?;
-        put("certificate.md", &self.markdown())?;
-        put("certificate.html", &self.html())?;
+        let [markdown, html] = FILES;
+        put(markdown, &self.markdown())?;
+        put(html, &self.html())?;
         for block in &self.blocks {
             if let Block::Plot { name, svg, .. } = block {
                 put(&format!("{name}.svg"), svg)?;
@@ -128,6 +163,15 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn figures_without_a_value_are_counted_by_their_reason() {
+        let mut page = Page::new("Rig");
+        let row = |cells: [&str; 3]| cells.map(str::to_owned).to_vec();
+        page.table(&["figure", "value", "how"], vec![row(["a", "1", "so"]), row(["b", NOT, "no hand"])]);
+        page.table(&["figure", "value", "how"], vec![row(["c", NOT, "off"]), row(["d", NOT, "no hand"])]);
+        assert_eq!(page.measured(), (1, vec![("no hand", vec!["b", "d"]), ("off", vec!["c"])]));
+    }
 
     #[test]
     fn a_page_is_the_same_in_both_forms_and_a_name_can_do_nothing_to_it() {
