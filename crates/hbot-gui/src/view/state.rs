@@ -271,8 +271,8 @@ fn details(
                 .map(Refusal::in_words)
                 .or_else(|| recover::refusal(model).map(|text| format!("No torque. {text}"))) =>
         {
-            coloured(ui, palette.warn, text);
             turns(ui, model, palette);
+            coloured(ui, palette.warn, text);
         }
         (Headline::Mode(mode), _) => {
             if mode == Mode::Idle {
@@ -349,9 +349,9 @@ fn shaken(shaking: &ShakingEvent) -> String {
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
     coloured(ui, palette.bad, who);
+    turns(ui, model, palette);
     refused(ui, model, palette);
     ui.add(egui::Label::new(recover::way_on(model)).wrap());
-    turns(ui, model, palette);
 }
 
 /// Says that the user's last request to enable or reset was refused, and why, if it was.
