@@ -115,8 +115,8 @@ pub fn trajectory(case: &vectors::Trajectory, ledger: &mut Ledger) {
     }
 
     // Each method is checked by its order at the first sample after the start: with half the step,
-    // 2^-order of the error remains, or the accuracy of the vectors. Another half is allowed for the
-    // next order.
+    // 2^-order of the error remains, or the accuracy of the vectors. Another half is allowed for
+    // the next order.
     let Some(sample) = case.samples.iter().find(|sample| sample.t > 0.0) else { return };
     for method in Method::ALL {
         let [coarse, fine] = [200, 400].map(|steps| {
