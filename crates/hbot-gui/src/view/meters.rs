@@ -9,16 +9,13 @@ use crate::model::Model;
 
 /// Names of the bars and their hover texts, which also explain the units.
 const METERS: [(&str, &str); 5] = [
-    (
-        "Torque",
-        "of the sphere / the rig's limit. \u{d7}10: the bar is ten times as long. N m: newton metre, the torque of 1 N on a lever of 1 m",
-    ),
+    ("Torque", "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m"),
     ("Speed", "how fast the sphere turns / the rig's limit. rad/s: radians per second, 1 rad is 57.3\u{b0}"),
     ("Traction", "part of the friction between wheel and sphere that is in use, at the wheel that uses most"),
     ("Slip", "how fast a wheel slides on the sphere / the rig's limit. mm/s: millimetres per second"),
     ("Saturation", "part of the scene's torque that the rig's limits cut off"),
 ];
-/// The bar of the torque has the scale of its largest value in this time, s.
+/// The figures of the torque have the digits that its largest value in this time needs, s.
 const RECENT_S: f64 = 10.0;
 /// Hover text of the line that tells the lead.
 const LEAD: &str = "the scene is rendered where the sphere will be when the torque acts, so that the delay takes no damping away";
@@ -72,23 +69,16 @@ fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String)
     (share, color, figures)
 }
 
-/// Returns the part of the torque's limit. The bar of a scene with small torques is 10 or 100 times
-/// as long, and its text says so.
+/// Returns the part of the torque's limit. Small torques have one more digit.
 fn torque(torque: f64, model: &Model, palette: Palette) -> (f64, Color32, String) {
     let limit = model.info.limits.torque;
-    let most = share(model.history.strongest(RECENT_S).max(torque), limit);
-    let times = match most {
-        m if m > 0.0 && m < 0.009 => 100.0,
-        m if m > 0.0 && m < 0.09 => 10.0,
-        _ => 1.0,
-    };
-    let figures = if times > 1.0 {
-        format!("{torque:.3} / {limit} N m \u{d7}{times}")
+    let most = model.history.strongest(RECENT_S).max(torque);
+    let figures = if most > 0.0 && share(most, limit) < 0.09 {
+        format!("{torque:.3} / {limit} N m")
     } else {
         format!("{torque:.2} / {limit:.2} N m")
     };
-    let (share, color, figures) = load(palette, share(torque, limit), figures);
-    (times * share, color, figures)
+    load(palette, share(torque, limit), figures)
 }
 
 fn speed(speed: f64, model: &Model, palette: Palette) -> (f64, Color32, String) {
@@ -150,7 +140,7 @@ fn meter(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::painted::{filled, hint, texts};
+    use crate::view::painted::{hint, texts};
     use crate::view::state::TALL;
     use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
@@ -172,13 +162,10 @@ mod tests {
     }
 
     #[test]
-    fn the_bar_of_a_small_torque_is_longer_and_says_how_much() {
-        for (torque, figures, share) in [
-            (0.36, "0.36 / 0.90 N m", 0.4),
-            (0.036, "0.036 / 0.9 N m \u{d7}10", 0.4),
-            (0.0036, "0.004 / 0.9 N m \u{d7}100", 0.4),
-            (0.0, "0.00 / 0.90 N m", 0.0),
-        ] {
+    fn a_small_torque_has_one_more_digit() {
+        for (torque, figures) in
+            [(0.36, "0.36 / 0.90 N m"), (0.036, "0.036 / 0.9 N m"), (0.0, "0.00 / 0.90 N m")]
+        {
             let mut model = Model::new("", "panel me@here", 1);
             model.info.limits.torque = 0.9;
             model.state = Some(StateEvent { torque: [0.0, torque, 0.0], ..StateEvent::default() });
@@ -187,10 +174,6 @@ mod tests {
             let mut seen = Harness::builder().with_size([262.0, TALL]).build_ui(draw);
             seen.run_steps(4);
             assert!(texts(&seen).into_iter().any(|it| it.text == figures && it.is_whole()), "{figures}");
-            let bars: Vec<_> = filled(&seen).into_iter().filter(|(rect, _)| rect.height() == 10.0).collect();
-            let part = bars[1].0.width() / bars[0].0.width();
-            // A thousandth is the rounding of places in a window.
-            assert!((part - share).abs() < 1e-3, "{figures}: {part}");
         }
     }
 

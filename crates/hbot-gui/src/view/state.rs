@@ -131,11 +131,11 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
     let pushes = matches!(headline, Headline::Mode(mode) if has_torque(mode));
     let may_shake = warnings.iter().any(|it| it.shakes);
     let shakes = pushes && model.shaking.is_some();
-    // A torque at the limit is no warning: nothing has to be done about it.
+    // A torque at the limit, or cut by limits, is no warning: nothing has to be done about it.
     let alert = if pushes && (shakes || may_shake) {
         Some(palette.warn)
     } else {
-        (pushes && model.is_at_limit()).then_some(palette.torque)
+        (pushes && (model.is_at_limit() || cut(model, headline).is_some())).then_some(palette.torque)
     };
     // The box is as loud as the worst of the state.
     frame = match headline {
@@ -195,10 +195,10 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
         area.inner
     });
     if headline == Headline::NotStopped {
-        // The button STOP has the same colour, and this box cannot be pressed.
+        // Red is for the button STOP: this box cannot be pressed.
         let rect = drawn.response.rect;
         let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
-        painter.set(ground, stripes(rect, Color32::WHITE, STOP));
+        painter.set(ground, stripes(rect, Color32::BLACK));
     }
     drawn.inner
 }

@@ -193,19 +193,19 @@ pub(crate) fn badge(ui: &mut Ui, ground: Color32, word: &str) -> Response {
     response
 }
 
-/// Returns `rect` filled with `ground` and with an edge of slanted stripes. The stripes are longer
-/// than the edge: the painter must clip them to `rect`.
-pub(crate) fn stripes(rect: egui::Rect, stripe: Color32, ground: Color32) -> egui::Shape {
+/// Returns `rect` filled with `ground` and with an edge of slanted white and red stripes. The
+/// stripes are longer than the edge: the painter must clip them to `rect`.
+pub(crate) fn stripes(rect: egui::Rect, ground: Color32) -> egui::Shape {
     /// Widths of the edge and of a stripe, points.
     const EDGE: f32 = 6.0;
     const STRIPE: f32 = 6.0;
     let height = rect.height();
     let slanted = |x: f32| {
         let ends = [egui::pos2(x, rect.bottom()), egui::pos2(x + height, rect.top())];
-        egui::Shape::line_segment(ends, (STRIPE, stripe))
+        egui::Shape::line_segment(ends, (STRIPE, Color32::WHITE))
     };
     let count = ((rect.width() + height) / (3.0 * STRIPE)).ceil() as u16;
-    let mut shapes = vec![egui::Shape::rect_filled(rect, 0.0, ground)];
+    let mut shapes = vec![egui::Shape::rect_filled(rect, 0.0, STOP)];
     shapes.extend((0..=count).map(|k| slanted(rect.left() - height + 3.0 * STRIPE * f32::from(k))));
     shapes.push(egui::Shape::rect_filled(rect.shrink(EDGE), 0.0, ground));
     egui::Shape::Vec(shapes)

@@ -258,6 +258,7 @@ export function showState(rig) {
   const head = rig.headline;
   const lines = details(rig).filter(([, text]) => text);
   const line = showNotice(noticed(rig));
+  $('headline').dataset.mood = mood(rig);
   put($('chip'), head + mood(rig));
   // Before the text is fitted, because it has another place then.
   document.body.classList.toggle('shakes', rig.isCertain && rig.shakes);
