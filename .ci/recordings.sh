@@ -37,7 +37,7 @@ grown() {
 # Runs a replay that must end with exit code 1, say `$2`, and agree in every bit up to there.
 partly() {
     local said
-    said=$("$hbot" replay "$1") && { echo "$1: a replay of a part counts as a whole one" >&2; exit 1; }
+    said=$("$hbot" replay "$1" 2>&1) && { echo "$1: a replay of a part counts as a whole one" >&2; exit 1; }
     echo "$said"
     grep -q "$2" <<<"$said" && grep -q 'every bit agrees' <<<"$said"
 }
