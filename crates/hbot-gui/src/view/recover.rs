@@ -60,7 +60,7 @@ impl Distance {
                 format!("{angle:.2} rad from reference: {remedy}")
             }
             Self::Near(angle) | Self::Far(angle) => {
-                format!("{angle:.2} rad from reference (enable: up to {allowed:.2})")
+                format!("{angle:.2} rad from reference; Enable works to {allowed:.2}")
             }
             Self::Free(angle) => format!("{angle:.2} rad from reference"),
             Self::Here => "The scene begins where the sphere is.".to_owned(),

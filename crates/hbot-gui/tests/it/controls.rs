@@ -235,7 +235,7 @@ fn recover_leads_back_in_one_step() {
     let (mut seat, mut witness) = seated(&bench);
     assert!(!seat.is_enabled("Recover"), "nothing to recover from");
     // The hand holds the sphere 0.2 rad away.
-    seat.until_text("0.20 rad from reference (enable: up to 0.50)");
+    seat.until_text("0.20 rad from reference; Enable works to 0.50");
     seat.click("Stop");
     witness.state("stopped", |state| state.mode == Mode::Estop);
     seat.until("Recover", |harness| {
