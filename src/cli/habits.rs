@@ -125,7 +125,7 @@ fn number(answer: &clap::Error) -> Option<String> {
 }
 
 /// Commands that are clients of a server.
-const CLIENTS: [&[&str]; 14] = [
+const CLIENTS: [&[&str]; 13] = [
     &["info"],
     &["stats"],
     &["watch"],
@@ -139,7 +139,6 @@ const CLIENTS: [&[&str]; 14] = [
     &["hand"],
     &["scene", "show"],
     &["scene", "load"],
-    &["scene", "check"],
 ];
 
 /// Returns whether a command line begins with these words, after the name of the program.

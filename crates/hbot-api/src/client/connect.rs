@@ -183,8 +183,8 @@ fn open(address: &str, timeout: Duration) -> Result<TcpStream, ClientError> {
     })
 }
 
-/// Returns the socket addresses that an address names. The form is checked
-/// first, because the system's message about a wrong form does not say what is wrong.
+/// Returns the socket addresses that an address names. The form is checked first, because the
+/// system's message about a wrong form does not say what is wrong.
 fn resolve(address: &str) -> Result<Vec<SocketAddr>, ClientError> {
     let wrong = |reason: String| Err(ClientError::Address { address: address.into(), reason });
     let host = host(address);
