@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use hbot_config::{Override, RigConfig};
-use hbot_host::bus::{Lag, each_once, field};
+use hbot_host::bus::{Filtering, Lag, each_once, field};
 use hbot_host::commission::bringup::joint::{self, DISAGREEMENT, Outcome, Verdict};
 use hbot_host::commission::bringup::scan::scan;
 use hbot_host::commission::bringup::{Bench, Interrupted, Truth, open};
@@ -182,8 +182,8 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
                 tell!("     {}{}{}\n       {}", style::BAD, remedy.what, style::OFF, remedy.command)?;
             }
         }
-        for warning in each_once(line.found.iter().map(|it| (it.id.to_string(), it.filtering.warnings(&rig))))
-        {
+        let notes = |it: &Filtering| [it.warnings(&rig), it.advice(&rig)].concat();
+        for warning in each_once(line.found.iter().map(|it| (it.id.to_string(), notes(&it.filtering)))) {
             tell!("  {}note:{} {warning}", style::WARN, style::OFF)?;
         }
         for (ids, what) in [

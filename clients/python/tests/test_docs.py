@@ -86,7 +86,6 @@ def test_info() -> None:
         "`rig`": names(info.RigInfo, info.Sphere),
         "a wheel": names(info.Wheel, info.Motor),
         "`limits`": names(info.Limits, info.EnergyLimit, info.TractionLimit, info.PassivityLimit),
-        "`render`": names(info.Render, info.Loop),
         "`effects`": names(info.Kind),
         "`modes`": names(info.ModeWords),
         "`faults`": names(info.FaultWords),
@@ -94,6 +93,8 @@ def test_info() -> None:
         "`clock`": names(info.Clock),
         "`on_client_lost`": choices(hbot.Info, "on_client_lost"),
     }
+    assert first_cells("#### render") == names(info.Render)
+    assert named(rows("#### render")["`loop`"][1]) == names(info.Loop)
     for row, fields in parts.items():
         assert named(re.split(r"extended by|See", table[row][1])[0]) == fields, row
 

@@ -9,6 +9,8 @@ use super::{Expected, field};
 /// Largest excess of a lag over the rig file's that is not reported, as a fraction. A rig file has
 /// few digits: 0.8 ms for the 0.796 ms of 200 Hz.
 const ROUNDED: f64 = 0.05;
+/// Ratio of a lag to the rig file's below which the rig file is worth a change.
+const SHORTER: f64 = 0.5;
 
 /// A delay that a setting of a motor controller causes.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,26 +37,41 @@ impl Filtering {
     /// Returns a sentence for each delay that is longer than the rig file of `config` says.
     #[must_use]
     pub fn warnings(&self, config: &RigConfig) -> Vec<String> {
-        let said = [
+        let longer = self.delays(config).filter(|(lag, .., ours)| lag.seconds > ours * (1.0 + ROUNDED));
+        let warning = |(Lag { setting, hz, seconds }, what, key, ours): (&Lag, _, _, _)| {
+            format!(
+                "{setting} = {hz:.0} Hz in the controller, so {what} is {:.1} ms late and not {:.1} ms as in the rig \
+                 file, which promises stiffer springs than are stable: write {key} = {seconds:.4}, or calibrate the \
+                 motor with a higher bandwidth (docs/controllers.md)",
+                1e3 * seconds,
+                1e3 * ours
+            )
+        };
+        longer.map(warning).collect()
+    }
+
+    /// Returns a sentence for each delay that is much shorter than the rig file of `config` says.
+    #[must_use]
+    pub fn advice(&self, config: &RigConfig) -> Vec<String> {
+        let shorter = self.delays(config).filter(|(lag, .., ours)| lag.seconds < SHORTER * ours);
+        let advice = |(Lag { setting, hz, seconds }, what, key, ours): (&Lag, _, _, _)| {
+            format!(
+                "{setting} = {hz:.0} Hz in the controller, so {what} is only {:.2} ms late and not {:.1} ms as in the \
+                 rig file: write {key} = {seconds:.5}, and stiffer springs are stable",
+                1e3 * seconds,
+                1e3 * ours
+            )
+        };
+        shorter.map(advice).collect()
+    }
+
+    /// Returns each delay, what is late, its key in a rig file, and what that of `config` says (s).
+    fn delays(&self, config: &RigConfig) -> impl Iterator<Item = (&Lag, &str, &str, f64)> {
+        let all = [
             (&self.torque, "the torque", "torque_lag", config.torque_lag),
             (&self.rate, "the reported rate", "rate_lag", config.rate_lag),
         ];
-        let mut found = Vec::new();
-        for (lag, what, key, ours) in said {
-            let Some(Lag { setting, hz, seconds }) = lag else { continue };
-            if *seconds > ours * (1.0 + ROUNDED) {
-                found.push(format!(
-                    "{setting} = {:.0} Hz in the controller, so {what} is {:.1} ms late and not {:.1} ms as in \
-                     the rig file, which promises stiffer springs than are stable: write {key} = {:.4}, or calibrate \
-                     the motor with a higher bandwidth (docs/controllers.md)",
-                    hz,
-                    1e3 * seconds,
-                    1e3 * ours,
-                    seconds
-                ));
-            }
-        }
-        found
+        all.into_iter().filter_map(|(lag, what, key, ours)| Some((lag.as_ref()?, what, key, ours)))
     }
 }
 
@@ -120,6 +137,12 @@ mod tests {
         let rig = config("rate_lag = 0.0039");
         assert_eq!(of(200.0, 200.0).warnings(&rig), Vec::<String>::new());
         assert_eq!(of(1000.0, 1000.0).warnings(&rig), Vec::<String>::new());
+        assert_eq!(of(200.0, 200.0).advice(&rig), Vec::<String>::new());
+        let advice = of(1000.0, 1000.0).advice(&rig);
+        assert!(
+            advice[0].contains("0.16 ms late and not 0.8 ms") && advice[0].contains("torque_lag = 0.00016")
+        );
+        assert!(advice[1].contains("write rate_lag = 0.00079, and stiffer springs are stable"), "{advice:?}");
         assert_eq!(Filtering::default().warnings(&rig), Vec::<String>::new());
         let said = of(100.0, 150.0).warnings(&rig);
         assert_eq!(said.len(), 2, "{said:?}");
