@@ -70,10 +70,10 @@ pub(crate) struct TestArgs {
     /// Number of the joint, from 1, in the order steer, drive of each wheel
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=16_usize))]
     joint: usize,
-    /// Torque at the joint with its controller's own sign, N m, up to its peak and not 0; begin
-    /// with a hundredth of its peak. `auto`: rises slowly to the joint's continuous torque at most,
-    /// and ends when the joint has turned by 0.05 rad
-    #[arg(long, value_name = "T|auto", allow_negative_numbers = true)]
+    /// Torque at the joint with its controller's own sign, N m, up to its peak and not 0. `auto`:
+    /// rises slowly to the joint's continuous torque at most, and ends when the joint has turned by
+    /// 0.05 rad
+    #[arg(long, value_name = "T|auto", default_value = "auto", allow_negative_numbers = true)]
     torque: TestTorque,
     /// How long `--torque T` is held, 0.1 to 30 s; above 0.5 s up to the joint's continuous torque
     /// [default: 0.5]

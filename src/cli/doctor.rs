@@ -122,7 +122,8 @@ pub(crate) fn run(args: DoctorArgs) -> anyhow::Result<ExitCode> {
             None
         }
     };
-    let logs = flight_logs();
+    let mut logs = server::flight_logs();
+    let logs = logs.split_off(logs.len().saturating_sub(LOGS));
     let worst = findings.iter().map(|finding| finding.mark).max().unwrap_or(Mark::Good);
     if args.json {
         let all = json!({
@@ -159,17 +160,4 @@ fn show(finding: &Finding) -> anyhow::Result<()> {
         tell!("  {:<16} {}to mend it: {mend}{off}", "", style::DIM)?;
     }
     Ok(())
-}
-
-/// Returns the newest flight logs. Their names sort by time.
-fn flight_logs() -> Vec<PathBuf> {
-    let entries = server::flight_dir().and_then(|dir| std::fs::read_dir(dir).ok());
-    let mut logs: Vec<PathBuf> = entries
-        .into_iter()
-        .flatten()
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.extension().is_some_and(|e| e == "csv"))
-        .collect();
-    logs.sort();
-    logs.split_off(logs.len().saturating_sub(LOGS))
 }

@@ -30,11 +30,11 @@ const BEFORE_S: f64 = 2.0;
 /// Options of `hbot explain`.
 #[derive(Debug, Args)]
 pub(crate) struct ExplainArgs {
-    /// Recording or flight log (MCAP)
-    file: PathBuf,
-    /// Which fault or emergency stop of the recording to explain, from 1
-    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(1..=u32::MAX))]
-    number: u32,
+    /// Recording or flight log (MCAP) [default: the newest flight log of this user]
+    file: Option<PathBuf>,
+    /// Which fault or emergency stop of the recording to explain, from 1 [default: the last]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=u32::MAX))]
+    number: Option<u32>,
     /// Draw the time before the fault into this file; its name ends in .svg
     #[arg(long, value_name = "FILE.svg", value_parser = svg)]
     plot: Option<PathBuf>,
@@ -57,7 +57,8 @@ struct History {
     holder: Option<String>,
     /// Metadata of the recording.
     about: BTreeMap<String, String>,
-    /// Number of faults and stops in the whole recording.
+    /// Number of this fault or stop, from 1, and of all faults and stops in the recording.
+    number: u32,
     faults: u32,
 }
 
@@ -106,6 +107,10 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
     };
     let rig = rig(args, &history.about)?;
     let Some(last) = history.states.last() else { bail!("the recording has no state") };
+    if history.faults > 1 {
+        let (number, all) = (history.number, history.faults);
+        note!("fault or stop {number} of {all} in the recording; --number N explains another one");
+    }
     let name = if last.fault.is_empty() { last.mode.as_str() } else { last.fault.as_str() };
     let (bad, bold, off) = (style::BAD, style::NAME, style::OFF);
     tell!(
@@ -116,7 +121,8 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
         foreign(&rig.name)
     )?;
     if let Some(event) = &history.event {
-        tell!("  cause      {}", foreign(&event.message))?;
+        let cause = event.message.split("; flight log: ").next().unwrap_or_default();
+        tell!("  cause      {}", foreign(cause))?;
     }
     let lines = findings::of(&history.states, &rig);
     for findings::Finding { label, text } in &lines {
@@ -132,9 +138,6 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(holder) = &history.holder {
         tell!("  {:<10} {}", "lease", foreign(holder))?;
-    }
-    if history.faults > 1 {
-        note!("{} faults and stops are in the recording; --number N explains another one", history.faults);
     }
     match &args.plot {
         Some(out) => {
@@ -185,7 +188,17 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
 
 /// Reads the time before the wanted fault.
 fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
-    let path = &hbot_record::recording_of(&args.file);
+    let file = match &args.file {
+        Some(file) => file.clone(),
+        None => {
+            let newest = super::server::flight_logs().pop();
+            let file =
+                newest.context("there is no flight log of this user: name a recording or a flight log")?;
+            note!("{}", file.display());
+            file
+        }
+    };
+    let path = &hbot_record::recording_of(&file);
     if path.extension().is_some_and(|ending| ending == "csv") && path.exists() {
         let recording = path.with_extension("mcap");
         bail!("a flight log is two files: beside {} there is no {}", path.display(), recording.display());
@@ -235,7 +248,7 @@ struct Gathered {
 }
 
 impl Gathered {
-    fn take(&mut self, told: Told, wanted: u32) {
+    fn take(&mut self, told: Told, wanted: Option<u32>) {
         match told {
             Told::State(state) => self.state(*state, wanted),
             Told::Scene(scene) => {
@@ -248,7 +261,7 @@ impl Gathered {
         }
     }
 
-    fn state(&mut self, state: State, wanted: u32) {
+    fn state(&mut self, state: State, wanted: Option<u32>) {
         let stopped = |state: &State| ["fault", "estop"].contains(&state.mode.as_str());
         self.whole.add(&state);
         self.stopped |= stopped(&state);
@@ -260,13 +273,14 @@ impl Gathered {
         }
         if begins {
             self.faults += 1;
-            if self.faults == wanted {
+            if wanted.is_none_or(|wanted| self.faults == wanted) {
                 self.found = Some(History {
                     states: self.recent.iter().cloned().collect(),
                     event: None,
                     scene: self.scene.clone(),
                     holder: self.holder.clone(),
                     about: self.about.clone(),
+                    number: self.faults,
                     faults: 0,
                 });
                 self.attach();
@@ -294,7 +308,7 @@ impl Gathered {
         }
     }
 
-    fn history(self, path: &Path, wanted: u32) -> anyhow::Result<Read> {
+    fn history(self, path: &Path, wanted: Option<u32>) -> anyhow::Result<Read> {
         match self.found {
             Some(found) => Ok(Read::Stopped(Box::new(History { faults: self.faults, ..found }))),
             None if self.whole.states == 0 => bail!("{}: the recording has no state", path.display()),
@@ -302,13 +316,15 @@ impl Gathered {
                 "{}: the rig is stopped from the first state on, so what happened before is not in this recording",
                 path.display()
             ),
-            None if self.faults == 0 && wanted == 1 => {
-                Ok(Read::Healthy(Whole { about: self.about, ..self.whole }))
-            }
-            None if self.faults == 0 => {
-                bail!("{}: fault {wanted} is not in it; it has none", path.display())
-            }
-            None => bail!("{}: fault {wanted} is not in it; legal: 1 to {}", path.display(), self.faults),
+            None => match wanted {
+                Some(wanted) if self.faults > 0 => {
+                    bail!("{}: fault {wanted} is not in it; legal: 1 to {}", path.display(), self.faults)
+                }
+                Some(wanted) if wanted > 1 => {
+                    bail!("{}: fault {wanted} is not in it; it has none", path.display())
+                }
+                _ => Ok(Read::Healthy(Whole { about: self.about, ..self.whole })),
+            },
         }
     }
 }

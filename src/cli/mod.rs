@@ -189,7 +189,7 @@ impl Cli {
             Command::Estop(address) => orders::estop(&address),
             Command::Disable(address) => orders::unheld(&address, hbot_api::Client::disable),
             Command::Enable(to) => orders::enable(&to),
-            Command::Reset(to) => orders::held(&to, hbot_api::Client::reset),
+            Command::Reset(to) => orders::reset(&to),
             Command::Completions(args) => completions::run(&args),
             Command::Man(args) => man::run(&args),
             Command::LastWord => {

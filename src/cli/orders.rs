@@ -2,12 +2,16 @@
 //! connection of all commands that are clients.
 
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Token, Trust, client_name};
+use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, StateEvent, Token, Trust, client_name};
 
 use super::out::tell;
 use super::{Commanding, ServerAddress, show, style};
+
+/// Longest time until controllers which have come back are seen to be there.
+const SETTLED: Duration = Duration::from_secs(1);
 
 /// Stops the rig, and prints the mode that follows and what comes next. The stop is sent without
 /// waiting for an answer of the server. If the server does not confirm it, the error says so before
@@ -43,12 +47,25 @@ pub(crate) fn unheld(
     print(order(&mut connect(address, "hbot")?).map_err(remedied)?)
 }
 
-/// Sends an order that needs the lease, and prints the mode that follows.
-pub(crate) fn held(
-    to: &Commanding,
-    order: impl FnOnce(&mut Client) -> Result<Mode, ClientError>,
-) -> anyhow::Result<ExitCode> {
-    print(holding(&mut connect(&to.address, "hbot")?, to.steal, order)?)
+/// Resets the rig, and prints the mode that follows. A cause that has just gone is seen to be gone
+/// after a moment, and controllers that have just come back say a little later where they are:
+/// waits for both.
+pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
+    let mut client = connect(&to.address, "hbot")?;
+    let until = Instant::now() + SETTLED;
+    let mode = holding(&mut client, to.steal, |client| {
+        loop {
+            match client.reset() {
+                Err(error) if error.code() == Some(ErrorCode::Faulted) && Instant::now() < until => {
+                    std::thread::sleep(SETTLED / 20);
+                }
+                answer => return answer,
+            }
+        }
+    })?;
+    let settled = |state: &StateEvent| state.mode != Mode::Unreferenced || Instant::now() > until;
+    let state = if mode == Mode::Unreferenced { show::state(&mut client, settled)? } else { None };
+    print(state.map_or(mode, |state| state.mode))
 }
 
 /// Enables the rig, waits for the end of the soft start, and prints the mode that follows. Fails if

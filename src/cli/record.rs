@@ -138,7 +138,9 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     }
     let (states, lost) = (recording.states(), recording.dropped() + client.events_lost());
     recording.finish().with_context(name)?;
-    say!("{}{}", counts(states, lost), span.in_words())?;
+    let size = std::fs::metadata(&args.file).map_or(0, |file| file.len());
+    let megabytes = size as f64 / 1.0e6;
+    say!("{}{}: {}, {megabytes:.1} MB", counts(states, lost), span.in_words(), args.file.display())?;
     if lost > 0 {
         note!("{ADVICE}");
     }

@@ -3,7 +3,6 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Duration;
 
 use clap::Subcommand;
 use hbot_config::RigConfig;
@@ -16,7 +15,7 @@ use hbot_core::design::singularity::{
 };
 use hbot_core::{Device, Vec3};
 use hbot_host::bus::{BusTraffic, driver, late_rates};
-use hbot_host::commission::doctor::{MOST_LOAD, highest_rate, lines, punctuality};
+use hbot_host::commission::doctor::{MOST_LOAD, lines};
 use hbot_host::rig::host::uncalibrated;
 
 use super::out::tell;
@@ -35,9 +34,6 @@ fn directions() -> impl Iterator<Item = Vec3> {
     let all = signs.into_iter().flat_map(move |x| signs.map(|y| signs.map(|z| Vec3::new(x, y, z))));
     all.flatten().filter(|v| *v != Vec3::ZERO).map(Vec3::normalize)
 }
-
-/// How long the lateness of this machine is measured.
-const MEASURED: Duration = Duration::from_secs(1);
 
 /// The subcommands of `hbot rig`.
 #[derive(Debug, Subcommand)]
@@ -102,7 +98,6 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     abilities(&config, &warnings)?;
     stiffness(&config)?;
     let fits = line(&config)?;
-    rate(&config)?;
     if let Some(out) = &drawing {
         tell!("\ndrawing {}", out.display())?;
     }
@@ -321,14 +316,6 @@ fn traction(config: &RigConfig, warnings: &Warnings) -> anyhow::Result<()> {
     let (push, holds) = (largest_push(config), traction.mu * traction.normal_force);
     let less = if push <= holds { "friction holds it" } else { "friction limits the torque" };
     tell!("  traction   a contact holds {holds:.1} N, and a motor pushes with up to {push:.1} N: {less}")
-}
-
-/// Measures the lateness of this machine for a moment, and prints the highest rate that it holds
-/// together with the lines of the rig.
-fn rate(config: &RigConfig) -> anyhow::Result<()> {
-    let measured = punctuality(config.rate_hz, config.cpu, MEASURED);
-    tell!("\nhighest rate, measured for 1 s (`hbot doctor` measures longer)")?;
-    tell!("  {}", highest_rate(config, &measured).found)
 }
 
 /// Prints the stiffness that the rig can render, and the assumptions behind it.

@@ -16,6 +16,7 @@ use clap::{Args, Subcommand};
 use hbot_config::advice::{Abilities, in_vain};
 use hbot_config::scene::ShelfScene;
 use hbot_config::{LoadError, SceneFile, did_you_mean, guess};
+use serde_json::json;
 
 use super::out::{WrongLine, foreign, note, say, tell};
 use super::{Commanding, ServerAddress, orders, style};
@@ -62,6 +63,9 @@ pub(crate) enum SceneCommand {
     Load {
         /// Scene file (TOML), or the name of a ready-made scene
         scene: PathBuf,
+        /// With an ideal simulated rig: no phenomena but the usual hand, whatever the scene says
+        #[arg(long)]
+        ideal: bool,
         #[command(flatten)]
         to: Commanding,
     },
@@ -139,7 +143,7 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
                 return Ok(ExitCode::FAILURE);
             }
         }
-        SceneCommand::Load { scene: path, to } => load(&scene(&path)?, &to)?,
+        SceneCommand::Load { scene: path, ideal, to } => load(&scene(&path)?, ideal, &to)?,
         SceneCommand::Plot(args) => plot::run(&args)?,
         SceneCommand::Page { folder } => shelf::page(&folder)?,
     }
@@ -199,10 +203,15 @@ fn note_if_nobody_holds(scene: &SceneFile) {
     }
 }
 
-fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
+fn load(scene: &SceneFile, ideal: bool, to: &Commanding) -> anyhow::Result<()> {
     let mut client = orders::connect(&to.address, "hbot scene load")?;
-    let loaded = orders::holding(&mut client, to.steal, |client| client.load_scene(scene.to_json()))?;
-    tell!("{}{}{} is loaded", style::NAME, scene.name(), style::OFF)?;
+    let mut json = scene.to_json();
+    if ideal {
+        json["simulate"] = json!({"hand": {}});
+    }
+    let loaded = orders::holding(&mut client, to.steal, |client| client.load_scene(json))?;
+    let torque = if scene.effects().is_empty() { "; it has no effects, so it makes no torque" } else { "" };
+    tell!("{}{}{} is loaded{torque}", style::NAME, scene.name(), style::OFF)?;
     if !scene.description().is_empty() {
         tell!("  {}", scene.description())?;
     }
@@ -220,7 +229,7 @@ fn load(scene: &SceneFile, to: &Commanding) -> anyhow::Result<()> {
         .filter(|warning| !loaded.warnings.contains(warning));
     warn(&loaded.warnings.iter().cloned().chain(own).collect::<Vec<_>>());
     // On a real rig the phenomena are ignored.
-    if loaded.ignored.is_empty() {
+    if loaded.ignored.is_empty() && !ideal {
         note_if_nobody_holds(scene);
     }
     Ok(())

@@ -435,3 +435,12 @@ fn live_or_simulated(port: &Port) -> String {
 pub(crate) fn flight_dir() -> Option<PathBuf> {
     own_folder("XDG_STATE_HOME", ".local/state").map(|dir| dir.join("hbot/flight"))
 }
+
+/// Returns the flight logs of this user, the newest last: their names sort by time.
+pub(crate) fn flight_logs() -> Vec<PathBuf> {
+    let entries = flight_dir().and_then(|dir| std::fs::read_dir(dir).ok());
+    let paths = entries.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    let mut logs: Vec<PathBuf> = paths.filter(|path| path.extension().is_some_and(|e| e == "csv")).collect();
+    logs.sort();
+    logs
+}

@@ -59,7 +59,11 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     if let Some(incident) = &info.incident {
         // What comes next stands behind the mode.
         let cause = incident.message.replace("; reset, then enable, to go on", "");
-        tell!("  cause      at {:.1} s: {}", incident.t, foreign(&cause))?;
+        let (cause, log) = cause.split_once("; flight log: ").unwrap_or((&cause, ""));
+        tell!("  cause      at {:.1} s: {}", incident.t, foreign(cause))?;
+        if !log.is_empty() {
+            tell!("  explain    what happened before: `hbot explain {}`", foreign(log))?;
+        }
     }
     if let Some(shaking) = &info.shaking {
         tell!("  shaking    at {:.1} s: {}", shaking.t, foreign(&shaking.message))?;

@@ -110,7 +110,9 @@ fn info_says_after_a_stop_how_torque_comes_back() {
     run(&server, &["enable"]).failure().stderr(contains("`hbot info` shows the cause"));
     let stopped = contains(format!("mode       estop: {back}\n"));
     let by = contains("  cause      at ").and(contains(": stopped by client \"hbot "));
-    run(&server, &["info"]).success().stdout(stopped.and(by));
+    let explained =
+        contains("  explain    what happened before: `hbot explain ").and(contains("-estop.csv`\n"));
+    run(&server, &["info"]).success().stdout(stopped.and(by).and(explained));
     let idle = "idle: the torque is off. `hbot enable` switches it on\n";
     run(&server, &["reset"]).success().stdout(idle);
     run(&server, &["info"])
@@ -222,7 +224,7 @@ fn a_scene_that_is_loaded_and_a_scene_that_runs_say_what_they_feel_like() {
 
 /// A line that loses every frame makes the fault by itself, so the advice is about the scene.
 #[test]
-fn a_scene_whose_line_loses_every_frame_is_named_by_the_fault_that_it_causes() {
+fn a_scene_whose_line_loses_every_frame_is_named_by_the_fault_and_an_ideal_rig_goes_on() {
     let state = tempfile::tempdir().expect("a folder");
     let server = Process::start(&["--time", "virtual"], state.path());
     let mut client = JsonLines::greeted(&server.address);
@@ -234,6 +236,11 @@ fn a_scene_whose_line_loses_every_frame_is_named_by_the_fault_that_it_causes() {
     assert_eq!(fault["fault"], "link_lost", "{said}");
     assert!(said.contains("[simulate.link] loses frames (loss = 1)"), "{said}");
     assert!(said.contains("load the scene with a smaller `loss`"), "{said}");
+    run(&server, &["reset"]).failure().stderr(contains("the cause of fault link_lost is still there"));
+    let keeps = contains("keeps that of the scene").and(contains("`hbot scene load NAME --ideal`"));
+    run(&server, &["scene", "load", "spring"]).success().stderr(keeps);
+    run(&server, &["scene", "load", "spring", "--ideal"]).success().stderr("");
+    run(&server, &["reset"]).success().stdout(starts_with("idle: "));
 }
 
 /// In virtual time, a second of the run takes far less than a second of the clock.

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use hbot_testing::lines::JsonLines;
 use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
+use predicates::str::{contains, starts_with};
+use rustix::process::Signal;
 
 use crate::process::{Process, hbot};
 
@@ -51,6 +53,32 @@ fn an_overspeed_is_told_in_ten_lines_and_drawn() {
         .success()
         .stdout(contains("overspeed at ").and(contains("cause ")).and(contains("Push")));
     explain(&[text(&run), "--number", "2"]).failure().stderr(contains("fault 2 is not in it; legal: 1 to 1"));
+    // Without a file, the newest flight log is explained.
+    let mut newest = hbot();
+    newest.arg("explain").env("XDG_STATE_HOME", state.path());
+    assert_cmd::Command::from_std(newest).assert().success().stdout(contains("overspeed at "));
+}
+
+/// Of several faults the last is explained: that for which a flight log was written.
+#[test]
+fn the_last_of_several_faults_is_explained() {
+    let state = tempfile::tempdir().expect("a folder");
+    let run = state.path().join("run.mcap");
+    let server = Process::start(&["--time", "virtual", "--record", text(&run)], state.path());
+    let mut client = JsonLines::greeted(&server.address);
+    client.ask(r#"{"id": 1, "op": "acquire"}"#);
+    client.ask(r#"{"id": 2, "op": "advance", "ticks": 700}"#);
+    for (op, ticks) in [("estop", 10), ("reset", 10), ("enable", 700)] {
+        client.ask(&format!(r#"{{"id": 3, "op": "{op}"}}"#));
+        client.ask(&format!(r#"{{"id": 4, "op": "advance", "ticks": {ticks}}}"#));
+    }
+    client.ask(r#"{"id": 5, "op": "load_scene", "scene": {"simulate": {"link": {"loss": 1.0}}}}"#);
+    client.ask(r#"{"id": 6, "op": "advance", "ticks": 200}"#);
+    server.signal(Signal::INT);
+    assert!(server.end().1.success());
+    let second = contains("fault or stop 2 of 2 in the recording; --number N explains another one");
+    explain(&[text(&run)]).success().stdout(starts_with("link_lost at ")).stderr(second);
+    explain(&[text(&run), "--number", "1"]).success().stdout(starts_with("estop at "));
 }
 
 #[test]

@@ -151,6 +151,7 @@ fn a_recording_of_motors_that_push_and_one_over_tcp_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     run(folder, "server --listen 127.0.0.1:0 --time virtual --duration 20 --record pushed.mcap").success();
+    run(folder, "rig identify run.mcap").success().stdout(contains("nothing is written; `--out FILE.toml`"));
     run(folder, "rig identify pushed.mcap --out never.toml").code(1).stderr(contains("the motors push in"));
     run(folder, "rig identify missing.mcap").code(1).stderr(contains("missing.mcap"));
     std::fs::write(folder.join("three.toml"), include_str!("../../rigs/three_wheels.toml")).expect("written");

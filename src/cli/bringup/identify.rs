@@ -81,6 +81,8 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.out {
         write(args.which.rig.as_deref(), &rig, &found, file)?;
         tell!("{}: written", file.display())?;
+    } else {
+        tell!("\nnothing is written; `--out FILE.toml` writes a rig file with what was found")?;
     }
     Ok(ExitCode::SUCCESS)
 }

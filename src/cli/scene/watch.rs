@@ -28,7 +28,7 @@ pub(super) fn run(which: &Which, to: &Commanding) -> anyhow::Result<()> {
         let now = saved(&which.scene);
         if now != seen {
             seen = settled(&which.scene, now);
-            if let Err(error) = check(which).and_then(|_| load(&super::scene(&which.scene)?, to)) {
+            if let Err(error) = check(which).and_then(|_| load(&super::scene(&which.scene)?, false, to)) {
                 out::error(&error);
             }
         }

@@ -148,15 +148,22 @@ impl Incidents {
                 (Err(format!("stopped{who}; reset, then enable, to go on")), by)
             }
         };
+        let what = state.cause.map_or(ApiMode::Estop.as_str(), |cause| convert::fault(cause).as_str());
+        let log = flights.trigger(tick, what);
         let (mut message, found, remedy) = match explanation {
             Ok(Explanation { message, found, remedy }) => (message, Some(found), Some(remedy)),
             Err(message) => (message, None, None),
         };
-        let what = state.cause.map_or(ApiMode::Estop.as_str(), |cause| convert::fault(cause).as_str());
-        if let Some(path) = flights.trigger(tick, what) {
+        // What to do next is said by each client.
+        tracing::warn!(
+            tick,
+            log = log.as_ref().map(|path| path.display().to_string()),
+            "{what}: {}",
+            found.as_ref().unwrap_or(&message)
+        );
+        if let Some(path) = log {
             message = format!("{message}; flight log: {}", path.display());
         }
-        tracing::warn!(tick, "{what}: {message}");
         FaultEvent { found, remedy, ..event(sample, message, by) }
     }
 

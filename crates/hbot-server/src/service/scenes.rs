@@ -394,7 +394,8 @@ fn keeps(name: &str, simulate: &Simulate) -> Option<Warning> {
     let all = if all.is_empty() { "no hand and no other phenomenon".to_owned() } else { all.join(", ") };
     Some(Warning::plain(format!(
         "simulate: this scene has no such table, so the simulated rig keeps that of the scene {name:?}: {all}. \
-         A table with `hand = {{}}` alone gives back the default hand on an ideal rig, which holds the sphere where it is then"
+         A table with `hand = {{}}` alone (`hbot scene load NAME --ideal`) gives back the default hand on an ideal rig, which \
+         holds the sphere where it is then"
     )))
 }
 

@@ -210,7 +210,7 @@ impl Hub {
     /// Answers an `estop` request. The loop was stopped already, so it is not stopped a second
     /// time.
     fn confirm_estop(&mut self, session: u64, id: Option<Id>) {
-        tracing::warn!(session, name = self.publisher.name(session), "estop");
+        tracing::debug!(session, name = self.publisher.name(session), "estop");
         if self.order(session, id.clone(), OpName::Estop, Command::Confirm).is_err() {
             // No further order can wait for an answer now, but the loop executes the stop in its
             // next tick.
