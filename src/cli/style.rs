@@ -18,11 +18,11 @@ pub(crate) const LINE_END: &str = "\x1b[?7h";
 /// Escape sequence that clears the terminal's line, so that something else can be written there.
 pub(crate) const CLEAR_LINE: &str = "\r\x1b[2K";
 
-/// Returns the colour of a mode.
+/// Returns the colour of a mode, or of the fault that stands in its place.
 pub(crate) fn of_mode(mode: &str) -> Style {
     match mode {
         "active" | "enabling" => GOOD,
-        "fault" | "estop" => BAD,
-        _ => NAME,
+        "idle" | "unreferenced" => NAME,
+        _ => BAD,
     }
 }

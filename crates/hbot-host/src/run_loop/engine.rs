@@ -2,7 +2,7 @@
 //! a sample. It works identically in wall-clock and in virtual time.
 
 use std::hint::black_box;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hbot_core::inputs::Command::{Disable, Enable, Estop, Model};
 use hbot_core::inputs::{Commands, Inputs, JointReadings, MAX_COMMANDS};
@@ -19,6 +19,8 @@ use crate::run_loop::sample::{Answer, Counters, Sample, TickTiming};
 const SENT: usize = 1024;
 /// How many times the final zero-torque command is sent, in case a frame is lost.
 const STOPS: u32 = 3;
+/// Longest time that the end of the loop waits for the service to take the last sample.
+const LAST_WITHIN: Duration = Duration::from_secs(1);
 
 /// The state of the control loop: everything that a tick uses. A tick neither allocates nor frees
 /// memory, and never waits.
@@ -42,6 +44,8 @@ pub struct Engine {
     idle: bool,
     /// Nominal time of the last tick since the start of the loop, ns.
     now_ns: u64,
+    /// The last sample, if it found no place.
+    untold: Option<Sample>,
 }
 
 /// Ticket of the commands that the engine itself creates. No client waits for their answers.
@@ -105,6 +109,7 @@ impl Engine {
             time_waits: false,
             idle: false,
             now_ns: 0,
+            untold: None,
         }
     }
 
@@ -191,7 +196,9 @@ impl Engine {
             answers,
             telemetry: self.motors.next_telemetry(moment.t_ns),
         };
-        self.counters.dropped_samples += u64::from(!self.bridge.publish(sample));
+        let placed = self.bridge.publish(sample);
+        self.counters.dropped_samples += u64::from(!placed);
+        self.untold = if placed { None } else { Some(sample) };
         if let Some(recorder) = &mut self.recorder {
             let (scene, controller) = (&self.scene, &*self.controller);
             recorder(&Ticked { scene, inputs: &inputs, outputs: &outputs, sample: &sample, controller });
@@ -218,7 +225,8 @@ impl Engine {
 
     /// Ends the session. Sends the command that switches the motors off several times, in case a
     /// frame is damaged on the line, with the time `pause` between two commands. Then releases the
-    /// motor buses.
+    /// motor buses, and publishes the last sample if it found no place before, because it has all
+    /// counts.
     pub fn stop(&mut self, tick: u32, pause: Duration) {
         for k in 0..STOPS {
             if k > 0 {
@@ -228,6 +236,13 @@ impl Engine {
             self.counters.send_failures += self.motors.switch_off(now_ns, tick.wrapping_add(k));
         }
         self.motors.release();
+        let Some(mut last) = self.untold.take() else { return };
+        self.counters.dropped_samples -= 1;
+        last.counters = self.counters;
+        let until = Instant::now() + LAST_WITHIN;
+        while !self.bridge.publish(last) && Instant::now() < until {
+            std::thread::sleep(LAST_WITHIN / 1000);
+        }
     }
 
     /// Takes the commands for this tick from the bridge, at most the number that one tick can carry

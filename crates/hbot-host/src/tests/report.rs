@@ -119,6 +119,22 @@ fn samples_that_find_no_place_are_counted() {
     assert_eq!((last.state.tick, last.counters.dropped_samples), (4101, 5));
 }
 
+#[test]
+fn the_last_sample_has_all_counts_though_the_service_slept() {
+    let (mut bench, _bus) = bench();
+    for tick in 0..5000 {
+        bench.engine.tick(&on_time(tick));
+    }
+    let mut end = bench.end;
+    let service = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(50));
+        std::iter::repeat_with(|| end.try_sample()).flatten().find(|sample| sample.state.tick == 4999)
+    });
+    bench.engine.stop(5000, Duration::ZERO);
+    let last = service.join().expect("no panic").expect("the last sample");
+    assert_eq!(last.counters.dropped_samples, 903);
+}
+
 /// Three commands switch the motors off, `pause` apart, in case a frame is damaged. Their numbers
 /// and times go on from those of the last tick. This test sleeps because time is its subject.
 #[test]
