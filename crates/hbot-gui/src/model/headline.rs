@@ -61,6 +61,11 @@ impl Model {
         (self.is_online() && quiet > QUIET_AFTER.max(few).min(SILENT_AFTER)).then_some(quiet)
     }
 
+    /// Returns the time since the last state message, if there was one.
+    pub(crate) fn heard_before(&self) -> Option<Duration> {
+        Some(self.heard?.elapsed())
+    }
+
     /// Returns whether what the window shows is live, and so new that it need not be grey.
     pub(crate) fn is_fresh(&self) -> bool {
         self.is_live() && self.quiet_for().is_none()

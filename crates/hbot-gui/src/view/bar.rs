@@ -27,11 +27,11 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     ui.horizontal(|ui| {
         let (color, text) = match &model.link {
             Link::Online(hello) if model.silent_for().is_some() => {
-                (palette.bad, format!("{}  silent", hello.rig))
+                (palette.warn, format!("{}  silent", hello.rig))
             }
             Link::Online(hello) => (palette.good, format!("{}  {} Hz", hello.rig, hello.rate_hz)),
             Link::Connecting => (palette.warn, "connecting".to_owned()),
-            Link::Offline { .. } | Link::Recording => (palette.bad, "not connected".to_owned()),
+            Link::Offline { .. } | Link::Recording => (palette.warn, "not connected".to_owned()),
         };
         kind_of_rig(ui, model, desk, palette);
         lamp(ui, color);

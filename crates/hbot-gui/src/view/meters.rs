@@ -4,17 +4,18 @@ use eframe::egui::{self, Color32, RichText, Role, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 
 use super::state::is_low;
-use super::theme::{Palette, column};
+use super::theme::{Palette, column, sized};
 use crate::model::Model;
 
 /// Names of the bars and their hover texts, which also explain the units.
-const METERS: [(&str, &str); 5] = [
-    ("Torque", "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m"),
+const METERS: [(&str, &str); 4] = [
     ("Speed", "how fast the sphere turns / the rig's limit. rad/s: radians per second, 1 rad is 57.3\u{b0}"),
     ("Traction", "part of the friction between wheel and sphere that is in use, at the wheel that uses most"),
     ("Slip", "how fast a wheel slides on the sphere / the rig's limit. mm/s: millimetres per second"),
     ("Saturation", "part of the scene's torque that the rig's limits cut off"),
 ];
+const TORQUE: &str =
+    "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m";
 /// The figures of the torque have the digits that its largest value in this time needs, s.
 const RECENT_S: f64 = 10.0;
 /// Hover text of the line that tells the lead.
@@ -34,12 +35,10 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
         return;
     };
     let limits = &model.info.limits;
-    let torque = DVec3::from(state.torque).length();
     let lost = 1.0 - state.scale;
     let is_cut = lost > 0.0005;
     let load = |share, figures| load(palette, share, figures);
     let values = [
-        self::torque(torque, model, palette),
         speed(DVec3::from(state.omega).length(), model, palette),
         load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
         load(
@@ -62,7 +61,6 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
 /// Returns a part of a limit, with its colour and its text.
 fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String) {
     let color = match share {
-        s if s > 0.9 => palette.bad,
         s if s > 0.7 => palette.warn,
         _ => palette.good,
     };
@@ -70,7 +68,8 @@ fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String)
 }
 
 /// Returns the part of the torque's limit. Small torques have one more digit.
-fn torque(torque: f64, model: &Model, palette: Palette) -> (f64, Color32, String) {
+fn torque(model: &Model, palette: Palette) -> (f64, Color32, String) {
+    let torque = model.state.as_ref().map_or(0.0, |state| DVec3::from(state.torque).length());
     let limit = model.info.limits.torque;
     let most = model.history.strongest(RECENT_S).max(torque);
     let figures = if most > 0.0 && share(most, limit) < 0.09 {
@@ -99,9 +98,35 @@ fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
     }
 }
 
-/// Draws the bar of the speed alone.
-pub(super) fn show_speed(ui: &mut Ui, speed: f64, model: &Model, palette: Palette) {
-    meter(ui, palette, METERS[1], self::speed(speed, model, palette));
+/// Returns the size of a number in large figures, points.
+pub(super) fn large(ui: &Ui) -> f32 {
+    if is_low(ui) { 22.0 } else { 32.0 }
+}
+
+/// Draws the torque in large figures, and beside it its bar.
+pub(super) fn show_torque(ui: &mut Ui, model: &Model, palette: Palette) {
+    let value = torque(model, palette);
+    let (large, rest) = value.2.split_once(' ').unwrap_or_default();
+    let text = sized(&[(large, self::large(ui), palette.text), (&format!(" {rest}"), 13.0, palette.text)]);
+    ui.horizontal(|ui| {
+        ui.label(text).on_hover_text(TORQUE);
+        bar(ui, palette, "Torque", ui.available_width(), &value);
+    });
+}
+
+/// Draws the torque of a rig that has stopped in large figures, and beside it the speed.
+pub(super) fn show_rest(ui: &mut Ui, speed: f64, model: &Model, palette: Palette) {
+    let (_, color, figures) = self::speed(speed, model, palette);
+    let torque = torque(model, palette).2;
+    let large = torque.split(' ').next().unwrap_or_default();
+    ui.horizontal(|ui| {
+        let size = self::large(ui);
+        ui.label(sized(&[(large, size, palette.text), (" N m", 13.0, palette.text)])).on_hover_text(TORQUE);
+        let name = format!("Speed: {figures}");
+        let color = if color == palette.good { palette.text } else { color };
+        let speed = ui.label(RichText::new(figures).size(12.0).color(color)).on_hover_text(METERS[0].1);
+        speed.widget_info(|| WidgetInfo::labeled(Role::Label, true, &name));
+    });
 }
 
 /// Says a part in per cent. All of it is never cut.
@@ -115,26 +140,29 @@ fn share(value: f64, limit: f64) -> f64 {
 
 /// Draws a bar with its name, whose hover text is `hint`, and the text `figures` next to it.
 /// `share` is the length of the bar: 1 means that a limit is reached.
-fn meter(
-    ui: &mut Ui,
-    palette: Palette,
-    (name, hint): (&str, &str),
-    (share, color, figures): (f64, Color32, String),
-) {
+fn meter(ui: &mut Ui, palette: Palette, (name, hint): (&str, &str), value: (f64, Color32, String)) {
     ui.horizontal(|ui| {
         column(ui, 70.0, name).on_hover_text(hint);
-        let width = (ui.available_width() - 126.0).max(24.0);
-        let (rect, response) = ui.allocate_exact_size(vec2(width, 10.0), egui::Sense::hover());
-        response
-            .widget_info(|| WidgetInfo::labeled(Role::ProgressIndicator, true, format!("{name}: {figures}")));
-        let painter = ui.painter();
-        painter.rect_filled(rect, 3.0, ui.visuals().extreme_bg_color);
-        let full = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32);
-        painter.rect_filled(full, 3.0, color);
-        painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
+        bar(ui, palette, name, (ui.available_width() - 126.0).max(24.0), &value);
         // A long text does not widen the column, because the sliders would move.
-        ui.add(egui::Label::new(RichText::new(figures).size(12.0)).truncate());
+        ui.add(egui::Label::new(RichText::new(value.2).size(12.0)).truncate());
     });
+}
+
+fn bar(
+    ui: &mut Ui,
+    palette: Palette,
+    name: &str,
+    width: f32,
+    (share, color, figures): &(f64, Color32, String),
+) {
+    let (rect, response) = ui.allocate_exact_size(vec2(width, 10.0), egui::Sense::hover());
+    response.widget_info(|| WidgetInfo::labeled(Role::ProgressIndicator, true, format!("{name}: {figures}")));
+    let painter = ui.painter();
+    painter.rect_filled(rect, 3.0, ui.visuals().extreme_bg_color);
+    let full = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32);
+    painter.rect_filled(full, 3.0, *color);
+    painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
 }
 
 #[cfg(test)]
@@ -169,7 +197,7 @@ mod tests {
             let mut model = Model::new("", "panel me@here", 1);
             model.info.limits.torque = 0.9;
             model.state = Some(StateEvent { torque: [0.0, torque, 0.0], ..StateEvent::default() });
-            let draw = move |ui: &mut Ui| show(ui, &model, Palette::of(ui));
+            let draw = move |ui: &mut Ui| show_torque(ui, &model, Palette::of(ui));
             // As narrow as the column of a small window.
             let mut seen = Harness::builder().with_size([262.0, TALL]).build_ui(draw);
             seen.run_steps(4);

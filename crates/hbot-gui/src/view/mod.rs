@@ -281,17 +281,21 @@ fn messages(ui: &mut Ui, model: &Model) {
 fn new_message(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let fresh = || model.messages.fresh();
     // The newest of those that weigh most.
-    // What was said last stays, in grey.
-    let newest = || model.messages.newest_first().find(|message| !message.told);
     let message = fresh().min_by_key(|message| Reverse(message.weight));
     let color = match message.map(|message| message.weight) {
         None => Palette::of(ui).weak,
         Some(Weight::Good) => Palette::of(ui).text,
         Some(weight) => Palette::of(ui).weight(weight),
     };
-    let Some(message) = message.or_else(newest) else { return };
+    // What happened last stays, in grey and with its time. What is told elsewhere has its name alone.
+    let last = || {
+        let last = model.messages.newest_first().next()?;
+        let text = last.text.split(if last.told { [':', ';'] } else { ['\n'; 2] }).next()?;
+        Some(format!("{}  {text}", time_of_day(SystemTime::now() - last.at.elapsed())))
+    };
+    let Some(text) = message.map(|message| message.text.clone()).or_else(last) else { return };
     let more = fresh().count().saturating_sub(1);
-    let label = egui::Label::new(RichText::new(&message.text).color(color)).truncate();
+    let label = egui::Label::new(RichText::new(text).color(color)).truncate();
     let text = |ui: &mut Ui| ui.add(label.sense(egui::Sense::click())).clicked();
     let count = |ui: &mut Ui| {
         if more > 0 {

@@ -71,7 +71,7 @@ fn record(ui: &mut Ui, model: &Model, reels: &mut Reels, acts: &mut Vec<Act>) {
             if named(ui.button("Stop recording"), "Stop recording").clicked() {
                 acts.push(Act::EndRecording);
             }
-            ui.label(RichText::new(text).strong().color(Palette::of(ui).bad));
+            ui.label(RichText::new(text).strong().color(Palette::of(ui).warn));
         });
         weak(ui, format!("{}: {} states, {} lost", progress.path.display(), progress.states, progress.lost));
         return;
@@ -113,8 +113,8 @@ fn open(ui: &mut Ui, reels: &mut Reels, acts: &mut Vec<Act>) {
         }
         weak(ui, title);
         for file in files {
-            let name = file.path.file_name().unwrap_or_default().to_string_lossy();
-            let button = egui::Button::new(name.clone()).wrap();
+            let name = file.title();
+            let button = egui::Button::new(&name).wrap();
             if named(ui.add(button), &name).on_hover_text(about(file)).clicked() {
                 acts.push(Act::Open(file.path.clone()));
             }

@@ -16,7 +16,6 @@ pub(crate) struct Palette {
     pub(crate) hand: Color32,
     pub(crate) good: Color32,
     pub(crate) warn: Color32,
-    pub(crate) bad: Color32,
     /// Colours of the sphere at its middle and at its edge.
     pub(crate) sphere: [Color32; 2],
     pub(crate) grid: Color32,
@@ -27,6 +26,8 @@ pub(crate) struct Palette {
     pub(crate) weak: Color32,
     /// The rim of what can be pressed or changed, as on the page in the browser.
     rim: Color32,
+    /// The ground of what can be pressed.
+    pub(crate) surface: Color32,
 }
 
 /// Colour of the stop button, on both light and dark backgrounds.
@@ -59,7 +60,6 @@ impl Palette {
                 hand: rgb(0xb9, 0xa5, 0xff),
                 good: rgb(0x9b, 0xd2, 0x4a),
                 warn: rgb(0xf0, 0xb0, 0x20),
-                bad: rgb(0xff, 0x6b, 0x6b),
                 sphere: [rgb(0x4a, 0x52, 0x5e), rgb(0x26, 0x2b, 0x33)],
                 grid: rgb(0xb8, 0xc0, 0xcc),
                 wheel: rgb(0xa0, 0xa0, 0xa0),
@@ -67,6 +67,7 @@ impl Palette {
                 text: rgb(0xd8, 0xd8, 0xd8),
                 weak,
                 rim: rgb(0x6c, 0x75, 0x7f),
+                surface: rgb(0x44, 0x4d, 0x57),
             }
         } else {
             Self {
@@ -76,7 +77,6 @@ impl Palette {
                 hand: rgb(0x5b, 0x3c, 0xc4),
                 good: rgb(0x4a, 0x74, 0x0a),
                 warn: rgb(0x8f, 0x5c, 0x00),
-                bad: rgb(0xc0, 0x15, 0x30),
                 sphere: [rgb(0xf4, 0xf6, 0xf8), rgb(0xc6, 0xcc, 0xd4)],
                 grid: rgb(0x58, 0x60, 0x6c),
                 wheel: rgb(0x60, 0x60, 0x60),
@@ -84,6 +84,7 @@ impl Palette {
                 text: rgb(0x1c, 0x1c, 0x1c),
                 weak,
                 rim: rgb(0x86, 0x8d, 0x96),
+                surface: rgb(0xd2, 0xd8, 0xdf),
             }
         }
     }
@@ -92,15 +93,14 @@ impl Palette {
     pub(crate) const fn weight(&self, weight: Weight) -> Color32 {
         match weight {
             Weight::Good => self.good,
-            Weight::Warn => self.warn,
-            Weight::Bad => self.bad,
+            Weight::Warn | Weight::Bad => self.warn,
         }
     }
 
     /// Returns the colour of a headline.
     pub(crate) const fn headline(&self, headline: Headline) -> Color32 {
         match headline {
-            Headline::NotStopped | Headline::NoContact => self.bad,
+            Headline::NotStopped | Headline::NoContact => self.text,
             Headline::NoState => self.weak,
             Headline::Mode(mode) => self.mode(mode),
         }
@@ -110,8 +110,8 @@ impl Palette {
     pub(crate) const fn mode(&self, mode: Mode) -> Color32 {
         match mode {
             Mode::Active | Mode::Enabling => self.good,
-            Mode::Idle | Mode::Unreferenced => self.text,
-            Mode::Fault | Mode::Estop => self.bad,
+            Mode::Idle | Mode::Unreferenced | Mode::Estop => self.text,
+            Mode::Fault => self.warn,
         }
     }
 }
@@ -134,6 +134,9 @@ pub(crate) fn install(ctx: &egui::Context) {
             for widget in [&mut widgets.inactive, &mut widgets.open] {
                 widget.bg_stroke = egui::Stroke::new(1.0, palette.rim);
             }
+            // What cannot be pressed is hollow.
+            widgets.noninteractive.weak_bg_fill = Color32::TRANSPARENT;
+            widgets.inactive.weak_bg_fill = palette.surface;
             // The ring of the control with the focus, as text fields have it.
             widgets.active.bg_stroke = style.visuals.selection.stroke;
         });
@@ -193,9 +196,19 @@ pub(crate) fn badge(ui: &mut Ui, ground: Color32, word: &str) -> Response {
     response
 }
 
-/// Returns `rect` filled with `ground` and with an edge of slanted white and red stripes. The
+/// Returns a text of parts of different sizes and colours.
+pub(crate) fn sized(parts: &[(&str, f32, Color32)]) -> egui::text::LayoutJob {
+    let mut job = egui::text::LayoutJob::default();
+    for (text, size, color) in parts {
+        let format = egui::TextFormat::simple(egui::FontId::proportional(*size), *color);
+        job.append(text, 0.0, egui::TextFormat { valign: egui::Align::Center, ..format });
+    }
+    job
+}
+
+/// Returns `rect` filled with black and with an edge of slanted stripes in white and `color`. The
 /// stripes are longer than the edge: the painter must clip them to `rect`.
-pub(crate) fn stripes(rect: egui::Rect, ground: Color32) -> egui::Shape {
+pub(crate) fn stripes(rect: egui::Rect, color: Color32) -> egui::Shape {
     /// Widths of the edge and of a stripe, points.
     const EDGE: f32 = 6.0;
     const STRIPE: f32 = 6.0;
@@ -205,9 +218,9 @@ pub(crate) fn stripes(rect: egui::Rect, ground: Color32) -> egui::Shape {
         egui::Shape::line_segment(ends, (STRIPE, Color32::WHITE))
     };
     let count = ((rect.width() + height) / (3.0 * STRIPE)).ceil() as u16;
-    let mut shapes = vec![egui::Shape::rect_filled(rect, 0.0, STOP)];
+    let mut shapes = vec![egui::Shape::rect_filled(rect, 0.0, color)];
     shapes.extend((0..=count).map(|k| slanted(rect.left() - height + 3.0 * STRIPE * f32::from(k))));
-    shapes.push(egui::Shape::rect_filled(rect.shrink(EDGE), 0.0, ground));
+    shapes.push(egui::Shape::rect_filled(rect.shrink(EDGE), 0.0, Color32::BLACK));
     egui::Shape::Vec(shapes)
 }
 

@@ -179,7 +179,7 @@ fn a_fault_is_told_in_plain_words_with_what_to_do() {
     assert!(seat.shows("Let it come to rest."));
     // The sphere still turns, so the server would refuse, and the panel says why.
     seat.until_text("you command");
-    seat.until_text("The sphere must slow down before Reset");
+    seat.until_text("Too fast for Reset: ");
     assert!(!seat.is_enabled("Reset") && !seat.is_enabled("Enable") && !seat.is_enabled("Recover"));
 }
 

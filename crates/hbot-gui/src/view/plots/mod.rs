@@ -5,6 +5,8 @@ mod axes;
 mod deflection;
 mod time;
 
+use std::cell::Cell;
+
 pub(super) use axes::{figure, vertical};
 use eframe::egui::{self, Align, ComboBox, Layout, Rect, Ui, UiBuilder, vec2};
 use glam::DQuat;
@@ -58,11 +60,14 @@ pub(crate) struct PlotDesk {
     paused: Option<Box<History>>,
     /// Orientation from which the sphere's deflection is measured, if the user has chosen one.
     zero: Option<DQuat>,
+    /// How far the vertical axis of each plot reaches below and above 0, and last the horizontal
+    /// one of deflections.
+    scale: Cell<[[f64; 2]; 7]>,
 }
 
 impl Default for PlotDesk {
     fn default() -> Self {
-        Self { which: Which::Torque, window: 10.0, paused: None, zero: None }
+        Self { which: Which::Torque, window: 10.0, paused: None, zero: None, scale: Cell::default() }
     }
 }
 

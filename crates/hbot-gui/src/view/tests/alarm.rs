@@ -1,17 +1,18 @@
 //! Tests of how loud the box with the mode is, and of what stands under the stop button.
 
-use eframe::egui::Color32;
+use eframe::egui::{Color32, Rect};
 use egui_kittest::kittest::Queryable as _;
-use hbot_api::{Mode, ShakingEvent, StateEvent};
+use hbot_api::{Fault, Mode, ShakingEvent, StateEvent};
 
 use super::status::warned;
 use super::{SIZES, SMALLEST, Seen, limited, settle, shows, window};
+use crate::model::Model;
 use crate::model::tests::{
     commanding, disconnect, grow_quiet, grow_silent, hear, see, see_state, stop_in_vain,
 };
 use crate::net::{Intent, News};
-use crate::view::painted::{rims, texts};
-use crate::view::theme::Palette;
+use crate::view::painted::{filled, rims, texts, vertical_lines};
+use crate::view::theme::{Palette, STOP};
 
 const KEYS: &str = "Esc or Space, anywhere in this window";
 const SENT: &str = "STOP sent, not confirmed yet";
@@ -24,14 +25,14 @@ fn palette() -> Palette {
 
 /// Returns the colour of the word for the mode.
 fn color_of(seen: &Seen, word: &str) -> Option<Color32> {
-    texts(seen).into_iter().find(|it| it.text == word).map(|it| it.color)
+    texts(seen).into_iter().find(|it| it.text.split(':').next() == Some(word)).map(|it| it.color)
 }
 
 #[test]
 fn the_line_under_stop_says_whether_a_stop_arrives() {
     for size in [SIZES[0], SIZES[1], SMALLEST] {
         let mut seen = window(size, commanding(false));
-        let mut check = |change: &dyn Fn(&mut crate::model::Model), line: &str| {
+        let mut check = |change: &dyn Fn(&mut Model), line: &str| {
             seen.state_mut().model = commanding(false);
             change(&mut seen.state_mut().model);
             settle(&mut seen);
@@ -101,7 +102,7 @@ fn a_server_that_pushes_again_is_told_beside_a_stop_that_is_not_confirmed() {
 #[test]
 fn only_a_rig_with_motors_has_power_to_cut() {
     for simulated in [true, false] {
-        let changes: [fn(&mut crate::model::Model); 5] = [
+        let changes: [fn(&mut Model); 5] = [
             grow_silent,
             stop_in_vain,
             |model| (grow_silent(model), stop_in_vain(model)).1,
@@ -115,7 +116,7 @@ fn only_a_rig_with_motors_has_power_to_cut() {
             let seen = window(SIZES[0], model);
             let has_none = simulated && online;
             assert_eq!(shows(&seen, "ut the motors' power"), !has_none, "change {k}");
-            assert_eq!(shows(&seen, "It is simulated and has no motors."), has_none, "change {k}");
+            assert_eq!(shows(&seen, "Simulated: nothing real moves."), has_none, "change {k}");
         }
         // What a panel at another server says about the rig that it has left.
         let mut model = commanding(simulated);
@@ -125,7 +126,7 @@ fn only_a_rig_with_motors_has_power_to_cut() {
         assert!(shows(&seen, "Cut the motors' power."));
     }
     // Nothing is known of a rig that has never answered.
-    let mut model = crate::model::Model::new("rig:4268", "panel me@here", 120);
+    let mut model = Model::new("rig:4268", "panel me@here", 120);
     stop_in_vain(&mut model);
     assert!(shows(&window(SIZES[0], model), "Cut the motors' power."));
 }
@@ -159,9 +160,59 @@ fn a_box_is_as_loud_as_the_worst_in_it() {
             let seen = window(size, model);
             let color = if at_limit { palette().torque } else { palette().good };
             assert_eq!(color_of_box(&seen), color, "{torque} N m for {lasts} ms, {size:?}");
-            assert_eq!(shows(&seen, "The torque is at its limit."), at_limit);
+            assert_eq!(shows(&seen, "ACTIVE: at limit"), at_limit);
         }
     }
+}
+
+/// What differs in meaning differs in shape or fill, not in colour alone.
+#[test]
+fn each_headline_has_a_look_of_its_own() {
+    let calm = Color32::from_rgb(0x34, 0x3b, 0x44);
+    let fault: fn(&mut Model) = |model| super::fault_of(model, Fault::Thermal);
+    let changes: [(&str, fn(&mut Model), [bool; 4]); 7] = [
+        ("ACTIVE", |_| {}, [false; 4]),
+        ("FAULT", fault, [true, false, false, false]),
+        ("ESTOP", |model| see(model, 200, Mode::Estop), [false, true, false, false]),
+        ("IDLE", |model| see(model, 200, Mode::Idle), [false, true, false, false]),
+        ("NO CONTACT", grow_silent, [false, false, true, false]),
+        ("NO CONTACT", disconnect, [false, false, true, false]),
+        ("NOT STOPPED", stop_in_vain, [false, false, false, true]),
+    ];
+    for (word, change, look) in changes {
+        for simulated in [true, false] {
+            let mut model = commanding(simulated);
+            change(&mut model);
+            let seen = window(SIZES[0], model);
+            let stop = seen.get_by_label("Stop").rect();
+            let is = |rect: &Rect| (rect.width() - stop.width()).abs() < 16.0 && rect.top() > stop.bottom();
+            let has = |color| filled(&seen).iter().any(|(rect, it)| *it == color && is(rect));
+            let dashes = vertical_lines(&seen).iter().filter(|x| (**x - stop.left()).abs() < 2.0).count();
+            assert_eq!([has(palette().warn), has(calm), dashes > 5, has(Color32::BLACK)], look, "{word}");
+            let head = texts(&seen).into_iter().find(|it| it.text == word).expect("the word");
+            assert!(head.place.height() > 28.0, "{word}: {:?}", head.place);
+            // Nothing real moves, so nothing is red.
+            let red = word == "NOT STOPPED" && !simulated;
+            let reds = filled(&seen).iter().filter(|(_, color)| *color == STOP).count();
+            assert_eq!(reds, usize::from(word != "ESTOP") + usize::from(red), "{word}");
+            assert_eq!(shows(&seen, "last word"), word == "NO CONTACT", "{word}");
+        }
+    }
+}
+
+#[test]
+fn stop_says_that_the_rig_has_stopped() {
+    let mut seen = window(SMALLEST, commanding(false));
+    let stopped = |seen: &Seen| texts(seen).iter().any(|it| it.text == "stopped, 0.00 N m" && it.is_whole());
+    let before = seen.get_by_label("Stop").rect();
+    assert!(!stopped(&seen));
+    see(&mut seen.state_mut().model, 200, Mode::Estop);
+    settle(&mut seen);
+    assert!(stopped(&seen));
+    assert_eq!(seen.get_by_label("Stop").rect(), before);
+    grow_quiet(&mut seen.state_mut().model);
+    settle(&mut seen);
+    assert!(!stopped(&seen), "it may be otherwise now");
 }
 
 #[test]
