@@ -210,41 +210,13 @@ pub(crate) fn flight_folder() -> Option<PathBuf> {
 
 /// The columns before those of the joints, in SI units except for times in us. Each has the meaning
 /// of the field of state messages in docs/api.md. A field that is null there is an empty cell.
-const COLUMNS: [&str; 29] = [
-    "tick",
-    "t",
-    "mode",
-    "fault",
-    "q_w",
-    "q_x",
-    "q_y",
-    "q_z",
-    "omega_1",
-    "omega_2",
-    "omega_3",
-    "reference_w",
-    "reference_x",
-    "reference_y",
-    "reference_z",
-    "torque_1",
-    "torque_2",
-    "torque_3",
-    "slip",
-    "scale",
-    "traction",
-    "energy",
-    "client_seq",
-    "client_age_ticks",
-    "lateness_us",
-    "compute_us",
-    "link_us",
-    "age_us",
-    "lead_us",
-];
+const COLUMNS: &str = "tick t mode fault q_w q_x q_y q_z omega_1 omega_2 omega_3 reference_w reference_x \
+    reference_y reference_z torque_1 torque_2 torque_3 slip scale traction energy client_seq \
+    client_age_ticks lateness_us compute_us link_us age_us lead_us";
 
 /// Returns the names of the columns for a rig with so many joints.
 fn columns(joints: usize) -> Vec<String> {
-    let fixed = COLUMNS.into_iter().map(str::to_owned);
+    let fixed = COLUMNS.split(' ').map(str::to_owned);
     let of_joint = |k: usize| ["angle", "rate", "torque"].map(|what| format!("joint{}_{what}", k + 1));
     fixed.chain((0..joints).flat_map(of_joint)).collect()
 }

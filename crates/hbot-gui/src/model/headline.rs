@@ -36,6 +36,19 @@ impl Headline {
             Self::Mode(mode) => mode.as_str().to_uppercase(),
         }
     }
+
+    /// Returns a sign that tells the headlines apart without their colours.
+    pub(crate) const fn sign(self) -> &'static str {
+        match self {
+            Self::NotStopped => "\u{2298}",
+            Self::NoContact | Self::NoState => "\u{25cc}",
+            Self::Mode(Mode::Fault) => "\u{25b2}",
+            Self::Mode(Mode::Estop) => "\u{25a0}",
+            Self::Mode(Mode::Idle | Mode::Unreferenced) => "\u{25a1}",
+            Self::Mode(Mode::Active) => "\u{25cf}",
+            Self::Mode(Mode::Enabling) => "\u{25cb}",
+        }
+    }
 }
 
 impl Model {

@@ -26,36 +26,32 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
     // A low window needs the room for what stands below.
     (ui.spacing_mut().item_spacing.y, ui.spacing_mut().interact_size.y) =
         if is_low(ui) { (0.0, 16.0) } else { (2.0, ui.spacing().interact_size.y) };
-    let Some(state) = &model.state else {
-        // The bars keep their places.
-        for name in METERS {
-            meter(ui, palette, name, (0.0, palette.good, "-".to_owned()));
-        }
-        lead(ui, palette, 0.0);
-        return;
-    };
     let limits = &model.info.limits;
-    let lost = 1.0 - state.scale;
-    let is_cut = lost > 0.0005;
     let load = |share, figures| load(palette, share, figures);
-    let values = [
-        speed(DVec3::from(state.omega).length(), model, palette),
-        load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
-        load(
-            share(state.slip, limits.slip),
-            format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip),
-        ),
-        // Whatever the limits cut, the scene does not feel as it is meant.
-        if is_cut {
-            (lost, palette.torque, format!("{} cut by limits", percent(lost).replace("over ", "> ")))
-        } else {
-            (0.0, palette.torque, "none".to_owned())
+    // Without a state the bars keep their places.
+    let values = model.state.as_ref().map_or_else(
+        || METERS.map(|_| load(0.0, "-".to_owned())),
+        |state| {
+            let lost = 1.0 - state.scale;
+            let slip = format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip);
+            // Whatever the limits cut, the scene does not feel as it is meant.
+            let (lost, cut) = if lost > 0.0005 {
+                (lost, format!("{} cut by limits", percent(lost).replace("over ", "> ")))
+            } else {
+                (0.0, "none".to_owned())
+            };
+            [
+                speed(DVec3::from(state.omega).length(), model, palette),
+                load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
+                load(share(state.slip, limits.slip), slip),
+                (lost, palette.torque, cut),
+            ]
         },
-    ];
+    );
     for (name, value) in METERS.into_iter().zip(values) {
         meter(ui, palette, name, value);
     }
-    lead(ui, palette, state.timing.lead_us);
+    lead(ui, palette, model.state.as_ref().map_or(0.0, |state| state.timing.lead_us));
 }
 
 /// Returns a part of a limit, with its colour and its text.
@@ -98,32 +94,20 @@ fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
     }
 }
 
-/// Returns the size of a number in large figures, points.
-pub(super) fn large(ui: &Ui) -> f32 {
-    if is_low(ui) { 22.0 } else { 32.0 }
-}
-
-/// Draws the torque in large figures, and beside it its bar.
-pub(super) fn show_torque(ui: &mut Ui, model: &Model, palette: Palette) {
+/// Draws the torque in large figures, and beside it its bar, or this speed of a rig that has stopped.
+pub(super) fn show_torque(ui: &mut Ui, model: &Model, palette: Palette, speed: Option<f64>) {
     let value = torque(model, palette);
-    let (large, rest) = value.2.split_once(' ').unwrap_or_default();
-    let text = sized(&[(large, self::large(ui), palette.text), (&format!(" {rest}"), 13.0, palette.text)]);
+    let (large, limit) = value.2.split_once(' ').unwrap_or_default();
+    let rest = if speed.is_some() { "N m" } else { limit };
+    let (size, ink) = (if is_low(ui) { 22.0 } else { 32.0 }, palette.text);
     ui.horizontal(|ui| {
-        ui.label(text).on_hover_text(TORQUE);
-        bar(ui, palette, "Torque", ui.available_width(), &value);
-    });
-}
-
-/// Draws the torque of a rig that has stopped in large figures, and beside it the speed.
-pub(super) fn show_rest(ui: &mut Ui, speed: f64, model: &Model, palette: Palette) {
-    let (_, color, figures) = self::speed(speed, model, palette);
-    let torque = torque(model, palette).2;
-    let large = torque.split(' ').next().unwrap_or_default();
-    ui.horizontal(|ui| {
-        let size = self::large(ui);
-        ui.label(sized(&[(large, size, palette.text), (" N m", 13.0, palette.text)])).on_hover_text(TORQUE);
+        ui.label(sized(&[(large, size, ink), (&format!(" {rest}"), 13.0, ink)])).on_hover_text(TORQUE);
+        let Some(speed) = speed else {
+            return bar(ui, palette, "Torque", ui.available_width(), &value);
+        };
+        let (share, _, figures) = self::speed(speed, model, palette);
         let name = format!("Speed: {figures}");
-        let color = if color == palette.good { palette.text } else { color };
+        let color = if share > 0.7 { palette.warn } else { ink };
         let speed = ui.label(RichText::new(figures).size(12.0).color(color)).on_hover_text(METERS[0].1);
         speed.widget_info(|| WidgetInfo::labeled(Role::Label, true, &name));
     });
@@ -197,7 +181,7 @@ mod tests {
             let mut model = Model::new("", "panel me@here", 1);
             model.info.limits.torque = 0.9;
             model.state = Some(StateEvent { torque: [0.0, torque, 0.0], ..StateEvent::default() });
-            let draw = move |ui: &mut Ui| show_torque(ui, &model, Palette::of(ui));
+            let draw = move |ui: &mut Ui| show_torque(ui, &model, Palette::of(ui), None);
             // As narrow as the column of a small window.
             let mut seen = Harness::builder().with_size([262.0, TALL]).build_ui(draw);
             seen.run_steps(4);

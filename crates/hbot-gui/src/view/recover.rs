@@ -5,7 +5,7 @@ use eframe::egui::{Button, RichText, Ui, vec2};
 use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
-use super::theme::{Palette, coloured, leading, weak};
+use super::theme::{Palette, coloured, leading, press, weak};
 use crate::model::sample::quaternion;
 use crate::model::{Model, has_torque};
 use crate::net::{Intent, Lease};
@@ -138,7 +138,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     ui.horizontal(|ui| {
         let leads = next_step(model) == Some("Recover");
         let button = if leads { leading(ui, "Recover") } else { Button::new("Recover") };
-        let response = ui.add_enabled(enabled, button.min_size(vec2(76.0, 34.0))).on_hover_text(hint);
+        let response = press(ui, enabled, button.min_size(vec2(76.0, 34.0))).on_hover_text(hint);
         if response.on_disabled_hover_text(hint).clicked() {
             intents.push(Intent::Recover);
         }
@@ -162,7 +162,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
                     // Two lines, as high as the button beside it, so that nothing below moves.
                     ui.spacing_mut().button_padding.y = 1.0;
                     let button = Button::new(text).wrap().min_size(vec2(0.0, 34.0));
-                    if ui.add_enabled(model.may_command(), button).clicked() {
+                    if press(ui, model.may_command(), button).clicked() {
                         let (effect, key) = (effect.id().to_owned(), "anchor".to_owned());
                         intents.push(Intent::Set { effect, key, value: "here".into() });
                     }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::bar;
 use super::schema::{explain, words};
-use super::theme::{Palette, coloured, column, heading_text, named, weak};
+use super::theme::{Palette, coloured, column, heading_text, named, press, weak};
 use super::{Act, Desk, faded_unless_live};
 use super::{law, parameter};
 use crate::files;
@@ -119,7 +119,7 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         });
         named(response.response, "Scene file");
         let enabled = model.may_command() && shelf.picked.is_some();
-        if ui.add_enabled(enabled, egui::Button::new("Load").min_size(vec2(LOAD, 0.0))).clicked()
+        if press(ui, enabled, egui::Button::new("Load").min_size(vec2(LOAD, 0.0))).clicked()
             && let Some(source) = &shelf.picked
         {
             acts.push(Act::LoadScene(source.clone()));
@@ -210,7 +210,7 @@ fn save(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         let taken = !name.is_empty() && path.exists();
         let legal = !name.is_empty() && model.is_online();
         let text = if taken { "Overwrite" } else { "Save" };
-        if ui.add_enabled(legal, egui::Button::new(text).min_size(vec2(SAVE, 0.0))).clicked() {
+        if press(ui, legal, egui::Button::new(text).min_size(vec2(SAVE, 0.0))).clicked() {
             acts.push(Act::SaveScene(path));
             shelf.listed = None;
         }

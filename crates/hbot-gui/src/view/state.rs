@@ -3,8 +3,7 @@
 use std::time::Duration;
 
 use eframe::egui::{
-    self, Align2, Button, Color32, Event, FontId, PointerButton, Pos2, Rect, RichText, ScrollArea, TextStyle,
-    Ui, vec2,
+    self, Align2, Button, Color32, Event, FontId, PointerButton, RichText, ScrollArea, TextStyle, Ui, vec2,
 };
 use glam::DVec3;
 use hbot_api::{Fault, FaultEvent, Mode, ShakingEvent, StateEvent};
@@ -12,7 +11,7 @@ use hbot_config::advice::Warning;
 
 use super::meters::{self, percent};
 use super::recover;
-use super::theme::{Palette, STOP, coloured, leading, named, sized, stripes, weak};
+use super::theme::{Palette, STOP, coloured, leading, named, press, sized, stripes, weak};
 use crate::model::{Headline, Model, Refusal, has_torque};
 use crate::net::Intent;
 
@@ -21,10 +20,9 @@ const STATUS: [f32; 2] = [114.0, 180.0];
 /// Height of a window above which this text has more room, up to `MORE`, points.
 const USUAL: f32 = 774.0;
 const MORE: f32 = 46.0;
-/// Size of the word for the state, of what it says beside the mode, and of a sign, points.
+/// Size of the word for the state, and of what it says beside the mode, points.
 const HEADLINE: f32 = 28.0;
 const MOOD: f32 = 16.0;
-const SIGN: f32 = 20.0;
 /// The ground of the box without torque, dark in both themes: a stop is calm.
 const CALM: Color32 = Color32::from_rgb(0x34, 0x3b, 0x44);
 /// What replaces the advice to cut the motors' power.
@@ -111,7 +109,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &m
     let palette = Palette::of(ui);
     let size = usize::from(!is_low(ui));
     let height = STATUS[size] + (ui.ctx().content_rect().height() - USUAL).clamp(0.0, MORE);
-    if is_long(ui, model, warnings) {
+    if is_long(ui, model) {
         return status(ui, model, warnings, height + BARS[size]);
     }
     let in_full = status(ui, model, warnings, height);
@@ -120,11 +118,10 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &m
 }
 
 /// Returns whether the box takes the place of the bars.
-fn is_long(ui: &Ui, model: &Model, warnings: &[Warning]) -> bool {
+fn is_long(ui: &Ui, model: &Model) -> bool {
     match model.headline() {
         Headline::Mode(Mode::Fault) => true,
-        Headline::Mode(Mode::Estop) if model.fault_before.is_some() => true,
-        Headline::Mode(Mode::Estop) => is_low(ui) && !warnings.is_empty(),
+        Headline::Mode(Mode::Estop) => is_low(ui) || model.fault_before.is_some(),
         Headline::NotStopped | Headline::NoContact => is_low(ui),
         _ => false,
     }
@@ -169,7 +166,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
         let color = mood.map_or(palette.headline(headline), |(_, color)| color);
         let color = if old.is_some() { palette.weak } else { color };
         head(ui, headline, mood.map_or("", |(text, _)| text), color);
-        let is_long = matches!(headline, Headline::Mode(_)) && is_long(ui, model, warnings);
+        let is_long = matches!(headline, Headline::Mode(_)) && is_long(ui, model);
         let is_certain = model.is_certain() || headline == Headline::NoContact;
         ui.add_enabled_ui(is_certain, |ui| figures(ui, model, headline, is_long));
         if is_low(ui) {
@@ -198,7 +195,10 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
         // Red is for the button STOP: this box cannot be pressed.
         Headline::NotStopped => {
             let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
-            painter.set(ground, stripes(rect, if simulated { palette.weak } else { STOP }));
+            let color = if simulated { palette.weak } else { STOP };
+            let mut shapes = stripes(rect, color, 6.0, Color32::WHITE);
+            shapes.push(egui::Shape::rect_filled(rect.shrink(6.0), 0.0, Color32::BLACK));
+            painter.set(ground, shapes);
         }
         Headline::NoContact | Headline::NoState => {
             let rect = rect.shrink(1.0);
@@ -235,9 +235,7 @@ fn head(ui: &mut Ui, headline: Headline, mood: &str, color: Color32) {
     let band = (headline == Headline::Mode(Mode::Fault)).then(|| ui.painter().add(egui::Shape::Noop));
     let ink = if band.is_some() { ui.visuals().panel_fill } else { color };
     let row = ui.horizontal(|ui| {
-        let (rect, _) = ui.allocate_exact_size(vec2(SIGN, HEADLINE), egui::Sense::hover());
-        // The middle of capital letters is below that of their row.
-        sign(ui.painter(), headline, rect.center() + vec2(0.0, 2.0), (ink, color));
+        ui.label(RichText::new(headline.sign()).monospace().size(HEADLINE).color(ink));
         // A long word is smaller, because the sliders would move.
         let words = |k: f32| sized(&[(&headline.text(), k * HEADLINE, ink), (mood, k * MOOD, ink)]);
         let width = ui.painter().layout_job(words(1.0)).size().x;
@@ -250,56 +248,21 @@ fn head(ui: &mut Ui, headline: Headline, mood: &str, color: Color32) {
     }
 }
 
-/// Draws the sign of a headline about this point, in `ink` on `ground`.
-fn sign(painter: &egui::Painter, headline: Headline, at: Pos2, (ink, ground): (Color32, Color32)) {
-    let (radius, stroke) = (0.5 * SIGN, egui::Stroke::new(2.5, ink));
-    let turned = |k: u16, of: u16| {
-        let angle = std::f32::consts::TAU * (f32::from(k) / f32::from(of) - 0.25);
-        at + radius * egui::Vec2::angled(angle)
-    };
-    let corners = |of: u16| (0..of).map(|k| turned(k, of)).collect::<Vec<_>>();
-    match headline {
-        Headline::NotStopped => {
-            painter.add(egui::Shape::closed_line(corners(8), stroke));
-            painter.line_segment([turned(1, 8), turned(5, 8)], stroke);
-        }
-        Headline::NoContact | Headline::NoState => {
-            let ring = (0..=24).map(|k| turned(k, 24)).collect::<Vec<_>>();
-            painter.extend(egui::Shape::dashed_line(&ring, stroke, 4.0, 4.0));
-        }
-        Headline::Mode(Mode::Fault) => {
-            painter.add(egui::Shape::convex_polygon(corners(3), ink, stroke));
-            painter.line_segment([at - vec2(0.0, 5.0), at + vec2(0.0, 1.5)], (2.5, ground));
-            painter.circle_filled(at + vec2(0.0, 5.0), 1.5, ground);
-        }
-        Headline::Mode(Mode::Estop) => {
-            painter.rect_filled(Rect::from_center_size(at, vec2(16.0, 16.0)), 1.0, ink);
-        }
-        Headline::Mode(Mode::Idle | Mode::Unreferenced) => {
-            let square = Rect::from_center_size(at, vec2(14.0, 14.0));
-            painter.rect_stroke(square, 1.0, stroke, egui::StrokeKind::Middle);
-        }
-        Headline::Mode(Mode::Active) => drop(painter.circle_filled(at, 0.8 * radius, ink)),
-        Headline::Mode(Mode::Enabling) => drop(painter.circle_stroke(at, 0.8 * radius, stroke)),
-    }
-}
-
 /// Draws the one number of the state in large figures: the torque, or the time without a word.
 /// Where the box takes the place of the bars, the speed stands beside the torque: it tells when a
 /// reset is possible.
 fn figures(ui: &mut Ui, model: &Model, headline: Headline, is_long: bool) {
     let palette = Palette::of(ui);
     match (headline, &model.state) {
-        (Headline::Mode(_), Some(state)) if is_long => {
+        (Headline::Mode(_), Some(state)) => {
             // The speed of the sentence below.
             let speed = DVec3::from(state.omega).length().max(model.history.fastest(RECENT_S));
-            meters::show_rest(ui, speed, model, palette);
+            meters::show_torque(ui, model, palette, is_long.then_some(speed));
         }
-        (Headline::Mode(_), Some(_)) => meters::show_torque(ui, model, palette),
         (Headline::NoContact, _) if let Some(heard) = model.heard_before() => {
             let seconds = format!("{:.1}", tenths(heard));
             ui.label(sized(&[
-                (&seconds, meters::large(ui), palette.text),
+                (&seconds, HEADLINE, palette.text),
                 (" s since the last word", SMALL, palette.text),
             ]));
         }
@@ -578,7 +541,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         for (name, intent, enabled, hint) in orders {
             let leads = next == Some(name);
             let button = if leads { leading(ui, name) } else { Button::new(name) };
-            let response = ui.add_enabled(enabled, button.min_size(vec2(width, height))).on_hover_text(hint);
+            let response = press(ui, enabled, button.min_size(vec2(width, height))).on_hover_text(hint);
             if response.on_disabled_hover_text(hint).clicked() {
                 intents.push(intent);
             }

@@ -29,32 +29,9 @@ const SIZES: [[f32; 2]; 2] = [[1280.0, 760.0], [1024.0, 600.0]];
 const SMALLEST: [f32; 2] = [900.0, 600.0];
 
 /// What the user drags or clicks in the window, by name.
-const CONTROLS: [&str; 24] = [
-    "Stop",
-    "Enable",
-    "Disable",
-    "Reset",
-    "Recover",
-    "Law",
-    "Each axis",
-    "Stiffness",
-    "Stiffness value",
-    "Damping",
-    "Damping value",
-    "Scene",
-    "Joints",
-    "Health",
-    "Record",
-    "Messages",
-    "Scene file",
-    "Load",
-    "spring on",
-    "spring law",
-    "Pause",
-    "Export CSV",
-    "Light or dark",
-    "Release",
-];
+const CONTROLS: &str = "Stop, Enable, Disable, Reset, Recover, Law, Each axis, Stiffness, Stiffness value, \
+    Damping, Damping value, Scene, Joints, Health, Record, Messages, Scene file, Load, \
+    spring on, spring law, Pause, Export CSV, Light or dark, Release";
 
 struct Window {
     model: Model,
@@ -92,7 +69,7 @@ fn shows(seen: &Seen, text: &str) -> bool {
 /// Returns where everything is that the user drags or clicks.
 fn places(seen: &Seen) -> Vec<(&'static str, Rect)> {
     let mut places: Vec<_> =
-        CONTROLS.into_iter().map(|name| (name, seen.get_by_label(name).rect())).collect();
+        CONTROLS.split(", ").map(|name| (name, seen.get_by_label(name).rect())).collect();
     let lease = ["Take command", "Take over"];
     let button = lease.into_iter().find_map(|name| seen.query_by_label(name)).expect("the lease's button");
     places.push(("the button for the lease", button.rect()));

@@ -11,7 +11,7 @@ pub(super) use axes::{figure, vertical};
 use eframe::egui::{self, Align, ComboBox, Layout, Rect, Ui, UiBuilder, vec2};
 use glam::DQuat;
 
-use super::theme::named;
+use super::theme::{named, press};
 use super::{Act, Desk};
 use crate::model::{History, Link, Model, SPAN_S};
 use crate::net::Intent;
@@ -169,7 +169,7 @@ fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
     let hint = "measures deflection from the orientation of this moment, wherever the scene's reference is";
     if plots.zero.is_none() {
         let newest = model.history.newest().map(|sample| sample.q);
-        if ui.add_enabled(newest.is_some(), egui::Button::new("Zero here")).on_hover_text(hint).clicked() {
+        if press(ui, newest.is_some(), egui::Button::new("Zero here")).on_hover_text(hint).clicked() {
             plots.zero = newest;
         }
     } else if ui

@@ -114,35 +114,20 @@ impl Drawing {
 /// it is the first.
 fn free_place(taken: &[Rect], room: Rect, at: Pos2, size: Vec2) -> Rect {
     /// Steps in the size of the name.
-    const STEPS: [[f32; 2]; 21] = [
-        [0.0, 0.0],
-        [0.0, 1.0],
-        [0.0, -1.0],
-        [1.0, 0.0],
-        [-1.0, 0.0],
-        [1.0, 1.0],
-        [-1.0, 1.0],
-        [1.0, -1.0],
-        [-1.0, -1.0],
-        [0.0, 2.0],
-        [0.0, -2.0],
-        [0.0, 3.0],
-        [0.0, -3.0],
-        [1.5, 2.0],
-        [-1.5, 2.0],
-        [1.5, -2.0],
-        [-1.5, -2.0],
-        [2.0, 0.0],
-        [-2.0, 0.0],
-        [2.0, 1.0],
-        [-2.0, -1.0],
+    const ACROSS: [f32; 21] = [
+        0.0, 0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.5, -1.5, 1.5, -1.5, 2.0, -2.0,
+        2.0, -2.0,
+    ];
+    const DOWN: [f32; 21] = [
+        0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 1.0, -1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 2.0, 2.0, -2.0, -2.0, 0.0, 0.0,
+        1.0, -1.0,
     ];
     let inner = room.shrink2(0.5 * size);
     let at = at.max(inner.min).min(inner.max);
-    let place = |[x, y]: [f32; 2]| Rect::from_center_size(at + vec2(x, y) * size, size);
+    let place = |(x, y): (f32, f32)| Rect::from_center_size(at + vec2(x, y) * size, size);
     let covers = |place: &Rect| taken.iter().any(|other| other.shrink(1.0).intersects(*place));
     let is_free = |place: &Rect| room.expand(0.5).contains_rect(*place) && !covers(place);
-    STEPS.into_iter().map(place).find(is_free).unwrap_or_else(|| place([0.0, 0.0]))
+    ACROSS.into_iter().zip(DOWN).map(place).find(is_free).unwrap_or_else(|| place((0.0, 0.0)))
 }
 
 /// Returns the points of a closed circle on the unit sphere. Its plane passes through the centre
