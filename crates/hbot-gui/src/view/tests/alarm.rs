@@ -166,12 +166,15 @@ fn a_box_is_as_loud_as_the_worst_in_it() {
     }
 }
 
+/// A word, the change of the model that leads to it, and which look it has.
+type Case = (&'static str, fn(&mut Model), usize);
+
 /// What differs in meaning differs in shape or fill, not in colour alone.
 #[test]
 fn each_headline_has_a_look_of_its_own() {
     let calm = Color32::from_rgb(0x34, 0x3b, 0x44);
     let fault: fn(&mut Model) = |model| super::fault_of(model, Fault::Thermal);
-    let changes: [(&str, fn(&mut Model), usize); 7] = [
+    let changes: [Case; 7] = [
         ("ACTIVE", |_| {}, 4),
         ("FAULT", fault, 0),
         ("ESTOP", |model| see(model, 200, Mode::Estop), 1),
