@@ -51,7 +51,15 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
     for (name, value) in METERS.into_iter().zip(values) {
         meter(ui, palette, name, value);
     }
-    lead(ui, palette, model.state.as_ref().map_or(0.0, |state| state.timing.lead_us));
+    // How far ahead the scene is rendered. The line keeps its place; a low window has none.
+    if !is_low(ui) {
+        let lead = model.state.as_ref().map(|state| state.timing.lead_us).filter(|lead| *lead > 0.0);
+        let text = lead.map_or(" ".to_owned(), |lead| format!("rendered {:.2} ms ahead", 1.0e-3 * lead));
+        let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
+        if lead.is_some() {
+            line.on_hover_text(LEAD);
+        }
+    }
 }
 
 /// Returns a part of a limit, with its colour and its text.
@@ -79,19 +87,6 @@ fn torque(model: &Model, palette: Palette) -> (f64, Color32, String) {
 fn speed(speed: f64, model: &Model, palette: Palette) -> (f64, Color32, String) {
     let limit = model.info.limits.speed;
     load(palette, share(speed, limit), format!("{speed:.2} / {limit} rad/s"))
-}
-
-/// Draws how far ahead the scene is rendered. The line keeps its place; a low window has none.
-fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
-    if is_low(ui) {
-        return;
-    }
-    let ahead = lead_us > 0.0;
-    let text = if ahead { format!("rendered {:.2} ms ahead", 1.0e-3 * lead_us) } else { " ".to_owned() };
-    let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
-    if ahead {
-        line.on_hover_text(LEAD);
-    }
 }
 
 /// Draws the torque in large figures, and beside it its bar, or this speed of a rig that has stopped.

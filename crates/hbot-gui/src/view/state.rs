@@ -61,9 +61,16 @@ pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         None => (STOP, Color32::WHITE, 30.0),
     };
     let text = RichText::new("STOP").size(height).strong().color(ink);
-    let button = Button::new(text).fill(fill).stroke((3.0, STOP)).corner_radius(8);
+    let button = Button::new(text).fill(fill).corner_radius(8);
     let size = vec2(ui.available_width(), 60.0);
-    let response = named(ui.add_sized(size, button), "Stop");
+    let add = |ui: &mut Ui| {
+        let widgets = &mut ui.visuals_mut().widgets;
+        for widget in [&mut widgets.inactive, &mut widgets.hovered] {
+            widget.bg_stroke = (3.0, STOP).into();
+        }
+        ui.add_sized(size, button)
+    };
+    let response = named(ui.scope(add).inner, "Stop");
     if let Some(state) = stopped {
         let text = format!("stopped, {:.2} N m", DVec3::from(state.torque).length());
         let at = response.rect.center_bottom() - vec2(0.0, 4.0);
@@ -261,10 +268,8 @@ fn figures(ui: &mut Ui, model: &Model, headline: Headline, is_long: bool) {
         }
         (Headline::NoContact, _) if let Some(heard) = model.heard_before() => {
             let seconds = format!("{:.1}", tenths(heard));
-            ui.label(sized(&[
-                (&seconds, HEADLINE, palette.text),
-                (" s since the last word", SMALL, palette.text),
-            ]));
+            let ink = palette.text;
+            ui.label(sized(&[(&seconds, HEADLINE, ink), (" s since the last word", SMALL, ink)]));
         }
         _ => {}
     }

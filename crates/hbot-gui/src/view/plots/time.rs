@@ -268,12 +268,18 @@ mod tests {
 
     use crate::view::painted::texts;
 
-    #[test]
-    fn the_text_of_a_mark_does_not_stretch_the_axis() {
+    /// Returns the model of a rig without torque, with states of these times.
+    fn still(times: [f64; 2]) -> Model {
         let mut model = Model::new("", "panel me@here", 1);
-        for t in [0.0, 1.0] {
+        for t in times {
             model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
         }
+        model
+    }
+
+    #[test]
+    fn the_text_of_a_mark_does_not_stretch_the_axis() {
+        let mut model = still([0.0, 1.0]);
         model.marks.add(Mark { t: 0.5, what: What::Fault, text: "overspeed".to_owned() }, 0.0);
         let draw = |ui: &mut Ui, (model, range): &mut (Model, Option<PlotBounds>)| {
             *range = show(ui, model, &model.history, &PlotDesk::default(), Vec2::ZERO);
@@ -317,10 +323,7 @@ mod tests {
     fn the_texts_of_marks_cover_each_other_nowhere() {
         let times = |count: u32| (0..count).map(move |k| 9.0 * f64::from(k) / f64::from(count));
         for (count, all) in [(4, true), (40, false)] {
-            let mut model = Model::new("", "panel me@here", 1);
-            for t in [0.0, 10.0] {
-                model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
-            }
+            let mut model = still([0.0, 10.0]);
             let text = |k| format!("spring {k}: stiffness = 1.234567");
             for (k, t) in times(count).enumerate() {
                 let what = if k == 3 { What::Fault } else { What::Set };
@@ -348,10 +351,7 @@ mod tests {
 
     #[test]
     fn the_texts_of_marks_leave_the_upper_half_of_a_low_plot_to_the_curves() {
-        let mut model = Model::new("", "panel me@here", 1);
-        for t in [0.0, 10.0] {
-            model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
-        }
+        let mut model = still([0.0, 10.0]);
         for k in 0..6 {
             let text = format!("spring {k}: stiffness = 1.234567");
             model.marks.add(Mark { what: What::Scene, t: 9.0 + 0.1 * f64::from(k), text }, 0.0);
@@ -376,10 +376,7 @@ mod tests {
     /// these drawings, the plot cannot measure the texts of its axes.
     #[test]
     fn the_name_of_an_axis_keeps_clear_of_the_numbers_in_a_frame_that_is_drawn_twice() {
-        let mut model = Model::new("", "panel me@here", 1);
-        for t in [0.0, 10.0] {
-            model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
-        }
+        let model = still([0.0, 10.0]);
         let draw = |ui: &mut Ui, (model, twice): &mut (Model, bool)| {
             if *twice {
                 ui.ctx().request_discard("a table is drawn for the first time");
