@@ -106,7 +106,8 @@ fn pictures_of_each_state() {
     other.release().expect("released");
     silent(&displays, &bench, "no-contact", false);
     silent(&displays, &bench, "not-stopped", true);
-    see(("stopped", 5), &|display, _| display.click(STOP_BUTTON), &|name, _, pixels| {
+    other.estop().expect("stopped");
+    see(("stopped", 4), &nothing, &|name, _, pixels| {
         assert!(count(pixels, STOP) > 1_000 && count(pixels, GOOD) < 400, "{name}: the edge of the button");
     });
     bench.stop();
