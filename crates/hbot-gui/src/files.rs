@@ -155,6 +155,23 @@ pub(crate) struct ReelFile {
     pub(crate) bytes: u64,
 }
 
+impl ReelFile {
+    /// Returns what the list calls this file: a flight log by its time and its cause, such as
+    /// `2026-01-31 23:59:59 UTC: thermal` for `flight-20260131T235959.123Z-4711-001-thermal.mcap`.
+    pub(crate) fn title(&self) -> String {
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+        let flight = || {
+            let rest = name.strip_prefix("flight-")?.strip_suffix(".mcap")?;
+            let [time, _, _, cause] = rest.split('-').collect::<Vec<_>>().try_into().ok()?;
+            let [year, month, day] = [0..4, 4..6, 6..8].map(|part| time.get(part));
+            let [hour, minute, second] = [9..11, 11..13, 13..15].map(|part| time.get(part));
+            let (date, hour) = (format!("{}-{}-{}", year?, month?, day?), hour?);
+            Some(format!("{date} {hour}:{}:{} UTC: {cause}", minute?, second?))
+        };
+        flight().unwrap_or_else(|| name.to_string())
+    }
+}
+
 /// Returns the recordings (`*.mcap`) in a folder, at most `most`, the newest first. Returns an
 /// empty list if the folder cannot be read.
 pub(crate) fn reels(folder: &Path, most: usize) -> Vec<ReelFile> {
@@ -193,41 +210,13 @@ pub(crate) fn flight_folder() -> Option<PathBuf> {
 
 /// The columns before those of the joints, in SI units except for times in us. Each has the meaning
 /// of the field of state messages in docs/api.md. A field that is null there is an empty cell.
-const COLUMNS: [&str; 29] = [
-    "tick",
-    "t",
-    "mode",
-    "fault",
-    "q_w",
-    "q_x",
-    "q_y",
-    "q_z",
-    "omega_1",
-    "omega_2",
-    "omega_3",
-    "reference_w",
-    "reference_x",
-    "reference_y",
-    "reference_z",
-    "torque_1",
-    "torque_2",
-    "torque_3",
-    "slip",
-    "scale",
-    "traction",
-    "energy",
-    "client_seq",
-    "client_age_ticks",
-    "lateness_us",
-    "compute_us",
-    "link_us",
-    "age_us",
-    "lead_us",
-];
+const COLUMNS: &str = "tick t mode fault q_w q_x q_y q_z omega_1 omega_2 omega_3 reference_w reference_x \
+    reference_y reference_z torque_1 torque_2 torque_3 slip scale traction energy client_seq \
+    client_age_ticks lateness_us compute_us link_us age_us lead_us";
 
 /// Returns the names of the columns for a rig with so many joints.
 fn columns(joints: usize) -> Vec<String> {
-    let fixed = COLUMNS.into_iter().map(str::to_owned);
+    let fixed = COLUMNS.split(' ').map(str::to_owned);
     let of_joint = |k: usize| ["angle", "rate", "torque"].map(|what| format!("joint{}_{what}", k + 1));
     fixed.chain((0..joints).flat_map(of_joint)).collect()
 }
@@ -279,6 +268,18 @@ mod tests {
         let mine = scenes(folder.path(), &[]).pop().expect("it is the last");
         assert!(!mine.is_copy());
         assert_eq!(mine.source.name(), format!("spring ({})", folder.path().display()));
+    }
+
+    #[test]
+    fn a_flight_log_is_listed_by_its_time_and_cause() {
+        for (name, title) in [
+            ("flight-20260131T235958.123Z-4711-001-link_lost.mcap", "2026-01-31 23:59:58 UTC: link_lost"),
+            ("flight-plan.mcap", "flight-plan.mcap"),
+            ("run.mcap", "run.mcap"),
+        ] {
+            let path = Path::new("folder").join(name);
+            assert_eq!(ReelFile { path, modified: UNIX_EPOCH, bytes: 0 }.title(), title);
+        }
     }
 
     /// Returns the names of the columns for a field of a state.

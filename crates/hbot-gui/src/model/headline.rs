@@ -36,6 +36,19 @@ impl Headline {
             Self::Mode(mode) => mode.as_str().to_uppercase(),
         }
     }
+
+    /// Returns a sign that tells the headlines apart without their colours.
+    pub(crate) const fn sign(self) -> &'static str {
+        match self {
+            Self::NotStopped => "\u{2298}",
+            Self::NoContact | Self::NoState => "\u{25cc}",
+            Self::Mode(Mode::Fault) => "\u{25b2}",
+            Self::Mode(Mode::Estop) => "\u{25a0}",
+            Self::Mode(Mode::Idle | Mode::Unreferenced) => "\u{25a1}",
+            Self::Mode(Mode::Active) => "\u{25cf}",
+            Self::Mode(Mode::Enabling) => "\u{25cb}",
+        }
+    }
 }
 
 impl Model {
@@ -59,6 +72,11 @@ impl Model {
         let few = Duration::from_secs_f64(2.5 / f64::from(self.samples_per_s.max(1)));
         let quiet = self.heard?.elapsed();
         (self.is_online() && quiet > QUIET_AFTER.max(few).min(SILENT_AFTER)).then_some(quiet)
+    }
+
+    /// Returns the time since the last state message, if there was one.
+    pub(crate) fn heard_before(&self) -> Option<Duration> {
+        Some(self.heard?.elapsed())
     }
 
     /// Returns whether what the window shows is live, and so new that it need not be grey.

@@ -5,7 +5,7 @@ use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
 use super::state::has_keys;
-use super::theme::{LIVE, Palette, badge, heading, lamp, leading, named, weak};
+use super::theme::{LIVE, Palette, badge, heading, lamp, leading, named, press, weak};
 use crate::model::{Link, Model, has_torque};
 use crate::net::{Intent, Lease};
 
@@ -27,11 +27,11 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     ui.horizontal(|ui| {
         let (color, text) = match &model.link {
             Link::Online(hello) if model.silent_for().is_some() => {
-                (palette.bad, format!("{}  silent", hello.rig))
+                (palette.warn, format!("{}  silent", hello.rig))
             }
             Link::Online(hello) => (palette.good, format!("{}  {} Hz", hello.rig, hello.rate_hz)),
             Link::Connecting => (palette.warn, "connecting".to_owned()),
-            Link::Offline { .. } | Link::Recording => (palette.bad, "not connected".to_owned()),
+            Link::Offline { .. } | Link::Recording => (palette.warn, "not connected".to_owned()),
         };
         kind_of_rig(ui, model, desk, palette);
         lamp(ui, color);
@@ -85,12 +85,12 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
     let mine = model.lease == Lease::Mine;
     // The layout goes from right to left, so the buttons come first. A second click on the button
     // that takes command must not release it.
-    let release = ui.add_enabled(live && mine, egui::Button::new("Release"));
+    let release = press(ui, live && mine, egui::Button::new("Release"));
     if release.on_hover_text("let another client command; a scene that runs goes on").clicked() {
         intents.push(Intent::Release);
     }
     let button = egui::Button::new(text).min_size(vec2(LEASE, 0.0));
-    if ui.add_enabled(live && !mine, button).on_hover_text(hint).clicked() {
+    if press(ui, live && !mine, button).on_hover_text(hint).clicked() {
         match &model.lease {
             Lease::Other(holder) if model.mode().is_some_and(has_torque) => {
                 desk.taking_over = Some(holder.clone());
@@ -196,7 +196,7 @@ pub(crate) fn no_server(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &m
             let response = named(ui.add(field.desired_width(ADDRESS)), "Server address");
             let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
             let address = desk.address.trim();
-            let clicked = ui.add_enabled(!address.is_empty(), egui::Button::new("Connect")).clicked();
+            let clicked = press(ui, !address.is_empty(), egui::Button::new("Connect")).clicked();
             if (clicked || entered) && !address.is_empty() {
                 intents.push(Intent::Connect(address.to_owned()));
             }

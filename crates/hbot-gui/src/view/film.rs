@@ -65,7 +65,7 @@ fn moment(ui: &mut Ui, state: &StateEvent, palette: Palette) {
     ui.label(RichText::new(format!("{:.3} s", state.t)).strong().monospace());
     ui.label(RichText::new(state.mode.as_str().to_uppercase()).strong().color(palette.mode(state.mode)));
     if let Some(fault) = state.fault {
-        coloured(ui, palette.bad, fault.words().0);
+        coloured(ui, palette.warn, fault.words().0);
     }
     let length = DVec3::from(state.torque).length();
     let text = format!("torque {length:.3} N m ({t1:.3}, {t2:.3}, {t3:.3}), tick {}", state.tick);
@@ -90,7 +90,7 @@ fn timeline(ui: &mut Ui, film: &mut Film, palette: Palette) {
     let painter = ui.painter();
     painter.rect_filled(strip, 3.0, ui.visuals().extreme_bg_color);
     for mark in &film.recorded.marks {
-        let color = if mark.what == What::Fault { palette.bad } else { palette.ghost };
+        let color = if mark.what == What::Fault { palette.warn } else { palette.ghost };
         painter.vline(x(mark.t), strip.y_range(), Stroke::new(1.0, color));
     }
     let line = points.into_iter().map(|[t, y]| pos2(x(t), y as f32)).collect();

@@ -105,7 +105,7 @@ fn counts(ui: &mut Ui, model: &Model, stats: &StatsOk) {
         // Round down, so that 100 % is shown only if no tick was missed.
         let shown = if stats.missed_ticks > 0 { answered.min(99.999) } else { answered };
         ui.label(RichText::new(format!("{shown:.3} %")).color(if shown < 99.9 {
-            palette.bad
+            palette.warn
         } else {
             palette.good
         }));

@@ -105,8 +105,7 @@ fn effort(ui: &mut Ui, torque: f64, name: &str, limits: JointInfo) {
         let bar = rect.with_min_x(middle.min(end)).with_max_x(middle.max(end));
         let lasting = limits.continuous / limits.peak;
         let color = match share.abs() {
-            share if share > 0.97 => palette.bad,
-            share if lasting > 0.0 && share > lasting => palette.warn,
+            share if share > 0.97 || lasting > 0.0 && share > lasting => palette.warn,
             _ => palette.good,
         };
         painter.rect_filled(bar, 0.0, color);
@@ -226,8 +225,8 @@ mod tests {
             (-0.2, 0.4, -0.25, palette.good),
             (0.6, 0.4, 0.75, palette.warn),
             (-0.6, 0.4, -0.75, palette.warn),
-            (0.79, 0.4, 0.9875, palette.bad),
-            (-3.0, 0.4, -1.0, palette.bad),
+            (0.79, 0.4, 0.9875, palette.warn),
+            (-3.0, 0.4, -1.0, palette.warn),
             // The rig does not say what the motor can hold without time limit.
             (0.6, 0.0, 0.75, palette.good),
         ] {

@@ -4,17 +4,18 @@ use eframe::egui::{self, Color32, RichText, Role, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 
 use super::state::is_low;
-use super::theme::{Palette, column};
+use super::theme::{Palette, column, sized};
 use crate::model::Model;
 
 /// Names of the bars and their hover texts, which also explain the units.
-const METERS: [(&str, &str); 5] = [
-    ("Torque", "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m"),
+const METERS: [(&str, &str); 4] = [
     ("Speed", "how fast the sphere turns / the rig's limit. rad/s: radians per second, 1 rad is 57.3\u{b0}"),
     ("Traction", "part of the friction between wheel and sphere that is in use, at the wheel that uses most"),
     ("Slip", "how fast a wheel slides on the sphere / the rig's limit. mm/s: millimetres per second"),
     ("Saturation", "part of the scene's torque that the rig's limits cut off"),
 ];
+const TORQUE: &str =
+    "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m";
 /// The figures of the torque have the digits that its largest value in this time needs, s.
 const RECENT_S: f64 = 10.0;
 /// Hover text of the line that tells the lead.
@@ -25,44 +26,45 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
     // A low window needs the room for what stands below.
     (ui.spacing_mut().item_spacing.y, ui.spacing_mut().interact_size.y) =
         if is_low(ui) { (0.0, 16.0) } else { (2.0, ui.spacing().interact_size.y) };
-    let Some(state) = &model.state else {
-        // The bars keep their places.
-        for name in METERS {
-            meter(ui, palette, name, (0.0, palette.good, "-".to_owned()));
-        }
-        lead(ui, palette, 0.0);
-        return;
-    };
     let limits = &model.info.limits;
-    let torque = DVec3::from(state.torque).length();
-    let lost = 1.0 - state.scale;
-    let is_cut = lost > 0.0005;
     let load = |share, figures| load(palette, share, figures);
-    let values = [
-        self::torque(torque, model, palette),
-        speed(DVec3::from(state.omega).length(), model, palette),
-        load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
-        load(
-            share(state.slip, limits.slip),
-            format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip),
-        ),
-        // Whatever the limits cut, the scene does not feel as it is meant.
-        if is_cut {
-            (lost, palette.torque, format!("{} cut by limits", percent(lost).replace("over ", "> ")))
-        } else {
-            (0.0, palette.torque, "none".to_owned())
+    // Without a state the bars keep their places.
+    let values = model.state.as_ref().map_or_else(
+        || METERS.map(|_| load(0.0, "-".to_owned())),
+        |state| {
+            let lost = 1.0 - state.scale;
+            let slip = format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip);
+            // Whatever the limits cut, the scene does not feel as it is meant.
+            let (lost, cut) = if lost > 0.0005 {
+                (lost, format!("{} cut by limits", percent(lost).replace("over ", "> ")))
+            } else {
+                (0.0, "none".to_owned())
+            };
+            [
+                speed(DVec3::from(state.omega).length(), model, palette),
+                load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
+                load(share(state.slip, limits.slip), slip),
+                (lost, palette.torque, cut),
+            ]
         },
-    ];
+    );
     for (name, value) in METERS.into_iter().zip(values) {
         meter(ui, palette, name, value);
     }
-    lead(ui, palette, state.timing.lead_us);
+    // How far ahead the scene is rendered. The line keeps its place; a low window has none.
+    if !is_low(ui) {
+        let lead = model.state.as_ref().map(|state| state.timing.lead_us).filter(|lead| *lead > 0.0);
+        let text = lead.map_or(" ".to_owned(), |lead| format!("rendered {:.2} ms ahead", 1.0e-3 * lead));
+        let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
+        if lead.is_some() {
+            line.on_hover_text(LEAD);
+        }
+    }
 }
 
 /// Returns a part of a limit, with its colour and its text.
 fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String) {
     let color = match share {
-        s if s > 0.9 => palette.bad,
         s if s > 0.7 => palette.warn,
         _ => palette.good,
     };
@@ -70,7 +72,8 @@ fn load(palette: Palette, share: f64, figures: String) -> (f64, Color32, String)
 }
 
 /// Returns the part of the torque's limit. Small torques have one more digit.
-fn torque(torque: f64, model: &Model, palette: Palette) -> (f64, Color32, String) {
+fn torque(model: &Model, palette: Palette) -> (f64, Color32, String) {
+    let torque = model.state.as_ref().map_or(0.0, |state| DVec3::from(state.torque).length());
     let limit = model.info.limits.torque;
     let most = model.history.strongest(RECENT_S).max(torque);
     let figures = if most > 0.0 && share(most, limit) < 0.09 {
@@ -86,22 +89,23 @@ fn speed(speed: f64, model: &Model, palette: Palette) -> (f64, Color32, String) 
     load(palette, share(speed, limit), format!("{speed:.2} / {limit} rad/s"))
 }
 
-/// Draws how far ahead the scene is rendered. The line keeps its place; a low window has none.
-fn lead(ui: &mut Ui, palette: Palette, lead_us: f64) {
-    if is_low(ui) {
-        return;
-    }
-    let ahead = lead_us > 0.0;
-    let text = if ahead { format!("rendered {:.2} ms ahead", 1.0e-3 * lead_us) } else { " ".to_owned() };
-    let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
-    if ahead {
-        line.on_hover_text(LEAD);
-    }
-}
-
-/// Draws the bar of the speed alone.
-pub(super) fn show_speed(ui: &mut Ui, speed: f64, model: &Model, palette: Palette) {
-    meter(ui, palette, METERS[1], self::speed(speed, model, palette));
+/// Draws the torque in large figures, and beside it its bar, or this speed of a rig that has stopped.
+pub(super) fn show_torque(ui: &mut Ui, model: &Model, palette: Palette, speed: Option<f64>) {
+    let value = torque(model, palette);
+    let (large, limit) = value.2.split_once(' ').unwrap_or_default();
+    let rest = if speed.is_some() { "N m" } else { limit };
+    let (size, ink) = (if is_low(ui) { 22.0 } else { 32.0 }, palette.text);
+    ui.horizontal(|ui| {
+        ui.label(sized(&[(large, size, ink), (&format!(" {rest}"), 13.0, ink)])).on_hover_text(TORQUE);
+        let Some(speed) = speed else {
+            return bar(ui, palette, "Torque", ui.available_width(), &value);
+        };
+        let (share, _, figures) = self::speed(speed, model, palette);
+        let name = format!("Speed: {figures}");
+        let color = if share > 0.7 { palette.warn } else { ink };
+        let speed = ui.label(RichText::new(figures).size(12.0).color(color)).on_hover_text(METERS[0].1);
+        speed.widget_info(|| WidgetInfo::labeled(Role::Label, true, &name));
+    });
 }
 
 /// Says a part in per cent. All of it is never cut.
@@ -115,26 +119,29 @@ fn share(value: f64, limit: f64) -> f64 {
 
 /// Draws a bar with its name, whose hover text is `hint`, and the text `figures` next to it.
 /// `share` is the length of the bar: 1 means that a limit is reached.
-fn meter(
-    ui: &mut Ui,
-    palette: Palette,
-    (name, hint): (&str, &str),
-    (share, color, figures): (f64, Color32, String),
-) {
+fn meter(ui: &mut Ui, palette: Palette, (name, hint): (&str, &str), value: (f64, Color32, String)) {
     ui.horizontal(|ui| {
         column(ui, 70.0, name).on_hover_text(hint);
-        let width = (ui.available_width() - 126.0).max(24.0);
-        let (rect, response) = ui.allocate_exact_size(vec2(width, 10.0), egui::Sense::hover());
-        response
-            .widget_info(|| WidgetInfo::labeled(Role::ProgressIndicator, true, format!("{name}: {figures}")));
-        let painter = ui.painter();
-        painter.rect_filled(rect, 3.0, ui.visuals().extreme_bg_color);
-        let full = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32);
-        painter.rect_filled(full, 3.0, color);
-        painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
+        bar(ui, palette, name, (ui.available_width() - 126.0).max(24.0), &value);
         // A long text does not widen the column, because the sliders would move.
-        ui.add(egui::Label::new(RichText::new(figures).size(12.0)).truncate());
+        ui.add(egui::Label::new(RichText::new(value.2).size(12.0)).truncate());
     });
+}
+
+fn bar(
+    ui: &mut Ui,
+    palette: Palette,
+    name: &str,
+    width: f32,
+    (share, color, figures): &(f64, Color32, String),
+) {
+    let (rect, response) = ui.allocate_exact_size(vec2(width, 10.0), egui::Sense::hover());
+    response.widget_info(|| WidgetInfo::labeled(Role::ProgressIndicator, true, format!("{name}: {figures}")));
+    let painter = ui.painter();
+    painter.rect_filled(rect, 3.0, ui.visuals().extreme_bg_color);
+    let full = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0) as f32);
+    painter.rect_filled(full, 3.0, *color);
+    painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), egui::StrokeKind::Inside);
 }
 
 #[cfg(test)]
@@ -169,7 +176,7 @@ mod tests {
             let mut model = Model::new("", "panel me@here", 1);
             model.info.limits.torque = 0.9;
             model.state = Some(StateEvent { torque: [0.0, torque, 0.0], ..StateEvent::default() });
-            let draw = move |ui: &mut Ui| show(ui, &model, Palette::of(ui));
+            let draw = move |ui: &mut Ui| show_torque(ui, &model, Palette::of(ui), None);
             // As narrow as the column of a small window.
             let mut seen = Harness::builder().with_size([262.0, TALL]).build_ui(draw);
             seen.run_steps(4);

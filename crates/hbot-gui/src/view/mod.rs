@@ -225,7 +225,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     // nothing moves.
     if model.badge() == Some("LIVE") {
         let line = bar.bottom() - 1.0..=bar.bottom() + TAPE;
-        theme::tape(ui.painter(), egui::Rect::from_x_y_ranges(ui.ctx().content_rect().x_range(), line));
+        let tape = egui::Rect::from_x_y_ranges(ui.ctx().content_rect().x_range(), line);
+        let stripes = theme::stripes(tape, theme::LIVE, 8.0, egui::Color32::BLACK);
+        ui.painter().with_clip_rect(tape).extend(stripes);
     }
     bar::question(ui, model, desk, &mut intents);
     acts.extend(intents.into_iter().map(Act::Ask));
@@ -270,35 +272,35 @@ fn messages(ui: &mut Ui, model: &Model) {
         weak(ui, format!("{time}, {ago}{times}"));
         match message.weight {
             Weight::Good => ui.add(egui::Label::new(&message.text).wrap()),
-            weight => coloured(ui, palette.weight(weight), &message.text),
+            Weight::Warn | Weight::Bad => coloured(ui, palette.warn, &message.text),
         };
         ui.add_space(4.0);
     }
 }
 
-/// Draws the new message that concerns the user most for some seconds, in one line, and how many
-/// others are new beside it. A click opens the list.
+/// Draws the new message that concerns the user most for some seconds, in one line, with its time
+/// and how many others are new beside it. What happened last stays, in grey; of what is told
+/// elsewhere in the window, its name. A click opens the list.
 fn new_message(ui: &mut Ui, model: &Model, desk: &mut Desk) {
-    let fresh = || model.messages.fresh();
     // The newest of those that weigh most.
-    // What was said last stays, in grey.
-    let newest = || model.messages.newest_first().find(|message| !message.told);
-    let message = fresh().min_by_key(|message| Reverse(message.weight));
-    let color = match message.map(|message| message.weight) {
+    let fresh = model.messages.fresh().min_by_key(|message| Reverse(message.weight));
+    let color = match fresh.map(|message| message.weight) {
         None => Palette::of(ui).weak,
         Some(Weight::Good) => Palette::of(ui).text,
-        Some(weight) => Palette::of(ui).weight(weight),
+        Some(Weight::Warn | Weight::Bad) => Palette::of(ui).warn,
     };
-    let Some(message) = message.or_else(newest) else { return };
-    let more = fresh().count().saturating_sub(1);
-    let label = egui::Label::new(RichText::new(&message.text).color(color)).truncate();
-    let text = |ui: &mut Ui| ui.add(label.sense(egui::Sense::click())).clicked();
-    let count = |ui: &mut Ui| {
+    let Some(message) = fresh.or_else(|| model.messages.newest_first().next()) else { return };
+    let name = message.text.split([':', ';']).next().filter(|_| message.told);
+    let text = RichText::new(name.unwrap_or(&message.text)).color(color);
+    let label = egui::Label::new(text).truncate().sense(egui::Sense::click());
+    let beside = |ui: &mut Ui| {
+        ui.weak(time_of_day(SystemTime::now() - message.at.elapsed()));
+        let more = model.messages.fresh().count().saturating_sub(1);
         if more > 0 {
             ui.weak(format!("and {more} more"));
         }
     };
-    if egui::Sides::new().shrink_left().show(ui, text, count).0 {
+    if egui::Sides::new().shrink_left().show(ui, |ui| ui.add(label).clicked(), beside).0 {
         desk.tab = Tab::Messages;
     }
 }

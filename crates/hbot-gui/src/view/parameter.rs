@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::number::number;
 use super::schema::{Shape, converted, explain, fits, may_be_absent, shape, words};
-use super::theme::{named, weak};
+use super::theme::{named, press, weak};
 
 /// Draws a control with which the user can change `value`. Returns the new value if the user has
 /// changed it. `name` is the name of the control for screen readers.
@@ -191,13 +191,13 @@ fn list(ui: &mut Ui, name: &str, item: &Value, value: &Value, [least, most]: [us
             }
         }
         if least != most {
-            let more = ui.add_enabled(parts.len() < most, egui::Button::new("+").small());
+            let more = press(ui, parts.len() < most, egui::Button::new("+").small());
             if named(more, &format!("{name}: one more")).clicked() {
                 let new = parts.last().cloned().unwrap_or_else(|| converted(item, &Value::Null));
                 parts.push(new);
                 changed = true;
             }
-            let fewer = ui.add_enabled(parts.len() > least, egui::Button::new("\u{2212}").small());
+            let fewer = press(ui, parts.len() > least, egui::Button::new("\u{2212}").small());
             if named(fewer, &format!("{name}: one fewer")).clicked() {
                 parts.pop();
                 changed = true;

@@ -7,7 +7,7 @@ use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 use hbot_api::time_of_day;
 
 use super::Act;
-use super::theme::{Palette, coloured, heading, named, weak};
+use super::theme::{Palette, coloured, heading, named, press, weak};
 use crate::files;
 use crate::model::Model;
 
@@ -71,7 +71,7 @@ fn record(ui: &mut Ui, model: &Model, reels: &mut Reels, acts: &mut Vec<Act>) {
             if named(ui.button("Stop recording"), "Stop recording").clicked() {
                 acts.push(Act::EndRecording);
             }
-            ui.label(RichText::new(text).strong().color(Palette::of(ui).bad));
+            ui.label(RichText::new(text).strong().color(Palette::of(ui).warn));
         });
         weak(ui, format!("{}: {} states, {} lost", progress.path.display(), progress.states, progress.lost));
         return;
@@ -81,8 +81,7 @@ fn record(ui: &mut Ui, model: &Model, reels: &mut Reels, acts: &mut Vec<Act>) {
         let hint = "name, or empty for the time";
         let field = TextEdit::singleline(&mut reels.name).hint_text(hint).desired_width(width);
         named(ui.add(field), "Name of the recording");
-        let button =
-            ui.add_enabled(model.is_online(), egui::Button::new("Record").min_size(vec2(BUTTON, 0.0)));
+        let button = press(ui, model.is_online(), egui::Button::new("Record").min_size(vec2(BUTTON, 0.0)));
         if named(button, "Start recording").clicked() {
             acts.push(Act::Record(files::new_reel(&reels.folder, reels.name.trim(), SystemTime::now())));
             reels.name.clear();
@@ -100,7 +99,7 @@ fn open(ui: &mut Ui, reels: &mut Reels, acts: &mut Vec<Act>) {
         let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
         let path = reels.path.trim();
         let clicked =
-            ui.add_enabled(!path.is_empty(), egui::Button::new("Open").min_size(vec2(BUTTON, 0.0))).clicked();
+            press(ui, !path.is_empty(), egui::Button::new("Open").min_size(vec2(BUTTON, 0.0))).clicked();
         if (clicked || entered) && !path.is_empty() {
             acts.push(Act::Open(path.into()));
         }
@@ -113,8 +112,8 @@ fn open(ui: &mut Ui, reels: &mut Reels, acts: &mut Vec<Act>) {
         }
         weak(ui, title);
         for file in files {
-            let name = file.path.file_name().unwrap_or_default().to_string_lossy();
-            let button = egui::Button::new(name.clone()).wrap();
+            let name = file.title();
+            let button = egui::Button::new(&name).wrap();
             if named(ui.add(button), &name).on_hover_text(about(file)).clicked() {
                 acts.push(Act::Open(file.path.clone()));
             }

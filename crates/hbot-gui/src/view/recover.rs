@@ -5,7 +5,7 @@ use eframe::egui::{Button, RichText, Ui, vec2};
 use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
-use super::theme::{Palette, coloured, leading, weak};
+use super::theme::{Palette, coloured, leading, press, weak};
 use crate::model::sample::quaternion;
 use crate::model::{Model, has_torque};
 use crate::net::{Intent, Lease};
@@ -52,13 +52,9 @@ impl Distance {
         }
     }
 
-    /// Says it in few words. `remedy` is what to do about a sphere that is too far away, if the
-    /// user can reset or enable next.
-    fn in_words(self, allowed: f64, remedy: Option<&str>) -> String {
+    /// Says it in few words.
+    fn in_words(self, allowed: f64) -> String {
         match self {
-            Self::Far(angle) if let Some(remedy) = remedy => {
-                format!("{angle:.2} rad from reference: {remedy}")
-            }
             Self::Near(angle) | Self::Far(angle) => {
                 format!("{angle:.2} rad from reference; Enable works to {allowed:.2}")
             }
@@ -142,18 +138,13 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     ui.horizontal(|ui| {
         let leads = next_step(model) == Some("Recover");
         let button = if leads { leading(ui, "Recover") } else { Button::new("Recover") };
-        let response = ui.add_enabled(enabled, button.min_size(vec2(76.0, 34.0))).on_hover_text(hint);
+        let response = press(ui, enabled, button.min_size(vec2(76.0, 34.0))).on_hover_text(hint);
         if response.on_disabled_hover_text(hint).clicked() {
             intents.push(Intent::Recover);
         }
         let allowed = model.info.limits.enable_max_angle;
-        // The remedy of the box below, so that there are not two.
-        let remedy = if model.is_simulated() {
-            "set its anchor to here".to_owned()
-        } else {
-            format!("turn to within {allowed:.2}")
-        };
-        let text = distance.in_words(allowed, at_rest.then_some(&remedy));
+        // The box below says what to do about it.
+        let text = distance.in_words(allowed);
         // The text has two lines of room beside the button, whatever it says.
         ui.allocate_ui(vec2(ui.available_width(), 34.0), |ui| {
             if !model.is_fresh() {
@@ -161,16 +152,17 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
             }
             match distance {
                 // The control itself can be below the lower end of its tab.
-                Distance::Far(_)
+                Distance::Far(angle)
                     if at_rest
                         && model.is_simulated()
                         && let Some((effect, _)) = model.scene.first_reference() =>
                 {
+                    let text = format!("{angle:.2} rad from reference: set its anchor to here");
                     let text = RichText::new(text).color(Palette::of(ui).warn).size(12.0);
                     // Two lines, as high as the button beside it, so that nothing below moves.
                     ui.spacing_mut().button_padding.y = 1.0;
                     let button = Button::new(text).wrap().min_size(vec2(0.0, 34.0));
-                    if ui.add_enabled(model.may_command(), button).clicked() {
+                    if press(ui, model.may_command(), button).clicked() {
                         let (effect, key) = (effect.id().to_owned(), "anchor".to_owned());
                         intents.push(Intent::Set { effect, key, value: "here".into() });
                     }
@@ -216,7 +208,7 @@ mod tests {
         free.state.as_mut().expect("a state").reference = None;
         assert_eq!(Distance::of(&free), Distance::None);
         // Such a scene can have torque at once, such as a constant one.
-        let said = Distance::None.in_words(0.5, None);
+        let said = Distance::None.in_words(0.5);
         assert_eq!(said, "No reference: Enable works at any orientation.");
         free.state = None;
         assert_eq!(Distance::of(&free), Distance::NoConnection);
@@ -239,7 +231,7 @@ mod tests {
         // A magnet pulls little from far away, so no distance is refused.
         let (magnet, refused) = of(json!({"id": "m", "kind": "magnet"}));
         assert!(matches!(magnet, Distance::Free(angle) if (angle - 0.8).abs() < 1e-7), "{magnet:?}");
-        assert_eq!((refused, magnet.in_words(0.5, Some("turn")).as_str()), (None, "0.80 rad from reference"));
+        assert_eq!((refused, magnet.in_words(0.5).as_str()), (None, "0.80 rad from reference"));
         // A kind that the panel does not know.
         assert!(matches!(of(json!({"id": "n", "kind": "new"})), (Distance::Free(_), None)));
     }

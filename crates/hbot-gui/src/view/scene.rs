@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::bar;
 use super::schema::{explain, words};
-use super::theme::{Palette, coloured, column, heading_text, named, weak};
+use super::theme::{Palette, coloured, column, heading_text, named, press, weak};
 use super::{Act, Desk, faded_unless_live};
 use super::{law, parameter};
 use crate::files;
@@ -102,7 +102,8 @@ fn title(ui: &mut Ui, model: &Model) {
 fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
     shelf.refresh();
     ui.horizontal(|ui| {
-        let text = shelf.picked.as_ref().map_or_else(|| "choose a scene".to_owned(), files::Source::name);
+        let ask = if model.scene.is_known() { "choose another scene" } else { "choose a scene" };
+        let text = shelf.picked.as_ref().map_or_else(|| ask.to_owned(), files::Source::name);
         let width = ui.available_width() - LOAD - ui.spacing().item_spacing.x;
         let combo = ComboBox::from_id_salt("scenes").selected_text(text).width(width).height(LIST).truncate();
         let response = combo.show_ui(ui, |ui| {
@@ -118,7 +119,7 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         });
         named(response.response, "Scene file");
         let enabled = model.may_command() && shelf.picked.is_some();
-        if ui.add_enabled(enabled, egui::Button::new("Load").min_size(vec2(LOAD, 0.0))).clicked()
+        if press(ui, enabled, egui::Button::new("Load").min_size(vec2(LOAD, 0.0))).clicked()
             && let Some(source) = &shelf.picked
         {
             acts.push(Act::LoadScene(source.clone()));
@@ -179,8 +180,12 @@ fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut 
                     model.scene.value(effect, key).or_else(|| schema.get("default")).unwrap_or(&Value::Null);
                 let name = format!("{} {key}", effect.id);
                 ui.horizontal_top(|ui| {
-                    column(ui, 74.0, RichText::new(words(key, schema)).weak())
-                        .on_hover_text(format!("{key}: {}", explain(schema)));
+                    let label = |ui: &mut Ui| {
+                        ui.set_width(74.0);
+                        ui.add_space(2.0);
+                        weak(ui, words(key, schema))
+                    };
+                    ui.vertical(label).inner.on_hover_text(format!("{key}: {}", explain(schema)));
                     let room = ui.available_width();
                     ui.vertical(|ui| {
                         ui.set_max_width(room);
@@ -205,7 +210,7 @@ fn save(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         let taken = !name.is_empty() && path.exists();
         let legal = !name.is_empty() && model.is_online();
         let text = if taken { "Overwrite" } else { "Save" };
-        if ui.add_enabled(legal, egui::Button::new(text).min_size(vec2(SAVE, 0.0))).clicked() {
+        if press(ui, legal, egui::Button::new(text).min_size(vec2(SAVE, 0.0))).clicked() {
             acts.push(Act::SaveScene(path));
             shelf.listed = None;
         }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use eframe::egui::{
-    self, Button, Color32, Event, FontId, PointerButton, RichText, ScrollArea, TextStyle, Ui, vec2,
+    self, Align2, Button, Color32, Event, FontId, PointerButton, RichText, ScrollArea, TextStyle, Ui, vec2,
 };
 use glam::DVec3;
 use hbot_api::{Fault, FaultEvent, Mode, ShakingEvent, StateEvent};
@@ -11,19 +11,22 @@ use hbot_config::advice::Warning;
 
 use super::meters::{self, percent};
 use super::recover;
-use super::theme::{Palette, STOP, coloured, leading, named, stripes, weak};
+use super::theme::{Palette, STOP, coloured, leading, named, press, sized, stripes, weak};
 use crate::model::{Headline, Model, Refusal, has_torque};
 use crate::net::Intent;
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points.
-const STATUS: [f32; 2] = [94.0, 158.0];
+const STATUS: [f32; 2] = [114.0, 180.0];
 /// Height of a window above which this text has more room, up to `MORE`, points.
 const USUAL: f32 = 774.0;
 const MORE: f32 = 46.0;
-/// Size of the word for the state, in a low and in a tall window, points.
-const HEADLINE: [f32; 2] = [20.0, 26.0];
+/// Size of the word for the state, and of what it says beside the mode, points.
+const HEADLINE: f32 = 28.0;
+const MOOD: f32 = 16.0;
+/// The ground of the box without torque, dark in both themes: a stop is calm.
+const CALM: Color32 = Color32::from_rgb(0x34, 0x3b, 0x44);
 /// What replaces the advice to cut the motors' power.
-const NO_MOTORS: &str = "It is simulated and has no motors.";
+const NO_MOTORS: &str = "Simulated: nothing real moves.";
 /// Size of the text in the box of a low window, points.
 const SMALL: f32 = 12.0;
 /// Size of what to do first, in the box, points.
@@ -32,11 +35,13 @@ const LARGE: f32 = 15.0;
 const RECENT_S: f64 = 0.5;
 /// Speed above which the box says that the sphere still turns, rad/s.
 const TURNS: f64 = 0.1;
+/// What the headline of a sphere that shakes says beside the mode.
+const SHAKES: &str = ": shakes";
 /// A part of the torque below this is not told in the box when the limits cut it.
 const LEAST_CUT: f64 = 0.01;
 /// Height of the bars in a low and in a tall window, points. A fault takes their place, so that its
 /// explanation and remedy can be read without scrolling; in a low window, all that is wrong does.
-const BARS: [f32; 2] = [86.0, 130.0];
+const BARS: [f32; 2] = [70.0, 108.0];
 /// Height of the buttons that enable, disable and reset, in a low and in a tall window, points.
 const ORDER: [f32; 2] = [30.0, 38.0];
 /// A window of at least this height is tall, points.
@@ -48,15 +53,29 @@ const LESS: &str = "Lower the stiffness or raise the damping.";
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
 pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
-    let text = RichText::new("STOP").size(30.0).strong().color(Color32::WHITE);
-    let button = Button::new(text).fill(STOP).corner_radius(8);
+    let palette = Palette::of(ui);
+    // A stop that a state has confirmed leaves only the edge of the button.
+    let stopped = model.state.as_ref().filter(|state| state.mode == Mode::Estop && model.is_certain());
+    let (fill, ink, height) = match stopped {
+        Some(_) => (Color32::TRANSPARENT, palette.text, 26.0),
+        None => (STOP, Color32::WHITE, 30.0),
+    };
+    let text = RichText::new("STOP").size(height).strong().color(ink);
+    let button = Button::new(text).fill(fill).corner_radius(8);
     let size = vec2(ui.available_width(), 60.0);
     let add = |ui: &mut Ui| {
-        // Its fill stands out, so it needs no rim.
-        ui.visuals_mut().widgets.inactive.bg_stroke = egui::Stroke::NONE;
+        let widgets = &mut ui.visuals_mut().widgets;
+        for widget in [&mut widgets.inactive, &mut widgets.hovered] {
+            widget.bg_stroke = (3.0, STOP).into();
+        }
         ui.add_sized(size, button)
     };
     let response = named(ui.scope(add).inner, "Stop");
+    if let Some(state) = stopped {
+        let text = format!("stopped, {:.2} N m", DVec3::from(state.torque).length());
+        let at = response.rect.center_bottom() - vec2(0.0, 4.0);
+        ui.painter().text(at, Align2::CENTER_BOTTOM, text, FontId::proportional(KEYS), ink);
+    }
     // As the pointer goes down: a press that slides off the button stops the rig too, and one that
     // ends before the next frame. A click without a pointer is that of a key.
     let is_press = |event: &Event| {
@@ -68,7 +87,6 @@ pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     if pressed || response.clicked() && !released {
         intents.push(Intent::Stop);
     }
-    let palette = Palette::of(ui);
     let (text, color) = if !model.is_online() {
         ("No connection: STOP cannot reach the rig", palette.warn)
     } else if model.awaits_stop() {
@@ -78,7 +96,7 @@ pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     } else if has_keys(ui) {
         ("Esc or Space, anywhere in this window", palette.weak)
     } else {
-        ("Esc and Space do not work: click this window", palette.warn)
+        ("Esc and Space work after a click here", palette.weak)
     };
     // In one line also in a narrow window, so that nothing moves.
     ui.vertical_centered(|ui| ui.label(RichText::new(text).size(KEYS).color(color)));
@@ -98,20 +116,19 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &m
     let palette = Palette::of(ui);
     let size = usize::from(!is_low(ui));
     let height = STATUS[size] + (ui.ctx().content_rect().height() - USUAL).clamp(0.0, MORE);
-    if is_long(ui, model, warnings) {
-        return status(ui, model, warnings, palette, height + BARS[size]);
+    if is_long(ui, model) {
+        return status(ui, model, warnings, height + BARS[size]);
     }
-    let in_full = status(ui, model, warnings, palette, height);
+    let in_full = status(ui, model, warnings, height);
     ui.add_enabled_ui(model.is_certain(), |ui| meters::show(ui, model, palette));
     in_full
 }
 
 /// Returns whether the box takes the place of the bars.
-fn is_long(ui: &Ui, model: &Model, warnings: &[Warning]) -> bool {
+fn is_long(ui: &Ui, model: &Model) -> bool {
     match model.headline() {
         Headline::Mode(Mode::Fault) => true,
-        Headline::Mode(Mode::Estop) if model.fault_before.is_some() => true,
-        Headline::Mode(Mode::Estop) => is_low(ui) && !warnings.is_empty(),
+        Headline::Mode(Mode::Estop) => is_low(ui) || model.fault_before.is_some(),
         Headline::NotStopped | Headline::NoContact => is_low(ui),
         _ => false,
     }
@@ -119,62 +136,52 @@ fn is_long(ui: &Ui, model: &Model, warnings: &[Warning]) -> bool {
 
 /// Draws what the rig does now, and what the user must know about it, in a box whose text is
 /// `height` points high. So the sliders below it stay in their place; a longer text scrolls.
-/// Returns whether the first warning stands there in full.
-fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, height: f32) -> bool {
+/// Returns whether the first warning stands there in full. What differs in meaning differs in sign,
+/// fill and edge too, not in colour alone.
+fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool {
     let headline = model.headline();
+    let palette = Palette::of(ui);
     // What is old stands in grey.
     let old = model.quiet_for().filter(|_| matches!(headline, Headline::Mode(_)));
-    // The edge is as wide in all states, so that nothing below the box moves.
-    let edge = egui::Frame::group(ui.style()).stroke.color;
-    let mut frame =
-        egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(10, 6)).stroke((2.0, edge));
-    let pushes = matches!(headline, Headline::Mode(mode) if has_torque(mode));
-    let may_shake = warnings.iter().any(|it| it.shakes);
-    let shakes = pushes && model.shaking.is_some();
-    // A torque at the limit, or cut by limits, is no warning: nothing has to be done about it.
-    let alert = if pushes && (shakes || may_shake) {
-        Some(palette.warn)
-    } else {
-        (pushes && (model.is_at_limit() || cut(model, headline).is_some())).then_some(palette.torque)
-    };
-    // The box is as loud as the worst of the state.
-    frame = match headline {
-        _ if old.is_some() => frame,
-        _ if shakes => frame.fill(palette.warn.gamma_multiply(0.12)).stroke((2.0, palette.warn)),
-        Headline::NotStopped => frame.stroke((2.0, Color32::TRANSPARENT)),
-        Headline::NoState => frame,
-        Headline::NoContact | Headline::Mode(Mode::Fault | Mode::Estop) => {
-            frame.fill(palette.bad.gamma_multiply(0.12)).stroke((2.0, palette.bad))
+    let mood = mood(model, headline, warnings, palette).filter(|_| old.is_none());
+    let is_fault = headline == Headline::Mode(Mode::Fault);
+    let (fill, edge) = match headline {
+        _ if old.is_some() => (Color32::TRANSPARENT, palette.weak),
+        Headline::Mode(mode) if is_fault || has_torque(mode) => {
+            let color = mood.map_or(palette.headline(headline), |(_, color)| color);
+            let is_loud = is_fault || mood.is_some_and(|(text, _)| text == SHAKES);
+            (if is_loud { color.gamma_multiply(0.12) } else { Color32::TRANSPARENT }, color)
         }
-        Headline::Mode(_) => frame.stroke((2.0, alert.unwrap_or(palette.headline(headline)))),
+        Headline::Mode(_) => (CALM, CALM),
+        // Drawn below.
+        Headline::NotStopped | Headline::NoContact | Headline::NoState => {
+            (Color32::TRANSPARENT, Color32::TRANSPARENT)
+        }
     };
+    let dark = headline == Headline::NotStopped || fill == CALM;
+    // The edge is as wide in all states, so that nothing below the box moves.
+    let frame = egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(10, 4));
     let ground = ui.painter().add(egui::Shape::Noop);
-    let drawn = frame.show(ui, |ui| {
+    let drawn = frame.fill(fill).stroke((2.0, edge)).show(ui, |ui| {
+        if dark {
+            *ui.visuals_mut() = ui.ctx().style_of(egui::Theme::Dark).visuals.clone();
+        }
+        let palette = Palette::of(ui);
         ui.set_width(ui.available_width());
         ui.set_height(height - 2.0);
         ui.spacing_mut().item_spacing.y = 3.0;
-        let color = if headline == Headline::NotStopped {
-            ui.visuals_mut().override_text_color = Some(Color32::WHITE);
-            Color32::WHITE
-        } else if old.is_some() {
-            palette.weak
-        } else {
-            alert.unwrap_or(palette.headline(headline))
-        };
-        let size = HEADLINE[usize::from(!is_low(ui))];
-        ui.label(RichText::new(headline.text()).strong().size(size).color(color));
+        let color = mood.map_or(palette.headline(headline), |(_, color)| color);
+        let color = if old.is_some() { palette.weak } else { color };
+        head(ui, headline, mood.map_or("", |(text, _)| text), color);
+        let is_long = matches!(headline, Headline::Mode(_)) && is_long(ui, model);
+        let is_certain = model.is_certain() || headline == Headline::NoContact;
+        ui.add_enabled_ui(is_certain, |ui| figures(ui, model, headline, is_long));
         if is_low(ui) {
             ui.style_mut().override_font_id = Some(FontId::proportional(SMALL));
         }
         let cut = cut(model, headline);
-        // Only the speed matters without torque, and it tells when a reset is possible.
-        let is_long = matches!(headline, Headline::Mode(_)) && is_long(ui, model, warnings);
         // The last line of the box, so that nothing moves when it comes and goes.
-        let line = match (is_long, cut) {
-            (true, _) => ui.spacing().interact_size.y + 4.0,
-            (false, Some(_)) => ui.text_style_height(&TextStyle::Body).ceil() + 4.0,
-            (false, None) => 0.0,
-        };
+        let line = cut.map_or(0.0, |_| ui.text_style_height(&TextStyle::Body).ceil() + 4.0);
         let area = ScrollArea::vertical().id_salt("status").auto_shrink(false).min_scrolled_height(0.0);
         let room = ui.available_height() - line;
         let area = area.max_height(room).show(ui, |ui| {
@@ -187,20 +194,85 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], palette: Palette, he
         if let Some(cut) = cut {
             coloured(ui, palette.torque, format!("Limits cut {} of the torque", percent(cut)));
         }
-        if let Some(state) = model.state.as_ref().filter(|_| is_long) {
-            // The speed of the sentence above.
-            let speed = DVec3::from(state.omega).length().max(model.history.fastest(RECENT_S));
-            meters::show_speed(ui, speed, model, palette);
-        }
         area.inner
     });
-    if headline == Headline::NotStopped {
+    let rect = drawn.response.rect;
+    let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
+    match headline {
         // Red is for the button STOP: this box cannot be pressed.
-        let rect = drawn.response.rect;
-        let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
-        painter.set(ground, stripes(rect, Color32::BLACK));
+        Headline::NotStopped => {
+            let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
+            let color = if simulated { palette.weak } else { STOP };
+            let mut shapes = stripes(rect, color, 6.0, Color32::WHITE);
+            shapes.push(egui::Shape::rect_filled(rect.shrink(6.0), 0.0, Color32::BLACK));
+            painter.set(ground, shapes);
+        }
+        Headline::NoContact | Headline::NoState => {
+            let rect = rect.shrink(1.0);
+            let [a, b] = [rect.right_top(), rect.left_bottom()];
+            let closed = [rect.min, a, rect.max, b, rect.min];
+            painter.extend(egui::Shape::dashed_line(&closed, (2.0, palette.text), 8.0, 6.0));
+        }
+        Headline::Mode(_) => {}
     }
     drawn.inner
+}
+
+/// Returns what the headline says beside the mode, and its colour, as the page does.
+fn mood(
+    model: &Model,
+    headline: Headline,
+    warnings: &[Warning],
+    palette: Palette,
+) -> Option<(&'static str, Color32)> {
+    match headline {
+        Headline::Mode(mode) if !has_torque(mode) => None,
+        Headline::Mode(_) if model.shaking.is_some() => Some((SHAKES, palette.warn)),
+        Headline::Mode(_) if warnings.iter().any(|it| it.shakes) => Some((": warning", palette.warn)),
+        // It is no warning: nothing has to be done about it.
+        Headline::Mode(_) if model.is_at_limit() || cut(model, headline).is_some() => {
+            Some((": at limit", palette.torque))
+        }
+        _ => None,
+    }
+}
+
+/// Draws the sign and the words of the headline. Those of a fault stand on a band.
+fn head(ui: &mut Ui, headline: Headline, mood: &str, color: Color32) {
+    let band = (headline == Headline::Mode(Mode::Fault)).then(|| ui.painter().add(egui::Shape::Noop));
+    let ink = if band.is_some() { ui.visuals().panel_fill } else { color };
+    let row = ui.horizontal(|ui| {
+        ui.label(RichText::new(headline.sign()).monospace().size(HEADLINE).color(ink));
+        // A long word is smaller, because the sliders would move.
+        let words = |k: f32| sized(&[(&headline.text(), k * HEADLINE, ink), (mood, k * MOOD, ink)]);
+        let width = ui.painter().layout_job(words(1.0)).size().x;
+        ui.label(words((ui.available_width() / width).min(1.0)));
+    });
+    if let Some(band) = band {
+        let right = ui.max_rect().right();
+        let rect = row.response.rect.with_max_x(right).expand2(vec2(10.0, 3.0));
+        ui.painter().set(band, egui::Shape::rect_filled(rect, 4.0, color));
+    }
+}
+
+/// Draws the one number of the state in large figures: the torque, or the time without a word.
+/// Where the box takes the place of the bars, the speed stands beside the torque: it tells when a
+/// reset is possible.
+fn figures(ui: &mut Ui, model: &Model, headline: Headline, is_long: bool) {
+    let palette = Palette::of(ui);
+    match (headline, &model.state) {
+        (Headline::Mode(_), Some(state)) => {
+            // The speed of the sentence below.
+            let speed = DVec3::from(state.omega).length().max(model.history.fastest(RECENT_S));
+            meters::show_torque(ui, model, palette, is_long.then_some(speed));
+        }
+        (Headline::NoContact, _) if let Some(heard) = model.heard_before() => {
+            let seconds = format!("{:.1}", tenths(heard));
+            let ink = palette.text;
+            ui.label(sized(&[(&seconds, HEADLINE, ink), (" s since the last word", SMALL, ink)]));
+        }
+        _ => {}
+    }
 }
 
 /// Returns the part of the torque that the limits cut, if it is worth telling.
@@ -248,9 +320,9 @@ fn details(
                 ui.add(egui::Label::new(text).wrap());
             }
         }
-        (Headline::NoContact, _) => no_contact(ui, model, palette),
+        (Headline::NoContact, _) => no_contact(ui, model),
         (Headline::Mode(Mode::Fault), Some(state)) => {
-            fault(ui, model, state, palette);
+            fault(ui, model, state, room, palette);
             return warned(ui, (warnings, room), palette, None);
         }
         (Headline::Mode(Mode::Estop), _) => {
@@ -259,7 +331,7 @@ fn details(
                 None => stopped(ui, model, palette, Mode::Estop.sentence()),
             }
             if let Some((before, fault)) = model.fault_before.as_ref().and_then(|it| Some((it, it.fault?))) {
-                coloured(ui, palette.bad, format!("Before the stop: {fault}. {}", fault.words().0));
+                coloured(ui, palette.warn, format!("Before the stop: {fault}. {}", fault.words().0));
                 ui.add(egui::Label::new(cure_of(fault, Some(before))).wrap());
             }
             return warned(ui, (warnings, room), palette, None);
@@ -284,9 +356,6 @@ fn details(
                 coloured(ui, palette.warn, shaken(shaking));
                 cure
             });
-            if mode == Mode::Active && model.is_at_limit() && cut(model, headline).is_none() {
-                coloured(ui, palette.torque, "The torque is at its limit.");
-            }
             if warnings.is_empty() {
                 weak(ui, mode.sentence());
             }
@@ -314,11 +383,7 @@ fn warned(ui: &mut Ui, (warnings, room): (&[Warning], f32), palette: Palette, cu
         many => format!("The first of {many} warnings: {text}"),
     };
     let full = words(first.reason());
-    let text = egui::WidgetText::from(full.as_str());
-    let wrap = Some(egui::TextWrapMode::Wrap);
-    let height = text.into_galley(ui, wrap, ui.available_width(), TextStyle::Body).size().y;
-    let left = room - ui.min_rect().height() - ui.spacing().item_spacing.y;
-    let in_full = height <= left;
+    let in_full = height(ui, &full) <= room - ui.min_rect().height();
     if in_full || cured.is_none() {
         let text = if in_full { full } else { words(first.brief()) };
         coloured(ui, color, text).on_hover_text(first.to_string());
@@ -348,7 +413,7 @@ fn shaken(shaking: &ShakingEvent) -> String {
 
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
-    coloured(ui, palette.bad, who);
+    ui.add(egui::Label::new(who).wrap());
     turns(ui, model, palette);
     refused(ui, model, palette);
     ui.add(egui::Label::new(recover::way_on(model)).wrap());
@@ -369,11 +434,7 @@ fn turns(ui: &mut Ui, model: &Model, palette: Palette) {
     }
 }
 
-fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
-    let text = match model.silent_for() {
-        Some(silent) => format!("The server has said nothing for {:.1} s.", tenths(silent)),
-        None => "Not connected.".to_owned(),
-    };
+fn no_contact(ui: &mut Ui, model: &Model) {
     // What to do comes first, and the text on the state last: it can be out of sight in a low
     // window.
     let simulated = model.is_online() && model.is_simulated();
@@ -382,7 +443,9 @@ fn no_contact(ui: &mut Ui, model: &Model, palette: Palette) {
         let advice = RichText::new("If in doubt, cut the motors' power.").strong().size(size);
         ui.add(egui::Label::new(advice).wrap());
     }
-    coloured(ui, palette.bad, text);
+    if !model.is_online() {
+        ui.label("Not connected.");
+    }
     let rig = if simulated { NO_MOTORS } else { "" };
     ui.add(egui::Label::new(format!("What the rig does now is not known. {rig}").trim_end()).wrap());
     if let Some(text) = old(model) {
@@ -402,7 +465,7 @@ fn old(model: &Model) -> Option<String> {
     Some(format!("What is shown is old. The last mode was {}.", state.mode))
 }
 
-fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
+fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, room: f32, palette: Palette) {
     let Some(fault) = state.fault else { return };
     let (what, _) = fault.words();
     let told = model.fault.as_ref();
@@ -410,7 +473,7 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
         .and_then(|told| told.by.as_ref())
         .map(|by| format!(" It was {}.", model.who(by)))
         .unwrap_or_default();
-    coloured(ui, palette.bad, format!("No torque. {what}{by}"));
+    coloured(ui, palette.warn, format!("No torque. {what}{by}"));
     match too_fast(model) {
         Some(text) => drop(coloured(ui, palette.warn, text)),
         None => refused(ui, model, palette),
@@ -422,7 +485,18 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, palette: Palette) {
         let found = told.found.as_deref().or_else(|| told.message.split("; flight log:").next());
         format!("{fault}: {}", found.unwrap_or_default()).replace('`', "")
     });
-    weak(ui, found.as_deref().unwrap_or(fault.as_str()));
+    // A line that is cut says nothing. The list of messages has it too.
+    let text = found.as_deref().unwrap_or(fault.as_str());
+    if height(ui, text) <= room - ui.min_rect().height() {
+        weak(ui, text);
+    }
+}
+
+/// Returns the height of a text that takes several lines.
+fn height(ui: &Ui, text: &str) -> f32 {
+    let wrap = Some(egui::TextWrapMode::Wrap);
+    egui::WidgetText::from(text).into_galley(ui, wrap, ui.available_width(), TextStyle::Body).size().y
+        + ui.spacing().item_spacing.y
 }
 
 /// Returns what to do about a fault. The server knows more of this rig than the usual words.
@@ -437,9 +511,7 @@ pub(super) fn too_fast(model: &Model) -> Option<String> {
     let (speed, limit) = (model.history.fastest(RECENT_S), model.info.limits.speed);
     let fault = model.state.as_ref().and_then(|state| state.fault);
     let fast = fault == Some(Fault::Overspeed) && limit > 0.0 && speed > limit;
-    fast.then(|| {
-        format!("The sphere must slow down before Reset: {speed:.2} rad/s, the limit is {limit} rad/s.")
-    })
+    fast.then(|| format!("Too fast for Reset: {speed:.2} rad/s."))
 }
 
 fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
@@ -474,7 +546,7 @@ fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         for (name, intent, enabled, hint) in orders {
             let leads = next == Some(name);
             let button = if leads { leading(ui, name) } else { Button::new(name) };
-            let response = ui.add_enabled(enabled, button.min_size(vec2(width, height))).on_hover_text(hint);
+            let response = press(ui, enabled, button.min_size(vec2(width, height))).on_hover_text(hint);
             if response.on_disabled_hover_text(hint).clicked() {
                 intents.push(intent);
             }

@@ -3,7 +3,7 @@
 use eframe::egui::{self, Color32, Response, RichText, Ui};
 use hbot_api::Mode;
 
-use crate::model::{Headline, Weight};
+use crate::model::Headline;
 
 /// The colours of the window, named by what they mean.
 #[derive(Clone, Copy, Debug)]
@@ -16,7 +16,6 @@ pub(crate) struct Palette {
     pub(crate) hand: Color32,
     pub(crate) good: Color32,
     pub(crate) warn: Color32,
-    pub(crate) bad: Color32,
     /// Colours of the sphere at its middle and at its edge.
     pub(crate) sphere: [Color32; 2],
     pub(crate) grid: Color32,
@@ -27,6 +26,8 @@ pub(crate) struct Palette {
     pub(crate) weak: Color32,
     /// The rim of what can be pressed or changed, as on the page in the browser.
     rim: Color32,
+    /// The ground of what can be pressed.
+    surface: Color32,
 }
 
 /// Colour of the stop button, on both light and dark backgrounds.
@@ -48,61 +49,37 @@ impl Palette {
     /// Returns the colours for a dark or a light background. `weak` is the colour of less important
     /// text.
     pub(crate) const fn of_theme(dark: bool, weak: Color32) -> Self {
-        const fn rgb(r: u8, g: u8, b: u8) -> Color32 {
+        const fn rgb(dark: bool, [light, in_dark]: [u32; 2]) -> Color32 {
+            let [_, r, g, b] = (if dark { in_dark } else { light }).to_be_bytes();
             Color32::from_rgb(r, g, b)
         }
-        if dark {
-            Self {
-                axes: [rgb(0xf2, 0x77, 0x2e), rgb(0x22, 0xb8, 0x8c), rgb(0x56, 0xb4, 0xe9)],
-                torque: rgb(0xe0, 0x8f, 0xbd),
-                ghost: rgb(0xd8, 0xd0, 0x80),
-                hand: rgb(0xb9, 0xa5, 0xff),
-                good: rgb(0x9b, 0xd2, 0x4a),
-                warn: rgb(0xf0, 0xb0, 0x20),
-                bad: rgb(0xff, 0x6b, 0x6b),
-                sphere: [rgb(0x4a, 0x52, 0x5e), rgb(0x26, 0x2b, 0x33)],
-                grid: rgb(0xb8, 0xc0, 0xcc),
-                wheel: rgb(0xa0, 0xa0, 0xa0),
-                felt: rgb(0xff, 0xff, 0xff),
-                text: rgb(0xd8, 0xd8, 0xd8),
-                weak,
-                rim: rgb(0x6c, 0x75, 0x7f),
-            }
-        } else {
-            Self {
-                axes: [rgb(0xc2, 0x4e, 0x00), rgb(0x00, 0x7a, 0x58), rgb(0x00, 0x65, 0xa8)],
-                torque: rgb(0xa0, 0x3c, 0x78),
-                ghost: rgb(0x80, 0x72, 0x00),
-                hand: rgb(0x5b, 0x3c, 0xc4),
-                good: rgb(0x4a, 0x74, 0x0a),
-                warn: rgb(0x8f, 0x5c, 0x00),
-                bad: rgb(0xc0, 0x15, 0x30),
-                sphere: [rgb(0xf4, 0xf6, 0xf8), rgb(0xc6, 0xcc, 0xd4)],
-                grid: rgb(0x58, 0x60, 0x6c),
-                wheel: rgb(0x60, 0x60, 0x60),
-                felt: rgb(0x00, 0x00, 0x00),
-                text: rgb(0x1c, 0x1c, 0x1c),
-                weak,
-                rim: rgb(0x86, 0x8d, 0x96),
-            }
-        }
-    }
-
-    /// Returns the colour of the edge and of the text of a message.
-    pub(crate) const fn weight(&self, weight: Weight) -> Color32 {
-        match weight {
-            Weight::Good => self.good,
-            Weight::Warn => self.warn,
-            Weight::Bad => self.bad,
+        Self {
+            axes: [
+                rgb(dark, [0xc24e00, 0xf2772e]),
+                rgb(dark, [0x007a58, 0x22b88c]),
+                rgb(dark, [0x0065a8, 0x56b4e9]),
+            ],
+            torque: rgb(dark, [0xa03c78, 0xe08fbd]),
+            ghost: rgb(dark, [0x807200, 0xd8d080]),
+            hand: rgb(dark, [0x5b3cc4, 0xb9a5ff]),
+            good: rgb(dark, [0x4a740a, 0x9bd24a]),
+            warn: rgb(dark, [0x8f5c00, 0xf0b020]),
+            sphere: [rgb(dark, [0xf4f6f8, 0x4a525e]), rgb(dark, [0xc6ccd4, 0x262b33])],
+            grid: rgb(dark, [0x58606c, 0xb8c0cc]),
+            wheel: rgb(dark, [0x606060, 0xa0a0a0]),
+            felt: rgb(dark, [0x000000, 0xffffff]),
+            text: rgb(dark, [0x1c1c1c, 0xd8d8d8]),
+            rim: rgb(dark, [0x868d96, 0x6c757f]),
+            surface: rgb(dark, [0xd2d8df, 0x444d57]),
+            weak,
         }
     }
 
     /// Returns the colour of a headline.
     pub(crate) const fn headline(&self, headline: Headline) -> Color32 {
         match headline {
-            Headline::NotStopped | Headline::NoContact => self.bad,
-            Headline::NoState => self.weak,
             Headline::Mode(mode) => self.mode(mode),
+            _ => self.text,
         }
     }
 
@@ -110,8 +87,8 @@ impl Palette {
     pub(crate) const fn mode(&self, mode: Mode) -> Color32 {
         match mode {
             Mode::Active | Mode::Enabling => self.good,
-            Mode::Idle | Mode::Unreferenced => self.text,
-            Mode::Fault | Mode::Estop => self.bad,
+            Mode::Idle | Mode::Unreferenced | Mode::Estop => self.text,
+            Mode::Fault => self.warn,
         }
     }
 }
@@ -134,6 +111,7 @@ pub(crate) fn install(ctx: &egui::Context) {
             for widget in [&mut widgets.inactive, &mut widgets.open] {
                 widget.bg_stroke = egui::Stroke::new(1.0, palette.rim);
             }
+            widgets.inactive.weak_bg_fill = palette.surface;
             // The ring of the control with the focus, as text fields have it.
             widgets.active.bg_stroke = style.visuals.selection.stroke;
         });
@@ -144,6 +122,11 @@ pub(crate) fn install(ctx: &egui::Context) {
 pub(crate) fn leading<'a>(ui: &Ui, text: &str) -> egui::Button<'a> {
     let text = RichText::new(text).strong().color(ui.visuals().panel_fill);
     egui::Button::new(text).fill(Palette::of(ui).text)
+}
+
+/// Draws a button. One that cannot be pressed is hollow.
+pub(crate) fn press(ui: &mut Ui, enabled: bool, button: egui::Button<'_>) -> Response {
+    ui.add_enabled(enabled, if enabled { button } else { button.fill(Color32::TRANSPARENT) })
 }
 
 /// Gives a control a name, which screen readers and tests use.
@@ -193,43 +176,31 @@ pub(crate) fn badge(ui: &mut Ui, ground: Color32, word: &str) -> Response {
     response
 }
 
-/// Returns `rect` filled with `ground` and with an edge of slanted white and red stripes. The
-/// stripes are longer than the edge: the painter must clip them to `rect`.
-pub(crate) fn stripes(rect: egui::Rect, ground: Color32) -> egui::Shape {
-    /// Widths of the edge and of a stripe, points.
-    const EDGE: f32 = 6.0;
-    const STRIPE: f32 = 6.0;
-    let height = rect.height();
-    let slanted = |x: f32| {
-        let ends = [egui::pos2(x, rect.bottom()), egui::pos2(x + height, rect.top())];
-        egui::Shape::line_segment(ends, (STRIPE, Color32::WHITE))
-    };
-    let count = ((rect.width() + height) / (3.0 * STRIPE)).ceil() as u16;
-    let mut shapes = vec![egui::Shape::rect_filled(rect, 0.0, STOP)];
-    shapes.extend((0..=count).map(|k| slanted(rect.left() - height + 3.0 * STRIPE * f32::from(k))));
-    shapes.push(egui::Shape::rect_filled(rect.shrink(EDGE), 0.0, ground));
-    egui::Shape::Vec(shapes)
+/// Returns a text of parts of different sizes and colours.
+pub(crate) fn sized(parts: &[(&str, f32, Color32)]) -> egui::text::LayoutJob {
+    let mut job = egui::text::LayoutJob::default();
+    for (text, size, color) in parts {
+        let format = egui::TextFormat::simple(egui::FontId::proportional(*size), *color);
+        job.append(text, 0.0, egui::TextFormat { valign: egui::Align::Center, ..format });
+    }
+    job
 }
 
-/// Draws a tape with slanted black stripes, such as stands around machines, into `rect`.
-pub(crate) fn tape(painter: &egui::Painter, rect: egui::Rect) {
-    /// Distance of the stripes, points.
-    const STRIPES: f32 = 24.0;
-    let painter = painter.with_clip_rect(rect);
-    painter.rect_filled(rect, 0.0, LIVE);
-    let height = rect.height();
-    let count = (rect.width() / STRIPES).ceil() as u16;
-    for left in (0..=count).map(|k| rect.left() + STRIPES * f32::from(k)) {
-        let corner = |x: f32, y: f32| egui::pos2(left + x, y);
-        let [top, bottom] = [rect.top(), rect.bottom()];
-        let points = vec![
-            corner(height, top),
-            corner(height + STRIPES / 2.0, top),
-            corner(STRIPES / 2.0, bottom),
-            corner(0.0, bottom),
+/// Returns `rect` filled with `ground`, and on it slanted stripes of this width in `color`, such as
+/// stand around machines. They are longer than `rect`: the painter must clip them to it.
+pub(crate) fn stripes(rect: egui::Rect, ground: Color32, width: f32, color: Color32) -> Vec<egui::Shape> {
+    let (height, every) = (rect.height(), 3.0 * width);
+    let slanted = |k: u16| {
+        let x = rect.left() - height + every * f32::from(k);
+        let ends = [
+            egui::pos2(x - width, rect.bottom() + width),
+            egui::pos2(x + height + width, rect.top() - width),
         ];
-        painter.add(egui::Shape::convex_polygon(points, Color32::BLACK, egui::Stroke::NONE));
-    }
+        egui::Shape::line_segment(ends, (width, color))
+    };
+    let count = ((rect.width() + height) / every).ceil() as u16;
+    let ground = egui::Shape::rect_filled(rect, 0.0, ground);
+    std::iter::once(ground).chain((0..=count).map(slanted)).collect()
 }
 
 /// Draws a small coloured dot, which shows a state like a lamp.

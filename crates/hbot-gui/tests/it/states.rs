@@ -15,7 +15,7 @@ use hbot_testing::server::{TestServer, any_port};
 use crate::bench::{AloneServer, ServerSetup, Wire, alone};
 use crate::display::{Display, Shot};
 use crate::joints::MOTEUS;
-use crate::window::{BAD, CHOSEN, GOOD, N3, STOP, TEXT, WARN, count, count_in_bar};
+use crate::window::{CHOSEN, GOOD, N3, STOP, TEXT, WARN, count, count_in_bar};
 
 const SIZES: [[u32; 2]; 2] = [[1280, 760], [1024, 600]];
 
@@ -61,7 +61,9 @@ fn pictures(
                 let args = ["--server", server, "--theme", "dark"];
                 let pixels =
                     Shot::start(display, &name, &args, size, seconds).pixels(|| meanwhile(display, size));
-                assert!(count(&pixels, STOP) > 8_000, "{name}: the stop button is there, and big");
+                // After a stop it is outlined.
+                let filled = count(&pixels, STOP) > 8_000;
+                assert_eq!(filled, state != "stopped", "{name}: the stop button is there, and big");
                 check(&name, size, &pixels);
             });
         }
@@ -104,12 +106,16 @@ fn pictures_of_each_state() {
     other.release().expect("released");
     silent(&displays, &bench, "no-contact", false);
     silent(&displays, &bench, "not-stopped", true);
+    other.estop().expect("stopped");
+    see(("stopped", 4), &nothing, &|name, _, pixels| {
+        assert!(count(pixels, STOP) > 1_000 && count(pixels, GOOD) < 400, "{name}: the edge of the button");
+    });
     bench.stop();
 
     let rig = [("speed = 30 ", "speed = 0.05 ")];
     let fault = AloneServer::beside(&ServerSetup { scene: "name = \"Nothing\"", rig: &rig, ..setup });
     pictures(&displays, ("fault", 4), fault.address, nothing, |name, _, pixels| {
-        assert!(count(pixels, BAD) > 100, "{name}: the fault is told");
+        assert!(count(pixels, WARN) > 5_000, "{name}: the fault is told");
     });
     fault.stop();
     joints(&displays, spring);
@@ -145,7 +151,7 @@ fn silent(displays: &[Display; 2], bench: &AloneServer, state: &str, stopped: bo
         }
     };
     pictures(displays, (state, 8), wire.address, meanwhile, |name, _, pixels| {
-        let lamps = if stopped { STOP } else { BAD };
+        let lamps = if stopped { STOP } else { WARN };
         assert!(count(pixels, lamps) > 100 && count(pixels, GOOD) < 50, "{name}: nothing looks well");
     });
     assert!(frozen.load(Ordering::Relaxed), "{state}: the server never fell silent");

@@ -1,6 +1,6 @@
 //! The axes that all plots share, with their grid lines.
 
-use eframe::egui::{TextStyle, Ui};
+use eframe::egui::{Button, Rect, RichText, TextStyle, Ui, UiBuilder};
 use egui_plot::{AxisHints, GridInput, GridMark, Plot};
 
 use super::PlotDesk;
@@ -13,6 +13,30 @@ const Y_AXIS_WIDTH: f32 = 62.0;
 /// Height of the horizontal axis with its name and its numbers, in rows of text. The library leaves
 /// a quarter of a row below the name.
 const X_AXIS_ROWS: f32 = 2.25;
+
+/// Returns how far an axis reaches below and above 0, so that `low` and `high` are on it. It only
+/// grows, in steps of 1, 2 and 5, up to the limit: who looks at a curve keeps its scale in mind.
+pub(super) fn held(plots: &PlotDesk, axis: usize, ends: [f64; 2], limit: Option<f64>) -> [f64; 2] {
+    let mut scale = plots.scale.get();
+    for (held, end) in scale[axis].iter_mut().zip([-ends[0], ends[1]]) {
+        if end > *held * (1.0 + 1e-9) {
+            *held = limit.filter(|limit| end <= *limit).unwrap_or(f64::INFINITY).min(round_up(end));
+        }
+    }
+    plots.scale.set(scale);
+    [-scale[axis][0], scale[axis][1]]
+}
+
+/// Draws the full scale onto the upper left corner of a plot. A click lets it begin anew.
+pub(super) fn full_scale(ui: &mut Ui, frame: Rect, plots: &PlotDesk, [low, high]: [f64; 2], unit: &str) {
+    let figures = |x: f64| format!("{x:.4}").trim_end_matches('0').trim_end_matches('.').to_owned();
+    let text = format!("full scale {} to {} {unit}", figures(low), figures(high));
+    let text = RichText::new(text).size(11.0);
+    let mut over = ui.new_child(UiBuilder::new().max_rect(frame.shrink(3.0)));
+    if over.add(Button::new(text).small()).on_hover_text("fit the axis to what is shown now").clicked() {
+        plots.scale.take();
+    }
+}
 
 /// Creates a plot that follows the newest data. While the plots are paused, the user can drag and
 /// zoom it instead.

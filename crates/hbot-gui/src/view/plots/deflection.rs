@@ -3,8 +3,8 @@
 use eframe::egui::{Role, Ui, WidgetInfo};
 use egui_plot::{CoordinatesFormatter, Corner, Line, PlotPoint, Points};
 
-use super::PlotDesk;
-use super::axes::plot;
+use super::axes::{full_scale, held, plot};
+use super::{PlotDesk, Which};
 use crate::model::{Fit, History, Model, PlotSample, fit};
 use crate::view::theme::{Palette, weak};
 
@@ -36,9 +36,19 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
             weak(ui, format!("since {}, {:.1} s ago", mark.text, newest - mark.t));
         }
     });
+    let ends = |part: usize| {
+        let parts = clouds.iter().flatten().map(|point| point[part]);
+        parts.fold([-0.002, 0.002], |[low, high]: [f64; 2], x| [low.min(x), high.max(x)])
+    };
+    let across = held(plots, Which::ALL.len(), ends(0), None);
+    let up = held(plots, Which::Stiffness as usize, ends(1), Some(model.info.limits.torque));
     let at_pointer = |at: &PlotPoint, _: &_| format!("{:.4} rad, {:.3} N m", at.x, at.y);
     let shown = plot(ui, "deflection", plots, "torque, N m")
         .x_axis_label("deflection, rad")
+        .include_x(across[0])
+        .include_x(across[1])
+        .include_y(up[0])
+        .include_y(up[1])
         .show_crosshair(true)
         .coordinates_formatter(Corner::LeftBottom, CoordinatesFormatter::new(at_pointer))
         .show(ui, |plot| {
@@ -54,6 +64,7 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
     shown
         .response
         .widget_info(|| WidgetInfo::labeled(Role::Image, true, "Plot of torque against deflection"));
+    full_scale(ui, *shown.transform.frame(), plots, up, "N m");
 }
 
 /// Writes the fitted stiffness and damping of each axis, or that the samples are not those of a

@@ -5,11 +5,13 @@ mod axes;
 mod deflection;
 mod time;
 
+use std::cell::Cell;
+
 pub(super) use axes::{figure, vertical};
 use eframe::egui::{self, Align, ComboBox, Layout, Rect, Ui, UiBuilder, vec2};
 use glam::DQuat;
 
-use super::theme::named;
+use super::theme::{named, press};
 use super::{Act, Desk};
 use crate::model::{History, Link, Model, SPAN_S};
 use crate::net::Intent;
@@ -58,11 +60,14 @@ pub(crate) struct PlotDesk {
     paused: Option<Box<History>>,
     /// Orientation from which the sphere's deflection is measured, if the user has chosen one.
     zero: Option<DQuat>,
+    /// How far the vertical axis of each plot reaches below and above 0, and last the horizontal
+    /// one of deflections.
+    scale: Cell<[[f64; 2]; 7]>,
 }
 
 impl Default for PlotDesk {
     fn default() -> Self {
-        Self { which: Which::Torque, window: 10.0, paused: None, zero: None }
+        Self { which: Which::Torque, window: 10.0, paused: None, zero: None, scale: Cell::default() }
     }
 }
 
@@ -164,7 +169,7 @@ fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
     let hint = "measures deflection from the orientation of this moment, wherever the scene's reference is";
     if plots.zero.is_none() {
         let newest = model.history.newest().map(|sample| sample.q);
-        if ui.add_enabled(newest.is_some(), egui::Button::new("Zero here")).on_hover_text(hint).clicked() {
+        if press(ui, newest.is_some(), egui::Button::new("Zero here")).on_hover_text(hint).clicked() {
             plots.zero = newest;
         }
     } else if ui

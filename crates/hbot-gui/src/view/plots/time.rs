@@ -5,7 +5,7 @@ use std::ops::Range;
 use eframe::egui::{Align2, Color32, FontId, RichText, Role, Ui, Vec2, WidgetInfo, vec2};
 use egui_plot::{HLine, Line, LineStyle, PlotBounds, PlotPoint, PlotUi, Text, VLine};
 
-use super::axes::plot;
+use super::axes::{full_scale, held, plot};
 use super::{PlotDesk, Which};
 use crate::model::{History, Link, Mark, Model, PlotSample, What, thinned};
 use crate::view::pointer::{self, Reading};
@@ -111,12 +111,12 @@ pub(super) fn show(
             thinned(points, columns)
         })
         .collect();
-    let most = lines.last().into_iter().flatten().fold(0.0_f64, |most, point| most.max(point[1].abs()));
-    // Show the limit only if the curve is near it. Otherwise it would flatten the curves.
-    let limit = quantity.limit.filter(|limit| most > 0.6 * limit);
-    let (low, high) = lines.iter().flatten().fold((-quantity.least, quantity.least), |(low, high), point| {
-        (low.min(point[1]), high.max(point[1]))
+    let ends = lines.iter().flatten().fold([-quantity.least, quantity.least], |[low, high], point| {
+        [low.min(point[1]), high.max(point[1])]
     });
+    let [low, high] = held(plots, plots.which as usize, ends, quantity.limit);
+    // The limit is shown where the axis reaches it. Otherwise it would flatten the curves.
+    let limit = quantity.limit.filter(|limit| high >= *limit);
     // Above the plot, where the names cover no curve.
     let room = vec2((ui.available_width() - beside.x).max(0.0), beside.y);
     ui.allocate_ui(room, |ui| {
@@ -159,6 +159,8 @@ pub(super) fn show(
     });
     let text = in_words(quantity.axis, history.last(plots.window).len(), limit, &marks, now);
     shown.response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &text));
+    let unit = quantity.axis.rsplit(", ").next().unwrap_or_default();
+    full_scale(ui, *shown.transform.frame(), plots, [low, high], unit);
     Some(*shown.transform.bounds())
 }
 
@@ -196,7 +198,7 @@ fn draw(plot: &mut PlotUi<'_>, marks: &[&Mark], now: f64, palette: Palette, span
         let color = match mark.what {
             What::Scene => palette.ghost,
             What::Set => palette.weak,
-            What::Fault => palette.bad,
+            What::Fault => palette.warn,
         };
         let x = mark.t - now;
         let at = to_screen.position_from_point_x(x);
@@ -266,12 +268,18 @@ mod tests {
 
     use crate::view::painted::texts;
 
-    #[test]
-    fn the_text_of_a_mark_does_not_stretch_the_axis() {
+    /// Returns the model of a rig without torque, with states of these times.
+    fn still(times: [f64; 2]) -> Model {
         let mut model = Model::new("", "panel me@here", 1);
-        for t in [0.0, 1.0] {
+        for t in times {
             model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
         }
+        model
+    }
+
+    #[test]
+    fn the_text_of_a_mark_does_not_stretch_the_axis() {
+        let mut model = still([0.0, 1.0]);
         model.marks.add(Mark { t: 0.5, what: What::Fault, text: "overspeed".to_owned() }, 0.0);
         let draw = |ui: &mut Ui, (model, range): &mut (Model, Option<PlotBounds>)| {
             *range = show(ui, model, &model.history, &PlotDesk::default(), Vec2::ZERO);
@@ -283,14 +291,39 @@ mod tests {
         assert!(range.height() < 0.006, "{range:?}");
     }
 
+    /// The axis grows in round steps up to the limit, and goes back only on a click.
+    #[test]
+    fn the_scale_of_an_axis_holds() {
+        let mut model = Model::new("", "panel me@here", 1);
+        model.info.limits.torque = 0.9;
+        let draw = |ui: &mut Ui, (model, range, plots): &mut (Model, f64, PlotDesk)| {
+            *range = show(ui, model, &model.history, plots, Vec2::ZERO).expect("drawn").max()[1];
+        };
+        model.history.push(PlotSample::of(&StateEvent::default()));
+        let mut seen = Harness::new_ui_state(draw, (model, 0.0, PlotDesk::default()));
+        let torques = [(0.13, 0.2), (0.01, 0.2), (0.6, 0.9), (0.01, 0.9), (1.1, 2.0), (0.01, 2.0)];
+        for (k, (torque, full)) in (0..).zip(torques) {
+            let t = 20.0 * f64::from(k);
+            for t in [t, t + 19.0] {
+                let state = StateEvent { t, torque: [0.0, torque, 0.0], ..StateEvent::default() };
+                seen.state_mut().0.history.push(PlotSample::of(&state));
+            }
+            seen.run_steps(4);
+            // The plot leaves a margin of a twentieth of its range.
+            let range = seen.state().1;
+            assert!((full..1.2 * full).contains(&range), "{torque} N m: {range}, not {full}");
+            seen.get_by_label_contains(&format!("to {full} N m"));
+        }
+        seen.get_by_label_contains("full scale").click();
+        seen.run_steps(4);
+        seen.get_by_label("full scale -0.002 to 0.01 N m");
+    }
+
     #[test]
     fn the_texts_of_marks_cover_each_other_nowhere() {
         let times = |count: u32| (0..count).map(move |k| 9.0 * f64::from(k) / f64::from(count));
         for (count, all) in [(4, true), (40, false)] {
-            let mut model = Model::new("", "panel me@here", 1);
-            for t in [0.0, 10.0] {
-                model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
-            }
+            let mut model = still([0.0, 10.0]);
             let text = |k| format!("spring {k}: stiffness = 1.234567");
             for (k, t) in times(count).enumerate() {
                 let what = if k == 3 { What::Fault } else { What::Set };
@@ -318,10 +351,7 @@ mod tests {
 
     #[test]
     fn the_texts_of_marks_leave_the_upper_half_of_a_low_plot_to_the_curves() {
-        let mut model = Model::new("", "panel me@here", 1);
-        for t in [0.0, 10.0] {
-            model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
-        }
+        let mut model = still([0.0, 10.0]);
         for k in 0..6 {
             let text = format!("spring {k}: stiffness = 1.234567");
             model.marks.add(Mark { what: What::Scene, t: 9.0 + 0.1 * f64::from(k), text }, 0.0);
@@ -346,10 +376,7 @@ mod tests {
     /// these drawings, the plot cannot measure the texts of its axes.
     #[test]
     fn the_name_of_an_axis_keeps_clear_of_the_numbers_in_a_frame_that_is_drawn_twice() {
-        let mut model = Model::new("", "panel me@here", 1);
-        for t in [0.0, 10.0] {
-            model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
-        }
+        let model = still([0.0, 10.0]);
         let draw = |ui: &mut Ui, (model, twice): &mut (Model, bool)| {
             if *twice {
                 ui.ctx().request_discard("a table is drawn for the first time");

@@ -101,7 +101,7 @@ impl Drawing {
     pub(super) fn write_names(&self) {
         let mut taken = self.taken.borrow_mut();
         for (at, galley) in self.names.borrow_mut().drain(..) {
-            let place = free_place(&taken, at, galley.size());
+            let place = free_place(&taken, self.painter.clip_rect().shrink(2.0), at, galley.size());
             self.painter.rect_filled(place.expand2(vec2(2.0, -1.0)), 4.0, self.ground.gamma_multiply(0.6));
             self.painter.galley(place.min, galley, Color32::PLACEHOLDER);
             taken.push(place);
@@ -109,36 +109,25 @@ impl Drawing {
     }
 }
 
-/// Returns the place of a name about the point `at` that covers none of the places `taken`: there,
-/// or else below, above, beside or farther away. If all of them are taken, it is the first.
-fn free_place(taken: &[Rect], at: Pos2, size: Vec2) -> Rect {
+/// Returns the place of a name about the point `at`, in the picture `room`, that covers none of the
+/// places `taken`: there, or else below, above, beside or farther away. If all of them are taken,
+/// it is the first.
+fn free_place(taken: &[Rect], room: Rect, at: Pos2, size: Vec2) -> Rect {
     /// Steps in the size of the name.
-    const STEPS: [[f32; 2]; 21] = [
-        [0.0, 0.0],
-        [0.0, 1.0],
-        [0.0, -1.0],
-        [1.0, 0.0],
-        [-1.0, 0.0],
-        [1.0, 1.0],
-        [-1.0, 1.0],
-        [1.0, -1.0],
-        [-1.0, -1.0],
-        [0.0, 2.0],
-        [0.0, -2.0],
-        [0.0, 3.0],
-        [0.0, -3.0],
-        [1.5, 2.0],
-        [-1.5, 2.0],
-        [1.5, -2.0],
-        [-1.5, -2.0],
-        [2.0, 0.0],
-        [-2.0, 0.0],
-        [2.0, 1.0],
-        [-2.0, -1.0],
+    const ACROSS: [f32; 21] = [
+        0.0, 0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.5, -1.5, 1.5, -1.5, 2.0, -2.0,
+        2.0, -2.0,
     ];
-    let place = |[x, y]: [f32; 2]| Rect::from_center_size(at + vec2(x, y) * size, size);
-    let is_free = |place: &Rect| !taken.iter().any(|other| other.shrink(1.0).intersects(*place));
-    STEPS.into_iter().map(place).find(is_free).unwrap_or_else(|| place([0.0, 0.0]))
+    const DOWN: [f32; 21] = [
+        0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 1.0, -1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 2.0, 2.0, -2.0, -2.0, 0.0, 0.0,
+        1.0, -1.0,
+    ];
+    let inner = room.shrink2(0.5 * size);
+    let at = at.max(inner.min).min(inner.max);
+    let place = |(x, y): (f32, f32)| Rect::from_center_size(at + vec2(x, y) * size, size);
+    let covers = |place: &Rect| taken.iter().any(|other| other.shrink(1.0).intersects(*place));
+    let is_free = |place: &Rect| room.expand(0.5).contains_rect(*place) && !covers(place);
+    ACROSS.into_iter().zip(DOWN).map(place).find(is_free).unwrap_or_else(|| place((0.0, 0.0)))
 }
 
 /// Returns the points of a closed circle on the unit sphere. Its plane passes through the centre
@@ -167,7 +156,7 @@ mod tests {
     fn names_at_one_point_do_not_cover_each_other() {
         let mut taken = Vec::new();
         for width in [20.0, 40.0, 8.0, 60.0, 20.0, 30.0, 16.0, 16.0, 16.0] {
-            let place = free_place(&taken, pos2(100.0, 100.0), vec2(width, 14.0));
+            let place = free_place(&taken, Rect::EVERYTHING, pos2(100.0, 100.0), vec2(width, 14.0));
             let clear = taken.iter().all(|other: &Rect| !other.shrink(1.0).intersects(place));
             assert!(clear, "{place:?} among {taken:?}");
             taken.push(place);

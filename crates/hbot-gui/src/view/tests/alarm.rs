@@ -1,17 +1,18 @@
 //! Tests of how loud the box with the mode is, and of what stands under the stop button.
 
-use eframe::egui::Color32;
+use eframe::egui::{Color32, Rect, vec2};
 use egui_kittest::kittest::Queryable as _;
-use hbot_api::{Mode, ShakingEvent, StateEvent};
+use hbot_api::{Fault, Mode, StateEvent};
 
-use super::status::warned;
+use super::status::{shaking, warned};
 use super::{SIZES, SMALLEST, Seen, limited, settle, shows, window};
+use crate::model::Model;
 use crate::model::tests::{
     commanding, disconnect, grow_quiet, grow_silent, hear, see, see_state, stop_in_vain,
 };
 use crate::net::{Intent, News};
-use crate::view::painted::{rims, texts};
-use crate::view::theme::Palette;
+use crate::view::painted::{Text, filled, rims, texts, vertical_lines};
+use crate::view::theme::{Palette, STOP};
 
 const KEYS: &str = "Esc or Space, anywhere in this window";
 const SENT: &str = "STOP sent, not confirmed yet";
@@ -24,14 +25,14 @@ fn palette() -> Palette {
 
 /// Returns the colour of the word for the mode.
 fn color_of(seen: &Seen, word: &str) -> Option<Color32> {
-    texts(seen).into_iter().find(|it| it.text == word).map(|it| it.color)
+    texts(seen).into_iter().find(|it| it.text.split(':').next() == Some(word)).map(|it| it.color)
 }
 
 #[test]
 fn the_line_under_stop_says_whether_a_stop_arrives() {
     for size in [SIZES[0], SIZES[1], SMALLEST] {
         let mut seen = window(size, commanding(false));
-        let mut check = |change: &dyn Fn(&mut crate::model::Model), line: &str| {
+        let mut check = |change: &dyn Fn(&mut Model), line: &str| {
             seen.state_mut().model = commanding(false);
             change(&mut seen.state_mut().model);
             settle(&mut seen);
@@ -101,7 +102,7 @@ fn a_server_that_pushes_again_is_told_beside_a_stop_that_is_not_confirmed() {
 #[test]
 fn only_a_rig_with_motors_has_power_to_cut() {
     for simulated in [true, false] {
-        let changes: [fn(&mut crate::model::Model); 5] = [
+        let changes: [fn(&mut Model); 5] = [
             grow_silent,
             stop_in_vain,
             |model| (grow_silent(model), stop_in_vain(model)).1,
@@ -115,7 +116,7 @@ fn only_a_rig_with_motors_has_power_to_cut() {
             let seen = window(SIZES[0], model);
             let has_none = simulated && online;
             assert_eq!(shows(&seen, "ut the motors' power"), !has_none, "change {k}");
-            assert_eq!(shows(&seen, "It is simulated and has no motors."), has_none, "change {k}");
+            assert_eq!(shows(&seen, "Simulated: nothing real moves."), has_none, "change {k}");
         }
         // What a panel at another server says about the rig that it has left.
         let mut model = commanding(simulated);
@@ -125,7 +126,7 @@ fn only_a_rig_with_motors_has_power_to_cut() {
         assert!(shows(&seen, "Cut the motors' power."));
     }
     // Nothing is known of a rig that has never answered.
-    let mut model = crate::model::Model::new("rig:4268", "panel me@here", 120);
+    let mut model = Model::new("rig:4268", "panel me@here", 120);
     stop_in_vain(&mut model);
     assert!(shows(&window(SIZES[0], model), "Cut the motors' power."));
 }
@@ -147,6 +148,7 @@ fn a_box_is_as_loud_as_the_worst_in_it() {
     for size in [SIZES[0], SMALLEST] {
         let shaky = window(size, warned(Mode::Active));
         assert_eq!(color_of_box(&shaky), palette().warn, "a spring that may shake");
+        assert!(shows(&shaky, "ACTIVE: warning"));
         // The limit of this rig is 0.9 N m.
         for (torque, lasts, at_limit) in [(0.86, 300, true), (0.84, 300, false), (0.9, 100, false)] {
             let mut model = commanding(true);
@@ -159,7 +161,49 @@ fn a_box_is_as_loud_as_the_worst_in_it() {
             let seen = window(size, model);
             let color = if at_limit { palette().torque } else { palette().good };
             assert_eq!(color_of_box(&seen), color, "{torque} N m for {lasts} ms, {size:?}");
-            assert_eq!(shows(&seen, "The torque is at its limit."), at_limit);
+            assert_eq!(shows(&seen, "ACTIVE: at limit"), at_limit);
+        }
+    }
+}
+
+/// A word, the change of the model that leads to it, and which look it has.
+type Case = (&'static str, fn(&mut Model), usize);
+
+/// What differs in meaning differs in shape or fill, not in colour alone.
+#[test]
+fn each_headline_has_a_look_of_its_own() {
+    let calm = Color32::from_rgb(0x34, 0x3b, 0x44);
+    let fault: fn(&mut Model) = |model| super::fault_of(model, Fault::Thermal);
+    let changes: [Case; 7] = [
+        ("ACTIVE", |_| {}, 4),
+        ("FAULT", fault, 0),
+        ("ESTOP", |model| see(model, 200, Mode::Estop), 1),
+        ("IDLE", |model| see(model, 200, Mode::Idle), 1),
+        ("NO CONTACT", grow_silent, 2),
+        ("NO CONTACT", disconnect, 2),
+        ("NOT STOPPED", stop_in_vain, 3),
+    ];
+    for (word, change, look) in changes {
+        for simulated in [true, false] {
+            let mut model = commanding(simulated);
+            change(&mut model);
+            let seen = window(SIZES[0], model);
+            let stop = seen.get_by_label("Stop").rect();
+            let is = |rect: &Rect| (rect.width() - stop.width()).abs() < 16.0 && rect.top() > stop.bottom();
+            let has = |color| filled(&seen).iter().any(|(rect, it)| *it == color && is(rect));
+            let dashes = vertical_lines(&seen).iter().filter(|x| (**x - stop.left()).abs() < 2.0).count();
+            let looks = [has(palette().warn), has(calm), dashes > 5, has(Color32::BLACK)];
+            assert_eq!(looks, std::array::from_fn(|k| k == look), "{word}");
+            let head = texts(&seen).into_iter().find(|it| it.text == word).expect("the word");
+            assert!(head.place.height() > 28.0, "{word}: {:?}", head.place);
+            // Nothing real moves, so nothing is red.
+            let red = word == "NOT STOPPED" && !simulated;
+            let reds = filled(&seen).iter().filter(|(_, color)| *color == STOP).count();
+            assert_eq!(reds, usize::from(word != "ESTOP") + usize::from(red), "{word}");
+            assert_eq!(shows(&seen, "last word"), word == "NO CONTACT", "{word}");
+            let says = |it: &Text| it.text == "stopped, 0.00 N m" && it.is_whole();
+            assert_eq!(texts(&seen).iter().any(says), word == "ESTOP", "{word}: in the button");
+            assert_eq!(stop.size(), vec2(283.0, 60.0), "{word}");
         }
     }
 }
@@ -168,20 +212,14 @@ fn a_box_is_as_loud_as_the_worst_in_it() {
 fn one_instruction_is_given_while_it_shakes() {
     for size in [SIZES[0], SMALLEST] {
         let mut model = warned(Mode::Active);
-        let event = ShakingEvent {
-            tick: 201,
-            t: 0.2,
-            shaking: true,
-            frequency: 16.0,
-            amplitude: 1.5,
-            effect: Some("spring".to_owned()),
-            gain: 0.5,
-            message: "it shakes".to_owned(),
-        };
-        hear(&mut model, News::Shaking(event));
+        hear(&mut model, News::Shaking(shaking("spring")));
         see(&mut model, 202, Mode::Active);
         let seen = window(size, model);
-        assert!(shows(&seen, "spring shook the sphere at 16 Hz") && !shows(&seen, "Lower the stiffness"));
+        assert!(
+            shows(&seen, "ACTIVE: shakes")
+                && shows(&seen, "spring shook the sphere at 16 Hz")
+                && !shows(&seen, "Lower the stiffness")
+        );
         let remedies = texts(&seen).into_iter().filter(|it| it.text.starts_with("Set stiffness = "));
         let below = seen.get_by_label("Stiffness").rect();
         let in_box =

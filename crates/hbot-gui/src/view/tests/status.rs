@@ -13,7 +13,7 @@ use crate::model::tests::{
 };
 use crate::net::{Intent, Lease, News};
 use crate::view::Act;
-use crate::view::painted::{filled, hint, texts};
+use crate::view::painted::{filled, hint, lines, texts};
 use crate::view::theme::{LIVE, Palette};
 
 #[test]
@@ -49,10 +49,10 @@ fn keys_that_go_to_another_window_are_not_advised() {
         seen.input_mut().focused = false;
         settle(&mut seen);
         assert!(shows(&seen, "STOP tries again.") && !shows(&seen, "STOP or Esc"));
-        let words = "Esc and Space do not work: click this window";
+        let words = "Esc and Space work after a click here";
         let texts = texts(&seen);
         let told = texts.iter().find(|it| it.text == words).expect("the warning");
-        assert!(told.is_whole() && told.color == Palette::of_theme(true, Color32::GRAY).warn, "{told:?}");
+        assert!(told.is_whole() && told.color != Palette::of_theme(true, Color32::GRAY).warn, "{told:?}");
         assert_eq!(places(&seen), before, "nothing moves");
     }
 }
@@ -202,19 +202,24 @@ fn a_refusal_is_told_in_the_box_until_something_changes() {
     }
 }
 
+/// Returns the news that this effect shakes the sphere.
+pub(super) fn shaking(effect: &str) -> ShakingEvent {
+    let (message, effect) = ("it shakes".to_owned(), Some(effect.to_owned()));
+    let (frequency, amplitude, gain) = (16.0, 1.5, 0.5);
+    ShakingEvent { tick: 200, t: 0.2, shaking: true, frequency, amplitude, effect, gain, message }
+}
+
+/// Returns a state in which the sphere is at this angle from its reference, rad.
+fn turned(tick: u64, mode: Mode, angle: f64) -> StateEvent {
+    let q = [(0.5 * angle).cos(), (0.5 * angle).sin(), 0.0, 0.0];
+    let (t, reference) = (tick as f64 / 1000.0, Some([1.0, 0.0, 0.0, 0.0]));
+    StateEvent { tick, t, mode, q, reference, ..StateEvent::default() }
+}
+
 #[test]
 fn an_effect_that_shakes_the_sphere_is_named_until_it_is_calm() {
     let mut seen = window(SIZES[1], commanding(true));
-    let event = ShakingEvent {
-        tick: 200,
-        t: 0.2,
-        shaking: true,
-        frequency: 16.0,
-        amplitude: 1.5,
-        effect: Some("stiff".to_owned()),
-        gain: 0.5,
-        message: "it shakes".to_owned(),
-    };
+    let event = shaking("stiff");
     let news = |shaking| News::Shaking(ShakingEvent { shaking, ..event.clone() });
     // A panel that comes later learns it from `info`.
     let told = News::Info(Box::new(InfoOk { shaking: Some(event.clone()), ..told() }));
@@ -307,12 +312,7 @@ fn the_speed_stays_in_sight_in_a_fault() {
 fn a_sphere_that_is_too_far_is_anchored_by_one_press() {
     let mut model = commanding(true);
     model.info.limits.enable_max_angle = 0.5;
-    let q = [0.4_f64.cos(), 0.4_f64.sin(), 0.0, 0.0];
-    let reference = Some([1.0, 0.0, 0.0, 0.0]);
-    see_state(
-        &mut model,
-        StateEvent { tick: 200, t: 0.2, mode: Mode::Estop, q, reference, ..StateEvent::default() },
-    );
+    see_state(&mut model, turned(200, Mode::Estop, 0.8));
     let mut seen = window(SMALLEST, model);
     seen.get_by_label("0.80 rad from reference: set its anchor to here").click();
     settle(&mut seen);
@@ -347,10 +347,7 @@ fn the_button_that_takes_command_never_releases_it() {
 #[test]
 fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
     let mut seen = window(SIZES[0], commanding(false));
-    let reference = Some([1.0, 0.0, 0.0, 0.0]);
-    let q = [0.1_f64.cos(), 0.1_f64.sin(), 0.0, 0.0];
-    let state = StateEvent { tick: 200, t: 0.2, mode: Mode::Active, q, reference, ..StateEvent::default() };
-    see_state(&mut seen.state_mut().model, state);
+    see_state(&mut seen.state_mut().model, turned(200, Mode::Active, 0.2));
     settle(&mut seen);
     let is_grey = |seen: &Seen| {
         let text = seen.get_by_label_contains("0.20 rad from reference");
@@ -370,7 +367,7 @@ fn who_commands_and_the_bars_are_grey_while_they_are_not_certain() {
             let it = texts(seen).into_iter().find(|it| it.text == text).expect("a painted text");
             !it.color.is_opaque()
         };
-        let [commands, bars] = ["you command", "0.00 / 0.90 N m"].map(grey);
+        let [commands, bars] = ["you command", "0.00 / 0 rad/s"].map(grey);
         assert_eq!(commands, bars);
         commands
     };
@@ -395,11 +392,7 @@ fn a_sphere_that_is_too_far_from_its_reference_to_enable_is_told() {
         let mut seen = window(SIZES[1], commanding(simulated));
         seen.state_mut().model.info.limits.enable_max_angle = 0.5;
         let turn = |seen: &mut Seen, tick: u64, angle: f64| {
-            let q = [(0.5 * angle).cos(), (0.5 * angle).sin(), 0.0, 0.0];
-            let reference = Some([1.0, 0.0, 0.0, 0.0]);
-            let t = tick as f64 / 1000.0;
-            let state = StateEvent { tick, t, mode: Mode::Idle, q, reference, ..StateEvent::default() };
-            see_state(&mut seen.state_mut().model, state);
+            see_state(&mut seen.state_mut().model, turned(tick, Mode::Idle, angle));
             settle(seen);
         };
         let refused =
@@ -408,10 +401,10 @@ fn a_sphere_that_is_too_far_from_its_reference_to_enable_is_told() {
         // The server decides: the reference may have been changed since the torque ended.
         assert!(!seen.get_by_label("Enable").accesskit_node().is_disabled());
         assert!(shows(&seen, &format!("No torque. {refused}")) && !shows(&seen, "Ready."));
-        // One remedy, beside the button and in the box.
-        let [turns, anchor] = ["turn to within 0.50", "set its anchor to here"];
+        // What to do stands in the box alone.
+        let [turns, anchor] = ["; Enable works to 0.50", ": set its anchor to here"];
         let (told, other) = if simulated { (anchor, turns) } else { (turns, anchor) };
-        assert!(shows(&seen, &format!("0.80 rad from reference: {told}")) && !shows(&seen, other));
+        assert!(shows(&seen, &format!("0.80 rad from reference{told}")) && !shows(&seen, other));
         assert_eq!(shows(&seen, "`hbot set spring anchor=here`"), simulated);
         let said = hint(&mut seen, "Enable");
         assert!(said.contains(refused), "{said}");
@@ -426,7 +419,7 @@ fn a_sphere_that_is_too_far_from_its_reference_to_enable_is_told() {
 
 #[test]
 fn a_sphere_that_is_still_too_fast_for_a_reset_is_told() {
-    let told = "The sphere must slow down before Reset: 45.25 rad/s, the limit is 30 rad/s.";
+    let told = "Too fast for Reset: 45.25 rad/s.";
     for (fault, speed, simulated, fast) in [
         (Fault::Overspeed, 45.25, true, true),
         (Fault::Overspeed, 45.25, false, true),
@@ -514,6 +507,31 @@ fn a_plot_tells_the_time_and_the_values_at_the_pointer() {
     assert!(told(&seen) && texts(&seen).iter().any(|it| it.text == "-1.00 s"));
 }
 
+#[test]
+fn what_happened_last_stands_in_the_foot_with_its_time() {
+    let mut seen = window(SIZES[0], commanding(true));
+    fault_of(&mut seen.state_mut().model, Fault::Thermal);
+    seen.state_mut().model.messages.is_over("Prototype");
+    settle(&mut seen);
+    let is_last = |line: &String| line.starts_with("thermal | ") && line.ends_with(" UTC");
+    assert!(lines(&seen).iter().any(is_last) && !shows(&seen, "connected to"));
+    assert!(texts(&seen).iter().any(|it| it.text == "choose another scene"));
+}
+
+#[test]
+fn what_cannot_be_pressed_is_hollow_and_names_stay_in_the_picture() {
+    for size in [SIZES[0], SMALLEST] {
+        let seen = window(size, commanding(true));
+        for (name, enabled) in [("Enable", false), ("Disable", true), ("Reset", false), ("Recover", false)] {
+            let place = seen.get_by_label(name).rect().expand(1.0);
+            let is = filled(&seen).iter().any(|(rect, _)| place.contains_rect(*rect));
+            assert_eq!(is, enabled, "{name}");
+        }
+        let name = texts(&seen).into_iter().find(|it| it.text == "s3").expect("the axis");
+        assert!(seen.get_by_label_contains("Sphere: ").rect().contains_rect(name.place), "{name:?}");
+    }
+}
+
 /// Without a next step no button is filled: then something else comes first.
 #[test]
 fn the_next_step_alone_is_filled() {
@@ -547,12 +565,7 @@ fn at(size: [f32; 2], mode: Mode, by: &str, angle: f64) -> Seen {
         hear(&mut model, News::Fault(stopped_by(by, Some(if by == ME { 4 } else { 9 }))));
     }
     let fault = (mode == Mode::Fault).then_some(Fault::Thermal);
-    let q = [(0.5 * angle).cos(), (0.5 * angle).sin(), 0.0, 0.0];
-    let reference = Some([1.0, 0.0, 0.0, 0.0]);
-    see_state(
-        &mut model,
-        StateEvent { tick: 200, t: 0.2, mode, fault, q, reference, ..StateEvent::default() },
-    );
+    see_state(&mut model, StateEvent { fault, ..turned(200, mode, angle) });
     window(size, model)
 }
 
@@ -569,20 +582,16 @@ fn the_button_for_the_anchor_moves_nothing_and_the_box_names_it() {
 #[test]
 fn a_warning_that_stands_in_full_in_the_box_is_not_told_again() {
     let mut model = warned(Mode::Active);
-    let (message, effect) = ("it shakes".to_owned(), Some("spring".to_owned()));
-    let (frequency, amplitude, gain) = (16.0, 1.5, 0.5);
-    let event =
-        ShakingEvent { tick: 201, t: 0.2, shaking: true, frequency, amplitude, effect, gain, message };
     for (height, shakes) in [(760.0, false), (800.0, false), (800.0, true)] {
         if shakes {
-            hear(&mut model, News::Shaking(event.clone()));
+            hear(&mut model, News::Shaking(shaking("spring")));
             see(&mut model, 202, Mode::Active);
         }
         let model = std::mem::replace(&mut model, warned(Mode::Active));
         let seen = window([1280.0, height], model);
         // The list below the sliders can be out of sight.
         let told: Vec<_> = seen.query_all_by_label_contains("is stable").map(|it| it.rect()).collect();
-        let end = seen.get_by_label_contains("Torque: ").rect().top();
+        let end = seen.get_by_label_contains("Speed: ").rect().top();
         assert!(told.len() == 1 && told[0].bottom() < end, "{height}, {shakes}: {told:?}");
     }
 }
