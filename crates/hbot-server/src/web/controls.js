@@ -2,6 +2,7 @@
 
 import { put } from './state.js';
 import { roundUp } from './plot.js';
+import { PUSHES } from './rig.js';
 import { converted, explain, fits, heads, mayBeAbsent, shape } from './schema.js';
 
 /** The slider of a stiffness reaches the rig's torque limit at this deflection, rad. */
@@ -12,6 +13,8 @@ const DAMPING_SHARE = 0.02;
 const FAR = 100;
 /** The least value above 0 on such a slider if 0 is legal: this part of the default, or this value. */
 const [LEAST_PART, LEAST] = [0.1, 0.001];
+/** Units of what an effect is about, the most important first: it pushes at rest, or brakes. */
+const MAIN = [PUSHES, /^N m/];
 /** Steps from one end of a slider to the other. */
 const STEPS = 400;
 
@@ -85,7 +88,7 @@ export class Controls {
       this.built = key;
       this.updates = [];
       const parts = effects.map((effect, k) => this.effect(effect.id, k,
-        opened.has(effect.id) || (first && (effects.length <= 2 || k === 0))));
+        opened.has(effect.id) || (first && k === 0)));
       this.root.replaceChildren(...parts);
     }
     for (const update of this.updates) update();
@@ -96,6 +99,15 @@ export class Controls {
     const kind = this.rig.kind(of().kind);
     const summary = make('summary', { title: kind?.description ?? '' },
       make('strong', {}, id), make('span', { className: 'weak' }, of().kind === id ? '' : ` ${of().kind}`));
+    // What it is about, for when it is folded.
+    const about = make('span', { className: 'main' });
+    summary.append(about);
+    const [[key, { unit }] = ['', {}]] = MAIN.flatMap((units) => (
+      Object.entries(kind?.schema.properties ?? {}).filter(([, { unit = '' }]) => units.test(unit))));
+    this.updates.push(() => {
+      const x = this.rig.value(of(), key);
+      put(about, typeof x === 'number' ? `${plain(x)} ${unit}` : x ? `${key.replaceAll('_', ' ')}, ${unit}` : '');
+    });
     const box = make('details', { open }, summary);
     box.dataset.id = id;
     if (!kind) {

@@ -8,8 +8,8 @@ import { prepare } from './plot.js';
 const [REACH, AXIS] = [1.62, 1.25];
 /** Room for the name of an axis, px. */
 const NAME = 20;
-/** Length of the torque's arrow: the least, and what the rig's limit adds. */
-const TORQUE = [0.14, 0.26];
+/** Length of the torque's arrow beyond the sphere: the least, and what the rig's limit adds. Its width, px. */
+const [TORQUE, THICK] = [[0.12, 0.32], 9];
 const CIRCLE = 48;
 /** Height of a text, px. Where it may stand: turned from the usual direction, rad, and further, px. */
 const LINE = 14;
@@ -143,9 +143,9 @@ class Drawing {
     this.head(this.point(from), this.point(to), 5 + 2 * width, colour, this.hides(to) ? 0.35 : 1);
   }
 
-  /** Notes a text for `write`, to stand `beyond` px behind the point p, seen from the centre. */
-  text(p, text, colour, beyond = 0) {
-    this.texts.push({ at: this.point(p), text, colour, beyond });
+  /** Notes a text for `write`, to stand `beyond` px behind the point p, seen from the centre. A text that changes has a `key`. */
+  text(p, text, colour, beyond = 0, key = text) {
+    this.texts.push({ at: this.point(p), text, colour, beyond, key });
   }
 
   /** Returns the rectangle of a noted text at one of its places. */
@@ -174,9 +174,9 @@ class Drawing {
         return room.reduce((sum, other) => sum + shared(rect, other), 0) - 4 * inside + 2 * k;
       });
       let best = costs.indexOf(Math.min(...costs));
-      const last = taken.get(noted.text);
+      const last = taken.get(noted.key);
       if (last !== undefined && costs[last] < costs[best] + STAYS) best = last;
-      taken.set(noted.text, best);
+      taken.set(noted.key, best);
       const rect = this.rectangle(noted, PLACES[best]);
       room.push(rect);
       const [x, y] = [(rect[0] + rect[2]) / 2, (rect[1] + rect[3]) / 2];
@@ -293,14 +293,19 @@ class Drawing {
     if (!direction || share < 0.01) return;
     const colour = this.colours.torque;
     const tip = 1 + TORQUE[0] + TORQUE[1] * Math.min(share, 1);
-    this.arrow(direction, scaled(direction, tip), colour, 5);
-    this.full.push(this.around(scaled(direction, tip), 8), this.around(scaled(direction, 1.08), 8));
+    const [full, side] = [1 + TORQUE[0] + TORQUE[1], scaled(across(direction)[0], 0.09)];
+    // How long the arrow is at the limit.
+    this.line(segment(direction, scaled(direction, full)), colour, 1.5, [0.9, 0.3]);
+    this.line(segment(add(scaled(direction, full), side), add(scaled(direction, full), scaled(side, -1))), colour, 2, [0.9, 0.3]);
+    this.arrow(direction, scaled(direction, tip), colour, THICK);
+    this.full.push(...[1.05, tip, full].map((part) => this.around(scaled(direction, part), THICK)));
+    this.text(scaled(direction, tip), `${length(torque).toFixed(2)} N m`, colour, 26, 'torque');
     // An arc about the arrow shows the sense of rotation, by the right-hand rule.
     const [a, b] = across(direction);
     const arc = angles(20, 4.6).map((t) => add(
-      scaled(direction, 1.08), add(scaled(a, 0.17 * Math.cos(t)), scaled(b, 0.17 * Math.sin(t)))));
-    this.line(arc, colour, 2, [1, 0.3]);
-    if (!this.hides(arc[20])) this.head(this.point(arc[18]), this.point(arc[20]), 7, colour, 1);
+      scaled(direction, 1.08), add(scaled(a, 0.2 * Math.cos(t)), scaled(b, 0.2 * Math.sin(t)))));
+    this.line(arc, colour, 3, [1, 0.3]);
+    if (!this.hides(arc[20])) this.head(this.point(arc[18]), this.point(arc[20]), 12, colour, 1);
   }
 
   /**
