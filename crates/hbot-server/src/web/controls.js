@@ -106,7 +106,7 @@ export class Controls {
       Object.entries(kind?.schema.properties ?? {}).filter(([, { unit = '' }]) => units.test(unit))));
     this.updates.push(() => {
       const x = this.rig.value(of(), key);
-      put(about, typeof x === 'number' ? `${plain(x)} ${unit}` : x ? `${key.replaceAll('_', ' ')}, ${unit}` : '');
+      put(about, typeof x === 'number' ? `${plain(x)} ${unit}` : x ? `${key.replaceAll('_', ' ')}: ${Array.isArray(x[0]) ? 'matrix' : 'list'}` : '');
     });
     const box = make('details', { open }, summary);
     box.dataset.id = id;

@@ -126,7 +126,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, usual, 
   }
   const end = hold(canvas, roundUp(usual), most > 0.6 * jump ? jump : roundUp(most));
   const limited = limit > 0 && limit < end;
-  const [said, brief] = [name, short].map((it) => `${it}, \u00b1${+end.toPrecision(3)} ${unit}`);
+  const full = `\u00b1${+end.toPrecision(3)} ${unit}`;
   const x = (t) => left + (width - left - right) * (1 + (t - now) / SPAN);
   const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
   c.font = '12px system-ui, sans-serif';
@@ -151,9 +151,8 @@ export function plot(canvas, samples, colours, { name, short = name, of, usual, 
   }
   c.textAlign = 'left';
   c.fillStyle = colours.text;
-  const labels = [...curves.map(({ label }) => label), ...(limited ? ['limit'] : [])];
-  const room = width - left - right - labels.reduce((sum, label) => sum + c.measureText(label).width + 10, 4);
-  const title = c.measureText(said).width > room ? brief : said;
+  const room = width - left - right - curves.reduce((sum, { label }) => sum + c.measureText(label).width + 10, 4);
+  const title = [`${name}, ${full}`, `${short}, ${full}`, `${short}, ${unit}`].find((it) => c.measureText(it).width <= room) ?? unit;
   c.fillText(title, left, 9);
   let at = left + c.measureText(title).width + 14;
   for (const curve of curves) {

@@ -8,8 +8,8 @@ import { prepare } from './plot.js';
 const [REACH, AXIS] = [1.62, 1.25];
 /** Room for the name of an axis, px. */
 const NAME = 20;
-/** Length of the torque's arrow beyond the sphere: the least, and what the rig's limit adds. Its width, px. */
-const [TORQUE, THICK] = [[0.12, 0.32], 9];
+/** Length of the torque's arrow at the rig's limit, the least part of it that is drawn, and its width, px. */
+const [FULL, LEAST, THICK] = [1.4, 0.08, 9];
 const CIRCLE = 48;
 /** Height of a text, px. Where it may stand: turned from the usual direction, rad, and further, px. */
 const LINE = 14;
@@ -292,20 +292,34 @@ class Drawing {
     // Below one hundredth of the limit the direction is not meaningful.
     if (!direction || share < 0.01) return;
     const colour = this.colours.torque;
-    const tip = 1 + TORQUE[0] + TORQUE[1] * Math.min(share, 1);
-    const [full, side] = [1 + TORQUE[0] + TORQUE[1], scaled(across(direction)[0], 0.09)];
-    // How long the arrow is at the limit.
-    this.line(segment(direction, scaled(direction, full)), colour, 1.5, [0.9, 0.3]);
-    this.line(segment(add(scaled(direction, full), side), add(scaled(direction, full), scaled(side, -1))), colour, 2, [0.9, 0.3]);
-    this.arrow(direction, scaled(direction, tip), colour, THICK);
-    this.full.push(...[1.05, tip, full].map((part) => this.around(scaled(direction, part), THICK)));
-    this.text(scaled(direction, tip), `${length(torque).toFixed(2)} N m`, colour, 26, 'torque');
+    const at = (part) => scaled(direction, FULL * part);
+    const tip = Math.min(Math.max(share, LEAST), 1);
+    const [from, to] = [[0, 0, 0], at(tip)].map((p) => this.point(p));
+    const run = Math.hypot(to[0] - from[0], to[1] - from[1]);
+    const alpha = dot(direction, this.frame.eye) < 0 ? 0.8 : 1;
+    // A thin line with an end shows how long the arrow is at the limit.
+    const side = scaled(across(direction)[0], 0.09);
+    this.line(segment([0, 0, 0], at(1)), colour, 1.5, [0.9, 0.5]);
+    this.line([add(at(1), side), add(at(1), scaled(side, -1))], colour, 2, [0.9, 0.5]);
+    const head = Math.min(3 * THICK, 0.7 * run);
+    const neck = from.map((x, k) => to[k] - (head * 0.8 * (to[k] - x)) / Math.max(run, 1));
+    const { c } = this;
+    for (const [stroke, width] of [[this.colours.ground, THICK + 3], [colour, THICK]]) {
+      Object.assign(c, { strokeStyle: stroke, lineWidth: width, globalAlpha: alpha });
+      c.beginPath();
+      c.moveTo(...from);
+      c.lineTo(...neck);
+      c.stroke();
+    }
+    this.head(from, to, Math.max(head, THICK), colour, alpha);
+    this.full.push(...[0.5 * tip, tip, 1].map((part) => this.around(at(part), THICK)));
+    this.text(at(tip), `${length(torque).toFixed(2)} N m`, colour, 24, 'torque');
     // An arc about the arrow shows the sense of rotation, by the right-hand rule.
     const [a, b] = across(direction);
     const arc = angles(20, 4.6).map((t) => add(
-      scaled(direction, 1.08), add(scaled(a, 0.2 * Math.cos(t)), scaled(b, 0.2 * Math.sin(t)))));
-    this.line(arc, colour, 3, [1, 0.3]);
-    if (!this.hides(arc[20])) this.head(this.point(arc[18]), this.point(arc[20]), 12, colour, 1);
+      at(0.6 * tip), add(scaled(a, 0.2 * Math.cos(t)), scaled(b, 0.2 * Math.sin(t)))));
+    this.line(arc, colour, 3, [alpha, alpha]);
+    this.head(this.point(arc[18]), this.point(arc[20]), 12, colour, alpha);
   }
 
   /**

@@ -107,7 +107,8 @@ function details(rig) {
   if (state.mode === 'estop') {
     const { fault: before, remedy } = rig.faultBefore ?? {};
     const what = rig.info?.faults?.find((fault) => fault.name === before)?.sentence ?? '';
-    return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)],
+    const who = by ? `Stopped by ${rig.name(by)}.` : mode;
+    return [['bad', narrow.matches ? '' : who], ['warn', notReset(rig)], ['', narrow.matches ? `${who} ${wayOn(rig)}` : wayOn(rig)],
       // How to go on stands above.
       ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', (remedy ?? '').replace(/[:,]? Reset, then Enable\b/, '')]];
   }
@@ -154,8 +155,8 @@ function wayOn(rig) {
   const take = { mine: '', other: 'press Take over, then ' }[rig.lease.who] ?? 'press Take command, then ';
   const far = !rig.isFar || take ? '' : rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
   const press = take ? '' : 'press ';
-  return rig.stopper ? `No torque. To go on, make sure that nobody touches the sphere, ${take || 'then '}${press}Reset, then Enable.`
-    : `No torque. To go on, ${take}${far}${press}Recover.`;
+  return rig.stopper ? `To go on, make sure that nobody touches the sphere, ${take || 'then '}${press}Reset, then Enable.`
+    : `To go on, ${take}${far}${press}Recover.`;
 }
 
 const notice = document.createElement('p');
@@ -183,7 +184,7 @@ function noticed(rig) {
   if (!isCertain || rig.unconfirmedStop) return [];
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
-  if (stillTurns(rig) && !isFast) return [['turns', `The sphere still turns: ${speed.toFixed(2)}\u00a0rad/s`]];
+  if (stillTurns(rig) && !isFast) return [['turns', `${narrow.matches ? 'Still' : 'The sphere still'} turns: ${speed.toFixed(2)}\u00a0rad/s`]];
   const warned = shakes || isWarned(rig);
   const short = warned || (narrow.matches && warnings.length > 0);
   const cut = 1 - state.scale;
@@ -217,6 +218,9 @@ const kept = document.createElement('div');
 kept.id = 'kept';
 $('box').append(kept);
 
+/** The edge below a text that scrolls, with the room above it, px. */
+const EDGE = 5;
+
 /** Lets the box cover the bars if its text needs their room. So nothing moves. */
 function fit() {
   const [box, text, told] = ['box', 'details', 'told'].map($);
@@ -235,8 +239,8 @@ function fit() {
     const { top, bottom } = text.getBoundingClientRect();
     const lines = document.createRange();
     lines.selectNodeContents(text);
-    const ends = [...lines.getClientRects()].map((line) => line.bottom).filter((end) => end < bottom);
-    text.style.maxHeight = `${Math.ceil(Math.max(top, ...ends) - top) + 2}px`;
+    const ends = [...lines.getClientRects()].map((line) => line.bottom).filter((end) => end < bottom - EDGE);
+    text.style.maxHeight = `${Math.ceil(Math.max(top, ...ends) - top) + EDGE}px`;
   }
   // A still longer one pushes the messages down.
   const over = box.getBoundingClientRect().bottom - told.getBoundingClientRect().top;
@@ -377,7 +381,7 @@ function orders(rig) {
       // While the scene is rendered, it has begun elsewhere.
       : rig.beginsHere ? hasTorque(mode) ? `${away.toFixed(2)} rad from reference` : 'The scene begins where the sphere is.'
         : `${away.toFixed(2)} rad from reference${allowed === undefined ? '' : narrow.matches
-            ? hasTorque(mode) ? '' : `; Enable works to ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
+            ? hasTorque(mode) ? '' : `; limit ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
 }
 
 function meters(rig) {
