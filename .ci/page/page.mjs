@@ -182,7 +182,7 @@ const insight = (...texts) => until(`in sight at ${JSON.stringify(page.viewportS
   return all.every((text) => {
     const it = [...box.querySelectorAll("#notice span, #details p")].find(({ textContent }) => textContent.includes(text));
     const [{ left, top, right, bottom } = {}] = it?.getClientRects() ?? [];
-    const found = [[left + 2, top + 4], [Math.min(right, left + 80), bottom - 4]].map((at) => document.elementFromPoint(...at));
+    const found = [[left + 2, top + 4], [Math.min(right - 2, left + 80), bottom - 4]].map((at) => document.elementFromPoint(...at));
     return found.every((one) => one === it || it.contains(one));
   });
 }, texts), 5);
