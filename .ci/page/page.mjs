@@ -1154,6 +1154,7 @@ await shows("#keys", "Connected again: STOP reaches the rig");
 // One thing after the other: STOP works again.
 assert.match(await text("#details"), /^Connected again: .* Press STOP\.\s*If it pushes on, cut the motors' power\./);
 assert.equal(await text("#notice"), "");
+assert(!await page.locator("#lease.next").count(), "another next step than the box says");
 assert(!await page.evaluate(() => document.body.classList.contains("old")), "grey");
 await bars();
 await picture("pushes-again");

@@ -315,9 +315,8 @@ class Drawing {
     this.full.push(...[0.5 * tip, tip, 1].map((part) => this.around(at(part), THICK)));
     this.text(at(tip), `${length(torque).toFixed(2)} N m`, colour, 24, 'torque');
     // An arc about the arrow shows the sense of rotation, by the right-hand rule.
-    const [a, b] = across(direction);
-    const arc = angles(20, 4.6).map((t) => add(
-      at(0.6 * tip), add(scaled(a, 0.2 * Math.cos(t)), scaled(b, 0.2 * Math.sin(t)))));
+    const [a, b] = across(direction).map((it) => scaled(it, 0.09 + 0.15 * tip));
+    const arc = angles(20, 4.6).map((t) => add(at(0.6 * tip), add(scaled(a, Math.cos(t)), scaled(b, Math.sin(t)))));
     this.line(arc, colour, 3, [alpha, alpha]);
     this.head(this.point(arc[18]), this.point(arc[20]), 12, colour, alpha);
   }

@@ -342,7 +342,7 @@ function bar(rig) {
   put($('lease'), button);
   $('who').classList.toggle('warn', rig.lease.who === 'free' && hasTorque(rig.state?.mode));
   $('lease').disabled = !rig.isLive;
-  $('lease').classList.toggle('next', rig.isLive && rig.lease.who === 'free');
+  $('lease').classList.toggle('next', rig.isCertain && !rig.unconfirmedStop && rig.lease.who === 'free');
   $('lease').title = rig.isLive ? '' : 'Nothing is heard from the server.';
 }
 
