@@ -84,11 +84,13 @@ export class Controls {
       Object.keys(effect).map((key) => form(this.rig.value(effect, key)))]));
     if (key !== this.built) {
       const opened = new Set([...this.root.querySelectorAll('details[open]')].map((it) => it.dataset.id));
-      const first = this.built === '' || opened.size === 0;
-      this.built = key;
+      // Another scene, and not another form of a value.
+      const ids = effects.map(({ id }) => id).join('\n');
+      const another = ids !== this.ids;
+      [this.built, this.ids] = [key, ids];
       this.updates = [];
       const parts = effects.map((effect, k) => this.effect(effect.id, k,
-        opened.has(effect.id) || (first && k === 0)));
+        opened.has(effect.id) || (another && k === 0)));
       this.root.replaceChildren(...parts);
     }
     for (const update of this.updates) update();

@@ -145,12 +145,11 @@ for (const op of ['enable', 'disable', 'reset']) $(op).onclick = () => ask(op);
 // A stop between the two makes the server refuse the second.
 $('recover').onclick = async () => await ask('reset', {}, 'recover') && ask('enable', {}, 'recover');
 
-let took = -Infinity;
 $('lease').onclick = async () => {
   const { who, by } = rig.lease;
   if (who === 'mine') {
     // The second click on the button that took command.
-    if (performance.now() - took < AGAIN) return;
+    if (performance.now() - rig.mineSince < AGAIN) return;
     hand.letGo();
     if (await ask('release')) rig.lease = { who: 'free' };
   } else if (who === 'other' && hasTorque(rig.state?.mode)) {
@@ -164,10 +163,7 @@ $('lease').onclick = async () => {
 };
 async function acquire(steal) {
   $('question').hidden = true;
-  if (await ask('acquire', { steal }, 'take over')) {
-    rig.mine();
-    took = performance.now();
-  }
+  if (await ask('acquire', { steal }, 'take over')) rig.mine();
   changed();
 }
 $('yes').onclick = () => acquire(true);

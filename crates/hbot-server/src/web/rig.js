@@ -132,6 +132,7 @@ export class Rig {
   }
 
   mine() {
+    if (this.lease.who !== 'mine') this.mineSince = performance.now();
     this.lease = { who: 'mine' };
     // What is over is no warning any more.
     for (const message of this.messages) if (message.text.endsWith(TAKEN)) message.weight = '';
