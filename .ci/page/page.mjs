@@ -43,6 +43,7 @@ async function picture(name) {
       await page.waitForTimeout(200);
       await page.screenshot({ path: `${pictures}/${name}-${size}${colorScheme === "dark" ? "-dark" : ""}.png` });
       if (size === "desk") await contrasts(`${name}, ${colorScheme}`);
+      await wholeLines();
     }
   }
   await page.setViewportSize(SIZES.desk);
@@ -106,6 +107,56 @@ async function apart() {
   });
   assert.deepEqual(over, []);
 }
+/** Checks that no line in the box is cut through, and that red is for STOP alone, or for a stop that is not confirmed. */
+async function wholeLines() {
+  const [cut, red] = await page.evaluate(() => {
+    const text = document.getElementById("details");
+    const bottom = text.getBoundingClientRect().top + text.clientHeight;
+    const all = document.createTreeWalker(text, NodeFilter.SHOW_TEXT);
+    const lines = [];
+    while (all.nextNode()) {
+      const range = document.createRange();
+      range.selectNodeContents(all.currentNode);
+      lines.push(...range.getClientRects());
+    }
+    const probe = Object.assign(document.createElement("i"), { style: "color: var(--stop)" });
+    document.body.append(probe);
+    const stop = getComputedStyle(probe).color;
+    probe.remove();
+    const looks = (it) => ["color", "backgroundColor", "borderTopColor"].map((part) => getComputedStyle(it)[part]);
+    return [text.scrollTop > 0 ? [] : lines.filter((it) => it.top < bottom - 3 && it.bottom > bottom + 3).map((it) => it.top),
+      [...document.querySelectorAll("body *")].filter((it) => (
+        it.checkVisibility() && !it.closest("#stop") && looks(it).includes(stop))).map((it) => it.id || it.outerHTML)];
+  });
+  assert.deepEqual(cut, [], `a line is cut through at ${JSON.stringify(page.viewportSize())}`);
+  const unsure = await page.evaluate(() => document.body.dataset.head === "not-stopped");
+  assert.deepEqual(red.filter((id) => !(unsure && ["box", "chip"].includes(id))), [], "red");
+}
+/** What the box looks like in each state, without its colours. */
+const looks = {};
+/** Notes the look of the present state, whose word is large and whose torque is that of the state, or which says how old it is. */
+async function look() {
+  const [head, size, now, ...all] = await page.evaluate(() => {
+    const [box, before] = [getComputedStyle(document.getElementById("box")), getComputedStyle(document.getElementById("headline"), "::before")];
+    const card = getComputedStyle(document.documentElement).backgroundColor;
+    const light = (colour) => colour.match(/[\d.]+/g).slice(0, 3).reduce((sum, x) => sum + +x, 0) / (colour.startsWith("color") ? 3 : 765);
+    return [document.getElementById("headline").textContent, getComputedStyle(document.getElementById("headline")).fontSize,
+      document.getElementById("now").innerText, before.clipPath, before.borderTopStyle, box.borderTopStyle, box.borderImageSource !== "none",
+      // Filled, or about as light as the page.
+      Math.abs(light(box.backgroundColor) - light(card)) > 0.1];
+  });
+  assert(parseFloat(size) >= 28, `${head}: ${size}`);
+  assert.match(now, /^(NO|NOT) /.test(head) ? /^\d+\s*s\s*since the last word$/ : /^\d\.\d\d\s*N m\s*torque, limit 0\.90$/, `${head}: ${now}`);
+  looks[head] = JSON.stringify(all);
+}
+/** Checks that what is locked is dashed and says why, and what is not locked is neither. */
+async function locks() {
+  const wrong = await page.evaluate(() => [...document.querySelectorAll("#orders button, #lease, #load")].filter((it) => {
+    const { borderTopStyle } = getComputedStyle(it);
+    return it.disabled !== (borderTopStyle === "dashed") || (it.disabled && !it.title);
+  }).map((it) => it.outerHTML));
+  assert.deepEqual(wrong, []);
+}
 /** Returns which buttons stand out as the next step. */
 const next = () => page.$$eval("#orders .next", (all) => all.map((it) => it.id));
 /**
@@ -113,7 +164,7 @@ const next = () => page.$$eval("#orders .next", (all) => all.map((it) => it.id))
  * and Disable, which reach a rig that may still hear.
  */
 async function grey() {
-  const loud = () => page.evaluate(() => [...document.querySelectorAll("#orders button:not(#disable), #lease, #release, #load, #loadtext")]
+  const loud = () => page.evaluate(() => [...document.querySelectorAll("#orders button:not(#disable), #lease, #load, #loadtext")]
     .filter((it) => !it.disabled).map((it) => it.id)
     .concat(["torque", "angle"].filter((name) => window.written[name].includes("now")))
     .concat(document.querySelector("#effects").inert ? [] : ["effects"])
@@ -131,7 +182,7 @@ const insight = (...texts) => until(`in sight at ${JSON.stringify(page.viewportS
   return all.every((text) => {
     const it = [...box.querySelectorAll("#notice span, #details p")].find(({ textContent }) => textContent.includes(text));
     const [{ left, top, right, bottom } = {}] = it?.getClientRects() ?? [];
-    const found = [[left + 2, top + 4], [Math.min(right, left + 80), bottom - 4]].map((at) => document.elementFromPoint(...at));
+    const found = [[left + 2, top + 4], [Math.min(right - 2, left + 80), bottom - 4]].map((at) => document.elementFromPoint(...at));
     return found.every((one) => one === it || it.contains(one));
   });
 }, texts), 5);
@@ -164,8 +215,9 @@ async function places() {
     all.push(await page.evaluate(() => {
       window.scrollTo(0, 0);
       return ["stop", "orders", "box", "distance", "meters", "sphere", "plots"].map((id) => {
-        const { x, y, width } = document.getElementById(id).getBoundingClientRect();
-        return `${id}: ${[x, y, width].map(Math.round)}`;
+        const { x, y, width, height } = document.getElementById(id).getBoundingClientRect();
+        // The box grows over the bars.
+        return `${id}: ${[x, y, width, id === "box" ? 0 : height].map(Math.round)}`;
       });
     }));
   }
@@ -182,6 +234,16 @@ const bars = () => until("torque and speed in sight", () => page.$$eval("meter",
   const { x, y, width, height } = it.getBoundingClientRect();
   return document.elementFromPoint(x + width / 2, y + height / 2) === it;
 })));
+/** Checks that the text covers torque and speed in no small window. */
+async function uncovered() {
+  for (const [width, height] of [[640, 360], [844, 390], [360, 640], [1024, 600]]) {
+    await page.setViewportSize({ width, height });
+    await page.waitForTimeout(300);
+    await bars();
+    await wholeLines();
+  }
+  await page.setViewportSize(SIZES.desk);
+}
 /** Checks that no word in sight is smaller than 12 px. */
 async function legible() {
   const small = await page.evaluate(() => [...document.querySelectorAll("body *")].filter((it) => (
@@ -227,20 +289,6 @@ assert(await page.evaluate(() => {
   const [first, list] = ["#messages li", "#messages"].map((it) => document.querySelector(it).getBoundingClientRect());
   return first.top > 0 && first.bottom <= innerHeight && innerHeight - list.bottom < 20;
 }), "the messages are in sight");
-// Take command and Release are alike. On telephones a finger hits more than is seen of them.
-for (const viewport of Object.values(SHOWN)) {
-  await page.setViewportSize(viewport);
-  await page.waitForTimeout(200);
-  const [lease, release] = await page.evaluate(() => ["lease", "release"].map((id) => {
-    const it = document.getElementById(id);
-    const before = getComputedStyle(it, "::before");
-    const { width, height } = it.getBoundingClientRect();
-    return before.content === "none" ? [width, height] : [before.width, before.height, getComputedStyle(it).fontSize];
-  }));
-  const rounded = (size) => size.map((it) => Math.round(parseFloat(it)));
-  assert.deepEqual(rounded(lease), rounded(release), JSON.stringify([viewport, lease, release]));
-}
-await page.setViewportSize(SIZES.desk);
 assert.equal(await page.locator("header").evaluate((it) => getComputedStyle(it).boxShadow), "none", "the line of a real rig");
 
 // Every control has a name, and nothing is wider than a small telephone.
@@ -295,22 +343,22 @@ for (const [width, height] of [[390, 844], [844, 390], [360, 640], [320, 640], [
 await page.setViewportSize(SIZES.desk);
 await page.evaluate(() => document.querySelector("#scene").scrollIntoView());
 
-// A finger finds Release, although it is small on telephones.
+// A finger finds the button of the command, although it is small on telephones.
 for (const [width, height] of [[390, 844], [360, 640]]) {
   await page.setViewportSize({ width, height });
   await page.evaluate(() => window.scrollTo(0, 0));
   await page.waitForTimeout(200);
   const found = await page.evaluate(() => {
-    const { x, y, width: w, height: h } = document.querySelector("#release").getBoundingClientRect();
-    const hits = (dy) => document.elementFromPoint(x + w / 2, y + h / 2 + dy)?.id === "release";
+    const { x, y, width: w, height: h } = document.querySelector("#lease").getBoundingClientRect();
+    const hits = (dy) => document.elementFromPoint(x + w / 2, y + h / 2 + dy)?.id === "lease";
     return Array.from({ length: 61 }, (_, k) => k - 30).filter(hits).length;
   });
-  assert(found >= 44, `Release is ${found} px high at ${width} x ${height}`);
+  assert(found >= 44, `the button is ${found} px high at ${width} x ${height}`);
   // Nor does it miss anything else, or zoom into a field.
   const small = await page.$$eval("button, select, input, summary, textarea", (all) => all.filter((it) => {
     const { width: w, height: h } = (it.closest("label") ?? it).getBoundingClientRect();
     const zooms = it.matches("select, input, textarea") && parseFloat(getComputedStyle(it).fontSize) < 16;
-    return it.checkVisibility() && it.id !== "release" && (w < 44 || h < 44 || zooms);
+    return it.checkVisibility() && (w < 44 || h < 44 || zooms);
   }).map((it) => it.outerHTML));
   assert.deepEqual(small, [], `at ${width} x ${height}`);
 }
@@ -347,10 +395,39 @@ const late = await page.evaluate((tick) => window.late.filter((it) => it < tick 
 // About 94 came.
 assert(late <= 10, `${late} pictures of states from before the end of a pause`);
 
+// One button, which says what it will do and keeps its place. The second click of two releases nothing.
+await locks();
+await look();
+const button = async () => [await text("#lease"), JSON.stringify(await page.locator("#lease").boundingBox())];
+const [takes, where] = await button();
+assert.equal(takes, "Take command");
+await page.evaluate(() => {
+  const lease = document.getElementById("lease");
+  new MutationObserver((_, it) => {
+    it.disconnect();
+    lease.click();
+  }).observe(lease, { childList: true });
+});
 await page.click("#lease");
 await shows("#who", "you command");
-assert(await page.locator("#lease").isDisabled(), "a second click releases nothing");
+assert.deepEqual(await button(), ["Release", where]);
+await page.waitForTimeout(800);
+await shows("#who", "you command");
+await page.click("#lease");
+await shows("#who", "nobody commands");
+await page.click("#lease");
+await shows("#who", "you command");
+await locks();
 await until("the lease", async () => (await watcher.ask("info")).lease.holder === "Chrome on Linux");
+
+// A plot holds its scale until it is clicked. The sphere swings with less than half the limit.
+const scale = () => page.evaluate(() => window.written.torque.find((it) => it.includes("\u00b1"))?.match(/\u00b1\S+/)[0]);
+assert.equal(await scale(), "\u00b11");
+await page.click("#torque");
+await until("a fitted scale", async () => /^\u00b10\.[125]$/.test(await scale()), 5);
+await page.focus("#torque");
+await page.keyboard.press("Enter");
+await until("the usual scale", async () => (await scale()) === "\u00b11", 5);
 
 // The hand turns the sphere, and the spring turns the hand.
 const middle = await page.locator("#sphere").boundingBox().then((box) => ({
@@ -386,6 +463,9 @@ const off = Math.hypot(label.x + label.width / 2 - middle.x, label.y + label.hei
 assert(off < 1.2 * middle.radius, `the force stands ${off} px from the middle of the sphere`);
 await picture("hand");
 await apart();
+// The arrow of the torque has its number.
+await until("the torque at its arrow", () => page.evaluate(() => window.written.sphere.some((it) => /^\d\.\d\d N m$/.test(it))));
+assert.equal(await scale(), "\u00b11");
 // The wheel twists the held sphere about the line of sight.
 await page.mouse.wheel(0, -200);
 await until("the wheel twists it", () => angle(watcher.state.q, held.q) > 0.1);
@@ -571,6 +651,9 @@ const isShown = async () => {
 };
 const both = (stiffness) => ({ name: "Two", effect: [spring, { ...spring, id: "other", stiffness }] });
 await load(both(0.1));
+// Only the first is open. The other says what it is about.
+await until("a folded effect", async () => (await page.locator("#effects details").evaluateAll((all) => all.map((it) => it.open).join())) === "true,false", 5);
+assert.equal(await text("#effects details:nth-of-type(2) .main"), "0.1 N m/rad");
 await until("the mark of the scene", isShown);
 assert.match(await text("#effects details:first-of-type p"), /, the other as set$/);
 const beside = await told();
@@ -609,12 +692,17 @@ await load({ name: "Far", effect: [{ ...spring, anchor: "absolute", reference: [
 await shows("#details", "Enable is refused beyond 0.50 rad");
 await page.click("#stop");
 await shows("#headline", "ESTOP");
-await shows("#distance", "rad from reference: set its anchor to here");
+await shows("#distance", "Enable works up to 0.50 rad.");
+// What to do next is said once.
+assert.equal((await text("body")).match(/anchor to here/g).length, 1);
+await locks();
 assert(await page.locator("#recover").isDisabled(), "the server would refuse");
 assert.match(await page.locator("#recover").getAttribute("title"), /too far from the reference/);
 await page.click("#reset");
 await shows("#headline", "IDLE");
-assert.deepEqual(await next(), ["enable"]);
+await look();
+// The box says another step first.
+assert.deepEqual(await next(), []);
 await page.click("#enable");
 await shows("#details", "Not enabled: op enable: the reference of effect \"spring\"");
 await until("a refused Enable is off", () => page.locator("#enable").isDisabled());
@@ -664,8 +752,21 @@ for (const viewport of Object.values(SHOWN)) {
 }
 await page.setViewportSize(SIZES.desk);
 await picture("stopped");
+await look();
+await locks();
+// STOP says that it has stopped, in its place, and still works.
+await shows("#keys", "stopped, 0.00 N m");
+const [filled, shape] = await page.locator("#stop").evaluate((it) => [
+  getComputedStyle(it).backgroundColor === getComputedStyle(it).borderTopColor, JSON.stringify(it.getBoundingClientRect())]);
+assert(!filled, "STOP is outlined");
+await page.evaluate(() => { window.stopTick = null; });
+await page.click("#stop");
+await until("STOP works after a stop", () => page.evaluate(() => window.stopTick));
 await page.click("#recover");
 await watcher.mode("active");
+await shows("#keys", "Esc or Space stops");
+assert.deepEqual(await page.locator("#stop").evaluate((it) => [
+  getComputedStyle(it).backgroundColor === getComputedStyle(it).borderTopColor, JSON.stringify(it.getBoundingClientRect())]), [true, shape]);
 
 // Space stops in a text field too, and presses no button.
 await page.locator("#astext").evaluate((it) => (it.open = true));
@@ -709,7 +810,7 @@ assert.deepEqual(await places(), before);
 for (const viewport of Object.values(SIZES)) {
   await page.setViewportSize(viewport);
   await page.waitForTimeout(300);
-  assert(await page.evaluate(() => document.getElementById("box").scrollHeight <= document.getElementById("box").clientHeight),
+  assert(await page.evaluate(() => ["box", "details"].map((id) => document.getElementById(id)).every((it) => it.scrollHeight <= it.clientHeight)),
     `at ${viewport.width} px the text of the fault does not fit`);
   await bars();
   await legible();
@@ -719,6 +820,8 @@ await ticks();
 await bars();
 assert.deepEqual(await next(), ["reset"], "the remedy of a fault begins with Reset");
 await picture("fault");
+await look();
+await uncovered();
 await load({ name: "A good line", effect: [spring], simulate: {} });
 // A stop leaves the fault in sight.
 const fault = watcher.state.fault;
@@ -727,6 +830,7 @@ await shows("#details", `Before the stop: ${fault}.`);
 await shows("#details", "Stopped by watcher");
 assert.equal((await text("#details")).match(/Reset, then Enable/g).length, 1, "said twice");
 await picture("fault-stopped");
+await uncovered();
 // For some ticks the cause is still there, and the server refuses.
 const recovers = () => until("the rig recovers", async () => {
   for (const button of ["#recover", "#reset", "#enable"]) {
@@ -785,10 +889,9 @@ server.kill("SIGSTOP");
 await shows("#headline", "NO CONTACT");
 await shows("#keys", UNHEARD);
 await shows("#hint", "Last heard");
-await shows("#details", "is not known. It is simulated and has no motors.");
+await shows("#details", "is not known. Simulated: nothing real moves.");
 await bars();
 await grey();
-await picture("silent");
 const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
 assert.deepEqual(await end(), [["last heard"], ["last heard"]]);
 const dots = () => page.evaluate(() => {
@@ -797,16 +900,29 @@ const dots = () => page.evaluate(() => {
   return { [weak]: "grey", [axis3]: "coloured" }[window.dots.curves];
 });
 await until("grey dots", async () => (await dots()) === "grey", 5);
+await locks();
+await look();
+// Long pictures last: the page soon makes a new connection, and has no state then.
+await picture("silent");
 // Again, because the page soon makes a new connection to a server that is silent.
 server.kill("SIGCONT");
 await shows("#headline", "ACTIVE");
 server.kill("SIGSTOP");
 await page.keyboard.press("Escape");
 await shows("#headline", "NOT STOPPED");
-await shows("#details", "It is simulated and has no motors.");
+await shows("#details", "Simulated: nothing real moves.");
+const stripes = () => page.evaluate(() => getComputedStyle(document.body).getPropertyValue("--stripe").trim()
+  === getComputedStyle(document.body).getPropertyValue("--stop").trim());
+// While it is known that the rig is simulated.
+assert(!await stripes(), "a simulated rig is as loud as a real one");
 await bars();
 await grey();
 await picture("not-stopped");
+await uncovered();
+await look();
+// No state looks like another, also for an eye that sees no colours.
+assert.deepEqual(Object.keys(looks).sort(), ["ACTIVE", "ESTOP", "FAULT", "IDLE", "NO CONTACT", "NOT STOPPED"]);
+assert.equal(new Set(Object.values(looks)).size, 6, JSON.stringify(looks, null, 1));
 server.kill("SIGCONT");
 await shows("#rig", "Hz");
 // The server may have read the stop when it went on. One that found no server is lost, and asked for again.
@@ -909,7 +1025,13 @@ await range("2");
 await page.evaluate(() => { window.hides = true; });
 await number.fill("0.1");
 await number.press("Enter");
+// The scale holds until it is clicked.
+await page.waitForTimeout(300);
+await range("2");
+await page.click("#curves");
 await range("0.5");
+await page.click("#curves");
+await range("2");
 await page.evaluate(() => { window.hides = false; });
 
 // What the limits cut has the colour of the torque, and not that of a warning.
@@ -1022,9 +1144,11 @@ const sent = lines.indexOf("STOP sent, not confirmed yet");
 assert(sent >= 0 && lines[sent + 1] === UNHEARD, lines.join("\n"));
 await bars();
 await picture("not-stopped-live");
+await uncovered();
+assert(await stripes(), "the stripes of a real rig");
 server.kill("SIGCONT");
 await proved();
-await shows("#keys", "Esc or Space stops, anywhere here");
+await shows("#keys", "stopped, 0.00 N m");
 
 // A stop that is lost with its server, and the next server pushes: its states are no old ones.
 const last = server.ports;
@@ -1034,10 +1158,11 @@ await page.keyboard.press("Escape");
 await shows("#headline", "NOT STOPPED");
 server = await Server.start(hbot, last);
 await shows("#details", "Connected again: the rig is ACTIVE and pushes. Press STOP.");
-await shows("#keys", "Connected again: press STOP");
+await shows("#keys", "Connected again: STOP reaches the rig");
 // One thing after the other: STOP works again.
 assert.match(await text("#details"), /^Connected again: .* Press STOP\.\s*If it pushes on, cut the motors' power\./);
 assert.equal(await text("#notice"), "");
+assert(!await page.locator("#lease.next").count(), "another next step than the box says");
 assert(!await page.evaluate(() => document.body.classList.contains("old")), "grey");
 await bars();
 await picture("pushes-again");

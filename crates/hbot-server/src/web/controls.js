@@ -2,6 +2,7 @@
 
 import { put } from './state.js';
 import { roundUp } from './plot.js';
+import { PUSHES } from './rig.js';
 import { converted, explain, fits, heads, mayBeAbsent, shape } from './schema.js';
 
 /** The slider of a stiffness reaches the rig's torque limit at this deflection, rad. */
@@ -12,6 +13,8 @@ const DAMPING_SHARE = 0.02;
 const FAR = 100;
 /** The least value above 0 on such a slider if 0 is legal: this part of the default, or this value. */
 const [LEAST_PART, LEAST] = [0.1, 0.001];
+/** Units of what an effect is about, the most important first: it pushes at rest, or brakes. */
+const MAIN = [PUSHES, /^N m/];
 /** Steps from one end of a slider to the other. */
 const STEPS = 400;
 
@@ -81,11 +84,13 @@ export class Controls {
       Object.keys(effect).map((key) => form(this.rig.value(effect, key)))]));
     if (key !== this.built) {
       const opened = new Set([...this.root.querySelectorAll('details[open]')].map((it) => it.dataset.id));
-      const first = this.built === '' || opened.size === 0;
-      this.built = key;
+      // Another scene, and not another form of a value.
+      const ids = effects.map(({ id }) => id).join('\n');
+      const another = ids !== this.ids;
+      [this.built, this.ids] = [key, ids];
       this.updates = [];
       const parts = effects.map((effect, k) => this.effect(effect.id, k,
-        opened.has(effect.id) || (first && (effects.length <= 2 || k === 0))));
+        opened.has(effect.id) || (another && k === 0)));
       this.root.replaceChildren(...parts);
     }
     for (const update of this.updates) update();
@@ -96,6 +101,15 @@ export class Controls {
     const kind = this.rig.kind(of().kind);
     const summary = make('summary', { title: kind?.description ?? '' },
       make('strong', {}, id), make('span', { className: 'weak' }, of().kind === id ? '' : ` ${of().kind}`));
+    // What it is about, for when it is folded.
+    const about = make('span', { className: 'main' });
+    summary.append(about);
+    const [[key, { unit }] = ['', {}]] = MAIN.flatMap((units) => (
+      Object.entries(kind?.schema.properties ?? {}).filter(([, { unit = '' }]) => units.test(unit))));
+    this.updates.push(() => {
+      const x = this.rig.value(of(), key);
+      put(about, typeof x === 'number' ? `${plain(x)} ${unit}` : x ? `${key.replaceAll('_', ' ')}: ${Array.isArray(x[0]) ? 'matrix' : 'list'}` : '');
+    });
     const box = make('details', { open }, summary);
     box.dataset.id = id;
     if (!kind) {

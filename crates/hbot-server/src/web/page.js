@@ -5,10 +5,10 @@ import { Controls } from './controls.js';
 import { Hand } from './hand.js';
 import { Link } from './link.js';
 import { length, rotation } from './maths.js';
-import { plot, plotCurves } from './plot.js';
+import { plot, plotCurves, rescale } from './plot.js';
 import { Rig, hasTorque } from './rig.js';
 import { Camera, draw, shared } from './sphere.js';
-import { narrow, put, showMessages, showState, touch, withCode } from './state.js';
+import { isStopped, narrow, put, showMessages, showState, touch, withCode } from './state.js';
 
 /** States per second that the page asks for. */
 const STATES = 60;
@@ -22,6 +22,8 @@ const RENEW_AFTER = 4000;
 const WORDS_EVERY = 100;
 /** A plot is drawn at most this often, ms: in every second frame of the usual 60 a second. */
 const PLOT_EVERY = 25;
+/** A click so soon after the one that took command is no wish to release it, ms. */
+const AGAIN = 700;
 /** The hand that turns the simulated sphere: N m/rad, N m s/rad, kg m². */
 const HAND = { stiffness: 3, damping: 0.05, inertia: 0.002 };
 
@@ -143,9 +145,14 @@ for (const op of ['enable', 'disable', 'reset']) $(op).onclick = () => ask(op);
 // A stop between the two makes the server refuse the second.
 $('recover').onclick = async () => await ask('reset', {}, 'recover') && ask('enable', {}, 'recover');
 
-$('lease').onclick = () => {
+$('lease').onclick = async () => {
   const { who, by } = rig.lease;
-  if (who === 'other' && hasTorque(rig.state?.mode)) {
+  if (who === 'mine') {
+    // The second click on the button that took command.
+    if (performance.now() - rig.mineSince < AGAIN) return;
+    hand.letGo();
+    if (await ask('release')) rig.lease = { who: 'free' };
+  } else if (who === 'other' && hasTorque(rig.state?.mode)) {
     const name = rig.name(by);
     put($('asked'), `Take over from ${name}?`);
     put($('consequence'), `The sphere pushes, and ${name} commands it. The scene goes on when you take `
@@ -153,10 +160,6 @@ $('lease').onclick = () => {
     $('question').hidden = false;
     $('no').focus();
   } else acquire(who === 'other');
-};
-$('release').onclick = async () => {
-  hand.letGo();
-  if (await ask('release')) rig.lease = { who: 'free' };
 };
 async function acquire(steal) {
   $('question').hidden = true;
@@ -215,15 +218,30 @@ const tall = matchMedia('(min-width: 44.01rem) and (min-height: 44.01rem)');
 tall.onchange = () => $(tall.matches ? 'left' : 'right').append(told);
 tall.onchange();
 
-for (const id of ['legend', 'torque', 'angle', 'curves']) $(id).title = $('terms').textContent;
+// On a telephone the box scrolls out of sight.
+new IntersectionObserver(([{ isIntersecting }]) => document.body.classList.toggle('away', !isIntersecting)).observe($('headline'));
+
+for (const id of ['legend', 'torque', 'angle', 'curves']) {
+  $(id).title = $('terms').textContent;
+  if (id === 'legend') continue;
+  $(id).title += ` ${$('scales').textContent}`;
+  $(id).onclick = () => {
+    rescale($(id));
+    changed();
+  };
+  $(id).onkeydown = (event) => event.key === 'Enter' && $(id).onclick();
+}
 
 function showRights() {
   const may = rig.commands;
-  for (const id of ['load', 'loadtext']) $(id).disabled = !may;
+  for (const id of ['load', 'loadtext']) {
+    $(id).disabled = !may;
+    $(id).title = may ? '' : 'Only who commands can load a scene.';
+  }
   $('effects').toggleAttribute('inert', !may);
   $('observer').hidden = may || !(rig.state || rig.closed);
   put($('observer'), !rig.hello ? 'Not connected' : !rig.isLive ? 'No contact'
-    : rig.lease.who === 'other' ? 'Take over to change' : 'Take command to change');
+    : 'Locked: you observe');
   if (rig.lease.who !== 'other' || !rig.isLive || !hasTorque(rig.state.mode)) $('question').hidden = true;
   const list = $('warnings');
   const told = JSON.stringify(rig.warnings);
@@ -253,16 +271,18 @@ function showRights() {
   put($('hint'), hint());
   const trouble = stopTrouble();
   put($('keys'), trouble || (touch.matches ? '' : 'Esc or Space stops, anywhere here'));
+  $('stop').title = isStopped(rig) ? 'The stop is confirmed. STOP works on.' : '';
   $('keys').classList.toggle('warn', trouble !== '');
 }
 
-/** Returns why STOP may not work as usual, or that it is on its way. */
+/** Returns why STOP may not work as usual, that it is on its way, or that it has worked. */
 function stopTrouble() {
   if (!rig.hello) return 'No connection: STOP cannot reach the rig';
-  if (rig.isBack) return 'Connected again: press STOP';
+  if (isStopped(rig)) return `stopped, ${length(rig.state.torque).toFixed(2)} N m`;
+  if (rig.isBack) return 'Connected again: STOP reaches the rig';
   if (rig.unconfirmedStop || !(rig.isLive || rig.stop)) return 'No answer: STOP may not reach the rig';
   if (rig.stop) return 'STOP sent, not confirmed yet';
-  return touch.matches || document.hasFocus() ? '' : 'The keys go elsewhere: press STOP';
+  return touch.matches || document.hasFocus() ? '' : 'The keys go elsewhere: this button stops';
 }
 
 /** Returns what the hand can do with the picture. */
@@ -274,7 +294,7 @@ function hint() {
     return touch.matches || narrow.matches ? 'Drag the sphere to turn it. Beside it or with two fingers: the view.'
       : 'Drag the sphere to turn it, or use the arrow keys. With Shift, beside it or with two fingers: the view.';
   }
-  return rig.isSimulated ? `Press ${$('lease').textContent} to turn the sphere. Now a drag turns the view.`
+  return rig.isSimulated ? 'A drag turns the view. Only who commands can turn the sphere.'
     : `Drag to turn the view, double ${touch.matches ? 'tap' : 'click'} to turn it back.`;
 }
 
@@ -347,10 +367,11 @@ function showPlot() {
   odd = !odd;
   if (odd) {
     plot($('torque'), samples, colours, {
-      name: "torque about N's axes, N m", short: 'torque, N m', of: (s) => s.torque, least: 0.02, end, total: true, limit: rig.info?.limits.torque });
+      name: "torque about N's axes", short: 'torque', of: (s) => s.torque, usual: rig.info?.limits.torque || 1, unit: 'N m', end, total: true, limit: rig.info?.limits.torque });
   } else {
     plot($('angle'), samples, colours, {
-      name: `angle from ${rig.origin}${rig.origin === 'N' ? " (the rig's frame)" : ''}, rad`, short: `from ${rig.origin}, rad`, of: (s) => s.angle, least: 0.02, end,
+      name: `angle from ${rig.origin}${rig.origin === 'N' ? " (the rig's frame)" : ''}`, short: `from ${rig.origin}`, of: (s) => s.angle,
+      usual: rig.info?.limits.enable_max_angle || 0.5, unit: 'rad', end,
       // Beyond half a turn the least rotation is the other way round.
       jump: Math.PI, steps: true });
     showCurves();

@@ -9,6 +9,9 @@ const ROOM = [20, 8, 16, 44];
 /** A point of a curve may lie beside the line that is drawn by this much, CSS pixels. */
 const TOLERANCE = 0.25;
 
+/** The least full scale. */
+const LEAST = 0.02;
+
 /** Time between two samples from which on no line joins them, s. */
 const GAP = 0.5;
 
@@ -35,6 +38,23 @@ export function prepare(canvas) {
 export function roundUp(x) {
   const decade = 10 ** Math.floor(Math.log10(x));
   return [1, 2, 5, 10].map((k) => k * decade).find((y) => y >= x * (1 - 1e-9)) ?? x;
+}
+
+/** Of each canvas the full scale: `usual`, that which it holds, and that which its values need. */
+const scales = new Map();
+
+/** Returns the full scale that a plot holds. It only grows. */
+function hold(canvas, usual, needed) {
+  const held = scales.get(canvas);
+  const end = Math.max(held?.usual === usual ? held.end : usual, needed);
+  scales.set(canvas, { usual, end, needed });
+  return end;
+}
+
+/** Fits the full scale of a plot to what it shows, or brings the usual one back. */
+export function rescale(canvas) {
+  const held = scales.get(canvas);
+  if (held) held.end = held.end > held.needed ? held.needed : Math.max(held.usual, held.needed);
 }
 
 /** Draws a line through points whose `x` grows, without those that lie within TOLERANCE of it. */
@@ -76,13 +96,14 @@ function isStep(samples, k) {
 }
 
 /**
- * Draws a plot. `of` returns the three components of a sample, and `least` is the smallest range.
+ * Draws a plot. `of` returns the three components of a sample, in `unit`. The full scale is `usual` or
+ * more, or fitted to the values, at least LEAST.
  * Where there is no room for `name`, the legend has `short`. `end` says what the newest sample is. With
- * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn once a sample comes near. A
+ * `total`, the length of the vector is a fourth curve. A `limit` of it is drawn if the scale has it. A
  * change by more than `jump` is no line, nor is a time without samples. With `steps`, nor
  * is a step of the reference. Values that come near to `jump` have it as the end of their axis.
  */
-export function plot(canvas, samples, colours, { name, short = name, of, least, end: last, total, limit, jump = Infinity, steps }) {
+export function plot(canvas, samples, colours, { name, short = name, of, usual, unit, end: last, total, limit, jump = Infinity, steps }) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
   const now = samples.at(-1)?.t ?? 0;
@@ -99,13 +120,13 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
       || (steps && isStep(shown, k))) runs.push([]);
     runs.at(-1).push(sample);
   });
-  let most = least;
+  let most = LEAST;
   for (const sample of shown) {
     for (const curve of curves) most = Math.max(most, Math.abs(curve.at(sample)));
   }
-  // The line needs room above it.
-  const limited = limit > 0 && most > 0.8 * limit;
-  const end = most > 0.6 * jump ? jump : roundUp(limited ? Math.max(most, 1.1 * limit) : most);
+  const end = hold(canvas, roundUp(usual), most > 0.6 * jump ? jump : roundUp(most));
+  const limited = limit > 0 && limit < end;
+  const full = `\u00b1${+end.toPrecision(3)} ${unit}`;
   const x = (t) => left + (width - left - right) * (1 + (t - now) / SPAN);
   const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
   c.font = '12px system-ui, sans-serif';
@@ -130,9 +151,8 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
   }
   c.textAlign = 'left';
   c.fillStyle = colours.text;
-  const labels = [...curves.map(({ label }) => label), ...(limited ? ['limit'] : [])];
-  const room = width - left - right - labels.reduce((sum, label) => sum + c.measureText(label).width + 10, 4);
-  const title = c.measureText(name).width > room ? short : name;
+  const room = width - left - right - curves.reduce((sum, { label }) => sum + c.measureText(label).width + 10, 4);
+  const title = [`${name}, ${full}`, `${short}, ${full}`, `${short}, ${unit}`].find((it) => c.measureText(it).width <= room) ?? unit;
   c.fillText(title, left, 9);
   let at = left + c.measureText(title).width + 14;
   for (const curve of curves) {
@@ -167,8 +187,8 @@ export function plot(canvas, samples, colours, { name, short = name, of, least, 
 export function plotCurves(canvas, { curves, old }, present, live, colours, limit) {
   const { context: c, width, height } = prepare(canvas);
   const [top, right, bottom, left] = ROOM;
-  const largest = Math.max(0.02, ...curves.flat().map(([, torque]) => Math.abs(torque)));
-  const end = roundUp(limit > 0 ? Math.min(largest, 1.25 * limit) : largest);
+  const largest = Math.max(LEAST, ...curves.flat().map(([, torque]) => Math.abs(torque)));
+  const end = hold(canvas, roundUp(limit > 0 ? 1.25 * limit : LEAST), roundUp(limit > 0 ? Math.min(largest, 1.25 * limit) : largest));
   const clamp = (v) => Math.max(-end, Math.min(end, v));
   const x = (angle) => left + (width - left - right) * (0.5 + angle / (2 * Math.PI));
   const y = (v) => top + (height - top - bottom) * (0.5 - (0.5 * v) / end);
@@ -196,8 +216,9 @@ export function plotCurves(canvas, { curves, old }, present, live, colours, limi
   }
   c.textAlign = 'left';
   c.fillStyle = colours.text;
-  c.fillText('scene, N m about', left, 9);
-  let at = left + c.measureText('scene, N m about').width + 8;
+  const title = `scene, \u00b1${+end.toPrecision(2)} N m about`;
+  c.fillText(title, left, 9);
+  let at = left + c.measureText(title).width + 8;
   c.lineWidth = 1.5;
   curves.forEach((curve, k) => {
     c.fillStyle = colours.axes[k];

@@ -19,7 +19,7 @@ const TORQUE = new Set(['enabling', 'active']);
 export const hasTorque = (mode) => TORQUE.has(mode);
 
 /** Units of what makes a torque at rest. */
-const PUSHES = /^(N m(\/rad)?|kg)$/;
+export const PUSHES = /^(N m(\/rad)?|kg)$/;
 
 /** A speed is judged by its largest value in this time, so that what is said does not flicker, s. */
 const RECENT = 0.5;
@@ -132,6 +132,7 @@ export class Rig {
   }
 
   mine() {
+    if (this.lease.who !== 'mine') this.mineSince = performance.now();
     this.lease = { who: 'mine' };
     // What is over is no warning any more.
     for (const message of this.messages) if (message.text.endsWith(TAKEN)) message.weight = '';
@@ -337,6 +338,11 @@ export class Rig {
   get silentFor() {
     const silent = performance.now() - this.heard;
     return this.hello && silent > (this.unconfirmedStop ? SILENT_AFTER_STOP : SILENT_AFTER) ? silent / 1000 : null;
+  }
+
+  /** Returns the time since the last word of a server, s. Null if there was none. */
+  get unheardFor() {
+    return this.wasSimulated === null ? null : (performance.now() - this.heard) / 1000;
   }
 
   get isLive() {

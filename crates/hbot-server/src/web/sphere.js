@@ -8,8 +8,8 @@ import { prepare } from './plot.js';
 const [REACH, AXIS] = [1.62, 1.25];
 /** Room for the name of an axis, px. */
 const NAME = 20;
-/** Length of the torque's arrow: the least, and what the rig's limit adds. */
-const TORQUE = [0.14, 0.26];
+/** Length of the torque's arrow at the rig's limit, the least part of it that is drawn, and its width, px. */
+const [FULL, LEAST, THICK] = [1.4, 0.08, 9];
 const CIRCLE = 48;
 /** Height of a text, px. Where it may stand: turned from the usual direction, rad, and further, px. */
 const LINE = 14;
@@ -143,9 +143,9 @@ class Drawing {
     this.head(this.point(from), this.point(to), 5 + 2 * width, colour, this.hides(to) ? 0.35 : 1);
   }
 
-  /** Notes a text for `write`, to stand `beyond` px behind the point p, seen from the centre. */
-  text(p, text, colour, beyond = 0) {
-    this.texts.push({ at: this.point(p), text, colour, beyond });
+  /** Notes a text for `write`, to stand `beyond` px behind the point p, seen from the centre. A text that changes has a `key`. */
+  text(p, text, colour, beyond = 0, key = text) {
+    this.texts.push({ at: this.point(p), text, colour, beyond, key });
   }
 
   /** Returns the rectangle of a noted text at one of its places. */
@@ -174,9 +174,9 @@ class Drawing {
         return room.reduce((sum, other) => sum + shared(rect, other), 0) - 4 * inside + 2 * k;
       });
       let best = costs.indexOf(Math.min(...costs));
-      const last = taken.get(noted.text);
+      const last = taken.get(noted.key);
       if (last !== undefined && costs[last] < costs[best] + STAYS) best = last;
-      taken.set(noted.text, best);
+      taken.set(noted.key, best);
       const rect = this.rectangle(noted, PLACES[best]);
       room.push(rect);
       const [x, y] = [(rect[0] + rect[2]) / 2, (rect[1] + rect[3]) / 2];
@@ -292,15 +292,33 @@ class Drawing {
     // Below one hundredth of the limit the direction is not meaningful.
     if (!direction || share < 0.01) return;
     const colour = this.colours.torque;
-    const tip = 1 + TORQUE[0] + TORQUE[1] * Math.min(share, 1);
-    this.arrow(direction, scaled(direction, tip), colour, 5);
-    this.full.push(this.around(scaled(direction, tip), 8), this.around(scaled(direction, 1.08), 8));
+    const at = (part) => scaled(direction, FULL * part);
+    const tip = Math.min(Math.max(share, LEAST), 1);
+    const [from, to] = [[0, 0, 0], at(tip)].map((p) => this.point(p));
+    const run = Math.hypot(to[0] - from[0], to[1] - from[1]);
+    const alpha = dot(direction, this.frame.eye) < 0 ? 0.8 : 1;
+    // A thin line with an end shows how long the arrow is at the limit.
+    const side = scaled(across(direction)[0], 0.09);
+    this.line(segment([0, 0, 0], at(1)), colour, 1.5, [0.9, 0.5]);
+    this.line([add(at(1), side), add(at(1), scaled(side, -1))], colour, 2, [0.9, 0.5]);
+    const head = Math.min(3 * THICK, 0.7 * run);
+    const neck = from.map((x, k) => to[k] - (head * 0.8 * (to[k] - x)) / Math.max(run, 1));
+    const { c } = this;
+    for (const [stroke, width] of [[this.colours.ground, THICK + 3], [colour, THICK]]) {
+      Object.assign(c, { strokeStyle: stroke, lineWidth: width, globalAlpha: alpha });
+      c.beginPath();
+      c.moveTo(...from);
+      c.lineTo(...neck);
+      c.stroke();
+    }
+    this.head(from, to, Math.max(head, THICK), colour, alpha);
+    this.full.push(...[0.5 * tip, tip, 1].map((part) => this.around(at(part), THICK)));
+    this.text(at(tip), `${length(torque).toFixed(2)} N m`, colour, 24, 'torque');
     // An arc about the arrow shows the sense of rotation, by the right-hand rule.
-    const [a, b] = across(direction);
-    const arc = angles(20, 4.6).map((t) => add(
-      scaled(direction, 1.08), add(scaled(a, 0.17 * Math.cos(t)), scaled(b, 0.17 * Math.sin(t)))));
-    this.line(arc, colour, 2, [1, 0.3]);
-    if (!this.hides(arc[20])) this.head(this.point(arc[18]), this.point(arc[20]), 7, colour, 1);
+    const [a, b] = across(direction).map((it) => scaled(it, 0.09 + 0.15 * tip));
+    const arc = angles(20, 4.6).map((t) => add(at(0.6 * tip), add(scaled(a, Math.cos(t)), scaled(b, Math.sin(t)))));
+    this.line(arc, colour, 3, [alpha, alpha]);
+    this.head(this.point(arc[18]), this.point(arc[20]), 12, colour, alpha);
   }
 
   /**

@@ -43,9 +43,8 @@ const METERS = [
   return { row, meter, figures, name };
 });
 $('meters').append(...METERS.map(({ row }) => row));
-/** What stays in sight where a long text covers the bars and the window has room. */
+/** What stays in sight where a long text covers the bars. */
 const KEPT = METERS.slice(0, 2);
-const roomy = matchMedia('(min-width: 44.01rem) and (min-height: 48rem), (max-width: 36rem) and (min-height: 48.01rem)');
 
 /** Returns what shows a text of the server: what stands between backticks is code. */
 export const withCode = (text) => text.split('`').map((part, k) => (
@@ -55,7 +54,7 @@ export const withCode = (text) => text.split('`').map((part, k) => (
 const FLIGHT_LOG = '; flight log: ';
 
 /** What is said of a simulated rig in place of what to do about motors. */
-const UNPOWERED = 'It is simulated and has no motors.';
+const UNPOWERED = 'Simulated: nothing real moves.';
 
 const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 
@@ -79,14 +78,14 @@ function details(rig) {
     }
     return [
       ['strong', rig.isSimulated ? UNPOWERED : "Cut the motors' power."],
-      ['', `${touch.matches || !document.hasFocus() ? 'Press STOP again.' : 'STOP or Esc tries again.'} ${ends}`],
+      ['', `${touch.matches || !document.hasFocus() ? 'STOP tries' : 'STOP or Esc tries'} again. ${ends}`],
       ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
       ...old];
   }
   if (head === 'NO CONTACT') {
     const why = rig.silentFor === null
       ? `Not connected: ${rig.closed?.why ?? ''}. The page tries again by itself.`
-      : `The server has said nothing for ${rig.silentFor.toFixed(0)}\u00a0s.`;
+      : 'The server says nothing.';
     return [
       rig.isSimulated ? ['', ''] : ['strong', "If in doubt, cut the motors' power."],
       ['bad', why],
@@ -103,12 +102,13 @@ function details(rig) {
       ['bad', `No torque. ${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
       ['', remedy ?? ''],
-      ['weak', found ? `${state.fault}: ${found}` : state.fault]];
+      ['weak', found && !narrow.matches ? `${state.fault}: ${found}` : state.fault]];
   }
   if (state.mode === 'estop') {
     const { fault: before, remedy } = rig.faultBefore ?? {};
     const what = rig.info?.faults?.find((fault) => fault.name === before)?.sentence ?? '';
-    return [['bad', by ? `Stopped by ${rig.name(by)}.` : mode], ['warn', notReset(rig)], ['', wayOn(rig)],
+    const who = by ? `Stopped by ${rig.name(by)}.` : mode;
+    return [['bad', narrow.matches ? '' : who], ['warn', notReset(rig)], ['', narrow.matches ? `${who} ${wayOn(rig)}` : wayOn(rig)],
       // How to go on stands above.
       ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', (remedy ?? '').replace(/[:,]? Reset, then Enable\b/, '')]];
   }
@@ -155,8 +155,8 @@ function wayOn(rig) {
   const take = { mine: '', other: 'press Take over, then ' }[rig.lease.who] ?? 'press Take command, then ';
   const far = !rig.isFar || take ? '' : rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
   const press = take ? '' : 'press ';
-  return rig.stopper ? `No torque. To go on, make sure that nobody touches the sphere, ${take || 'then '}${press}Reset, then Enable.`
-    : `No torque. To go on, ${take}${far}${press}Recover.`;
+  return rig.stopper ? `To go on, make sure that nobody touches the sphere, ${take || 'then '}${press}Reset, then Enable.`
+    : `To go on, ${take}${far}${press}Recover.`;
 }
 
 const notice = document.createElement('p');
@@ -165,6 +165,9 @@ $('box').append(notice);
 
 /** Whether the sphere can push by a scene that may shake it. */
 const isWarned = (rig) => hasTorque(rig.state?.mode) && rig.unstable.length > 0;
+
+/** Whether a stop is confirmed: the rig says it, and has no torque. */
+export const isStopped = (rig) => rig.isCertain && rig.headline === 'ESTOP';
 
 /** Whether the limits keep the scene from being felt as it is meant. */
 const isStrained = (rig) => rig.isCut || rig.isAtLimit;
@@ -181,7 +184,7 @@ function noticed(rig) {
   if (!isCertain || rig.unconfirmedStop) return [];
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
-  if (stillTurns(rig) && !isFast) return [['turns', `The sphere still turns: ${speed.toFixed(2)}\u00a0rad/s`]];
+  if (stillTurns(rig) && !isFast) return [['turns', `${narrow.matches ? 'Still' : 'The sphere still'} turns: ${speed.toFixed(2)}\u00a0rad/s`]];
   const warned = shakes || isWarned(rig);
   const short = warned || (narrow.matches && warnings.length > 0);
   const cut = 1 - state.scale;
@@ -191,11 +194,10 @@ function noticed(rig) {
   // Such a warning has the place of the rest, and the bar above says who commands.
   if (warned) return lines;
   const free = lease.who === 'free' && hasTorque(state.mode);
-  if (free && !(narrow.matches && lines.length + warnings.length > 0)) lines.push(['', 'Nobody commands: take command']);
+  if (free && !(narrow.matches && lines.length + warnings.length > 0)) lines.push(['', 'Nobody commands']);
   if (warnings.length > 0) {
     const [first] = warnings;
-    const remedy = first.remedy ? `${first.remedy} ` : '';
-    lines.push(['', `${remedy}${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`]);
+    lines.push(['', `${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`]);
   }
   return lines;
 }
@@ -216,19 +218,29 @@ const kept = document.createElement('div');
 kept.id = 'kept';
 $('box').append(kept);
 
+/** The edge below a text that scrolls, with the room above it, px. */
+const EDGE = 5;
+
 /** Lets the box cover the bars if its text needs their room. So nothing moves. */
 function fit() {
-  const box = $('box');
+  const [box, text, told] = ['box', 'details', 'told'].map($);
+  const scrolls = () => [box, text].some((it) => it.scrollHeight > it.clientHeight);
   box.classList.remove('long');
+  text.classList.remove('more');
   $('meters').prepend(...KEPT.map(({ row }) => row));
-  const told = $('told');
-  told.style.marginTop = '';
-  const long = box.scrollHeight > box.clientHeight;
+  told.style.marginTop = text.style.maxHeight = '';
+  const long = scrolls();
   box.classList.toggle('long', long);
   if (!long) return;
-  if (roomy.matches) {
-    kept.append(...KEPT.map(({ row }) => row));
-    if (box.scrollHeight > box.clientHeight) $('meters').prepend(...kept.children);
+  kept.append(...KEPT.map(({ row }) => row));
+  if (scrolls()) {
+    // The last line in sight is a whole one.
+    text.classList.add('more');
+    const { top, bottom } = text.getBoundingClientRect();
+    const lines = document.createRange();
+    lines.selectNodeContents(text);
+    const ends = [...lines.getClientRects()].map((line) => line.bottom).filter((end) => end < bottom - EDGE);
+    text.style.maxHeight = `${Math.ceil(Math.max(top, ...ends) - top) + EDGE}px`;
   }
   // A still longer one pushes the messages down.
   const over = box.getBoundingClientRect().bottom - told.getBoundingClientRect().top;
@@ -252,6 +264,18 @@ function mood(rig) {
   return rig.shakes ? ': shakes' : isWarned(rig) ? ': warning' : isStrained(rig) ? ': at limit' : '';
 }
 
+const figures = ['b', 'span', 'small'].map((tag) => document.createElement(tag));
+$('now').append(...figures);
+
+/** Writes the present torque, or for how long no word has come. */
+function showNow(rig) {
+  const limit = rig.info?.limits.torque;
+  const silent = rig.unheardFor;
+  const words = rig.isLive ? [length(rig.state.torque).toFixed(2), 'N m', `torque${limit > 0 ? `, limit ${limit.toFixed(2)}` : ''}`]
+    : silent === null ? ['', '', 'no word yet'] : [silent.toFixed(0), 's', 'since the last word'];
+  words.forEach((word, k) => put(figures[k], word));
+}
+
 let shown = '';
 /** Draws everything that is text, without the scene. */
 export function showState(rig) {
@@ -269,7 +293,7 @@ export function showState(rig) {
   const key = JSON.stringify([head, lines, line.length]);
   if (key !== shown) {
     shown = key;
-    if ($('headline').textContent !== head) $('box').scrollTop = 0;
+    if ($('headline').textContent !== head) $('details').scrollTop = 0;
     document.body.dataset.head = head.toLowerCase().replace(' ', '-');
     put($('headline'), head);
     $('details').replaceChildren(...lines.map(([weight, text]) => {
@@ -281,6 +305,9 @@ export function showState(rig) {
     fit();
   }
   document.body.classList.toggle('old', !rig.isLive);
+  document.body.classList.toggle('stopped', isStopped(rig));
+  document.body.classList.toggle('unreal', rig.isSimulated === true);
+  showNow(rig);
   bar(rig);
   orders(rig);
   meters(rig);
@@ -303,21 +330,31 @@ function bar(rig) {
   const title_ = simulated === null ? 'hbot page' : `${word}: ${name} - hbot page`;
   if (document.title !== title_) document.title = title_;
   const [button, said] = {
-    mine: ['Take command', 'you command'],
+    mine: ['Release', 'you command'],
     free: ['Take command', 'nobody commands'],
     unknown: ['Take command', rig.hello ? 'watching' : ''],
     other: ['Take over', `${narrow.matches ? '' : 'you observe, '}${rig.lease.by ? rig.name(rig.lease.by) : ''} commands`],
   }[rig.lease.who];
   put($('who'), said);
   $('who').title = said;
-  put($('alarm'), `NOT STOPPED: ${simulated ? 'the rig is simulated' : "cut the motors' power"}`);
+  put($('alarm'), `NOT STOPPED: ${simulated ? 'simulated, nothing real moves' : "cut the motors' power"}`);
   $('who').dataset.lease = rig.lease.who;
   put($('lease'), button);
   $('who').classList.toggle('warn', rig.lease.who === 'free' && hasTorque(rig.state?.mode));
-  // A second click on the button that takes command must not release it.
-  const mine = rig.lease.who === 'mine';
-  $('lease').disabled = !rig.isLive || mine;
-  $('release').disabled = !rig.isLive || !mine;
+  $('lease').disabled = !rig.isLive;
+  $('lease').classList.toggle('next', rig.isCertain && !rig.unconfirmedStop && rig.lease.who === 'free');
+  $('lease').title = rig.isLive ? '' : 'Nothing is heard from the server.';
+}
+
+/** Says why a button is locked. */
+function why(rig, id) {
+  const mode = rig.state?.mode;
+  if (!rig.hello) return 'There is no connection.';
+  if (id === 'disable') return 'The rig has no torque: there is nothing to disable.';
+  if (!rig.isLive) return 'Nothing is heard from the server.';
+  if (!rig.commands) return 'Only who commands can do this.';
+  if (id === 'reset') return rig.isFast ? 'The sphere is still too fast.' : 'There is no fault and no stop to leave.';
+  return mode === 'idle' ? rig.refusal.why : hasTorque(mode) ? 'The rig is enabled.' : `The rig is ${mode.toUpperCase()}: Reset comes first.`;
 }
 
 function orders(rig) {
@@ -328,12 +365,13 @@ function orders(rig) {
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped && !rig.isFast);
   $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper);
-  // Only the next step stands out.
-  const next = !$('enable').disabled ? 'enable' : mode !== 'fault' && !$('recover').disabled ? 'recover' : 'reset';
+  // Only the next step stands out. While the sphere is too far, the box says another one.
+  const next = !$('enable').disabled ? rig.isFar ? '' : 'enable' : mode !== 'fault' && !$('recover').disabled ? 'recover' : 'reset';
   for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled);
-  $('recover').title = rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
+  for (const id of ['enable', 'disable', 'reset']) $(id).title = $(id).disabled ? why(rig, id) : $(id).dataset.does;
+  $('recover').title = !$('recover').disabled ? $('recover').dataset.does : rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
     : stopped && rig.isFar ? `The sphere may be too far from the reference. ${cure(rig)} Or press Reset, then Enable`
-    : 'Reset and Enable in one step. The sphere must be near the reference';
+    : why(rig, 'reset');
   const allowed = rig.info?.limits.enable_max_angle;
   const { away } = rig;
   $('distance').classList.toggle('warn', rig.isFar);
@@ -342,10 +380,8 @@ function orders(rig) {
     : away === null ? 'No reference: Enable works at any orientation.'
       // While the scene is rendered, it has begun elsewhere.
       : rig.beginsHere ? hasTorque(mode) ? `${away.toFixed(2)} rad from reference` : 'The scene begins where the sphere is.'
-        : stopped && rig.isFar ? `${away.toFixed(2)} rad from reference: ${
-          rig.isSimulated ? 'set its anchor to here' : `turn to within ${allowed.toFixed(2)}`}`
-          : `${away.toFixed(2)} rad from reference${allowed === undefined ? '' : narrow.matches
-            ? hasTorque(mode) ? '' : `; Enable works to ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
+        : `${away.toFixed(2)} rad from reference${allowed === undefined ? '' : narrow.matches
+            ? hasTorque(mode) ? '' : `; limit ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
 }
 
 function meters(rig) {
