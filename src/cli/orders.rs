@@ -2,6 +2,7 @@
 //! connection of all commands that are clients.
 
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::Context as _;
 use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, Token, Trust, client_name};
@@ -72,6 +73,16 @@ fn print(mode: Mode) -> anyhow::Result<ExitCode> {
 pub(crate) fn connect(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
     let options = options(address, program, token(address)?)?;
     Client::connect_with(&address.server, &options).map_err(|error| not_connected(error, &address.server))
+}
+
+/// Like [`connect`], for a program that waits no longer than `timeout` for each answer.
+pub(crate) fn connect_within(
+    address: &ServerAddress,
+    program: &str,
+    timeout: Duration,
+) -> anyhow::Result<Client> {
+    let options = ConnectOptions { timeout, ..options(address, program, token(address)?)? };
+    Ok(Client::connect_with(&address.server, &options)?)
 }
 
 /// Like [`connect`], for a command that does not read the variable HBOT_SERVER.
