@@ -198,6 +198,41 @@ fn a_rig_file_as_a_scene_and_a_scene_file_as_a_rig_are_told_in_one_line_with_the
     }
 }
 
+/// The rig file is named in the same two ways everywhere.
+#[test]
+fn a_rig_file_is_named_by_its_place_or_by_an_option_but_not_twice() {
+    let (rig, scene) = ("rigs/prototype.toml", "scenes/clay.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().to_str().expect("UTF-8");
+    for command in [
+        &["check"][..],
+        &["scan"],
+        &["test", "--joint", "1", "--torque", "auto"],
+        &["calibrate", "--seconds", "5"],
+        &["certify", "--out", out],
+    ] {
+        let with = |more: &[&str]| run(&[&["rig"], command, more].concat());
+        let help = run(&["rig", command[0], "--help"]).success();
+        let help = String::from_utf8_lossy(&help.get_output().stdout).into_owned();
+        assert!(
+            help.contains("--rig <FILE>") && (help.contains("RIG.toml]") || help.contains("[FILE]")),
+            "{help}"
+        );
+        // This is no rig file, and both ways tell so.
+        for named in [&[scene][..], &["--rig", scene]] {
+            with(named).failure().stderr(contains("this is a scene file, not a rig file"));
+        }
+        with(&[rig, "--rig", rig]).code(2).stderr(contains("cannot be used with").and(contains("--rig")));
+    }
+    run(&["rig", "scan", rig]).stderr(contains("built-in prototype").not());
+    run(&["rig", "certify", "--rig", rig, "no.mcap", "--out", out]).failure().stderr(contains("no.mcap"));
+    run(&["rig", "certify"]).code(2).stderr(contains("RIG.toml"));
+    // Its recordings stand without an option, so its rig file needs one.
+    run(&["rig", "identify", rig])
+        .code(2)
+        .stderr(contains("no recording (MCAP); the rig file is named by `--rig rigs/prototype.toml`"));
+}
+
 #[test]
 fn a_size_that_is_written_in_another_unit_is_warned_of() {
     let sizes = |text: &str, sphere: &str, wheel: &str| {
