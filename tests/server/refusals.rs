@@ -267,9 +267,22 @@ fn an_option_out_of_range_is_named() {
     run(&["server", "--rate", "1e9"]).failure().stderr(contains(whole));
     run(&["server", "--listen", "5102"]).failure().stderr(contains("such as 127.0.0.1:5102"));
     run(&["server", "--duration", "0"]).failure().stderr(contains("--duration"));
+    run(&["server", "--duration", "5m"])
+        .code(2)
+        .stderr(contains("--duration: \"5m\" is not").and(contains("unit min")));
+    let typed = "--accuracy-target: \"1mrad\" is not a number; legal: above 0 rad";
+    run(&["server", "--accuracy-target", "1mrad"]).code(2).stderr(contains(typed));
+    run(&["server", "--listen", "no-such-host.invalid:1"]).code(2).stderr(contains("such as 127.0.0.1:4268"));
     run(&["server", "--time", "virtual", "--port", "/dev/ttyS0", "--listen", "127.0.0.1:0"])
         .failure()
         .stderr(contains("virtual time needs the simulated rig"));
+}
+
+#[test]
+fn a_server_listens_where_a_name_says_and_for_minutes() {
+    let virtually = ["--time", "virtual", "--duration", "0.001min", "--web", "localhost:0"];
+    let server = [&["server", "--listen", "localhost:0"][..], &virtually].concat();
+    run(&server).success().stdout(contains("127.0.0.1:"));
 }
 
 /// The help says what an option accepts, and the option accepts no more.
