@@ -158,7 +158,14 @@ fn a_name_of_no_scene_is_corrected_and_says_where_the_names_are() {
         run(&with("spirng"))
             .failure()
             .stderr(contains("spirng: no file").and(contains("did you mean `spring`?")).and(list()));
-        run(&with("zeppelin")).failure().stderr(list().and(contains("did you mean").not()));
+        for (typed, meant) in
+            [("hinj", "hinge"), ("Hinge", "hinge"), ("sprin", "spring"), ("gyro", "gyroscope")]
+        {
+            run(&with(typed)).failure().stderr(contains(format!("(did you mean `{meant}`?)")));
+        }
+        for other in ["zeppelin", "hinterland"] {
+            run(&with(other)).failure().stderr(list().and(contains("did you mean").not()));
+        }
         run(&with("nowhere/clay.toml"))
             .failure()
             .stderr(contains("nowhere/clay.toml: cannot be read").and(contains("`clay` without folder")));
@@ -352,6 +359,23 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
         (&["completions"], "(legal: bash, elvish, fish, powershell, zsh)"),
         (&["completions"], "`hbot completions --install`"),
         (&["scene", "hinge"], "`hbot scene load hinge`"),
+        (&["server", "hinge"], "`--scene hinge` starts with a ready-made scene"),
+        (&["server", "hinj"], "`--scene hinge` starts with a ready-made scene"),
+        (&["monitor"], "`hbot watch`"),
+        (&["convert", "x.mcap"], "docs/recordings.md"),
+        (&["faults"], "`hbot explain FILE`"),
+        (&["scene", "validate", "x.toml"], "`hbot scene check FILE|NAME`"),
+        (&["scene", "save", "x.toml"], "`hbot scene show > FILE`"),
+        (&["rig", "validate", "x.toml"], "`hbot rig check FILE`"),
+        (&["server", "--verbose"], "HBOT_LOG=debug"),
+        (&["server", "-v"], "HBOT_LOG=debug"),
+        (&["turn"], "`hbot hand turn n3 40deg`"),
+        (&["hand", "n2", "30deg"], "`hbot hand turn n2 30deg`"),
+        (&["hand", "turn", "30deg", "n2"], "`hbot hand turn n2 30deg`"),
+        (&["connect", "127.0.0.1:4268"], "`--server HOST:PORT`"),
+        (&["config"], "`hbot rig new FILE`"),
+        (&["demo"], "`hbot server` runs a simulated rig"),
+        (&["set", "spring", "stiffness=2", "--json"], "`hbot info --json` prints the scene"),
         (&["study", "accuracy", "--quick"], "`cargo run --release -p hbot-study -- accuracy --quick`"),
     ] {
         run(words).code(2).stderr(contains(command).and(contains("similar").not()));
@@ -362,6 +386,10 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
     run(&["rig", "check", "--port", "sim"]).code(2).stderr(contains("--server").not());
     run(&["serer"]).code(2).stderr(contains("'server'"));
     run(&["scene", "lod"]).code(2).stderr(contains("'load'"));
+    // What is only as long, or begins alike, is not named: a wrong hint is worse than none.
+    for words in [&["wander"][..], &["scene", "lint-all"], &["rig", "print"], &["info", "--vertical"]] {
+        run(words).code(2).stderr(contains("similar").not());
+    }
     run(&["estopp"]).code(2).stderr(contains("exists: 'estop'\n"));
     run(&["enabel"]).code(2).stderr(contains("exists: 'enable'\n"));
 }
