@@ -54,13 +54,15 @@ pub(crate) fn positive(
 
 /// Parses a time above 0. Returns it in s.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    let legal = |s: &f64| *s > 0.0 && *s <= 1.0e9;
-    let scaled = [("min", 60.0), ("h", 3600.0)].into_iter().find_map(|(unit, factor)| {
-        let number: f64 = text.strip_suffix(unit)?.trim().parse().ok()?;
-        Some(number * factor).filter(legal)
-    });
-    let parse = real("s", |s| s > 0.0 && s <= 1.0e9, "above 0 and at most 1e9");
-    scaled.map_or_else(|| parse(text).map_err(|why| format!("{why}, or with the unit min or h")), Ok)
+    const TIMES: &str = "above 0 and at most 1e9 s, or with the unit min or h";
+    let units = [("min", 60.0), ("h", 3600.0), ("s", 1.0)];
+    let scaled = units.into_iter().find_map(|(unit, factor)| Some((text.strip_suffix(unit)?.trim(), factor)));
+    let (number, factor) = scaled.unwrap_or((text, 1.0));
+    match number.parse::<f64>().ok().filter(|number| number.is_finite()).map(|number| number * factor) {
+        Some(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
+        Some(_) => Err(format!("{text} is out of range; {LEGAL}{TIMES}")),
+        None => Err(format!("{text:?} is not {REAL}; {LEGAL}{TIMES}")),
+    }
 }
 
 /// Returns the error about an argument that is not `wanted` or not in the range `legal`.
@@ -97,7 +99,7 @@ mod tests {
         let legal = "legal: above 0 and at most 1e9 s, or with the unit min or h";
         assert_eq!(seconds("-1").unwrap_err(), format!("-1 is out of range; {legal}"));
         assert_eq!(seconds("5m").unwrap_err(), format!("\"5m\" is not a number; {legal}"));
-        assert_eq!(seconds("0min").unwrap_err(), format!("\"0min\" is not a number; {legal}"));
+        assert_eq!(seconds("0min").unwrap_err(), format!("0min is out of range; {legal}"));
         assert_eq!(positive("rad")("1mrad").unwrap_err(), "\"1mrad\" is not a number; legal: above 0 rad");
         assert_eq!(positive("m")("nan").unwrap_err(), "\"nan\" is not a number; legal: above 0 m");
         assert_eq!(rate("1k").unwrap_err(), "\"1k\" is not a whole number; legal: 50 to 20000 Hz");
