@@ -1,6 +1,7 @@
 //! `hbot completions`: prints a script by which a shell asks this program for completions, or
 //! installs such scripts and the man pages for one user. Also the answers to the shell.
 
+mod bash;
 mod values;
 
 use std::io::Write as _;
@@ -9,7 +10,7 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use clap::{Args, Command, CommandFactory as _};
-use clap_complete::env::Shells;
+use clap_complete::env::{Elvish, Fish, Powershell, Shells, Zsh};
 use clap_complete::{CompleteEnv, Shell};
 
 use super::out::say;
@@ -17,6 +18,9 @@ use super::{Cli, man, out, own_folder};
 
 /// The variable by which a script asks. The usual one, `COMPLETE`, could be set for another reason.
 const VARIABLE: &str = "HBOT_COMPLETE";
+
+/// The shells that are known.
+const SHELLS: Shells<'static> = Shells(&[&bash::Bash, &Elvish, &Fish, &Powershell, &Zsh]);
 
 /// Options of `hbot completions`.
 #[derive(Debug, Args)]
@@ -38,6 +42,7 @@ pub(crate) fn answer() {
         offered(&all)
     })
     .var(VARIABLE)
+    .shells(SHELLS)
     .complete();
 }
 
@@ -53,8 +58,7 @@ pub(crate) fn run(args: &CompletionsArgs) -> anyhow::Result<ExitCode> {
 fn script(shell: Shell) -> anyhow::Result<Vec<u8>> {
     let called = PathBuf::from(std::env::args_os().next().unwrap_or_else(|| "hbot".into()));
     let program = if called.components().count() > 1 { std::path::absolute(called)? } else { called };
-    let shells = Shells::builtins();
-    let writer = shells.completer(&shell.to_string()).context("no script is known for this shell")?;
+    let writer = SHELLS.completer(&shell.to_string()).context("no script is known for this shell")?;
     let mut script = Vec::new();
     writer.write_registration(VARIABLE, "hbot", "hbot", &program.to_string_lossy(), &mut script)?;
     if shell == Shell::Zsh {

@@ -521,11 +521,22 @@ fn offered(folder: &Path, server: &str, words: &[&str]) -> Vec<String> {
         COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
         "$registered" hbot "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD - 1]}"
         [ ${#COMPREPLY[@]} = 0 ] || printf '%s\n' "${COMPREPLY[@]}""#;
+    // bash breaks a line at these characters too, unless the last word ends there.
+    let words: Vec<String> = words
+        .iter()
+        .flat_map(|word| {
+            word.replace('=', "\n=\n")
+                .replace(':', "\n:\n")
+                .split('\n')
+                .map(str::to_owned)
+                .collect::<Vec<_>>()
+        })
+        .collect();
     let program = hbot();
     let programs = Path::new(program.get_program()).parent().expect("a folder");
     let path = format!("{}:{}", programs.display(), std::env::var("PATH").expect("a path"));
     let mut bash = std::process::Command::new("bash");
-    bash.args(["--norc", "-c", TAB, "bash", "hbot"]).args(words);
+    bash.args(["--norc", "-c", TAB, "bash", "hbot"]).args(&words);
     let told = bash.current_dir(folder).env("PATH", path).env("HBOT_SERVER", server).output().expect("bash");
     assert_eq!(String::from_utf8_lossy(&told.stderr), "", "{words:?}");
     String::from_utf8_lossy(&told.stdout).lines().map(str::to_owned).collect()
@@ -553,6 +564,8 @@ fn bash_offers_scenes_kinds_files_ports_and_axes_where_they_are_wanted() {
         ("scene kinds s", "spring snaps slip"),
         ("scene new x.toml --effect spring,da", "spring,damper"),
         ("server --scene hin", "hinge"),
+        ("server --scene=hin", "hinge"),
+        ("server --port sim:p", "pty"),
         ("server --rig ", "my.toml runs/"),
         ("server --port s", "sim sim:pty"),
         ("rig scan --port s", "sim"),

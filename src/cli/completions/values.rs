@@ -12,6 +12,7 @@ use hbot_config::scene::{SHELF, kinds, phenomena};
 use serde_json::Value;
 
 use super::super::{Cli, ServerAddress, orders};
+use super::bash::whole;
 
 /// Longest time for each of the server's two answers. A shell waits for them.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -101,7 +102,7 @@ fn parameters(typed: &OsStr) -> Vec<CompletionCandidate> {
 /// `None` if no server answers at once.
 fn running() -> Option<(ArgMatches, Vec<Value>)> {
     // The script writes the line behind two dashes. Its last word is not whole.
-    let mut words: Vec<_> = std::env::args_os().skip_while(|word| word != "--").skip(1).collect();
+    let mut words = whole(std::env::args_os().skip_while(|word| word != "--").skip(1));
     words.pop();
     let line = Cli::command().ignore_errors(true).try_get_matches_from(words).ok()?;
     let line = line.subcommand_matches("set")?.clone();
