@@ -57,7 +57,8 @@ mkdir -p target/deb/hbot/man target/deb/hbot-panel/man target/debian
 "$built/hbot" man target/deb/hbot/man
 "$built/hbot-gui" --man >target/deb/hbot-panel/man/hbot-gui.1
 for shell in bash zsh fish; do
-    "$built/hbot" completions "$shell" >"target/deb/hbot/hbot.$shell"
+    # The script calls the program as it is called here: by its name.
+    (exec -a hbot "$built/hbot" completions "$shell") >"target/deb/hbot/hbot.$shell"
     "$built/hbot-gui" --completions "$shell" >"target/deb/hbot-panel/hbot-gui.$shell"
 done
 contrib/licences.py hbot | gzip -9n >target/deb/hbot/licences.gz

@@ -11,6 +11,7 @@ use std::process::ExitCode;
 use clap::Parser as _;
 
 fn main() -> ExitCode {
+    cli::completions::answer();
     let arguments = cli::habits::without_cargo_s_dashes(std::env::args_os());
     let done = match cli::Cli::try_parse_from(&arguments) {
         Ok(cli) => {

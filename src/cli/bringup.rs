@@ -7,7 +7,7 @@ mod certify;
 mod edit;
 mod identify;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
@@ -41,17 +41,41 @@ pub(crate) struct Which {
 
 impl Which {
     fn load(&self) -> anyhow::Result<RigConfig> {
-        let over =
-            self.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
-        let rig = super::rig_file::load(self.rig.as_deref(), over.as_slice())?;
-        if self.rig.is_none() {
-            note!(
-                "{}note{}: without --rig this takes the built-in prototype, not a rig of yours",
-                style::WARN,
-                style::OFF
-            );
-        }
-        Ok(rig)
+        load(self.rig.as_deref(), self.port.as_deref())
+    }
+}
+
+/// Reads the rig file, or takes the prototype, and says so.
+fn load(file: Option<&Path>, port: Option<&str>) -> anyhow::Result<RigConfig> {
+    let over = port.map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
+    let rig = super::rig_file::load(file, over.as_slice())?;
+    if file.is_none() {
+        note!(
+            "{}note{}: without --rig this takes the built-in prototype, not a rig of yours",
+            style::WARN,
+            style::OFF
+        );
+    }
+    Ok(rig)
+}
+
+/// The rig to work on, whose file can also be given without `--rig`.
+#[derive(Debug, Args)]
+pub(crate) struct Rig {
+    /// The same as --rig
+    #[arg(value_name = "RIG.toml", conflicts_with = "rig")]
+    rig_file: Option<PathBuf>,
+    #[command(flatten)]
+    which: Which,
+}
+
+impl Rig {
+    fn file(&self) -> Option<&Path> {
+        self.rig_file.as_deref().or(self.which.rig.as_deref())
+    }
+
+    fn load(&self) -> anyhow::Result<RigConfig> {
+        load(self.file(), self.which.port.as_deref())
     }
 }
 
@@ -59,14 +83,14 @@ impl Which {
 #[derive(Debug, Args)]
 pub(crate) struct ScanArgs {
     #[command(flatten)]
-    which: Which,
+    rig: Rig,
 }
 
 /// Options of `hbot rig test`.
 #[derive(Debug, Args)]
 pub(crate) struct TestArgs {
     #[command(flatten)]
-    which: Which,
+    rig: Rig,
     /// Number of the joint, from 1, in the order steer, drive of each wheel
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=16_usize))]
     joint: usize,
@@ -158,7 +182,7 @@ fn note_if_simulated(rig: &RigConfig) {
 /// Lists the controllers that answer on each line of the rig. The exit code shows whether they
 /// match the rig file.
 pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
-    let rig = args.which.load()?;
+    let rig = args.rig.load()?;
     note_if_simulated(&rig);
     let mut good = true;
     for line in scan(&rig)? {
@@ -200,7 +224,7 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
 }
 
 pub(crate) fn test(args: &TestArgs) -> anyhow::Result<ExitCode> {
-    let rig = args.which.load()?;
+    let rig = args.rig.load()?;
     let joints = rig.rig.device.joints();
     if !(1..=joints).contains(&args.joint) {
         bail!("--joint {} is not there; legal: 1 to {joints}", args.joint);

@@ -9,11 +9,12 @@ use clap_complete::Shell;
 use hbot_config::did_you_mean;
 use hbot_config::scene::{ShelfScene, kinds};
 
+use super::hand;
 use super::numbers::LEGAL;
 use super::orders::SHOW_SCENE;
 
 /// Words that are no commands of hbot, and the command that does what they ask for.
-const HABITS: [(&[&str], &str); 15] = [
+const HABITS: [(&[&str], &str); 22] = [
     (&["start", "run", "serve", "up", "sim", "simulate"], "`hbot server` runs the rig, or a simulated one"),
     (
         &["load", "open"],
@@ -40,8 +41,38 @@ const HABITS: [(&[&str], &str); 15] = [
         "Ctrl-C in the terminal of `hbot server` ends it, and `hbot estop` stops the torque",
     ),
     (&["off", "pause"], "`hbot disable` ramps the torque down, and `hbot estop` stops at once"),
+    (&["monitor", "top"], "`hbot watch` shows the state, live"),
+    (
+        &["convert", "export"],
+        "recordings are MCAP; the Python client makes a CSV file of one: docs/recordings.md",
+    ),
+    (
+        &["fault", "faults", "errors"],
+        "`hbot info` shows the cause of a stop, and `hbot explain FILE` what came before it",
+    ),
+    (
+        &["connect"],
+        "each command connects by itself: `--server HOST:PORT` or the variable HBOT_SERVER names the server",
+    ),
+    (&["config", "configure"], "`hbot rig new FILE` writes a rig file, and `hbot rig check FILE` checks one"),
+    (
+        &["demo", "example", "examples"],
+        "`hbot server` runs a simulated rig, and `hbot scene list` lists scenes",
+    ),
+    (&["turn"], "`hbot hand turn n3 40deg` lets the hand of a simulated rig turn the sphere"),
     (&["panel", "gui", "ui"], "the panel is a program by itself: `hbot-gui`, or `cargo run -p hbot-gui`"),
 ];
+
+/// The same for words behind `hbot scene` and `hbot rig`.
+const HABITS_OF_GROUPS: [(&str, &[&str], &str); 4] = [
+    ("scene", &["validate", "test", "lint"], "`hbot scene check FILE|NAME` checks a scene"),
+    ("scene", &["save", "export", "get"], "`hbot scene show > FILE` writes the running scene to a file"),
+    ("scene", &["set"], "`hbot set EFFECT KEY=VALUE` changes the running scene"),
+    ("rig", &["validate", "lint"], "`hbot rig check FILE` checks a rig file"),
+];
+
+/// Options by which other servers write more.
+const VERBOSE: [&str; 4] = ["-v", "-vv", "--verbose", "--debug"];
 
 /// Words that ask for the studies, which are another program.
 const STUDIES: [&str; 2] = ["study", "studies"];
@@ -60,14 +91,25 @@ pub(crate) fn without_cargo_s_dashes(arguments: impl Iterator<Item = OsString>) 
     arguments
 }
 
-/// Keeps of several commands that are similar to a mistyped one the most similar one.
+/// Keeps of the commands or options that clap takes for similar to a mistyped one the most similar
+/// one, or none if all are too different: a wrong hint is worse than none.
 pub(crate) fn keep_the_most_similar(answer: &mut clap::Error) {
     let word = answer.get(ContextKind::InvalidSubcommand).cloned();
     let similar = answer.get(ContextKind::SuggestedSubcommand).cloned();
-    if let (Some(ContextValue::String(word)), Some(ContextValue::Strings(similar))) = (word, similar)
-        && let Some(best) = did_you_mean(&word, similar.iter().map(String::as_str))
+    if let (Some(ContextValue::String(word)), Some(ContextValue::Strings(similar))) = (word, similar) {
+        match did_you_mean(&word, similar.iter().map(String::as_str)) {
+            Some(best) => {
+                answer.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![best.to_owned()]))
+            }
+            None => answer.remove(ContextKind::SuggestedSubcommand),
+        };
+    }
+    let word = answer.get(ContextKind::InvalidArg).cloned();
+    let similar = answer.get(ContextKind::SuggestedArg).cloned();
+    if let (Some(ContextValue::String(word)), Some(ContextValue::String(similar))) = (word, similar)
+        && did_you_mean(&word, std::iter::once(similar.as_str())).is_none()
     {
-        answer.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![best.to_owned()]));
+        answer.remove(ContextKind::SuggestedArg);
     }
 }
 
@@ -95,7 +137,7 @@ pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<Stri
     match answer.kind() {
         ErrorKind::InvalidSubcommand => command(answer, arguments),
         ErrorKind::UnknownArgument => argument(answer, arguments),
-        ErrorKind::ValueValidation => number(answer),
+        ErrorKind::ValueValidation => turned_round(arguments).or_else(|| number(answer)),
         ErrorKind::MissingRequiredArgument if is_command(arguments, &["set"]) => {
             Some(format!("name an effect and its new values: `hbot set EFFECT KEY=VALUE`; {SHOW_SCENE}"))
         }
@@ -111,6 +153,17 @@ pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<Stri
                  `hbot completions --install`",
                 shells.join(", ")
             ))
+        }
+        _ => None,
+    }
+}
+
+/// Returns the command line of a turn whose angle stands before the axis.
+fn turned_round(arguments: &[OsString]) -> Option<String> {
+    let words: Vec<&str> = arguments.iter().map(|argument| argument.to_str()).collect::<Option<_>>()?;
+    match words[1..] {
+        ["hand", "turn", angle, axis, ..] if hand::axis(axis).is_ok() && hand::axis(angle).is_err() => {
+            Some(format!("the axis stands before the angle: `hbot hand turn {axis} {angle}`"))
         }
         _ => None,
     }
@@ -156,8 +209,19 @@ fn argument(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
     let is_client = CLIENTS.iter().any(|client| is_command(arguments, client));
     let option = word.strip_prefix("--");
     let meaning = match option.map(|option| option.split_once('=').map_or(option, |(name, _)| name)) {
+        _ if is_command(arguments, &["server"]) && VERBOSE.contains(&word.as_str()) => {
+            "the variable HBOT_LOG says what is logged, as in `HBOT_LOG=debug hbot server`".to_owned()
+        }
         None if is_command(arguments, &["server"]) && word.ends_with(".toml") => {
             format!("say what the file is: `--rig {word}` or `--scene {word}`")
+        }
+        None if is_command(arguments, &["server"]) => {
+            let scene =
+                ShelfScene::named(word).map(|_| word.as_str()).or_else(|| ShelfScene::similar(word))?;
+            format!("`--scene {scene}` starts with a ready-made scene")
+        }
+        Some("json") if is_command(arguments, &["set"]) => {
+            "`hbot set` prints for people; `hbot info --json` prints the scene for programs".to_owned()
         }
         Some(key) if is_command(arguments, &["set"]) => {
             format!("write a parameter without dashes, as in `{key}=VALUE`; {SHOW_SCENE}")
@@ -179,6 +243,16 @@ fn command(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
         return Some(format!(
             "`hbot scene load {word}` loads this scene, and `hbot scene plot {word}` draws it"
         ));
+    }
+    let behind = |group| is_command(arguments, &[group, word]);
+    let of_group =
+        HABITS_OF_GROUPS.iter().find(|(group, words, _)| behind(group) && words.contains(&word.as_str()));
+    if let Some((group, _, meaning)) = of_group {
+        return Some(format!("{word:?} is no command of `hbot {group}`: {meaning}"));
+    }
+    if behind("hand") && hand::axis(word).is_ok() {
+        let rest: Vec<_> = arguments[2..].iter().map(|word| word.to_string_lossy()).collect();
+        return Some(format!("say what the hand does: `hbot hand turn {}`", rest.join(" ")));
     }
     // The commands of `hbot scene` and `hbot rig` have other names.
     if arguments.get(1).is_none_or(|first| first != word.as_str()) {

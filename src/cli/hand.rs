@@ -71,12 +71,12 @@ pub(crate) struct TurnArgs {
 
 /// An axis of frame N.
 #[derive(Debug, Clone)]
-struct NamedAxis {
+pub(super) struct NamedAxis {
     name: &'static str,
     unit: Vec3,
 }
 
-fn axis(text: &str) -> Result<NamedAxis, String> {
+pub(super) fn axis(text: &str) -> Result<NamedAxis, String> {
     let all = [("n1", "x", Vec3::X), ("n2", "y", Vec3::Y), ("n3", "z", Vec3::Z)];
     let found = all.into_iter().find(|(name, other, _)| [*name, *other].contains(&text));
     found

@@ -2,7 +2,7 @@
 
 mod ask;
 mod bringup;
-mod completions;
+pub(crate) mod completions;
 mod console;
 mod controllers;
 mod doctor;

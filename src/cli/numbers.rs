@@ -38,7 +38,10 @@ pub(crate) fn real(
     move |text| {
         let number = text.strip_suffix(unit).unwrap_or(text).trim();
         let parsed = number.parse().ok().filter(|&number: &f64| number.is_finite() && is_legal(number));
-        parsed.ok_or_else(|| refused(number, REAL, format!("{legal} {unit}").trim_end()))
+        let is_number = number.parse::<f64>().is_ok_and(f64::is_finite);
+        // What is no number is quoted as it was typed.
+        let wrong = if is_number { number } else { text };
+        parsed.ok_or_else(|| refused(wrong, REAL, format!("{legal} {unit}").trim_end()))
     }
 }
 
@@ -49,9 +52,17 @@ pub(crate) fn positive(
     real(unit, |number| number > 0.0, "above 0")
 }
 
-/// Parses a time above 0, s.
+/// Parses a time above 0. Returns it in s.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    real("s", |s| s > 0.0 && s <= 1.0e9, "above 0 and at most 1e9")(text)
+    const TIMES: &str = "above 0 and at most 1e9 s, or with the unit min or h";
+    let units = [("min", 60.0), ("h", 3600.0), ("s", 1.0)];
+    let scaled = units.into_iter().find_map(|(unit, factor)| Some((text.strip_suffix(unit)?.trim(), factor)));
+    let (number, factor) = scaled.unwrap_or((text, 1.0));
+    match number.parse::<f64>().ok().filter(|number| number.is_finite()).map(|number| number * factor) {
+        Some(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
+        Some(_) => Err(format!("{text} is out of range; {LEGAL}{TIMES}")),
+        None => Err(format!("{text:?} is not {REAL}; {LEGAL}{TIMES}")),
+    }
 }
 
 /// Returns the error about an argument that is not `wanted` or not in the range `legal`.
@@ -82,8 +93,14 @@ mod tests {
         assert_eq!(every("0").unwrap_err(), "0 is out of range; legal: 1 to 1000000");
         assert_eq!(every("x").unwrap_err(), "\"x\" is not a whole number; legal: 1 to 1000000");
         assert_eq!(every("2.5").unwrap_err(), "\"2.5\" is not a whole number; legal: 1 to 1000000");
-        assert_eq!(seconds("2.5s"), Ok(2.5));
-        assert_eq!(seconds("-1").unwrap_err(), "-1 is out of range; legal: above 0 and at most 1e9 s");
+        for (text, s) in [("2.5s", 2.5), ("5min", 300.0), ("5 min", 300.0), ("2h", 7200.0)] {
+            assert_eq!(seconds(text), Ok(s), "{text}");
+        }
+        let legal = "legal: above 0 and at most 1e9 s, or with the unit min or h";
+        assert_eq!(seconds("-1").unwrap_err(), format!("-1 is out of range; {legal}"));
+        assert_eq!(seconds("5m").unwrap_err(), format!("\"5m\" is not a number; {legal}"));
+        assert_eq!(seconds("0min").unwrap_err(), format!("0min is out of range; {legal}"));
+        assert_eq!(positive("rad")("1mrad").unwrap_err(), "\"1mrad\" is not a number; legal: above 0 rad");
         assert_eq!(positive("m")("nan").unwrap_err(), "\"nan\" is not a number; legal: above 0 m");
         assert_eq!(rate("1k").unwrap_err(), "\"1k\" is not a whole number; legal: 50 to 20000 Hz");
     }

@@ -91,6 +91,16 @@ pub(crate) fn connect(address: &ServerAddress, program: &str) -> anyhow::Result<
     Client::connect_with(&address.server, &options).map_err(|error| not_connected(error, &address.server))
 }
 
+/// Like [`connect`], for a program that waits no longer than `timeout` for each answer.
+pub(crate) fn connect_within(
+    address: &ServerAddress,
+    program: &str,
+    timeout: Duration,
+) -> anyhow::Result<Client> {
+    let options = ConnectOptions { timeout, ..options(address, program, token(address)?)? };
+    Ok(Client::connect_with(&address.server, &options)?)
+}
+
 /// Like [`connect`], for a command that does not read the variable HBOT_SERVER.
 pub(crate) fn connect_by_option(address: &ServerAddress, program: &str) -> anyhow::Result<Client> {
     let options = options(address, program, token(address)?)?;

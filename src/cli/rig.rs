@@ -44,8 +44,8 @@ pub(crate) enum RigCommand {
     Check {
         /// The rig file (TOML) [default: the prototype, built in]
         file: Option<PathBuf>,
-        /// The same, as other commands have it
-        #[arg(long = "rig", value_name = "FILE", hide = true, conflicts_with = "file")]
+        /// The same, as an option
+        #[arg(long = "rig", value_name = "FILE", conflicts_with = "file")]
         named: Option<PathBuf>,
         /// Draw the sphere, the wheels, their cones and contact frames into this file; its name
         /// ends in .svg

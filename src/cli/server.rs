@@ -84,7 +84,7 @@ pub(crate) struct ServerArgs {
     /// Wall-clock time, or as fast as the machine allows (simulated rig only)
     #[arg(long, value_enum, default_value_t = TimeArg::Wall)]
     time: TimeArg,
-    /// Stop after this time of the loop, above 0 and at most 1e9 s
+    /// Stop after this time of the loop, above 0 and at most 1e9 s, or with a unit, as in 5min
     #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
     /// Record everything the loop does: a file that ends in .mcap, or a folder in which each run

@@ -2,16 +2,27 @@
 
 use std::fmt::Display;
 use std::io::ErrorKind;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs as _};
 
 use anyhow::{anyhow, bail};
 use hbot_config::rig::ApiConfig;
 use hbot_server::web::DEFAULT_WEB_PORT;
 use tokio::net::TcpListener;
 
+/// Returns the address and the port that a text names, by numbers or by the name of a machine. Of
+/// several addresses of a name, one of IPv4 comes first, as clients try it.
+fn named(text: &str) -> Option<SocketAddr> {
+    if let Ok(address) = text.parse() {
+        return Some(address);
+    }
+    text.rsplit_once(':').filter(|(name, _)| !name.is_empty() && !name.contains([':', '/']))?;
+    let all: Vec<SocketAddr> = text.to_socket_addrs().ok()?.collect();
+    all.iter().find(|address| address.is_ipv4()).or(all.first()).copied()
+}
+
 /// Parses an address with a port.
 pub(crate) fn address(text: &str) -> Result<SocketAddr, String> {
-    text.parse().map_err(|_| {
+    named(text).ok_or_else(|| {
         let guess = text.parse::<u16>().map(|port| format!("127.0.0.1:{port}"));
         format!(
             "an address with a port, such as {}",
@@ -53,7 +64,7 @@ pub(crate) fn web(text: &str) -> Result<Web, String> {
     }
     let guess =
         text.parse::<u16>().map_or_else(|_| "127.0.0.1:4269".to_owned(), |port| format!("127.0.0.1:{port}"));
-    text.parse().map(Web::At).map_err(|_| format!("an address with a port, such as {guess}, or off"))
+    named(text).map(Web::At).ok_or_else(|| format!("an address with a port, such as {guess}, or off"))
 }
 
 /// Parses a name of this machine.

@@ -158,7 +158,14 @@ fn a_name_of_no_scene_is_corrected_and_says_where_the_names_are() {
         run(&with("spirng"))
             .failure()
             .stderr(contains("spirng: no file").and(contains("did you mean `spring`?")).and(list()));
-        run(&with("zeppelin")).failure().stderr(list().and(contains("did you mean").not()));
+        for (typed, meant) in
+            [("hinj", "hinge"), ("Hinge", "hinge"), ("sprin", "spring"), ("gyro", "gyroscope")]
+        {
+            run(&with(typed)).failure().stderr(contains(format!("(did you mean `{meant}`?)")));
+        }
+        for other in ["zeppelin", "hinterland"] {
+            run(&with(other)).failure().stderr(list().and(contains("did you mean").not()));
+        }
         run(&with("nowhere/clay.toml"))
             .failure()
             .stderr(contains("nowhere/clay.toml: cannot be read").and(contains("`clay` without folder")));
@@ -198,6 +205,41 @@ fn a_rig_file_as_a_scene_and_a_scene_file_as_a_rig_are_told_in_one_line_with_the
     }
 }
 
+/// The rig file is named in the same two ways everywhere.
+#[test]
+fn a_rig_file_is_named_by_its_place_or_by_an_option_but_not_twice() {
+    let (rig, scene) = ("rigs/prototype.toml", "scenes/clay.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().to_str().expect("UTF-8");
+    for command in [
+        &["check"][..],
+        &["scan"],
+        &["test", "--joint", "1", "--torque", "auto"],
+        &["calibrate", "--seconds", "5"],
+        &["certify", "--out", out],
+    ] {
+        let with = |more: &[&str]| run(&[&["rig"], command, more].concat());
+        let help = run(&["rig", command[0], "--help"]).success();
+        let help = String::from_utf8_lossy(&help.get_output().stdout).into_owned();
+        assert!(
+            help.contains("--rig <FILE>") && (help.contains("RIG.toml]") || help.contains("[FILE]")),
+            "{help}"
+        );
+        // This is no rig file, and both ways tell so.
+        for named in [&[scene][..], &["--rig", scene]] {
+            with(named).failure().stderr(contains("this is a scene file, not a rig file"));
+        }
+        with(&[rig, "--rig", rig]).code(2).stderr(contains("cannot be used with").and(contains("--rig")));
+    }
+    run(&["rig", "scan", rig]).stderr(contains("built-in prototype").not());
+    run(&["rig", "certify", "--rig", rig, "no.mcap", "--out", out]).failure().stderr(contains("no.mcap"));
+    run(&["rig", "certify"]).code(2).stderr(contains("RIG.toml"));
+    // Its recordings stand without an option, so its rig file needs one.
+    run(&["rig", "identify", rig])
+        .code(2)
+        .stderr(contains("no recording (MCAP); the rig file is named by `--rig rigs/prototype.toml`"));
+}
+
 #[test]
 fn a_size_that_is_written_in_another_unit_is_warned_of() {
     let sizes = |text: &str, sphere: &str, wheel: &str| {
@@ -232,9 +274,22 @@ fn an_option_out_of_range_is_named() {
     run(&["server", "--rate", "1e9"]).failure().stderr(contains(whole));
     run(&["server", "--listen", "5102"]).failure().stderr(contains("such as 127.0.0.1:5102"));
     run(&["server", "--duration", "0"]).failure().stderr(contains("--duration"));
+    run(&["server", "--duration", "5m"])
+        .code(2)
+        .stderr(contains("--duration: \"5m\" is not").and(contains("unit min")));
+    let typed = "--accuracy-target: \"1mrad\" is not a number; legal: above 0 rad";
+    run(&["server", "--accuracy-target", "1mrad"]).code(2).stderr(contains(typed));
+    run(&["server", "--listen", "no-such-host.invalid:1"]).code(2).stderr(contains("such as 127.0.0.1:4268"));
     run(&["server", "--time", "virtual", "--port", "/dev/ttyS0", "--listen", "127.0.0.1:0"])
         .failure()
         .stderr(contains("virtual time needs the simulated rig"));
+}
+
+#[test]
+fn a_server_listens_where_a_name_says_and_for_minutes() {
+    let virtually = ["--time", "virtual", "--duration", "0.001min", "--web", "localhost:0"];
+    let server = [&["server", "--listen", "localhost:0"][..], &virtually].concat();
+    run(&server).success().stdout(contains("127.0.0.1:"));
 }
 
 /// The help says what an option accepts, and the option accepts no more.
@@ -304,6 +359,23 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
         (&["completions"], "(legal: bash, elvish, fish, powershell, zsh)"),
         (&["completions"], "`hbot completions --install`"),
         (&["scene", "hinge"], "`hbot scene load hinge`"),
+        (&["server", "hinge"], "`--scene hinge` starts with a ready-made scene"),
+        (&["server", "hinj"], "`--scene hinge` starts with a ready-made scene"),
+        (&["monitor"], "`hbot watch`"),
+        (&["convert", "x.mcap"], "docs/recordings.md"),
+        (&["faults"], "`hbot explain FILE`"),
+        (&["scene", "validate", "x.toml"], "`hbot scene check FILE|NAME`"),
+        (&["scene", "save", "x.toml"], "`hbot scene show > FILE`"),
+        (&["rig", "validate", "x.toml"], "`hbot rig check FILE`"),
+        (&["server", "--verbose"], "HBOT_LOG=debug"),
+        (&["server", "-v"], "HBOT_LOG=debug"),
+        (&["turn"], "`hbot hand turn n3 40deg`"),
+        (&["hand", "n2", "30deg"], "`hbot hand turn n2 30deg`"),
+        (&["hand", "turn", "30deg", "n2"], "`hbot hand turn n2 30deg`"),
+        (&["connect", "127.0.0.1:4268"], "`--server HOST:PORT`"),
+        (&["config"], "`hbot rig new FILE`"),
+        (&["demo"], "`hbot server` runs a simulated rig"),
+        (&["set", "spring", "stiffness=2", "--json"], "`hbot info --json` prints the scene"),
         (&["study", "accuracy", "--quick"], "`cargo run --release -p hbot-study -- accuracy --quick`"),
     ] {
         run(words).code(2).stderr(contains(command).and(contains("similar").not()));
@@ -314,6 +386,10 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
     run(&["rig", "check", "--port", "sim"]).code(2).stderr(contains("--server").not());
     run(&["serer"]).code(2).stderr(contains("'server'"));
     run(&["scene", "lod"]).code(2).stderr(contains("'load'"));
+    // What is only as long, or begins alike, is not named: a wrong hint is worse than none.
+    for words in [&["wander"][..], &["scene", "lint-all"], &["rig", "print"], &["info", "--vertical"]] {
+        run(words).code(2).stderr(contains("similar").not());
+    }
     run(&["estopp"]).code(2).stderr(contains("exists: 'estop'\n"));
     run(&["enabel"]).code(2).stderr(contains("exists: 'enable'\n"));
 }

@@ -18,7 +18,7 @@ use hbot_identify::motion::Counts;
 use super::super::numbers::whole;
 use super::super::out::{refuse_folder_or_pipe, tell};
 use super::super::style;
-use super::{Which, edit, joint_name, on_the_lines, wheel_name};
+use super::{Rig, edit, joint_name, on_the_lines, wheel_name};
 
 /// Error of a zero that is as small as it can be made by hand, rad.
 const TRIFLE: f64 = 0.01;
@@ -34,7 +34,7 @@ const DOUBTFUL: f64 = 0.03;
 #[derive(Debug, Args)]
 pub(crate) struct CalibrateArgs {
     #[command(flatten)]
-    which: Which,
+    rig: Rig,
     /// How long to watch the joints, 5 to 600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 20, allow_negative_numbers = true, value_parser = whole(5..=600_u32))]
     seconds: u32,
@@ -70,7 +70,7 @@ struct Told {
 }
 
 pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
-    let rig = args.which.load()?;
+    let rig = args.rig.load()?;
     // A person turns the sphere for a while before the file is written.
     if let Some(file) = &args.write {
         refuse_folder_or_pipe(file, "the rig file to write")?;
@@ -93,7 +93,7 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let told = told(&rig, &counts)?;
     tell!("{}\n{}", told.words.trim_end(), to_paste(&rig, &told))?;
     if let Some(file) = &args.write {
-        write(args.which.rig.as_deref(), &told.corrections, file)?;
+        write(args.rig.file(), &told.corrections, file)?;
         let what = match told.corrections.len() {
             0 if told.as_filed => "the values that it had: there was nothing to correct".to_owned(),
             0 => "the values that it had: correct first what stands above".to_owned(),

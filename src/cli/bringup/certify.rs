@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::SystemTime;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use hbot_config::advice::{StiffnessBound, USUAL_DAMPING};
 use hbot_config::{Override, RigConfig};
@@ -28,7 +28,7 @@ use self::page::Page;
 use super::identify::motors::{self, Motion};
 use super::identify::{News, read};
 use super::{edit, joint_name};
-use crate::cli::out::{say, tell};
+use crate::cli::out::{WrongLine, say, tell};
 
 /// Number of turns over which the drift is computed, the time of each, s, and the time between two
 /// readings, s.
@@ -43,13 +43,16 @@ const RUNS: &str = "`hbot rig certify RIG.toml RUN.mcap`";
 /// Options of `hbot rig certify`.
 #[derive(Debug, Args)]
 pub(crate) struct CertifyArgs {
-    /// The rig file (TOML)
-    #[arg(value_name = "RIG.toml")]
-    rig: PathBuf,
+    /// The rig file (TOML), unless --rig names it
+    #[arg(value_name = "RIG.toml", required_unless_present = "rig")]
+    rig_file: Option<PathBuf>,
     /// Recordings (MCAP) of this rig by `hbot server --record`: with motors off and a hand that
     /// turns the sphere for the geometry; of any use for the latency
     #[arg(value_name = "RUN.mcap")]
     runs: Vec<PathBuf>,
+    /// The rig file (TOML), as an option
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
     /// Let the motors move the free sphere as well, as `hbot rig identify --motors` does, for
     /// torque accuracy and friction. No server may hold the rig
     #[arg(long)]
@@ -76,23 +79,40 @@ struct Known {
     motors: Result<Measured, String>,
 }
 
+impl CertifyArgs {
+    /// Returns the rig file and the recordings. With `--rig`, all that stands without an option are
+    /// recordings.
+    fn files(&self) -> anyhow::Result<(&Path, Vec<PathBuf>)> {
+        let first = self.rig_file.as_ref();
+        let rig = self.rig.as_ref().or(first).context("no rig file is named")?;
+        let twice =
+            first.filter(|file| self.rig.is_some() && file.extension().is_some_and(|end| end == "toml"));
+        if let Some(file) = twice {
+            bail!(WrongLine(format!("{} cannot be used with --rig: name one rig file", file.display())));
+        }
+        let runs = first.filter(|_| self.rig.is_some()).into_iter().chain(&self.runs);
+        Ok((rig, runs.cloned().collect()))
+    }
+}
+
 pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
+    let (file, runs) = args.files()?;
     // Before the motors move.
     Page::refuse_another(&args.out)?;
     let over =
         args.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
-    let rig = crate::cli::rig_file::load(Some(&args.rig), over.as_slice())?;
-    let (geometry, latency) = recorded(&rig, &args.runs)?;
+    let rig = crate::cli::rig_file::load(Some(file), over.as_slice())?;
+    let (geometry, latency) = recorded(&rig, &runs)?;
     let motors = if args.motors {
         motors::measured(&rig, &args.motion)?
     } else {
         Err("`hbot rig certify --motors` measures it".to_owned())
     };
     let known = Known { rig, geometry, latency, motors };
-    let text = hbot_config::read_text(&args.rig).with_context(|| args.rig.display().to_string())?;
+    let text = hbot_config::read_text(file).with_context(|| file.display().to_string())?;
     let date = hbot_server::flight::utc(SystemTime::now());
     let name = format!("{date}, rig file {:08x}", crc32fast::hash(text.as_bytes()));
-    let page = page_of(&known, &args.rig, &name)?;
+    let page = page_of(&known, file, &name)?;
     page.write(&args.out)?;
     let (with, without) = page.measured();
     let lacking: usize = without.iter().map(|(_, names)| names.len()).sum();
@@ -103,11 +123,11 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     for file in page::FILES {
         say!("{}: written", args.out.join(file).display())?;
     }
-    if let Some(file) = &args.write {
-        let mut document = edit::open(Some(&args.rig))?;
+    if let Some(write) = &args.write {
+        let mut document = edit::open(Some(file))?;
         edit::put(document.as_item_mut(), "certificate", name.into());
-        edit::save(&document, file)?;
-        say!("{}: written", file.display())?;
+        edit::save(&document, write)?;
+        say!("{}: written", write.display())?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use clap::Args;
+use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_config::RigConfig;
 use hbot_identify::identify::{Identified, Name, Value};
 use hbot_identify::{Recorded, What, identify};
@@ -30,7 +31,7 @@ pub(crate) struct IdentifyArgs {
     which: Which,
     /// Recordings (MCAP) by `hbot server --record`: motors off, a hand turns the sphere about all
     /// axes, a minute in all
-    #[arg(value_name = "RUN.mcap", required_unless_present = "motors")]
+    #[arg(value_name = "RUN.mcap", required_unless_present = "motors", value_parser = PathBufValueParser::new().try_map(recording))]
     runs: Vec<PathBuf>,
     /// Find the steering zeros alone and believe the rest of the rig file: two seconds of motion
     /// are enough
@@ -51,6 +52,14 @@ pub(crate) struct IdentifyArgs {
     /// Write the rig file with the values found to this file; it can be the rig file itself
     #[arg(long, visible_alias = "write", value_name = "FILE")]
     out: Option<PathBuf>,
+}
+
+/// Refuses a rig file where a recording is wanted.
+fn recording(path: PathBuf) -> Result<PathBuf, String> {
+    if path.extension().is_some_and(|end| end == "toml") {
+        return Err(format!("no recording (MCAP); the rig file is named by `--rig {}`", path.display()));
+    }
+    Ok(path)
 }
 
 pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {

@@ -57,10 +57,20 @@ impl ShelfScene {
     }
 
     /// Returns the file name in the list that is most similar to `file`, for the hint "did you
-    /// mean". Returns `None` if no name is similar enough.
+    /// mean", or the only one that begins with it or sounds like it. Returns `None` if no name is
+    /// similar enough.
     #[must_use]
     pub fn similar(file: &str) -> Option<&'static str> {
-        did_you_mean(file, SHELF.iter().map(|scene| scene.file))
+        let names = SHELF.iter().map(|scene| scene.file);
+        did_you_mean(file, names.clone()).or_else(|| {
+            let typed = file.to_lowercase();
+            let start = typed.get(..3)?;
+            let mut near = names.filter(|name| {
+                name.starts_with(&typed)
+                    || name.starts_with(start) && strsim::osa_distance(&typed, name) <= typed.len() / 2
+            });
+            near.next().filter(|_| near.next().is_none())
+        })
     }
 
     /// Reads the scene.
