@@ -890,6 +890,8 @@ await shows("#headline", "NO CONTACT");
 await shows("#keys", UNHEARD);
 await shows("#hint", "Last heard");
 await shows("#details", "is not known. Simulated: nothing real moves.");
+await shows("#details", "Last heard: ");
+assert.deepEqual(await page.$$eval(":is(#meters, #kept) div > span:last-child", (all) => [...new Set(all.map((it) => it.textContent))]), ["-"], "an old number");
 await bars();
 await grey();
 const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
@@ -1044,19 +1046,19 @@ const [cut, torque] = await page.evaluate(() => {
 });
 assert.equal(cut, torque);
 /** Checks that the box and the chip say that the torque is at its limits, and what to do. */
-async function strained() {
-  await until("a chip", async () => await page.locator("#chip").textContent() === "ACTIVE: at limit", 5);
+async function strained(word) {
+  await until("a chip", async () => await page.locator("#chip").textContent() === `ACTIVE: ${word}`, 5);
   await shows("#details", "Lower stiffness, or push less.", 5);
   // The colour of the box changes within 0.1 s.
   await until("the colour of the torque", () => page.evaluate((torque) => ["box", "chip"].every((id) => (
     getComputedStyle(document.getElementById(id)).borderTopColor === torque)), torque), 5);
 }
-await strained();
+await strained("reduced");
 await short("Lower stiffness", "Limits cut 64 %");
 await picture("cut");
 await page.evaluate(() => { [window.cuts, window.strains] = [false, true]; });
 await shows("#notice", "The torque is at the rig's limit");
-await strained();
+await strained("at limit");
 await page.evaluate(() => { [window.cuts, window.strains] = [true, false]; });
 await shows("#notice", "Limits cut 64 % of the torque");
 // Beside a warning too, and at every size. It is of what a simulated rig keeps of an earlier scene.

@@ -316,6 +316,7 @@ export class Controls {
       if (!border) return;
       const share = typeof border() === 'number' ? scale.place(border()) / slider.max : 1;
       mark.hidden = !(share < 1);
+      field.classList.toggle('over', share < 1 && get() > border());
       mark.dataset.at = mark.hidden ? '' : roundedDown(border());
       // The handle stays half its width of 1 rem away from the ends.
       mark.style.left = `calc(0.5rem + ${share} * (100% - 1rem))`;

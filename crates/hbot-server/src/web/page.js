@@ -8,7 +8,7 @@ import { length, rotation } from './maths.js';
 import { plot, plotCurves, rescale } from './plot.js';
 import { Rig, hasTorque } from './rig.js';
 import { Camera, draw, shared } from './sphere.js';
-import { isStopped, narrow, put, showMessages, showState, touch, withCode } from './state.js';
+import { isStopped, narrow, put, showMessages, showState, stillTurns, touch, withCode } from './state.js';
 
 /** States per second that the page asks for. */
 const STATES = 60;
@@ -278,7 +278,7 @@ function showRights() {
 /** Returns why STOP may not work as usual, that it is on its way, or that it has worked. */
 function stopTrouble() {
   if (!rig.hello) return 'No connection: STOP cannot reach the rig';
-  if (isStopped(rig)) return `stopped, ${length(rig.state.torque).toFixed(2)} N m`;
+  if (isStopped(rig)) return `stopped, ${length(rig.state.torque).toFixed(2)} N m${stillTurns(rig) ? ', still turns' : ''}`;
   if (rig.isBack) return 'Connected again: STOP reaches the rig';
   if (rig.unconfirmedStop || !(rig.isLive || rig.stop)) return 'No answer: STOP may not reach the rig';
   if (rig.stop) return 'STOP sent, not confirmed yet';
@@ -341,7 +341,7 @@ function words() {
       legend.append(Object.assign(document.createElement('p'), { className: name }));
     }
   }
-  put(legend.children[0], `torque ${length(state.torque).toFixed(3)} N m`);
+  put(legend.children[0], `${rig.isLive ? '' : 'last '}torque ${length(state.torque).toFixed(3)} N m`);
   put(legend.children[1], state.reference ? 'reference, dashed' : 'no reference');
   put(legend.children[2], `n1 n2 n3 from N ${turned.map(figure).join(' ')} rad`);
   put(legend.children[3], `turned from N ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);

@@ -5,6 +5,8 @@ import { length } from './maths.js';
 
 /** From this rate on, the page says that the sphere still turns without torque, rad/s. */
 const TURNS = 0.1;
+/** From this rate on, nobody is asked to give it torque again, rad/s. A simulated hand sways more slowly. */
+const SPINS = 2;
 /** Part of the torque that the limits cut: the least that its bar shows. */
 const LEAST_SHOWN = 0.0005;
 /** Part of a limit from which a bar says that it is near. */
@@ -65,7 +67,7 @@ function details(rig) {
   const state = rig.state;
   const mode = rig.info?.modes?.find((mode) => mode.name === state?.mode)?.sentence ?? '';
   const old = rig.silentFor !== null && state
-    ? [['', `${narrow.matches ? '' : 'What is shown is old. '}The last mode was ${state.mode}.`]] : [];
+    ? [['last', `Last heard: ${state.mode.toUpperCase()}, ${length(state.torque).toFixed(2)} N m.`]] : [];
   if (stop) {
     const ends = 'This message ends when a state shows no torque.';
     // What was wrong is over where the rig is heard again.
@@ -78,9 +80,9 @@ function details(rig) {
     }
     return [
       ['strong', rig.isSimulated ? UNPOWERED : "Cut the motors' power."],
-      ['', `${touch.matches || !document.hasFocus() ? 'STOP tries' : 'STOP or Esc tries'} again. ${ends}`],
-      ['', sentence(stop.why ?? 'the server has not confirmed the stop')],
-      ...old];
+      ...old,
+      ['', `Press ${touch.matches || !document.hasFocus() ? 'STOP' : 'STOP or Esc'} again. ${ends}`],
+      ['', sentence(stop.why ?? 'the server has not confirmed the stop')]];
   }
   if (head === 'NO CONTACT') {
     const why = rig.silentFor === null
@@ -88,9 +90,9 @@ function details(rig) {
       : 'The server says nothing.';
     return [
       rig.isSimulated ? ['', ''] : ['strong', "If in doubt, cut the motors' power."],
+      ...old,
       ['bad', why],
-      ['', `What the rig does now is not known. ${rig.isSimulated ? UNPOWERED : ''}`],
-      ...old];
+      ['', `What the rig does now is not known. ${rig.isSimulated ? UNPOWERED : ''}`]];
   }
   if (!state) return [['weak', rig.hello ? 'Waiting for the first state.' : 'Not connected.']];
   const by = rig.fault?.by;
@@ -155,8 +157,9 @@ function wayOn(rig) {
   const take = { mine: '', other: 'press Take over, then ' }[rig.lease.who] ?? 'press Take command, then ';
   const far = !rig.isFar || take ? '' : rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
   const press = take ? '' : 'press ';
+  const rest = spins(rig) ? 'wait until the sphere rests, then ' : '';
   return rig.stopper ? `To go on, make sure that nobody touches the sphere, ${take || 'then '}${press}Reset, then Enable.`
-    : `To go on, ${take}${far}${press}Recover.`;
+    : `To go on, ${rest}${take}${far}${press}Recover.`;
 }
 
 const notice = document.createElement('p');
@@ -173,7 +176,10 @@ export const isStopped = (rig) => rig.isCertain && rig.headline === 'ESTOP';
 const isStrained = (rig) => rig.isCut || rig.isAtLimit;
 
 /** Whether the sphere turns without torque, fast enough to tell. */
-const stillTurns = (rig) => rig.isCertain && !rig.unconfirmedStop && !hasTorque(rig.state.mode) && length(rig.state.omega) > TURNS;
+export const stillTurns = (rig) => rig.isCertain && !rig.unconfirmedStop && !hasTorque(rig.state.mode) && length(rig.state.omega) > TURNS;
+
+/** Whether it turns so fast that torque must wait. */
+const spins = (rig) => stillTurns(rig) && rig.fastest > SPINS;
 
 /**
  * Returns the sentences at the end of the box as `[class, text]`: that the sphere turns, or what is
@@ -261,7 +267,7 @@ function showNotice(sentences) {
 /** Returns what the colour of the headline says beside the mode. */
 function mood(rig) {
   if (!rig.isCertain || !hasTorque(rig.state.mode) || rig.headline === 'NOT STOPPED') return '';
-  return rig.shakes ? ': shakes' : isWarned(rig) ? ': warning' : isStrained(rig) ? ': at limit' : '';
+  return rig.shakes ? ': shakes' : isWarned(rig) ? ': warning' : rig.isAtLimit ? ': at limit' : rig.isCut ? ': reduced' : '';
 }
 
 const figures = ['b', 'span', 'small'].map((tag) => document.createElement(tag));
@@ -367,7 +373,8 @@ function orders(rig) {
   $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper);
   // Only the next step stands out. While the sphere is too far, the box says another one.
   const next = !$('enable').disabled ? rig.isFar ? '' : 'enable' : mode !== 'fault' && !$('recover').disabled ? 'recover' : 'reset';
-  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled);
+  const waits = next === 'recover' && spins(rig);
+  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled && !waits);
   for (const id of ['enable', 'disable', 'reset']) $(id).title = $(id).disabled ? why(rig, id) : $(id).dataset.does;
   $('recover').title = !$('recover').disabled ? $('recover').dataset.does : rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
     : stopped && rig.isFar ? `The sphere may be too far from the reference. ${cure(rig)} Or press Reset, then Enable`
@@ -388,7 +395,7 @@ function meters(rig) {
   const { state, info } = rig;
   const limits = info?.limits;
   const share = (value, limit) => (limit > 0 ? value / limit : 0);
-  const values = !state || !limits ? METERS.map(() => [0, '-']) : [
+  const values = !rig.isLive || !limits ? METERS.map(() => [0, '-']) : [
     [share(length(state.torque), limits.torque),
       `${length(state.torque).toFixed(2)} / ${limits.torque.toFixed(2)} N m`],
     [share(length(state.omega), limits.speed),
