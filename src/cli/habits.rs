@@ -141,6 +141,11 @@ pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<Stri
         ErrorKind::MissingRequiredArgument if is_command(arguments, &["set"]) => {
             Some(format!("name an effect and its new values: `hbot set EFFECT KEY=VALUE`; {SHOW_SCENE}"))
         }
+        ErrorKind::MissingRequiredArgument if is_command(arguments, &["recover"]) => Some(
+            "this mends a recording: `hbot recover CUT.mcap WHOLE.mcap`. After a fault or a stop of the rig, run `hbot \
+             reset`, then `hbot enable`"
+                .to_owned(),
+        ),
         ErrorKind::MissingRequiredArgument if is_command(arguments, &["rig", "identify"]) => Some(
             "name recordings of a hand's turns, which show the geometry: `hbot rig identify RUN.mcap`; or let the motors \
              move the free sphere, for torque constants and friction: `hbot rig identify --motors`"

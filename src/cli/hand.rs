@@ -8,8 +8,8 @@ use std::time::Duration;
 use anyhow::{anyhow, bail};
 use clap::{Args, Subcommand};
 use hbot_api::{
-    Client, ClientError, ErrorBody, ErrorCode, Event, HandCommand, HandHold, InfoOk, MAX_OVER_MS, Mode, Op,
-    StateEvent,
+    Client, ClientError, ErrorBody, ErrorCode, Event, Fault, HandCommand, HandHold, InfoOk, MAX_OVER_MS,
+    Mode, Op, StateEvent,
 };
 use hbot_config::SceneFile;
 use hbot_config::sweep::Probe;
@@ -36,6 +36,8 @@ const STILL_S: f64 = 0.1;
 /// the turn's rate.
 const STILL: f64 = 0.02;
 const STILL_PART: f64 = 0.2;
+/// Angle by which the pull of the hand may differ from where the sphere is, rad.
+const ASTRAY: f64 = 0.2;
 /// A fraction of a limit at which it counts as reached.
 const AT_LIMIT: f64 = 0.98;
 
@@ -123,6 +125,11 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     if let Some(mode) = info.mode.filter(|mode| !matches!(mode, Mode::Active | Mode::Enabling)) {
         note!("the rig makes no torque, because it is in the mode {mode}{}", show::next(mode));
     }
+    if info.incident.as_ref().is_some_and(|incident| incident.fault == Some(Fault::LinkLost)) {
+        bail!(
+            "there are no readings (fault link_lost), so nobody sees the turn: `hbot info` shows what to do"
+        );
+    }
     let stop = signals::stop_flag()?;
     let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args, &stop))?;
     if stop.is_set() {
@@ -140,6 +147,15 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     table(&points)?;
     for line in told(&info, &states, &points, args) {
         tell!("{line}")?;
+    }
+    let (end, last) = (&points[points.len() - 1], &states[states.len() - 1]);
+    let astray = is_still(last, args).then(|| astray(args, end)).flatten();
+    if let Some(off) = astray {
+        bail!(
+            "the hand holds the sphere {:.0} deg from where its pull says: the server does not know the sphere's orientation, \
+             since it had no readings for a while or a wheel slipped. Start the server again",
+            off.to_degrees()
+        );
     }
     // Where no hand held the sphere before, none does after the turn.
     if states[0].hand.is_some() {
@@ -196,6 +212,13 @@ fn turn(client: &mut Client, args: &TurnArgs, stop: &StopFlag) -> Result<Vec<Sta
 fn is_still(state: &StateEvent, args: &TurnArgs) -> bool {
     let rate = Vec3::from_array(state.omega).dot(args.axis.unit);
     rate.abs() < STILL.min(STILL_PART * args.angle.abs() / args.over)
+}
+
+/// Returns by how much the turn ended elsewhere than the pull of the hand's spring says, rad, if that
+/// is much.
+fn astray(args: &TurnArgs, end: &Point) -> Option<f64> {
+    let off = rotation::wrap_angle(args.angle - end.angle - end.hand / args.stiffness);
+    (args.stiffness > 0.0 && off.abs() > ASTRAY).then_some(off)
 }
 
 /// Returns the next state. Fails if another client takes the lease. `since` is the time since the

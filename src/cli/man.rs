@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::{Arg, Args, Command, CommandFactory as _};
 
 use super::Cli;
+use super::out::say;
 
 /// Options of `hbot man`.
 #[derive(Debug, Args)]
@@ -17,7 +18,15 @@ pub(crate) struct ManArgs {
 }
 
 pub(crate) fn run(args: &ManArgs) -> anyhow::Result<ExitCode> {
+    let name = args.folder.to_string_lossy();
+    if !args.folder.exists() && Cli::command().find_subcommand(&*name).is_some() {
+        bail!(
+            "this writes all man pages into a folder; `hbot help {name}` shows the help of `hbot {name}`. For a folder \
+             with this name write ./{name}"
+        );
+    }
     write(&args.folder)?;
+    say!("man pages  {}", args.folder.display())?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -4,10 +4,12 @@
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
-use hbot_api::{Client, ClientError, ConnectOptions, ErrorCode, Mode, StateEvent, Token, Trust, client_name};
+use anyhow::{Context as _, bail};
+use hbot_api::{
+    Client, ClientError, ConnectOptions, ErrorCode, Fault, Mode, StateEvent, Token, Trust, client_name,
+};
 
-use super::out::tell;
+use super::out::{note, tell};
 use super::{Commanding, ServerAddress, show, style};
 
 /// Longest time until controllers which have come back are seen to be there.
@@ -52,6 +54,7 @@ pub(crate) fn unheld(
 /// waits for both.
 pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
     let mut client = connect(&to.address, "hbot")?;
+    let incident = client.info().map_err(remedied)?.incident;
     let until = Instant::now() + SETTLED;
     let mode = holding(&mut client, to.steal, |client| {
         loop {
@@ -62,7 +65,14 @@ pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
                 answer => return answer,
             }
         }
-    })?;
+    });
+    let mode = match (mode, incident.as_ref().and_then(|incident| incident.remedy.as_deref())) {
+        (Err(error), Some(remedy)) => bail!("{error:#}. {remedy}"),
+        (mode, _) => mode?,
+    };
+    if incident.is_some_and(|incident| incident.fault == Some(Fault::LinkLost)) {
+        note!("while no readings came, the sphere may have turned unseen: its orientation can be wrong");
+    }
     let settled = |state: &StateEvent| state.mode != Mode::Unreferenced || Instant::now() > until;
     let state = if mode == Mode::Unreferenced { show::state(&mut client, settled)? } else { None };
     print(state.map_or(mode, |state| state.mode))

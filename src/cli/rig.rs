@@ -18,7 +18,7 @@ use hbot_host::bus::{BusTraffic, driver, late_rates};
 use hbot_host::commission::doctor::{MOST_LOAD, lines};
 use hbot_host::rig::host::uncalibrated;
 
-use super::out::tell;
+use super::out::{note, tell};
 use super::scene::plot::{svg, write};
 use super::{bringup, rig_drawing, rig_new, style};
 
@@ -85,6 +85,9 @@ pub(crate) fn run(command: RigCommand) -> anyhow::Result<ExitCode> {
     }
     let warnings = Warnings::of(&config);
     tell!("{}{}{}: a legal design{}", style::NAME, config.name, style::OFF, warnings.in_words())?;
+    if file.is_none() {
+        note!("{}note{}: without a file this checks the built-in prototype", style::WARN, style::OFF);
+    }
     if let Some(pick) = &config.rate_pick {
         tell!("  {}rates:{} {}", style::NAME, style::OFF, pick.sentence())?;
     }

@@ -41,8 +41,10 @@ pub(crate) enum SceneCommand {
     },
     /// Write a commented scene file with the effects that you choose
     New(new::NewArgs),
-    /// Print the scene that a server renders, as a scene file
+    /// Print the scene that a server renders, or a ready-made one, as a scene file
     Show {
+        /// Name of a ready-made scene [default: the scene that the server renders]
+        scene: Option<String>,
         #[command(flatten)]
         address: ServerAddress,
     },
@@ -106,10 +108,12 @@ pub(super) fn scene(path: &Path) -> anyhow::Result<SceneFile> {
     }
 }
 
+/// Where the names of scenes are found.
+const LIST: &str = "`hbot scene list` prints the ready-made scenes";
+
 /// Adds to the error about a scene file that does not exist which scene of the shelf is probably
 /// meant.
 fn pointed_out(path: &Path, error: LoadError) -> anyhow::Error {
-    const LIST: &str = "`hbot scene list` prints the ready-made scenes";
     let absent = matches!(&error, LoadError::Read { source, .. } if source.kind() == ErrorKind::NotFound);
     let Some(stem) = path.file_stem().and_then(OsStr::to_str).filter(|_| absent) else { return error.into() };
     if path.as_os_str() == stem {
@@ -135,7 +139,15 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
         SceneCommand::List { json } => shelf::list(json)?,
         SceneCommand::New(args) => new::run(&args)?,
         SceneCommand::Kinds { kind, json } => kinds::run(kind.as_deref(), json)?,
-        SceneCommand::Show { address } => show(&address)?,
+        SceneCommand::Show { scene: Some(name), .. } => match ShelfScene::named(&name) {
+            None if name.contains(':') => bail!(WrongLine(format!("`--server {name}` names a server"))),
+            Some(scene) => say!("{}", scene.text.trim_end())?,
+            None => bail!(
+                "{name}: no ready-made scene has this name{}; {LIST}",
+                guess(ShelfScene::similar(&name))
+            ),
+        },
+        SceneCommand::Show { scene: None, address } => show(&address)?,
         SceneCommand::Check { which, watch: true, to, .. } => watch::run(&which, &to)?,
         SceneCommand::Check { which, strict, .. } => {
             refuse_options_of_watch()?;

@@ -237,11 +237,15 @@ fn a_scene_whose_line_loses_every_frame_is_named_by_the_fault_and_an_ideal_rig_g
     assert_eq!(fault["fault"], "link_lost", "{said}");
     assert!(said.contains("[simulate.link] loses frames (loss = 1)"), "{said}");
     assert!(said.contains("load the scene with a smaller `loss`"), "{said}");
-    run(&server, &["reset"]).failure().stderr(contains("the cause of fault link_lost is still there"));
+    let still =
+        contains("the cause of fault link_lost is still there").and(contains("scene load NAME --ideal"));
+    run(&server, &["reset"]).failure().stderr(still);
+    run(&server, &["hand", "turn", "n1", "30deg"]).failure().stderr(contains("there are no readings"));
     let keeps = contains("keeps that of the scene").and(contains("`hbot scene load NAME --ideal`"));
     run(&server, &["scene", "load", "spring"]).success().stderr(keeps);
     run(&server, &["scene", "load", "spring", "--ideal"]).success().stderr("");
-    run(&server, &["reset"]).success().stdout(starts_with("idle: "));
+    let unseen = contains("the sphere may have turned unseen");
+    run(&server, &["reset"]).success().stdout(starts_with("idle: ")).stderr(unseen);
 }
 
 /// In virtual time, a second of the run takes far less than a second of the clock.
@@ -526,10 +530,11 @@ fn offered(folder: &Path, server: &str, words: &[&str]) -> Vec<String> {
         source <(hbot completions bash)
         registered=$(complete -p hbot) && registered=${registered##*-F } && registered=${registered%% *}
         COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
-        "$registered" hbot "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD - 1]}"
+        typed=${COMP_WORDS[COMP_CWORD]}
+        "$registered" hbot "${typed#[=:]}" "${COMP_WORDS[COMP_CWORD - 1]}"
         [ ${#COMPREPLY[@]} = 0 ] || printf '%s\n' "${COMPREPLY[@]}""#;
-    // bash breaks a line at these characters too, unless the last word ends there.
-    let words: Vec<String> = words
+    // bash breaks a line at these characters too. A break at its end is the last word.
+    let mut words: Vec<String> = words
         .iter()
         .flat_map(|word| {
             word.replace('=', "\n=\n")
@@ -539,6 +544,9 @@ fn offered(folder: &Path, server: &str, words: &[&str]) -> Vec<String> {
                 .collect::<Vec<_>>()
         })
         .collect();
+    if matches!(&words[..], [.., broken, last] if last.is_empty() && ["=", ":"].contains(&broken.as_str())) {
+        words.pop();
+    }
     let program = hbot();
     let programs = Path::new(program.get_program()).parent().expect("a folder");
     let path = format!("{}:{}", programs.display(), std::env::var("PATH").expect("a path"));
@@ -573,6 +581,7 @@ fn bash_offers_scenes_kinds_files_ports_and_axes_where_they_are_wanted() {
         ("server --scene hin", "hinge"),
         ("server --scene=hin", "hinge"),
         ("server --port sim:p", "pty"),
+        ("server --port sim:", "pty"),
         ("server --rig ", "my.toml runs/"),
         ("server --port s", "sim sim:pty"),
         ("rig scan --port s", "sim"),
@@ -613,6 +622,10 @@ fn bash_offers_the_effects_that_a_server_renders_and_their_parameters() {
     assert_eq!(offered(&server.address, "set "), "spring");
     assert_eq!(offered(&server.address, "set spring st"), "stiffness=");
     assert_eq!(offered(&server.address, "set spring stiffness=2 dam"), "damping=");
+    // Words that are values; a number has none.
+    assert_eq!(offered(&server.address, "set spring anchor="), "absolute here");
+    assert_eq!(offered(&server.address, "set spring anchor=h"), "here");
+    assert_eq!(offered(&server.address, "set spring stiffness="), "");
     let named = format!("set --server {} spr", server.address);
     assert_eq!(offered("127.0.0.1:9", &named), "spring");
     // Keys that say what an effect is cannot be set.
@@ -673,7 +686,12 @@ fn one_command_installs_completions_and_man_pages() {
 #[test]
 fn every_command_has_a_man_page_that_names_its_options() {
     let folder = tempfile::tempdir().expect("a folder");
-    assert_cmd::Command::from_std(hbot()).arg("man").arg(folder.path()).assert().success().stdout("");
+    assert_cmd::Command::from_std(hbot())
+        .arg("man")
+        .arg(folder.path())
+        .assert()
+        .success()
+        .stdout(contains("man pages  "));
     let page = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect(name);
     assert!(page("hbot-server.1").contains(r"\-\-rig"));
     assert!(page("hbot-rig-check.1").contains("hbot\\-rig\\-check"));

@@ -366,6 +366,7 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
         (&["faults"], "`hbot explain FILE`"),
         (&["scene", "validate", "x.toml"], "`hbot scene check FILE|NAME`"),
         (&["scene", "save", "x.toml"], "`hbot scene show > FILE`"),
+        (&["recover"], "After a fault or a stop of the rig, run `hbot reset`"),
         (&["rig", "validate", "x.toml"], "`hbot rig check FILE`"),
         (&["server", "--verbose"], "HBOT_LOG=debug"),
         (&["server", "-v"], "HBOT_LOG=debug"),

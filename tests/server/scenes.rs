@@ -205,6 +205,8 @@ fn the_shelf_is_listed_with_a_sentence_and_the_kinds_of_each_scene() {
         assert!(text.contains(entry.file) && text.contains(scene.description()), "{}: {text}", entry.file);
     }
     assert!(text.contains("guide, detents"), "{text}");
+    let output = hbot().args(["scene", "show", "hinge"]).output().expect("the binary runs");
+    assert_eq!(String::from_utf8_lossy(&output.stdout), include_str!("../../scenes/hinge.toml"));
     let output = hbot().args(["scene", "list", "--json"]).output().expect("the binary runs");
     let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(

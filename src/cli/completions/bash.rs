@@ -29,7 +29,12 @@ impl EnvCompleter for Bash {
         completer: &str,
         out: &mut dyn Write,
     ) -> Result<()> {
-        env::Bash.write_registration(variable, name, program, completer, out)
+        let mut script = Vec::new();
+        env::Bash.write_registration(variable, name, program, completer, &mut script)?;
+        // A break at the end of the line is a word that must stay.
+        let last = "words[COMP_CWORD]=\"$2\"";
+        let kept = format!("[[ ${{words[COMP_CWORD]}} == [=:] ]] || {last}");
+        out.write_all(String::from_utf8_lossy(&script).replace(last, &kept).as_bytes())
     }
 
     fn write_complete(

@@ -89,13 +89,28 @@ fn effects(typed: &OsStr) -> Vec<CompletionCandidate> {
     named(typed, effects.iter().filter_map(|effect| effect["id"].as_str()))
 }
 
-/// Completes the parameters of the effect that was typed before.
+/// Completes the parameters of the effect that was typed before, and the words that are legal values.
 fn parameters(typed: &OsStr) -> Vec<CompletionCandidate> {
     let Some((line, effects)) = running() else { return Vec::new() };
     let id = line.get_one::<String>("effect");
     let effect = effects.iter().find(|effect| effect["id"].as_str() == id.map(String::as_str));
-    let keys = effect.and_then(Value::as_object).into_iter().flat_map(|keys| keys.keys());
+    let Some(effect) = effect.and_then(Value::as_object) else { return Vec::new() };
+    if let Some((key, _)) = typed.to_str().and_then(|typed| typed.split_once('=')) {
+        let kind = kinds().into_iter().find(|kind| effect.get("kind").is_some_and(|it| it == kind.name));
+        let mut legal = Vec::new();
+        kind.iter().for_each(|kind| words(&kind.schema["properties"][key], &mut legal));
+        return named(typed, legal.iter().map(|word| format!("{key}={word}")));
+    }
+    let keys = effect.keys();
     named(typed, keys.filter(|key| !FIXED.contains(&key.as_str())).map(|key| format!("{key}=")))
+}
+
+/// Collects the words that a JSON schema allows.
+fn words(schema: &Value, legal: &mut Vec<String>) {
+    let constants = schema["enum"].as_array().into_iter().flatten().chain(schema.get("const"));
+    legal.extend(constants.filter_map(Value::as_str).map(str::to_owned));
+    let parts = ["oneOf", "anyOf"].into_iter().filter_map(|key| schema[key].as_array()).flatten();
+    parts.for_each(|part| words(part, legal));
 }
 
 /// Returns the line of `hbot set` that is typed, and the effects that the server renders. Returns

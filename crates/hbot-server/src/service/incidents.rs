@@ -245,7 +245,9 @@ mod tests {
         let said = told(Cause::LinkLost, Link { loss: 0.6, ..still });
         assert!(said.contains("[simulate.link] loses frames (loss = 0.6), or other programs"), "{said}");
         assert!(
-            said.ends_with("If the fault comes back, load the scene with a smaller `loss` first"),
+            said.ends_with(
+                "load the scene with a smaller `loss` first (`hbot scene load NAME --ideal` has none)"
+            ),
             "{said}"
         );
         let said = told(Cause::LinkLost, Link { latency_s: 0.05, jitter_s: 0.001, ..still });

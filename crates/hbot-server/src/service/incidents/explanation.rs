@@ -104,7 +104,9 @@ const BUSY: &str = "other programs kept this machine too busy";
 
 /// Returns what to do about a fault that the scene causes, and may cause again.
 fn again(with: &str) -> String {
-    format!(". If the fault comes back, load the scene with {with} first")
+    format!(
+        ". If the fault comes back, load the scene with {with} first (`hbot scene load NAME --ideal` has none)"
+    )
 }
 
 /// Returns how the scene's serial line loses and delays frames, with the keys that say so, and what
