@@ -386,15 +386,16 @@ impl Model {
 
     fn fault(&mut self, fault: FaultEvent) {
         let stopped = matches!(fault.mode, Mode::Fault | Mode::Estop);
-        let name = fault.fault.map_or_else(|| fault.mode.to_string(), |fault| fault.to_string());
+        let (what, name) =
+            fault.fault.map_or(("mode", fault.mode.as_str()), |fault| ("fault", fault.as_str()));
         let weight = if stopped { Weight::Bad } else { Weight::Good };
         // The server's message about a stop names the client. That about a reset does not.
         let by = fault.by.as_ref().filter(|_| !stopped).map(|by| format!(" by {}", self.who(by)));
         let message = self.with_you(&fault.message, fault.by.as_ref());
         // The window shows this message below the mode while the fault lasts.
-        self.messages.add_told(weight, format!("{name}: {message}{}", by.unwrap_or_default()));
+        self.messages.add_told(weight, format!("the {what} was {name}: {message}{}", by.unwrap_or_default()));
         if stopped {
-            self.unmarked.push((What::Fault, name, Some(fault.tick)));
+            self.unmarked.push((What::Fault, name.to_owned(), Some(fault.tick)));
         }
         let before = self.fault.take().filter(|it| it.mode == Mode::Fault).or(self.fault_before.take());
         self.fault_before = before.filter(|_| fault.mode == Mode::Estop);
@@ -437,11 +438,11 @@ impl Model {
             self.scene.answered(effect, key, value, result.is_ok());
         }
         let Err(why) = result else { return };
-        let text = format!("{}: {why}", intent.name());
-        match Refusal::of(intent, why, self.state.as_ref()) {
-            None => self.messages.add(Weight::Bad, text),
+        let name = intent.name();
+        match Refusal::of(intent, why.clone(), self.state.as_ref()) {
+            None => self.messages.add(Weight::Bad, format!("{name}: {why}")),
             refusal => {
-                self.messages.add_told(Weight::Bad, text);
+                self.messages.add_told(Weight::Bad, format!("{name} was refused: {why}"));
                 self.refusal = refusal;
             }
         }

@@ -47,6 +47,11 @@ impl PendingStop {
         self.reconnected = true;
     }
 
+    /// Returns the time since the stop was asked for first.
+    pub(crate) fn since(&self) -> Duration {
+        self.asked.elapsed()
+    }
+
     /// Returns whether the stop has failed, or has not been answered in time.
     pub(crate) fn is_unconfirmed(&self) -> bool {
         self.failed || self.asked.elapsed() > CONFIRMED_WITHIN
@@ -72,8 +77,8 @@ impl PendingStop {
     /// this stop. `has_keys` is whether the window gets what is typed.
     pub(crate) fn way_out(&self, server: &str, has_keys: bool) -> String {
         if server == self.server {
-            let what = if has_keys { "STOP or Esc" } else { "STOP" };
-            format!("{what} tries again. This message ends when a state shows no torque.")
+            let what = if has_keys { "STOP (or Esc)" } else { "STOP" };
+            format!("Press {what} again. This message ends when a state shows no torque.")
         } else {
             format!(
                 "This panel is at {server} now and cannot stop that rig. This message ends when it is at {} again and a \

@@ -103,7 +103,9 @@ pub(super) fn show_torque(ui: &mut Ui, model: &Model, palette: Palette, speed: O
         let (share, _, figures) = self::speed(speed, model, palette);
         let name = format!("Speed: {figures}");
         let color = if share > 0.7 { palette.warn } else { ink };
-        let speed = ui.label(RichText::new(figures).size(12.0).color(color)).on_hover_text(METERS[0].1);
+        let speed = ui
+            .label(RichText::new(format!("speed {figures}")).size(12.0).color(color))
+            .on_hover_text(METERS[0].1);
         speed.widget_info(|| WidgetInfo::labeled(Role::Label, true, &name));
     });
 }

@@ -278,7 +278,7 @@ fn messages(ui: &mut Ui, model: &Model) {
     }
 }
 
-/// Draws the new message that concerns the user most for some seconds, in one line, with its time
+/// Draws the new message that concerns the user most for some seconds, in one line, after its time,
 /// and how many others are new beside it. What happened last stays, in grey; of what is told
 /// elsewhere in the window, its name. A click opens the list.
 fn new_message(ui: &mut Ui, model: &Model, desk: &mut Desk) {
@@ -293,14 +293,17 @@ fn new_message(ui: &mut Ui, model: &Model, desk: &mut Desk) {
     let name = message.text.split([':', ';']).next().filter(|_| message.told);
     let text = RichText::new(name.unwrap_or(&message.text)).color(color);
     let label = egui::Label::new(text).truncate().sense(egui::Sense::click());
-    let beside = |ui: &mut Ui| {
+    let told = |ui: &mut Ui| {
         ui.weak(time_of_day(SystemTime::now() - message.at.elapsed()));
+        ui.add(label).clicked()
+    };
+    let beside = |ui: &mut Ui| {
         let more = model.messages.fresh().count().saturating_sub(1);
         if more > 0 {
             ui.weak(format!("and {more} more"));
         }
     };
-    if egui::Sides::new().shrink_left().show(ui, |ui| ui.add(label).clicked(), beside).0 {
+    if egui::Sides::new().shrink_left().show(ui, told, beside).0 {
         desk.tab = Tab::Messages;
     }
 }

@@ -1,7 +1,8 @@
 //! The button `Recover`: reset and enable in one step, after a look at how far the sphere is from
 //! where the scene would pull it.
 
-use eframe::egui::{Button, RichText, Ui, vec2};
+use eframe::egui::text::LayoutJob;
+use eframe::egui::{Button, RichText, TextStyle, Ui, vec2};
 use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
@@ -61,27 +62,50 @@ impl Distance {
             Self::Free(angle) => format!("{angle:.2} rad from reference"),
             Self::Here => "The scene begins where the sphere is.".to_owned(),
             Self::None => "No reference: Enable works at any orientation.".to_owned(),
-            Self::NoConnection => "Distance: not known without a connection.".to_owned(),
-            Self::NoState => "Distance: not known yet.".to_owned(),
+            Self::NoConnection | Self::NoState => String::new(),
         }
     }
 }
 
+/// Returns the button that gives command, if the user must press it before a change.
+pub(super) fn must_press(model: &Model) -> Option<&'static str> {
+    match model.lease {
+        Lease::Other(_) => Some("Take over"),
+        Lease::Free | Lease::Unknown if model.observes => Some("Take command"),
+        _ => None,
+    }
+}
+
+/// Says why the button is off. In mode idle, `Enable` does its work, and the distance tells more.
+fn why_off(model: &Model, distance: Distance) -> Option<String> {
+    let why = match model.mode() {
+        _ if !model.is_online() => "no connection".to_owned(),
+        _ if model.silent_for().is_some() => "no contact".to_owned(),
+        None => "no state yet".to_owned(),
+        _ if !model.may_command() => "you observe".to_owned(),
+        Some(Mode::Idle) => return None,
+        Some(Mode::Fault | Mode::Estop) => match (model.other_stopper(), distance) {
+            (Some(who), _) => format!("stopped by {who}"),
+            _ if super::state::too_fast(model).is_some() => "the sphere is too fast".to_owned(),
+            (_, Distance::Far(angle)) if !model.is_simulated() => format!("{angle:.2} rad from reference"),
+            _ => return None,
+        },
+        Some(_) => model.headline().text(),
+    };
+    Some(format!("Recover is off: {why}"))
+}
+
 /// Returns how to go on after a stop, with the labels of the buttons.
 pub(crate) fn way_on(model: &Model) -> String {
-    let take = match model.lease {
-        Lease::Other(_) => Some("press Take over, then"),
-        Lease::Free | Lease::Unknown if model.observes => Some("press Take command, then"),
-        _ => None,
-    };
+    let take = must_press(model).map(|take| format!("press {take}, then"));
     if model.other_stopper().is_some() {
         // Who has stopped the rig may have a hand in it.
-        let press = take.unwrap_or("press");
+        let press = take.as_deref().unwrap_or("press");
         return format!(
             "No torque. To go on, make sure that nobody touches the sphere, {press} Reset, then Enable."
         );
     }
-    let first = match (take, Distance::of(model)) {
+    let first = match (take.as_deref(), Distance::of(model)) {
         (Some(take), _) => take,
         (_, Distance::Far(_)) if model.is_simulated() => "press \"set its anchor to here\", then",
         (_, Distance::Far(_)) => "turn the sphere to its reference, then press",
@@ -122,12 +146,11 @@ pub(crate) fn refusal(model: &Model) -> Option<String> {
     ))
 }
 
-/// Draws the button and the distance, in all modes at the same place. The distance is grey if it
-/// may be old.
+/// Draws the button, and beside it the distance or why it is off, in all modes at the same place.
+/// The distance is grey if it may be old.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let distance = Distance::of(model);
     let stopped = matches!(model.mode(), Some(Mode::Fault | Mode::Estop));
-    let at_rest = stopped || model.mode() == Some(Mode::Idle);
     let stopper = model.other_stopper().map(|who| format!("Stopped by {who}: press Reset, then Enable"));
     let refusal = super::state::too_fast(model).or_else(|| refusal(model)).filter(|_| stopped);
     let refusal = stopper.or(refusal);
@@ -144,17 +167,28 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         }
         let allowed = model.info.limits.enable_max_angle;
         // The box below says what to do about it.
-        let text = distance.in_words(allowed);
+        let off = why_off(model, distance);
         // The text has two lines of room beside the button, whatever it says.
         ui.allocate_ui(vec2(ui.available_width(), 34.0), |ui| {
-            if !model.is_fresh() {
+            if off.is_none() && !model.is_fresh() {
                 ui.disable();
             }
             match distance {
+                _ if let Some(off) = off => {
+                    let (font, ink) = (TextStyle::Body.resolve(ui.style()), Palette::of(ui).weak);
+                    let laid = |text: String| {
+                        let mut job = LayoutJob::simple(text, font.clone(), ink, ui.available_width());
+                        job.wrap.max_rows = 2;
+                        ui.painter().layout_job(job)
+                    };
+                    // The box below has room for a long name.
+                    let names = [off, "Recover is off: stopped by another client".to_owned()];
+                    let fits = names.into_iter().map(laid).find(|text| !text.elided);
+                    fits.map(|text| ui.label(text));
+                }
                 // The control itself can be below the lower end of its tab.
                 Distance::Far(angle)
-                    if at_rest
-                        && model.is_simulated()
+                    if model.is_simulated()
                         && let Some((effect, _)) = model.scene.first_reference() =>
                 {
                     let text = format!("{angle:.2} rad from reference: set its anchor to here");
@@ -167,8 +201,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
                         intents.push(Intent::Set { effect, key, value: "here".into() });
                     }
                 }
-                Distance::Far(_) if at_rest => drop(coloured(ui, Palette::of(ui).warn, text)),
-                _ => drop(weak(ui, text)),
+                Distance::Far(_) => drop(coloured(ui, Palette::of(ui).warn, distance.in_words(allowed))),
+                _ => drop(weak(ui, distance.in_words(allowed))),
             }
         });
     });

@@ -23,6 +23,8 @@ const MORE: f32 = 46.0;
 /// Size of the word for the state, and of what it says beside the mode, points.
 const HEADLINE: f32 = 28.0;
 const MOOD: f32 = 16.0;
+/// Size of the time without a word or since a stop, points.
+const SINCE: f32 = 24.0;
 /// The ground of the box without torque, dark in both themes: a stop is calm.
 const CALM: Color32 = Color32::from_rgb(0x34, 0x3b, 0x44);
 /// What replaces the advice to cut the motors' power.
@@ -37,6 +39,8 @@ const RECENT_S: f64 = 0.5;
 const TURNS: f64 = 0.1;
 /// What the headline of a sphere that shakes says beside the mode.
 const SHAKES: &str = ": shakes";
+/// What is said while the torque rises.
+const RISES: &str = "The torque rises: the sphere will push.";
 /// A part of the torque below this is not told in the box when the limits cut it.
 const LEAST_CUT: f64 = 0.01;
 /// Height of the bars in a low and in a tall window, points. A fault takes their place, so that its
@@ -46,8 +50,9 @@ const BARS: [f32; 2] = [70.0, 108.0];
 const ORDER: [f32; 2] = [30.0, 38.0];
 /// A window of at least this height is tall, points.
 pub(super) const TALL: f32 = 720.0;
-/// Size of the text below the stop button, points.
+/// Size of the text below the stop button, and of the second line in it, points.
 const KEYS: f32 = 12.0;
+const REACH: f32 = 14.0;
 /// What to do about a sphere that shakes, if its scene has no remedy.
 const LESS: &str = "Lower the stiffness or raise the damping.";
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
@@ -56,12 +61,17 @@ pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let palette = Palette::of(ui);
     // A stop that a state has confirmed leaves only the edge of the button.
     let stopped = model.state.as_ref().filter(|state| state.mode == Mode::Estop && model.is_certain());
-    let (fill, ink, height) = match stopped {
-        Some(_) => (Color32::TRANSPARENT, palette.text, 26.0),
-        None => (STOP, Color32::WHITE, 30.0),
+    let (fill, ink) = match stopped {
+        Some(_) => (Color32::TRANSPARENT, palette.text),
+        None => (STOP, Color32::WHITE),
     };
-    let text = RichText::new("STOP").size(height).strong().color(ink);
-    let button = Button::new(text).fill(fill).corner_radius(8);
+    let line = match stopped {
+        Some(state) => format!("stopped, {:.2} N m", DVec3::from(state.torque).length()),
+        None if !model.is_online() => "cannot reach the rig".to_owned(),
+        None if model.quiet_for().is_some() => "may not arrive".to_owned(),
+        None => String::new(),
+    };
+    let button = Button::new("").fill(fill).corner_radius(8);
     let size = vec2(ui.available_width(), 60.0);
     let add = |ui: &mut Ui| {
         let widgets = &mut ui.visuals_mut().widgets;
@@ -71,11 +81,12 @@ pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         ui.add_sized(size, button)
     };
     let response = named(ui.scope(add).inner, "Stop");
-    if let Some(state) = stopped {
-        let text = format!("stopped, {:.2} N m", DVec3::from(state.torque).length());
-        let at = response.rect.center_bottom() - vec2(0.0, 4.0);
-        ui.painter().text(at, Align2::CENTER_BOTTOM, text, FontId::proportional(KEYS), ink);
-    }
+    let (up, size) = if line.is_empty() { (0.0, 30.0) } else { (9.0, 26.0) };
+    let word = response.rect.center() - vec2(0.0, up);
+    ui.painter().text(word, Align2::CENTER_CENTER, "STOP", FontId::proportional(size), ink);
+    let below = response.rect.center_bottom() - vec2(0.0, 6.0);
+    ui.painter().text(below, Align2::CENTER_BOTTOM, &line, FontId::proportional(REACH), ink);
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_description(line));
     // As the pointer goes down: a press that slides off the button stops the rig too, and one that
     // ends before the next frame. A click without a pointer is that of a key.
     let is_press = |event: &Event| {
@@ -87,12 +98,8 @@ pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     if pressed || response.clicked() && !released {
         intents.push(Intent::Stop);
     }
-    let (text, color) = if !model.is_online() {
-        ("No connection: STOP cannot reach the rig", palette.warn)
-    } else if model.awaits_stop() {
+    let (text, color) = if model.is_online() && model.awaits_stop() {
         ("STOP sent, not confirmed yet", palette.warn)
-    } else if model.quiet_for().is_some() {
-        ("No answer: STOP may not reach the rig", palette.warn)
     } else if has_keys(ui) {
         ("Esc or Space, anywhere in this window", palette.weak)
     } else {
@@ -158,6 +165,11 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
             (Color32::TRANSPARENT, Color32::TRANSPARENT)
         }
     };
+    // Torque that is not all there has a dashed edge, and so has what is not known.
+    let (edge, dashes) = match headline {
+        Headline::Mode(Mode::Enabling) => (Color32::TRANSPARENT, edge),
+        _ => (edge, palette.text),
+    };
     let dark = headline == Headline::NotStopped || fill == CALM;
     // The edge is as wide in all states, so that nothing below the box moves.
     let frame = egui::Frame::group(ui.style()).inner_margin(egui::Margin::symmetric(10, 4));
@@ -174,16 +186,16 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
         let color = if old.is_some() { palette.weak } else { color };
         head(ui, headline, mood.map_or("", |(text, _)| text), color);
         let is_long = matches!(headline, Headline::Mode(_)) && is_long(ui, model);
-        let is_certain = model.is_certain() || headline == Headline::NoContact;
+        let is_certain = model.is_certain() || !matches!(headline, Headline::Mode(_));
         ui.add_enabled_ui(is_certain, |ui| figures(ui, model, headline, is_long));
         if is_low(ui) {
             ui.style_mut().override_font_id = Some(FontId::proportional(SMALL));
         }
-        let cut = cut(model, headline);
-        // The last line of the box, so that nothing moves when it comes and goes.
-        let line = cut.map_or(0.0, |_| ui.text_style_height(&TextStyle::Body).ceil() + 4.0);
+        if let Some(cut) = cut(model, headline) {
+            coloured(ui, palette.torque, format!("Limits cut {} of the torque", percent(cut)));
+        }
         let area = ScrollArea::vertical().id_salt("status").auto_shrink(false).min_scrolled_height(0.0);
-        let room = ui.available_height() - line;
+        let room = ui.available_height();
         let area = area.max_height(room).show(ui, |ui| {
             if let Some(quiet) = old {
                 coloured(ui, palette.warn, format!("last heard {:.1} s ago", tenths(quiet)));
@@ -191,9 +203,6 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
             }
             details(ui, model, (warnings, room), headline, palette)
         });
-        if let Some(cut) = cut {
-            coloured(ui, palette.torque, format!("Limits cut {} of the torque", percent(cut)));
-        }
         area.inner
     });
     let rect = drawn.response.rect;
@@ -207,11 +216,11 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
             shapes.push(egui::Shape::rect_filled(rect.shrink(6.0), 0.0, Color32::BLACK));
             painter.set(ground, shapes);
         }
-        Headline::NoContact | Headline::NoState => {
+        Headline::NoContact | Headline::NoState | Headline::Mode(Mode::Enabling) => {
             let rect = rect.shrink(1.0);
             let [a, b] = [rect.right_top(), rect.left_bottom()];
             let closed = [rect.min, a, rect.max, b, rect.min];
-            painter.extend(egui::Shape::dashed_line(&closed, (2.0, palette.text), 8.0, 6.0));
+            painter.extend(egui::Shape::dashed_line(&closed, (2.0, dashes), 8.0, 6.0));
         }
         Headline::Mode(_) => {}
     }
@@ -260,6 +269,11 @@ fn head(ui: &mut Ui, headline: Headline, mood: &str, color: Color32) {
 /// reset is possible.
 fn figures(ui: &mut Ui, model: &Model, headline: Headline, is_long: bool) {
     let palette = Palette::of(ui);
+    // The word is as large as its number, which stands in the place of the torque.
+    let since = |ui: &mut Ui, text: String| {
+        let size = if is_low(ui) { LARGE } else { SINCE };
+        ui.label(RichText::new(text).size(size).color(palette.text));
+    };
     match (headline, &model.state) {
         (Headline::Mode(_), Some(state)) => {
             // The speed of the sentence below.
@@ -267,9 +281,10 @@ fn figures(ui: &mut Ui, model: &Model, headline: Headline, is_long: bool) {
             meters::show_torque(ui, model, palette, is_long.then_some(speed));
         }
         (Headline::NoContact, _) if let Some(heard) = model.heard_before() => {
-            let seconds = format!("{:.1}", tenths(heard));
-            let ink = palette.text;
-            ui.label(sized(&[(&seconds, HEADLINE, ink), (" s since the last word", SMALL, ink)]));
+            since(ui, format!("silent {:.1} s", tenths(heard)));
+        }
+        (Headline::NotStopped, _) if let Some(stop) = model.unconfirmed_stop() => {
+            since(ui, format!("{} s since STOP", stop.since().as_secs()));
         }
         _ => {}
     }
@@ -316,8 +331,8 @@ fn details(
                     ui.add(egui::Label::new(text).wrap());
                 }
             }
-            if let Some(text) = old(model) {
-                ui.add(egui::Label::new(text).wrap());
+            if model.silent_for().is_some() {
+                last(ui, model);
             }
         }
         (Headline::NoContact, _) => no_contact(ui, model),
@@ -357,7 +372,7 @@ fn details(
                 cure
             });
             if warnings.is_empty() {
-                weak(ui, mode.sentence());
+                weak(ui, if mode == Mode::Enabling { RISES } else { mode.sentence() });
             }
             return warned(ui, (warnings, room), palette, cured.as_deref());
         }
@@ -426,17 +441,16 @@ fn refused(ui: &mut Ui, model: &Model, palette: Palette) {
     }
 }
 
-/// Says that the sphere turns without torque, if it does.
+/// Says that the sphere turns without torque, if it does. The speed stands elsewhere.
 fn turns(ui: &mut Ui, model: &Model, palette: Palette) {
     let speed = model.state.as_ref().map_or(0.0, |state| DVec3::from(state.omega).length());
     if speed > TURNS {
-        coloured(ui, palette.warn, format!("The sphere still turns: {speed:.2} rad/s"));
+        coloured(ui, palette.warn, "The sphere still turns.");
     }
 }
 
 fn no_contact(ui: &mut Ui, model: &Model) {
-    // What to do comes first, and the text on the state last: it can be out of sight in a low
-    // window.
+    last(ui, model);
     let simulated = model.is_online() && model.is_simulated();
     if !simulated {
         let size = if is_low(ui) { SMALL } else { LARGE };
@@ -448,9 +462,6 @@ fn no_contact(ui: &mut Ui, model: &Model) {
     }
     let rig = if simulated { NO_MOTORS } else { "" };
     ui.add(egui::Label::new(format!("What the rig does now is not known. {rig}").trim_end()).wrap());
-    if let Some(text) = old(model) {
-        weak(ui, text);
-    }
 }
 
 /// Returns a time in seconds, not rounded up: what is said is not older than what is meant.
@@ -458,11 +469,12 @@ fn tenths(time: Duration) -> f64 {
     (10.0 * time.as_secs_f64()).floor() / 10.0
 }
 
-/// Says that what the window shows is old, if the server is silent.
-fn old(model: &Model) -> Option<String> {
-    model.silent_for()?;
-    let state = model.state.as_ref()?;
-    Some(format!("What is shown is old. The last mode was {}.", state.mode))
+/// Says what the rig did when it was heard last.
+fn last(ui: &mut Ui, model: &Model) {
+    if let Some(last) = model.history.newest() {
+        let mode = Headline::Mode(last.mode).text();
+        ui.label(format!("Last: {mode}, {:.2} N m", last.torque.length()));
+    }
 }
 
 fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, room: f32, palette: Palette) {
@@ -478,7 +490,15 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, room: f32, palette: Pal
         Some(text) => drop(coloured(ui, palette.warn, text)),
         None => refused(ui, model, palette),
     }
-    ui.add(egui::Label::new(cure_of(fault, told)).wrap());
+    let cure = cure_of(fault, told);
+    let cure = match recover::must_press(model) {
+        Some(take) if cure.contains("hen Reset") => {
+            cure.replace("hen Reset", &format!("hen {take}, then Reset"))
+        }
+        Some(take) => format!("{cure} {take}, then Reset."),
+        None => cure,
+    };
+    ui.add(egui::Label::new(cure).wrap());
     // What was found comes last, because it can be long.
     let found = told.map(|told| {
         // An older server has all in the message, with the path of the flight log.

@@ -435,7 +435,8 @@ fn a_silent_server_is_no_contact_and_nothing_can_be_set() {
         grow_silent(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(!enabled(&seen), "{name}");
-        assert!(shows(&seen, "NO CONTACT") && !shows(&seen, "ACTIVE"));
+        assert!(shows(&seen, "NO CONTACT") && shows(&seen, "Last: ACTIVE, 0.00 N m"));
+        assert_eq!(seen.query_all_by_label_contains("ACTIVE").count(), 1, "only as the last mode");
     }
 }
 
@@ -534,7 +535,7 @@ fn without_a_connection_there_are_dashes_and_no_numbers() {
     for name in ["Speed", "Traction", "Slip", "Saturation"] {
         assert!(seen.query_by_label(&format!("{name}: -")).is_some(), "{name}");
     }
-    assert!(shows(&seen, "Distance: not known without a connection."));
+    assert!(shows(&seen, "Recover is off: no connection"));
     assert!(!shows(&seen, "No reference"));
 }
 

@@ -221,9 +221,10 @@ fn recover_leads_back_in_one_step() {
     let (mut seat, mut witness) = seated(&bench);
     assert!(!seat.is_enabled("Recover"), "nothing to recover from");
     // The hand holds the sphere 0.2 rad away.
-    seat.until_text("0.20 rad from reference; Enable works to 0.50");
+    seat.until_text("Recover is off: ACTIVE");
     seat.click("Stop");
     witness.state("stopped", |state| state.mode == Mode::Estop);
+    seat.until_text("0.20 rad from reference; Enable works to 0.50");
     seat.until("Recover", |harness| {
         let button = harness.get_by_label("Recover");
         !egui_kittest::kittest::NodeT::accesskit_node(&button).is_disabled()

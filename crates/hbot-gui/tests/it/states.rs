@@ -150,9 +150,13 @@ fn silent(displays: &[Display; 2], bench: &AloneServer, state: &str, stopped: bo
             display.click(STOP_BUTTON);
         }
     };
-    pictures(displays, (state, 8), wire.address, meanwhile, |name, _, pixels| {
-        let lamps = if stopped { STOP } else { WARN };
-        assert!(count(pixels, lamps) > 100 && count(pixels, GOOD) < 50, "{name}: nothing looks well");
+    pictures(displays, (state, 8), wire.address, meanwhile, |name, [width, _], pixels| {
+        // The lamp of a silent server alone has 78 pixels.
+        let (lamps, least) = if stopped { (STOP, 100) } else { (WARN, 50) };
+        assert!(count(pixels, lamps) > least && count(pixels, GOOD) < 50, "{name}: nothing looks well");
+        let [from, to] = [78, 92].map(|y| (3 * width * y) as usize);
+        let line = count(&pixels[from..to], [0xff; 3]);
+        assert!(line > 20, "{name}: the button says that a stop may not arrive: {line}");
     });
     assert!(frozen.load(Ordering::Relaxed), "{state}: the server never fell silent");
     wire.freeze(false);

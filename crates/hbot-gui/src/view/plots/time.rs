@@ -55,7 +55,10 @@ impl Quantity {
             _ => None,
         };
         let (axis, curves, least, limit) = match which {
-            Which::Torque => ("torque, N m", length("length", |sample| sample.torque), 0.002, limits.torque),
+            Which::Torque => {
+                let least = (0.1 * limits.torque).max(0.002);
+                ("torque, N m", length("length", |sample| sample.torque), least, limits.torque)
+            }
             Which::Speed => {
                 ("angular velocity, rad/s", length("speed", |sample| sample.omega), 0.1, limits.speed)
             }
@@ -136,8 +139,8 @@ pub(super) fn show(
         .include_x(0.0)
         .include_y(low)
         .include_y(high)
-        // The curves end where the plot does.
-        .set_margin_fraction(vec2(0.0, 0.05))
+        // The curves end where the plot does. A curve at the limit does not lie on the frame.
+        .set_margin_fraction(vec2(0.0, 0.1))
         .x_axis_label(before(model, plots))
         .show(ui, |plot| {
             for (curve, points) in quantity.curves.iter().zip(lines) {
@@ -309,14 +312,14 @@ mod tests {
                 seen.state_mut().0.history.push(PlotSample::of(&state));
             }
             seen.run_steps(4);
-            // The plot leaves a margin of a twentieth of its range.
+            // The plot leaves a margin of a tenth of its range.
             let range = seen.state().1;
-            assert!((full..1.2 * full).contains(&range), "{torque} N m: {range}, not {full}");
+            assert!((1.1 * full..1.25 * full).contains(&range), "{torque} N m: {range}, not {full}");
             seen.get_by_label_contains(&format!("to {full} N m"));
         }
         seen.get_by_label_contains("full scale").click();
         seen.run_steps(4);
-        seen.get_by_label("full scale -0.002 to 0.01 N m");
+        seen.get_by_label("full scale -0.1 to 0.1 N m");
     }
 
     #[test]

@@ -16,8 +16,8 @@ use crate::view::theme::{Palette, STOP};
 
 const KEYS: &str = "Esc or Space, anywhere in this window";
 const SENT: &str = "STOP sent, not confirmed yet";
-const NO_ANSWER: &str = "No answer: STOP may not reach the rig";
-const NO_CONNECTION: &str = "No connection: STOP cannot reach the rig";
+const NO_ANSWER: &str = "may not arrive";
+const NO_CONNECTION: &str = "cannot reach the rig";
 
 fn palette() -> Palette {
     Palette::of_theme(true, Color32::GRAY)
@@ -29,27 +29,32 @@ fn color_of(seen: &Seen, word: &str) -> Option<Color32> {
 }
 
 #[test]
-fn the_line_under_stop_says_whether_a_stop_arrives() {
+fn the_lines_in_and_under_stop_say_whether_a_stop_arrives() {
     for size in [SIZES[0], SIZES[1], SMALLEST] {
         let mut seen = window(size, commanding(false));
-        let mut check = |change: &dyn Fn(&mut Model), line: &str| {
+        let mut check = |change: &dyn Fn(&mut Model), lines: &[&str]| {
             seen.state_mut().model = commanding(false);
             change(&mut seen.state_mut().model);
             settle(&mut seen);
-            for other in [KEYS, SENT, NO_ANSWER, NO_CONNECTION] {
-                assert_eq!(shows(&seen, other), other == line, "{size:?}: {other:?}, not {line:?}");
+            let stop = seen.get_by_label("Stop").rect();
+            for line in [KEYS, SENT, NO_ANSWER, NO_CONNECTION] {
+                let told = texts(&seen).into_iter().find(|it| it.text == line);
+                assert_eq!(told.is_some(), lines.contains(&line), "{size:?}: {line:?} of {lines:?}");
+                let Some(told) = told else { continue };
+                let inside = line == NO_ANSWER || line == NO_CONNECTION;
+                assert_eq!((told.is_whole(), stop.contains_rect(told.place)), (true, inside), "{told:?}");
+                assert!(!inside || told.place.height() >= 13.0, "{told:?}");
+                assert_eq!(told.color == palette().warn, line == SENT, "{told:?}");
             }
-            let told = texts(&seen).into_iter().find(|it| it.text == line).expect("the line");
-            assert!(told.is_whole() && (line == KEYS || told.color == palette().warn), "{told:?}");
         };
-        check(&|_| {}, KEYS);
-        check(&|model| model.asked(&Intent::Stop), SENT);
-        check(&|model| (grow_silent(model), model.asked(&Intent::Stop)).1, SENT);
-        check(&grow_quiet, NO_ANSWER);
-        check(&grow_silent, NO_ANSWER);
-        check(&|model| (grow_silent(model), stop_in_vain(model)).1, NO_ANSWER);
-        check(&disconnect, NO_CONNECTION);
-        check(&|model| (disconnect(model), model.asked(&Intent::Stop)).1, NO_CONNECTION);
+        check(&|_| {}, &[KEYS]);
+        check(&|model| model.asked(&Intent::Stop), &[SENT]);
+        check(&|model| (grow_silent(model), model.asked(&Intent::Stop)).1, &[SENT, NO_ANSWER]);
+        check(&grow_quiet, &[KEYS, NO_ANSWER]);
+        check(&grow_silent, &[KEYS, NO_ANSWER]);
+        check(&|model| (grow_silent(model), stop_in_vain(model)).1, &[KEYS, NO_ANSWER]);
+        check(&disconnect, &[KEYS, NO_CONNECTION]);
+        check(&|model| (disconnect(model), model.asked(&Intent::Stop)).1, &[KEYS, NO_CONNECTION]);
     }
 }
 
@@ -174,8 +179,9 @@ type Case = (&'static str, fn(&mut Model), usize);
 fn each_headline_has_a_look_of_its_own() {
     let calm = Color32::from_rgb(0x34, 0x3b, 0x44);
     let fault: fn(&mut Model) = |model| super::fault_of(model, Fault::Thermal);
-    let changes: [Case; 7] = [
+    let changes: [Case; 8] = [
         ("ACTIVE", |_| {}, 4),
+        ("ENABLING", |model| see(model, 200, Mode::Enabling), 2),
         ("FAULT", fault, 0),
         ("ESTOP", |model| see(model, 200, Mode::Estop), 1),
         ("IDLE", |model| see(model, 200, Mode::Idle), 1),
@@ -200,7 +206,8 @@ fn each_headline_has_a_look_of_its_own() {
             let red = word == "NOT STOPPED" && !simulated;
             let reds = filled(&seen).iter().filter(|(_, color)| *color == STOP).count();
             assert_eq!(reds, usize::from(word != "ESTOP") + usize::from(red), "{word}");
-            assert_eq!(shows(&seen, "last word"), word == "NO CONTACT", "{word}");
+            assert_eq!(shows(&seen, "silent "), word == "NO CONTACT", "{word}");
+            assert_eq!(shows(&seen, "Last: ACTIVE, 0.00 N m"), word == "NO CONTACT", "{word}");
             let says = |it: &Text| it.text == "stopped, 0.00 N m" && it.is_whole();
             assert_eq!(texts(&seen).iter().any(says), word == "ESTOP", "{word}: in the button");
             assert_eq!(stop.size(), vec2(283.0, 60.0), "{word}");

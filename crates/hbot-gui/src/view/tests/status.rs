@@ -9,7 +9,8 @@ use serde_json::json;
 use super::{Change, SIZES, SMALLEST, Seen, fault_of, limited, places, settle, shows, window};
 use crate::model::Model;
 use crate::model::tests::{
-    ME, commanding, disconnect, grow_silent, hear, see, see_state, stop_in_vain, stopped_by, told,
+    ME, commanding, disconnect, grow_quiet, grow_silent, hear, held_by, see, see_state, stop_in_vain,
+    stopped_by, told,
 };
 use crate::net::{Intent, Lease, News};
 use crate::view::Act;
@@ -28,7 +29,7 @@ fn a_stop_that_failed_is_shown_above_all_else() {
         stop_in_vain(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(shows(&seen, "NOT STOPPED") && shows(&seen, "Cut the motors' power."));
-        let way_out = ["tries again", "a state shows no torque", "STOP or Esc"];
+        let way_out = ["Press STOP (or Esc) again.", "a state shows no torque", "s since STOP"];
         for words in way_out {
             assert!(shows(&seen, words), "{words}, lost: {lost}");
         }
@@ -44,11 +45,11 @@ fn keys_that_go_to_another_window_are_not_advised() {
         let mut seen = window(size, commanding(true));
         stop_in_vain(&mut seen.state_mut().model);
         settle(&mut seen);
-        assert!(shows(&seen, "Esc or Space, anywhere") && shows(&seen, "STOP or Esc tries again."));
+        assert!(shows(&seen, "Esc or Space, anywhere") && shows(&seen, "Press STOP (or Esc) again."));
         let before = places(&seen);
         seen.input_mut().focused = false;
         settle(&mut seen);
-        assert!(shows(&seen, "STOP tries again.") && !shows(&seen, "STOP or Esc"));
+        assert!(shows(&seen, "Press STOP again.") && !shows(&seen, "or Esc)"));
         let words = "Esc and Space work after a click here";
         let texts = texts(&seen);
         let told = texts.iter().find(|it| it.text == words).expect("the warning");
@@ -73,7 +74,9 @@ fn a_torque_that_the_limits_cut_is_told() {
             assert!(shows(&seen, bar), "{scale}");
             let told = texts(&seen).into_iter().find(|it| it.text.starts_with("Limits cut"));
             assert_eq!(told.as_ref().map(|it| it.text.as_str()), words);
-            assert!(told.is_none_or(|it| it.color == torque));
+            assert!(told.as_ref().is_none_or(|it| it.color == torque));
+            let routine = seen.get_by_label("The scene is rendered: the sphere pushes.").rect();
+            assert!(told.is_none_or(|it| it.place.bottom() <= routine.top()), "what is cut comes first");
             let is_cut = filled(&seen)
                 .iter()
                 .any(|(rect, color)| *color == torque && rect.height() == 10.0 && rect.width() > 0.0);
@@ -92,6 +95,7 @@ fn goes_on(seen: &mut Seen, recovers: bool) {
     assert!(!seen.get_by_label("Reset").accesskit_node().is_disabled());
     seen.hover_at(Default::default());
     seen.run_steps(8);
+    assert_eq!(shows(seen, "Recover is off: stopped by ben@lab3"), !recovers);
     let said = hint(seen, "Recover");
     assert_eq!(said == "Stopped by ben@lab3: press Reset, then Enable", !recovers, "{said}");
 }
@@ -293,6 +297,7 @@ fn one_speed_is_told_after_overspeed() {
     }
     let seen = window(SIZES[0], model);
     assert!(seen.query_by_label("Speed: 0.50 / 0.3 rad/s").is_some());
+    assert!(texts(&seen).iter().any(|it| it.text == "speed 0.50 / 0.3 rad/s" && it.is_whole()));
     assert!(shows(&seen, "Reset: 0.50 rad/s") && !shows(&seen, "0.300") && !shows(&seen, "0.40"));
 }
 
@@ -347,16 +352,45 @@ fn the_button_that_takes_command_never_releases_it() {
 #[test]
 fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
     let mut seen = window(SIZES[0], commanding(false));
-    see_state(&mut seen.state_mut().model, turned(200, Mode::Active, 0.2));
+    see_state(&mut seen.state_mut().model, turned(200, Mode::Idle, 0.2));
     settle(&mut seen);
     let is_grey = |seen: &Seen| {
         let text = seen.get_by_label_contains("0.20 rad from reference");
         text.accesskit_node().is_disabled()
     };
     assert!(!is_grey(&seen));
-    grow_silent(&mut seen.state_mut().model);
+    grow_quiet(&mut seen.state_mut().model);
     settle(&mut seen);
     assert!(is_grey(&seen));
+}
+
+/// No distance stands there while it matters to no button.
+#[test]
+fn beside_a_grey_recover_stands_why() {
+    let changes: [(Change, &str); 4] = [
+        (Box::new(|_| {}), "ACTIVE"),
+        (Box::new(|model| model.lease = held_by("panel ben@lab3", 9)), "you observe"),
+        (Box::new(grow_silent), "no contact"),
+        (Box::new(disconnect), "no connection"),
+    ];
+    for (change, why) in changes {
+        let mut model = commanding(true);
+        see_state(&mut model, turned(200, Mode::Active, 0.2));
+        change(&mut model);
+        let seen = window(SMALLEST, model);
+        assert!(shows(&seen, &format!("Recover is off: {why}")) && !shows(&seen, "from reference"), "{why}");
+    }
+}
+
+#[test]
+fn an_observer_of_a_fault_takes_over_before_the_reset() {
+    for fault in Fault::ALL {
+        let mut model = commanding(true);
+        fault_of(&mut model, fault);
+        model.lease = held_by("panel ben@lab3", 9);
+        let cure = fault.words().1.replace("hen Reset", "hen Take over, then Reset");
+        assert!(shows(&window(SIZES[0], model), &cure), "{fault:?}");
+    }
 }
 
 #[test]
@@ -382,7 +416,7 @@ fn who_commands_and_the_bars_are_grey_while_they_are_not_certain() {
         change(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(is_grey(&seen), "change {k}");
-        assert_eq!(shows(&seen, "What is shown is old. The last mode was active."), old, "change {k}");
+        assert_eq!(shows(&seen, "Last: ACTIVE, 0.00 N m"), old, "change {k}");
     }
 }
 
@@ -413,7 +447,7 @@ fn a_sphere_that_is_too_far_from_its_reference_to_enable_is_told() {
         assert!(shows(&seen, "Ready.") && !shows(&seen, "hbot set") && !shows(&seen, "still turns"));
         seen.state_mut().model.state.as_mut().expect("a state").omega = [0.0, 14.4, 0.0];
         settle(&mut seen);
-        assert!(shows(&seen, "The sphere still turns: 14.40 rad/s") && shows(&seen, "Ready."));
+        assert!(shows(&seen, "The sphere still turns.") && shows(&seen, "Ready."));
     }
 }
 
@@ -513,7 +547,7 @@ fn what_happened_last_stands_in_the_foot_with_its_time() {
     fault_of(&mut seen.state_mut().model, Fault::Thermal);
     seen.state_mut().model.messages.is_over("Prototype");
     settle(&mut seen);
-    let is_last = |line: &String| line.starts_with("thermal | ") && line.ends_with(" UTC");
+    let is_last = |line: &String| line.ends_with(" UTC | the fault was thermal");
     assert!(lines(&seen).iter().any(is_last) && !shows(&seen, "connected to"));
     assert!(texts(&seen).iter().any(|it| it.text == "choose another scene"));
 }
