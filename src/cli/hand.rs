@@ -214,8 +214,8 @@ fn is_still(state: &StateEvent, args: &TurnArgs) -> bool {
     rate.abs() < STILL.min(STILL_PART * args.angle.abs() / args.over)
 }
 
-/// Returns by how much the turn ended elsewhere than the pull of the hand's spring says, rad, if that
-/// is much.
+/// Returns by how much the turn ended elsewhere than the pull of the hand's spring says, rad, if
+/// that is much.
 fn astray(args: &TurnArgs, end: &Point) -> Option<f64> {
     let off = rotation::wrap_angle(args.angle - end.angle - end.hand / args.stiffness);
     (args.stiffness > 0.0 && off.abs() > ASTRAY).then_some(off)

@@ -89,7 +89,7 @@ fn effects(typed: &OsStr) -> Vec<CompletionCandidate> {
     named(typed, effects.iter().filter_map(|effect| effect["id"].as_str()))
 }
 
-/// Completes the parameters of the effect that was typed before, and the words that are legal values.
+/// Completes the parameters of the effect that was typed before, and words that are legal values.
 fn parameters(typed: &OsStr) -> Vec<CompletionCandidate> {
     let Some((line, effects)) = running() else { return Vec::new() };
     let id = line.get_one::<String>("effect");

@@ -86,8 +86,8 @@ const HEAD: &str = "\
 For everybody who looks for something to feel: the scenes that come with hbot.
 
 `hbot scene list` prints this list. `hbot scene load clay`, for example, loads a scene into a running server, and
-`hbot server --scene clay` starts a server with it. The panel loads them too. To write a scene of your own, copy a file
-of `scenes/`. [files.md](files.md#the-scene-file) has every key, and [effects.md](effects.md) every kind of effect.
+`hbot server --scene clay` starts a server with it. To write a scene of your own, begin with a copy: `hbot scene show
+clay > my.toml`. [files.md](files.md#the-scene-file) has every key, and [effects.md](effects.md) every kind of effect.
 
 Each plot shows the torque about an axis while the sphere turns about this axis and back. Black is the whole scene, and
 each colour is one of its effects. Dashed is the whole scene on the way back, where it differs. Grey lines are the

@@ -89,7 +89,7 @@ fn speed(speed: f64, model: &Model, palette: Palette) -> (f64, Color32, String) 
     load(palette, share(speed, limit), format!("{speed:.2} / {limit} rad/s"))
 }
 
-/// Draws the torque in large figures, and beside it its bar, or this speed of a rig that has stopped.
+/// Draws the torque in large figures, and beside it its bar, or this speed of a stopped rig.
 pub(super) fn show_torque(ui: &mut Ui, model: &Model, palette: Palette, speed: Option<f64>) {
     let value = torque(model, palette);
     let (large, limit) = value.2.split_once(' ').unwrap_or_default();
