@@ -5,6 +5,7 @@ mod any_language;
 mod bringup;
 mod by_hand;
 mod commands;
+mod completions;
 mod controllers;
 mod design;
 mod drawing;

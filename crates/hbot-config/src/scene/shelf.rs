@@ -57,8 +57,8 @@ impl ShelfScene {
     }
 
     /// Returns the file name in the list that is most similar to `file`, for the hint "did you
-    /// mean", or the only one that begins with it or sounds like it. Returns `None` if no name is
-    /// similar enough.
+    /// mean", or the only one that begins with it, or that begins alike and differs in few letters.
+    /// Returns `None` if no name is similar enough.
     #[must_use]
     pub fn similar(file: &str) -> Option<&'static str> {
         let names = SHELF.iter().map(|scene| scene.file);
