@@ -410,7 +410,7 @@ await page.evaluate(() => {
 });
 await page.click("#lease");
 await shows("#who", "you command");
-assert.deepEqual(await button(), ["Release", where]);
+assert.deepEqual(await button(), ["Release command", where]);
 await page.waitForTimeout(800);
 await shows("#who", "you command");
 await page.click("#lease");

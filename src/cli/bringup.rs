@@ -172,7 +172,7 @@ fn on_the_lines<T>(
 fn note_if_simulated(rig: &RigConfig) {
     if rig.link.port.is_simulated() {
         note!(
-            "{}SIMULATED{}: no motor is asked or moved; `--port DEVICE` takes a real line",
+            "{}SIMULATED{}: no real motor is asked or moved; `--port DEVICE` takes a real line",
             style::WARN,
             style::OFF
         );

@@ -40,7 +40,7 @@ pub(crate) struct ReplayArgs {
     #[arg(long, value_name = "SECONDS", value_parser = time_of_run, allow_negative_numbers = true)]
     to: Option<f64>,
     /// Render this scene (a file, or the name of a ready-made scene) instead of the recorded one:
-    /// what would the same hand have felt?
+    /// what would the same hand have felt? Needs --out
     #[arg(long, value_name = "FILE|NAME", requires = "out")]
     scene: Option<PathBuf>,
     /// New recording (MCAP) with the recorded torque and that of --scene

@@ -63,8 +63,15 @@ fn has_ending(path: &Path, endings: &[&str]) -> bool {
 /// Completes the ready-made scenes, and scene files.
 fn scenes(typed: &OsStr) -> Vec<CompletionCandidate> {
     let mut all = named(typed, SHELF.iter().map(|scene| scene.file));
-    all.extend(PathCompleter::any().filter(|path| has_ending(path, &["toml"])).complete(typed));
+    all.extend(
+        PathCompleter::any().filter(|path| has_ending(path, &["toml"]) && !is_rig(path)).complete(typed),
+    );
     all
+}
+
+/// Whether a file has a wheel, as every rig file does.
+fn is_rig(path: &Path) -> bool {
+    std::fs::read_to_string(path).is_ok_and(|text| text.contains("[[wheel]]"))
 }
 
 /// Completes names of the simulated rig, and serial devices.

@@ -341,7 +341,7 @@ function words() {
       legend.append(Object.assign(document.createElement('p'), { className: name }));
     }
   }
-  put(legend.children[0], `${rig.isLive ? '' : 'last '}torque ${length(state.torque).toFixed(3)} N m`);
+  put(legend.children[0], rig.isLive ? 'torque' : 'last torque');
   put(legend.children[1], state.reference ? 'reference, dashed' : 'no reference');
   put(legend.children[2], `n1 n2 n3 from N ${turned.map(figure).join(' ')} rad`);
   put(legend.children[3], `turned from N ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);

@@ -2,6 +2,7 @@
 
 import { add, length, scaled } from './maths.js';
 import { SPAN } from './rig.js';
+import { touch } from './state.js';
 
 /** Room around the curves, CSS pixels: top, right, bottom, left. */
 const ROOM = [20, 8, 16, 44];
@@ -55,6 +56,17 @@ function hold(canvas, usual, needed) {
 export function rescale(canvas) {
   const held = scales.get(canvas);
   if (held) held.end = held.end > held.needed ? held.needed : Math.max(held.usual, held.needed);
+}
+
+/** Says at the right above a plot, if there is room from `at` on, that a click fits a scale that is wider than its values. */
+function offerFit(c, canvas, at, end, colours) {
+  const held = scales.get(canvas);
+  const text = `${touch.matches ? 'tap' : 'click'} to fit`;
+  if (held.end <= held.needed || at + 16 + c.measureText(text).width > end) return;
+  c.fillStyle = colours.weak;
+  c.textAlign = 'right';
+  c.fillText(text, end, 9);
+  c.textAlign = 'left';
 }
 
 /** Draws a line through points whose `x` grows, without those that lie within TOLERANCE of it. */
@@ -168,6 +180,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, usual, 
   if (limited) {
     c.fillStyle = c.strokeStyle = colours.warn;
     if (at + c.measureText('limit').width <= width) c.fillText('limit', at, 9);
+    at += c.measureText('limit').width;
     c.setLineDash([6, 6]);
     c.beginPath();
     c.moveTo(left, y(limit));
@@ -175,6 +188,7 @@ export function plot(canvas, samples, colours, { name, short = name, of, usual, 
     c.stroke();
     c.setLineDash([]);
   }
+  offerFit(c, canvas, at, width - right, colours);
   return end;
 }
 
@@ -252,7 +266,9 @@ export function plotCurves(canvas, { curves, old }, present, live, colours, limi
     c.fillStyle = colours.warn;
     const text = ['limit, dashed', 'limit'].find((text) => at + 6 + c.measureText(text).width <= width);
     if (text) c.fillText(text, at + 6, 9);
+    at += 6 + c.measureText(text ?? '').width;
   }
+  offerFit(c, canvas, at, width - right, colours);
   if (!known) {
     c.fillStyle = colours.weak;
     c.textAlign = 'center';

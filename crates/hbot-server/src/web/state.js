@@ -101,9 +101,10 @@ function details(rig) {
     const who = by ? ` It was ${rig.name(by)}.` : '';
     const { found, remedy } = rig.fault ?? {};
     return [
-      ['bad', `No torque. ${words?.sentence ?? state.fault}${who}`],
+      ['', `No torque. ${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
-      ['', remedy ?? ''],
+      // What to do, and then when.
+      ...(remedy ?? '').split(/(?<=\.) (.*)/s).map((text, k) => [k === 0 ? 'bad' : '', text]),
       ['weak', found && !narrow.matches ? `${state.fault}: ${found}` : state.fault]];
   }
   if (state.mode === 'estop') {
@@ -336,7 +337,7 @@ function bar(rig) {
   const title_ = simulated === null ? 'hbot page' : `${word}: ${name} - hbot page`;
   if (document.title !== title_) document.title = title_;
   const [button, said] = {
-    mine: ['Release', 'you command'],
+    mine: [narrow.matches ? 'Release' : 'Release command', 'you command'],
     free: ['Take command', 'nobody commands'],
     unknown: ['Take command', rig.hello ? 'watching' : ''],
     other: ['Take over', `${narrow.matches ? '' : 'you observe, '}${rig.lease.by ? rig.name(rig.lease.by) : ''} commands`],
