@@ -5,19 +5,15 @@ use std::io::{Read, Write};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-use hbot_core::Vec3;
-use hbot_link::{ControllerFlags, Decoder, Feedback, FromController, ToController};
-use hbot_sim::controller::InjectedFault;
-use hbot_sim::phenomena::{Hand, Link};
+use hbot_link::{ControllerFlags, Decoder, Feedback};
+use hbot_sim::phenomena::Link;
 use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use hbot_sim::served::ServeError;
 use hbot_testing::patience::{PATIENCE, eventually};
 
 use rustix::event::{PollFd, PollFlags, poll};
 
-use crate::devices::rig;
-use crate::line::{command, frame};
+use crate::prelude::*;
 
 fn spawn() -> PtyRig {
     let rig = SimulatedRig::new(&SimulatedConfig::new(&rig())).unwrap();
