@@ -38,8 +38,6 @@ fn bench_in(mode: Mode) -> (TickBench, Fake) {
     (bench, fake)
 }
 
-/// Returns whether the last command that the controllers received switched them off, with zero
-/// torque.
 fn off(fake: &Fake) -> bool {
     fake.with(|far| {
         far.heard.last().is_some_and(|command| !command.enable && command.torque.iter().all(|t| *t == 0.0))
