@@ -6,7 +6,6 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use super::super::reader::READ_AHEAD;
 use super::*;
 
-/// Asserts that the service still answers a well-behaved client while other clients attack.
 fn still_served(client: &mut Client) {
     for _ in 0..20 {
         client.call(Op::Ping { data: Value::Null }).unwrap();
@@ -167,7 +166,6 @@ fn the_system_looks_whether_clients_are_still_there() {
     });
 }
 
-/// Checks that docs/api.md states the limits of the service.
 #[test]
 fn the_page_has_the_bounds() {
     let page = include_str!("../../../../../docs/api.md");
