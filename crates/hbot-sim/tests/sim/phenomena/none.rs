@@ -85,7 +85,7 @@ fn phenomena_of_nothing_change_no_byte() {
 
 /// With all phenomena of the motor controllers and the line, a tick allocates nothing either.
 #[test]
-fn a_tick_of_the_ideal_rig_allocates_nothing() {
+fn a_tick_allocates_nothing_with_phenomena_and_without() {
     let hand = Some(Hand::default());
     let link = Link { loss: 0.1, corrupt: 0.1, latency_s: 5e-3, command_latency_s: 5e-3, ..Link::default() };
     let all = Phenomena {
