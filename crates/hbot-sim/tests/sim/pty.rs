@@ -108,18 +108,6 @@ fn a_port_is_closed_and_opened_again() {
 }
 
 #[test]
-fn faults_reach_the_line() {
-    let rig = spawn();
-    let mut port = Port::open(&rig);
-    port.command(1, true, 0.0);
-    rig.call(|rig| rig.inject(InjectedFault::Mute(true))).unwrap();
-    port.file.write_all(&frame(&ToController::Describe)).unwrap();
-    assert!(port.next(Duration::from_millis(50)).is_none());
-    rig.call(|rig| rig.inject(InjectedFault::Mute(false))).unwrap();
-    assert_eq!(port.command(2, false, 0.0).sequence, 2);
-}
-
-#[test]
 fn it_stops_at_once_and_its_start_can_be_seen() {
     let (sender, started) = channel();
     let options = PtyOptions {
