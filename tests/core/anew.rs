@@ -1,14 +1,10 @@
 //! What begins anew after an interruption, and what happens in one tick together with something
 //! else.
 
-use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene, stream};
+use crate::prelude::*;
 use crate::shaping::{ROUNDING, STEEPEST, WOUND};
-use hbot_core::design::device::MAX_JOINTS;
-use hbot_core::design::rig::{OdometryMethod, PathFit, RateEstimate, Rig};
-use hbot_core::inputs::{Command, Complaints};
-use hbot_core::outputs::{Reply, State};
-use hbot_core::safety::mode::{Cause, Mode};
-use hbot_core::{CompiledScene, Vec3, motion::odometry, rotation};
+use hbot_core::design::rig::{OdometryMethod, PathFit};
+use hbot_core::motion::odometry;
 
 /// Estimates that are computed from counts.
 const ESTIMATES: [RateEstimate; 4] = [
@@ -30,7 +26,6 @@ fn turn(bench: &mut Bench, omega: Vec3) -> State {
     bench.step_with(|inputs| inputs.feedback = Some(reading)).state
 }
 
-/// Makes the first joint's count jump by more than half a turn.
 fn jump(bench: &mut Bench) {
     bench.offset[0] += bench.rig().joints[0].counts_per_turn as i32 * 3 / 5;
 }

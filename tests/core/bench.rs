@@ -93,7 +93,6 @@ impl Sphere {
         Posture::new(&self.device, &self.steering()).inverse(omega)
     }
 
-    /// Returns the joint angles, rad.
     pub fn angles(&self) -> [f64; MAX_JOINTS] {
         self.angle
     }
@@ -124,6 +123,23 @@ pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointReadings {
     }
 }
 
+/// Returns what the encoders of `rig` read at these joint angles (rad) and rates (rad/s) of a
+/// plant, as the answer to the command `sequence`.
+pub fn encoders(
+    rig: &Rig,
+    angles: &[f64; MAX_JOINTS],
+    rates: &[f64; MAX_JOINTS],
+    sequence: u64,
+) -> JointReadings {
+    let (mut counts, mut read) = ([0; MAX_JOINTS], [0.0; MAX_JOINTS]);
+    for (j, joint) in rig.joints[..rig.device.joints()].iter().enumerate() {
+        counts[j] = (angles[j] / joint.radians_per_count()).round() as i64 as i32;
+        read[j] = if joint.reversed { -rates[j] } else { rates[j] };
+    }
+    let complaints = Complaints::default();
+    JointReadings { sequence: sequence as u32, counts, rates: read, index_seen: 0, complaints }
+}
+
 /// The control law alone, with a sphere whose motion the test sets. It has no line, motors or
 /// simulated plant, so that a test can give a tick any inputs. `TickBench` of hbot-host adds a
 /// line, and `Loop` of `passivity.rs` adds a plant.
@@ -131,7 +147,6 @@ pub struct Bench {
     pub controller: Controller,
     pub scene: CompiledScene,
     pub sphere: Sphere,
-    /// Number of the next tick.
     pub tick: u64,
     /// Encoder counts at the start of the bench.
     pub offset: [i32; MAX_JOINTS],
@@ -191,17 +206,14 @@ impl Bench {
         feedback
     }
 
-    /// Returns the inputs of an ordinary tick.
     pub fn inputs(&self) -> Inputs {
         Inputs { feedback: Some(self.feedback()), ..Inputs::quiet(self.tick) }
     }
 
-    /// Runs an ordinary tick.
     pub fn step(&mut self) -> Outputs {
         self.step_with(|_| {})
     }
 
-    /// Runs a tick whose inputs `alter` changes.
     pub fn step_with(&mut self, alter: impl FnOnce(&mut Inputs)) -> Outputs {
         let mut inputs = self.inputs();
         alter(&mut inputs);
@@ -212,12 +224,10 @@ impl Bench {
         outputs
     }
 
-    /// Runs an ordinary tick with one command.
     pub fn command(&mut self, command: Command) -> Outputs {
         self.step_with(|inputs| inputs.commands.push(command).unwrap())
     }
 
-    /// Runs a tick without feedback.
     pub fn deaf(&mut self) -> Outputs {
         self.step_with(|inputs| inputs.feedback = None)
     }
@@ -230,7 +240,6 @@ impl Bench {
         self.step_with(|inputs| inputs.feedback = Some(reading))
     }
 
-    /// Runs `ticks` ordinary ticks and returns the outputs of the last one.
     pub fn run(&mut self, ticks: u32) -> Outputs {
         for _ in 1..ticks {
             self.step();

@@ -1,11 +1,7 @@
 //! Faults that build up over time: heat of the motors, and energy delivered to the hand.
 
-use crate::bench::{Bench, DT, FirstReply, altered, rig, spring_scene, stream};
+use crate::prelude::*;
 use hbot_core::design::rig::EnergyLimit;
-use hbot_core::inputs::Command;
-use hbot_core::outputs::Reply;
-use hbot_core::safety::mode::Cause;
-use hbot_core::{CompiledScene, Vec3};
 
 #[test]
 fn a_motor_above_its_continuous_torque_is_too_hot_when_i_squared_t_says_so() {

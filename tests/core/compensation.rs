@@ -1,16 +1,8 @@
 //! What is known of a rig's imperfections is fed forward: each stage by itself on a sphere whose
 //! motion the test sets, and all of them on a simulated plant with friction.
 
-use crate::bench::{Bench, DT, altered, effect, rig, spring, spring_scene};
-use crate::rng::Rng;
-use hbot_core::design::device::MAX_JOINTS;
-use hbot_core::design::kinematics::Posture;
-use hbot_core::design::rig::{Compensation, Friction, Harmonic, Imperfect, Rig, Traction};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
-use hbot_core::outputs::Outputs;
-use hbot_core::render::effects::Anchor;
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Controller, Quat, Vec3, rotation};
+use crate::prelude::*;
+use hbot_core::design::rig::{Compensation, Friction, Harmonic, Imperfect};
 use hbot_sim::phenomena::{CageFriction, Eccentric, Gear, JointFriction, Phenomena};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
@@ -36,7 +28,6 @@ fn rubbing(coulomb: f64, viscous: f64) -> Compensation {
     joints(|joint| joint.friction = Friction { coulomb, viscous })
 }
 
-/// Runs `bench` while the sphere turns with `omega` for `ticks`. Returns the last outputs.
 fn turned(bench: &mut Bench, omega: Vec3, ticks: u32) -> Outputs {
     (0..ticks).map(|_| bench.turn(omega)).last().unwrap()
 }
@@ -274,7 +265,6 @@ struct Loop {
     held: [f64; MAX_JOINTS],
     tick: u64,
     rig: Rig,
-    /// Torque of a hand on the sphere, N m.
     push: Vec3,
 }
 
@@ -308,16 +298,7 @@ impl Loop {
     fn step(&mut self, command: Option<Command>) -> Outputs {
         let (angles, rates) =
             (self.plant.encoder_angles(&self.motion), self.plant.encoder_rates(&self.motion));
-        let mut reading = JointReadings {
-            sequence: (self.tick - 1) as u32,
-            counts: [0; MAX_JOINTS],
-            rates,
-            index_seen: 0,
-            complaints: Complaints::default(),
-        };
-        for j in 0..self.rig.device.joints() {
-            reading.counts[j] = (angles[j] / self.rig.joints[j].radians_per_count()).floor() as i32;
-        }
+        let reading = encoders(&self.rig, &angles, &rates, self.tick - 1);
         let start = self.tick as f64 * DT;
         for part in 0..4 {
             let time = start + f64::from(part) * DT / 4.0;

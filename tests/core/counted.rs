@@ -1,11 +1,7 @@
 //! Counters over many ticks: damaged frames and energy, exactly at their limits.
 
-use crate::bench::{Bench, FirstReply, active, altered, rig, stream};
+use crate::prelude::*;
 use hbot_core::design::rig::EnergyLimit;
-use hbot_core::inputs::Command;
-use hbot_core::outputs::Reply;
-use hbot_core::safety::mode::{Cause, Mode};
-use hbot_core::{CompiledScene, Vec3};
 
 fn damaged(bench: &mut Bench, frames: u16) -> Option<Cause> {
     bench.step_with(|inputs| inputs.corrupt_frames = frames).state.cause

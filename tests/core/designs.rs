@@ -1,6 +1,6 @@
 //! Legal devices at random.
 
-use hbot_core::{Device, Mat3, Quat, Vec3, WheelSpec, rotation};
+use crate::prelude::*;
 use proptest::prelude::*;
 
 pub fn unit_vector() -> impl Strategy<Value = Vec3> {
@@ -43,7 +43,6 @@ pub fn wheel() -> impl Strategy<Value = WheelSpec> {
     })
 }
 
-/// Legal devices of 2 to 8 wheels, with steer angles.
 pub fn device_and_steering() -> impl Strategy<Value = (Device, Vec<f64>)> {
     let wheels = prop::collection::vec((wheel(), -3.2..3.2_f64), 2..=8);
     (wheels, 0.05..0.5_f64).prop_filter_map("not a legal device", |(wheels, radius)| {

@@ -1,17 +1,10 @@
 //! Equal inputs give equal bits, over a hundred thousand ticks of everything that can happen, in
 //! debug and in release.
 
-use crate::bench::{altered, assert_finite, effect, rig, spring};
-use crate::rng::Rng;
+use crate::bench::assert_finite;
+use crate::prelude::*;
 use crate::same_bits::double::hash::Hash;
-use hbot_core::design::device::MAX_JOINTS;
-use hbot_core::design::rig::{
-    AllocationMethod, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, Traction,
-};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, OnClientLost, Stamp};
-use hbot_core::render::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3, rotation};
+use hbot_core::design::rig::{AllocationMethod, Methods, OdometryMethod, PathFit};
 
 const TICKS: u64 = 100_000;
 

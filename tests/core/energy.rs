@@ -1,10 +1,7 @@
 //! The passivity observer: the energy delivered, computed with the torque that was actually held
 //! (physics notes, section 9).
 
-use crate::bench::{Bench, DT, effect, rig, spring_scene};
-use hbot_core::inputs::{Command, JointReadings};
-use hbot_core::render::effects::{Damper, Kind};
-use hbot_core::{CompiledScene, Mat3, Vec3, rotation};
+use crate::prelude::*;
 
 /// Moves the sphere along a closed path in `ticks` ticks. Returns the sum of the squared turns of
 /// the ticks, rad².

@@ -1,14 +1,9 @@
 //! Changes of scene, whatever is asked for: each follows its fade, and none changes the torque
 //! faster than the rig's limit in 50 ms.
 
-use crate::bench::{Bench, DT, altered, effect, rig, stream};
-use crate::rng::Rng;
+use crate::prelude::*;
 use crate::shaping::ROUNDING;
-use hbot_core::design::rig::Rig;
-use hbot_core::inputs::Command;
-use hbot_core::render::effects::{Constant, Effect, Frame, Kind, Pendulum};
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Vec3};
+use hbot_core::render::effects::Pendulum;
 
 /// Torque limit of the prototype, N m.
 const LIMIT: f64 = 0.9;

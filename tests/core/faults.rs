@@ -1,10 +1,6 @@
 //! The limits at which a bad link, clock or encoder becomes a fault.
 
-use crate::bench::{Bench, FirstReply, active, altered, rig};
-use hbot_core::CompiledScene;
-use hbot_core::inputs::Command;
-use hbot_core::outputs::Reply;
-use hbot_core::safety::mode::{Cause, Mode};
+use crate::prelude::*;
 
 #[test]
 fn ten_skipped_ticks_in_a_row_are_a_fault_and_nine_are_not() {

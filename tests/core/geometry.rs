@@ -2,10 +2,9 @@
 //! notes, sections 1 to 3).
 
 use crate::designs::device_and_steering;
+use crate::prelude::*;
 use hbot_core::design::device::DeviceError;
-use hbot_core::design::kinematics::Posture;
 use hbot_core::design::singularity::{Meeting, boundary_determinant, singular_values};
-use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_testing::prototype::wheels as prototype_wheels;
 use proptest::prelude::*;
 
@@ -115,7 +114,6 @@ fn straight_down_is_a_half_turn_about_n1() {
     }
 }
 
-/// Returns the prototype with one wheel changed.
 fn altered(wheel: usize, alter: impl Fn(&mut WheelSpec)) -> Result<Device, DeviceError> {
     let mut wheels = prototype_wheels();
     alter(&mut wheels[wheel]);

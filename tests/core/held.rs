@@ -1,12 +1,9 @@
 //! The torque that is sent, at the limits of the rig: limit of torque, slew, traction, damping.
 
-use crate::bench::{Bench, DT, TORQUE_RATE, altered, rig, rig_with_grip, stream};
+use crate::bench::rig_with_grip;
+use crate::prelude::*;
 use crate::shaping::{ROUNDING, constant};
 use hbot_core::allocation::{ContactArms, traction};
-use hbot_core::design::rig::PassivityLimit;
-use hbot_core::inputs::Command;
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Vec3};
 
 #[test]
 fn a_contact_at_its_limit_is_asked_for_all_that_it_holds() {

@@ -1,12 +1,7 @@
 //! Numbers that nobody should send. They are refused or cause a fault, are never passed on, and
 //! leave no trace after reset.
 
-use crate::bench::{Bench, FirstReply, rig, spring_scene};
-use hbot_core::design::device::MAX_JOINTS;
-use hbot_core::inputs::{Command, Inputs, Stamp};
-use hbot_core::outputs::{Refusal, Reply};
-use hbot_core::safety::mode::{Cause, Mode};
-use hbot_core::{Quat, Vec3};
+use crate::prelude::*;
 
 const BAD: [f64; 9] =
     [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, f64::MAX, f64::MIN, 1e200, -1e200];
@@ -15,7 +10,6 @@ fn active() -> Bench {
     Bench::active(rig(), spring_scene(1, 2.0, Vec3::X * 0.1))
 }
 
-/// Asserts that the rig behaves as it did before the bad input.
 fn works_again(mut bench: Bench, what: &str) {
     let like_new = active().run(100).state;
     if matches!(bench.step().state.mode, Mode::Fault | Mode::Estop) {
@@ -33,27 +27,6 @@ fn works_again(mut bench: Bench, what: &str) {
         (like_new.q, like_new.omega, true),
         "{what}"
     );
-}
-
-#[test]
-fn a_bad_rate_of_any_joint_is_a_fault_in_any_mode() {
-    for bad in BAD {
-        for joint in 0..4 {
-            for mode in [Mode::Unreferenced, Mode::Idle, Mode::Active] {
-                let mut bench = if mode == Mode::Active { active() } else { Bench::new(rig()) };
-                if mode == Mode::Idle {
-                    bench.step();
-                }
-                let state =
-                    bench.step_with(|inputs| inputs.feedback.as_mut().unwrap().rates[joint] = bad).state;
-                let cause = if bad.is_finite() { Cause::ImplausibleFeedback } else { Cause::NonFinite };
-                assert_eq!((state.mode, state.cause), (Mode::Fault, Some(cause)), "{bad} from {mode:?}");
-                if mode == Mode::Active {
-                    works_again(bench, &format!("rate {bad} of joint {joint}"));
-                }
-            }
-        }
-    }
 }
 
 #[test]
@@ -92,53 +65,21 @@ fn works_again_in_place(mut bench: Bench, what: &str) {
     assert_eq!(bench.run(600).state.mode, Mode::Active, "{what}");
 }
 
-/// Returns every command that holds a number, with `bad` at each place of a number.
-fn bad_commands(bad: f64) -> Vec<(String, Command)> {
-    let stamp = Stamp::default();
-    let mut commands = Vec::new();
-    for k in 0..3 {
-        let mut v = Vec3::new(0.1, 0.1, 0.1);
-        v[k] = bad;
-        commands.push((format!("stream {v}"), Command::Stream { torque: v, valid_ticks: 50, stamp }));
-        let q = Quat::IDENTITY;
-        let reference = Command::Reference { slot: 0, epoch: 1, q, omega: v, valid_ticks: 50, stamp };
-        commands.push((format!("rate of a reference {v}"), reference));
-    }
-    for k in 0..4 {
-        let mut q = [0.0, 0.0, 0.0, 1.0];
-        q[k] = bad;
-        let q = Quat::from_array(q);
-        let reference =
-            Command::Reference { slot: 0, epoch: 1, q, omega: Vec3::ZERO, valid_ticks: 50, stamp };
-        commands.push((format!("reference {q}"), reference));
-        commands.push((format!("alignment {q}"), Command::Align { q, weight: 1.0, tick: 3 }));
-    }
-    commands.push((format!("weight {bad}"), Command::Align { q: Quat::IDENTITY, weight: bad, tick: 3 }));
-    commands
-}
-
+/// A torque or a rate can be any finite number, as it is limited later.
 #[test]
-fn a_bad_number_in_a_command_is_refused_or_stays_without_harm() {
-    for bad in BAD {
-        for (what, command) in bad_commands(bad) {
+fn a_reference_that_turns_far_too_fast_stays_without_harm() {
+    for bad in BAD.into_iter().filter(|bad| bad.is_finite()) {
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+            let (what, stamp, q) = (format!("{bad} about {axis}"), Stamp::default(), Quat::IDENTITY);
+            let omega = Vec3::splat(0.1) + axis * bad;
             let mut bench = active();
-            let reply = bench.command(command).reply();
-            // A torque or a rate can be any finite number, as it is limited later. An orientation
-            // or a weight cannot.
-            let only_large = bad.is_finite()
-                && match command {
-                    Command::Stream { .. } => true,
-                    Command::Reference { q, .. } => q == Quat::IDENTITY,
-                    _ => false,
-                };
-            let want = if only_large { Reply::Done } else { Reply::Refused(Refusal::NotFinite) };
-            assert_eq!(reply, want, "{what}");
+            let turning = Command::Reference { slot: 0, epoch: 1, q, omega, valid_ticks: 50, stamp };
+            assert_eq!(bench.command(turning).reply(), Reply::Done, "{what}");
             // Every tick checks that its outputs are finite.
             for _ in 0..100 {
                 let state = bench.step().state;
                 assert!(state.torque.length() < 2.0 + 1e-12, "{what}");
                 assert!(matches!(state.cause, None | Some(Cause::NonFinite)), "{what}: {:?}", state.cause);
-                assert!(only_large || state.cause.is_none(), "{what}");
             }
             works_again(bench, &what);
         }

@@ -1,6 +1,6 @@
-//! The types of the inputs: complaints and lists of commands.
+//! Complaints of motor controllers.
 
-use hbot_core::inputs::{Command, Commands, Complaints, MAX_COMMANDS};
+use crate::prelude::*;
 
 /// Each complaint alone, in the order of the fields.
 fn each() -> [Complaints; 6] {
@@ -32,16 +32,4 @@ fn complaints_of_either_are_those_of_both() {
         assert_eq!((one.or(none), none.or(one), one.or(one)), (one, one, one));
         assert_eq!((one.or(all), all.or(one)), (all, all));
     }
-}
-
-#[test]
-fn a_list_of_commands_knows_how_many_it_holds() {
-    let mut list = Commands::default();
-    for n in 0..MAX_COMMANDS {
-        assert_eq!((list.len(), list.is_empty(), list.iter().count()), (n, n == 0, n));
-        assert_eq!(list.push(Command::Disable), Ok(()));
-    }
-    assert_eq!(list.push(Command::Estop), Err(Command::Estop), "it is full");
-    assert_eq!((list.len(), list.is_empty()), (MAX_COMMANDS, false));
-    assert!(list.iter().all(|command| *command == Command::Disable));
 }

@@ -2,11 +2,11 @@
 //! of a quaternion (physics notes, section 6).
 
 use crate::designs::{impedance, orientation, vector};
+use crate::prelude::*;
 use crate::rng::Rng;
 use hbot_core::render::impedance::{
     Elastic, damper, first_order_law, geodesic_law, is_impedance, quaternion_law,
 };
-use hbot_core::{Mat3, Quat, Vec3, rotation};
 use proptest::prelude::*;
 
 type Law = fn(Quat, Quat, &Mat3) -> Elastic;

@@ -1,13 +1,6 @@
 //! The lead: the scene is rendered at the pose that the sphere will have when the torque acts.
 
-use crate::bench::{Bench, DT, altered, effect, rig, spring, spring_scene};
-use hbot_core::design::rig::{LeadTime, Rig};
-use hbot_core::inputs::{Command, Stamp};
-use hbot_core::outputs::State;
-use hbot_core::render::effects::{
-    Anchor, Constant, Detents, Effect, Frame, Kind, Span, Target, Texture, Track, TrackPath,
-};
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+use crate::prelude::*;
 
 const FACTOR: f64 = 1.25;
 const LAG: f64 = 0.5e-3;
@@ -40,6 +33,12 @@ fn ahead(state: &State) -> Vec3 {
 
 fn reference(q: Quat, omega: Vec3, valid_ticks: u32) -> Command {
     Command::Reference { slot: 3, epoch: 9, q, omega, valid_ticks, stamp: Stamp::default() }
+}
+
+/// Returns a dial about n3 with `count` notches.
+fn dial(strength: f64, count: u16) -> Kind {
+    let (target, axis) = (Target::N, Vec3::Z);
+    Kind::Detents(Detents { target, axis, strength, width: 0.5, count, end_stiffness: 0.0, damping: 0.0 })
 }
 
 /// Joint torques are rounded, and counts are: a count of the drive turns the sphere by 3.4e-6 rad.
@@ -185,17 +184,8 @@ fn at_half_a_turn_from_the_reference_the_torque_stays_finite_and_in_one_directio
 #[test]
 fn a_law_is_led_by_at_most_a_quarter_of_its_wave() {
     let axis = Vec3::Z;
-    let dial = Detents {
-        target: Target::N,
-        axis,
-        strength: 0.5,
-        width: 0.5,
-        count: 720,
-        end_stiffness: 0.0,
-        damping: 0.0,
-    };
     let wave = core::f64::consts::TAU / 720.0;
-    let scene = CompiledScene::new(1, &[effect(0, 1, Kind::Detents(dial))]).unwrap();
+    let scene = CompiledScene::new(1, &[effect(0, 1, dial(0.5, 720))]).unwrap();
     let mut bench = Bench::active(led(), scene);
     bench.turn(axis * 20.0);
     for k in 0..40 {
@@ -226,17 +216,8 @@ fn notches_given_one_by_one_are_led_by_a_quarter_of_their_gap() {
     let axis = Vec3::Z;
     let gap = core::f64::consts::TAU / 720.0;
     let positions: Vec<f64> = (0..100).map(|k| gap * f64::from(k)).collect();
-    let dial = Detents {
-        target: Target::N,
-        axis,
-        strength: 0.5,
-        width: 0.5,
-        count: 0,
-        end_stiffness: 0.0,
-        damping: 0.0,
-    };
     let numbers = Span { start: 0, len: 100 };
-    let notches = Effect { numbers, ..effect(0, 1, Kind::Detents(dial)) };
+    let notches = Effect { numbers, ..effect(0, 1, dial(0.5, 0)) };
     let scene = CompiledScene::with_numbers(1, &[notches], &positions).unwrap();
     let mut bench = Bench::active(led(), scene);
     bench.turn(axis * 10.0);
@@ -281,17 +262,8 @@ fn a_torque_falls_as_early_as_the_slew_limit_makes_it_rise_late() {
 #[test]
 fn a_narrow_effect_does_not_shorten_the_lead_of_others() {
     let axis = Vec3::Z;
-    let dial = Detents {
-        target: Target::N,
-        axis,
-        strength: 0.0,
-        width: 0.5,
-        count: 720,
-        end_stiffness: 0.0,
-        damping: 0.0,
-    };
     let stiff = effect(3, 9, spring(1.0, 0.0, Quat::IDENTITY, Anchor::Absolute));
-    let narrow = effect(0, 1, Kind::Detents(dial));
+    let narrow = effect(0, 1, dial(0.0, 720));
     let mut alone = Bench::active(led(), unit());
     let mut first = Bench::active(led(), CompiledScene::new(1, &[narrow, stiff]).unwrap());
     let mut last = Bench::active(led(), CompiledScene::new(1, &[stiff, narrow]).unwrap());

@@ -1,13 +1,6 @@
 //! Readings from encoders and motor controllers that cannot be true are refused.
 
-use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
-use crate::rng::Rng;
-use hbot_core::design::kinematics::Posture;
-use hbot_core::design::rig::{RateEstimate, Rig};
-use hbot_core::inputs::{Command, Inputs};
-use hbot_core::outputs::Reply;
-use hbot_core::safety::mode::{Cause, Mode};
-use hbot_core::{CompiledScene, Vec3, rotation};
+use crate::prelude::*;
 
 #[test]
 fn under_power_a_count_beyond_four_times_the_limit_of_speed_is_not_believed() {

@@ -28,6 +28,7 @@ mod motors;
 mod odometry;
 mod outside;
 mod passivity;
+mod prelude;
 mod rates;
 mod readings;
 mod references;

@@ -1,15 +1,10 @@
 //! A client's local model: it is rendered in every tick like an effect of a scene, blends into the
 //! next model, ends if it is not renewed, and ends with its client.
 
-use crate::bench::{Bench, DT, FirstReply, altered, effect, rig, spring, spring_scene};
+use crate::prelude::*;
 use crate::shaping::ROUNDING;
-use hbot_core::design::rig::{LeadTime, PassivityLimit, Rig};
-use hbot_core::inputs::{Command, ModelCommand, OnClientLost, Stamp};
-use hbot_core::outputs::{Outputs, Refusal, Reply};
-use hbot_core::render::effects::Anchor;
+use hbot_core::inputs::ModelCommand;
 use hbot_core::render::model::{HalfSpace, LocalModel, MAX_PLANES};
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
 
 /// Largest change of the torque in a tick by the slew limit of [`rig`], N m.
 const SLEW: f64 = 0.2;

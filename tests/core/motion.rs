@@ -1,7 +1,7 @@
 //! Forward and inverse kinematics of any legal device (physics notes, section 2).
 
 use crate::designs::{device_and_steering, vector};
-use hbot_core::design::kinematics::Posture;
+use crate::prelude::*;
 use hbot_core::design::singularity::{Indices, interior_margin, singular_values};
 use proptest::prelude::*;
 

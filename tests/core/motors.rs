@@ -1,14 +1,10 @@
 //! Limits of the torque by motors and contacts.
 
-use crate::bench::{Bench, DT, TORQUE_RATE, altered, rig, rig_with_grip, spring_scene, stream};
-use crate::rng::Rng;
+use crate::bench::rig_with_grip;
+use crate::prelude::*;
 use crate::shaping::{ROUNDING, WOUND};
 use hbot_core::allocation::{ContactArms, traction};
-use hbot_core::design::kinematics::Posture;
-use hbot_core::design::rig::{Joint, Limits, Rig, RigParts, Traction, Zero};
-use hbot_core::outputs::State;
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Device, Vec3, WheelSpec, rotation};
+use hbot_core::design::rig::{Joint, Limits, RigParts};
 
 /// Asserts that the joint torques make the torque that the state names, and load the contacts as
 /// the state says.

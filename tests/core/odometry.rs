@@ -1,16 +1,11 @@
 //! The methods of odometry have their stated orders (physics notes, section 4).
 
 use crate::bench;
-use crate::rng::Rng;
+use crate::prelude::*;
 use hbot_core::design::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
 use hbot_core::design::rig::PathFit::{self, Cubic, Quadratic, Straight};
-use hbot_core::inputs::{Complaints, Inputs, JointReadings};
 use hbot_core::motion::odometry::{advance, turn, turn_along};
 use hbot_core::motion::path::Trail;
-use hbot_core::safety::mode::Mode;
-use hbot_core::{
-    CompiledScene, Controller, Device, Quat, Vec3, WheelSpec, design::kinematics::Posture, rotation,
-};
 use hbot_testing::prototype::wheels as prototype_wheels;
 
 /// A device whose joints turn at constant rates that do not match each other, so that the sphere

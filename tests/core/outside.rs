@@ -1,10 +1,6 @@
 //! Measurements from outside with a sigma: a filter decides how far they correct the orientation.
 
-use crate::bench::{Bench, DT, FirstReply, TORQUE_RATE, altered, rig, spring_scene};
-use crate::rng::Rng;
-use hbot_core::inputs::Command;
-use hbot_core::outputs::{Refusal, Reply};
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+use crate::prelude::*;
 
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
 

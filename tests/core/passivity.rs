@@ -1,16 +1,9 @@
 //! The passivity controller on a simulated prototype. A spring far too stiff for the loop
 //! oscillates without it and comes to rest with it (physics notes, section 9).
 
-use crate::bench::{altered, effect, rig, spring};
 use crate::effects::vibration;
-use hbot_core::design::device::MAX_JOINTS;
-use hbot_core::design::rig::{LeadTime, PassivityLimit, RateEstimate, Rig};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
-use hbot_core::outputs::State;
-use hbot_core::render::Renderer;
-use hbot_core::render::effects::{Anchor, Constant, Damper, Detents, Frame, Kind, Target, Texture, Wave};
-use hbot_core::safety::mode::{Cause, Mode};
-use hbot_core::{CompiledScene, Controller, Mat3, Quat, Vec3};
+use crate::prelude::*;
+use hbot_core::render::effects::Wave;
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::Hand;
 use hbot_sim::plant::{Method, Plant, PlantState, SpringDamper, Sum};
@@ -67,7 +60,6 @@ impl Loop {
         run
     }
 
-    /// Lets a hand hold the sphere.
     fn grip(&mut self, hand: Hand) {
         self.grip = Some(Grip::new(hand, self.tick as f64 * DT, self.motion.q));
         self.plant.set_sphere_inertia(self.rig.device.sphere_inertia() + hand.inertia);
@@ -80,16 +72,7 @@ impl Loop {
 
     fn step(&mut self, command: Option<Command>) -> State {
         let angles = self.motion.joints();
-        let mut reading = JointReadings {
-            sequence: (self.tick - 1) as u32,
-            counts: [0; MAX_JOINTS],
-            rates: self.plant.joint_rates(&self.motion),
-            index_seen: 0,
-            complaints: Complaints::default(),
-        };
-        for j in 0..4 {
-            reading.counts[j] = (angles[j] / self.rig.joints[j].radians_per_count()).floor() as i32;
-        }
+        let reading = encoders(&self.rig, &angles, &self.plant.joint_rates(&self.motion), self.tick - 1);
         let own = SpringDamper { stiffness: 0.0, damping: self.own, reference: Quat::IDENTITY };
         let time = self.tick as f64 * DT;
         match self.grip {

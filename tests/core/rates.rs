@@ -1,17 +1,10 @@
 //! The angular velocity by each rate estimate: with lost readings, after implausible readings, and
 //! with motors that count backwards.
 
-use crate::bench::{Bench, DT, altered, effect, rig, spring};
+use crate::prelude::*;
 use hbot_config::RigConfig;
 use hbot_config::advice::RateAdvice;
-use hbot_core::design::device::MAX_JOINTS;
-use hbot_core::design::kinematics::Posture;
-use hbot_core::design::rig::{LeadTime, RateEstimate, Rig};
 use hbot_core::motion::rates::step_response;
-use hbot_core::outputs::State;
-use hbot_core::render::effects::Anchor;
-use hbot_core::safety::mode::Cause;
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
 
 /// Each estimate with its largest allowed error of the sphere's rate, rad/s, at a steady turn of
 /// 0.7 rad/s with 4096 x 4 counts.

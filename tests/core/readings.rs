@@ -1,10 +1,6 @@
 //! Readings and ticks that are late, repeated, out of order or far ahead.
 
-use crate::bench::{Bench, DT, FirstReply, active, altered, rig, spring_scene};
-use hbot_core::inputs::{Command, JointReadings};
-use hbot_core::outputs::Reply;
-use hbot_core::safety::mode::{Cause, Mode};
-use hbot_core::{Vec3, rotation};
+use crate::prelude::*;
 
 #[test]
 fn joints_turned_far_during_a_lost_link_do_not_keep_it_from_being_reset() {

@@ -1,12 +1,7 @@
 //! References that move, and corrections of the orientation from outside.
 
-use crate::bench::{Bench, DT, FirstReply, altered, effect, rig, spring, spring_scene};
-use hbot_core::inputs::{Command, Stamp};
-use hbot_core::outputs::{Refusal, Reply};
-use hbot_core::render::effects::{
-    Anchor, Constant, Detents, Effect, Frame, Freedom, Guide, Kind, SnapSet, Snaps, Target, Track, TrackPath,
-};
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+use crate::prelude::*;
+use hbot_core::render::effects::Guide;
 
 /// Returns a scene with a spring in slot 3, epoch 9, at rest at the sphere's initial orientation.
 fn scene(stiffness: f64, damping: f64) -> CompiledScene {

@@ -12,7 +12,6 @@ impl Rng {
         z ^ (z >> 31)
     }
 
-    /// Returns a random integer from 0 up to but not including `n`.
     pub fn below(&mut self, n: u64) -> u64 {
         self.next() % n
     }
@@ -28,7 +27,6 @@ impl Rng {
         hbot_core::Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
     }
 
-    /// Returns true once in `n` calls, on average.
     pub fn once_in(&mut self, n: u64) -> bool {
         self.below(n) == 0
     }

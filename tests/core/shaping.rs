@@ -1,12 +1,6 @@
 //! The stages between the scene and the motors: soft start, ramps, blending, streams, limits.
 
-use crate::bench::{Bench, DT, FirstReply, TORQUE_RATE, altered, effect, rig, spring, spring_scene, stream};
-use crate::rng::Rng;
-use hbot_core::inputs::Command;
-use hbot_core::outputs::{Refusal, Reply};
-use hbot_core::render::effects::{Anchor, Constant, Effect, Frame, Kind};
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+use crate::prelude::*;
 
 /// The turn of a spring, rad. With 2 N m/rad it gives 0.5 N m about n1.
 pub const WOUND: Vec3 = Vec3::new(0.25, 0.0, 0.0);

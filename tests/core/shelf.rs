@@ -1,18 +1,13 @@
 //! Every scene of scenes/ runs on every rig of rigs/ for ten seconds, held by a simulated hand.
 
+use crate::prelude::*;
 use std::path::PathBuf;
 
 use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::design::device::MAX_JOINTS;
-use hbot_core::design::rig::{Joint, Zero};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
-use hbot_core::outputs::Reply;
-use hbot_core::safety::mode::Mode;
-use hbot_core::{Controller, Vec3};
 use hbot_sim::hand::Grip;
 use hbot_sim::plant::{Method, Plant, PlantState};
 
-use crate::bench::{altered, assert_finite};
+use crate::bench::assert_finite;
 
 fn files(folder: &str) -> Vec<PathBuf> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(folder);
@@ -31,12 +26,6 @@ struct Seen {
     change: f64,
     /// Angle by which the sphere has turned, rad.
     turned: f64,
-    /// Smallest share of the torque that motors and contacts allowed.
-    scale: f64,
-}
-
-fn counts(joint: &Joint, angle: f64) -> i32 {
-    (angle / joint.radians_per_count()).round() as i64 as i32
 }
 
 /// Runs a scene for `seconds`. Every reading is a tick old when its torque begins.
@@ -49,22 +38,11 @@ fn run(config: &RigConfig, file: &SceneFile, seconds: f64) -> Seen {
     plant.set_sphere_inertia(plant.sphere_inertia() + hand.inertia);
     let mut state = PlantState::default();
     let grip = Grip::new(hand, 0.0, state.q);
-    let (h, n) = (rig.timing.period_s(), rig.device.joints());
-    let mut seen = Seen { scale: 1.0, ..Seen::default() };
+    let h = rig.timing.period_s();
+    let mut seen = Seen::default();
     let (mut tau, mut last) = ([0.0; MAX_JOINTS], Vec3::ZERO);
     for tick in 1..=(seconds / h) as u64 {
-        let (angles, speeds) = (state.joints(), plant.joint_rates(&state));
-        let mut feedback = JointReadings {
-            sequence: (tick - 1) as u32,
-            counts: [0; MAX_JOINTS],
-            rates: [0.0; MAX_JOINTS],
-            index_seen: 0,
-            complaints: Complaints::default(),
-        };
-        for j in 0..n {
-            feedback.counts[j] = counts(&rig.joints[j], angles[j]);
-            feedback.rates[j] = if rig.joints[j].reversed { -speeds[j] } else { speeds[j] };
-        }
+        let feedback = encoders(&rig, &state.joints(), &plant.joint_rates(&state), tick - 1);
         plant.step(Method::Rk4, &mut state, tick as f64 * h, h, &tau, &grip);
         let mut inputs = Inputs { feedback: Some(feedback), ..Inputs::quiet(tick) };
         if tick == 3 {
@@ -81,7 +59,6 @@ fn run(config: &RigConfig, file: &SceneFile, seconds: f64) -> Seen {
         seen.torque = seen.torque.max(now.torque.length());
         seen.change = seen.change.max((now.torque - last).length());
         seen.turned += state.omega.length() * h;
-        seen.scale = seen.scale.min(now.scale);
         last = now.torque;
         if tick as f64 * h > 1.0 {
             assert_eq!(now.mode, Mode::Active, "{}", file.name());
@@ -99,14 +76,6 @@ fn every_scene_runs_on_every_rig() {
         for path in &scenes {
             let file = SceneFile::from_path(path).unwrap_or_else(|error| panic!("{error}"));
             let seen = run(&config, &file, 10.0);
-            println!(
-                "{:28} torque up to {:.3} N m, by {:.4} a tick, turned {:.2} rad, scale {:.2}",
-                path.file_stem().unwrap().to_string_lossy(),
-                seen.torque,
-                seen.change,
-                seen.turned,
-                seen.scale
-            );
             assert!(seen.turned > 0.5, "{}: the hand turned it by {} rad", file.name(), seen.turned);
             assert!(seen.torque > 1e-3, "{}: nothing was felt", file.name());
             // The slew limit holds to rounding, and scenes of this repository stay within what a

@@ -1,13 +1,11 @@
 //! Interior singularities compared with a search over steer angles, and the margin of the motors
 //! (physics notes, section 3).
 
-use crate::rng::Rng;
+use crate::prelude::*;
 use hbot_core::design::device::DeviceError;
-use hbot_core::design::kinematics::Posture;
 use hbot_core::design::singularity::{
     Indices, Meeting, actuation_margin, closest_approach, interior_margin_over_all,
 };
-use hbot_core::{Device, Mat3, Vec3, WheelSpec};
 use hbot_testing::prototype::wheels as prototype_wheels;
 
 /// A contact circle: the points at the angle `cone` from `axis`.

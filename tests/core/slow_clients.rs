@@ -2,19 +2,17 @@
 //! time: torques that it computes, a spring whose reference it moves, and local models. And what
 //! happens when it stalls, dies or jumps.
 
+use crate::prelude::*;
 use hbot_config::{Override, RigConfig};
-use hbot_core::inputs::{Command, Commands, Inputs, JointReadings, ModelCommand, OnClientLost, Stamp};
-use hbot_core::outputs::{Drive, State};
-use hbot_core::render::effects::Anchor;
+use hbot_core::MAX_JOINTS;
+use hbot_core::inputs::{Commands, ModelCommand};
+use hbot_core::outputs::Drive;
 use hbot_core::render::model::{HalfSpace, LocalModel};
-use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Mat3, Quat, Vec3, rotation};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::phenomena::{Hand, Phenomena};
 use hbot_sim::plant::PlantState;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::json;
-
-use crate::bench::{effect, spring};
 
 /// Damping of every contact, N m s/rad: that of the stiffness that `info` tells.
 const DAMPING: f64 = 0.02;

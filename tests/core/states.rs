@@ -2,12 +2,8 @@
 
 mod events;
 
-use crate::bench::{Bench, FirstReply, altered, rig, spring_scene};
-use hbot_core::design::rig::Zero;
-use hbot_core::inputs::{Command, Inputs, OnClientLost};
-use hbot_core::outputs::{Outputs, Refusal, Reply};
-use hbot_core::safety::mode::{Cause, Mode, Obstacle};
-use hbot_core::{CompiledScene, Vec3};
+use crate::prelude::*;
+use hbot_core::safety::mode::Obstacle;
 
 const MODES: [Mode; 6] =
     [Mode::Unreferenced, Mode::Idle, Mode::Enabling, Mode::Active, Mode::Fault, Mode::Estop];
@@ -94,7 +90,6 @@ fn commands_lead_where_the_table_says() {
     }
 }
 
-/// Creates the condition of a fault and returns the outputs of the tick.
 fn provoke(cause: Cause, bench: &mut Bench) -> Outputs {
     match cause {
         Cause::LinkLost => {

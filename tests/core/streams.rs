@@ -1,12 +1,8 @@
 //! A client's torque stream: it adds to the scene, ends if it is not renewed, and ends with its
 //! client.
 
-use crate::bench::{Bench, FirstReply, rig, spring_scene, stream};
+use crate::prelude::*;
 use crate::shaping::{ROUNDING, WOUND};
-use hbot_core::inputs::{Command, OnClientLost, Stamp};
-use hbot_core::outputs::{Refusal, Reply};
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Vec3};
 
 #[test]
 fn a_stream_adds_to_the_scene_and_ends_in_20_ms_once_it_is_not_renewed() {

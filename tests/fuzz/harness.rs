@@ -4,7 +4,7 @@
 
 use std::sync::LazyLock;
 
-use hbot_api::{Encoding, MAX_REQUEST_BYTES, Request, Splitter};
+use hbot_api::{Encoding, MAX_REQUEST_BYTES, Request, ServerMessage, Splitter};
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_host::bus::drivers::moteus::Moteus;
 use hbot_host::bus::drivers::odrive::Odrive;
@@ -150,8 +150,8 @@ pub(crate) fn api_msgpack(bytes: &[u8]) {
     api(Encoding::Msgpack, bytes);
 }
 
-/// Checks the decoder of the TCP API. It buffers at most one message and one piece, error messages
-/// are short, and every decoded request can be encoded and decoded again unchanged.
+/// Checks the decoders of the TCP API. The server's buffers at most one message and one piece, its
+/// error messages are short, and every decoded request can be encoded and decoded again unchanged.
 fn api(encoding: Encoding, bytes: &[u8]) {
     let mut splitter = Splitter::new(encoding);
     let mut again = Vec::new();
@@ -159,6 +159,7 @@ fn api(encoding: Encoding, bytes: &[u8]) {
         splitter.push(piece);
         while let Some(message) = splitter.next_message() {
             let Ok(message) = message else { continue };
+            let _ = ServerMessage::read(encoding, message);
             match Request::read(encoding, message) {
                 Ok(request) => {
                     again.clear();

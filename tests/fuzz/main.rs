@@ -53,7 +53,6 @@ fn files(folder: &Path) -> Vec<Vec<u8>> {
 /// Bytes that have a meaning for decoders.
 const TELLING: &[u8] = b"\0\x01\x7f\x80\xfe\xff\n\"{}[],:.-+eE0#='\\ ";
 
-/// Changes an input in one random way.
 fn mutate(input: &mut Vec<u8>, others: &[Vec<u8>], random: &mut Rand64) {
     let below = |n: usize, random: &mut Rand64| random.rand_range(0..n.max(1) as u64) as usize;
     let at = below(input.len(), random);

@@ -5,7 +5,7 @@ mod plant;
 mod sensitivity;
 mod vectors;
 
-pub use ledger::{Failure, Ledger};
+pub use ledger::Ledger;
 
 use serde::de::DeserializeOwned;
 use std::path::Path;

@@ -5,8 +5,7 @@ use crate::process::Process;
 
 /// Starts a server with `args` and returns the line about its methods.
 fn methods(args: &[&str]) -> String {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&[&["--time", "virtual"], args].concat(), state.path());
+    let server = Process::with(&[&["--time", "virtual"], args].concat());
     let line = server.banner.lines().find(|line| line.trim_start().starts_with("methods"));
     line.unwrap_or_else(|| panic!("no methods in:\n{}", server.banner)).to_owned()
 }

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::process::{Process, patient_rig};
+use crate::process::*;
 
 #[test]
 fn the_program_for_a_language_without_a_client_streams_torques() {

@@ -6,18 +6,10 @@ use std::os::unix::process::ExitStatusExt as _;
 use std::process::Stdio;
 
 use assert_cmd::assert::Assert;
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
-use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
-use crate::process::{Process, hbot};
+use crate::process::*;
 
-fn run(args: &[&str]) -> Assert {
-    assert_cmd::Command::from_std(hbot()).args(args).timeout(std::time::Duration::from_secs(120)).assert()
-}
-
-/// Checks a rig file of this text.
 fn check(text: &str) -> Assert {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("rig.toml");
@@ -258,8 +250,7 @@ fn ctrl_c_ends_a_calibration_while_it_computes() {
 
 #[test]
 fn metrics_are_read_over_http_and_only_from_this_machine_without_a_token() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--time", "virtual", "--metrics", "127.0.0.1:0"], state.path());
+    let server = Process::with(&["--time", "virtual", "--metrics", "127.0.0.1:0"]);
     let line = server.banner.lines().find(|line| line.starts_with("metrics")).expect("where metrics are");
     let address = line.trim_start_matches("metrics http://").trim_end_matches("/metrics").to_owned();
     let get = |path: &str| {

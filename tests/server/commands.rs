@@ -10,17 +10,9 @@ use std::time::{Duration, Instant};
 use assert_cmd::assert::Assert;
 use hbot_config::SceneFile;
 use hbot_config::scene::ShelfScene;
-use hbot_testing::lines::JsonLines;
-use hbot_testing::patience::eventually;
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::{contains, starts_with};
-use rustix::process::Signal;
+use predicates::str::starts_with;
 
-use crate::process::{Process, hbot, patient_rig};
-
-fn server(state: &std::path::Path) -> Process {
-    Process::start(&["--rig", &patient_rig(state)], state)
-}
+use crate::process::*;
 
 /// Runs a command that finds the server by the variable HBOT_SERVER.
 fn run(server: &Process, args: &[&str]) -> Assert {
@@ -34,8 +26,7 @@ fn run(server: &Process, args: &[&str]) -> Assert {
 
 #[test]
 fn the_banner_and_info_say_first_whether_motors_can_push() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     let first = server.banner.lines().next().expect("a line");
     assert!(first.contains("SIMULATED rig, no motors; it enables itself"), "{first}");
     run(&server, &["info"]).success().stdout(
@@ -50,14 +41,8 @@ fn the_banner_and_info_say_first_whether_motors_can_push() {
 
 #[test]
 fn info_shows_the_limits_of_energy_rounded_for_people() {
-    let state = tempfile::tempdir().expect("a folder");
-    let path = patient_rig(state.path());
-    let rig = std::fs::read_to_string(&path).expect("readable");
-    let limited =
-        rig.replace("passivity = true ", "passivity = { allowance = 0.1, store = 0.3000000000000004 } ");
-    assert_ne!(rig, limited, "the prototype's passivity is written otherwise");
-    std::fs::write(&path, limited).expect("written");
-    let server = Process::start(&["--rig", &path], state.path());
+    let server =
+        Process::altered("passivity = true ", "passivity = { allowance = 0.1, store = 0.3000000000000004 } ");
     run(&server, &["info"])
         .success()
         .stdout(contains("damps what delay creates beyond 0.1 J, with a store of 0.3 J, by up to "));
@@ -65,8 +50,7 @@ fn info_shows_the_limits_of_energy_rounded_for_people() {
 
 #[test]
 fn set_changes_the_running_scene_and_show_prints_it() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     run(&server, &["set", "spring", "stiffness=2", "deadband=5 deg"]).success().stdout(
         contains("spring: stiffness = 2 N m/rad (before: 1 N m/rad)")
             .and(contains("deadband = 5 deg (before: 0 deg)")),
@@ -103,8 +87,7 @@ fn set_changes_the_running_scene_and_show_prints_it() {
 /// `enable` after a stop sends the user to `info`, so `info` must say what to do.
 #[test]
 fn info_says_after_a_stop_how_torque_comes_back() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     let back = "the rig is stopped. When it is safe: `hbot reset`, then `hbot enable`";
     run(&server, &["estop"]).success().stdout(format!("estop: {back}\n"));
     run(&server, &["enable"]).failure().stderr(contains("`hbot info` shows the cause"));
@@ -124,8 +107,7 @@ fn info_says_after_a_stop_how_torque_comes_back() {
 
 #[test]
 fn words_of_panic_stop_the_rig() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     for word in ["stop", "halt", "e-stop", "emergency-stop"] {
         run(&server, &[word]).success().stdout(starts_with("estop: "));
         run(&server, &["reset"]).success().stdout(starts_with("idle: "));
@@ -135,8 +117,7 @@ fn words_of_panic_stop_the_rig() {
 /// A stop that a suspended server has not confirmed still stops the rig when the server runs again.
 #[test]
 fn a_stop_that_a_suspended_server_does_not_answer_is_not_lost() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     server.signal(Signal::STOP);
     let silent = "no answer to hello within 5 s: the server is there but does not answer: it may be suspended or overloaded";
     let lost = format!(
@@ -154,8 +135,7 @@ fn a_stop_that_a_suspended_server_does_not_answer_is_not_lost() {
 
 #[test]
 fn commands_take_the_lease_from_another_client_only_with_steal() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     let mut other = JsonLines::greeted(&server.address);
     for command in
         [&["set", "spring", "stiffness=2"][..], &["scene", "load", "clay"], &["reset"], &["enable"]]
@@ -173,8 +153,7 @@ fn commands_take_the_lease_from_another_client_only_with_steal() {
 /// A change that cannot be made is refused before it takes the lease from the client that has it.
 #[test]
 fn a_set_that_cannot_be_made_steals_nothing() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     let mut other = JsonLines::greeted(&server.address);
     for (command, why) in [
         (
@@ -201,8 +180,7 @@ fn a_set_that_cannot_be_made_steals_nothing() {
 /// The lease is free again after a command has stolen it, also if the server refused the command.
 #[test]
 fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     let mut other = JsonLines::greeted(&server.address);
     run(&server, &["estop"]).success();
     other.ask(r#"{"id": 1, "op": "acquire"}"#);
@@ -213,8 +191,7 @@ fn a_refused_command_gives_back_the_lease_that_it_has_stolen() {
 
 #[test]
 fn a_scene_that_is_loaded_and_a_scene_that_runs_say_what_they_feel_like() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--rig", &patient_rig(state.path()), "--scene", "compass"], state.path());
+    let server = Process::patient(&["--scene", "compass"]);
     assert!(server.banner.contains("scene    Compass"), "{}", server.banner);
     let words = |name: &str| ShelfScene::named(name).expect("on the shelf").scene().description().to_owned();
     run(&server, &["info"]).success().stdout(contains(words("compass")));
@@ -225,10 +202,9 @@ fn a_scene_that_is_loaded_and_a_scene_that_runs_say_what_they_feel_like() {
 /// A line that loses every frame makes the fault by itself, so the advice is about the scene.
 #[test]
 fn a_scene_whose_line_loses_every_frame_is_named_by_the_fault_and_an_ideal_rig_goes_on() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--time", "virtual"], state.path());
+    let server = Process::with(&["--time", "virtual"]);
     let mut client = JsonLines::greeted(&server.address);
-    let scene = state.path().join("lossy.toml");
+    let scene = server.folder().join("lossy.toml");
     std::fs::write(&scene, "[simulate]\nlink = { loss = 1.0 }\n").expect("written");
     run(&server, &["scene", "load", scene.to_str().expect("UTF-8")]).success();
     let fault = client.until(|line| line["event"] == "fault");
@@ -250,9 +226,8 @@ fn a_scene_whose_line_loses_every_frame_is_named_by_the_fault_and_an_ideal_rig_g
 /// In virtual time, a second of the run takes far less than a second of the clock.
 #[test]
 fn a_recording_lasts_as_long_as_the_clock_says_and_overwrites_nothing() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--time", "virtual"], state.path());
-    let file = state.path().join("x.mcap");
+    let server = Process::with(&["--time", "virtual"]);
+    let file = server.folder().join("x.mcap");
     let file = file.to_str().expect("UTF-8");
     let record = ["record", file, "--every", "1000", "--duration", "1"];
     let begun = Instant::now();
@@ -275,7 +250,7 @@ fn a_recording_that_ends_before_its_time_says_why() {
         (Signal::TERM, "60", 1, "the recording is shorter than wanted: the server stopped after "),
         (Signal::TERM, "", 0, "the server stopped after "),
     ] {
-        let server = server(folder.path());
+        let server = Process::patient(&[]);
         let file = folder.path().join(format!("{}{duration}.mcap", signal.as_raw()));
         let mut record = hbot();
         record.arg("record").arg(&file).args(["--every", "10", "--server", &server.address]);
@@ -330,21 +305,22 @@ fn a_server_that_records_counts_as_many_ticks_as_its_recording_has() {
         if bytes < 1.0e6 { format!("{:.1} kB", bytes * 1.0e-3) } else { format!("{:.1} MB", bytes * 1.0e-6) };
     assert!(said.contains(&format!("recorded to {file}: {size}\n")), "{size}: {said}");
 
-    let hbot = |args: &[&str]| assert_cmd::Command::from_std(hbot()).args(args).assert();
-    hbot(&["server", "--listen", "127.0.0.1:0", "--record", file])
+    use crate::process::run;
+
+    run(&["server", "--listen", "127.0.0.1:0", "--record", file])
         .failure()
         .stderr(contains(file).and(contains("exists already. Name another one, or a folder")));
-    hbot(&["replay", file, "--from", "1000"])
+    run(&["replay", file, "--from", "1000"])
         .failure()
         .stderr(contains(" s of the run (tick ").and(contains("the recording ends at ")));
-    hbot(&["rig", "identify", "--rig", &rig, file]).stderr(contains("recorded on the simulated rig"));
+    run(&["rig", "identify", "--rig", &rig, file]).stderr(contains("recorded on the simulated rig"));
     std::fs::write(other, "mine").expect("written");
-    hbot(&["replay", file, "--scene", "clay", "--out", other])
+    run(&["replay", file, "--scene", "clay", "--out", other])
         .failure()
         .stderr(contains(other).and(contains("exists already. Name another one")));
     assert_eq!(std::fs::read_to_string(other).expect("readable"), "mine");
     std::fs::remove_file(other).expect("removed");
-    hbot(&["replay", file, "--scene", "clay", "--out", other])
+    run(&["replay", file, "--scene", "clay", "--out", other])
         .stdout(contains("computed with the other scene"));
 }
 
@@ -370,11 +346,8 @@ fn a_recording_that_cannot_be_written_ends_with_an_exit_code_of_its_own() {
     limited("new/other.mcap").code(3).stderr(contains("this folder is new").not());
     // Where no file can be made at all, the run does not begin.
     limited("blocked/run.mcap").code(1).stderr(contains("blocked/run.mcap: no file can be made there"));
-    let mut help = assert_cmd::Command::from_std(hbot());
-    help.args(["server", "--help"])
-        .assert()
-        .success()
-        .stdout(contains("3  the run was good, but a file of --record"));
+    let told = contains("3  the run was good, but a file of --record");
+    crate::process::run(&["server", "--help"]).success().stdout(told);
 }
 
 #[test]
@@ -391,10 +364,8 @@ fn stats_explains_its_rows() {
 #[test]
 fn watch_explains_its_columns() {
     let columns = contains("part of the wanted torque that is applied").and(contains("N m"));
-    let mut command = assert_cmd::Command::from_std(hbot());
-    command.args(["watch", "--help"]).assert().success().stdout(columns.and(contains("late us")));
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    crate::process::run(&["watch", "--help"]).success().stdout(columns.and(contains("late us")));
+    let server = Process::patient(&[]);
     let mut watch = hbot();
     let mut watch =
         watch.args(["watch", "--server", &server.address]).stdout(Stdio::piped()).spawn().expect("it runs");
@@ -408,9 +379,8 @@ fn watch_explains_its_columns() {
 
 #[test]
 fn watch_tells_the_largest_torque_also_if_the_server_ends() {
-    let state = tempfile::tempdir().expect("a folder");
     for (signal, code) in [(Signal::TERM, 0), (Signal::KILL, 1)] {
-        let server = server(state.path());
+        let server = Process::patient(&[]);
         let mut watch = hbot();
         watch.args(["watch", "--server", &server.address]).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut watch = watch.spawn().expect("it runs");
@@ -425,8 +395,7 @@ fn watch_tells_the_largest_torque_also_if_the_server_ends() {
 
 #[test]
 fn a_turn_of_the_hand_that_a_signal_ends_says_where() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     let mut turn = hbot();
     turn.args(["hand", "turn", "n2", "20deg", "--over", "60s", "--server", &server.address]);
     let turn = turn.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it runs");
@@ -445,8 +414,7 @@ fn a_turn_of_the_hand_that_a_signal_ends_says_where() {
 /// Without a state, `watch` says once that it knows nothing, and goes on when states come again.
 #[test]
 fn watch_tells_a_silence_of_the_server_once() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     let mut watch = hbot()
         .args(["watch", "--json", "--server", &server.address])
         .stdout(Stdio::piped())
@@ -495,7 +463,7 @@ fn a_stop_is_sent_even_if_the_token_file_cannot_be_read() {
         let mut command = assert_cmd::Command::from_std(hbot());
         command.args(["estop", "--server", &server.address]).env("HBOT_TOKEN_FILE", &gone).assert()
     };
-    stop(&server(state.path())).success().stdout(starts_with("estop"));
+    stop(&Process::patient(&[])).success().stdout(starts_with("estop"));
 
     let token = state.path().join("token");
     std::fs::write(&token, "a token of more than sixteen").expect("written");
@@ -510,8 +478,7 @@ fn a_stop_is_sent_even_if_the_token_file_cannot_be_read() {
 /// A variable that is set and empty counts as one that is not set, as usual in shells.
 #[test]
 fn empty_variables_are_as_if_unset() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(state.path());
+    let server = Process::patient(&[]);
     let mut command = assert_cmd::Command::from_std(hbot());
     command.args(["info", "--server", &server.address]).env("HBOT_TOKEN_FILE", "").assert().success();
     // Whether a server listens at the default address or not, it is the one that is asked.

@@ -3,10 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
-
-use crate::process::{Process, hbot, patient_rig};
+use crate::process::*;
 
 /// Returns what a user's bash offers for the last of these words, after the script was read.
 fn offered(folder: &Path, server: &str, words: &[&str]) -> Vec<String> {
@@ -99,10 +96,9 @@ fn bash_offers_scenes_kinds_files_ports_and_axes_where_they_are_wanted() {
 
 #[test]
 fn bash_offers_the_effects_that_a_server_renders_and_their_parameters() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--rig", &patient_rig(state.path())], state.path());
+    let server = Process::patient(&[]);
     let offered =
-        |at: &str, words: &str| offered(state.path(), at, &words.split(' ').collect::<Vec<_>>()).join(" ");
+        |at: &str, words: &str| offered(server.folder(), at, &words.split(' ').collect::<Vec<_>>()).join(" ");
     assert_eq!(offered(&server.address, "set "), "spring");
     assert_eq!(offered(&server.address, "set spring st"), "stiffness=");
     assert_eq!(offered(&server.address, "set spring stiffness=2 dam"), "damping=");
@@ -125,9 +121,8 @@ fn bash_offers_the_effects_that_a_server_renders_and_their_parameters() {
 #[test]
 fn each_shell_has_a_script_that_asks_this_program() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let mut command = assert_cmd::Command::from_std(hbot());
         let asks = contains("HBOT_COMPLETE").and(contains(" hbot ").or(contains("\"hbot\"")));
-        command.args(["completions", shell]).assert().success().stdout(asks);
+        run(&["completions", shell]).success().stdout(asks);
     }
 }
 
@@ -170,12 +165,8 @@ fn one_command_installs_completions_and_man_pages() {
 #[test]
 fn every_command_has_a_man_page_that_names_its_options() {
     let folder = tempfile::tempdir().expect("a folder");
-    assert_cmd::Command::from_std(hbot())
-        .arg("man")
-        .arg(folder.path())
-        .assert()
-        .success()
-        .stdout(contains("man pages  "));
+    let man = |path: &Path| run(&["man", path.to_str().expect("UTF-8")]);
+    man(folder.path()).success().stdout(contains("man pages  "));
     let page = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect(name);
     assert!(page("hbot-server.1").contains(r"\-\-rig"));
     assert!(page("hbot-rig-check.1").contains("hbot\\-rig\\-check"));
@@ -198,8 +189,7 @@ fn every_command_has_a_man_page_that_names_its_options() {
 
     // A folder that does not exist is made. A file cannot be one.
     let new = folder.path().join("new/man1");
-    assert_cmd::Command::from_std(hbot()).arg("man").arg(&new).assert().success();
+    man(&new).success();
     assert!(new.join("hbot.1").exists());
-    let mut command = assert_cmd::Command::from_std(hbot());
-    command.arg("man").arg(new.join("hbot.1")).assert().failure().stderr(contains("new/man1/hbot.1"));
+    man(&new.join("hbot.1")).failure().stderr(contains("new/man1/hbot.1"));
 }

@@ -2,20 +2,12 @@
 //! protocol that a rig file can name.
 
 use hbot_api::{Client, ControllerInfo};
-use hbot_config::RigConfig;
 use hbot_config::rig::Protocol;
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::Hand;
-use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
-use predicates::str::contains;
 
-use crate::process::{Process, hbot};
-use hbot_testing::patience::eventually;
-
-/// A scene with a constant torque, in which every motor has a part.
-const PUSH: &str =
-    "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0.05, 0.1, 0.1]\n";
+use crate::process::*;
+use crate::real::RealRig;
 
 /// The simulated controllers of one protocol, and what a client must be told of them.
 struct Case {
@@ -57,46 +49,19 @@ const CASES: [Case; 3] = [
     },
 ];
 
-/// A server whose motor controllers are behind a pseudo-terminal. To the server, this is a real
-/// rig.
 struct Bench {
-    rig: RigConfig,
-    simulated: PtyRig,
-    server: Process,
+    rig: RealRig,
     client: Client,
-    port: String,
-    _folder: tempfile::TempDir,
 }
 
 impl Bench {
     fn new(case: &Case) -> Self {
-        // A busy machine must not cause a fault.
-        let patient = case.rig.replace("timeout_ticks = 20", "timeout_ticks = 1000\nwatchdog_ms = 1000");
-        assert_ne!(patient, case.rig, "the time-out is written otherwise");
-        // All joints are on one line, because the simulated rig has only one.
-        let patient = patient.replace("port = 1", "port = 0");
-        let rig = RigConfig::from_toml(&patient, "patient.toml").expect("legal");
-        let config = SimulatedConfig { line: case.protocol.into(), ..SimulatedConfig::new(&rig.rig) };
-        let mut simulated = SimulatedRig::new(&config).expect("it can be simulated");
         // A hand that holds the sphere still, so that the joint torques stay as they are.
-        simulated.set_hand(Some(Hand { stiffness: 50.0, damping: 1.0, amplitude: 0.0, ..Hand::default() }));
-        if case.protocol == Protocol::Odrive {
-            for joint in 0..4 {
-                assert!(simulated.controllers_mut().set(joint, "config.watchdog_timeout", 0.1));
-            }
-        }
-        let simulated = spawn_pty(simulated, PtyOptions::default());
-        let simulated = simulated.expect("this test needs pseudo-terminals (/dev/ptmx)");
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
-        std::fs::write(path("rig.toml"), &patient).expect("written");
-        std::fs::write(path("push.toml"), PUSH).expect("written");
-        let port = simulated.path().to_str().expect("UTF-8").to_owned();
-        let args = ["--rig", &path("rig.toml"), "--port", &port, "--scene", &path("push.toml")];
-        let server = Process::start(&args, folder.path());
-        let mut client = Client::connect(&server.address, "a test").expect("the server listens");
+        let still = Hand { stiffness: 50.0, damping: 1.0, amplitude: 0.0, ..Hand::default() };
+        let rig = RealRig::start(case.rig, case.protocol, |rig| rig.set_hand(Some(still)));
+        let mut client = Client::connect(&rig.server.address, "a test").expect("the server listens");
         client.acquire(false).expect("the lease is free");
-        Self { rig, simulated, server, client, port, _folder: folder }
+        Self { rig, client }
     }
 
     fn controllers(&mut self) -> Vec<ControllerInfo> {
@@ -114,14 +79,14 @@ impl Bench {
     }
 
     fn inject(&self, fault: InjectedFault) {
-        self.simulated.call(move |rig| rig.inject(fault)).expect("they are there");
+        self.rig.controllers.call(move |rig| rig.inject(fault)).expect("they are there");
     }
 
     /// Returns the current that each motor must have for the torque that it gives now, A, with
     /// motors that give `torque_per_ampere`, N m/A.
     fn currents(&self, torque_per_ampere: f64) -> Vec<f64> {
-        let torque = self.simulated.call(|rig| *rig.joint_torque()).expect("they are there");
-        let joints = self.rig.rig.joints.iter().zip(torque).take(4);
+        let torque = self.rig.controllers.call(|rig| *rig.joint_torque()).expect("they are there");
+        let joints = self.rig.config.rig.joints.iter().zip(torque).take(4);
         joints.map(|(joint, torque)| torque / joint.gear / torque_per_ampere).collect()
     }
 }
@@ -140,7 +105,7 @@ fn what_the_controllers_of_each_protocol_report_reaches_clients() {
             assert_eq!((it.joint as usize, it.id), (joint, id), "{name}");
             assert_eq!(it.firmware.as_deref(), Some(case.firmware), "{name}");
             assert_eq!(it.protocol.as_deref(), Some(name));
-            assert_eq!(it.port.as_ref(), Some(&bench.port), "{name}");
+            assert_eq!(it.port.as_deref(), bench.rig.port.to_str(), "{name}");
         }
 
         if let Some(constant) = case.torque_per_ampere {
@@ -177,8 +142,7 @@ fn what_the_controllers_of_each_protocol_report_reaches_clients() {
         });
         assert_eq!((told[2].current_a, told[2].temperature_c), (None, None), "{name}");
         assert_eq!(told[2].firmware.as_deref(), Some(case.firmware), "{name}: what it was");
-        bench.server.signal(rustix::process::Signal::TERM);
-        bench.server.end();
+        bench.rig.server.end_by(rustix::process::Signal::TERM);
     }
 }
 
@@ -187,17 +151,17 @@ fn a_hot_motor_of_hbot_s_own_firmware_is_flagged_and_info_says_so() {
     let mut bench = Bench::new(&CASES[0]);
     let info = |bench: &Bench| {
         let mut command = assert_cmd::Command::from_std(hbot());
-        command.arg("info").env("HBOT_SERVER", &bench.server.address).assert().success()
+        command.arg("info").env("HBOT_SERVER", &bench.rig.server.address).assert().success()
     };
     let firmware = hbot_sim::controller::FIRMWARE;
-    let line =
-        format!("    wheel A steer    current not reported, 25.0 \u{b0}C, {firmware} on {}", bench.port);
+    let line = format!(
+        "    wheel A steer    current not reported, 25.0 \u{b0}C, {firmware} on {}",
+        bench.rig.port.display()
+    );
     bench.until("temperatures", |told| temperatures(told) == [Some(25.0); 4]);
     info(&bench).stdout(contains(format!("{line}\n")));
     bench.inject(InjectedFault::Hot { joint: 0, on: true });
     let told = bench.until("a hot motor", |told| !told[0].flags.is_empty());
     assert_eq!((told[0].flags.as_slice(), told[1].flags.len()), (&["overtemperature".to_owned()][..], 0));
     info(&bench).stdout(contains(format!("{line}; complains of overtemperature\n")));
-    bench.server.signal(rustix::process::Signal::TERM);
-    bench.server.end();
 }

@@ -3,10 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
-
-use crate::process::{Process, hbot};
+use crate::process::*;
 
 fn rigs(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("readable").path());

@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use predicates::str::contains;
-
-use crate::process::hbot;
+use crate::process::*;
 
 /// Draws a rig file. Returns the picture.
 fn drawn(rig: &Path) -> String {

@@ -27,7 +27,6 @@ use toy::motors::HeldMotors;
 struct Cable(Arc<Mutex<(HeldMotors, Vec<u8>)>>);
 
 impl Cable {
-    /// Creates a line to `motors`.
     fn new(motors: HeldMotors) -> Self {
         Self(Arc::new(Mutex::new((motors, Vec::with_capacity(4096)))))
     }
@@ -36,7 +35,6 @@ impl Cable {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the last commanded joint torques, N m. They are zero if the motors are off.
     fn torque(&self) -> Vec<f64> {
         self.held().0.torque(0)
     }
@@ -71,7 +69,6 @@ fn served(cable: &Cable) -> TestServer {
     TestServer::start(options, any_port())
 }
 
-/// Waits until `right` accepts the torques of the motors, N m.
 fn until(cable: &Cable, what: &str, mut push: impl FnMut(), right: impl Fn(&[f64]) -> bool) {
     eventually(what, || {
         push();

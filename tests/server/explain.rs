@@ -2,16 +2,12 @@
 
 use std::path::Path;
 
-use hbot_testing::lines::JsonLines;
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::{contains, starts_with};
-use rustix::process::Signal;
+use predicates::str::starts_with;
 
-use crate::process::{Process, hbot};
+use crate::process::*;
 
 fn explain(args: &[&str]) -> assert_cmd::assert::Assert {
-    let mut command = assert_cmd::Command::from_std(hbot());
-    command.arg("explain").args(args).timeout(std::time::Duration::from_secs(60)).assert()
+    run(&[&["explain"], args].concat())
 }
 
 fn text(path: &Path) -> &str {
@@ -94,7 +90,7 @@ fn a_recording_without_a_fault_says_that_nothing_went_wrong() {
     let [out, scene] = ["other.mcap", "other.toml"].map(|name| state.path().join(name));
     std::fs::write(&scene, "name = \"Nothing\"\n").expect("written");
     let args = ["replay", text(&run), "--from", "50", "--scene", text(&scene), "--out", text(&out)];
-    let replay = || assert_cmd::Command::from_std(hbot()).args(args).assert();
+    let replay = || crate::process::run(&args);
     replay().failure().stderr(contains("no exact inputs in the wanted part"));
     assert!(!out.exists());
     // A server that was killed leaves a recording without its end.

@@ -11,10 +11,8 @@ use hbot_core::Quat;
 use hbot_identify::compare::Geometry;
 use hbot_record::reader::Item;
 use hbot_record::{Exact, Reader, Topic};
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
 
-use crate::process::hbot;
+use crate::process::*;
 
 /// A hand that turns the sphere about all axes, and no effect: the motors rest.
 const HAND: &str =

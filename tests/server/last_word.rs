@@ -2,48 +2,26 @@
 //! off in its place.
 
 use hbot_testing::far::Far;
-use hbot_testing::lines::JsonLines;
-use hbot_testing::patience::eventually;
 use std::path::Path;
 
 use hbot_config::RigConfig;
 use hbot_sim::pty::{PtyOptions, spawn_pty};
 use hbot_testing::prototype::simulated_as;
-use rustix::process::{Pid, Signal, getpgid, kill_process};
+use rustix::process::getpgid;
 
-use crate::process::{Process, STOPPING, patient_rig};
+use crate::process::*;
 
 /// Watchdog time in the helper's commands, ms.
 const HELPERS: u16 = 1;
 /// Watchdog time in the server's own commands, ms, as in the patient rig file.
 const SERVERS: u16 = 1000;
 
-/// Writes a rig file and a scene with a constant torque. Returns their paths.
-fn files(folder: &Path) -> (String, String) {
-    let scene = folder.join("push.toml");
-    let text = "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n";
-    std::fs::write(&scene, text).expect("written");
-    (patient_rig(folder), scene.to_str().expect("UTF-8").to_owned())
-}
-
-/// Makes the server output torque.
-fn push(server: &Process, far: &Far) {
-    let mut client = JsonLines::greeted(&server.address);
-    client.ask(r#"{"id": 1, "op": "acquire"}"#);
-    eventually("torque", || {
-        // A machine that stood still for 20 ms has caused a deadline fault.
-        client.ask(r#"{"id": 2, "op": "reset"}"#);
-        client.ask(r#"{"id": 3, "op": "enable"}"#);
-        far.pushed()
-    });
-}
-
 /// Starts a server that outputs torque, with its motor controllers.
 fn pushing(folder: &Path) -> (Process, Far) {
-    let (rig, scene) = files(folder);
+    let (rig, scene) = (patient_rig(folder), push_scene(folder));
     let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"));
     let server = Process::start(&["--rig", &rig, "--port", &far.path, "--scene", &scene], folder);
-    push(&server, &far);
+    push(&mut server.holder(), || far.pushed());
     (server, far)
 }
 
@@ -114,7 +92,7 @@ fn signals_of_a_terminal_or_a_service_manager_do_not_reach_the_helper() {
 #[test]
 fn a_line_that_is_opened_anew_has_a_helper_of_its_own() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (rig, scene) = files(folder.path());
+    let (rig, scene) = (patient_rig(folder.path()), push_scene(folder.path()));
     // These motor controllers still know their zeros after a loss of power.
     let text = std::fs::read_to_string(&rig).expect("readable");
     std::fs::write(&rig, text.replace("zero = \"assume\"", "zero = \"absolute\"")).expect("written");
@@ -133,7 +111,7 @@ fn a_line_that_is_opened_anew_has_a_helper_of_its_own() {
     drop(pty);
     eventually("the line is back", || other.count() > 50);
     eventually("the first helper is gone, not even a zombie", || !is_there(first));
-    push(&server, &other);
+    push(&mut server.holder(), || other.pushed());
     let [second] = helpers(&server)[..] else { panic!("one helper a line") };
     server.signal(Signal::KILL);
     server.end();

@@ -1,12 +1,11 @@
 //! The server keeps running whether or not anybody reads its messages on standard error.
 
-use hbot_testing::lines::JsonLines;
 use hbot_testing::patience::until;
 use std::io::{BufRead as _, BufReader};
 use std::process::Stdio;
 
 use crate::output::{closed, stuck};
-use crate::process::{Mute, Process};
+use crate::process::*;
 
 /// Starts a server that logs everything to `log`.
 fn start(state: &std::path::Path, log: impl Fn() -> Stdio) -> Mute {
@@ -69,12 +68,6 @@ fn a_folder_of_flight_logs_that_cannot_be_made_is_told_at_start() {
     let (said, status) = server.end();
     assert_eq!(status.code(), Some(0));
     assert!(said.contains("no flight logs can be written to") && said.contains("hbot/flight"), "{said}");
-}
-
-#[test]
-fn a_log_whose_reader_is_gone_ends_nothing() {
-    let state = tempfile::tempdir().expect("a folder");
-    goes_on(start(state.path(), || closed().into()));
 }
 
 #[test]

@@ -1,19 +1,16 @@
 //! Output that cannot be written: the reader has closed the pipe, the reader does not read, or the
 //! device is full.
 
-use hbot_testing::lines::JsonLines;
 use std::fs::{File, OpenOptions};
 use std::io::{PipeReader, PipeWriter, Write as _, pipe};
 use std::process::{Output, Stdio};
 
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
-use rustix::process::{Pid, Signal, kill_process};
 
-use crate::process::{Mute, Process, hbot};
+use crate::process::*;
 
 const FULL: &str = "error: standard output cannot be written: No space left on device (os error 28)";
 
-/// Commands that need no server.
 const ALONE: [&[&str]; 7] = [
     &["--help"],
     &["scene", "--help"],
@@ -28,7 +25,6 @@ fn full() -> File {
     OpenOptions::new().write(true).open("/dev/full").expect("Linux has it")
 }
 
-/// Returns a pipe whose reading end is closed.
 pub(crate) fn closed() -> PipeWriter {
     pipe().expect("a pipe").1
 }
@@ -87,8 +83,7 @@ fn a_wrong_command_line_is_2_though_nobody_reads_why() {
 
 #[test]
 fn clients_of_a_server_too() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--time", "virtual"], state.path());
+    let server = Process::with(&["--time", "virtual"]);
     let commands: [&[&str]; 6] = [
         &["estop"],
         &["reset"],
@@ -137,32 +132,18 @@ fn a_server_goes_on_where_its_output_is_full_and_says_so_once() {
     assert!(log.contains("estop"), "{log}");
 }
 
-#[test]
-fn a_server_goes_on_where_nobody_is_left_to_read() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Mute::start(state.path(), |command| {
-        command.stdout(closed()).stderr(closed());
-    });
-    serves(server);
-}
-
-#[test]
-fn a_server_goes_on_where_its_log_is_full() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Mute::start(state.path(), |command| {
-        command.stdout(full()).stderr(full());
-    });
-    serves(server);
-}
-
 /// A service that waited for the reader of its log would not receive an emergency stop.
 #[test]
-fn a_server_never_waits_for_a_reader() {
-    let state = tempfile::tempdir().expect("a folder");
+fn a_server_goes_on_where_its_output_and_log_are_full_closed_or_not_read() {
     let (_reader, writer) = stuck();
-    let share = || Stdio::from(writer.try_clone().expect("a pipe"));
-    let server = Mute::start(state.path(), |command| {
-        command.stdout(share()).stderr(share());
-    });
-    serves(server);
+    let unread = || writer.try_clone().expect("a pipe");
+    let outputs: [(&str, &dyn Fn() -> Stdio); 3] =
+        [("full", &|| full().into()), ("closed", &|| closed().into()), ("not read", &|| unread().into())];
+    for (name, output) in outputs {
+        println!("{name}");
+        let state = tempfile::tempdir().expect("a folder");
+        serves(Mute::start(state.path(), |command| {
+            command.stdout(output()).stderr(output());
+        }));
+    }
 }

@@ -25,7 +25,6 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Returns all Markdown files of a folder and its subfolders.
 fn found_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let of = |path: PathBuf| match path.extension() {
@@ -36,7 +35,6 @@ fn found_in(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(of).collect()
 }
 
-/// Reads all pages.
 fn pages() -> Vec<Page> {
     let mut paths = found_in(&root().join("docs"));
     paths.extend(AT_THE_ROOT.map(|name| root().join(name)));

@@ -1,13 +1,23 @@
-//! A running `hbot server`.
+//! A running `hbot server`, and what most tests of the program use.
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 
-use hbot_testing::patience::until;
+use assert_cmd::assert::Assert;
+pub(crate) use hbot_testing::lines::JsonLines;
+pub(crate) use hbot_testing::patience::eventually;
+use hbot_testing::patience::{PATIENCE, until};
 use hbot_testing::prototype::patient_file;
-use rustix::process::Signal;
+pub(crate) use predicates::prelude::PredicateBooleanExt as _;
+pub(crate) use predicates::str::contains;
+pub(crate) use rustix::process::{Pid, Signal, kill_process};
+
+/// Runs a command of the program to its end.
+pub(crate) fn run(args: &[&str]) -> Assert {
+    assert_cmd::Command::from_std(hbot()).args(args).timeout(2 * PATIENCE).assert()
+}
 
 /// The signals that end the program.
 pub(crate) const STOPPING: [Signal; 5] = [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP];
@@ -19,15 +29,34 @@ pub(crate) fn hbot() -> Command {
     hbot
 }
 
-/// Writes the rig file of [`patient_file`] into `folder` and returns its path.
 pub(crate) fn patient_rig(folder: &std::path::Path) -> String {
     let path = folder.join("patient.toml");
     std::fs::write(&path, patient_file()).expect("written");
     path.to_str().expect("UTF-8").to_owned()
 }
 
+/// Writes a scene with a constant torque, in which every motor has a part, into `folder`. Returns
+/// its path.
+pub(crate) fn push_scene(folder: &std::path::Path) -> String {
+    let path = folder.join("push.toml");
+    let effect = "[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0.05, 0.1, 0.1]\n";
+    std::fs::write(&path, format!("name = \"Push\"\n{effect}")).expect("written");
+    path.to_str().expect("UTF-8").to_owned()
+}
+
+/// Enables the motors through the server, and waits until `pushed` says that they give torque.
+pub(crate) fn push(client: &mut JsonLines, mut pushed: impl FnMut() -> bool) {
+    eventually("torque", || {
+        // A machine that stood still for 20 ms has caused a deadline fault.
+        client.ask(r#"{"id": 2, "op": "reset"}"#);
+        client.ask(r#"{"id": 3, "op": "enable"}"#);
+        pushed()
+    });
+}
+
 /// A server process. It is killed at the end of a test that has not stopped it.
 pub(crate) struct Process {
+    folder: Option<tempfile::TempDir>,
     child: Child,
     out: BufReader<ChildStdout>,
     pub(crate) banner: String,
@@ -53,7 +82,46 @@ impl Process {
             assert!(n > 0, "the server ended at start:\n{banner}");
         }
         let address = banner.split_whitespace().last().expect("an address").to_owned();
-        Self { child, out, banner, address }
+        Self { folder: None, child, out, banner, address }
+    }
+
+    /// Starts a server as [`start`](Self::start) does, with a folder of its own.
+    pub(crate) fn with(args: &[&str]) -> Self {
+        Self::within(tempfile::tempdir().expect("a folder"), args)
+    }
+
+    /// Starts a server as [`with`](Self::with) does, with the rig file of [`patient_file`].
+    pub(crate) fn patient(args: &[&str]) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let rig = patient_rig(folder.path());
+        Self::within(folder, &[&["--rig", &rig], args].concat())
+    }
+
+    /// Starts a server as [`patient`](Self::patient) does. In its rig file, `to` replaces `from`.
+    pub(crate) fn altered(from: &str, to: &str) -> Self {
+        let (text, folder) = (patient_file(), tempfile::tempdir().expect("a folder"));
+        let (altered, path) = (text.replace(from, to), folder.path().join("altered.toml"));
+        assert_ne!(text, altered, "the rig file has no {from:?}");
+        std::fs::write(&path, altered).expect("written");
+        Self::within(folder, &["--rig", path.to_str().expect("UTF-8")])
+    }
+
+    fn within(folder: tempfile::TempDir, args: &[&str]) -> Self {
+        let mut server = Self::start(args, folder.path());
+        server.folder = Some(folder);
+        server
+    }
+
+    /// Returns the server's own folder.
+    pub(crate) fn folder(&self) -> &std::path::Path {
+        self.folder.as_ref().expect("it has its own").path()
+    }
+
+    /// Returns a client that holds the lease.
+    pub(crate) fn holder(&self) -> JsonLines {
+        let mut client = JsonLines::greeted(&self.address);
+        client.ask(r#"{"id": 1, "op": "acquire"}"#);
+        client
     }
 
     pub(crate) fn pid(&self) -> u32 {
@@ -61,8 +129,8 @@ impl Process {
     }
 
     pub(crate) fn signal(&self, signal: Signal) {
-        let pid = rustix::process::Pid::from_child(&self.child);
-        rustix::process::kill_process(pid, signal).expect("the server is there");
+        let pid = Pid::from_child(&self.child);
+        kill_process(pid, signal).expect("the server is there");
     }
 
     /// Waits until the server ends. Returns the rest of its output, and its exit status.
@@ -70,6 +138,12 @@ impl Process {
         let mut rest = String::new();
         self.out.read_to_string(&mut rest).expect("readable");
         (rest, self.child.wait().expect("it ends"))
+    }
+
+    /// Sends `signal` and waits until the server has ended.
+    pub(crate) fn end_by(&mut self, signal: Signal) {
+        self.signal(signal);
+        self.child.wait().expect("it ends");
     }
 }
 

@@ -8,14 +8,15 @@ use hbot_config::rig::Protocol;
 use hbot_core::MAX_JOINTS;
 use hbot_core::safety::mode::Cause;
 use hbot_sim::controller::InjectedFault;
-use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
-use rustix::process::Signal;
 
 use crate::phenomena::{Tick, run};
-use crate::process::Process;
-use hbot_testing::lines::JsonLines;
-use hbot_testing::patience::eventually;
+use crate::process::*;
+use crate::real::RealRig;
+
+const MOTEUS: &str = include_str!("../../rigs/prototype-moteus.toml");
+const ODRIVE: &str = include_str!("../../rigs/prototype-odrive.toml");
+/// Error bit of an ODrive's expired watchdog.
+const WATCHDOG: u32 = 1 << 24;
 
 /// A scene in which a simulated hand turns the sphere back and forth against a spring of 0.5 N
 /// m/rad.
@@ -30,94 +31,74 @@ const SCENE: &str = r#"
     [simulate]
     hand = { rate = 0.5 }
 "#;
-const SECONDS: u64 = 5;
 
-/// Runs a server in virtual time on the prototype, whose controllers use `protocol`, with the scene
-/// `SCENE`. The encoders have the resolution of those of `other`, so that two runs can be compared.
-/// Returns all ticks.
-pub(crate) fn felt(protocol: Protocol, other: Protocol) -> Vec<Tick> {
+/// Runs a server in virtual time on the prototype, whose controllers use `protocol`. The encoders
+/// have the resolution of those of `other`, so that two runs can be compared. Returns all ticks.
+fn felt(protocol: Protocol, other: Protocol, scene: &str, seconds: u64) -> Vec<Tick> {
     let mut rig = RigConfig::prototype();
     rig.link.protocol = protocol;
     let counts = other.counts_per_turn().expect("it reports turns");
-    let all = |joints: &mut [hbot_core::design::rig::Joint]| {
-        joints.iter_mut().for_each(|joint| joint.counts_per_turn = counts);
-    };
-    rig.rig = rig.rig.with(|parts| all(&mut parts.joints)).expect("legal");
-    run(rig, SCENE, Some(SECONDS), |_| std::future::pending())
+    let all = |joint: &mut hbot_core::design::rig::Joint| joint.counts_per_turn = counts;
+    rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(all)).expect("legal");
+    run(rig, scene, Some(seconds), |_| std::future::pending())
 }
 
-/// Starts simulated moteus servos for `rig` behind a pseudo-terminal.
-fn servos(rig: &RigConfig) -> PtyRig {
-    let line = Protocol::Moteus.into();
-    let config = SimulatedConfig { line, ..SimulatedConfig::new(&rig.rig) };
-    let simulated = SimulatedRig::new(&config).expect("it can be simulated");
-    spawn_pty(simulated, PtyOptions::default()).expect("this test needs pseudo-terminals (/dev/ptmx)")
+/// Returns the number of ticks in which motors were on.
+fn active(ticks: &[Tick]) -> usize {
+    ticks.iter().filter(|tick| tick.outputs.drive.enable).count()
 }
 
-/// Returns whether any motor gives torque.
-fn pushes(servos: &PtyRig) -> bool {
-    let torque = servos.call(|rig| *rig.joint_torque()).expect("they are there");
-    torque.iter().any(|torque| *torque != 0.0)
-}
-
-/// Returns the mode of servo `id`. The question goes directly to the simulated rig, so it does not
-/// disturb the server's line.
-fn mode(servos: &PtyRig, id: u8) -> u8 {
-    let reply = servos.call(move |rig| {
-        let (mut reply, mut line) =
-            (Vec::new(), format!("x\ncan send {:04x} 1100 bF ", 0x8000 + u32::from(id)));
-        let crc = line[2..].bytes().fold(0_u8, |crc, byte| {
-            (0..8).fold(crc ^ byte, |crc, _| if crc & 0x80 == 0 { crc << 1 } else { crc << 1 ^ 0x97 })
-        });
-        line += &format!("*{crc:02X}\n");
-        rig.receive(0, line.as_bytes(), &mut reply);
-        String::from_utf8(reply).expect("text")
+/// Returns the mode of the moteus servo `id`.
+fn mode(rig: &RealRig, id: u8) -> u8 {
+    let mut line = format!("x\ncan send {:04x} 1100 bF ", 0x8000 + u32::from(id));
+    let crc = line[2..].bytes().fold(0_u8, |crc, byte| {
+        (0..8).fold(crc ^ byte, |crc, _| if crc & 0x80 == 0 { crc << 1 } else { crc << 1 ^ 0x97 })
     });
-    let reply = reply.expect("they are there");
+    line += &format!("*{crc:02X}\n");
+    let reply = rig.answer(line.into_bytes());
     let data = reply.lines().find(|line| line.starts_with("rcv")).and_then(|line| line.split(' ').nth(2));
     u8::from_str_radix(&data.unwrap_or_else(|| panic!("{reply}"))[4..6], 16).expect("a mode")
 }
 
-/// A scene with a constant torque.
-pub(crate) const PUSH: &str =
-    "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n";
-
-/// Enables the motors through the server, and waits until they give torque.
-fn push(client: &mut JsonLines, servos: &PtyRig) {
-    eventually("torque", || {
-        // A machine that stands still for 20 ms causes a deadline fault, which must be reset.
-        client.ask(r#"{"id": 2, "op": "reset"}"#);
-        client.ask(r#"{"id": 3, "op": "enable"}"#);
-        pushes(servos)
-    });
+/// Returns the error bits that last switched the ODrive axis `id` off; 0 if a command did.
+fn disarm_reason(rig: &RealRig, id: u16) -> u32 {
+    let reply = rig.answer(format!("\rr{:03X}8\r", id << 5 | 3).into_bytes());
+    let start = format!("t{:03X}8", id << 5 | 3);
+    let line = reply.split('\r').find_map(|line| line.strip_prefix(&start));
+    u32::from_str_radix(&line.unwrap_or_else(|| panic!("{reply}"))[8..], 16).expect("a word").swap_bytes()
 }
 
 /// After the server is killed or ends while its motors push, every servo is in mode 0 (stopped). A
 /// servo whose watchdog had stopped it would be in mode 11.
 #[test]
 fn a_server_that_is_killed_or_ended_leaves_every_moteus_servo_stopped() {
-    let text = include_str!("../../rigs/prototype-moteus.toml");
-    let patient = text.replace("timeout_ticks = 20", "timeout_ticks = 1000\nwatchdog_ms = 1000");
-    assert_ne!(patient, text, "the time-out is written otherwise");
-    let rig = RigConfig::from_toml(&patient, "patient.toml").expect("legal");
     for signal in [Signal::KILL, Signal::ABORT, Signal::TERM] {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
-        std::fs::write(path("rig.toml"), &patient).expect("written");
-        std::fs::write(path("push.toml"), PUSH).expect("written");
-        let servos = servos(&rig);
-        let port = servos.path().to_str().expect("UTF-8");
-        let args = ["--rig", &path("rig.toml"), "--port", port, "--scene", &path("push.toml")];
-        let server = Process::start(&args, folder.path());
-        let mut client = JsonLines::greeted(&server.address);
-        client.ask(r#"{"id": 1, "op": "acquire"}"#);
-        push(&mut client, &servos);
-        assert!((1..=4).all(|id| mode(&servos, id) == 10), "position mode");
-        server.signal(signal);
-        server.end();
-        eventually("no torque", || !pushes(&servos));
-        let modes: Vec<u8> = (1..=4).map(|id| mode(&servos, id)).collect();
+        let mut rig = RealRig::start(MOTEUS, Protocol::Moteus, |_| ());
+        push(&mut rig.server.holder(), || rig.pushes());
+        assert!((1..=4).all(|id| mode(&rig, id) == 10), "position mode");
+        rig.server.end_by(signal);
+        eventually("no torque", || !rig.pushes());
+        let modes = [1, 2, 3, 4].map(|id| mode(&rig, id));
         assert_eq!(modes, [0; 4], "{signal:?}");
+    }
+}
+
+/// After the server is killed or ends while its motors push, its last word has switched every axis
+/// off. Without the last word, the watchdog would always have done it. One success in five attempts
+/// is enough, because a busy machine can delay the last word for longer than 100 ms.
+#[test]
+fn a_server_that_is_killed_or_ended_leaves_every_odrive_idle_before_its_watchdog() {
+    for signal in [Signal::KILL, Signal::ABORT, Signal::TERM] {
+        let after = |_| {
+            let mut rig = RealRig::start(ODRIVE, Protocol::Odrive, |_| ());
+            push(&mut rig.server.holder(), || rig.pushes());
+            rig.server.end_by(signal);
+            eventually("no torque", || !rig.pushes());
+            [0, 1, 2, 3].map(|id| disarm_reason(&rig, id))
+        };
+        let seen: Vec<_> = (0..5).map(after).take_while(|reasons| reasons != &[0; 4]).collect();
+        assert!(seen.len() < 5, "{signal:?}: {seen:?}");
+        assert!(seen.iter().flatten().all(|reason| [0, WATCHDOG].contains(reason)), "{signal:?}: {seen:?}");
     }
 }
 
@@ -125,43 +106,28 @@ fn a_server_that_is_killed_or_ended_leaves_every_moteus_servo_stopped() {
 /// their power. In both cases they give torque only after the client enables them again.
 #[test]
 fn a_line_of_moteus_servos_that_is_back_pushes_only_when_asked_anew() {
-    let text = include_str!("../../rigs/prototype-moteus.toml");
-    let patient = text.replace("timeout_ticks = 20", "timeout_ticks = 1000\nwatchdog_ms = 1000");
     // With an absolute zero, servos know their position even after a loss of power.
-    let patient = patient.replace("zero = \"assume\"", "zero = \"absolute\"");
-    let rig = RigConfig::from_toml(&patient, "patient.toml").expect("legal");
+    let text = MOTEUS.replace("zero = \"assume\"", "zero = \"absolute\"");
     for power_lost in [false, true] {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
-        std::fs::write(path("rig.toml"), &patient).expect("written");
-        std::fs::write(path("push.toml"), PUSH).expect("written");
-        let (first, link) = (servos(&rig), path("line"));
-        std::os::unix::fs::symlink(first.path(), &link).expect("a link");
-        let args = ["--rig", &path("rig.toml"), "--port", &link, "--scene", &path("push.toml")];
-        let server = Process::start(&args, folder.path());
-        let mut client = JsonLines::greeted(&server.address);
-        client.ask(r#"{"id": 1, "op": "acquire"}"#);
-        push(&mut client, &first);
-
-        std::fs::remove_file(&link).expect("it was there");
-        let rig = first.stop().expect("it ran");
-        let again = spawn_pty(rig, PtyOptions::default()).expect("a pseudo-terminal");
-        if power_lost {
-            again.call(|rig| rig.inject(InjectedFault::Reboot)).expect("they are there");
-        }
-        std::os::unix::fs::symlink(again.path(), &link).expect("a link");
-        eventually("motors off", || (1..=4).all(|id| mode(&again, id) == 0));
+        let rig = RealRig::start(&text, Protocol::Moteus, |_| ());
+        let mut client = rig.server.holder();
+        push(&mut client, || rig.pushes());
+        let mut rig = rig.replugged(|servos| {
+            if power_lost {
+                servos.inject(InjectedFault::Reboot);
+            }
+        });
+        eventually("motors off", || (1..=4).all(|id| mode(&rig, id) == 0));
         std::thread::sleep(Duration::from_millis(300));
-        assert!(!pushes(&again), "nobody has asked for it");
-        push(&mut client, &again);
-        server.signal(Signal::TERM);
-        server.end();
+        assert!(!rig.pushes(), "nobody has asked for it");
+        push(&mut client, || rig.pushes());
+        rig.server.end_by(Signal::TERM);
     }
 }
 
 /// Returns the largest difference between two runs in any joint torque, and the largest joint
 /// torque, in N m.
-pub(crate) fn apart(ticks: &[Tick], others: &[Tick]) -> (f64, f64) {
+fn apart(ticks: &[Tick], others: &[Tick]) -> (f64, f64) {
     let (mut most, mut largest) = (0.0_f64, 0.0_f64);
     for (tick, other) in ticks.iter().zip(others) {
         for joint in 0..MAX_JOINTS {
@@ -173,38 +139,34 @@ pub(crate) fn apart(ticks: &[Tick], others: &[Tick]) -> (f64, f64) {
 }
 
 #[test]
-fn a_spring_feels_the_same_over_moteus_as_over_hbot_s_own_link() {
-    let (own, moteus) = (felt(Protocol::Hbot, Protocol::Moteus), felt(Protocol::Moteus, Protocol::Moteus));
-    assert!(own.len() >= 5000 && moteus.len() >= 5000, "{} and {} ticks", own.len(), moteus.len());
-    for ticks in [&own, &moteus] {
-        let active = ticks.iter().filter(|tick| tick.outputs.drive.enable).count();
-        assert!(active > 4900, "motors were on in {active} ticks");
-        let age = ticks[1000..].iter().filter_map(|tick| tick.inputs.feedback.map(|f| f.sequence));
-        // Each reading answers the command of the tick before.
-        assert!(age.zip(1000_u32..).all(|(answers, tick)| answers.wrapping_add(1) == tick), "ages");
+fn a_spring_feels_the_same_over_moteus_and_odrives_as_over_hbot_s_own_link() {
+    for protocol in [Protocol::Moteus, Protocol::Odrive] {
+        let [own, other] = [Protocol::Hbot, protocol].map(|line| felt(line, protocol, SCENE, 5));
+        for ticks in [&own, &other] {
+            let active = active(ticks);
+            assert!(ticks.len() >= 5000 && active > 4900, "on in {active} of {} ticks", ticks.len());
+            let age = ticks[1000..].iter().filter_map(|tick| tick.inputs.feedback.map(|f| f.sequence));
+            // Each reading answers the command of the tick before.
+            assert!(age.zip(1000_u32..).all(|(answers, tick)| answers.wrapping_add(1) == tick), "ages");
+        }
+        let (most, largest) = apart(&own, &other);
+        assert!(largest > 0.01, "the spring pushes: {largest} N m");
+        // One step of a servo's position is 1e-5 turns, 6.3e-5 rad. The spring of 0.5 N m/rad turns
+        // it into a torque of this size. An ODrive's position is an f32. Its steps are 2^-18 turns
+        // for a motor behind a gear of 17, and 2^-22 turns without a gear.
+        assert!(most < 3e-5, "{protocol:?}: {most} N m apart");
     }
-    let (most, largest) = apart(&own, &moteus);
-    assert!(largest > 0.01, "the spring pushes: {largest} N m");
-    // One step of a servo's position is 1e-5 turns, 6.3e-5 rad. The spring of 0.5 N m/rad turns it
-    // into a torque of this size.
-    assert!(most < 3e-5, "{most} N m apart");
 }
 
 /// Runs moteus servos for ten seconds on a line that loses a share of all lines of text in each
 /// direction, and damages an equal share. Returns the number of ticks in which motors were on, and
 /// the cause of the fault at the end, if any.
 fn on_a_bad_line(share: f64) -> (usize, Option<Cause>) {
-    let mut rig = RigConfig::prototype();
-    rig.link.protocol = Protocol::Moteus;
-    let counts = Protocol::Moteus.counts_per_turn().expect("it reports turns");
-    let all = |joint: &mut hbot_core::design::rig::Joint| joint.counts_per_turn = counts;
-    rig.rig = rig.rig.with(|parts| parts.joints.iter_mut().for_each(all)).expect("legal");
     let scene = format!(
         "{SCENE}\nlink = {{ loss = {share}, corrupt = {share}, latency_s = 0.0005, jitter_s = 0.0001, seed = 3 }}"
     );
-    let ticks = run(rig, &scene, Some(10), |_| std::future::pending());
-    let active = ticks.iter().filter(|tick| tick.outputs.drive.enable).count();
-    (active, ticks.last().and_then(|tick| tick.outputs.state.cause))
+    let ticks = felt(Protocol::Moteus, Protocol::Moteus, &scene, 10);
+    (active(&ticks), ticks.last().and_then(|tick| tick.outputs.state.cause))
 }
 
 /// If one in 400 lines of text is lost and one in 400 is damaged, the motors stay on. The limit is

@@ -3,11 +3,9 @@
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
 
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::{contains, ends_with};
+use predicates::str::ends_with;
 
-use crate::process::{Process, hbot, patient_rig};
-use hbot_testing::patience::eventually;
+use crate::process::*;
 
 #[test]
 fn a_recording_that_was_cut_off_becomes_a_whole_one() {
@@ -20,17 +18,15 @@ fn a_recording_that_was_cut_off_becomes_a_whole_one() {
     let bytes = std::fs::read(&run).expect("a recording");
     std::fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).expect("written");
     std::fs::write(&text, "no recording").expect("written");
-    let command =
-        |args: &[&std::path::Path]| assert_cmd::Command::from_std(hbot()).arg("recover").args(args).assert();
-    command(&[&cut, &out]).success().stdout(contains("had no end").and(contains("which is whole")));
-    command(&[&cut, &out]).failure().stderr(contains("exists already"));
-    let replayed = assert_cmd::Command::from_std(hbot()).arg("replay").arg(&out).assert();
-    replayed.success().stdout(contains("every bit agrees").and(contains("cut").not()));
+    let run = |command, files: &[&std::path::Path]| {
+        assert_cmd::Command::from_std(hbot()).arg(command).args(files).assert()
+    };
+    run("recover", &[&cut, &out]).success().stdout(contains("had no end").and(contains("which is whole")));
+    run("recover", &[&cut, &out]).failure().stderr(contains("exists already"));
+    run("replay", &[&out]).success().stdout(contains("every bit agrees").and(contains("cut").not()));
     // What is left of a cut recording agrees, which is not all.
-    let replay =
-        |file: &std::path::Path| assert_cmd::Command::from_std(hbot()).arg("replay").arg(file).assert();
     let missing = "the recording is not whole: the rest is missing (exit code 1)\n";
-    replay(&cut)
+    run("replay", &[&cut])
         .code(1)
         .stdout(contains("every bit agrees").and(ends_with(missing)))
         .stderr(contains("note cut: "));
@@ -38,16 +34,18 @@ fn a_recording_that_was_cut_off_becomes_a_whole_one() {
     // Its metadata, and nothing of its first part.
     let head = bytes.len().min(15_000);
     std::fs::write(&cut, &bytes[..head]).expect("written");
-    command(&[&cut, &out])
+    run("recover", &[&cut, &out])
         .code(1)
         .stderr(contains("nothing can be recovered: it was cut off before its first"));
     assert!(!out.exists(), "no empty recording is left");
-    replay(&cut).code(1).stderr(contains("nothing could be replayed: no tick is readable")).stdout("");
-    command(&[&text, &out]).failure().stderr(contains("not an MCAP file"));
+    run("replay", &[&cut])
+        .code(1)
+        .stderr(contains("nothing could be replayed: no tick is readable"))
+        .stdout("");
+    run("recover", &[&text, &out]).failure().stderr(contains("not an MCAP file"));
     assert!(!out.exists(), "nothing is left of a failure");
 }
 
-/// Starts simulated controllers. Returns them with their port.
 fn controllers(args: &[&str]) -> (std::process::Child, String) {
     let mut command = hbot();
     command.arg("controllers").args(args).stdin(Stdio::piped()).stdout(Stdio::piped());
@@ -62,8 +60,7 @@ fn controllers(args: &[&str]) -> (std::process::Child, String) {
 fn simulated_controllers_answer_a_scan_until_their_input_ends() {
     for (protocol, rig) in [("moteus", "rigs/prototype-moteus.toml"), ("hbot", "rigs/prototype.toml")] {
         let (mut controllers, path) = controllers(&["--protocol", protocol]);
-        let mut scan = assert_cmd::Command::from_std(hbot());
-        scan.args(["rig", "scan", "--rig", rig, "--port", &path]).assert().stdout(contains("4 answer"));
+        run(&["rig", "scan", "--rig", rig, "--port", &path]).stdout(contains("4 answer"));
         drop(controllers.stdin.take());
         assert!(controllers.wait().expect("it ends").success());
     }

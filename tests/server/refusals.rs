@@ -1,14 +1,9 @@
 //! Wrong input on the command line and in files. The program says what is wrong, where, and what is
 //! legal, and its exit code is not 0.
 
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::{contains, ends_with};
+use predicates::str::ends_with;
 
-use crate::process::hbot;
-
-fn run(args: &[&str]) -> assert_cmd::assert::Assert {
-    assert_cmd::Command::from_std(hbot()).args(args).timeout(std::time::Duration::from_secs(60)).assert()
-}
+use crate::process::*;
 
 fn file(text: &str) -> tempfile::NamedTempFile {
     let file = tempfile::Builder::new().suffix(".toml").tempfile().expect("a file");
@@ -140,15 +135,6 @@ fn a_scene_with_an_unknown_key_a_wrong_type_and_a_value_out_of_range() {
 }
 
 #[test]
-fn a_description_that_is_too_long_is_told_with_its_length_and_the_limit() {
-    let words = |count: usize| file(&format!("description = \"{}\"\n", "x".repeat(count)));
-    run(&["scene", "check", path(&words(300))]).success();
-    run(&["scene", "check", path(&words(301))]).failure().stderr(
-        contains(":1:15: description: ").and(contains("has 301 characters; legal: at most 300 characters")),
-    );
-}
-
-#[test]
 fn a_name_of_no_scene_is_corrected_and_says_where_the_names_are() {
     for command in
         [&["server", "--listen", "127.0.0.1:0", "--scene"][..], &["scene", "load"], &["scene", "check"]]
@@ -256,24 +242,10 @@ fn a_size_that_is_written_in_another_unit_is_warned_of() {
 }
 
 #[test]
-fn a_rig_that_is_singular_by_design_says_which_wheel() {
-    let prototype = include_str!("../../rigs/prototype.toml");
-    let flat = file(&prototype.replacen("cone = 0.1745", "cone = 0.0", 1));
-    run(&["rig", "check", path(&flat)]).failure().stderr(contains("wheel[0].cone"));
-    let meeting = file(&prototype.replace("axis = [-1, 0, -1]", "axis = [1, 0, -1]"));
-    if std::fs::read_to_string(&meeting).expect("readable") == prototype {
-        panic!("the prototype's axis is written otherwise: correct this test");
-    }
-    run(&["rig", "check", path(&meeting)]).failure().stderr(contains("meet"));
-}
-
-#[test]
 fn an_option_out_of_range_is_named() {
-    run(&["server", "--rate", "7"]).failure().stderr(contains("--rate"));
     let whole = "--rate: \"1e9\" is not a whole number; legal: 50 to 20000 Hz";
     run(&["server", "--rate", "1e9"]).failure().stderr(contains(whole));
     run(&["server", "--listen", "5102"]).failure().stderr(contains("such as 127.0.0.1:5102"));
-    run(&["server", "--duration", "0"]).failure().stderr(contains("--duration"));
     run(&["server", "--duration", "5m"])
         .code(2)
         .stderr(contains("--duration: \"5m\" is not").and(contains("unit min")));
@@ -603,10 +575,6 @@ fn what_is_legal_checks_out() {
     run(&["rig", "check"])
         .success()
         .stdout(contains("a legal design").and(contains("234.336 N m/rad at 0.01")));
-    for scene in std::fs::read_dir("scenes").expect("the scenes") {
-        let scene = scene.expect("a scene").path();
-        run(&["scene", "check", scene.to_str().expect("UTF-8")]).success();
-    }
 }
 
 /// Somebody who reads only the first line, or sees only the last ones, must not miss a warning.

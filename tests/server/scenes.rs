@@ -3,19 +3,27 @@
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
-use hbot_testing::lines::JsonLines;
-use hbot_testing::patience::eventually;
 use serde_json::Value;
 
-use crate::process::{Killed, Process, hbot, patient_rig};
+use crate::process::*;
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
+/// Runs `hbot scene` in a folder. Returns whether it succeeds, and what it says.
+fn scene_in(folder: &Path, args: &[&str]) -> (bool, String) {
+    let output = hbot().arg("scene").args(args).current_dir(folder).output().expect("the binary runs");
+    let said = [output.stdout, output.stderr].concat();
+    (output.status.success(), String::from_utf8(said).expect("UTF-8"))
+}
+
+fn scene(args: &[&str]) -> (bool, String) {
+    scene_in(Path::new("."), args)
+}
+
 fn plot(args: &[&str]) -> (bool, String) {
-    let output = hbot().args(["scene", "plot"]).args(args).output().expect("the binary runs");
-    (output.status.success(), String::from_utf8(output.stderr).expect("UTF-8"))
+    scene(&[&["plot"], args].concat())
 }
 
 /// The pictures in docs/effects.md are those that the command draws now. With HBOT_BLESS set, the
@@ -41,20 +49,6 @@ fn the_pictures_in_the_docs_are_what_the_command_draws() {
     }
 }
 
-#[test]
-fn every_scene_of_the_shelf_can_be_drawn_about_any_axis() {
-    let temporary = tempfile::tempdir().expect("a folder");
-    let out = temporary.path().join("x.svg");
-    let out = out.to_str().expect("UTF-8");
-    for entry in std::fs::read_dir(folder("scenes")).expect("scenes") {
-        let path = entry.expect("readable").path();
-        if path.extension().is_some_and(|e| e == "toml") {
-            let (ok, said) = plot(&[path.to_str().expect("UTF-8"), "--out", out, "--axis", "1,-1,0.5"]);
-            assert!(ok, "{}: {said}", path.display());
-        }
-    }
-}
-
 /// Clay gives another torque on the way back. A spring without damping has one curve.
 #[test]
 fn a_plot_says_what_the_black_and_the_dashed_line_are() {
@@ -73,12 +67,7 @@ fn a_plot_says_what_the_black_and_the_dashed_line_are() {
 #[test]
 fn a_plot_shows_a_range_of_angles_and_is_named_after_its_scene() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let command = |args: &[&str]| {
-        let output = hbot().args(["scene", "plot"]).args(args).current_dir(temporary.path()).output();
-        let output = output.expect("the binary runs");
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        (output.status.success(), text + &String::from_utf8_lossy(&output.stderr))
-    };
+    let command = |args: &[&str]| scene_in(temporary.path(), &[&["plot"], args].concat());
     let (ok, said) = command(&["notched-dial", "--axis", "z", "--from", "-20deg", "--to", "20"]);
     assert!(ok && said.starts_with("notched-dial.svg shows the torque"), "{said}");
     let near = std::fs::read_to_string(temporary.path().join("notched-dial.svg")).expect("a picture");
@@ -100,12 +89,7 @@ fn a_plot_shows_a_range_of_angles_and_is_named_after_its_scene() {
 #[test]
 fn a_new_scene_is_written_from_options_checked_and_drawn() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let scene = |args: &[&str]| {
-        let output = hbot().arg("scene").args(args).current_dir(temporary.path()).output();
-        let output = output.expect("the binary runs");
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        (output.status.success(), text + &String::from_utf8_lossy(&output.stderr))
-    };
+    let scene = |args: &[&str]| scene_in(temporary.path(), args);
     let (ok, said) = scene(&["new", "mine.toml", "--name", "Mine", "--effect", "spring,detents"]);
     assert!(ok && said.contains("hbot scene load mine.toml"), "{said}");
     let (ok, said) = scene(&["check", "mine.toml"]);
@@ -142,9 +126,8 @@ fn what_cannot_be_drawn_is_told() {
 #[test]
 fn every_kind_is_listed_in_one_line_and_shown_with_its_parameters_ranges_and_defaults() {
     let kinds_command = |args: &[&str]| {
-        let output = hbot().args(["scene", "kinds"]).args(args).output().expect("the binary runs");
-        let text = String::from_utf8(output.stdout).expect("UTF-8");
-        assert!(output.status.success() && !text.contains('\u{1b}'), "no colours but on a terminal");
+        let (ok, text) = scene(&[&["kinds"], args].concat());
+        assert!(ok && !text.contains('\u{1b}'), "no colours but on a terminal");
         text
     };
     let list = kinds_command(&[]);
@@ -175,8 +158,7 @@ fn every_kind_is_listed_in_one_line_and_shown_with_its_parameters_ranges_and_def
             assert!(text.contains("a number, 0 to 100 N m; default 0.05"), "{text}");
         }
     }
-    let output = hbot().args(["scene", "kinds", "--json"]).output().expect("the binary runs");
-    let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let json: Value = serde_json::from_str(&kinds_command(&["--json"])).expect("JSON");
     assert_eq!(json["effects"].as_array().map(Vec::len), Some(hbot_config::scene::kinds().len()));
     assert_eq!(json["effects"][5]["name"], "detents");
     assert_eq!(json["effects"][5]["schema"]["properties"]["strength"]["unit"], "N m");
@@ -184,31 +166,25 @@ fn every_kind_is_listed_in_one_line_and_shown_with_its_parameters_ranges_and_def
 
 #[test]
 fn one_kind_or_phenomenon_can_be_listed_alone() {
-    let kinds = |name: &str| hbot().args(["scene", "kinds", name]).output().expect("the binary runs");
     for (name, parameter) in [("spring", "stiffness"), ("gear", "backlash")] {
-        let output = kinds(name);
-        let text = String::from_utf8(output.stdout).expect("UTF-8");
-        assert!(output.status.success() && text.starts_with(name) && text.contains(parameter), "{text}");
+        let (ok, text) = scene(&["kinds", name]);
+        assert!(ok && text.starts_with(name) && text.contains(parameter), "{text}");
         assert!(!text.contains("\nfriction  "), "only {name}: {text}");
     }
-    let wrong = kinds("sprung");
-    let said = String::from_utf8(wrong.stderr).expect("UTF-8");
-    assert!(!wrong.status.success() && said.contains("legal: constant, spring"), "{said}");
+    let (ok, said) = scene(&["kinds", "sprung"]);
+    assert!(!ok && said.contains("legal: constant, spring"), "{said}");
 }
 
 #[test]
 fn the_shelf_is_listed_with_a_sentence_and_the_kinds_of_each_scene() {
-    let output = hbot().args(["scene", "list"]).output().expect("the binary runs");
-    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let text = scene(&["list"]).1;
     for entry in hbot_config::scene::SHELF {
         let scene = entry.scene();
         assert!(text.contains(entry.file) && text.contains(scene.description()), "{}: {text}", entry.file);
     }
     assert!(text.contains("guide, detents"), "{text}");
-    let output = hbot().args(["scene", "show", "hinge"]).output().expect("the binary runs");
-    assert_eq!(String::from_utf8_lossy(&output.stdout), include_str!("../../scenes/hinge.toml"));
-    let output = hbot().args(["scene", "list", "--json"]).output().expect("the binary runs");
-    let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(scene(&["show", "hinge"]).1, include_str!("../../scenes/hinge.toml"));
+    let json: Value = serde_json::from_str(&scene(&["list", "--json"]).1).expect("JSON");
     assert_eq!(
         (&json[0]["file"], &json[0]["kinds"]),
         (&Value::from("spring"), &serde_json::json!(["spring"]))
@@ -221,10 +197,7 @@ fn a_check_says_what_the_rig_cannot_make_and_what_has_no_effect() {
     let file = folder.path().join("wall.toml");
     let wall = "[[effect]]\nid = 'w'\nkind = 'end_stop'\nstiffness = 900\ntwist = [-0.5, 0.5]\n";
     std::fs::write(&file, wall).expect("written");
-    let check = |args: &[&str]| {
-        let output = hbot().args(["scene", "check", file.to_str().expect("UTF-8")]).args(args).output();
-        String::from_utf8(output.expect("the binary runs").stderr).expect("UTF-8")
-    };
+    let check = |args: &[&str]| scene(&[&["check", file.to_str().expect("UTF-8")], args].concat()).1;
     let said = check(&[]);
     assert!(said.contains("warning: w: may shake the sphere") && said.contains("with any damping"), "{said}");
     assert!(said.contains("warning: w: twist has no effect here; to make it count, set walls"), "{said}");
@@ -246,8 +219,8 @@ fn the_page_of_scenes_is_what_the_command_writes() {
     let docs = folder("docs");
     let out =
         if std::env::var_os("HBOT_BLESS").is_some() { docs.clone() } else { temporary.path().to_owned() };
-    let output = hbot().args(["scene", "page"]).arg(&out).output().expect("the binary runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let (ok, said) = scene(&["page", out.to_str().expect("UTF-8")]);
+    assert!(ok, "{said}");
     let read =
         |path: PathBuf| std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     assert!(
@@ -260,7 +233,6 @@ fn the_page_of_scenes_is_what_the_command_writes() {
     }
 }
 
-/// Waits until the server renders a scene of this name.
 fn rendered(server: &Process, name: &str) {
     let mut client = JsonLines::greeted(&server.address);
     eventually(name, || client.ask(r#"{"id": 1, "op": "info"}"#)["ok"]["scene"]["name"] == name);
@@ -268,15 +240,14 @@ fn rendered(server: &Process, name: &str) {
 
 #[test]
 fn check_with_watch_loads_a_scene_on_each_save_and_tells_mistakes() {
-    let temporary = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--rig", &patient_rig(temporary.path())], temporary.path());
-    let path = temporary.path().join("mine.toml");
+    let server = Process::patient(&[]);
+    let path = server.folder().join("mine.toml");
     let write = |name: &str, stiffness: f64| {
         let effect = format!("[[effect]]\nid = \"s\"\nkind = \"spring\"\nstiffness = {stiffness}\n");
         std::fs::write(&path, format!("name = \"{name}\"\n{effect}")).expect("written");
     };
     write("First", 1.0);
-    let errors = temporary.path().join("errors");
+    let errors = server.folder().join("errors");
     let watching = hbot()
         .args(["scene", "check", path.to_str().expect("UTF-8"), "--watch", "--server", &server.address])
         .stdout(Stdio::null())
@@ -290,7 +261,6 @@ fn check_with_watch_loads_a_scene_on_each_save_and_tells_mistakes() {
     write("Second", 2.0);
     rendered(&server, "Second");
     drop(watching);
-    let ready_made = hbot().args(["scene", "check", "spring", "--watch"]).output().expect("it runs");
-    let said = String::from_utf8_lossy(&ready_made.stderr).into_owned();
+    let said = scene(&["check", "spring", "--watch"]).1;
     assert!(said.contains("spring: a ready-made scene does not change"), "{said}");
 }

@@ -2,23 +2,13 @@
 //! refuses.
 
 use hbot_testing::far::Far;
-use hbot_testing::lines::JsonLines;
-use hbot_testing::patience::{PATIENCE, eventually};
 use std::path::Path;
 
 use hbot_config::RigConfig;
 use hbot_link::Command;
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
-use rustix::process::Signal;
 
-use crate::process::{Process, hbot, patient_rig};
+use crate::process::*;
 
-fn run(args: &[&str]) -> assert_cmd::assert::Assert {
-    assert_cmd::Command::from_std(hbot()).args(args).timeout(PATIENCE).assert()
-}
-
-/// Waits for a thousand ticks from now and returns the state.
 fn a_while(client: &mut JsonLines) -> serde_json::Value {
     let from = client.state(|_| true)["tick"].as_u64().expect("a tick");
     client.state(|state| state["tick"].as_u64().is_some_and(|tick| tick > from + 1000))
@@ -36,13 +26,7 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
     let rig = patient_rig(folder.path());
     let far = Far::start(&RigConfig::from_path(Path::new(&rig)).expect("a rig"));
     // The scene always outputs torque, so that only the mode prevents it.
-    let scene = folder.path().join("push.toml");
-    std::fs::write(
-        &scene,
-        "name = \"Push\"\n[[effect]]\nid = \"push\"\nkind = \"constant\"\ntorque = [0, 0.1, 0]\n",
-    )
-    .expect("written");
-    let args = ["--rig", &rig, "--port", &far.path, "--scene", scene.to_str().expect("UTF-8")];
+    let args = ["--rig", &rig, "--port", &far.path, "--scene", &push_scene(folder.path())];
     let start = || Process::start(&args, folder.path());
 
     let server = start();
@@ -54,12 +38,7 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
     let enabled = |command: &Command| command.enable;
     assert!(!far.any_after(0, enabled), "motors on that nobody asked for");
     client.ask(r#"{"id": 2, "op": "acquire"}"#);
-    eventually("torque", || {
-        // A machine that stood still for 20 ms has caused a deadline fault.
-        client.ask(r#"{"id": 3, "op": "reset"}"#);
-        client.ask(r#"{"id": 4, "op": "enable"}"#);
-        far.pushed()
-    });
+    push(&mut client, || far.pushed());
     // The PC loses power while the motors make torque. Then the server is started again.
     server.signal(Signal::KILL);
     server.end();
@@ -86,16 +65,15 @@ fn a_server_that_is_started_or_started_again_gives_no_torque_until_somebody_enab
 fn a_server_whose_default_web_port_is_taken_goes_on_without_it() {
     // Whether this succeeds or not, the port is taken.
     let _taken = std::net::TcpListener::bind(("127.0.0.1", 4269));
-    let folder = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&[], folder.path());
+    let server = Process::with(&[]);
     assert!(!server.banner.contains("http://"), "{}", server.banner);
     a_while(&mut watched(&server));
     server.signal(Signal::TERM);
     let (told, _) = server.end();
     assert_eq!(told.matches("no page is served: 127.0.0.1:4269").count(), 1, "{told}");
-    let off = Process::start(&["--web", "off"], folder.path());
+    let off = Process::with(&["--web", "off"]);
     assert!(!off.banner.contains("http://"), "{}", off.banner);
-    let own = Process::start(&["--web", "127.0.0.1:0"], folder.path());
+    let own = Process::with(&["--web", "127.0.0.1:0"]);
     let (_, at) = own.banner.split_once("\n  web      http://").expect("the address of the page");
     let mut page = JsonLines::connect(at.lines().next().expect("an address").to_owned());
     let host = page.stream.peer_addr().expect("an address");

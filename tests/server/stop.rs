@@ -2,14 +2,12 @@
 //! to the motor controllers is zero torque.
 
 use hbot_testing::far::Far;
-use hbot_testing::patience::eventually;
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, Stdio};
 
 use hbot_config::RigConfig;
-use rustix::process::{Pid, Signal, kill_process};
 
-use crate::process::{STOPPING, hbot};
+use crate::process::*;
 
 /// Number of attempts to stop a joint test while it makes torque. If the machine is busy for longer
 /// than the watchdog time of the controllers, the test ends before it is stopped.

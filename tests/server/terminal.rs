@@ -6,13 +6,11 @@ use std::io::Read as _;
 use std::os::fd::OwnedFd;
 use std::process::{Child, Command};
 
-use hbot_testing::lines::JsonLines;
 use rustix::fs::{Mode, OFlags};
-use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize, ttyname};
 
-use crate::process::{Killed, Process, hbot, patient_rig};
+use crate::process::*;
 
 const COLUMNS: u16 = 80;
 
@@ -98,8 +96,7 @@ fn the_server_s_banner_and_status_line_end_at_80_columns() {
 
 #[test]
 fn watch_shows_the_three_torques_in_80_columns() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--rig", &patient_rig(state.path())], state.path());
+    let server = Process::patient(&[]);
     let mut terminal = Terminal::open();
     let watch = Killed(terminal.run(hbot().args(["watch", "--server", &server.address])));
     let shown = terminal.read_until("active");
@@ -119,8 +116,7 @@ fn watch_shows_the_three_torques_in_80_columns() {
 
 #[test]
 fn a_turn_of_the_hand_shows_how_far_it_is() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--rig", &patient_rig(state.path())], state.path());
+    let server = Process::patient(&[]);
     let mut terminal = Terminal::open();
     let turn = ["hand", "turn", "n2", "20deg", "--over", "60s", "--server", &server.address];
     let _turn = Killed(terminal.run(hbot().args(turn)));
@@ -129,8 +125,7 @@ fn a_turn_of_the_hand_shows_how_far_it_is() {
 
 #[test]
 fn info_and_the_answer_to_a_stop_break_between_words() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = Process::start(&["--rig", &patient_rig(state.path())], state.path());
+    let server = Process::patient(&[]);
     for (command, end) in [("estop", "hbot enable`"), ("info", "spring       spring")] {
         let mut terminal = Terminal::open();
         let _run = Killed(terminal.run(hbot().args([command, "--server", &server.address])));

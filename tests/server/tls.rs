@@ -3,9 +3,8 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::process::{Process, hbot};
+use crate::process::*;
 
-/// Writes a rig file with a certificate for `localhost` and its key, and returns its path.
 fn rig(folder: &Path) -> String {
     let made = rcgen::generate_simple_self_signed(["localhost".to_owned()]).expect("a certificate");
     std::fs::write(folder.join("rig.pem"), made.cert.pem()).expect("written");

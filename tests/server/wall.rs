@@ -3,19 +3,10 @@
 use std::process::Stdio;
 
 use hbot_testing::far::Far;
-use hbot_testing::lines::{JsonLines, norm, vector};
-use hbot_testing::patience::{PATIENCE, eventually};
-use predicates::prelude::PredicateBooleanExt as _;
-use predicates::str::contains;
-use rustix::process::Signal;
+use hbot_testing::lines::{norm, vector};
+use hbot_testing::patience::PATIENCE;
 
-use crate::process::{Process, STOPPING, hbot, patient_rig};
-
-/// Starts a server in wall-clock time, with long timeouts on its line.
-fn server(args: &[&str], state: &std::path::Path) -> Process {
-    let rig = patient_rig(state);
-    Process::start(&[&["--rig", &rig], args].concat(), state)
-}
+use crate::process::*;
 
 /// Waits until the rig is active. A machine that stood still for 20 ms causes a deadline fault,
 /// which these tests do not concern, so it is reset.
@@ -34,8 +25,7 @@ fn active(client: &mut JsonLines) -> serde_json::Value {
 
 #[test]
 fn the_server_starts_active_and_the_sphere_moves() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(&[], state.path());
+    let server = Process::patient(&[]);
     for word in ["Hbot prototype", "sim", "1000 Hz", "127.0.0.1:"] {
         assert!(server.banner.contains(word), "{word} in:\n{}", server.banner);
     }
@@ -62,8 +52,7 @@ fn the_loop_and_nothing_else_stays_on_the_processor_that_it_is_given() {
     let mine = rustix::thread::sched_getaffinity(None).expect("a set");
     let all: Vec<usize> = (0..1024).filter(|number| mine.is_set(*number)).collect();
     let number = all.last().expect("one that this runs on").to_string();
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(&["--cpu", &number], state.path());
+    let server = Process::patient(&["--cpu", &number]);
     assert!(server.banner.contains(&format!("on processor {number},")), "{}", server.banner);
     let mut seen = 0;
     for task in std::fs::read_dir(format!("/proc/{}/task", server.pid())).expect("it runs") {
@@ -86,12 +75,7 @@ fn processors_are_kept_from_sleeping_while_the_loop_runs() {
     const FILE: &str = "/dev/cpu_dma_latency";
     let may = std::fs::File::options().write(true).open(FILE).is_ok();
     for (wake_us, asked) in [(0, true), (1_000_000, false)] {
-        let state = tempfile::tempdir().expect("a folder");
-        let rig = patient_rig(state.path());
-        let text = std::fs::read_to_string(&rig).expect("a rig file");
-        let text = text.replace("rate_hz = 1000", &format!("rate_hz = 1000\nwake_us = {wake_us}"));
-        std::fs::write(&rig, text).expect("written");
-        let server = Process::start(&["--rig", &rig], state.path());
+        let server = Process::altered("rate_hz = 1000", &format!("rate_hz = 1000\nwake_us = {wake_us}"));
         let files = std::fs::read_dir(format!("/proc/{}/fd", server.pid())).expect("its files");
         let held = files.flatten().any(|file| {
             std::fs::read_link(file.path()).is_ok_and(|target| target == std::path::Path::new(FILE))
@@ -103,12 +87,7 @@ fn processors_are_kept_from_sleeping_while_the_loop_runs() {
 #[test]
 fn the_loop_is_awake_before_its_deadlines_as_long_as_it_may() {
     for early_us in [0, 1000] {
-        let state = tempfile::tempdir().expect("a folder");
-        let rig = patient_rig(state.path());
-        let early = format!("rate_hz = 200\nearly_us = {early_us}");
-        let text = std::fs::read_to_string(&rig).expect("a rig file").replace("rate_hz = 1000", &early);
-        std::fs::write(&rig, text).expect("written");
-        let server = Process::start(&["--rig", &rig], state.path());
+        let server = Process::altered("rate_hz = 1000", &format!("rate_hz = 200\nearly_us = {early_us}"));
         let mut client = JsonLines::greeted(&server.address);
         eventually("awake before a deadline", || {
             let stats = client.ask(r#"{"id": 1, "op": "stats"}"#);
@@ -122,35 +101,16 @@ fn the_loop_is_awake_before_its_deadlines_as_long_as_it_may() {
 }
 
 #[test]
-fn both_stopping_signals_end_it_with_exit_code_0_and_tell_the_clients() {
-    for signal in [Signal::INT, Signal::TERM] {
-        let state = tempfile::tempdir().expect("a folder");
-        let server = server(&[], state.path());
-        let mut client = JsonLines::greeted(&server.address);
-        server.signal(signal);
-        client.until(|event| event["event"] == "stopping");
-        let (last_words, status) = server.end();
-        assert_eq!(status.code(), Some(0), "{signal:?}: {last_words}");
-    }
-}
-
-#[test]
 fn the_last_that_controllers_hear_before_a_signal_ends_it_is_zero_torque() {
     let rig = hbot_config::RigConfig::prototype();
     for signal in STOPPING {
         let state = tempfile::tempdir().expect("a folder");
         let far = Far::start(&rig);
-        let server = server(&["--port", &far.path], state.path());
-        let mut client = JsonLines::greeted(&server.address);
-        client.ask(r#"{"id": 1, "op": "acquire"}"#);
-        eventually("torque", || {
-            // A machine that stood still for 20 ms has caused a deadline fault.
-            client.ask(r#"{"id": 2, "op": "reset"}"#);
-            client.ask(r#"{"id": 3, "op": "enable"}"#);
-            client.ask(r#"{"id": 4, "op": "torque", "torque": [0, 0.1, 0], "valid_ms": 1000}"#);
-            far.pushed()
-        });
+        let server = Process::patient(&["--port", &far.path, "--scene", &push_scene(state.path())]);
+        let mut client = server.holder();
+        push(&mut client, || far.pushed());
         server.signal(signal);
+        client.until(|event| event["event"] == "stopping");
         let (last_words, status) = server.end();
         assert_eq!(status.code(), Some(0), "{signal:?}: {last_words}");
         far.ends_still();
@@ -159,8 +119,7 @@ fn the_last_that_controllers_hear_before_a_signal_ends_it_is_zero_torque() {
 
 #[test]
 fn sigusr1_is_an_emergency_stop_until_reset() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(&[], state.path());
+    let server = Process::patient(&[]);
     let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
     active(&mut client);
@@ -180,8 +139,7 @@ fn sigusr1_is_an_emergency_stop_until_reset() {
 #[test]
 fn the_loop_keeps_its_count_over_the_pseudo_terminal_at_each_rate() {
     for rate in ["1000", "2000", "4000"] {
-        let state = tempfile::tempdir().expect("a folder");
-        let server = server(&["--rate", rate, "--duration", "1"], state.path());
+        let server = Process::patient(&["--rate", rate, "--duration", "1"]);
         let address = server.address.clone();
         let mut client = JsonLines::greeted(&address);
         client.ask(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
@@ -209,8 +167,7 @@ fn the_loop_keeps_its_count_over_the_pseudo_terminal_at_each_rate() {
 
 #[test]
 fn a_client_renders_for_itself_and_its_torque_ends_when_it_falls_silent() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(&[], state.path());
+    let server = Process::patient(&[]);
     let mut client = JsonLines::greeted(&server.address);
     client.ask(r#"{"id": 1, "op": "acquire"}"#);
     client.ask(r#"{"id": 2, "op": "load_scene", "scene": {"name": "nothing", "effect": [], "simulate": {"hand": {"stiffness": 50, "damping": 1, "amplitude": 0}}}}"#);
@@ -256,8 +213,7 @@ fn push_once(client: &mut JsonLines, seq: u64) -> Option<u64> {
 /// do about a rig that makes no torque.
 #[test]
 fn a_hand_turns_the_sphere_and_says_what_became_of_it() {
-    let state = tempfile::tempdir().expect("a folder");
-    let server = server(&[], state.path());
+    let server = Process::patient(&[]);
     let command = |args: &[&str]| {
         let mut command = hbot();
         command.args(args).args(["--server", &server.address]);

@@ -35,7 +35,6 @@ fn every_function_is_declared_once() {
     assert!(all > 30, "{all} functions");
 }
 
-/// A state has room for the joints of every legal rig.
 #[test]
 fn a_state_has_room_for_every_rig() {
     assert_eq!(hbot_c::HBOT_MAX_JOINTS, hbot_core::MAX_JOINTS);

@@ -11,7 +11,6 @@ use hbot_identify::{Recorded, Refusal, What, identify};
 use hbot_sim::wander::{Built, Wander};
 
 const H: f64 = 1e-3;
-/// Speed of the hand about each axis, rad/s.
 const SPEED: f64 = 1.0;
 
 fn rig(file: &str) -> Rig {

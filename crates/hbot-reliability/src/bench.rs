@@ -12,7 +12,6 @@ use serde_json::{Value, json};
 
 use crate::{Outcome, rigs};
 
-/// A child process that is killed when this value is dropped.
 pub(crate) struct Other(pub(crate) Child);
 
 impl Other {
@@ -53,7 +52,6 @@ impl Helper {
         Ok(writeln!(self.input, "{line}")?)
     }
 
-    /// Reads the next line that the process prints.
     pub(crate) fn line(&mut self) -> Outcome<String> {
         let mut line = String::new();
         self.output.read_line(&mut line)?;
@@ -151,7 +149,6 @@ impl WatchedServer {
         Ok(bench)
     }
 
-    /// Returns the resident memory of the server, bytes.
     pub(crate) fn resident(&self) -> Outcome<u64> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.server.0.id()))?;
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

@@ -79,7 +79,6 @@ impl Run {
     }
 }
 
-/// All measurements of one server.
 struct Runs(Vec<Run>);
 
 impl Runs {

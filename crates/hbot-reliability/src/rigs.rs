@@ -6,7 +6,6 @@ use serde_json::json;
 
 use crate::Outcome;
 
-/// Returns the protocol that is called `name` in a rig file.
 pub(crate) fn protocol(name: &str) -> Outcome<Protocol> {
     let all = [Protocol::Hbot, Protocol::Moteus, Protocol::Odrive];
     let found = all.into_iter().find(|protocol| protocol.name() == name);

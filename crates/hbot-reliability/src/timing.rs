@@ -56,7 +56,6 @@ impl Run {
     }
 }
 
-/// Starts a server and brings it to the mode `active`. No client receives its states.
 fn quiet() -> Outcome<WatchedServer> {
     let mut bench = WatchedServer::start(Protocol::Hbot, "sim", Value::Null)?;
     bench.watcher.unsubscribe()?;

@@ -21,10 +21,6 @@ use crate::prototype::simulated_as;
 const SILENCE: Duration = Duration::from_millis(200);
 
 /// Opens a terminal as a program does that changes none of its settings.
-///
-/// # Panics
-/// If there is no such terminal.
-#[must_use]
 pub fn open_plainly(path: &str) -> OwnedFd {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
     rustix::fs::open(path, flags, Mode::empty()).expect("a terminal")
@@ -43,10 +39,6 @@ pub struct Far {
 impl Far {
     /// Starts simulated motor controllers for `rig` in a thread, at the far end of a new
     /// pseudo-terminal.
-    ///
-    /// # Panics
-    /// If the operating system provides no pseudo-terminal.
-    #[must_use]
     pub fn start(rig: &RigConfig) -> Self {
         let (mut near, far) = TTYPort::pair().expect("this test needs pseudo-terminals (/dev/ptmx)");
         let path = far.name().expect("a name");
@@ -82,36 +74,24 @@ impl Far {
     }
 
     /// Returns the number of commands received so far.
-    ///
-    /// # Panics
-    /// If the thread of the simulated motor controllers has panicked.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.heard.lock().expect("no panic").len()
     }
 
     /// Returns whether `so` accepts any of the recorded commands, not counting the first `count` of
     /// them.
-    ///
-    /// # Panics
-    /// If the thread of the simulated motor controllers has panicked.
-    #[must_use]
     pub fn any_after(&self, count: usize, so: impl Fn(&Command) -> bool) -> bool {
         self.heard.lock().expect("no panic")[count..].iter().any(so)
     }
 
     /// Returns whether any command received so far enables the motors with a torque other than
     /// zero.
-    #[must_use]
     pub fn pushed(&self) -> bool {
         self.any_after(0, |command| command.enable && !still(command))
     }
 
     /// Waits until the line is silent. Then checks that each of the last three commands has zero
     /// torque and switches the motors off. Returns the last command.
-    ///
-    /// # Panics
-    /// If one of the last three commands has torque or enables the motors.
     pub fn ends_still(mut self) -> Command {
         let mut before = 0;
         while self.count() > before {

@@ -19,10 +19,6 @@ pub struct JsonLines {
 
 impl JsonLines {
     /// Connects to the server at `address` and sends nothing yet.
-    ///
-    /// # Panics
-    /// If no server accepts the connection.
-    #[must_use]
     pub fn connect(address: impl ToSocketAddrs) -> Self {
         let stream = TcpStream::connect(address).expect("the server listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
@@ -32,10 +28,6 @@ impl JsonLines {
     }
 
     /// Connects to the server at `address`, sends the `hello` request and checks the answer.
-    ///
-    /// # Panics
-    /// If no server accepts the connection, or if the answer is not that of an hbot server.
-    #[must_use]
     pub fn greeted(address: impl ToSocketAddrs) -> Self {
         let mut lines = Self::connect(address);
         let hello = lines.ask(r#"{"id": 0, "op": "hello", "version": 1, "name": "a test"}"#);
@@ -44,26 +36,17 @@ impl JsonLines {
     }
 
     /// Sends `bytes` unchanged, without a line break.
-    ///
-    /// # Panics
-    /// If the connection is closed.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.stream.write_all(bytes).expect("sent");
     }
 
     /// Sends `line`, followed by a line break.
-    ///
-    /// # Panics
-    /// If the connection is closed.
     pub fn send(&mut self, line: &str) {
         self.bytes(format!("{line}\n").as_bytes());
     }
 
     /// Waits for the next line from the server and returns it as JSON. Returns `None` if the server
     /// has closed the connection.
-    ///
-    /// # Panics
-    /// If no line arrives within [`PATIENCE`], or if the line is not JSON.
     pub fn next_line(&mut self) -> Option<Value> {
         let mut line = String::new();
         match self.reader.read_line(&mut line) {
@@ -75,19 +58,12 @@ impl JsonLines {
     }
 
     /// Waits for the next line from the server and returns it as JSON.
-    ///
-    /// # Panics
-    /// If the server has closed the connection, if no line arrives within [`PATIENCE`], or if the
-    /// line is not JSON.
     pub fn line(&mut self) -> Value {
         self.next_line().expect("the connection stays")
     }
 
     /// Reads lines from the server until `found` accepts one, and returns that line. Drops the
     /// lines before it.
-    ///
-    /// # Panics
-    /// If no such line arrives within [`PATIENCE`], or if the server closes the connection before.
     pub fn until(&mut self, mut found: impl FnMut(&Value) -> bool) -> Value {
         let start = Instant::now();
         let mut last = Value::Null;
@@ -118,9 +94,6 @@ impl JsonLines {
     }
 
     /// Returns all text that the server sends until it closes the connection.
-    ///
-    /// # Panics
-    /// If the text is not UTF-8.
     pub fn rest(&mut self) -> String {
         let mut rest = Vec::new();
         // An error, such as a reset of the connection, also ends the text.
@@ -130,19 +103,11 @@ impl JsonLines {
 }
 
 /// Converts a JSON array from a state, such as the torque, to a vector of three numbers.
-///
-/// # Panics
-/// If one of the first three elements is not a number.
-#[must_use]
 pub fn vector(value: &Value) -> [f64; 3] {
     std::array::from_fn(|i| value[i].as_f64().expect("a number"))
 }
 
 /// Returns the length of a vector that a state holds as a JSON array of three numbers.
-///
-/// # Panics
-/// If one of the first three elements is not a number.
-#[must_use]
 pub fn norm(value: &Value) -> f64 {
     vector(value).iter().map(|x| x * x).sum::<f64>().sqrt()
 }

@@ -11,9 +11,6 @@ pub const LOOK: Duration = Duration::from_millis(1);
 
 /// Calls `found` every millisecond until it returns a value, and returns that value. `what`
 /// describes the awaited condition for the panic message.
-///
-/// # Panics
-/// If `found` returns no value within [`PATIENCE`].
 pub fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + PATIENCE;
     loop {
@@ -27,9 +24,6 @@ pub fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
 
 /// Waits until `condition` returns true. It is checked every millisecond. `what` describes the
 /// condition for the panic message.
-///
-/// # Panics
-/// If `condition` does not become true within [`PATIENCE`].
 pub fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
     until(what, || condition().then_some(()));
 }

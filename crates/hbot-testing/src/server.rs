@@ -20,9 +20,6 @@ fn runtime() -> Runtime {
 
 /// Runs a server on the current thread. `over` receives the server's address and returns a future.
 /// The server ends when this future completes, or after the duration in `options`.
-///
-/// # Panics
-/// If the server does not start, or if the future panics.
 pub fn serve<F: Future<Output = ()> + Send + 'static>(
     options: ServerOptions,
     listen: SocketAddr,
@@ -42,7 +39,6 @@ pub fn serve<F: Future<Output = ()> + Send + 'static>(
 
 /// Returns a recorder that stores nothing, but sleeps in each tick. It slows a loop in virtual time
 /// to `rate_hz` ticks per second of real time.
-#[must_use]
 pub fn paced(rate_hz: u32) -> Recorder {
     let (begin, mut ticks) = (Instant::now(), 0);
     let period = Duration::from_secs(1) / rate_hz;
@@ -55,9 +51,6 @@ pub fn paced(rate_hz: u32) -> Recorder {
 
 /// Runs a server as [`serve`] does and calls `note` in each tick of its loop. Returns the values
 /// that `note` returned, one per tick.
-///
-/// # Panics
-/// If the server does not start, or if the future that ends it panics.
 pub fn recorded<T: Send + 'static, F: Future<Output = ()> + Send + 'static>(
     options: ServerOptions,
     note: impl Fn(&CompiledScene, &Inputs, &Outputs) -> T + Send + 'static,
@@ -72,7 +65,6 @@ pub fn recorded<T: Send + 'static, F: Future<Output = ()> + Send + 'static>(
 }
 
 /// Returns the address 127.0.0.1 with port 0, for which the operating system chooses a free port.
-#[must_use]
 pub fn any_port() -> SocketAddr {
     ([127, 0, 0, 1], 0).into()
 }
@@ -87,10 +79,6 @@ pub struct TestServer {
 
 impl TestServer {
     /// Starts a server on a new thread and waits until it listens at the address `listen`.
-    ///
-    /// # Panics
-    /// If the server does not start.
-    #[must_use]
     pub fn start(options: ServerOptions, listen: SocketAddr) -> Self {
         let (shutdown, stopped) = oneshot::channel();
         let (ready, started) = mpsc::channel();
@@ -108,9 +96,6 @@ impl TestServer {
     }
 
     /// Stops the server and returns its result.
-    ///
-    /// # Panics
-    /// If the server has panicked.
     pub fn stop(mut self) -> Finished {
         self.end().expect("it runs until here").expect("the server has not panicked")
     }

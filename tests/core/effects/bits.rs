@@ -1,8 +1,7 @@
 //! Equal motions give equal bits, for every kind of effect, on every machine and in every profile.
 
 use super::{Felt, all};
-use crate::rng::Rng;
-use hbot_core::{Quat, Vec3, rotation};
+use crate::prelude::*;
 
 /// The hash of all torques. It changes when an effect computes something else; the test then prints
 /// the new hash.

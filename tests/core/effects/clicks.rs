@@ -1,9 +1,8 @@
 //! Effects that depend on time: vibrations, pulses, tracks.
 
 use super::{Felt, askew, axis, pulse, vibration};
-use crate::bench::{Bench, DT, altered, effect, rig};
-use hbot_core::render::effects::{Effect, Kind, Pulse, Span, Target, Track, TrackPath, Vibration, Wave};
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+use crate::prelude::*;
+use hbot_core::render::effects::{Pulse, Vibration, Wave};
 
 fn along(felt: &mut Felt, q: Quat, ticks: u32) -> Vec<f64> {
     (0..ticks).map(|_| felt.at(q).dot(axis())).collect()
@@ -60,7 +59,6 @@ fn a_pulse_clicks_when_told_at_its_period_and_from_notch_to_notch() {
     }
 }
 
-/// Setting another value of `fire`, as the op `set` does, makes one click.
 #[test]
 fn a_pulse_that_is_set_clicks_in_the_controller() {
     let quiet = Pulse { period: 0.0, count: 0, target: Target::N, ..pulse() };

@@ -2,9 +2,7 @@
 //! moving the sphere a little.
 
 use super::{Felt, anywhere, askew, axis, detents, guide, pointer};
-use crate::rng::Rng;
-use hbot_core::render::effects::{Detents, Freedom, Kind, Magnet, Texture};
-use hbot_core::{Quat, Vec3, rotation};
+use crate::prelude::*;
 
 /// Returns the rate of the angle `of` while the sphere turns at `omega` (rad/s in N), by central
 /// differences over 20 us. `of` is at most a half turn.

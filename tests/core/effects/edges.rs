@@ -2,11 +2,8 @@
 //! Every torque is finite there. It is also continuous, except that of a spring at its half turn.
 
 use super::{Felt, all, anywhere, askew, axis, conservative, pointer};
-use crate::rng::Rng;
-use hbot_core::render::effects::{EndStop, Kind};
-use hbot_core::{Quat, Vec3, rotation};
+use crate::prelude::*;
 
-/// Returns orientations, relative to the reference, at which something is undefined or begins.
 fn corners() -> Vec<Quat> {
     let half = |v: Vec3| rotation::from_parts(0.0, v);
     let across = axis().any_orthonormal_vector();

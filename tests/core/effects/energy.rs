@@ -2,11 +2,9 @@
 //! open paths.
 
 use super::{Felt, anywhere, askew, axis, conservative, dissipative, end_stop, uneven};
-use crate::bench::{self, DT, rig};
-use crate::rng::Rng;
-use hbot_core::render::Renderer;
-use hbot_core::render::effects::{Anchor, Damper, Effect, EndStop, Friction, Inertia, Kind};
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+use crate::bench;
+use crate::prelude::*;
+use hbot_core::render::effects::{Friction, Inertia};
 
 /// Returns a random orientation in the range of a case.
 fn somewhere(rng: &mut Rng, everywhere: bool) -> Quat {

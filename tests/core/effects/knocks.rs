@@ -1,10 +1,9 @@
 //! Knocks: their wave, their energy, and that there is one for each impact and none without.
 
 use super::{Felt, askew, axis, detents, end_stop, snaps};
-use crate::bench::{Bench, DT, effect, rig};
+use crate::prelude::*;
 use hbot_core::render::around::Swing;
-use hbot_core::render::effects::{Detents, EndStop, Kind, Knock, Knocking, SnapSet, Snaps, Target};
-use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
+use hbot_core::render::effects::{Knock, Knocking};
 
 /// The largest energy of a knock, J, and the largest speed that it grows with, rad/s
 /// (docs/effects.md).
@@ -31,7 +30,6 @@ fn knocking(knock: Knock) -> Felt {
     Felt::new(Kind::KnockingEndStop(Knocking { law: walls(), knock }))
 }
 
-/// Renders each angle (rad) and rate (rad/s) of `way`, and returns the torques about the dial, N m.
 fn felt(felt: &mut Felt, way: impl IntoIterator<Item = (f64, f64)>) -> Vec<f64> {
     way.into_iter().map(|(psi, rate)| felt.moving(turned(psi), along() * rate).dot(along())).collect()
 }
@@ -41,7 +39,6 @@ fn starts(torque: &[f64]) -> usize {
     torque.windows(2).filter(|pair| pair[0] == 0.0 && pair[1] != 0.0).count()
 }
 
-/// Returns a way at a constant rate, from the angle `from`.
 fn at_rate(from: f64, rate: f64, ticks: u32) -> impl Iterator<Item = (f64, f64)> {
     (0..ticks).map(move |k| (from + rate * DT * f64::from(k), rate))
 }

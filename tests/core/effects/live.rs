@@ -1,14 +1,8 @@
 //! Changes while the rig runs: scenes, parameters, references, fades. The torque never steps.
 
 use super::{active, anywhere, axis, conservative, detents, dissipative, end_stop, pointer};
-use crate::bench::{Bench, FirstReply, altered, effect, rig};
-use crate::rng::Rng;
-use hbot_core::inputs::{Command, Stamp};
-use hbot_core::outputs::{Refusal, Reply};
-use hbot_core::render::effects::{
-    Anchor, Detents, Effect, EndStop, Freedom, Guide, Kind, Magnet, Span, Target, Track, TrackPath,
-};
-use hbot_core::{CompiledScene, Quat, Vec3, rotation};
+use crate::prelude::*;
+use hbot_core::render::effects::Guide;
 
 fn scene(revision: u64, kind: Kind, figures: &[f64]) -> CompiledScene {
     let span = Span { start: 0, len: figures.len() as u16 };
@@ -100,13 +94,13 @@ fn nothing_that_a_client_does_is_faster_than_the_slew_limit() {
 /// Rounding of a fade whose clock is a sum of ticks: ten roundings of the sum.
 const ROUNDING: f64 = 1e-12;
 
+fn pull() -> Effect {
+    effect(0, 9, Kind::Constant(Constant { torque: Vec3::X * 0.2, frame: Frame::World }))
+}
+
 #[test]
 fn an_effect_fades_in_and_out_over_its_times() {
-    let constant = hbot_core::render::effects::Constant {
-        torque: Vec3::X * 0.2,
-        frame: hbot_core::render::effects::Frame::World,
-    };
-    let fading = Effect { fade_s: 0.2, fade_out_s: 0.1, ..effect(3, 9, Kind::Constant(constant)) };
+    let fading = Effect { fade_s: 0.2, fade_out_s: 0.1, ..pull() };
     let mut bench = Bench::active(rig(), CompiledScene::empty());
     bench.scene = CompiledScene::new(1, &[fading]).unwrap();
     for k in 0..200 {
@@ -127,11 +121,7 @@ fn an_effect_fades_in_and_out_over_its_times() {
 
 #[test]
 fn one_that_leaves_in_the_middle_of_its_coming_goes_from_there() {
-    let constant = hbot_core::render::effects::Constant {
-        torque: Vec3::X * 0.2,
-        frame: hbot_core::render::effects::Frame::World,
-    };
-    let fading = Effect { fade_s: 0.2, fade_out_s: 0.1, ..effect(0, 9, Kind::Constant(constant)) };
+    let fading = Effect { fade_s: 0.2, fade_out_s: 0.1, ..pull() };
     let mut bench = Bench::active(rig(), CompiledScene::empty());
     bench.scene = CompiledScene::new(1, &[fading]).unwrap();
     bench.run(100);
@@ -151,11 +141,7 @@ fn one_that_leaves_in_the_middle_of_its_coming_goes_from_there() {
 
 #[test]
 fn one_that_was_leaving_when_the_rig_went_idle_does_not_come_back() {
-    let constant = hbot_core::render::effects::Constant {
-        torque: Vec3::X * 0.2,
-        frame: hbot_core::render::effects::Frame::World,
-    };
-    let fading = Effect { fade_out_s: 10.0, ..effect(0, 9, Kind::Constant(constant)) };
+    let fading = Effect { fade_out_s: 10.0, ..pull() };
     let mut bench = Bench::active(rig(), CompiledScene::new(1, &[fading]).unwrap());
     bench.scene = CompiledScene::new(2, &[Effect { leaving: true, ..fading }]).unwrap();
     assert!(bench.run(100).state.torque.x > 0.19);
@@ -163,25 +149,6 @@ fn one_that_was_leaving_when_the_rig_went_idle_does_not_come_back() {
     bench.run(100);
     bench.command(Command::Enable);
     assert_eq!(bench.run(700).state.torque, Vec3::ZERO);
-}
-
-#[test]
-fn what_would_pull_from_afar_keeps_the_rig_from_being_enabled() {
-    let far = rotation::exp(Vec3::Y * 0.9);
-    let target = Target::new(far, hbot_core::render::effects::Anchor::Absolute).unwrap();
-    let hinge = |free| {
-        Kind::Guide(Guide { target, axis: Vec3::Y, free, stiffness: 2.0, damping: 0.0, deadband: 0.0 })
-    };
-    for (kind, angle) in [(hinge(Freedom::Axis), 0.0), (hinge(Freedom::Swing), 0.9)] {
-        let mut bench = Bench::new(rig());
-        bench.scene = scene(1, kind, &[]);
-        bench.step();
-        match bench.command(Command::Enable).reply() {
-            Reply::Done => assert_eq!(angle, 0.0),
-            Reply::Refused(Refusal::TooFar { slot: 0, angle: said }) => assert!((said - angle).abs() < 1e-12),
-            other => panic!("{other:?}"),
-        }
-    }
 }
 
 #[test]

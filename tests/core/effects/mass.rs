@@ -1,14 +1,8 @@
 //! Virtual masses: they feel like masses, and are limited to what the loop can render stably.
 
 use super::Felt;
-use crate::bench::{Bench, DT, FirstReply, effect, rig};
-use crate::rng::Rng;
-use hbot_core::inputs::Command;
-use hbot_core::outputs::Reply;
-use hbot_core::render::Renderer;
-use hbot_core::render::effects::{Effect, Inertia, Kind, Motion};
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Mat3, Quat, Vec3};
+use crate::prelude::*;
+use hbot_core::render::effects::{Inertia, Motion};
 
 fn mass(mass: f64, smoothing: f64) -> Kind {
     Kind::Inertia(Inertia { mass: Mat3::from_diagonal(Vec3::splat(mass)), smoothing })
@@ -119,7 +113,6 @@ fn the_bound_of_masses_counts_each_with_its_gain() {
     }
 }
 
-/// A mass whose axis lies between the coordinate axes is bounded about its own axis.
 #[test]
 fn the_bound_of_a_mass_holds_about_every_axis() {
     let bound = 0.5 * rig().device.sphere_inertia() * (0.01 + DT) / DT;

@@ -14,17 +14,9 @@ mod snaps;
 mod sticking;
 mod tracks;
 
-use crate::bench::{DT, effect, rig};
-use crate::rng::Rng;
-use hbot_core::render::Renderer;
-use hbot_core::render::effects::{
-    Anchor, Constant, Damper, Detents, Effect, EndStop, Frame, Freedom, Friction, Guide, Inertia, Kind,
-    Magnet, Motion, Pendulum, Pulse, SnapSet, Snaps, Span, Spring, SpringLaw, Target, Texture, Track,
-    TrackPath, Vibration, Wave,
-};
-use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
+use crate::prelude::*;
+use hbot_core::render::effects::{Friction, Guide, Inertia, Motion, Pendulum, Pulse, Vibration, Wave};
 
-/// A renderer that runs a single effect.
 #[derive(Clone)]
 pub struct Felt {
     scene: CompiledScene,
@@ -135,7 +127,6 @@ pub fn pointer() -> Vec3 {
     Vec3::new(0.0, 0.8, 0.6)
 }
 
-/// Returns four orientations that do not belong to a symmetry group.
 pub fn own() -> Vec<f64> {
     let turns = [Vec3::ZERO, Vec3::new(1.0, 0.2, 0.0), Vec3::new(-0.4, 1.1, 0.3), Vec3::new(0.2, -0.3, 2.5)];
     turns.into_iter().flat_map(|v| rotation::to_wxyz(rotation::exp(v))).collect()
@@ -152,7 +143,6 @@ pub struct Case {
     pub everywhere: bool,
 }
 
-/// Returns every conservative effect, without damping.
 pub fn conservative() -> Vec<Case> {
     let case = |name, kind, figures, everywhere| Case { name, kind, figures, everywhere };
     let snap = |set, figures: Vec<f64>| (Kind::Snaps(snaps(set, &figures)), figures);
@@ -190,7 +180,6 @@ fn pendulum() -> Kind {
     Kind::Pendulum(Pendulum { centre: Vec3::new(0.01, 0.02, -0.05), weight: Vec3::new(0.0, 0.0, -4.0) })
 }
 
-/// Returns every effect that absorbs energy, with parameters for which it does.
 pub fn dissipative() -> Vec<(Kind, Vec<f64>)> {
     let plain = |kind| (kind, vec![]);
     vec![
@@ -206,7 +195,6 @@ pub fn dissipative() -> Vec<(Kind, Vec<f64>)> {
     ]
 }
 
-/// Returns the effects that do work by themselves.
 pub fn active() -> Vec<(Kind, Vec<f64>)> {
     let swing =
         TrackPath::Swing { axis: axis(), amplitude: 0.4, from: 0.5, to: 3.0, sweep: 2.0, repeat: true };
@@ -245,7 +233,6 @@ pub fn pulse() -> Pulse {
     Pulse { target: askew(), axis: axis(), strength: 0.2, duration: 0.01, fire: 0, period: 0.1, count: 12 }
 }
 
-/// Returns all active, dissipative and conservative effects.
 pub fn all() -> Vec<(Kind, Vec<f64>)> {
     let mut all = active();
     all.extend(dissipative());

@@ -1,9 +1,7 @@
 //! Detents: where they hold the dial, and the torque needed to leave them. Magnets: how they pull.
 
 use super::{Felt, askew, axis, detents};
-use crate::rng::Rng;
-use hbot_core::render::effects::{Detents, Kind, Magnet};
-use hbot_core::{Quat, Vec3, rotation};
+use crate::prelude::*;
 
 fn felt(detents: Detents, positions: &[f64]) -> Felt {
     Felt::with_numbers(Kind::Detents(detents), positions)
@@ -61,7 +59,6 @@ fn a_dial_steps_over_at_its_strength() {
     assert!((load / dial.strength - 1.0).abs() < 0.01, "{load} N m");
 }
 
-/// Returns the torque about the dial's axis at the angle `psi`, N m.
 fn along(dial: Detents, positions: &[f64], psi: f64) -> f64 {
     let mut felt = felt(dial, positions);
     // The dial approaches `psi` in steps small enough for counting turns.

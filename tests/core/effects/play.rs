@@ -1,8 +1,7 @@
 //! Dead bands: no torque within, and beyond them that of the excess alone.
 
 use super::{Felt, askew, axis, guide};
-use hbot_core::render::effects::{Anchor, Damper, Freedom, Kind, Spring, SpringLaw, Track, TrackPath};
-use hbot_core::{Mat3, Quat, Vec3, rotation};
+use crate::prelude::*;
 
 /// Half width of the dead bands, rad, and the stiffness beyond them, N m/rad.
 const PLAY: f64 = 0.2;

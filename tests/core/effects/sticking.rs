@@ -1,9 +1,8 @@
 //! Friction sticks below its torque and slides at it.
 
 use super::Felt;
-use crate::bench::DT;
-use hbot_core::render::effects::{Friction, Kind};
-use hbot_core::{Quat, Vec3, rotation};
+use crate::prelude::*;
+use hbot_core::render::effects::Friction;
 
 const FRICTION: Friction = Friction { torque: 0.05, stiffness: 5.0, damping: 0.02 };
 /// Inertia of the prototype's sphere, kg m².

@@ -1,9 +1,7 @@
 //! Tracks: paths that repeat, the rate of every path, and which way a track pulls.
 
 use super::{Felt, askew, axis};
-use crate::bench::DT;
-use hbot_core::render::effects::{Kind, Target, Track, TrackPath};
-use hbot_core::{Quat, Vec3, rotation};
+use crate::prelude::*;
 
 const STIFFNESS: f64 = 2.0;
 

@@ -2,15 +2,13 @@
 //! angle turned) (physics notes, section 4). This is a property of the mechanism and not an error
 //! of a method. It is measured here, and no other test compares trajectories across reversals.
 
-use hbot_core::{Vec3, design::kinematics::Posture};
+use crate::prelude::*;
 use hbot_testing::prototype::device;
 
-/// Returns the cotangent of the prototype's cone angle.
 fn cot() -> f64 {
     1.0 / 0.1745_f64.tan()
 }
 
-/// Returns the steer rates (rad/s) while the sphere turns with `omega` (rad/s).
 fn rates(th: [f64; 2], omega: f64) -> [f64; 2] {
     // n2 is perpendicular to both steering axes. A turn about it makes a wheel trail fully.
     let rates = Posture::new(&device(), &th).inverse(Vec3::Y * omega);

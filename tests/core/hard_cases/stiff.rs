@@ -1,12 +1,8 @@
 //! Scenes far beyond the stiffness that the loop can render passively, with the passivity stage on.
 //! The delivered energy is bounded and the loop comes to rest.
 
-use crate::bench::effect;
 use crate::passivity::{BORDER, DT, Loop, TAP, guarded};
-use hbot_core::design::rig::RateEstimate;
-use hbot_core::render::effects::{Anchor, EndStop, Kind, Spring, SpringLaw, Target};
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Mat3, Quat, Vec3, rotation};
+use crate::prelude::*;
 
 fn scene(kind: Kind) -> CompiledScene {
     CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap()

@@ -1,17 +1,11 @@
 //! Checks every tick against the promises of a rig. It uses its own model, which only knows the
 //! inputs and the outputs of the ticks.
 
+use crate::prelude::*;
 use hbot_core::allocation::{ContactArms, traction};
-use hbot_core::design::kinematics::Posture;
-use hbot_core::design::rig::Rig;
-use hbot_core::inputs::Inputs;
-use hbot_core::outputs::Outputs;
-use hbot_core::render::effects::{Anchor, Kind};
-use hbot_core::safety::mode::{Cause, Mode};
-use hbot_core::{CompiledScene, Vec3, rotation};
 
 use super::Seen;
-use crate::bench::{DT, assert_finite};
+use crate::bench::assert_finite;
 
 /// Duration of the soft start, s.
 const SOFT_START: f64 = 0.5;

@@ -9,17 +9,14 @@
 mod judge;
 mod scenes;
 
+use crate::prelude::*;
 use std::collections::VecDeque;
 
 use hbot_config::{RunningScene, SceneFile};
-use hbot_core::design::rig::{AllocationMethod, PassivityLimit, Rig, Traction};
-use hbot_core::inputs::{Command, Inputs, JointReadings, OnClientLost, Stamp};
-use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Controller, Vec3, rotation};
+use hbot_core::design::rig::AllocationMethod;
 
 use self::judge::{Judge, Told};
-use crate::bench::{DT, Sphere, altered, reading, rig, rig_with_grip};
-use crate::rng::Rng;
+use crate::bench::{Sphere, reading, rig_with_grip};
 
 /// Number of ticks in one session.
 const SESSION: u64 = 4000;
@@ -200,7 +197,6 @@ impl Session {
         }
     }
 
-    /// Takes the readings that have arrived on the line.
     fn hear(&mut self, inputs: &mut Inputs) {
         while self.line.front().is_some_and(|(at, _)| *at <= self.tick) {
             inputs.feedback = self.line.pop_front().map(|(_, feedback)| feedback);
@@ -250,7 +246,6 @@ impl Session {
         }
     }
 
-    /// Turns the sphere for a tick and puts the reading of its encoders onto the line.
     fn turn(&mut self) {
         let rng = &mut self.rng;
         if rng.once_in(300) {

@@ -1,12 +1,11 @@
 //! Random scenes at the edges of what a file can contain, generated from the schemas of the kinds
 //! of effect.
 
+use crate::prelude::*;
 use std::sync::LazyLock;
 
 use hbot_config::scene::{Listed, kinds};
 use serde_json::{Map, Value, json};
-
-use crate::rng::Rng;
 
 static KINDS: LazyLock<Vec<Listed>> = LazyLock::new(kinds);
 

@@ -121,7 +121,6 @@ fn quaternion_by_the_page(cell: &str, q: [f64; 4]) -> Vec<f64> {
     cell.split(", ").map(component).collect()
 }
 
-/// The table of the page says what the functions do.
 #[test]
 fn the_page_has_the_conversions() {
     for (axes, name) in Axes::ALL.into_iter().zip(["ROS", "Unity", "Unreal", "CHAI3D"]) {
@@ -140,7 +139,6 @@ fn the_page_has_the_conversions() {
     }
 }
 
-/// The page's example: a quarter turn about n3.
 #[test]
 fn the_page_has_a_quarter_turn() {
     let half = std::f64::consts::FRAC_1_SQRT_2;

@@ -7,14 +7,11 @@ use std::collections::BTreeSet;
 
 const PAGE: &str = include_str!("../../../../docs/api.md");
 
-/// Returns the text of `docs/api.md` from this heading to the next.
 fn section(heading: &str) -> &'static str {
     let (_, rest) = PAGE.split_once(&format!("\n{heading}\n")).unwrap_or_else(|| panic!("{heading}"));
     rest.split_once("\n#").map_or(rest, |(section, _)| section)
 }
 
-/// Returns the table row that begins with `name`, in the section of `docs/api.md` under this
-/// heading.
 fn row(heading: &str, name: &str) -> &'static str {
     let mut rows = section(heading).lines().filter(|line| line.starts_with(&format!("| `{name}` |")));
     let row = rows.next().unwrap_or_else(|| panic!("docs/api.md, {heading}: no row for {name}"));
@@ -40,7 +37,6 @@ fn named(text: &str) -> Vec<&str> {
     text.split('`').skip(1).step_by(2).collect()
 }
 
-/// Returns all names in backticks in the tables of `docs/api.md` under this heading.
 fn fields_of(heading: &str) -> BTreeSet<&'static str> {
     section(heading).lines().filter(|line| line.starts_with("| ")).flat_map(named).collect()
 }

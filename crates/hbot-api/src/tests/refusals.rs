@@ -12,7 +12,6 @@ fn refused(line: &str) -> String {
     refusal.error.message
 }
 
-/// Reads an illegal request with this op and these fields, and returns the error message.
 fn wrong(op: &str, fields: &str) -> String {
     refused(&format!("{{\"op\":\"{op}\",{fields}}}"))
 }

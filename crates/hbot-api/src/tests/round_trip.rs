@@ -135,22 +135,6 @@ fn request() -> impl Strategy<Value = (Value, Request)> {
     })
 }
 
-/// Passes bytes to every reader of this crate. They must not panic or use too much memory.
-fn read_all(bytes: &[u8]) {
-    for encoding in Encoding::ALL {
-        let _ = Request::read(encoding, bytes);
-        let _ = ServerMessage::read(encoding, bytes);
-        let mut splitter = Splitter::with_limit(encoding, 64);
-        for piece in bytes.chunks(7) {
-            splitter.push(piece);
-            while let Some(message) = splitter.next_message() {
-                assert!(message.is_err() || message.is_ok_and(|message| message.len() <= 64));
-            }
-            assert!(splitter.pending() <= 64 + encoding::LENGTH_BYTES, "memory is bounded");
-        }
-    }
-}
-
 proptest! {
     #[test]
     fn requests_come_back((given, request) in request()) {
@@ -195,27 +179,6 @@ proptest! {
             let bytes = unframed(encoding, &encoded(encoding, &event));
             let back = ServerMessage::read(encoding, &bytes);
             prop_assert_eq!(back, Ok(ServerMessage::Event(event.clone())), "{}", encoding);
-        }
-    }
-
-    #[test]
-    fn random_bytes_never_panic(bytes in vec(any::<u8>(), 0..300)) {
-        read_all(&bytes);
-    }
-
-    /// Checks that reading a damaged message never panics. Such a message is nearly legal, so more
-    /// of it is read than of random bytes.
-    #[test]
-    fn damaged_messages_never_panic(
-        which in any::<Index>(), at in any::<Index>(),
-        byte in any::<u8>(), cut in any::<Index>(),
-    ) {
-        for encoding in Encoding::ALL {
-            let mut bytes = unframed(encoding, &encoded(encoding, which.get(samples::requests())));
-            let at = at.index(bytes.len());
-            bytes[at] = byte;
-            read_all(&bytes);
-            read_all(&bytes[..cut.index(bytes.len())]);
         }
     }
 }

@@ -13,7 +13,6 @@ pub(super) fn golden() -> Vec<(&'static str, Vec<u8>)> {
     lines.chunks_exact(2).map(|pair| (pair[0], pair[1].as_bytes().chunks(2).map(byte).collect())).collect()
 }
 
-/// Returns the requests of `messages.golden`, which come first there.
 pub(super) fn requests() -> &'static [Request] {
     static REQUESTS: LazyLock<Vec<Request>> = LazyLock::new(|| {
         let read = |(line, _): (&str, _)| Request::read(Encoding::Json, line.as_bytes());

@@ -13,7 +13,6 @@ fn unled() -> RigConfig {
     config
 }
 
-/// Returns what is said of a scene on the prototype without a lead.
 fn warnings(text: &str) -> Vec<String> {
     warnings_on(&unled(), text)
 }
@@ -54,7 +53,6 @@ fn simulated_motors_that_are_later_than_the_rig_file_says_are_named() {
     );
 }
 
-/// Beyond the limit of docs/effects.md, mass is left out.
 #[test]
 fn a_virtual_mass_that_is_not_rendered_as_a_whole_is_named() {
     let rig = RigConfig::prototype();
@@ -254,7 +252,6 @@ fn a_wall_that_throws_a_sphere_back_is_told_how_much_damping_ends_it() {
     assert_eq!(said(remedy.trim_end_matches(" or more")), Vec::<String>::new(), "{told}");
 }
 
-/// An effect that makes no torque and no damping at a place changes no warning there.
 #[test]
 fn an_effect_without_torque_changes_no_warning() {
     let idle = [
@@ -303,7 +300,6 @@ fn a_guide_that_damps_too_much_is_warned_of_about_an_axis_that_it_holds() {
     assert!(said.len() == 1 && said[0].contains("the scene has 192 N m/rad"), "{said:?}");
 }
 
-/// A lead gives back the damping that the delay takes.
 #[test]
 fn a_lead_makes_stiff_scenes_stable() {
     let scene = effect("s", "spring", "stiffness = 60\ndamping = 0.02");
@@ -378,7 +374,6 @@ fn idle_effect(random: &mut Random) -> Value {
     effect
 }
 
-/// The warning of an effect is the same with an effect that makes no torque before or after it.
 #[test]
 fn an_effect_at_random_without_torque_changes_no_warning() {
     let abilities = Abilities::of(&unled());

@@ -216,7 +216,6 @@ fn rows(schema: &Value) -> String {
     table
 }
 
-/// Writes a number without needless decimals, and any other value as JSON.
 fn whole(value: &Value) -> String {
     match value {
         Value::Array(a) => format!("[{}]", a.iter().map(whole).collect::<Vec<_>>().join(", ")),
@@ -224,7 +223,6 @@ fn whole(value: &Value) -> String {
     }
 }
 
-/// Describes the legal values of a property, for the column `range` of a table.
 fn range(property: &Value) -> String {
     let bound = |key: &str| property.get(key).filter(|v| v.is_number()).map(angle);
     if let Some(words) = property["legal"].as_str() {

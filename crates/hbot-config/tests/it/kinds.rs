@@ -6,8 +6,6 @@ use hbot_core::render::effects::{Kind, MAX_OWN};
 use hbot_core::render::scene::{MAX_EFFECTS, MAX_NUMBERS};
 use serde_json::{Map, Value, json};
 
-/// Reads an illegal scene with one effect of `kind`, whose fourth line is `line`, and returns the
-/// error message.
 fn said(kind: &str, line: &str) -> String {
     let text = format!("[[effect]]\nid = 'e'\nkind = '{kind}'\n{line}");
     SceneFile::from_toml(&text, "x.toml").expect_err(&text).to_string()
@@ -263,7 +261,6 @@ fn an_effect_with_a_time_to_fade_out_stays_for_it_beside_the_next_scene() {
     assert!(full.effects().iter().map(|e| usize::from(e.numbers.len)).sum::<usize>() <= MAX_NUMBERS);
 }
 
-/// Reads a scene with one effect. Returns the effect if the scene is legal.
 fn effect(value: &Value) -> Option<SceneEffect> {
     let scene = SceneFile::from_json(json!({"effect": [value]})).ok()?;
     scene.effects().first().cloned()

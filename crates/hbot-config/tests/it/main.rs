@@ -12,7 +12,6 @@ mod scene;
 
 use std::path::PathBuf;
 
-/// Returns the path of a file or folder in the top folder of the workspace.
 fn folder(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
 }

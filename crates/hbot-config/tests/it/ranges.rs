@@ -4,7 +4,6 @@ use hbot_config::scene::{kinds, phenomena};
 use hbot_config::{RigConfig, SceneFile};
 use serde_json::Value;
 
-/// Returns values outside the range that a schema allows for a number, written in TOML syntax.
 fn outside(schema: &Value) -> Vec<String> {
     let bound = |key: &str| schema[key].as_f64();
     let step = if schema["type"] == "integer" { 1.0 } else { 1.0e-9 };
@@ -81,8 +80,6 @@ fn with(mut file: toml::Value, path: &str, value: &str) -> String {
     toml::to_string(&file).unwrap().replace(&format!("{MARK:?}"), value)
 }
 
-/// Checks that each number of a file is refused if its value is outside its range, with a message
-/// of one line.
 fn all_are_refused(
     numbers: &[(String, Value)],
     file: &toml::Value,
@@ -142,7 +139,6 @@ fn friction_is_smoothed_beyond_the_noise_of_the_rates() {
     assert_eq!(smoothing(own), 0.03);
 }
 
-/// Returns a TOML table that contains the default of each property of a schema.
 fn defaults(schema: &Value) -> toml::Table {
     let properties = schema["properties"].as_object().unwrap();
     properties.iter().map(|(name, p)| (name.clone(), toml::Value::try_from(&p["default"]).unwrap())).collect()

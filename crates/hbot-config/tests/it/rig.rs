@@ -14,7 +14,6 @@ use serde_json::json;
 
 use crate::{folder, toml_files};
 
-/// The shortest rig file that is legal.
 const LEAST: &str = r#"
 sphere = { radius = 0.1, mass = 0.5 }
 [[wheel]]
@@ -31,8 +30,6 @@ steer = { counts_per_turn = 4096, peak = 1, continuous = 0.1 }
 drive = { counts_per_turn = 4096, motor = false }
 "#;
 
-/// Replaces the first `from` by `to` in the shortest rig file, reads the illegal result, and
-/// returns the error message.
 fn said(from: &str, to: &str) -> String {
     assert!(LEAST.contains(from), "{from}");
     said_of(&LEAST.replacen(from, to, 1))
@@ -148,7 +145,6 @@ fn paths_and_allocations_are_understood() {
     }
 }
 
-/// Checks that rig files accept the names that the core gives to its numerical methods.
 #[test]
 fn methods_are_named_as_in_rig_files() {
     for (odometry, path) in OdometryMethod::ALL.into_iter().zip(PathFit::ALL) {

@@ -16,8 +16,6 @@ fn said(text: &str) -> String {
     SceneFile::from_toml(text, "x.toml").expect_err(text).to_string()
 }
 
-/// Reads an illegal scene with one spring, whose fourth line is `line`, and returns the error
-/// message.
 fn said_of_spring(line: &str) -> String {
     said(&format!("[[effect]]\nid = 's'\nkind = 'spring'\n{line}"))
 }
@@ -99,7 +97,6 @@ fn a_rig_is_no_scene_and_only_that_is_told() {
     assert_eq!(json, "wheel: this is a rig, not a scene; legal: a file with [[effect]]");
 }
 
-/// Returns the names of all kinds of effects, in the form in which an error message lists them.
 fn listed() -> String {
     kinds().iter().map(|kind| format!("{:?}", kind.name)).collect::<Vec<_>>().join(", ")
 }

@@ -49,7 +49,6 @@ fn margin(rows: &[Vec3], limits: &JointLimits) -> Real {
     least / most
 }
 
-/// Generates random joints. Each joint has a random row of G, a largest torque and a cost weight.
 fn joints(
     count: impl Into<proptest::collection::SizeRange>,
 ) -> impl Strategy<Value = (Vec<Vec3>, JointLimits)> {

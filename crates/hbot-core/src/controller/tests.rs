@@ -10,7 +10,6 @@ use crate::real::{Mat3, sincos};
 use crate::render::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
 use crate::safety::mode::Mode;
 
-/// Returns the geometry of the prototype.
 fn device() -> Device {
     let wheel = |side: Real| WheelSpec {
         axis: Vec3::new(side, 0.0, -1.0),

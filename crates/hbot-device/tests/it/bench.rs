@@ -66,14 +66,12 @@ impl Bench {
         Self { device, hardware, now_us, sequence: 0 }
     }
 
-    /// Boots a device and asks it for its description.
     pub(crate) fn new() -> Self {
         let mut bench = Self::boot(1_000_000);
         bench.describe();
         bench
     }
 
-    /// Sends bytes and returns the messages that the device answers.
     pub(crate) fn send(&mut self, bytes: &[u8]) -> Vec<FromController> {
         let mut answers = Vec::new();
         let mut decoder = Decoder::new();
@@ -120,7 +118,6 @@ impl Bench {
         self.command(false, 20, &PUSH).expect("an answer").flags
     }
 
-    /// Lets time pass, with a poll after each millisecond.
     pub(crate) fn pass(&mut self, ms: u32) {
         for _ in 0..ms {
             self.now_us = self.now_us.wrapping_add(1000);
@@ -128,25 +125,21 @@ impl Bench {
         }
     }
 
-    /// Returns whether the joints have the torques [`PUSH`].
     pub(crate) fn pushes(&self) -> bool {
         self.hardware.on && self.hardware.torque == PUSH && self.device.is_on()
     }
 
-    /// Returns whether the joints are free of torque.
     pub(crate) fn is_free(&self) -> bool {
         !self.hardware.on && self.hardware.torque == [0.0; 2] && !self.device.is_on()
     }
 }
 
-/// Returns the bytes of a message to a controller.
 pub(crate) fn frame(message: &ToController) -> Vec<u8> {
     let mut buffer = [0; MAX_COMMAND_FRAME];
     let length = encode(message, &mut buffer).unwrap();
     buffer[..length].to_vec()
 }
 
-/// Returns the bytes of a valid command.
 pub(crate) fn command_frame(enable: bool, watchdog_ms: u16, torque: &[f32]) -> Vec<u8> {
     let torque = torque.iter().copied().collect();
     frame(&ToController::Command(Command { sequence: 0, enable, watchdog_ms, torque }))

@@ -6,7 +6,7 @@ use hbot_link::{ControllerFlags, PROTOCOL_VERSION, ToController};
 use crate::bench::{Bench, JOINTS, NAME, PUSH, command_frame, frame};
 
 #[test]
-pub(crate) fn each_describe_is_answered_with_the_identity() {
+fn each_describe_is_answered_with_the_identity() {
     let mut bench = Bench::boot(0);
     for _ in 0..3 {
         let description = bench.describe();
@@ -17,7 +17,7 @@ pub(crate) fn each_describe_is_answered_with_the_identity() {
 }
 
 #[test]
-pub(crate) fn each_command_is_answered_with_its_sequence() {
+fn each_command_is_answered_with_its_sequence() {
     let mut bench = Bench::new();
     for sequence in [0, 7, 7, u32::MAX, 3] {
         let torque = PUSH.into_iter().collect();
@@ -29,7 +29,7 @@ pub(crate) fn each_command_is_answered_with_its_sequence() {
 }
 
 #[test]
-pub(crate) fn nothing_else_is_answered() {
+fn nothing_else_is_answered() {
     let mut bench = Bench::new();
     bench.push();
     // The device answers with a return value, so it cannot send without being asked.
@@ -41,7 +41,7 @@ pub(crate) fn nothing_else_is_answered() {
 }
 
 #[test]
-pub(crate) fn a_description_clears_undescribed() {
+fn a_description_clears_undescribed() {
     let mut bench = Bench::boot(0);
     assert_eq!(bench.release(), ControllerFlags::UNDESCRIBED);
     bench.describe();
@@ -49,7 +49,7 @@ pub(crate) fn a_description_clears_undescribed() {
 }
 
 #[test]
-pub(crate) fn a_new_boot_is_undescribed_again() {
+fn a_new_boot_is_undescribed_again() {
     let mut bench = Bench::new();
     bench.push();
     bench = Bench::boot(bench.now_us);
@@ -59,7 +59,7 @@ pub(crate) fn a_new_boot_is_undescribed_again() {
 /// The joints are read once for each command, after they were driven, and not at other times. So
 /// the reading is as new as possible when it is sent.
 #[test]
-pub(crate) fn a_command_is_answered_with_a_reading_of_its_own() {
+fn a_command_is_answered_with_a_reading_of_its_own() {
     let mut bench = Bench::new();
     bench.hardware.calls.clear();
     for k in 0..3 {
@@ -74,7 +74,7 @@ pub(crate) fn a_command_is_answered_with_a_reading_of_its_own() {
 }
 
 #[test]
-pub(crate) fn readings_are_sent_unchanged_in_the_order_of_the_description() {
+fn readings_are_sent_unchanged_in_the_order_of_the_description() {
     let mut bench = Bench::new();
     let reading = |count, flags| JointReading { count, rate: 1.5, current: -0.25, temperature: 30.0, flags };
     for readings in [
@@ -89,7 +89,7 @@ pub(crate) fn readings_are_sent_unchanged_in_the_order_of_the_description() {
 }
 
 #[test]
-pub(crate) fn bits_without_a_name_are_sent_as_zero() {
+fn bits_without_a_name_are_sent_as_zero() {
     let mut bench = Bench::new();
     bench.hardware.readings[0].flags = JointFlags::from_bits(0xFFF8 | 1);
     let feedback = bench.command(true, 20, &PUSH).unwrap();
@@ -98,23 +98,22 @@ pub(crate) fn bits_without_a_name_are_sent_as_zero() {
 }
 
 #[test]
-pub(crate) fn torques_reach_the_joints_in_their_order() {
+fn torques_reach_the_joints_in_their_order() {
     let mut bench = Bench::new();
     assert_eq!(bench.push(), ControllerFlags::ENABLED);
     assert!(bench.pushes(), "{:?}", bench.hardware.torque);
 }
 
 #[test]
-pub(crate) fn enable_false_frees_the_joints_whatever_the_torques() {
+fn enable_false_frees_the_joints_whatever_the_torques() {
     let mut bench = Bench::new();
     bench.push();
     assert_eq!(bench.release(), ControllerFlags::empty());
     assert!(bench.is_free());
 }
 
-/// The flags are those after the command, not those before it.
 #[test]
-pub(crate) fn flags_are_those_after_the_command() {
+fn flags_are_those_after_the_command() {
     let mut bench = Bench::new();
     assert_eq!(bench.push(), ControllerFlags::ENABLED);
     assert_eq!(bench.release(), ControllerFlags::empty());
@@ -124,7 +123,7 @@ pub(crate) fn flags_are_those_after_the_command() {
 
 /// `ENABLED` is only set while the power stage gives the torques.
 #[test]
-pub(crate) fn enabled_means_that_the_torques_are_applied() {
+fn enabled_means_that_the_torques_are_applied() {
     let mut bench = Bench::new();
     bench.hardware.condition = Condition::NotReady;
     assert_eq!(bench.push(), ControllerFlags::empty());
@@ -134,7 +133,7 @@ pub(crate) fn enabled_means_that_the_torques_are_applied() {
 }
 
 #[test]
-pub(crate) fn a_refused_frame_is_dropped_and_the_next_one_is_heard() {
+fn a_refused_frame_is_dropped_and_the_next_one_is_heard() {
     let mut bench = Bench::new();
     for refused in [&[5, 1, 1, 0][..], &[1, 1, 0], &[0xAA; 1000]] {
         let before = bench.device.refused();
@@ -148,7 +147,7 @@ pub(crate) fn a_refused_frame_is_dropped_and_the_next_one_is_heard() {
 /// Bytes of a command that the server could not finish, a zero, and three commands with `enable`
 /// false: this is what the helper process of a killed server sends.
 #[test]
-pub(crate) fn the_last_word_is_a_command_like_any_other() {
+fn the_last_word_is_a_command_like_any_other() {
     let whole = command_frame(true, 20, &PUSH);
     for cut in 0..whole.len() {
         let mut bench = Bench::new();

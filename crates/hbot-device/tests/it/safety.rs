@@ -6,7 +6,7 @@ use hbot_link::ControllerFlags;
 use crate::bench::{Bench, JOINTS, NAME, PUSH, command_frame};
 
 #[test]
-pub(crate) fn a_command_with_a_wrong_number_of_torques_changes_nothing() {
+fn a_command_with_a_wrong_number_of_torques_changes_nothing() {
     for torque in [&[][..], &[0.5], &[0.5; 3]] {
         let mut bench = Bench::new();
         bench.push();
@@ -17,7 +17,7 @@ pub(crate) fn a_command_with_a_wrong_number_of_torques_changes_nothing() {
 }
 
 #[test]
-pub(crate) fn a_command_with_a_torque_that_is_not_finite_changes_nothing() {
+fn a_command_with_a_torque_that_is_not_finite_changes_nothing() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         for torque in [[bad, 0.1], [0.1, bad]] {
             let mut bench = Bench::new();
@@ -30,7 +30,7 @@ pub(crate) fn a_command_with_a_torque_that_is_not_finite_changes_nothing() {
 }
 
 #[test]
-pub(crate) fn a_damaged_command_changes_nothing_whichever_bit_is_damaged() {
+fn a_damaged_command_changes_nothing_whichever_bit_is_damaged() {
     let good = command_frame(true, 20, &[0.5; 2]);
     let mut bench = Bench::new();
     bench.push();
@@ -45,7 +45,7 @@ pub(crate) fn a_damaged_command_changes_nothing_whichever_bit_is_damaged() {
 
 /// The body of this frame has a byte too many, but its CRC is right.
 #[test]
-pub(crate) fn a_frame_with_a_byte_left_over_changes_nothing() {
+fn a_frame_with_a_byte_left_over_changes_nothing() {
     let mut bench = Bench::boot(0);
     assert_eq!(bench.send(&[1, 1, 5, 0xFF, 0x12, 0xD9, 0x41, 0]), []);
     assert_eq!(bench.device.refused(), 1);
@@ -53,7 +53,7 @@ pub(crate) fn a_frame_with_a_byte_left_over_changes_nothing() {
 }
 
 #[test]
-pub(crate) fn invalid_commands_and_other_bytes_do_not_restart_the_watchdog() {
+fn invalid_commands_and_other_bytes_do_not_restart_the_watchdog() {
     let mut bench = Bench::new();
     bench.push();
     for _ in 0..19 {
@@ -69,7 +69,7 @@ pub(crate) fn invalid_commands_and_other_bytes_do_not_restart_the_watchdog() {
 }
 
 #[test]
-pub(crate) fn the_watchdog_ends_torque_when_its_time_has_passed_and_not_before() {
+fn the_watchdog_ends_torque_when_its_time_has_passed_and_not_before() {
     for watchdog_ms in [1, 20, u16::MAX] {
         let mut bench = Bench::new();
         bench.command(true, watchdog_ms, &PUSH).unwrap();
@@ -87,7 +87,7 @@ pub(crate) fn the_watchdog_ends_torque_when_its_time_has_passed_and_not_before()
 }
 
 #[test]
-pub(crate) fn each_valid_command_restarts_the_watchdog_with_its_own_time() {
+fn each_valid_command_restarts_the_watchdog_with_its_own_time() {
     let mut bench = Bench::new();
     bench.command(true, 1, &PUSH).unwrap();
     for _ in 0..10 {
@@ -105,7 +105,7 @@ pub(crate) fn each_valid_command_restarts_the_watchdog_with_its_own_time() {
 
 /// A command that arrives after its predecessor's time is late, even if nobody polled in between.
 #[test]
-pub(crate) fn a_late_command_does_not_bring_torque_back() {
+fn a_late_command_does_not_bring_torque_back() {
     let mut bench = Bench::new();
     bench.push();
     bench.now_us += 20_000;
@@ -114,7 +114,7 @@ pub(crate) fn a_late_command_does_not_bring_torque_back() {
 }
 
 #[test]
-pub(crate) fn after_the_watchdog_commands_are_answered_without_torque_until_enable_is_false() {
+fn after_the_watchdog_commands_are_answered_without_torque_until_enable_is_false() {
     let mut bench = Bench::new();
     bench.push();
     bench.pass(20);
@@ -130,7 +130,7 @@ pub(crate) fn after_the_watchdog_commands_are_answered_without_torque_until_enab
 }
 
 #[test]
-pub(crate) fn the_watchdog_also_expires_while_the_joints_are_free() {
+fn the_watchdog_also_expires_while_the_joints_are_free() {
     let mut bench = Bench::new();
     bench.release();
     bench.pass(20);
@@ -139,7 +139,7 @@ pub(crate) fn the_watchdog_also_expires_while_the_joints_are_free() {
 }
 
 #[test]
-pub(crate) fn a_watchdog_time_of_zero_has_expired_at_once() {
+fn a_watchdog_time_of_zero_has_expired_at_once() {
     let mut bench = Bench::new();
     let feedback = bench.command(true, 0, &PUSH).unwrap();
     assert_eq!(feedback.flags, ControllerFlags::WATCHDOG_EXPIRED);
@@ -169,7 +169,7 @@ fn a_clock_that_goes_back_ends_torque() {
 }
 
 #[test]
-pub(crate) fn after_boot_the_torque_is_zero() {
+fn after_boot_the_torque_is_zero() {
     let mut bench = Bench::boot(0);
     assert!(bench.is_free());
     assert_eq!(bench.hardware.calls, ["drive"]);
@@ -178,7 +178,7 @@ pub(crate) fn after_boot_the_torque_is_zero() {
 }
 
 #[test]
-pub(crate) fn before_a_describe_commands_are_answered_without_torque() {
+fn before_a_describe_commands_are_answered_without_torque() {
     let mut bench = Bench::boot(0);
     for _ in 0..3 {
         assert_eq!(bench.push(), ControllerFlags::UNDESCRIBED);
@@ -192,7 +192,7 @@ pub(crate) fn before_a_describe_commands_are_answered_without_torque() {
 
 /// A fault ends torque at the next poll, without waiting for a command.
 #[test]
-pub(crate) fn a_fault_ends_torque_and_is_reported() {
+fn a_fault_ends_torque_and_is_reported() {
     let mut bench = Bench::new();
     bench.push();
     bench.hardware.condition = Condition::Fault;
@@ -203,7 +203,7 @@ pub(crate) fn a_fault_ends_torque_and_is_reported() {
 }
 
 #[test]
-pub(crate) fn a_fault_stays_until_its_cause_is_gone_and_enable_is_false() {
+fn a_fault_stays_until_its_cause_is_gone_and_enable_is_false() {
     let mut bench = Bench::new();
     bench.push();
     bench.hardware.condition = Condition::Fault;
@@ -220,7 +220,7 @@ pub(crate) fn a_fault_stays_until_its_cause_is_gone_and_enable_is_false() {
 }
 
 #[test]
-pub(crate) fn a_fault_that_lasts_only_between_two_commands_is_reported() {
+fn a_fault_that_lasts_only_between_two_commands_is_reported() {
     let mut bench = Bench::new();
     bench.push();
     bench.hardware.condition = Condition::Fault;
@@ -232,7 +232,7 @@ pub(crate) fn a_fault_that_lasts_only_between_two_commands_is_reported() {
 
 /// Both limits hold in both directions, and the reading says that the torque is limited.
 #[test]
-pub(crate) fn no_torque_exceeds_the_peak_of_its_joint() {
+fn no_torque_exceeds_the_peak_of_its_joint() {
     let mut bench = Bench::new();
     let over = JointFlags::OVERCURRENT;
     for sign in [1.0, -1.0] {
@@ -249,7 +249,7 @@ pub(crate) fn no_torque_exceeds_the_peak_of_its_joint() {
 /// A joint at its largest temperature gets no torque, also if no command comes after the reading.
 /// The others keep theirs.
 #[test]
-pub(crate) fn a_hot_joint_gets_no_torque_until_it_is_cooler() {
+fn a_hot_joint_gets_no_torque_until_it_is_cooler() {
     for hot in [80.0, 500.0, f32::NAN, f32::INFINITY] {
         let mut bench = Bench::new();
         bench.hardware.readings[0].temperature = hot;

@@ -18,7 +18,6 @@ pub(crate) fn seated(bench: &AloneServer) -> (Seat, Witness) {
     (seat, witness)
 }
 
-/// Waits until the sphere is at rest, and returns the norm of the torque on it, N m.
 fn settled(witness: &mut Witness) -> f64 {
     norm(witness.later(5.0).torque)
 }

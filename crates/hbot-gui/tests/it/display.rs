@@ -23,7 +23,6 @@ impl Display {
         assert!(pressed, "xdotool cannot press the mouse button");
     }
 
-    /// Returns whether a window has a title that begins with this text.
     pub(crate) fn has_window(&self, title: &str) -> bool {
         self.xdotool(&["search", "--name", &format!("^{title}")])
     }
@@ -101,8 +100,6 @@ impl Shot {
         Self { name: name.to_owned(), size, path, panel: Running(panel.expect("the panel runs")) }
     }
 
-    /// Waits until the window has taken its picture, and calls `meanwhile` every 200 ms until then.
-    /// Returns the pixels.
     pub(crate) fn pixels(mut self, mut meanwhile: impl FnMut()) -> Vec<u8> {
         let Self { name, size, path, panel } = &mut self;
         let mut called = Instant::now();
@@ -128,7 +125,6 @@ impl Shot {
     }
 }
 
-/// Returns the folder in which the pictures are saved.
 pub(crate) fn folder() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("panel");
     std::fs::create_dir_all(&folder).expect("a folder");

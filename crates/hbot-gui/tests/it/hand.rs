@@ -38,7 +38,6 @@ fn drag(seat: &mut Seat, from: Pos2, by: Vec2, modifiers: Modifiers) {
     }
 }
 
-/// Returns the middle of the sphere, and its radius on the screen, points.
 fn sphere(seat: &Seat) -> (Pos2, f32) {
     let rect = seat.harness.get_by_label_contains("Sphere: orientation").rect();
     let room = rect.with_max_y(rect.bottom() - 50.0);
@@ -50,7 +49,6 @@ fn turned(state: &StateEvent) -> DVec3 {
     DQuat::from_xyzw(x, y, z, w).to_scaled_axis()
 }
 
-/// Waits until the hand and the sphere are at rest.
 fn rested(witness: &mut Witness) -> StateEvent {
     witness.later(2.0)
 }

@@ -33,7 +33,6 @@ fn moved() -> (AloneServer, Seat) {
     moving(MOVED, false)
 }
 
-/// Starts a server with this scene, in real time if `paced`, and a panel that shows it.
 fn moving(scene: &str, paced: bool) -> (AloneServer, Seat) {
     let bench = AloneServer::start(&ServerSetup { scene, paced, ..ServerSetup::default() });
     let options = PanelOptions { samples_per_s: 60, ..PanelOptions::new(&bench.address.to_string()) };

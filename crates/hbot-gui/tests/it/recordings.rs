@@ -6,7 +6,6 @@ use hbot_api::Mode;
 use crate::bench::{AloneServer, Seat, ServerSetup, Witness};
 use crate::controls::seated;
 
-/// Records with the panel until `done`, and returns the path of the file.
 fn recorded(
     seat: &mut Seat,
     witness: &mut Witness,

@@ -91,7 +91,6 @@ fn some_value(schema: &Value) -> Value {
     }
 }
 
-/// Returns a scene file with one effect of each kind, with default parameters.
 fn one_of_each() -> String {
     let mut text = "name = \"One of each\"\n".to_owned();
     for kind in hbot_config::scene::kinds() {

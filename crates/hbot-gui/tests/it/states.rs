@@ -19,10 +19,8 @@ use crate::window::{CHOSEN, GOOD, N3, STOP, TEXT, WARN, count, count_in_bar};
 
 const SIZES: [[u32; 2]; 2] = [[1280, 760], [1024, 600]];
 
-/// The middle of the stop button, in every window.
 const STOP_BUTTON: [u32; 2] = [140, 75];
 
-/// Returns the middle of the button for the lease, in a window of this size.
 const fn lease_button([width, _]: [u32; 2]) -> [u32; 2] {
     [width - 195, 16]
 }
@@ -30,12 +28,10 @@ const fn lease_button([width, _]: [u32; 2]) -> [u32; 2] {
 /// The columns of the badge, in every window.
 const BADGE: Range<u32> = 8..104;
 
-/// Returns the columns in which the bar says who commands, in a window of this size.
 const fn beside_lease_button([width, _]: [u32; 2]) -> Range<u32> {
     width - 460..width - 262
 }
 
-/// Returns the middle of the tab for the joints, in a window of this size.
 const fn joints_tab([width, _]: [u32; 2]) -> [u32; 2] {
     [width - if width < 1100 { 214 } else { 248 }, 45]
 }

@@ -12,8 +12,6 @@ fn picture(display: &Display, name: &str, server: &str, size: [u32; 2], theme: &
     picture_with(display, name, &["--server", server], size, theme)
 }
 
-/// Starts the panel with the given arguments and waits until it has saved a picture of its window.
-/// Returns the pixels of the picture.
 fn picture_with(display: &Display, name: &str, args: &[&str], size: [u32; 2], theme: &str) -> Vec<u8> {
     Shot::start(display, name, &[args, &["--theme", theme]].concat(), size, 3).pixels(|| ())
 }

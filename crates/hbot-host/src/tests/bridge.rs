@@ -109,7 +109,6 @@ fn sample() -> Sample {
     TickBench::new(&rig, vec![Box::new(ScriptedBus::default())], &layout, default_scene()).tick()
 }
 
-/// Returns whether `descriptor` is readable now.
 fn readable(descriptor: &OwnedFd) -> bool {
     let mut asked = [PollFd::new(descriptor, PollFlags::IN)];
     let now = Timespec { tv_sec: 0, tv_nsec: 0 };

@@ -126,16 +126,3 @@ fn rehearsals_change_nothing() {
     assert!(without.iter().any(|state| state.torque != Vec3::ZERO));
     assert_eq!(run(3), without);
 }
-
-#[test]
-fn an_estop_is_done_in_the_next_tick_whatever_waits_before_it() {
-    let mut busy = Busy::in_memory();
-    let found = allocations(&mut busy, || ());
-    assert_eq!((found, busy.mode), (0, Mode::Active));
-    while busy.bench.end.order(Command::Disable).is_ok() {}
-    // The ring is full and has no room for the stop either.
-    assert!(busy.bench.end.order(Command::Estop).is_err());
-    busy.bench.engine.tick(&on_time(TICKS));
-    let sample = busy.bench.end.try_sample().expect("a sample");
-    assert_eq!((sample.state.mode, sample.state.torque), (Mode::Estop, Vec3::ZERO));
-}

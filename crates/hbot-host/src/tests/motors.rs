@@ -219,7 +219,6 @@ fn a_zero_offset_wraps_like_the_counter() {
     assert_eq!(counts[0].wrapping_sub(i32::MAX), layout.offsets[0]);
 }
 
-/// Returns the layout of the prototype with its joints at these ports, and with these controllers.
 fn layout_of(ports: [usize; 4], controllers: [usize; 4]) -> Layout {
     let mut config = RigConfig::prototype();
     config.link.port = Port::Devices(vec!["/dev/one".to_owned(), "/dev/two".to_owned()]);

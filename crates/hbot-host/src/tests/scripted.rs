@@ -10,13 +10,10 @@ use crate::line::Line;
 /// What a test sets and sees of a [`ScriptedLine`].
 #[derive(Default)]
 pub(crate) struct Bytes {
-    /// Bytes that have arrived and have not been read yet.
     pub(crate) arrived: Vec<u8>,
-    /// Number of reads.
     pub(crate) reads: u32,
     /// Number of bytes that the line takes of a write. `None` means all.
     pub(crate) room: Option<usize>,
-    /// All bytes that the line has taken.
     pub(crate) written: Vec<u8>,
     /// Number of times that the line has learned that the motors are off for good.
     pub(crate) released: u32,
@@ -88,7 +85,6 @@ impl ScriptedBus {
         self.script().report = heard;
     }
 
-    /// Returns the last command.
     pub(crate) fn last(&self) -> BusCommand {
         self.script().commands.last().expect("a command").0
     }

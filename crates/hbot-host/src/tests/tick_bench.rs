@@ -26,13 +26,11 @@ pub(crate) fn on_time(tick: u64) -> TickTime {
     TickTime { tick, t_ns: tick * 1_000_000, awake_ns: 0, lateness_ns: 0, late: false, skipped: 0 }
 }
 
-/// Returns the default scene.
 pub(crate) fn default_scene() -> Box<CompiledScene> {
     Box::new(RunningScene::new().load(SceneFile::default_scene()))
 }
 
 impl TickBench {
-    /// Creates an engine for `rig` that renders `scene`.
     pub(crate) fn new(
         rig: &RigConfig,
         buses: Vec<Box<dyn MotorBus>>,
@@ -52,7 +50,6 @@ impl TickBench {
         self.end.try_sample().expect("a sample a tick")
     }
 
-    /// Runs `n` ticks and returns the sample of the last one.
     pub(crate) fn ticks(&mut self, n: u32) -> Sample {
         (1..n).for_each(|_| _ = self.tick());
         self.tick()

@@ -215,7 +215,6 @@ impl Bench {
         Self { bus, calls, tick: 0, torque: [0.0; MAX_JOINTS] }
     }
 
-    /// Runs one tick and returns what the bus has received.
     fn tick(&mut self, enable: bool) -> Heard {
         let now_ns = u64::from(self.tick) * 1_000_000;
         let heard = self.bus.receive(now_ns, self.tick);
@@ -242,7 +241,6 @@ impl Bench {
         self.bus.telemetry(u64::from(self.tick - 1) * 1_000_000, at)
     }
 
-    /// Injects a fault into the simulated rig. It takes effect before the next command is written.
     fn inject(&self, fault: InjectedFault) {
         let call: SimulatorCall = Box::new(move |rig| rig.inject(fault));
         self.calls.send(call).expect("the line is there");

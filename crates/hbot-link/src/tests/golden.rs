@@ -126,7 +126,6 @@ fn sizes_on_the_page_are_those_of_the_functions() {
     }
 }
 
-/// Checks that docs/link.md gives the correct names and bits of all flags.
 #[test]
 fn flags_on_the_page_are_those_of_the_types() {
     let flags = [

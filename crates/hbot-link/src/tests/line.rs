@@ -1,6 +1,6 @@
 //! Tests of damaged lines: damaged frames are refused, and the next good frame is decoded.
 
-use super::{AnyMessage, all_samples, decode_all};
+use super::{AnyMessage, all_samples};
 use crate::frame::CRC;
 use crate::*;
 use proptest::{collection::vec, prelude::*};
@@ -57,21 +57,6 @@ fn every_flipped_bit_is_refused_and_the_next_frame_decodes() {
                 damaged.extend(&frame);
             }
             assert_refused_and_recovered(name, &sample, &damaged, &sample);
-        }
-    }
-}
-
-#[test]
-fn a_split_at_every_position_changes_nothing() {
-    for (name, sample) in all_samples() {
-        let twice = [sample.encoded(), sample.encoded()].concat();
-        let expected = [Ok(sample.clone()), Ok(sample.clone())];
-        for first in 0..=twice.len() {
-            let (left, right) = twice.split_at(first);
-            assert_eq!(sample.decode(&[left, right]), expected, "{name}, split at {first}");
-            // A third piece, so that a frame also arrives between two splits.
-            let (middle, right) = right.split_at(right.len() / 2);
-            assert_eq!(sample.decode(&[left, middle, right]), expected, "{name}, split at {first}");
         }
     }
 }
@@ -203,37 +188,11 @@ fn any_feedback() -> impl Strategy<Value = Feedback> {
 }
 
 proptest! {
-    /// Checks that the decoder never panics, and that it gives the same results for any division of
-    /// the bytes into pieces.
-    #[test]
-    fn any_bytes_in_any_pieces_give_the_same_results(line in any_line(), piece in 1_usize..50) {
-        let bytes = line.chunks(1).collect::<Vec<_>>();
-        let pieces = line.chunks(piece).collect::<Vec<_>>();
-        let whole = decode_all(&[&line], AnyMessage::From);
-        prop_assert_eq!(&decode_all(&pieces, AnyMessage::From), &whole);
-        prop_assert_eq!(&decode_all(&bytes, AnyMessage::From), &whole);
-        let mut decoder = Decoder::<FromController>::default();
-        let pushed = line.iter().filter_map(|byte| decoder.push(*byte)).map(|result| result.map(AnyMessage::From));
-        prop_assert_eq!(&pushed.collect::<Vec<_>>(), &whole);
-        decode_all(&[&line], AnyMessage::To);
-    }
-
     /// Checks that a frame after a delimiter is decoded, whatever bytes came before it.
     #[test]
     fn a_frame_after_any_bytes_decodes(before in any_line(), feedback in any_feedback()) {
         let sample = AnyMessage::From(FromController::Feedback(feedback));
         let results = sample.decode(&[&before, &[0], &sample.encoded()]);
         prop_assert_eq!(results.last(), Some(&Ok(sample)));
-    }
-
-    /// Checks that decoding an encoded feedback gives the same feedback, and that no frame is
-    /// longer than computed for its number of joints.
-    #[test]
-    fn feedback_goes_there_and_back(feedback in any_feedback()) {
-        let joints = feedback.joints.len();
-        let sample = AnyMessage::From(FromController::Feedback(feedback));
-        let frame = sample.encoded();
-        prop_assert!(frame.len() <= feedback_frame_bytes(joints));
-        prop_assert_eq!(sample.decode(&[&frame]), [Ok(sample)]);
     }
 }

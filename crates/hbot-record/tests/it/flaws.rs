@@ -12,14 +12,12 @@ use hbot_record::{About, Exact, Writer};
 
 use crate::made::{assert_exact, exact, record, replay, written};
 
-/// Returns a recording whose records `alter` has changed.
 fn altered(recording: &[u8], alter: impl FnOnce(&mut Vec<(Exact, u64)>)) -> Vec<u8> {
     let mut records = exact(recording);
     alter(&mut records);
     written(&records)
 }
 
-/// Returns the index of the record of tick `tick`.
 fn at(records: &[(Exact, u64)], tick: u64) -> usize {
     let is_it = |(record, _): &(Exact, u64)| matches!(record, Exact::Tick(found) if found.0.tick == tick);
     records.iter().position(is_it).unwrap()
@@ -40,7 +38,6 @@ fn records(recording: &[u8]) -> Vec<(u8, usize)> {
     records
 }
 
-/// Returns the places of the records of kind `kind`.
 fn places(recording: &[u8], kind: u8) -> Vec<usize> {
     records(recording).into_iter().filter(|(found, _)| *found == kind).map(|(_, at)| at).collect()
 }
@@ -48,7 +45,6 @@ fn places(recording: &[u8], kind: u8) -> Vec<usize> {
 /// Place of the check code in a chunk: after a kind and a length, two times and a length.
 const SUM: usize = 9 + 8 + 8 + 8;
 
-/// Returns `recording` with one bit changed.
 fn damaged(recording: &[u8], place: usize, bit: u32) -> Vec<u8> {
     let mut damaged = recording.to_vec();
     damaged[place] ^= 1 << bit;

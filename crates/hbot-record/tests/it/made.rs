@@ -48,7 +48,6 @@ pub(crate) fn assert_exact(recording: &[u8], ticks: u64) {
     assert!(report.is_exact());
 }
 
-/// Reads the records of the private topic, with their times.
 pub(crate) fn exact(recording: &[u8]) -> Vec<(Exact, u64)> {
     let mut reader = Reader::new(Cursor::new(recording)).unwrap();
     let mut all = Vec::new();
@@ -62,7 +61,6 @@ pub(crate) fn exact(recording: &[u8]) -> Vec<(Exact, u64)> {
     all
 }
 
-/// Writes records of the private topic to a recording.
 pub(crate) fn written(records: &[(Exact, u64)]) -> Vec<u8> {
     let mut writer = Writer::new(Cursor::new(Vec::new()), &About::default()).unwrap();
     let mut next = 0;

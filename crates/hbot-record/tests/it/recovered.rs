@@ -8,7 +8,6 @@ use hbot_record::replay::Flaw;
 
 use crate::made::{exact, record, replay};
 
-/// Recovers a recording. Returns the new file, and what was found.
 fn recovered(recording: &[u8]) -> (Vec<u8>, Recovered) {
     let mut into = Cursor::new(Vec::new());
     let found = recover(Cursor::new(recording), &mut into).unwrap();

@@ -15,7 +15,6 @@ use super::*;
 use futures_util::{SinkExt as _, StreamExt as _};
 use hbot_config::SceneFile;
 
-/// A feed, with its thread.
 struct Served {
     feed: Option<Feed>,
     thread: Option<JoinHandle<()>>,
@@ -48,7 +47,6 @@ impl Served {
         self.feed.as_mut().unwrap()
     }
 
-    /// Waits until `count` viewers receive messages.
     async fn watched_by(&mut self, count: usize) {
         let begun = Instant::now();
         while self.feed().messages.receiver_count() < count {
@@ -58,7 +56,6 @@ impl Served {
     }
 }
 
-/// A viewer.
 struct Client(WebSocketStream<TcpStream>);
 
 impl Client {

@@ -17,7 +17,6 @@ use super::*;
 
 const UNIX_NS: u64 = 1_000_000_000_000_000;
 
-/// A loop that passes its ticks to a recorder.
 struct Loop {
     recorder: Recorder,
     controller: Controller,
@@ -70,7 +69,6 @@ impl Loop {
         notes.scene(&self.scene, &file);
     }
 
-    /// Starts the recorder's thread.
     fn start(&self, prepared: Prepared) -> Recording {
         prepared.start(&self.rig, Origin { monotonic_ns: 0, unix_ns: UNIX_NS }).unwrap()
     }
@@ -89,14 +87,12 @@ fn replayed(path: &Path) -> Report {
     Replay::new(Cursor::new(file), None).unwrap().run(0, u64::MAX, |_| Ok::<_, ReplayError>(())).unwrap()
 }
 
-/// Returns the number of scenes that viewers see in a recording.
 fn scenes(path: &Path) -> usize {
     let file = std::fs::read(path).unwrap();
     let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
     messages.filter(|message| message.channel.topic == "/hbot/scene").count()
 }
 
-/// Returns the files of a folder in the order in which they were begun.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut all: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();

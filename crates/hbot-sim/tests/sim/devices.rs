@@ -33,7 +33,6 @@ pub(crate) fn task() -> (Plant, impl Load) {
     (plant, Sum(spring, Sum(swing(Vec3::X * 0.5, 2.0), swing(Vec3::Y * 0.3, 3.0))))
 }
 
-/// Returns a state in which the sphere and all joints move.
 pub(crate) fn brisk() -> PlantState {
     PlantState {
         q: hbot_core::rotation::exp(Vec3::new(0.4, -1.1, 0.7)),

@@ -1,11 +1,9 @@
 //! Laws that hold for every motion: energy, power, unit norm, no slip.
 
+use hbot_core::Mat3;
 use hbot_core::design::kinematics::Posture;
-use hbot_core::{Mat3, Vec3};
-use hbot_sim::plant::{Method, Plant, PlantState};
 
-use crate::devices::{brisk, toed};
-use hbot_testing::prototype::device;
+use crate::prelude::*;
 
 fn plants() -> Vec<(Plant, hbot_core::design::device::Device)> {
     let devices = [device(), toed(2), toed(3), toed(5), toed(8)];
@@ -105,7 +103,6 @@ fn power_in_is_energy_gained() {
     }
 }
 
-/// Every integration method keeps the orientation quaternion at unit norm.
 #[test]
 fn the_quaternion_stays_unit() {
     let (plant, _) = plants().remove(0);
@@ -122,8 +119,6 @@ fn the_quaternion_stays_unit() {
     }
 }
 
-/// One second of motion gives the recorded hash with each method. The hash changes if a machine
-/// rounds differently or computes in another order.
 #[test]
 fn the_same_bits_everywhere() {
     let (plant, load) = crate::devices::task();

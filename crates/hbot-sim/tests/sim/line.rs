@@ -3,30 +3,24 @@
 use core::f64::consts::TAU;
 
 use hbot_link::{
-    Command, ControllerFlags, Decoder, Description, Feedback, FromController, JointFlags, MAX_COMMAND_FRAME,
-    ToController, encode,
+    Command, ControllerFlags, Decoder, Description, Feedback, JointFlags, MAX_COMMAND_FRAME, encode,
 };
-use hbot_sim::controller::{EncoderKind, InjectedFault};
-use hbot_sim::plant::PlantState;
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_sim::controller::EncoderKind;
 
-use crate::devices::rig;
+use crate::prelude::*;
 
 pub(crate) const MS: u64 = 1_000_000;
 
-/// Encodes a message and returns the bytes of its frame.
 pub(crate) fn frame(message: &ToController) -> Vec<u8> {
     let mut buffer = [0; MAX_COMMAND_FRAME];
     let length = encode(message, &mut buffer).unwrap();
     buffer[..length].to_vec()
 }
 
-/// Returns a command with the given torques and a watchdog time of 20 ms.
 pub(crate) fn command(sequence: u32, enable: bool, torque: &[f32]) -> Command {
     Command { sequence, enable, watchdog_ms: 20, torque: torque.iter().copied().collect() }
 }
 
-/// Decodes `bytes` and returns all messages in them.
 pub(crate) fn messages(bytes: &[u8]) -> Vec<FromController> {
     let mut all = Vec::new();
     Decoder::default().feed(bytes, |result| all.push(result.unwrap()));
@@ -43,7 +37,6 @@ impl Host {
         Self { rig: SimulatedRig::new(config).unwrap() }
     }
 
-    /// Returns a host that has asked the controller for its description, at time 0.
     fn described(config: &SimulatedConfig) -> Self {
         let mut host = Self::new(config);
         host.describe(0).unwrap();

@@ -6,6 +6,7 @@ mod line;
 mod nonsmooth;
 mod orders;
 mod phenomena;
+mod prelude;
 mod pty;
 mod rig;
 mod stiff;

@@ -1,11 +1,9 @@
 //! Orders of the integration methods, and comparison with numbers of the physics notes and of
 //! another program.
 
-use hbot_core::{Quat, Vec3, rotation};
-use hbot_sim::plant::{Method, Plant, PlantState};
-
-use crate::devices::{brisk, task, toed};
-use hbot_testing::prototype::{device_with, of_the_task};
+use crate::devices::task;
+use crate::prelude::*;
+use hbot_testing::prototype::of_the_task;
 
 /// The state of the comparison task after 2 s equals the result of an independent program.
 #[test]
@@ -24,8 +22,6 @@ fn the_task_of_the_speed_comparison_ends_where_it_should() {
     }
 }
 
-/// The error of each integration method after 0.5 s falls with the step as the method's order
-/// predicts.
 #[test]
 fn errors_fall_with_the_order() {
     let (plant, load) = task();

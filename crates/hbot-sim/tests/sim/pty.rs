@@ -5,19 +5,15 @@ use std::io::{Read, Write};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-use hbot_core::Vec3;
-use hbot_link::{ControllerFlags, Decoder, Feedback, FromController, ToController};
-use hbot_sim::controller::InjectedFault;
-use hbot_sim::phenomena::{Hand, Link};
+use hbot_link::{ControllerFlags, Decoder, Feedback};
+use hbot_sim::phenomena::Link;
 use hbot_sim::pty::{PtyOptions, PtyRig, spawn_pty};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use hbot_sim::served::ServeError;
 use hbot_testing::patience::{PATIENCE, eventually};
 
 use rustix::event::{PollFd, PollFlags, poll};
 
-use crate::devices::rig;
-use crate::line::{command, frame};
+use crate::prelude::*;
 
 fn spawn() -> PtyRig {
     let rig = SimulatedRig::new(&SimulatedConfig::new(&rig())).unwrap();
@@ -109,18 +105,6 @@ fn a_port_is_closed_and_opened_again() {
         let mut port = Port::open(&rig);
         assert_eq!(port.command(sequence, false, 0.0).sequence, sequence);
     }
-}
-
-#[test]
-fn faults_reach_the_line() {
-    let rig = spawn();
-    let mut port = Port::open(&rig);
-    port.command(1, true, 0.0);
-    rig.call(|rig| rig.inject(InjectedFault::Mute(true))).unwrap();
-    port.file.write_all(&frame(&ToController::Describe)).unwrap();
-    assert!(port.next(Duration::from_millis(50)).is_none());
-    rig.call(|rig| rig.inject(InjectedFault::Mute(false))).unwrap();
-    assert_eq!(port.command(2, false, 0.0).sequence, 2);
 }
 
 #[test]

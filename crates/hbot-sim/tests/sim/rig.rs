@@ -1,13 +1,8 @@
 //! The simulated rig as a whole: its time, its hand, and repeatability.
 
-use hbot_core::Vec3;
-use hbot_link::ToController;
-use hbot_sim::phenomena::Hand;
-use hbot_sim::plant::{Method, Plant, PlantState};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig, SimulatedRigError};
+use hbot_sim::rig::SimulatedRigError;
 
-use crate::devices::{brisk, rig};
-use crate::line::{MS, command, frame};
+use crate::prelude::*;
 
 fn config() -> SimulatedConfig {
     SimulatedConfig::new(&rig())
@@ -40,8 +35,6 @@ fn a_tick_is_a_step() {
     }
 }
 
-/// The motion of the rig does not depend on the times at which `advance_to` is called, apart from
-/// the error of the integration method.
 #[test]
 fn looks_do_not_matter() {
     let mut config = config();
@@ -120,39 +113,4 @@ fn an_external_torque_acts() {
     let work = 0.01 * hbot_core::rotation::log(rig.state().q).y;
     let energy = rig.dynamics().energy(rig.state());
     assert!(energy > 0.0 && (energy / work - 1.0).abs() < 1e-3, "{energy} {work}");
-}
-
-/// Two runs of a rig with equal commands at equal times give equal bytes.
-#[test]
-fn runs_repeat_bit_by_bit() {
-    let mut config = config();
-    config.phenomena.hand = Some(Hand::default());
-    let run = || {
-        let mut rig = SimulatedRig::new(&config).unwrap();
-        let mut reply = Vec::new();
-        for k in 1..=500 {
-            let message = ToController::Command(command(k, true, &[0.01, 0.02, -0.01, 0.0]));
-            rig.receive(u64::from(k) * MS, &frame(&message), &mut reply);
-        }
-        reply
-    };
-    assert_eq!(run(), run());
-}
-
-#[test]
-fn a_tick_allocates_nothing() {
-    let mut config = config();
-    config.phenomena.hand = Some(Hand::default());
-    let mut rig = SimulatedRig::new(&config).unwrap();
-    let mut bytes = frame(&ToController::Describe);
-    bytes.extend(frame(&ToController::Command(command(1, true, &[0.01; 4]))));
-    let mut reply = Vec::with_capacity(1024);
-    let counted = allocation_counter::measure(|| {
-        for k in 1..100 {
-            reply.clear();
-            rig.receive(k * MS, &bytes, &mut reply);
-        }
-    });
-    assert!(!reply.is_empty());
-    assert_eq!((counted.count_total, counted.count_current), (0, 0));
 }

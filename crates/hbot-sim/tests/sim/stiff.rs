@@ -2,14 +2,13 @@
 //! the equations say.
 
 use hbot_config::RigConfig;
+use hbot_core::MAX_JOINTS;
 use hbot_core::outputs::Drive;
-use hbot_core::{MAX_JOINTS, Vec3, rotation};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::hand::Grip;
-use hbot_sim::phenomena::{Eccentric, Gear, Hand, JointFriction, Motor, Phenomena, WheelModules};
-use hbot_sim::plant::{Dynamics, Method, PlantState};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
-use hbot_testing::prototype::device;
+use hbot_sim::phenomena::{Eccentric, Gear, Motor, WheelModules};
+
+use crate::prelude::*;
 
 /// A hand with much damping and no inertia, on a sphere far off centre. On the prototype, damping
 /// divided by inertia is 3086 1/s, so the classic Runge-Kutta rule is unstable at 1 ms.
@@ -52,7 +51,6 @@ fn two_legal_scenes_in_turn_keep_the_plant_finite() {
     }
 }
 
-/// Returns the state after 0.2 s in steps of `h` seconds.
 fn after(phenomena: &Phenomena, h: f64) -> PlantState {
     let device = device();
     let mut state = PlantState { omega: Vec3::new(1.0, -2.0, 0.5), ..PlantState::default() };

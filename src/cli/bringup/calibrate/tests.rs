@@ -27,7 +27,6 @@ fn radii_that_are_all_wrong_do_not_pass() {
     assert_eq!(corrections, []);
 }
 
-/// Returns the prototype's rig file with a mistake in it.
 fn mistaken(from: &str, to: &str) -> RigConfig {
     let file = include_str!("../../../../rigs/prototype.toml");
     assert!(file.contains(from), "the prototype has no {from:?}");

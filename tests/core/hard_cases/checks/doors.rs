@@ -58,6 +58,10 @@ fn requests_that_cannot_be_are_refused_and_change_nothing() {
                 Command::Align { q: unit, weight: bad, tick: 3 },
                 Command::Align { q: unit, weight: -0.001, tick: 3 },
                 Command::Align { q: unit, weight: 1.001, tick: 3 },
+                Command::Align { q: unit, weight: Real::MAX, tick: 3 },
+                // Their lengths are no numbers.
+                Command::Align { q: Quat::from_xyzw(0.0, Real::MAX, 0.0, 1.0), weight: 1.0, tick: 3 },
+                reference(Quat::from_xyzw(Real::MIN, 0.0, 0.0, 1.0), Vec3::ZERO),
             ] {
                 assert_eq!(machine.command(command), Reply::Refused(Refusal::NotFinite), "{command:?}");
                 let state = machine.step(|_| {}).state;

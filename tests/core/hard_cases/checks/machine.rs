@@ -12,7 +12,6 @@ use super::super::core::{CompiledScene, Controller, Device, Mat3, Quat, Real, Ve
 /// Peak torques of steer and drive in [`rig`], N m.
 pub const PEAK: [Real; 2] = [0.93, 0.14];
 
-/// Returns the wheels of the prototype.
 pub fn wheels() -> [WheelSpec; 2] {
     [1.0, -1.0].map(|side| WheelSpec {
         axis: Vec3::new(side, 0.0, -1.0),
@@ -38,7 +37,6 @@ pub fn rig() -> Rig {
     Rig::new(RigParts { limits, methods, ..parts }).expect("a legal rig")
 }
 
-/// Returns the joint torque limits and default weights of a device with the prototype's motors.
 pub fn limits(device: &Device) -> JointLimits {
     JointLimits::of_device(device, |joint| PEAK[joint % 2])
 }
@@ -58,19 +56,16 @@ pub fn spring_scene(revision: u64, turn: Vec3) -> CompiledScene {
 pub struct ReadRig {
     pub controller: Controller,
     pub scene: CompiledScene,
-    /// Number of the next tick.
     pub tick: u64,
     pub counts: [i32; MAX_JOINTS],
     pub rates: [Real; MAX_JOINTS],
 }
 
 impl ReadRig {
-    /// Creates an idle machine with a spring that pulls with 0.2 N m about n1.
     pub fn idle() -> Self {
         Self::idle_with(rig())
     }
 
-    /// Creates an idle machine like [`idle`](Self::idle) with another rig.
     pub fn idle_with(rig: Rig) -> Self {
         let mut machine = Self {
             controller: Controller::new(rig),
@@ -83,12 +78,10 @@ impl ReadRig {
         machine
     }
 
-    /// Creates a machine like [`idle`](Self::idle) and runs it until it is active at full torque.
     pub fn active() -> Self {
         Self::active_with(rig())
     }
 
-    /// Creates an active machine like [`active`](Self::active) with another rig.
     pub fn active_with(rig: Rig) -> Self {
         let mut machine = Self::idle_with(rig);
         assert_eq!(machine.command(Command::Enable), Reply::Done);
@@ -97,7 +90,6 @@ impl ReadRig {
         machine
     }
 
-    /// Runs a tick whose inputs `alter` changes.
     pub fn step(&mut self, alter: impl FnOnce(&mut Inputs)) -> Outputs {
         let feedback = JointReadings {
             sequence: (self.tick as u32).wrapping_sub(1),

@@ -61,7 +61,6 @@ fn unlimited(controller: &Controller, torque: Vec3) -> Made {
     tick(&mut controller.clone(), torque, Real::INFINITY)
 }
 
-/// Returns the torque that is `REACH` from `from` on the straight way to `to`.
 fn towards(from: Vec3, to: Vec3) -> Vec3 {
     from + (to - from).normalize() * REACH
 }
@@ -79,7 +78,6 @@ impl Noise {
         Vec3::new(self.number(), self.number(), self.number())
     }
 
-    /// Returns steer angles of three wheels, rad.
     fn posture(&mut self) -> [Real; 3] {
         [(); 3].map(|()| 0.5 * TURN * self.number())
     }

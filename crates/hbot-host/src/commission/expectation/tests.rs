@@ -33,8 +33,6 @@ fn fine(alter: impl FnOnce(&mut RigParts)) -> Rig {
     })
 }
 
-/// Checks that methods of higher order are more accurate if the encoders are so fine that only
-/// the errors of the method and of the path remain.
 #[test]
 fn fine_encoders_leave_the_methods_error() {
     let error = |odometry, path| {
@@ -93,7 +91,6 @@ fn a_time_is_given_in_three_digits() {
     }
 }
 
-/// Euler's method uses no path, so it is measured only once.
 #[test]
 fn every_choice_that_makes_a_difference_is_measured_once() {
     let all = of_all(&prototype(|parts| parts.timing.period_ns = 5_000_000));
@@ -175,7 +172,6 @@ fn orientations_are_compared_from_the_first_one_with_a_whole_path() {
     }
 }
 
-/// A tick takes more than 20 ns on any machine, and no more than the time that passes meanwhile.
 #[test]
 fn the_computing_time_is_that_of_one_tick() {
     let (rig, h) = (prototype(|_| ()), 1.0e-3);

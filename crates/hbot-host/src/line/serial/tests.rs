@@ -18,7 +18,6 @@ use crate::rig::layout::Layout;
 
 const BAUD: u32 = 115_200;
 
-/// Returns a simulated rig behind a pseudo-terminal, and the path of the terminal.
 pub(super) fn port() -> (PtyRig, String) {
     let pty = spawn_pty(simulated(), PtyOptions::default()).expect("this test needs pseudo-terminals");
     let path = pty.path().to_str().expect("UTF-8").to_owned();

@@ -51,7 +51,6 @@ fn sample_where(end: &mut ServiceEnd, next: &mut u64, wanted: impl Fn(&Sample) -
     })
 }
 
-/// Waits for the sample of tick `tick`. The ticks must have no gaps on the way.
 fn sample_of(end: &mut ServiceEnd, next: &mut u64, tick: u64) -> Sample {
     sample_where(end, next, |sample| sample.state.tick >= tick)
 }

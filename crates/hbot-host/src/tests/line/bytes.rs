@@ -4,7 +4,6 @@
 use super::*;
 use crate::tests::scripted::{Bytes, ScriptedLine};
 
-/// An answer to the command of tick `sequence`.
 fn good(sequence: u32) -> Vec<u8> {
     answer(sequence, ControllerFlags::ENABLED, 4, None)
 }
@@ -38,7 +37,6 @@ fn an_answer_that_comes_twice_or_late_is_no_second_reading() {
     }
 }
 
-/// The bus of the prototype on a line.
 fn bus(line: &ScriptedLine) -> Box<dyn MotorBus> {
     let expected = Expected::new("test", &RigConfig::prototype().rig, &Layout::single(0..4), 0);
     HbotLink.bus(Box::new(line.clone()), expected)

@@ -134,16 +134,6 @@ fn a_line_that_falls_silent_stops_all_of_them() {
 }
 
 #[test]
-fn a_complaint_on_one_line_is_heard_while_another_is_silent() {
-    let (mut bench, fakes) = two_lines();
-    fakes[1].with(|far| far.silent = true);
-    bench.ticks(3);
-    fakes[0].with(|far| far.flags = ControllerFlags::FAULT);
-    bench.tick();
-    assert_eq!(bench.tick().state.cause, Some(Cause::ControllerFault));
-}
-
-#[test]
 fn other_controllers_on_a_line_that_stays_are_a_fault_for_as_long_as_they_are_there() {
     let rig = RigConfig::prototype();
     let description = |protocol: u16, joints: usize, turn: u32| {
@@ -190,23 +180,6 @@ fn a_supply_that_was_off_and_on_again_gives_no_torque_until_somebody_enables_it(
     assert_eq!(bench.order(Order::Reset).state.mode, Mode::Idle);
     assert_eq!(bench.order(Order::Enable).state.mode, Mode::Enabling);
     assert_eq!(bench.ticks(600).state.mode, Mode::Active);
-}
-
-#[test]
-fn motors_that_stay_on_after_a_disable_are_a_fault() {
-    let (mut bench, fake) = one_line();
-    bench.order(Order::Disable);
-    bench.ticks(100);
-    fake.with(|far| far.silent = true);
-    let cause = (0..40)
-        .map(|_| {
-            let tick = bench.tick as u32;
-            fake.with(|far| far.answers.push(answer(tick - 1, ControllerFlags::ENABLED, 4, None)));
-            bench.tick().state.cause
-        })
-        .last()
-        .flatten();
-    assert_eq!(cause, Some(Cause::ControllerFault));
 }
 
 #[test]

@@ -33,20 +33,16 @@ struct Far {
     joints: usize,
     decoder: Decoder<ToController>,
     heard: Vec<Command>,
-    /// When each of the commands came.
     heard_at: Vec<Instant>,
-    /// Number of times that the controllers were asked to describe themselves.
     asked: u32,
     flags: ControllerFlags,
     /// True if the power supply of the motors is off: the controllers then never report `ENABLED`.
     unsupplied: bool,
-    /// True if the encoders have passed their index marks.
     index_seen: bool,
     /// Temperature, °C, and current, A, that the controllers report for the last joint, if set.
     warmth: Option<[f32; 2]>,
     silent: bool,
     renewed: Option<Renewed>,
-    /// Frames that the engine has not read yet.
     answers: Vec<Vec<u8>>,
 }
 
@@ -145,7 +141,6 @@ fn bus_and_line() -> (Box<dyn MotorBus>, Fake) {
     (HbotLink.bus(Box::new(fake.clone()), expected), fake)
 }
 
-/// Lets the bus read `bytes` and nothing else in tick `tick`.
 fn read(bus: &mut dyn MotorBus, fake: &Fake, tick: u32, bytes: &[u8]) -> Heard {
     fake.with(|far| far.answers = vec![bytes.to_vec()]);
     bus.receive(0, tick)

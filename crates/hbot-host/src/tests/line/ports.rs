@@ -87,19 +87,6 @@ fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
 }
 
 #[test]
-fn a_line_that_is_back_before_anybody_misses_it_is_a_fault_all_the_same() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let link = folder.path().join("hbot");
-    let (mut bench, pty) = plugged(&link);
-    let rig = unplug(pty, &link);
-    until(&mut bench, "gone", |sample| sample.counters.send_failures > 0);
-    let _pty = plug(rig, &link);
-    until(&mut bench, "back", |sample| sample.counters.reopened == 1);
-    let state = until(&mut bench, "a reading", |sample| sample.state.fresh).state;
-    assert_eq!((state.mode, state.cause), (Mode::Fault, Some(Cause::LinkLost)));
-}
-
-#[test]
 fn controllers_that_lost_power_while_away_come_back_without_zeros() {
     let folder = tempfile::tempdir().expect("a folder");
     let link = folder.path().join("hbot");

@@ -1,8 +1,6 @@
 //! Tests the effect of line and service events in every mode. It repeats the table of
 //! `tests/core/states.rs`, through the engine.
 
-use std::time::{Duration, Instant};
-
 use hbot_core::design::rig::Zero;
 
 use super::*;
@@ -38,8 +36,6 @@ fn bench_in(mode: Mode) -> (TickBench, Fake) {
     (bench, fake)
 }
 
-/// Returns whether the last command that the controllers received switched them off, with zero
-/// torque.
 fn off(fake: &Fake) -> bool {
     fake.with(|far| {
         far.heard.last().is_some_and(|command| !command.enable && command.torque.iter().all(|t| *t == 0.0))
@@ -139,23 +135,4 @@ fn an_order_that_is_an_emergency_stop_is_answered_in_the_tick_that_stops_or_afte
         (sample.state.mode, sample.answers[0].map(|answer| answer.ticket)),
         (Mode::Estop, Some(ticket))
     );
-}
-
-/// The last command is repeated, in case a frame is lost.
-#[test]
-fn an_engine_that_stops_switches_the_motors_off_three_times() {
-    let fake = Fake::new(4);
-    let mut bench = bench(&RigConfig::prototype(), vec![fake.clone()], &Layout::single(0..4));
-    bench.active();
-    let before = fake.with(|far| far.heard.len());
-    assert!(fake.with(|far| far.heard[before - 1].enable));
-    let (tick, start, pause) = (bench.tick as u32, Instant::now(), Duration::from_millis(5));
-    bench.engine.stop(tick, pause);
-    assert!(start.elapsed() >= 2 * pause, "a pause before the second and the third");
-    let last = fake.with(|far| far.heard.split_off(before));
-    assert_eq!(
-        last.iter().map(|off| (off.sequence, off.enable)).collect::<Vec<_>>(),
-        [0, 1, 2].map(|k| (tick + k, false))
-    );
-    assert!(last.iter().all(|off| off.torque[..] == [0.0; 4]), "{last:?}");
 }

@@ -6,7 +6,6 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use super::super::reader::READ_AHEAD;
 use super::*;
 
-/// Asserts that the service still answers a well-behaved client while other clients attack.
 fn still_served(client: &mut Client) {
     for _ in 0..20 {
         client.call(Op::Ping { data: Value::Null }).unwrap();
@@ -60,21 +59,6 @@ fn one_that_sends_a_byte_now_and_then_has_no_longer_than_one_that_sends_none() {
     slow.rest();
     trickle.join().unwrap();
     assert_eq!(bench.finish().refused.total(), 1);
-}
-
-#[test]
-fn half_a_line_can_be_held_and_holds_nobody_up() {
-    let bench = bench();
-    let mut half: Vec<_> = (0..20).map(|_| greeted(&bench)).collect();
-    for raw in &mut half {
-        raw.bytes(b"{\"id\": 5, \"op\": \"pi");
-    }
-    still_served(&mut bench.client("other"));
-    for raw in &mut half {
-        raw.bytes(b"ng\"}\n");
-        assert_eq!(raw.answer()["id"], 5);
-    }
-    assert_eq!(bench.finish().refused.total(), 0);
 }
 
 #[test]
@@ -167,7 +151,6 @@ fn the_system_looks_whether_clients_are_still_there() {
     });
 }
 
-/// Checks that docs/api.md states the limits of the service.
 #[test]
 fn the_page_has_the_bounds() {
     let page = include_str!("../../../../../docs/api.md");

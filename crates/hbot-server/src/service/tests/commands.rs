@@ -25,7 +25,6 @@ fn mode(result: Result<Value, ClientError>) -> String {
     result.unwrap()["mode"].as_str().unwrap().to_owned()
 }
 
-/// Waits until the client receives a state for which `found` returns true, and returns this state.
 pub(super) fn state(
     client: &mut Client,
     what: &str,
@@ -158,7 +157,6 @@ fn others_than_clients_can_ask_how_it_goes() {
     assert!(summary.ticks >= 10 && summary.compute_us.count == summary.ticks);
 }
 
-/// Returns a valid request for the given op.
 fn request(op: OpName) -> Op {
     let golden = include_str!("../../../../hbot-api/src/tests/messages.golden").lines();
     let mut requests = golden.filter_map(|line| Request::read(Encoding::Json, line.as_bytes()).ok());
@@ -219,20 +217,6 @@ fn states_come_every_n_ticks_until_unsubscribed() {
     while client.next_event(Duration::ZERO).unwrap().is_some() {}
     bench.wait_ticks(50);
     assert_eq!(client.next_event(Duration::ZERO).unwrap(), None);
-}
-
-#[test]
-fn a_torque_is_rendered_and_ends() {
-    let bench = bench();
-    let mut client = bench.active();
-    client.subscribe(1).unwrap();
-    let command = TorqueCommand { seq: Some(42), ..torque([0.03, 0.0, 0.0], 20) };
-    client.call(Op::Torque(command)).unwrap();
-    let seen = state(&mut client, "torque", |state| state.torque[0] > 0.02);
-    assert_eq!(seen.client.unwrap().seq, Some(42));
-    // The torque lasts 20 ticks and ramps down in 20 ms. Then a spring of 1 N m/rad on the sphere
-    // turns it back.
-    state(&mut client, "end of the torque", |state| state.tick > seen.tick + 40 && state.torque[0] < 0.02);
 }
 
 #[test]
@@ -366,26 +350,10 @@ fn enable_far_from_a_reference_says_which_and_how_far() {
     bench.wait_for(Mode::Idle);
 }
 
-#[test]
-fn info_tells_the_limit_of_the_passivity_controller() {
-    let mut rig = RigConfig::prototype();
-    let limit = hbot_core::design::rig::PassivityLimit {
-        allowance: 0.002,
-        store: 0.25,
-        damping: 0.125,
-        strict: false,
-    };
-    rig.rig = rig.rig.with(|parts| parts.methods.passivity = Some(limit)).unwrap();
-    let bench = TestService::start(TestOptions { rig, ..TestOptions::default() });
-    let info = bench.client("c").info().unwrap();
-    let told = PassivityInfo { allowance: 0.002, store: 0.25, damping: 0.125 };
-    assert_eq!(info.limits.passivity, Some(told));
-}
-
-/// Returns the prototype without a lead.
+/// Returns the prototype without a lead and without a limit of traction.
 fn unled() -> RigConfig {
     let mut rig = RigConfig::prototype();
-    rig.rig = rig.rig.with(|parts| parts.lead = None).unwrap();
+    rig.rig = rig.rig.with(|parts| (parts.lead, parts.limits.traction) = (None, None)).unwrap();
     rig
 }
 
@@ -414,7 +382,9 @@ fn info_and_stats_have_their_shape() {
     // `stiffness_most` is 0.146457 times the smallest apparent inertia divided by the square of a
     // tick (docs/internals/physics.md, section 9, to six digits).
     let unled = TestService::start(TestOptions { rig: unled(), ..TestOptions::default() });
-    let plain = unled.client("c").info().unwrap().render.unwrap();
+    let plain = unled.client("c").info().unwrap();
+    assert_eq!((plain.limits.traction, plain.limits.energy), (None, None));
+    let plain = plain.render.unwrap();
     let part = plain.stiffness_stable / (plain.damping / 2.0e-3);
     assert!(0.99 < part && part < 1.0, "{plain:?}");
     let most = 0.146_457e6 * plain.inertia;

@@ -1,6 +1,6 @@
 //! Tests of the hello and of everything that can come in its place.
 
-use hbot_api::{Encoding, ErrorCode, Token};
+use hbot_api::{ErrorCode, Token};
 use std::time::Duration;
 
 use super::*;
@@ -92,29 +92,6 @@ fn hello_comes_once() {
     let answer = raw.ask(r#"{"id": 1, "op": "hello", "version": 1, "name": "again"}"#);
     assert_eq!(answer["error"]["code"], "bad_request");
     assert_eq!(raw.ask(r#"{"id": 2, "op": "ping"}"#)["id"], 2);
-}
-
-#[test]
-fn both_encodings_say_the_same() {
-    let bench = bench();
-    let options = ConnectOptions { encoding: Encoding::Msgpack, ..ConnectOptions::new("packed") };
-    let mut packed = hbot_api::Client::connect_with(&bench.address.to_string(), &options).unwrap();
-    let mut plain = bench.client("plain");
-    let mut one = packed.info().unwrap();
-    let mut other = plain.info().unwrap();
-    // The posture can have changed between the two requests.
-    (one.capability, other.capability) = (None, None);
-    assert_eq!(one, other);
-    for client in [&mut packed, &mut plain] {
-        client.subscribe(5).unwrap();
-        let state = event(client, "state", |event| match event {
-            Event::State(state) => Some(state.clone()),
-            _ => None,
-        });
-        assert_eq!((state.tick % 5, state.joints.len()), (0, 4));
-    }
-    let error = refused(packed.call(Op::Enable));
-    assert_eq!(error.code, ErrorCode::NotHolder);
 }
 
 #[test]

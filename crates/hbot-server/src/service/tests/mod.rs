@@ -13,7 +13,6 @@ mod models;
 mod overload;
 mod scenes;
 mod shakes;
-mod shape;
 mod stops;
 mod tls;
 mod unauthenticated;
@@ -26,7 +25,7 @@ use std::sync::{Arc, mpsc as blocking};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Fault, Mode, Op};
+use hbot_api::{Client, ClientError, ConnectOptions, ErrorBody, Event, Mode, Op};
 use hbot_config::rig::Protocol;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::Controller;
@@ -56,7 +55,6 @@ use hbot_host::run_loop::{StopFlag, lockstep};
 /// that a number that lost its last digits would be noticed.
 const ORIGIN: Origin = Origin { monotonic_ns: 12_345_678_901, unix_ns: 1_795_363_200_123_456_789 };
 
-/// The settings of the service that a test starts.
 struct TestOptions {
     rig: RigConfig,
     scene: SceneFile,
@@ -68,7 +66,6 @@ struct TestOptions {
     /// Whether the rig is one whose simulated hand clients can move.
     hand: bool,
     bounds: Bounds,
-    /// Number of ticks after which the loop ends.
     ticks: Option<u64>,
     /// Time that each tick takes on the clock. With zero the loop runs as fast as possible.
     breath: Duration,
@@ -226,14 +223,12 @@ impl TestService {
         Client::connect_with(&self.address.to_string(), &options).unwrap()
     }
 
-    /// Returns a client that holds the lease.
     fn holder(&self) -> Client {
         let mut client = self.client("holder");
         client.call(Op::Acquire { steal: false }).unwrap();
         client
     }
 
-    /// Returns a client that holds the lease of a rig in mode `active`.
     fn active(&self) -> Client {
         let mut client = self.holder();
         self.wait_for(Mode::Idle);
@@ -246,7 +241,6 @@ impl TestService {
         JsonLines::connect(self.address)
     }
 
-    /// Runs `call` on the simulated rig.
     fn with_rig(&self, call: impl FnOnce(&mut SimulatedRig) + Send + 'static) {
         self.rig.send(Box::new(call)).unwrap();
     }
@@ -261,7 +255,6 @@ impl TestService {
         eventually(what, || condition(&self.status.borrow()));
     }
 
-    /// Waits until the loop has advanced by `ticks` ticks.
     fn wait_ticks(&self, ticks: u64) {
         let now = |status: &Status| status.sample.map_or(0, |sample| sample.state.tick);
         let until = now(&self.status.borrow()) + ticks;
@@ -291,7 +284,6 @@ impl Drop for TestService {
     }
 }
 
-/// Returns a connection that has sent its hello.
 fn greeted(bench: &TestService) -> JsonLines {
     JsonLines::greeted(bench.address)
 }

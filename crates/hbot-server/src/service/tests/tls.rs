@@ -8,14 +8,12 @@ use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, 
 use super::*;
 use crate::tls::Encryption;
 
-/// A certificate with its private key, in PEM.
 pub(super) struct Made {
     pub(super) certificate: String,
     key: String,
 }
 
 impl Made {
-    /// Returns a self-signed certificate for the address that the tests connect to.
     pub(super) fn by_itself() -> Self {
         let made = rcgen::generate_simple_self_signed(["127.0.0.1".to_owned()]).unwrap();
         Self { certificate: made.cert.pem(), key: made.signing_key.serialize_pem() }
@@ -34,7 +32,6 @@ impl Made {
     }
 }
 
-/// Creates a certificate authority with the name `called`. Returns it with its certificate in PEM.
 fn authority(called: &str) -> (CertifiedIssuer<'static, KeyPair>, String) {
     let mut params = CertificateParams::new([]).unwrap();
     params.distinguished_name.push(DnType::CommonName, called);

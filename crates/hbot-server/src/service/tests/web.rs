@@ -14,7 +14,6 @@ use tokio_tungstenite::tungstenite::{Error, Message, WebSocket};
 use super::tls::Made;
 use super::*;
 
-/// A client over WebSocket.
 struct Browser<S = TcpStream>(WebSocket<S>);
 
 impl Browser {
@@ -42,12 +41,10 @@ impl Browser {
         }
     }
 
-    /// Returns a WebSocket of the server's own page.
     fn opened(bench: &TestService) -> Self {
         Self::asking(bench, &[("origin", &format!("http://{}", bench.web))]).unwrap()
     }
 
-    /// Returns a WebSocket after the hello.
     fn greeted(bench: &TestService) -> Self {
         let mut browser = Self::opened(bench);
         let hello = browser.ask(&json!({"id": 0, "op": "hello", "version": 1, "name": "page"}));
@@ -71,7 +68,6 @@ impl<S: Read + Write> Browser<S> {
         serde_json::from_str(message.unwrap().to_text().unwrap()).unwrap()
     }
 
-    /// Sends a request and returns its answer. Events before it are skipped.
     fn ask(&mut self, message: &Value) -> Value {
         self.send(message);
         loop {

@@ -3,12 +3,9 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::Vec3;
 use hbot_core::design::kinematics::Posture;
-use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena};
-use hbot_sim::plant::{Dynamics, Method, PlantState};
 
-use hbot_testing::prototype::device;
+use crate::prelude::*;
 
 /// Number of pairs of steer angles that are tested. Each wheel takes this many equally spaced
 /// angles. Friction is a sum over the wheels, so its mean does not depend on how their angles are

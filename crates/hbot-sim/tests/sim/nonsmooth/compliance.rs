@@ -1,10 +1,9 @@
 //! Contacts and a cage that give way: energy, frequencies, and the limits of stiff parts.
 
-use hbot_core::Vec3;
 use hbot_core::WheelSpec;
-use hbot_sim::phenomena::{CageFriction, Compliance, Gear, JointFriction, Phenomena, Slip};
-use hbot_sim::plant::{Dynamics, Method, Plant, PlantState};
-use hbot_testing::prototype::{device, device_with};
+use hbot_sim::phenomena::{Compliance, Gear};
+
+use crate::prelude::*;
 
 const START: Vec3 = Vec3::new(1.0, 2.0, -1.5);
 

@@ -1,14 +1,11 @@
 //! Without input no step adds energy, for random devices and phenomena with parameters as extreme
 //! as allowed.
 
-use hbot_core::Vec3;
-use hbot_core::design::device::{Device, WheelSpec};
+use hbot_core::design::device::WheelSpec;
 use hbot_sim::hand::Grip;
-use hbot_sim::phenomena::Hand;
-use hbot_sim::phenomena::{
-    CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
-};
-use hbot_sim::plant::{Dynamics, Method, PlantState};
+use hbot_sim::phenomena::{Eccentric, Gear, Pivoting, WheelModules};
+
+use crate::prelude::*;
 
 /// A generator of pseudo-random numbers: splitmix64 (Steele, Lea and Flood 2014).
 struct Dice(u64);

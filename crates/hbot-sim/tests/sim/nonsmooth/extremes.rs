@@ -1,10 +1,8 @@
 //! Zero and infinite friction, and masses whose ratio is a million, in steps of 1 ms.
 
-use hbot_core::Vec3;
 use hbot_core::WheelSpec;
-use hbot_sim::phenomena::{JointFriction, Phenomena, Slip};
-use hbot_sim::plant::{Dynamics, Method, PlantState};
-use hbot_testing::prototype::device_with;
+
+use crate::prelude::*;
 
 /// Simulates one second in steps of 1 ms and returns the state at the end. `inertia` scales the
 /// inertias of the joints, `coulomb` is the friction of the joints, and `mu` that of the contacts.

@@ -1,13 +1,10 @@
 //! The slip that odometry computes from the encoders is the observable part of the true slip.
 
-use hbot_core::design::device::Device;
+use hbot_core::Mat3;
 use hbot_core::design::kinematics::Posture;
-use hbot_core::{Mat3, Vec3};
-use hbot_sim::phenomena::{CageFriction, Phenomena, Slip, largest_grip};
-use hbot_sim::plant::{Dynamics, Method, PlantState};
+use hbot_sim::phenomena::largest_grip;
 
-use crate::devices::toed;
-use hbot_testing::prototype::device;
+use crate::prelude::*;
 
 /// Returns the part of the slip `s` that no angular velocity of the sphere can explain, so that
 /// encoders can observe it: s - Z (ZᵀZ)⁻¹ Zᵀ s, with Z = R [-c2ᵀ; c1ᵀ] per wheel.

@@ -10,13 +10,12 @@ use differential_equations::ivp::IVP;
 use differential_equations::linalg::Matrix;
 use differential_equations::methods::BackwardDifferentiationFormula;
 use differential_equations::ode::ODE;
-use hbot_core::Quat;
-use hbot_core::design::device::Device;
 use hbot_sim::hand::Grip;
-use hbot_sim::phenomena::{Phenomena, largest_grip, largest_pivoting_torque};
-use hbot_sim::plant::PlantState;
+use hbot_sim::phenomena::{largest_grip, largest_pivoting_torque};
 
 use super::dual::{Dual, Triple, constant, cross, dot, fixed, plus, solved, times, turned};
+
+use crate::prelude::*;
 
 /// Number of variables of the equations: orientation, angular velocity, and for each of two wheels
 /// the angles th and ph, their rates, and the motor's angle and rate.

@@ -3,18 +3,12 @@
 
 use core::f64::consts::PI;
 
-use hbot_core::design::device::Device;
-use hbot_core::{Vec3, rotation};
 use hbot_sim::hand::Grip;
-use hbot_sim::phenomena::Hand;
-use hbot_sim::phenomena::{
-    CageFriction, Eccentric, Gear, JointFriction, Phenomena, Pivoting, Slip, WheelModules,
-};
-use hbot_sim::plant::{Dynamics, Method, PlantState};
+use hbot_sim::phenomena::{Eccentric, Gear, Pivoting, WheelModules};
 
 use super::reference::{End, Input, Reference, Sharpness};
-use crate::devices::toed;
-use hbot_testing::prototype::device;
+
+use crate::prelude::*;
 
 /// A motion that both the plant and the independent reference can compute. It starts from a state
 /// without slip.
@@ -29,7 +23,6 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// Returns the end of the motion as computed by the plant in steps of `h` seconds.
     pub(super) fn stepped(&self, h: f64) -> End {
         let mut state = self.start;
         let mut dynamics = Dynamics::new(&self.device, &self.phenomena, Method::Rk4, &state).unwrap();
@@ -56,7 +49,6 @@ impl Scene {
         }
     }
 
-    /// Returns the end of the motion as computed by the independent reference.
     pub(super) fn by_reference(&self, sharpness: Sharpness) -> End {
         let (device, phenomena, input) = (&self.device, &self.phenomena, self.input);
         Reference { device, phenomena, input, sharpness }.advance(&self.start, self.seconds)
@@ -72,7 +64,6 @@ impl Scene {
     }
 }
 
-/// Returns the difference in orientation between two ends of a motion, rad.
 pub(super) fn turned_apart(a: &End, b: &End) -> f64 {
     rotation::angle_between(a.q, b.q)
 }
@@ -152,7 +143,6 @@ pub(super) fn stick_slip() -> Scene {
     }
 }
 
-/// Returns a scene in which a drive moves to and fro through the play of its gear.
 pub(super) fn backlash() -> Scene {
     Scene {
         name: "backlash crossing",
@@ -187,7 +177,6 @@ pub(super) fn lossy() -> Scene {
     }
 }
 
-/// Returns a scene in which the friction of the cage brings a turning sphere to rest.
 pub(super) fn cage() -> Scene {
     Scene {
         name: "cage friction",
@@ -218,7 +207,6 @@ pub(super) fn pivoting() -> Scene {
     }
 }
 
-/// Returns a scene with all phenomena that act in the plant.
 pub(super) fn everything() -> Scene {
     let start = PlantState { omega: Vec3::new(0.3, -0.2, 0.1), ..PlantState::default() };
     Scene {

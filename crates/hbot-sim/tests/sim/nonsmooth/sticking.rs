@@ -1,13 +1,9 @@
 //! Friction holds a load below its limit without any motion, and lets a load above it move.
 
-use hbot_core::design::device::Device;
 use hbot_core::design::kinematics::Posture;
-use hbot_core::{Vec3, rotation};
-use hbot_sim::phenomena::{CageFriction, JointFriction, Phenomena, Slip, largest_grip};
-use hbot_sim::plant::{Dynamics, Method, PlantState};
+use hbot_sim::phenomena::largest_grip;
 
-use crate::devices::toed;
-use hbot_testing::prototype::device;
+use crate::prelude::*;
 
 fn steered() -> PlantState {
     PlantState { steer: [0.3, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..PlantState::default() }

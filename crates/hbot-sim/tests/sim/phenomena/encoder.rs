@@ -2,14 +2,12 @@
 
 use core::f64::consts::TAU;
 
-use hbot_link::{Feedback, FromController, JointFlags, ToController};
-use hbot_sim::controller::{EncoderKind, InjectedFault};
-use hbot_sim::phenomena::{Encoder, Phenomena};
-use hbot_sim::plant::PlantState;
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_link::{Feedback, JointFlags};
+use hbot_sim::controller::EncoderKind;
+use hbot_sim::phenomena::Encoder;
 
-use crate::devices::{brisk, rig};
-use crate::line::{command, frame, messages};
+use crate::line::messages;
+use crate::prelude::*;
 
 /// Encoder parameters that cause no errors.
 const EXACT: Encoder = Encoder { step: 1, turn_error: 0.0, index_error: 0.0, seed: 1 };

@@ -1,11 +1,9 @@
 //! The impaired line: it delays, loses and damages frames, and never reorders them.
 
-use hbot_link::{Decoder, FrameError, FromController, ToController};
-use hbot_sim::phenomena::{Link, Phenomena};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_link::{Decoder, FrameError};
+use hbot_sim::phenomena::Link;
 
-use crate::devices::rig;
-use crate::line::{MS, command, frame};
+use crate::prelude::*;
 
 /// Parameters of a link that delivers every frame at once and unchanged.
 const PERFECT: Link =

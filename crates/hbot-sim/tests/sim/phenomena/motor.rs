@@ -2,13 +2,11 @@
 //! so that nothing else moves.
 
 use hbot_config::rig::Protocol;
-use hbot_link::{Decoder, Feedback, FromController, JointFlags, ToController};
-use hbot_sim::controller::{InjectedFault, Lags, SimulatedControllers, SimulatedJoint, Truth};
-use hbot_sim::phenomena::{Motor, Phenomena};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_link::{Decoder, Feedback, JointFlags};
+use hbot_sim::controller::{Lags, SimulatedControllers, SimulatedJoint, Truth};
+use hbot_sim::phenomena::Motor;
 
-use crate::devices::rig;
-use crate::line::{MS, command, frame};
+use crate::prelude::*;
 
 /// Parameters of a motor that gives exactly the commanded torque at any rate and for any time.
 const IDEAL: Motor = Motor {

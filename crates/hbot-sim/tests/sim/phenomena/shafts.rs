@@ -4,17 +4,10 @@
 use core::f64::consts::TAU;
 
 use hbot_core::design::rig::{Compensation, Friction, Harmonic};
-use hbot_core::{Quat, Vec3, rotation};
-use hbot_link::ToController;
-use hbot_sim::phenomena::{
-    CageFriction, Cogging, Eccentric, Imbalance, JointFriction, Phenomena, Slip, TorqueConstants,
-};
-use hbot_sim::plant::{Dynamics, Method, Plant, PlantState};
-use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
+use hbot_sim::phenomena::{Cogging, Eccentric, Imbalance, TorqueConstants};
 use oorandom::Rand64;
 
-use crate::devices::rig;
-use crate::line::{MS, command, frame};
+use crate::prelude::*;
 
 fn with(phenomena: Phenomena) -> SimulatedRig {
     let mut config = SimulatedConfig::new(&rig());
@@ -25,7 +18,6 @@ fn with(phenomena: Phenomena) -> SimulatedRig {
     SimulatedRig::new(&config).unwrap()
 }
 
-/// Commands `torque` and holds it.
 fn drive(rig: &mut SimulatedRig, torque: [f32; 4]) {
     rig.receive(0, &frame(&ToController::Describe), &mut Vec::new());
     rig.receive(0, &frame(&ToController::Command(command(1, true, &torque))), &mut Vec::new());
@@ -228,7 +220,6 @@ fn a_rigs_own_imperfections_are_those_of_the_phenomena_and_stay() {
     assert!(slowed < free - 1e-3 && slowed > theirs.omega.length(), "{slowed} of {free}");
 }
 
-/// The torque constant and the cogging of a joint's own motor.
 #[test]
 fn a_motors_own_constant_and_cogging_act_at_its_joint() {
     let mut own = Compensation::default();

@@ -83,13 +83,11 @@ impl Desk {
         Self { bus: Moteus.bus(Box::new(far.clone()), expected), far }
     }
 
-    /// Hands over `lines` to the bus before it sends the command of `tick`.
     fn hear(&mut self, now_ns: u64, tick: u32, lines: &[Vec<u8>]) -> Heard {
         self.far.end().arrived = lines.concat();
         self.bus.receive(now_ns, tick)
     }
 
-    /// Sends the command of `tick`. Returns the lines that the bus has written.
     fn command(&mut self, now_ns: u64, tick: u32, enable: bool) -> Vec<String> {
         let command = BusCommand { tick, enable, watchdog_ms: 20, torque: [0.0; MAX_JOINTS] };
         self.far.end().written.clear();

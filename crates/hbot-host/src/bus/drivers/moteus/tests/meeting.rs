@@ -55,14 +55,12 @@ fn expected() -> Expected {
     Expected::new("a line", &rig.rig, &Layout::of(&rig), 0)
 }
 
-/// Returns four simulated servos behind an adapter, whose lines have no checksums.
 fn servos() -> SimulatedRig {
     let line = SimulatedLine { protocol: Name::Moteus, checksums: false };
     let config = SimulatedConfig { line, ..SimulatedConfig::new(&rig_file().rig) };
     SimulatedRig::new(&config).expect("it can be simulated")
 }
 
-/// Returns a line to `rig` whose text `change` changes.
 fn changed<F: FnMut(String) -> String + Send>(rig: SimulatedRig, change: F) -> Changed<F> {
     Changed { line: Memory::new(rig, channel().1), change, waiting: Vec::new() }
 }
@@ -189,7 +187,6 @@ fn frames_of_another_servo_are_no_answers_to_a_question() {
     assert!(!Moteus.switch_off(&mut line, &expected).expect("they answer"), "no servo has restarted");
 }
 
-/// Returns how many motors give torque.
 fn pushing(rig: &SimulatedRig) -> usize {
     rig.joint_torque().iter().filter(|torque| **torque != 0.0).count()
 }

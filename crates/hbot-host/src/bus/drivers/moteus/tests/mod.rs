@@ -72,8 +72,6 @@ impl Bench {
         heard
     }
 
-    /// Runs `n` ticks. Returns the complaints of all ticks combined, the number of readings, and
-    /// whether any servo lost its zero.
     fn ticks(&mut self, n: u32, enable: bool) -> (Complaints, u32, bool) {
         (0..n).fold((Complaints::default(), 0, false), |(complaints, readings, lost), _| {
             let heard = self.tick(enable);

@@ -8,13 +8,12 @@ use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::Motor;
 use hbot_sim::plant::PlantState;
 
-use super::super::Moteus;
 use super::super::bus::MoteusBus;
 use super::super::codec::{self, State, Turn};
 use super::super::servo::{Servo, complaints};
 use super::super::text::{self, Dialect, Said};
-use super::{Bench, rig_and_line, said};
-use crate::bus::{Expected, ExpectedJoint, Obedience, Protocol as _, Telemetry};
+use super::{Bench, said};
+use crate::bus::{Expected, ExpectedJoint, Obedience, Telemetry};
 use crate::line::Memory;
 use crate::rig::attach::simulated_rig;
 use crate::rig::layout::Layout;
@@ -184,16 +183,6 @@ fn a_temperature_counts_until_the_next_one_is_reported() {
     let neither = State { home: Some(1), ..seen };
     assert_eq!(servo.take(&neither, 5, 1005), None, "the registers of no turn");
     assert_eq!(servo.take(&State { torque: None, ..uptime }, 5, 1005), None, "no torque");
-}
-
-#[test]
-fn the_firmware_of_each_servo_is_known_after_bring_up() {
-    let (rig, mut line, _calls) = rig_and_line();
-    let expected = Expected::new("sim", &rig.rig, &Layout::of(&rig), 0);
-    Moteus.meet(&mut line, &expected).expect("they are the rig's");
-    let names: Vec<_> = (0..5).map(|at| expected.firmware(at)).collect();
-    let name = Some("moteus 0x010f, register map 5".to_owned());
-    assert_eq!(names, [name.clone(), name.clone(), name.clone(), name, None]);
 }
 
 impl Bench {

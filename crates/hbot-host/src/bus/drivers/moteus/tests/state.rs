@@ -8,7 +8,6 @@ use super::super::codec::State;
 use super::super::servo::{Servo, complaints};
 use crate::bus::{ExpectedJoint, Obedience};
 
-/// Returns a servo of 131072 counts a turn with this gear.
 fn servo_of_gear(gear: f64) -> Servo {
     Servo::new(&ExpectedJoint { number: 0, id: 1, counts_per_turn: 131_072, gear, peak: 0.93 })
 }

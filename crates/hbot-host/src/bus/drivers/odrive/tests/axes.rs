@@ -43,7 +43,6 @@ impl Bench {
         bench
     }
 
-    /// Receives a message before the command of this tick.
     fn hear(&mut self, message: Message) {
         self.axis.hear(u64::from(self.tick) * 1_000_000, self.tick, self.order, &message);
     }
@@ -73,7 +72,6 @@ impl Bench {
         text.split_terminator('\r').map(str::to_owned).collect()
     }
 
-    /// Sends the commands of all ticks before `tick`.
     fn commands_until(&mut self, tick: u32, on: bool) {
         while self.tick < tick {
             self.command(on);

@@ -12,12 +12,10 @@ use crate::bus::{BusCommand, BusTraffic, Expected, MotorBus, Protocol as _, Traf
 use crate::rig::layout::Layout;
 use crate::tests::scripted::ScriptedLine;
 
-/// Makes `text` arrive `times` times.
 fn arrives(line: &ScriptedLine, text: &str, times: usize) {
     line.end().arrived.extend(text.repeat(times).bytes());
 }
 
-/// Returns the bus of the prototype's axes on this line.
 fn bus(line: &ScriptedLine) -> Box<dyn MotorBus> {
     Odrive.bus(Box::new(line.clone()), expected())
 }
