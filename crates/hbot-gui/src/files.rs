@@ -1,16 +1,15 @@
 //! Files on this machine: scenes, and exported samples.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
-use hbot_api::StateTiming;
+use hbot_api::{StateEvent, StateTiming};
 use hbot_config::SceneFile;
 use hbot_config::scene::{SHELF, ShelfScene};
 use serde::Serialize;
 use serde_json::Value;
-
-use crate::model::PlotSample;
 
 /// Where a scene comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,12 +130,12 @@ pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
 }
 
 /// Writes samples to a new CSV file in `folder`, and returns the path of the file.
-pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<PathBuf> {
+pub(crate) fn export(folder: &Path, samples: &[Arc<StateEvent>]) -> anyhow::Result<PathBuf> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
     let path = folder.join(format!("hbot-{now}.csv"));
     let write = || -> anyhow::Result<()> {
         let mut csv = csv::Writer::from_path(&path)?;
-        let joints = samples.iter().map(|sample| sample.joints().len()).max().unwrap_or_default();
+        let joints = samples.iter().map(|sample| sample.joints.len()).max().unwrap_or_default();
         csv.write_record(columns(joints))?;
         for sample in samples {
             csv.serialize(row(sample, joints))?;
@@ -222,20 +221,19 @@ fn columns(joints: usize) -> Vec<String> {
 }
 
 /// Returns the cells of one sample, in the order of [`columns`].
-fn row(s: &PlotSample, joints: usize) -> impl Serialize + use<> {
+fn row(s: &StateEvent, joints: usize) -> impl Serialize + use<> {
     let of_joints: Vec<_> = (0..joints)
-        .map(|k| s.joints().get(k).map(|joint| [joint.angle, joint.rate, joint.torque]))
+        .map(|k| s.joints.get(k).map(|joint| [joint.angle, joint.rate, joint.torque]))
         .flat_map(|joint| (0..3).map(move |part| joint.map(|joint| joint[part])))
         .collect();
-    let reference = s.reference.map(|q| [q.w, q.x, q.y, q.z]);
     let StateTiming { lateness_us, compute_us, link_us, age_us, lead_us } = s.timing;
     let times = [lateness_us, compute_us, link_us, age_us, lead_us];
     (
         (s.tick, s.t, s.mode, s.fault),
-        [s.q.w, s.q.x, s.q.y, s.q.z],
-        s.omega.to_array(),
-        [0, 1, 2, 3].map(|part| reference.map(|q| q[part])),
-        s.torque.to_array(),
+        s.q,
+        s.omega,
+        [0, 1, 2, 3].map(|part| s.reference.map(|q| q[part])),
+        s.torque,
         [s.slip, s.scale, s.traction, s.energy],
         (s.client.and_then(|client| client.seq), s.client.map(|client| client.age_ticks)),
         times,
@@ -246,7 +244,7 @@ fn row(s: &PlotSample, joints: usize) -> impl Serialize + use<> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_api::{ClientStream, Fault, JointState, StateEvent};
+    use hbot_api::{ClientStream, Fault, JointState};
     use std::collections::BTreeSet;
 
     #[test]
@@ -312,8 +310,7 @@ mod tests {
             traction: 0.75,
             ..StateEvent::default()
         };
-        let samples =
-            [PlotSample::of(&full), PlotSample::of(&StateEvent { tick: 8, ..StateEvent::default() })];
+        let samples = [full.clone(), StateEvent { tick: 8, ..StateEvent::default() }].map(Arc::new);
         let path = export(folder.path(), &samples).expect("written");
         let mut csv = csv::Reader::from_path(path).expect("a file");
         let heads: Vec<String> = csv.headers().expect("a line").iter().map(str::to_owned).collect();

@@ -1,8 +1,10 @@
 //! The samples of the last seconds, in bounded memory at any rate.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
-use super::PlotSample;
+use glam::DVec3;
+use hbot_api::StateEvent;
 
 /// Largest number of samples kept for the plots: 30 s at 1 kHz, 20 MB.
 const MAX_SAMPLES: usize = 32_768;
@@ -10,15 +12,15 @@ const MAX_SAMPLES: usize = 32_768;
 /// Longest time that the plots can show, in seconds of the control loop's time.
 pub(crate) const SPAN_S: f64 = 30.0;
 
-/// The samples of the last [`SPAN_S`] seconds, in order of time. If samples arrive so fast that
+/// The states of the last [`SPAN_S`] seconds, in order of time. If samples arrive so fast that
 /// they would need too much memory, some are skipped.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct History {
-    samples: VecDeque<PlotSample>,
+    samples: VecDeque<Arc<StateEvent>>,
 }
 
 impl History {
-    pub(crate) fn push(&mut self, sample: PlotSample) {
+    pub(crate) fn push(&mut self, sample: Arc<StateEvent>) {
         if let Some(last) = self.samples.back() {
             if sample.tick <= last.tick {
                 // A tick number that does not increase means another server or a restart, with
@@ -31,14 +33,14 @@ impl History {
         if self.samples.len() == MAX_SAMPLES {
             self.samples.pop_front();
         }
-        self.samples.push_back(sample);
         while self.samples.front().is_some_and(|first| sample.t - first.t > SPAN_S) {
             self.samples.pop_front();
         }
+        self.samples.push_back(sample);
     }
 
     /// Returns the samples of the last `seconds` seconds, oldest first.
-    pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &PlotSample> + Clone {
+    pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &Arc<StateEvent>> + Clone {
         let from = self.newest().map_or(0.0, |newest| newest.t - seconds);
         let start = self.samples.partition_point(|sample| sample.t < from);
         self.samples.range(start..)
@@ -46,28 +48,23 @@ impl History {
 
     /// Returns the largest speed of the sphere in the last `seconds` seconds, rad/s.
     pub(crate) fn fastest(&self, seconds: f64) -> f64 {
-        self.last(seconds).map(|sample| sample.omega.length()).fold(0.0, f64::max)
+        self.last(seconds).map(|sample| DVec3::from(sample.omega).length()).fold(0.0, f64::max)
     }
 
     /// Returns the largest torque on the sphere in the last `seconds` seconds, N m.
     pub(crate) fn strongest(&self, seconds: f64) -> f64 {
-        self.last(seconds).map(|sample| sample.torque.length()).fold(0.0, f64::max)
+        self.last(seconds).map(|sample| DVec3::from(sample.torque).length()).fold(0.0, f64::max)
     }
 
     /// Returns whether the torque was at least `torque`, N m, in all of the last `seconds` seconds.
     pub(crate) fn pushes_with(&self, torque: f64, seconds: f64) -> bool {
         let known = self.samples.front().zip(self.newest());
         known.is_some_and(|(first, newest)| newest.t - first.t >= seconds)
-            && self.last(seconds).all(|sample| sample.torque.length() >= torque)
+            && self.last(seconds).all(|sample| DVec3::from(sample.torque).length() >= torque)
     }
 
-    pub(crate) fn newest(&self) -> Option<&PlotSample> {
-        self.samples.back()
-    }
-
-    #[cfg(test)]
-    fn len(&self) -> usize {
-        self.samples.len()
+    pub(crate) fn newest(&self) -> Option<&StateEvent> {
+        self.samples.back().map(Arc::as_ref)
     }
 
     pub(crate) fn clear(&mut self) {
@@ -112,11 +109,9 @@ pub(crate) fn thinned(samples: impl ExactSizeIterator<Item = [f64; 2]>, columns:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
-    use hbot_api::StateEvent;
 
-    fn sample(tick: u64, rate_hz: f64) -> PlotSample {
-        PlotSample::of(&StateEvent { tick, t: tick as f64 / rate_hz, ..StateEvent::default() })
+    fn sample(tick: u64, rate_hz: f64) -> Arc<StateEvent> {
+        Arc::new(StateEvent { tick, t: tick as f64 / rate_hz, ..StateEvent::default() })
     }
 
     #[test]
@@ -125,7 +120,7 @@ mod tests {
             let mut history = History::default();
             let ticks = (40.0 * rate_hz) as u64;
             (0..ticks).for_each(|tick| history.push(sample(tick, rate_hz)));
-            assert!(history.len() <= MAX_SAMPLES);
+            assert!(history.samples.len() <= MAX_SAMPLES);
             let oldest = history.last(f64::INFINITY).next().expect("samples").t;
             let span = history.newest().expect("samples").t - oldest;
             // The tolerance is one sample, or one of 32,768 samples if samples are skipped.
@@ -137,7 +132,7 @@ mod tests {
     fn at_1_khz_no_sample_is_passed_over() {
         let mut history = History::default();
         (0..30_000).for_each(|tick| history.push(sample(tick, 1000.0)));
-        assert_eq!(history.len(), 30_000);
+        assert_eq!(history.samples.len(), 30_000);
         assert_eq!(history.last(1.0).len(), 1001);
     }
 
@@ -146,17 +141,16 @@ mod tests {
         let mut history = History::default();
         (0..100).for_each(|tick| history.push(sample(tick, 100.0)));
         history.push(sample(3, 100.0));
-        assert_eq!(history.len(), 1);
+        assert_eq!(history.samples.len(), 1);
     }
 
     #[test]
     fn a_torque_counts_that_lasts() {
         let mut history = History::default();
         for tick in 0..800 {
-            let torque = DVec3::new(0.0, if tick < 100 { 0.1 } else { 0.9 }, 0.0);
-            let mut sample = sample(tick, 1000.0);
-            sample.torque = torque;
-            history.push(sample);
+            let torque = [0.0, if tick < 100 { 0.1 } else { 0.9 }, 0.0];
+            let state = StateEvent { tick, t: tick as f64 / 1000.0, torque, ..StateEvent::default() };
+            history.push(Arc::new(state));
             let lasts = tick >= 300;
             assert_eq!(history.pushes_with(0.85, 0.2), lasts, "tick {tick}");
         }

@@ -36,7 +36,6 @@ pub(crate) use judged::Judged;
 pub(crate) use marks::{Mark, Marks, What};
 pub(crate) use messages::{Messages, Weight};
 pub(crate) use refusal::Refusal;
-pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 pub(crate) use stop::{PendingStop, has_torque};
 
@@ -228,13 +227,14 @@ impl Model {
         for news in delivery.news.drain(..) {
             self.news(news);
         }
+        let state = delivery.samples.back().cloned();
         for sample in delivery.samples.drain(..) {
             self.lateness.add(sample.timing.lateness_us);
             self.history.push(sample);
         }
         self.mark();
         self.dropped += std::mem::take(&mut delivery.lost);
-        if let Some(state) = delivery.state.take() {
+        if let Some(state) = state {
             // The message about a stop can overtake the states before it.
             let over = |fault: &FaultEvent| {
                 state.tick > fault.tick && !matches!(state.mode, Mode::Fault | Mode::Estop)
@@ -249,7 +249,7 @@ impl Model {
                 Some(true) if now => {}
                 _ => self.began = None,
             }
-            self.state = Some(state);
+            self.state = Some((*state).clone());
             self.heard = Some(Instant::now());
         }
     }
@@ -273,7 +273,7 @@ impl Model {
             let Some((now, newest)) = newest else { continue };
             if what == What::Scene && self.mode().is_some_and(is_rendering) {
                 // A scene that is loaded into an active rig begins where the sphere is.
-                self.began = self.history.newest().map(|newest| newest.q);
+                self.began = self.history.newest().map(|newest| quaternion(newest.q));
             }
             let rate = f64::from(self.info.rig.rate_hz);
             let ago = match tick {

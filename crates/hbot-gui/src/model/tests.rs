@@ -1,5 +1,6 @@
 //! Tests of what the panel concludes from what arrives, and models for the tests of the views.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use hbot_api::{Requester, WheelInfo};
@@ -46,8 +47,7 @@ pub(crate) fn see(model: &mut Model, tick: u64, mode: Mode) {
 
 /// Gives the model a state of the rig.
 pub(crate) fn see_state(model: &mut Model, state: StateEvent) {
-    let samples = [PlotSample::of(&state)].into();
-    model.take(&mut Delivery { state: Some(state), samples, ..Delivery::default() });
+    model.take(&mut Delivery { samples: [Arc::new(state)].into(), ..Delivery::default() });
     // A slow machine makes nobody silent.
     model.heard = Some(Instant::now() + Duration::from_secs(3600));
 }

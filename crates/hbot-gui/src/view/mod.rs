@@ -31,13 +31,14 @@ mod wheels;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use eframe::egui::{self, CentralPanel, Panel, RichText, ScrollArea, Ui};
-use hbot_api::{Requester, time_of_day};
+use hbot_api::{Requester, StateEvent, time_of_day};
 
 use crate::files::Source;
-use crate::model::{Film, Judged, Model, PlotSample, Weight};
+use crate::model::{Film, Judged, Model, Weight};
 use crate::net::Intent;
 use camera::Camera;
 use theme::{Palette, coloured, weak};
@@ -56,8 +57,8 @@ pub(crate) enum Act {
     /// Load a ready-made scene, or a scene file from this computer.
     LoadScene(Source),
     SaveScene(PathBuf),
-    /// Write these samples of the rig's state to a CSV file.
-    Export(Vec<PlotSample>),
+    /// Write these states of the rig to a CSV file.
+    Export(Vec<Arc<StateEvent>>),
     /// Record the rig into a new file.
     Record(PathBuf),
     EndRecording,

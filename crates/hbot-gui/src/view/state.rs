@@ -473,7 +473,7 @@ fn tenths(time: Duration) -> f64 {
 fn last(ui: &mut Ui, model: &Model) {
     if let Some(last) = model.history.newest() {
         let mode = Headline::Mode(last.mode).text();
-        ui.label(format!("Last: {mode}, {:.2} N m", last.torque.length()));
+        ui.label(format!("Last: {mode}, {:.2} N m", DVec3::from(last.torque).length()));
     }
 }
 
