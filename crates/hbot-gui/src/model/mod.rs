@@ -54,8 +54,9 @@ const NO_MOTORS: &str = "the rig is simulated and has no motors";
 const TAKEN: &str = " has taken over command";
 
 /// The state of the panel's connection to the server: being made, missing or established.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) enum Link {
+    #[default]
     Connecting,
     /// There is no connection to the server.
     Offline {
@@ -71,7 +72,7 @@ pub(crate) enum Link {
 
 /// Everything that the panel knows about the server and the rig: the connection, the newest state,
 /// histories, statistics, the scene and messages.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Model {
     pub(crate) server: String,
     pub(crate) link: Link,
@@ -131,37 +132,7 @@ impl Model {
     /// Creates the model of a panel that is not connected yet. `name` is the name of the panel's
     /// clients.
     pub(crate) fn new(server: &str, name: &str, samples_per_s: u32) -> Self {
-        Self {
-            server: server.to_owned(),
-            link: Link::Connecting,
-            lease: Lease::Unknown,
-            observes: false,
-            name: name.to_owned(),
-            sessions: OwnSessions::default(),
-            stop_sessions: OwnSessions::default(),
-            simulated: None,
-            stops: Vec::new(),
-            state: None,
-            heard: None,
-            history: History::default(),
-            marks: Marks::default(),
-            began: None,
-            unmarked: Vec::new(),
-            lateness: Histogram::default(),
-            info: InfoOk::default(),
-            stats: None,
-            controllers: Vec::new(),
-            lacks_controllers: false,
-            scene: Scene::default(),
-            fault: None,
-            fault_before: None,
-            refusal: None,
-            shaking: None,
-            messages: Messages::default(),
-            recording: None,
-            dropped: 0,
-            samples_per_s,
-        }
+        Self { server: server.to_owned(), name: name.to_owned(), samples_per_s, ..Self::default() }
     }
 
     pub(crate) const fn is_online(&self) -> bool {

@@ -26,7 +26,6 @@ mod stiffness;
 #[cfg(test)]
 mod tests;
 pub(crate) mod theme;
-mod wheels;
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
