@@ -23,6 +23,7 @@ mod schema;
 mod sphere;
 mod state;
 mod stiffness;
+mod stop;
 #[cfg(test)]
 mod tests;
 pub(crate) mod theme;
@@ -40,7 +41,7 @@ use crate::files::Source;
 use crate::model::{Film, Judged, Model, Weight};
 use crate::net::Intent;
 use camera::Camera;
-use theme::{Palette, coloured, weak};
+use theme::{Palette, coloured, weak, wrapped};
 
 /// Height of the line for a new message, points.
 const MESSAGE: f32 = 26.0;
@@ -161,7 +162,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     let bar = Panel::top("bar").show(ui, |ui| bar::show(ui, model, desk, &mut intents)).response.rect;
     Panel::left("state").exact_size(left).resizable(false).show(ui, |ui| {
         ui.add_space(6.0);
-        state::stop(ui, model, &mut intents);
+        stop::show(ui, model, &mut intents);
         ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
             let online = model.is_online();
             let warnings = if online { desk.judged.warnings(&model.scene.shown()) } else { &[] };
@@ -271,7 +272,7 @@ fn messages(ui: &mut Ui, model: &Model) {
         let times = if message.times > 1 { format!(", {} times", message.times) } else { String::new() };
         weak(ui, format!("{time}, {ago}{times}"));
         match message.weight {
-            Weight::Good => ui.add(egui::Label::new(&message.text).wrap()),
+            Weight::Good => wrapped(ui, &message.text),
             Weight::Warn | Weight::Bad => coloured(ui, palette.warn, &message.text),
         };
         ui.add_space(4.0);

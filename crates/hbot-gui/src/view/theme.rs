@@ -144,13 +144,18 @@ pub(crate) fn heading_text(text: &str) -> RichText {
     RichText::new(text).strong().size(15.0)
 }
 
+/// Draws text that can take several lines.
+pub(crate) fn wrapped(ui: &mut Ui, text: impl Into<egui::WidgetText>) -> Response {
+    ui.add(egui::Label::new(text).wrap())
+}
+
 pub(crate) fn weak(ui: &mut Ui, text: impl Into<String>) -> Response {
-    ui.add(egui::Label::new(RichText::new(text).weak()).wrap())
+    wrapped(ui, RichText::new(text).weak())
 }
 
 /// Draws coloured text, which can take several lines.
 pub(crate) fn coloured(ui: &mut Ui, color: Color32, text: impl Into<String>) -> Response {
-    ui.add(egui::Label::new(RichText::new(text).color(color)).wrap())
+    wrapped(ui, RichText::new(text).color(color))
 }
 
 /// Draws a label in a column of the given width.
