@@ -57,9 +57,9 @@ impl Panel {
         let mut model = Model::new(&options.server, &options.name, options.samples_per_s);
         model.observes = options.observe;
         let waker = ctx.clone();
-        let desk = Desk::new(folders.scenes, &options.server)
-            .judged_by(Judged::apart(move || waker.request_repaint()))
-            .recording_to(folders.out.clone());
+        let judged = Judged::apart(move || waker.request_repaint());
+        let out = folders.out.clone();
+        let desk = Desk::new(folders, &options.server, judged);
         let waker = ctx.clone();
         let network = Network::start(options.clone(), Arc::new(move || waker.request_repaint()))?;
         Ok(Self {
@@ -67,7 +67,7 @@ impl Panel {
             desk,
             network,
             delivery: Delivery::default(),
-            out: folders.out,
+            out,
             options,
             recorder: None,
             opened: channel(),

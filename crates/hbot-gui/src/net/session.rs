@@ -203,10 +203,7 @@ impl<'a> Session<'a> {
     /// only if the connection is no longer usable.
     fn carry_out(&mut self, intent: Intent) -> Result<(), ClientError> {
         let result = self.ask(&intent);
-        let told = match &result {
-            Ok(()) => Ok(()),
-            Err(error) => Err(error.to_string()),
-        };
+        let told = result.as_ref().copied().map_err(ToString::to_string);
         self.mailbox.post(answer(intent, told, &self.options.server));
         result.or_else(survivable)
     }

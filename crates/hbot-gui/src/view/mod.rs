@@ -37,6 +37,7 @@ use std::time::SystemTime;
 use eframe::egui::{self, CentralPanel, Panel, RichText, ScrollArea, Ui};
 use hbot_api::{Requester, StateEvent, time_of_day};
 
+use crate::Folders;
 use crate::files::Source;
 use crate::model::{Film, Judged, Model, Weight};
 use crate::net::Intent;
@@ -91,7 +92,7 @@ impl Tab {
 
 /// What the user has chosen and typed in the window, such as the open tab. It does not concern the
 /// rig.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Desk {
     camera: Camera,
     /// The simulated hand while the user holds the sphere with it.
@@ -115,31 +116,14 @@ pub(crate) struct Desk {
 }
 
 impl Desk {
-    pub(crate) fn new(scenes: PathBuf, address: &str) -> Self {
+    pub(crate) fn new(folders: Folders, address: &str, judged: Judged) -> Self {
         Self {
-            camera: Camera::default(),
-            hand: None,
-            tab: Tab::default(),
-            plots: plots::PlotDesk::default(),
-            shelf: scene::Shelf::new(scenes),
-            reels: recordings::Reels::new(PathBuf::from(".")),
-            film: None,
+            shelf: scene::Shelf::new(folders.scenes),
+            reels: recordings::Reels::new(folders.out),
             address: address.to_owned(),
-            spring: String::new(),
-            judged: Judged::default(),
-            gains: BTreeMap::new(),
-            taking_over: None,
+            judged,
+            ..Self::default()
         }
-    }
-
-    /// Replaces what judges the scene. At first, it judges while the window is drawn.
-    pub(crate) fn judged_by(self, judged: Judged) -> Self {
-        Self { judged, ..self }
-    }
-
-    /// Replaces the folder in which the panel records. At first, it is the current one.
-    pub(crate) fn recording_to(self, folder: PathBuf) -> Self {
-        Self { reels: recordings::Reels::new(folder), ..self }
     }
 
     /// Shows a recording in the place of the rig.

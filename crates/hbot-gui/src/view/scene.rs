@@ -29,7 +29,7 @@ const OBSERVER_ROOM: f32 = 126.0;
 
 /// The ready-made scenes and the scene files in the folder, with their descriptions; the one that
 /// the user has picked; and the name that the user has typed.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Shelf {
     folder: PathBuf,
     files: Vec<files::ShelfFile>,
@@ -40,7 +40,7 @@ pub(crate) struct Shelf {
 
 impl Shelf {
     pub(crate) fn new(folder: PathBuf) -> Self {
-        Self { folder, files: Vec::new(), listed: None, picked: None, save_as: String::new() }
+        Self { folder, ..Self::default() }
     }
 
     fn picked(&self) -> Option<&files::ShelfFile> {

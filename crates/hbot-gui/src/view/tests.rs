@@ -16,11 +16,12 @@ use hbot_api::{
 use super::painted::{lines, rims, texts};
 use super::theme::Palette;
 use super::{Act, Desk, Tab, round_up, show, theme};
-use crate::model::Model;
+use crate::Folders;
 use crate::model::tests::{
     ME, commanding, disconnect, grow_quiet, grow_silent, hear, held_by, see, see_state, stop_in_vain,
     stopped_by,
 };
+use crate::model::{Judged, Model};
 use crate::net::{Intent, Lease, News};
 
 /// The sizes of the window in these tests, points.
@@ -44,7 +45,9 @@ type Seen = Harness<'static, Window>;
 /// Draws a panel with this model in a window of this size.
 fn window(size: [f32; 2], model: Model) -> Seen {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-    let window = Window { model, desk: Desk::new(scenes, "rig:4268"), acts: Vec::new() };
+    let folders = Folders { scenes, out: ".".into() };
+    let desk = Desk::new(folders, "rig:4268", Judged::default());
+    let window = Window { model, desk, acts: Vec::new() };
     let mut styled = false;
     let draw = move |ui: &mut Ui, window: &mut Window| {
         if !std::mem::replace(&mut styled, true) {
