@@ -50,8 +50,8 @@ pub(crate) struct ShelfFile {
     modified: Option<SystemTime>,
     /// The sentence that says what the scene feels like, or what is wrong with the file.
     description: Result<String, String>,
-    /// Whether the file is that of a ready-made scene.
-    is_copy: bool,
+    /// Whether the file is that of a ready-made scene, which is in the list already.
+    pub(crate) is_copy: bool,
 }
 
 impl ShelfFile {
@@ -80,11 +80,6 @@ impl ShelfFile {
         Self { source, modified, description, is_copy }
     }
 
-    /// Returns whether the file is that of a ready-made scene, which is in the list already.
-    pub(crate) fn is_copy(&self) -> bool {
-        self.is_copy
-    }
-
     /// Returns the description of the scene, or what to say in its place.
     pub(crate) fn said(&self) -> &str {
         match &self.description {
@@ -103,13 +98,17 @@ pub(crate) fn scenes(folder: &Path, known: &[ShelfFile]) -> Vec<ShelfFile> {
         Some(ready_made) => ready_made.to_vec(),
         None => SHELF.iter().copied().map(ShelfFile::ready_made).collect(),
     };
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let paths =
-        entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "toml"));
-    let mut paths: Vec<_> = paths.collect();
+    let mut paths: Vec<_> = files_of(folder, "toml").collect();
     paths.sort();
     all.extend(paths.into_iter().map(|path| ShelfFile::at(path, known)));
     all
+}
+
+/// Returns the files in a folder whose names end in `.{ending}`. Returns none if the folder cannot be
+/// read.
+fn files_of(folder: &Path, ending: &str) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(move |path| path.extension().is_some_and(|e| e == ending))
 }
 
 /// Reads a scene, and returns it in the form that the op `load_scene` accepts.
@@ -171,18 +170,13 @@ impl ReelFile {
     }
 }
 
-/// Returns the recordings (`*.mcap`) in a folder, at most `most`, the newest first. Returns an
-/// empty list if the folder cannot be read.
+/// Returns the recordings (`*.mcap`) in a folder, at most `most`, the newest first.
 pub(crate) fn reels(folder: &Path, most: usize) -> Vec<ReelFile> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let paths =
-        entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "mcap"));
-    let mut files: Vec<_> = paths
-        .filter_map(|path| {
-            let about = std::fs::metadata(&path).ok()?;
-            Some(ReelFile { path, modified: about.modified().ok()?, bytes: about.len() })
-        })
-        .collect();
+    let about = |path: PathBuf| {
+        let about = std::fs::metadata(&path).ok()?;
+        Some(ReelFile { path, modified: about.modified().ok()?, bytes: about.len() })
+    };
+    let mut files: Vec<_> = files_of(folder, "mcap").filter_map(about).collect();
     files.sort_by(|a, b| b.modified.cmp(&a.modified).then_with(|| a.path.cmp(&b.path)));
     files.truncate(most);
     files
@@ -254,7 +248,7 @@ mod tests {
         let files = scenes(&scenes_of_the_project, &[]);
         assert!(files.iter().all(|file| file.said().ends_with('.')), "{files:?}");
         assert_eq!(scenes(&scenes_of_the_project, &files), files);
-        let offered = files.iter().filter(|file| !file.is_copy()).count();
+        let offered = files.iter().filter(|file| !file.is_copy).count();
         assert_eq!(offered, SHELF.len(), "the files of the project are the ready-made scenes");
         let path = folder.path().join("spring.toml");
         for ShelfFile { source, .. } in files {
@@ -264,7 +258,7 @@ mod tests {
         }
         // The user's own file is added to the ready-made scenes, also if it has the name of one.
         let mine = scenes(folder.path(), &[]).pop().expect("it is the last");
-        assert!(!mine.is_copy());
+        assert!(!mine.is_copy);
         assert_eq!(mine.source.name(), format!("spring ({})", folder.path().display()));
     }
 

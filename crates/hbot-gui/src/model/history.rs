@@ -75,35 +75,22 @@ impl History {
 /// Reduces the points of a curve so that they can be drawn quickly in a plot of `columns` columns:
 /// keeps the lowest and the highest point of each column, in order of time. Every spike stays
 /// visible.
-pub(crate) fn thinned(samples: impl ExactSizeIterator<Item = [f64; 2]>, columns: usize) -> Vec<[f64; 2]> {
-    let count = samples.len();
-    let width = count.div_ceil(columns.max(1));
+pub(crate) fn thinned(samples: impl Iterator<Item = [f64; 2]>, columns: usize) -> Vec<[f64; 2]> {
+    let points: Vec<[f64; 2]> = samples.collect();
+    let width = points.len().div_ceil(columns.max(1));
     if width <= 2 {
-        return samples.collect();
+        return points;
     }
-    let mut out = Vec::with_capacity(2 * columns + 2);
-    let mut column: Option<([f64; 2], [f64; 2])> = None;
-    for (k, point) in samples.enumerate() {
-        let (low, high) = column.get_or_insert((point, point));
-        if point[1] < low[1] {
-            *low = point;
-        }
-        if point[1] > high[1] {
-            *high = point;
-        }
-        if (k + 1) % width == 0 || k + 1 == count {
-            let (low, high) = (*low, *high);
-            column = None;
-            if low == high {
-                out.push(low);
-            } else if low[0] < high[0] {
-                out.extend([low, high]);
-            } else {
-                out.extend([high, low]);
-            }
-        }
-    }
-    out
+    let ends = |column: &[[f64; 2]]| {
+        let height = |a: &&[f64; 2], b: &&[f64; 2]| a[1].total_cmp(&b[1]);
+        let low = column.iter().min_by(height).copied();
+        let high = column.iter().min_by(|a, b| height(b, a)).copied();
+        let mut ends = Vec::from_iter(low.into_iter().chain(high));
+        ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        ends.dedup();
+        ends
+    };
+    points.chunks(width).flat_map(ends).collect()
 }
 
 #[cfg(test)]
@@ -162,7 +149,7 @@ mod tests {
     #[test]
     fn a_thinned_curve_keeps_its_spikes() {
         let curve = (0..10_000).map(|k| [f64::from(k), if k == 4321 { 9.0 } else { 0.0 }]);
-        let thin = thinned(curve.collect::<Vec<_>>().into_iter(), 300);
+        let thin = thinned(curve, 300);
         assert!(thin.len() <= 602, "{}", thin.len());
         assert!(thin.contains(&[4321.0, 9.0]));
         assert!(thin.windows(2).all(|w| w[0][0] < w[1][0]), "in order");

@@ -108,7 +108,7 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         let combo = ComboBox::from_id_salt("scenes").selected_text(text).width(width).height(LIST).truncate();
         let response = combo.show_ui(ui, |ui| {
             ui.set_width(width);
-            for file in shelf.files.iter().filter(|file| !file.is_copy()) {
+            for file in shelf.files.iter().filter(|file| !file.is_copy) {
                 let name = file.source.name();
                 let is_picked = shelf.picked.as_ref() == Some(&file.source);
                 let button = egui::Button::selectable(is_picked, entry(ui, &name, file.said())).wrap();

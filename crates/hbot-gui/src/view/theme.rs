@@ -41,11 +41,6 @@ impl Palette {
         Self::of_theme(ui.visuals().dark_mode, ui.visuals().weak_text_color())
     }
 
-    /// Colour of the grid of a plot: pale, so that it does not compete with the curves.
-    pub(crate) fn plot_grid(&self) -> Color32 {
-        self.grid.gamma_multiply(0.35)
-    }
-
     /// Returns the colours for a dark or a light background. `weak` is the colour of less important
     /// text.
     pub(crate) const fn of_theme(dark: bool, weak: Color32) -> Self {

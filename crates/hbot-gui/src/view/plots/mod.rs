@@ -7,7 +7,7 @@ mod time;
 
 use std::cell::Cell;
 
-pub(super) use axes::{figure, vertical};
+pub(super) use axes::plain;
 use eframe::egui::{self, Align, ComboBox, Layout, Rect, Ui, UiBuilder, vec2};
 use glam::DQuat;
 
