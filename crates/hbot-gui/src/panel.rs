@@ -117,27 +117,25 @@ impl Panel {
             Act::Ask(intent) => self.ask(intent),
             Act::LoadScene(source) => match files::load(&source) {
                 Ok(scene) => self.ask(Intent::Load { scene }),
-                Err(error) => self.network.mailbox.post(News::Note(Err(format!("{error:#}")))),
+                Err(error) => self.network.mailbox.note(Err(error)),
             },
             Act::SaveScene(path) => {
                 let saved = files::save(&path, &self.model.scene.to_json());
-                let told = saved.map(|()| format!("saved as {}", path.display()));
-                self.network.mailbox.post(News::Note(told.map_err(|error| format!("{error:#}"))));
+                self.network.mailbox.note(saved.map(|()| format!("saved as {}", path.display())));
             }
             Act::Export(samples) => {
                 // An export writes megabytes, so it does not run in the window's thread.
                 let (mailbox, out) = (Arc::clone(&self.network.mailbox), self.out.clone());
                 self.apart("hbot-export", move || {
-                    let told = files::export(&out, &samples)
-                        .map(|path| format!("{} samples in {}", samples.len(), path.display()));
-                    mailbox.post(News::Note(told.map_err(|error| format!("{error:#}"))));
+                    let told = |path: PathBuf| format!("{} samples in {}", samples.len(), path.display());
+                    mailbox.note(files::export(&out, &samples).map(told));
                 });
             }
             Act::Record(path) => {
                 let options = PanelOptions { server: self.model.server.clone(), ..self.options.clone() };
                 match Recorder::start(options, path, Arc::clone(&self.network.mailbox)) {
                     Ok(recorder) => self.recorder = Some(recorder),
-                    Err(error) => self.network.mailbox.post(News::Note(Err(error.to_string()))),
+                    Err(error) => self.network.mailbox.note(Err(error.into())),
                 }
             }
             Act::Refuse(why) => self.network.mailbox.post(News::Note(Err(why))),
@@ -152,9 +150,9 @@ impl Panel {
                     Ok(recorded) => {
                         // The window may have gone.
                         let _ = opened.send(recorded);
-                        mailbox.post(News::Note(Ok(format!("opened {}", path.display()))));
+                        mailbox.note(Ok(format!("opened {}", path.display())));
                     }
-                    Err(error) => mailbox.post(News::Note(Err(format!("{error:#}")))),
+                    Err(error) => mailbox.note(Err(error)),
                 });
             }
         }
@@ -163,7 +161,7 @@ impl Panel {
     /// Runs `work` in a separate thread, because it can take long.
     fn apart(&self, name: &str, work: impl FnOnce() + Send + 'static) {
         if let Err(error) = std::thread::Builder::new().name(name.to_owned()).spawn(work) {
-            self.network.mailbox.post(News::Note(Err(error.to_string())));
+            self.network.mailbox.note(Err(error.into()));
         }
     }
 

@@ -261,11 +261,10 @@ pub(super) mod tests {
     fn a_curve_does_not_wait_for_a_border() {
         let abilities = Arc::new(Abilities::told(Told::from(&told())));
         let border = About::Border { key: StiffnessKey { effect: 0, axis: None }, most: 400.0 };
+        let asked = |about| (Arc::clone(&abilities), Question { about, scene: scene(0.01) });
         let (questions, inbox) = channel();
-        for about in [border, About::Curves, About::Warnings] {
-            questions
-                .send((Arc::clone(&abilities), Question { about, scene: scene(0.01) }))
-                .expect("a queue");
+        for question in [border, About::Curves, About::Warnings].map(asked) {
+            questions.send(question).expect("a queue");
         }
         let mut waiting = Vec::new();
         let order = [(); 3].map(|()| next(&mut waiting, &inbox).expect("a question").1.about);

@@ -294,10 +294,7 @@ impl Model {
                 }
                 self.link = Link::Offline { why, absent, again: Instant::now() + again_in };
                 self.lease = Lease::Unknown;
-                self.state = None;
-                self.stats = None;
-                self.controllers.clear();
-                self.lacks_controllers = false;
+                self.forget_reports();
                 self.scene.forget_pending();
             }
             News::Info(info) => {
@@ -337,10 +334,7 @@ impl Model {
         self.marks.clear();
         self.unmarked.clear();
         self.lateness = Histogram::default();
-        self.state = None;
-        self.stats = None;
-        self.controllers.clear();
-        self.lacks_controllers = false;
+        self.forget_reports();
         self.began = None;
         self.info.scene = serde_json::Value::Null;
         self.heard = Some(Instant::now());
@@ -353,6 +347,14 @@ impl Model {
         self.simulated = None;
         let here = self.stops.iter_mut().filter(|stop| stop.server == self.server);
         here.for_each(PendingStop::reconnect);
+    }
+
+    /// Forgets what the server reports again and again.
+    fn forget_reports(&mut self) {
+        self.state = None;
+        self.stats = None;
+        self.controllers.clear();
+        self.lacks_controllers = false;
     }
 
     fn fault(&mut self, fault: FaultEvent) {

@@ -68,6 +68,11 @@ impl Mailbox {
         (self.wake)();
     }
 
+    /// Posts the result of work on this computer.
+    pub(crate) fn note(&self, result: anyhow::Result<String>) {
+        self.post(News::Note(result.map_err(|error| format!("{error:#}"))));
+    }
+
     pub(crate) fn sample(&self, state: StateEvent) {
         let due = {
             let mut waiting = lock(&self.waiting);

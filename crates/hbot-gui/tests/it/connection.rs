@@ -119,14 +119,12 @@ fn another_address_can_be_typed() {
     let mut seat = Seat::at(free);
     seat.until_text("No server at");
     for _ in 0..free.to_string().len() {
-        egui_kittest::kittest::Queryable::get_by_label(&seat.harness, "Server address").focus();
+        seat.harness.get_by_label("Server address").focus();
         seat.harness.key_press(Key::End);
         seat.harness.key_press(Key::Backspace);
         seat.frame();
     }
-    egui_kittest::kittest::Queryable::get_by_label(&seat.harness, "Server address")
-        .type_text(&bench.address.to_string());
-    seat.frame();
+    seat.type_text("Server address", &bench.address.to_string());
     seat.click("Connect");
     seat.until_text("ACTIVE");
     // The stop goes to the new server too.
