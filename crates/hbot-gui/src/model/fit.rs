@@ -66,21 +66,17 @@ pub(crate) fn fit<'a>(
 #[derive(Clone, Copy, Default)]
 struct Axis {
     count: usize,
-    matrix: [[f64; 3]; 3],
-    right: [f64; 3],
+    matrix: [DVec3; 3],
+    right: DVec3,
     squares: f64,
     range: Option<[f64; 2]>,
 }
 
 impl Axis {
     fn add(&mut self, deflection: f64, rate: f64, torque: f64) {
-        let row = [deflection, rate, 1.0];
-        for i in 0..3 {
-            for j in 0..3 {
-                self.matrix[i][j] += row[i] * row[j];
-            }
-            self.right[i] += row[i] * torque;
-        }
+        let row = DVec3::new(deflection, rate, 1.0);
+        self.matrix = [0, 1, 2].map(|k| self.matrix[k] + row[k] * row);
+        self.right += row * torque;
         self.squares += torque * torque;
         self.count += 1;
         let [low, high] = self.range.unwrap_or([deflection; 2]);
@@ -93,8 +89,9 @@ impl Axis {
         if self.count < LEAST_SAMPLES || variance < LEAST_SPREAD * LEAST_SPREAD {
             return None;
         }
-        let matrix = DMat3::from_cols_array_2d(&self.matrix) * (1.0 / n);
-        let right = DVec3::from(self.right) / n;
+        let [a, b, c] = self.matrix;
+        let matrix = DMat3::from_cols(a, b, c) * (1.0 / n);
+        let right = self.right / n;
         // If the rate hardly varies (a sphere that creeps) or depends on the deflection, fit the
         // stiffness alone.
         let rate_variance = self.matrix[1][1] / n - (self.matrix[1][2] / n).powi(2);

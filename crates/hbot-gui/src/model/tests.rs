@@ -30,7 +30,7 @@ pub(crate) fn commanding(simulated: bool) -> Model {
 }
 
 /// Returns the answer to the hello of the connection `session`.
-fn hello(session: u64) -> HelloOk {
+pub(crate) fn hello(session: u64) -> HelloOk {
     let (server, rig) = ("hbot 0.1.0".to_owned(), "Prototype".to_owned());
     HelloOk { server, version: 1, rig, rate_hz: 1000.0, session }
 }

@@ -1,10 +1,10 @@
 //! The table of a wheel's motor controllers: current, temperature and firmware of the steer and the
 //! drive. Complaints stand below it, because their words are too long for a column.
 
-use eframe::egui::{Align, Label, Layout, Response, RichText, Ui, vec2};
+use eframe::egui::{Align, Label, Layout, Response, RichText, Ui};
 use hbot_api::{ControllerFlag, ControllerInfo};
 
-use super::theme::{Palette, coloured, column};
+use super::theme::{Palette, cell, coloured, column};
 use crate::model::words;
 
 /// Names and widths of the columns. The last one takes the rest of the line.
@@ -72,12 +72,7 @@ fn amperes(current: f64) -> String {
 /// Draws text in the rest of the line. A long text takes several lines.
 fn rest(ui: &mut Ui, text: RichText) -> Response {
     let width = ui.available_width().max(20.0);
-    let size = vec2(width, ui.spacing().interact_size.y);
-    ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
-        ui.set_max_width(width);
-        ui.add(Label::new(text).wrap())
-    })
-    .inner
+    cell(ui, width, Layout::left_to_right(Align::Center), Label::new(text).wrap())
 }
 
 fn small(text: impl Into<String>) -> RichText {

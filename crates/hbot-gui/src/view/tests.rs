@@ -326,24 +326,6 @@ fn the_question_before_a_take_over_gives_enter_the_safe_answer() {
 }
 
 #[test]
-fn joints_are_grey_if_their_values_may_be_old() {
-    let mut seen = window(SIZES[0], commanding(false));
-    report_joints(&mut seen.state_mut().model);
-    seen.state_mut().desk.tab = Tab::Joints;
-    settle(&mut seen);
-    let grey = |seen: &Seen| {
-        let steers: Vec<bool> =
-            seen.query_all_by_label("steer").map(|node| node.accesskit_node().is_disabled()).collect();
-        assert_eq!(steers.len(), 4, "angle and current of two wheels");
-        steers.iter().all(|disabled| *disabled)
-    };
-    assert!(!grey(&seen));
-    grow_silent(&mut seen.state_mut().model);
-    settle(&mut seen);
-    assert!(grey(&seen));
-}
-
-#[test]
 fn messages_have_their_time() {
     let mut seen = window(SIZES[0], commanding(false));
     seen.state_mut().desk.tab = Tab::Messages;

@@ -153,15 +153,20 @@ pub(crate) fn coloured(ui: &mut Ui, color: Color32, text: impl Into<String>) -> 
     wrapped(ui, RichText::new(text).color(color))
 }
 
-/// Draws a label in a column of the given width.
+/// Draws a label in a column of the given width. A text that is too long ends in dots.
 pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>) -> Response {
     let layout = egui::Layout::left_to_right(egui::Align::Center);
-    ui.allocate_ui_with_layout(egui::vec2(width, ui.spacing().interact_size.y), layout, |ui| {
-        ui.set_min_width(width);
-        ui.set_max_width(width);
-        ui.add(egui::Label::new(text).truncate())
-    })
-    .inner
+    cell(ui, width, layout, egui::Label::new(text).truncate())
+}
+
+/// Draws a label in a place of the given width.
+pub(crate) fn cell(ui: &mut Ui, width: f32, layout: egui::Layout, label: egui::Label) -> Response {
+    let size = egui::vec2(width, ui.spacing().interact_size.y);
+    let draw = |ui: &mut Ui| {
+        ui.set_width(width);
+        ui.add(label)
+    };
+    ui.allocate_ui_with_layout(size, layout, draw).inner
 }
 
 /// Draws a word on a coloured ground, in a place of fixed size.
