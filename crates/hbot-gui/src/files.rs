@@ -273,8 +273,6 @@ mod tests {
             assert_eq!(ReelFile { path, modified: UNIX_EPOCH, bytes: 0 }.title(), title);
         }
     }
-
-    /// Returns the names of the columns for a field of a state.
     fn names(key: &str, value: &Value) -> Vec<String> {
         let with = |ends: &[&str]| ends.iter().map(|end| format!("{key}_{end}")).collect();
         match (key, value) {

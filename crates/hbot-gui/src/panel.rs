@@ -29,11 +29,9 @@ pub struct Panel {
     out: PathBuf,
     /// The settings of the connection, for a recording.
     options: PanelOptions,
-    /// The recording that the panel makes.
     recorder: Option<Recorder>,
     /// Recordings that a thread has read, to be shown.
     opened: (Sender<Recorded>, Receiver<Recorded>),
-    /// The present title of the window.
     title: String,
 }
 

@@ -11,7 +11,6 @@ use crate::recorded::Recorded;
 #[derive(Debug)]
 pub(crate) struct Film {
     pub(crate) recorded: Arc<Recorded>,
-    /// Index of the state that is shown.
     at: usize,
     /// The tick from which the shown scene was rendered.
     scene: Option<u64>,
@@ -21,7 +20,6 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// Opens a recording at its first state.
     pub(crate) fn new(recorded: Arc<Recorded>) -> Self {
         let mut model = Model::new("", "", 0);
         model.link = Link::Recording;
@@ -30,8 +28,6 @@ impl Film {
         film.show(0);
         film
     }
-
-    /// Returns the name of the file.
     pub(crate) fn name(&self) -> String {
         let path = &self.recorded.path;
         path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()

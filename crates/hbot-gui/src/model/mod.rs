@@ -451,8 +451,6 @@ impl Model {
         self.lease = lease;
     }
 }
-
-/// Returns whether the rig renders the scene in a mode.
 const fn is_rendering(mode: Mode) -> bool {
     matches!(mode, Mode::Enabling | Mode::Active)
 }

@@ -102,7 +102,7 @@ mod tests {
     use egui_kittest::kittest::Queryable as _;
 
     use super::*;
-    use crate::view::painted::{hint, lines, texts};
+    use crate::view::painted::{drawn, hint, lines, texts};
 
     /// Returns the steer's controller, which reports everything, and the drive's, which reports
     /// nothing.
@@ -122,10 +122,7 @@ mod tests {
 
     /// Draws the table of these controllers in a window of this width.
     fn table(width: f32, pair: Vec<ControllerInfo>) -> Harness<'static> {
-        let draw = move |ui: &mut Ui| show(ui, &pair);
-        let mut harness = Harness::builder().with_size([width, 400.0]).build_ui(draw);
-        harness.run_steps(4);
-        harness
+        drawn([width, 400.0], move |ui| show(ui, &pair))
     }
 
     #[test]

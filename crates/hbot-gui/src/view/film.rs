@@ -60,8 +60,6 @@ fn play(ui: &Ui, film: &mut Film) {
     film.playing = film.t() < to;
     ui.ctx().request_repaint();
 }
-
-/// Writes the time, the mode and the torque of the moment.
 fn moment(ui: &mut Ui, state: &StateEvent, palette: Palette) {
     let [t1, t2, t3] = state.torque;
     ui.label(RichText::new(format!("{:.3} s", state.t)).strong().monospace());

@@ -158,13 +158,11 @@ fn faults(ui: &mut Ui, stats: &StatsOk) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::painted::hint;
-    use egui_kittest::Harness;
+    use crate::view::painted::{drawn, hint};
 
     #[test]
     fn the_unit_of_the_times_is_explained() {
-        let mut seen = Harness::new_ui(|ui| times(ui, &StatsOk::default()));
-        seen.run_steps(4);
+        let mut seen = drawn([800.0, 600.0], |ui| times(ui, &StatsOk::default()));
         assert_eq!(hint(&mut seen, "us"), "microseconds: millionths of a second");
     }
 }

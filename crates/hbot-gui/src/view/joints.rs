@@ -124,7 +124,7 @@ mod tests {
     use hbot_api::{ControllerInfo, RigInfo, StateEvent};
 
     use super::*;
-    use crate::view::painted::{filled, hint, lines, vertical_lines};
+    use crate::view::painted::{self, filled, hint, lines, vertical_lines};
 
     const NOTE: &str = "The torque is what the motor was commanded to give. In a bar, the line is what it can hold without time limit.";
 
@@ -151,9 +151,7 @@ mod tests {
             vec![joint(0.5, 1.25, 0.05), joint(1.0, -2.5, -0.2), joint(-1.5, 0.0, 0.6), joint(2.0, 3.0, 1.6)];
         model.state = Some(StateEvent { joints, ..StateEvent::default() });
         change(&mut model);
-        let mut harness = Harness::builder().with_size([330.0, 800.0]).build_ui(move |ui| show(ui, &model));
-        harness.run_steps(4);
-        harness
+        painted::drawn([330.0, 800.0], move |ui| show(ui, &model))
     }
 
     #[test]

@@ -30,17 +30,13 @@ enum Distance {
     Here,
     /// No effect of the scene has a reference.
     None,
-    /// There is no connection, so nothing is known.
-    NoConnection,
-    /// No state has arrived over the present connection yet.
-    NoState,
+    /// There is no state.
+    Unknown,
 }
 
 impl Distance {
     fn of(model: &Model) -> Self {
-        let Some(state) = &model.state else {
-            return if model.is_online() { Self::NoState } else { Self::NoConnection };
-        };
+        let Some(state) = &model.state else { return Self::Unknown };
         let Some(reference) = state.reference.map(quaternion) else { return Self::None };
         let q = quaternion(state.q);
         let first = model.scene.first_reference();
@@ -56,8 +52,6 @@ impl Distance {
             None => Self::Free(reference.angle_between(q)),
         }
     }
-
-    /// Says it in few words.
     fn in_words(self, allowed: f64) -> String {
         match self {
             Self::Near(angle) | Self::Far(angle) => {
@@ -66,7 +60,7 @@ impl Distance {
             Self::Free(angle) => format!("{angle:.2} rad from reference"),
             Self::Here => "The scene begins where the sphere is.".to_owned(),
             Self::None => "No reference: Enable works at any orientation.".to_owned(),
-            Self::NoConnection | Self::NoState => String::new(),
+            Self::Unknown => String::new(),
         }
     }
 }
@@ -290,7 +284,7 @@ mod tests {
         let said = Distance::None.in_words(0.5);
         assert_eq!(said, "No reference: Enable works at any orientation.");
         free.state = None;
-        assert_eq!(Distance::of(&free), Distance::NoConnection);
+        assert_eq!(Distance::of(&free), Distance::Unknown);
     }
 
     #[test]

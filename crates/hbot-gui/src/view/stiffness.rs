@@ -99,8 +99,6 @@ fn borders(model: &Model, effect: &Effect, scene: &Value, desk: &mut Desk) -> [O
     };
     if is_matrix { [Some(0), Some(1), Some(2)].map(of) } else { [of(None), None, None] }
 }
-
-/// Returns the index of `effect` in the scene.
 fn index_of(model: &Model, effect: &Effect) -> Option<usize> {
     model.scene.effects().iter().position(|other| other.id == effect.id)
 }
@@ -374,16 +372,12 @@ mod tests {
         model.scene.take(&scene);
         model
     }
-
-    /// Draws the controls.
     fn drawn(model: Model) -> Harness<'static> {
         let mut desk = Desk::default();
         let mut harness = Harness::new_ui(move |ui| show(ui, &model, (&mut desk, 0), &mut Vec::new()));
         harness.run();
         harness
     }
-
-    /// Draws the controls, and returns their text.
     fn said(model: Model) -> String {
         format!("{:?}", drawn(model).root())
     }

@@ -69,8 +69,6 @@ impl Palette {
             weak,
         }
     }
-
-    /// Returns the colour of a headline.
     pub(crate) const fn headline(&self, headline: Headline) -> Color32 {
         match headline {
             Headline::Mode(mode) => self.mode(mode),

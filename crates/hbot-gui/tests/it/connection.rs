@@ -187,14 +187,6 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
 }
 
 #[test]
-fn a_panel_is_named_after_its_user_and_machine() {
-    let bench = AloneServer::start(&ServerSetup::default());
-    let (_seat, mut witness) = seated(&bench);
-    let holder = witness.info().lease.and_then(|lease| lease.holder);
-    assert_eq!(holder, Some(hbot_api::client_name("panel")));
-}
-
-#[test]
 fn who_only_watches_takes_nothing() {
     let bench = AloneServer::start(&ServerSetup::default());
     let options =
@@ -323,6 +315,8 @@ fn a_panel_that_is_closed_leaves_the_rig_as_it_is() {
     let rig = [("on_client_lost = \"ramp\"", "on_client_lost = \"fault\"")];
     let bench = AloneServer::start(&ServerSetup { rig: &rig, ..ServerSetup::default() });
     let (seat, mut witness) = seated(&bench);
+    let holder = witness.info().lease.and_then(|lease| lease.holder);
+    assert_eq!(holder, Some(hbot_api::client_name("panel")), "its user and machine");
     drop(seat);
     let state = witness.later(50.0);
     assert_eq!(state.mode, Mode::Active);

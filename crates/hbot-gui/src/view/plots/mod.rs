@@ -73,7 +73,6 @@ impl Default for PlotDesk {
 }
 
 impl PlotDesk {
-    /// Ends a pause.
     pub(crate) fn go_on(&mut self) {
         self.paused = None;
     }
@@ -113,8 +112,6 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         _ => drop(time::show(ui, model, history, plots, right.min_rect().size())),
     }
 }
-
-/// A control of the plots.
 type Tool = fn(&mut Ui, &Model, &mut PlotDesk, &mut Vec<Act>);
 
 /// The controls that all plots have, from left to right.

@@ -21,8 +21,6 @@ const ELLIPSIS: &str = "\u{2026}";
 const MOST_ROWS: usize = 4;
 /// Size of these texts, points.
 const TEXT: f32 = 11.0;
-
-/// A curve of a plot.
 struct Curve {
     name: &'static str,
     color: Color32,
@@ -272,7 +270,7 @@ mod tests {
     use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
 
-    use crate::view::painted::texts;
+    use crate::view::painted::{drawn, texts};
 
     /// Returns the model of a rig without torque, with states of these times.
     fn still(times: [f64; 2]) -> Model {
@@ -281,6 +279,15 @@ mod tests {
             model.history.push(Arc::new(StateEvent { t, ..StateEvent::default() }));
         }
         model
+    }
+
+    /// Draws the plot of the torque in a window of this height.
+    fn plot_of(model: Model, height: f32) -> Harness<'static> {
+        let mut seen = drawn([560.0, height], move |ui| {
+            show(ui, &model, &model.history, &PlotDesk::default(), Vec2::ZERO);
+        });
+        seen.run_steps(4);
+        seen
     }
 
     #[test]
@@ -335,11 +342,7 @@ mod tests {
                 let what = if k == 3 { What::Fault } else { What::Set };
                 model.marks.add(Mark { what, t, text: text(k) }, 0.0);
             }
-            let draw = move |ui: &mut Ui| {
-                show(ui, &model, &model.history, &PlotDesk::default(), Vec2::ZERO);
-            };
-            let mut seen = Harness::builder().with_size([560.0, 260.0]).build_ui(draw);
-            seen.run_steps(8);
+            let seen = plot_of(model, 260.0);
             let is_text = |text: &str| text.contains("stiffness") || text.trim() == ELLIPSIS;
             let texts: Vec<_> = texts(&seen).into_iter().filter(|it| is_text(&it.text)).collect();
             for (k, one) in texts.iter().enumerate() {
@@ -362,11 +365,7 @@ mod tests {
             let text = format!("spring {k}: stiffness = 1.234567");
             model.marks.add(Mark { what: What::Scene, t: 9.0 + 0.1 * f64::from(k), text }, 0.0);
         }
-        let draw = move |ui: &mut Ui| {
-            show(ui, &model, &model.history, &PlotDesk::default(), Vec2::ZERO);
-        };
-        let mut seen = Harness::builder().with_size([560.0, 160.0]).build_ui(draw);
-        seen.run_steps(8);
+        let seen = plot_of(model, 160.0);
         let plot = seen.get_by_label_contains("Plot of").rect();
         let marks = texts(&seen).into_iter().filter(|it| it.text.contains("stiffness"));
         let ghost = Palette::of_theme(true, Color32::GRAY).ghost;

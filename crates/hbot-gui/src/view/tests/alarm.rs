@@ -22,8 +22,6 @@ const NO_CONNECTION: &str = "cannot reach the rig";
 fn palette() -> Palette {
     Palette::of_theme(true, Color32::GRAY)
 }
-
-/// Returns the colour of the word for the mode.
 fn color_of(seen: &Seen, word: &str) -> Option<Color32> {
     texts(seen).into_iter().find(|it| it.text.split(':').next() == Some(word)).map(|it| it.color)
 }
