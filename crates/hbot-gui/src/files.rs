@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use hbot_api::{StateEvent, StateTiming};
 use hbot_config::SceneFile;
 use hbot_config::scene::{SHELF, ShelfScene};
+use hbot_record::flight::Name;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -104,8 +105,8 @@ pub(crate) fn scenes(folder: &Path, known: &[ShelfFile]) -> Vec<ShelfFile> {
     all
 }
 
-/// Returns the files in a folder whose names end in `.{ending}`. Returns none if the folder cannot be
-/// read.
+/// Returns the files in a folder whose names have this ending. Returns none if the folder cannot
+/// be read.
 fn files_of(folder: &Path, ending: &str) -> impl Iterator<Item = PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.map(|entry| entry.path()).filter(move |path| path.extension().is_some_and(|e| e == ending))
@@ -157,16 +158,15 @@ impl ReelFile {
     /// Returns what the list calls this file: a flight log by its time and its cause, such as
     /// `2026-01-31 23:59:59 UTC: thermal` for `flight-20260131T235959.123Z-4711-001-thermal.mcap`.
     pub(crate) fn title(&self) -> String {
-        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
-        let flight = || {
-            let rest = name.strip_prefix("flight-")?.strip_suffix(".mcap")?;
-            let [time, _, _, cause] = rest.split('-').collect::<Vec<_>>().try_into().ok()?;
-            let [year, month, day] = [0..4, 4..6, 6..8].map(|part| time.get(part));
-            let [hour, minute, second] = [9..11, 11..13, 13..15].map(|part| time.get(part));
-            let (date, hour) = (format!("{}-{}-{}", year?, month?, day?), hour?);
-            Some(format!("{date} {hour}:{}:{} UTC: {cause}", minute?, second?))
+        // The log that the recording belongs to.
+        let log = self.path.with_extension("csv");
+        let Some(Name { time, what, .. }) = log.file_name().and_then(|name| Name::parse(name.to_str()?))
+        else {
+            return self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         };
-        flight().unwrap_or_else(|| name.to_string())
+        let [year, month, day] = [0..4, 4..6, 6..8].map(|part| &time[part]);
+        let [hour, minute, second] = [9..11, 11..13, 13..15].map(|part| &time[part]);
+        format!("{year}-{month}-{day} {hour}:{minute}:{second} UTC: {what}")
     }
 }
 

@@ -17,7 +17,6 @@ mod scene;
 mod stop;
 #[cfg(test)]
 pub(crate) mod tests;
-pub(crate) mod words;
 
 use std::time::{Duration, Instant};
 

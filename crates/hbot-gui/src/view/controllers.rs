@@ -5,7 +5,6 @@ use eframe::egui::{Align, Label, Layout, Response, RichText, Ui};
 use hbot_api::{ControllerFlag, ControllerInfo};
 
 use super::theme::{Palette, cell, coloured, column};
-use crate::model::words;
 
 /// Names and widths of the columns. The last one takes the rest of the line.
 const COLUMNS: [(&str, f32); 3] = [("", 34.0), ("current", 66.0), ("temp.", 60.0)];
@@ -89,7 +88,7 @@ fn place(controller: &ControllerInfo) -> String {
 /// Returns an explanation of each complaint. A word that this panel does not know explains itself.
 fn explained(flags: &[String]) -> String {
     let line = |flag: &String| match flag.parse::<ControllerFlag>() {
-        Ok(known) => format!("{flag}: {}", words::controller(known)),
+        Ok(known) => format!("{flag}: {}", known.sentence()),
         Err(()) => flag.clone(),
     };
     flags.iter().map(line).collect::<Vec<_>>().join("\n")

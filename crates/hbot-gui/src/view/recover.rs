@@ -1,5 +1,5 @@
-//! The buttons that enable, disable and reset the rig, and the button `Recover`: reset and enable in
-//! one step, after a look at how far the sphere is from where the scene would pull it.
+//! The buttons that enable, disable and reset the rig, and the button `Recover`: reset and enable
+//! in one step, after a look at how far the sphere is from where the scene would pull it.
 
 use eframe::egui::text::LayoutJob;
 use eframe::egui::{Button, RichText, TextStyle, Ui, Vec2, vec2};

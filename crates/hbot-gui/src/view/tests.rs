@@ -257,8 +257,8 @@ fn primary(pos: Pos2, pressed: bool) -> Event {
     Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: Modifiers::NONE }
 }
 
-/// The rig stops once, as the pointer goes down on STOP, also if it slides off before it goes up. On
-/// a slow machine, a short press ends before the next frame.
+/// The rig stops once, as the pointer goes down on STOP, also if it slides off before it goes up.
+/// On a slow machine, a short press ends before the next frame.
 #[test]
 fn a_press_on_stop_stops_once_and_at_once() {
     for (slides, short) in [(false, false), (false, true), (true, false), (true, true)] {
