@@ -1,16 +1,16 @@
 //! Files on this machine: scenes, and exported samples.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
-use hbot_api::StateTiming;
+use hbot_api::{StateEvent, StateTiming};
 use hbot_config::SceneFile;
 use hbot_config::scene::{SHELF, ShelfScene};
+use hbot_record::flight::Name;
 use serde::Serialize;
 use serde_json::Value;
-
-use crate::model::PlotSample;
 
 /// Where a scene comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,8 +51,8 @@ pub(crate) struct ShelfFile {
     modified: Option<SystemTime>,
     /// The sentence that says what the scene feels like, or what is wrong with the file.
     description: Result<String, String>,
-    /// Whether the file is that of a ready-made scene.
-    is_copy: bool,
+    /// Whether the file is that of a ready-made scene, which is in the list already.
+    pub(crate) is_copy: bool,
 }
 
 impl ShelfFile {
@@ -81,11 +81,6 @@ impl ShelfFile {
         Self { source, modified, description, is_copy }
     }
 
-    /// Returns whether the file is that of a ready-made scene, which is in the list already.
-    pub(crate) fn is_copy(&self) -> bool {
-        self.is_copy
-    }
-
     /// Returns the description of the scene, or what to say in its place.
     pub(crate) fn said(&self) -> &str {
         match &self.description {
@@ -104,13 +99,17 @@ pub(crate) fn scenes(folder: &Path, known: &[ShelfFile]) -> Vec<ShelfFile> {
         Some(ready_made) => ready_made.to_vec(),
         None => SHELF.iter().copied().map(ShelfFile::ready_made).collect(),
     };
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let paths =
-        entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "toml"));
-    let mut paths: Vec<_> = paths.collect();
+    let mut paths: Vec<_> = files_of(folder, "toml").collect();
     paths.sort();
     all.extend(paths.into_iter().map(|path| ShelfFile::at(path, known)));
     all
+}
+
+/// Returns the files in a folder whose names have this ending. Returns none if the folder cannot
+/// be read.
+fn files_of(folder: &Path, ending: &str) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(move |path| path.extension().is_some_and(|e| e == ending))
 }
 
 /// Reads a scene, and returns it in the form that the op `load_scene` accepts.
@@ -131,12 +130,12 @@ pub(crate) fn save(path: &Path, scene: &Value) -> anyhow::Result<()> {
 }
 
 /// Writes samples to a new CSV file in `folder`, and returns the path of the file.
-pub(crate) fn export(folder: &Path, samples: &[PlotSample]) -> anyhow::Result<PathBuf> {
+pub(crate) fn export(folder: &Path, samples: &[Arc<StateEvent>]) -> anyhow::Result<PathBuf> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
     let path = folder.join(format!("hbot-{now}.csv"));
     let write = || -> anyhow::Result<()> {
         let mut csv = csv::Writer::from_path(&path)?;
-        let joints = samples.iter().map(|sample| sample.joints().len()).max().unwrap_or_default();
+        let joints = samples.iter().map(|sample| sample.joints.len()).max().unwrap_or_default();
         csv.write_record(columns(joints))?;
         for sample in samples {
             csv.serialize(row(sample, joints))?;
@@ -159,31 +158,25 @@ impl ReelFile {
     /// Returns what the list calls this file: a flight log by its time and its cause, such as
     /// `2026-01-31 23:59:59 UTC: thermal` for `flight-20260131T235959.123Z-4711-001-thermal.mcap`.
     pub(crate) fn title(&self) -> String {
-        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
-        let flight = || {
-            let rest = name.strip_prefix("flight-")?.strip_suffix(".mcap")?;
-            let [time, _, _, cause] = rest.split('-').collect::<Vec<_>>().try_into().ok()?;
-            let [year, month, day] = [0..4, 4..6, 6..8].map(|part| time.get(part));
-            let [hour, minute, second] = [9..11, 11..13, 13..15].map(|part| time.get(part));
-            let (date, hour) = (format!("{}-{}-{}", year?, month?, day?), hour?);
-            Some(format!("{date} {hour}:{}:{} UTC: {cause}", minute?, second?))
+        // The log that the recording belongs to.
+        let log = self.path.with_extension("csv");
+        let Some(Name { time, what, .. }) = log.file_name().and_then(|name| Name::parse(name.to_str()?))
+        else {
+            return self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         };
-        flight().unwrap_or_else(|| name.to_string())
+        let [year, month, day] = [0..4, 4..6, 6..8].map(|part| &time[part]);
+        let [hour, minute, second] = [9..11, 11..13, 13..15].map(|part| &time[part]);
+        format!("{year}-{month}-{day} {hour}:{minute}:{second} UTC: {what}")
     }
 }
 
-/// Returns the recordings (`*.mcap`) in a folder, at most `most`, the newest first. Returns an
-/// empty list if the folder cannot be read.
+/// Returns the recordings (`*.mcap`) in a folder, at most `most`, the newest first.
 pub(crate) fn reels(folder: &Path, most: usize) -> Vec<ReelFile> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let paths =
-        entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "mcap"));
-    let mut files: Vec<_> = paths
-        .filter_map(|path| {
-            let about = std::fs::metadata(&path).ok()?;
-            Some(ReelFile { path, modified: about.modified().ok()?, bytes: about.len() })
-        })
-        .collect();
+    let about = |path: PathBuf| {
+        let about = std::fs::metadata(&path).ok()?;
+        Some(ReelFile { path, modified: about.modified().ok()?, bytes: about.len() })
+    };
+    let mut files: Vec<_> = files_of(folder, "mcap").filter_map(about).collect();
     files.sort_by(|a, b| b.modified.cmp(&a.modified).then_with(|| a.path.cmp(&b.path)));
     files.truncate(most);
     files
@@ -222,20 +215,19 @@ fn columns(joints: usize) -> Vec<String> {
 }
 
 /// Returns the cells of one sample, in the order of [`columns`].
-fn row(s: &PlotSample, joints: usize) -> impl Serialize + use<> {
+fn row(s: &StateEvent, joints: usize) -> impl Serialize + use<> {
     let of_joints: Vec<_> = (0..joints)
-        .map(|k| s.joints().get(k).map(|joint| [joint.angle, joint.rate, joint.torque]))
+        .map(|k| s.joints.get(k).map(|joint| [joint.angle, joint.rate, joint.torque]))
         .flat_map(|joint| (0..3).map(move |part| joint.map(|joint| joint[part])))
         .collect();
-    let reference = s.reference.map(|q| [q.w, q.x, q.y, q.z]);
     let StateTiming { lateness_us, compute_us, link_us, age_us, lead_us } = s.timing;
     let times = [lateness_us, compute_us, link_us, age_us, lead_us];
     (
         (s.tick, s.t, s.mode, s.fault),
-        [s.q.w, s.q.x, s.q.y, s.q.z],
-        s.omega.to_array(),
-        [0, 1, 2, 3].map(|part| reference.map(|q| q[part])),
-        s.torque.to_array(),
+        s.q,
+        s.omega,
+        [0, 1, 2, 3].map(|part| s.reference.map(|q| q[part])),
+        s.torque,
         [s.slip, s.scale, s.traction, s.energy],
         (s.client.and_then(|client| client.seq), s.client.map(|client| client.age_ticks)),
         times,
@@ -246,7 +238,7 @@ fn row(s: &PlotSample, joints: usize) -> impl Serialize + use<> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_api::{ClientStream, Fault, JointState, StateEvent};
+    use hbot_api::{ClientStream, Fault, JointState};
     use std::collections::BTreeSet;
 
     #[test]
@@ -256,7 +248,7 @@ mod tests {
         let files = scenes(&scenes_of_the_project, &[]);
         assert!(files.iter().all(|file| file.said().ends_with('.')), "{files:?}");
         assert_eq!(scenes(&scenes_of_the_project, &files), files);
-        let offered = files.iter().filter(|file| !file.is_copy()).count();
+        let offered = files.iter().filter(|file| !file.is_copy).count();
         assert_eq!(offered, SHELF.len(), "the files of the project are the ready-made scenes");
         let path = folder.path().join("spring.toml");
         for ShelfFile { source, .. } in files {
@@ -266,7 +258,7 @@ mod tests {
         }
         // The user's own file is added to the ready-made scenes, also if it has the name of one.
         let mine = scenes(folder.path(), &[]).pop().expect("it is the last");
-        assert!(!mine.is_copy());
+        assert!(!mine.is_copy);
         assert_eq!(mine.source.name(), format!("spring ({})", folder.path().display()));
     }
 
@@ -281,8 +273,6 @@ mod tests {
             assert_eq!(ReelFile { path, modified: UNIX_EPOCH, bytes: 0 }.title(), title);
         }
     }
-
-    /// Returns the names of the columns for a field of a state.
     fn names(key: &str, value: &Value) -> Vec<String> {
         let with = |ends: &[&str]| ends.iter().map(|end| format!("{key}_{end}")).collect();
         match (key, value) {
@@ -312,8 +302,7 @@ mod tests {
             traction: 0.75,
             ..StateEvent::default()
         };
-        let samples =
-            [PlotSample::of(&full), PlotSample::of(&StateEvent { tick: 8, ..StateEvent::default() })];
+        let samples = [full.clone(), StateEvent { tick: 8, ..StateEvent::default() }].map(Arc::new);
         let path = export(folder.path(), &samples).expect("written");
         let mut csv = csv::Reader::from_path(path).expect("a file");
         let heads: Vec<String> = csv.headers().expect("a line").iter().map(str::to_owned).collect();

@@ -105,8 +105,6 @@ fn display() -> Option<String> {
         Some(format!("{name}={}", value.to_string_lossy()))
     })
 }
-
-/// Explains why there is no window.
 fn no_window(error: &eframe::Error) -> anyhow::Error {
     let text = match error {
         eframe::Error::WinitEventLoop(error) => error.to_string(),

@@ -29,11 +29,9 @@ pub struct Panel {
     out: PathBuf,
     /// The settings of the connection, for a recording.
     options: PanelOptions,
-    /// The recording that the panel makes.
     recorder: Option<Recorder>,
     /// Recordings that a thread has read, to be shown.
     opened: (Sender<Recorded>, Receiver<Recorded>),
-    /// The present title of the window.
     title: String,
 }
 
@@ -57,9 +55,9 @@ impl Panel {
         let mut model = Model::new(&options.server, &options.name, options.samples_per_s);
         model.observes = options.observe;
         let waker = ctx.clone();
-        let desk = Desk::new(folders.scenes, &options.server)
-            .judged_by(Judged::apart(move || waker.request_repaint()))
-            .recording_to(folders.out.clone());
+        let judged = Judged::apart(move || waker.request_repaint());
+        let out = folders.out.clone();
+        let desk = Desk::new(folders, &options.server, judged);
         let waker = ctx.clone();
         let network = Network::start(options.clone(), Arc::new(move || waker.request_repaint()))?;
         Ok(Self {
@@ -67,7 +65,7 @@ impl Panel {
             desk,
             network,
             delivery: Delivery::default(),
-            out: folders.out,
+            out,
             options,
             recorder: None,
             opened: channel(),
@@ -117,27 +115,25 @@ impl Panel {
             Act::Ask(intent) => self.ask(intent),
             Act::LoadScene(source) => match files::load(&source) {
                 Ok(scene) => self.ask(Intent::Load { scene }),
-                Err(error) => self.network.mailbox.post(News::Note(Err(format!("{error:#}")))),
+                Err(error) => self.network.mailbox.note(Err(error)),
             },
             Act::SaveScene(path) => {
                 let saved = files::save(&path, &self.model.scene.to_json());
-                let told = saved.map(|()| format!("saved as {}", path.display()));
-                self.network.mailbox.post(News::Note(told.map_err(|error| format!("{error:#}"))));
+                self.network.mailbox.note(saved.map(|()| format!("saved as {}", path.display())));
             }
             Act::Export(samples) => {
                 // An export writes megabytes, so it does not run in the window's thread.
                 let (mailbox, out) = (Arc::clone(&self.network.mailbox), self.out.clone());
                 self.apart("hbot-export", move || {
-                    let told = files::export(&out, &samples)
-                        .map(|path| format!("{} samples in {}", samples.len(), path.display()));
-                    mailbox.post(News::Note(told.map_err(|error| format!("{error:#}"))));
+                    let told = |path: PathBuf| format!("{} samples in {}", samples.len(), path.display());
+                    mailbox.note(files::export(&out, &samples).map(told));
                 });
             }
             Act::Record(path) => {
                 let options = PanelOptions { server: self.model.server.clone(), ..self.options.clone() };
                 match Recorder::start(options, path, Arc::clone(&self.network.mailbox)) {
                     Ok(recorder) => self.recorder = Some(recorder),
-                    Err(error) => self.network.mailbox.post(News::Note(Err(error.to_string()))),
+                    Err(error) => self.network.mailbox.note(Err(error.into())),
                 }
             }
             Act::Refuse(why) => self.network.mailbox.post(News::Note(Err(why))),
@@ -152,9 +148,9 @@ impl Panel {
                     Ok(recorded) => {
                         // The window may have gone.
                         let _ = opened.send(recorded);
-                        mailbox.post(News::Note(Ok(format!("opened {}", path.display()))));
+                        mailbox.note(Ok(format!("opened {}", path.display())));
                     }
-                    Err(error) => mailbox.post(News::Note(Err(format!("{error:#}")))),
+                    Err(error) => mailbox.note(Err(error)),
                 });
             }
         }
@@ -163,7 +159,7 @@ impl Panel {
     /// Runs `work` in a separate thread, because it can take long.
     fn apart(&self, name: &str, work: impl FnOnce() + Send + 'static) {
         if let Err(error) = std::thread::Builder::new().name(name.to_owned()).spawn(work) {
-            self.network.mailbox.post(News::Note(Err(error.to_string())));
+            self.network.mailbox.note(Err(error.into()));
         }
     }
 

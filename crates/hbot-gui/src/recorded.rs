@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context as _, bail};
 use hbot_api::{Event, InfoOk, LimitsInfo, Mode, RigInfo, StateEvent};
@@ -26,7 +27,7 @@ const MOST_STATES: usize = 150_000;
 pub(crate) struct Recorded {
     pub(crate) path: PathBuf,
     /// The states in the order of time, at least one.
-    pub(crate) states: Vec<StateEvent>,
+    pub(crate) states: Vec<Arc<StateEvent>>,
     /// One in this many states of the recording is kept.
     pub(crate) every: usize,
     /// Each scene as JSON, with its first tick, in the order of time.
@@ -106,7 +107,7 @@ impl Recorded {
                 return;
             }
         }
-        self.states.push(state);
+        self.states.push(Arc::new(state));
     }
 
     fn event(&mut self, event: &Event) {

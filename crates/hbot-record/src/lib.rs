@@ -6,6 +6,7 @@
 //! - [`client`] records what a client receives.
 //! - [`reader`] reads a recording, also one that is cut off or damaged.
 //! - [`told`] reads public messages back, and [`recover`] makes a whole file of a cut one.
+//! - [`flight`] writes and reads the file names of flight logs.
 //! - [`replay`] runs the recorded inputs through the control law and compares the outputs.
 //!
 //! docs/recordings.md describes the files.
@@ -13,6 +14,7 @@
 pub mod client;
 mod difference;
 pub mod exact;
+pub mod flight;
 mod index;
 #[allow(missing_docs, clippy::all, reason = "made from the definitions in proto/")]
 pub mod messages;

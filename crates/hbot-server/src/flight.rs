@@ -16,10 +16,10 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rustix::fs::{Access, access};
 
-use self::names::Name;
 pub use self::names::{MAX_FILES, prune};
 use crate::service::convert;
 use hbot_host::run_loop::sample::Sample;
+use hbot_record::flight::Name;
 
 /// How long before a fault its flight log begins.
 const BEFORE: Duration = Duration::from_secs(1);

@@ -47,22 +47,25 @@ names! {
     /// What is wrong with a motor controller.
     pub enum ControllerFlag {
         /// The controller reports that it has a fault.
-        Fault = "fault",
+        Fault = "fault": "The controller reports that it has a fault.",
         /// Its watchdog has expired, because no command arrived in time.
-        Watchdog = "watchdog",
+        Watchdog = "watchdog": "Its watchdog has expired: no command arrived in time.",
         /// The motor's current is at its limit or beyond it.
-        Overcurrent = "overcurrent",
+        Overcurrent = "overcurrent": "The motor's current is at its limit or beyond it.",
         /// The motor or the power stage is too hot.
-        Overtemperature = "overtemperature",
+        Overtemperature = "overtemperature": "The motor or the power stage is too hot.",
         /// The motor is on although it was commanded off, or off although it was commanded on.
-        Disobeyed = "disobeyed",
+        Disobeyed = "disobeyed": "The motor is on although it was commanded off, or off although it was commanded on.",
         /// It has reported a value that is not a finite number.
-        NotFinite = "not_finite",
+        NotFinite = "not_finite": "It has reported a value that is not a number.",
         /// It may have lost power within the last 5 s, and with it the zero of its joint.
-        Restarted = "restarted",
+        Restarted = "restarted": "It may have lost power, and with it the zero of its joint.",
         /// Nothing has arrived from it for 0.2 s.
-        Silent = "silent",
+        Silent = "silent": "Nothing has arrived from it for 0.2 s.",
     }
+
+    /// Returns an explanation of this complaint, for the person who uses the rig.
+    fn sentence() -> &'static str;
 }
 
 impl Client {
@@ -71,5 +74,17 @@ impl Client {
     pub fn controllers(&mut self) -> Result<Vec<ControllerInfo>, ClientError> {
         let answer: ControllersOk = self.ask(Op::Controllers)?;
         Ok(answer.controllers)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn each_complaint_is_explained_in_its_own_words() {
+        let sentences: BTreeSet<_> = ControllerFlag::ALL.iter().map(|flag| flag.sentence()).collect();
+        assert_eq!(sentences.len(), ControllerFlag::ALL.len());
     }
 }

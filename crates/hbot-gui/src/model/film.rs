@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::sample::{PlotSample, quaternion};
+use super::sample::quaternion;
 use super::{Link, Model, SPAN_S, is_rendering};
 use crate::recorded::Recorded;
 
@@ -11,7 +11,6 @@ use crate::recorded::Recorded;
 #[derive(Debug)]
 pub(crate) struct Film {
     pub(crate) recorded: Arc<Recorded>,
-    /// Index of the state that is shown.
     at: usize,
     /// The tick from which the shown scene was rendered.
     scene: Option<u64>,
@@ -21,7 +20,6 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// Opens a recording at its first state.
     pub(crate) fn new(recorded: Arc<Recorded>) -> Self {
         let mut model = Model::new("", "", 0);
         model.link = Link::Recording;
@@ -30,8 +28,6 @@ impl Film {
         film.show(0);
         film
     }
-
-    /// Returns the name of the file.
     pub(crate) fn name(&self) -> String {
         let path = &self.recorded.path;
         path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
@@ -72,7 +68,7 @@ impl Film {
             self.model.history.clear();
         }
         for state in &recorded.states[from.max(first)..=at] {
-            self.model.history.push(PlotSample::of(state));
+            self.model.history.push(Arc::clone(state));
         }
         self.model.marks.clear();
         for mark in recorded.marks.iter().filter(|mark| state.t - SPAN_S <= mark.t && mark.t <= state.t) {
@@ -89,7 +85,7 @@ impl Film {
         let before = recorded.states[..at].iter().rposition(|state| !is_rendering(state.mode));
         let began = before.filter(|_| is_rendering(state.mode)).map(|index| &recorded.states[index + 1]);
         self.model.began = began.map(|state| quaternion(state.q));
-        self.model.state = Some(state.clone());
+        self.model.state = Some((**state).clone());
         self.at = at;
     }
 }
@@ -103,12 +99,9 @@ mod tests {
 
     #[test]
     fn a_recording_shows_what_was_known_at_each_moment() {
-        let state = |tick: u64| StateEvent {
-            tick,
-            t: tick as f64 / 100.0,
-            mode: if tick < 20 { Mode::Idle } else { Mode::Active },
-            torque: [tick as f64, 0.0, 0.0],
-            ..StateEvent::default()
+        let state = |tick: u64| {
+            let mode = if tick < 20 { Mode::Idle } else { Mode::Active };
+            Arc::new(StateEvent { tick, t: tick as f64 / 100.0, mode, ..StateEvent::default() })
         };
         let scene = |name: &str| json!({"name": name, "effect": []});
         let recorded = Recorded {

@@ -1,8 +1,9 @@
 //! Fits stiffness and damping to samples of torque and deflection, as in the paper's figure 8.
 
 use glam::{DMat3, DQuat, DVec3};
+use hbot_api::{Mode, StateEvent};
 
-use super::PlotSample;
+use super::sample::{deflection, zero};
 
 /// Smallest number of samples from which stiffness and damping are fitted.
 const LEAST_SAMPLES: usize = 20;
@@ -44,15 +45,15 @@ impl Fit {
 /// Returns `None` for an axis with too few samples or too little deflection. Ignores samples whose
 /// torque was limited, and samples of a rig that is not active.
 pub(crate) fn fit<'a>(
-    samples: impl Iterator<Item = &'a PlotSample>,
+    samples: impl Iterator<Item = &'a StateEvent>,
     chosen: Option<DQuat>,
 ) -> [Option<Fit>; 3] {
     let mut axes = [Axis::default(); 3];
-    for sample in samples.filter(|sample| sample.active && sample.scale > 0.999) {
-        let zero = sample.zero(chosen);
-        let deflection = sample.deflection(zero);
-        let omega = zero.conjugate() * sample.omega;
-        let torque = zero.conjugate() * sample.torque;
+    for sample in samples.filter(|sample| sample.mode == Mode::Active && sample.scale > 0.999) {
+        let zero = zero(sample, chosen);
+        let deflection = deflection(sample, zero);
+        let omega = zero.conjugate() * DVec3::from(sample.omega);
+        let torque = zero.conjugate() * DVec3::from(sample.torque);
         for (k, axis) in axes.iter_mut().enumerate() {
             axis.add(deflection[k], omega[k], torque[k]);
         }
@@ -65,21 +66,17 @@ pub(crate) fn fit<'a>(
 #[derive(Clone, Copy, Default)]
 struct Axis {
     count: usize,
-    matrix: [[f64; 3]; 3],
-    right: [f64; 3],
+    matrix: [DVec3; 3],
+    right: DVec3,
     squares: f64,
     range: Option<[f64; 2]>,
 }
 
 impl Axis {
     fn add(&mut self, deflection: f64, rate: f64, torque: f64) {
-        let row = [deflection, rate, 1.0];
-        for i in 0..3 {
-            for j in 0..3 {
-                self.matrix[i][j] += row[i] * row[j];
-            }
-            self.right[i] += row[i] * torque;
-        }
+        let row = DVec3::new(deflection, rate, 1.0);
+        self.matrix = [0, 1, 2].map(|k| self.matrix[k] + row[k] * row);
+        self.right += row * torque;
         self.squares += torque * torque;
         self.count += 1;
         let [low, high] = self.range.unwrap_or([deflection; 2]);
@@ -92,8 +89,9 @@ impl Axis {
         if self.count < LEAST_SAMPLES || variance < LEAST_SPREAD * LEAST_SPREAD {
             return None;
         }
-        let matrix = DMat3::from_cols_array_2d(&self.matrix) * (1.0 / n);
-        let right = DVec3::from(self.right) / n;
+        let [a, b, c] = self.matrix;
+        let matrix = DMat3::from_cols(a, b, c) * (1.0 / n);
+        let right = self.right / n;
         // If the rate hardly varies (a sphere that creeps) or depends on the deflection, fit the
         // stiffness alone.
         let rate_variance = self.matrix[1][1] / n - (self.matrix[1][2] / n).powi(2);
@@ -118,19 +116,15 @@ impl Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hbot_api::{Mode, StateEvent};
 
-    fn moving(k: usize, zero: DQuat, stiffness: DVec3, damping: f64) -> PlotSample {
+    fn moving(k: usize, zero: DQuat, stiffness: DVec3, damping: f64) -> StateEvent {
         let t = k as f64 * 1e-2;
         let deflection = DVec3::new(0.02 * t.sin(), 0.01 * (1.7 * t).cos(), 0.0);
         let rate = DVec3::new(0.02 * t.cos(), -0.017 * (1.7 * t).sin(), 0.0);
-        let torque = zero * (-stiffness * deflection - damping * rate);
-        let state = StateEvent { mode: Mode::Active, ..StateEvent::default() };
-        let mut sample = PlotSample::of(&state);
-        sample.q = zero * DQuat::from_scaled_axis(deflection);
-        sample.omega = zero * rate;
-        sample.torque = torque;
-        sample
+        let torque = (zero * (-stiffness * deflection - damping * rate)).to_array();
+        let q = zero * DQuat::from_scaled_axis(deflection);
+        let (q, omega) = ([q.w, q.x, q.y, q.z], (zero * rate).to_array());
+        StateEvent { mode: Mode::Active, q, omega, torque, ..StateEvent::default() }
     }
 
     #[test]
@@ -165,7 +159,7 @@ mod tests {
         let mut samples: Vec<_> =
             (0..1000).map(|k| moving(k, DQuat::IDENTITY, DVec3::splat(1.0), 0.0)).collect();
         for sample in samples.iter_mut().step_by(2) {
-            sample.torque *= 0.5;
+            sample.torque = sample.torque.map(|part| 0.5 * part);
             sample.scale = 0.5;
         }
         let [a, ..] = fit(samples.iter(), None);

@@ -27,7 +27,6 @@ pub(crate) enum Headline {
 }
 
 impl Headline {
-    /// Returns the headline as it stands in the window.
     pub(crate) fn text(self) -> String {
         match self {
             Self::NotStopped => "NOT STOPPED".to_owned(),
@@ -132,8 +131,6 @@ impl Model {
     pub(crate) fn is_simulated(&self) -> bool {
         self.simulated == Some(true)
     }
-
-    /// Returns the title of the window.
     pub(crate) fn title(&self) -> String {
         match self.badge() {
             Some(badge) => format!("{badge}: {} at {} - hbot panel", self.info.rig.name, self.server),

@@ -22,8 +22,6 @@ impl Histogram {
         self.counts[(bin.max(0.0) as usize).min(BINS - 1)] += 1;
         self.total += 1;
     }
-
-    /// Returns the number of samples in each bin.
     pub(crate) const fn counts(&self) -> &[u64; BINS] {
         &self.counts
     }

@@ -1,8 +1,10 @@
 //! The samples of the last seconds, in bounded memory at any rate.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
-use super::PlotSample;
+use glam::DVec3;
+use hbot_api::StateEvent;
 
 /// Largest number of samples kept for the plots: 30 s at 1 kHz, 20 MB.
 const MAX_SAMPLES: usize = 32_768;
@@ -10,15 +12,15 @@ const MAX_SAMPLES: usize = 32_768;
 /// Longest time that the plots can show, in seconds of the control loop's time.
 pub(crate) const SPAN_S: f64 = 30.0;
 
-/// The samples of the last [`SPAN_S`] seconds, in order of time. If samples arrive so fast that
+/// The states of the last [`SPAN_S`] seconds, in order of time. If samples arrive so fast that
 /// they would need too much memory, some are skipped.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct History {
-    samples: VecDeque<PlotSample>,
+    samples: VecDeque<Arc<StateEvent>>,
 }
 
 impl History {
-    pub(crate) fn push(&mut self, sample: PlotSample) {
+    pub(crate) fn push(&mut self, sample: Arc<StateEvent>) {
         if let Some(last) = self.samples.back() {
             if sample.tick <= last.tick {
                 // A tick number that does not increase means another server or a restart, with
@@ -31,14 +33,14 @@ impl History {
         if self.samples.len() == MAX_SAMPLES {
             self.samples.pop_front();
         }
-        self.samples.push_back(sample);
         while self.samples.front().is_some_and(|first| sample.t - first.t > SPAN_S) {
             self.samples.pop_front();
         }
+        self.samples.push_back(sample);
     }
 
     /// Returns the samples of the last `seconds` seconds, oldest first.
-    pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &PlotSample> + Clone {
+    pub(crate) fn last(&self, seconds: f64) -> impl ExactSizeIterator<Item = &Arc<StateEvent>> + Clone {
         let from = self.newest().map_or(0.0, |newest| newest.t - seconds);
         let start = self.samples.partition_point(|sample| sample.t < from);
         self.samples.range(start..)
@@ -46,28 +48,23 @@ impl History {
 
     /// Returns the largest speed of the sphere in the last `seconds` seconds, rad/s.
     pub(crate) fn fastest(&self, seconds: f64) -> f64 {
-        self.last(seconds).map(|sample| sample.omega.length()).fold(0.0, f64::max)
+        self.last(seconds).map(|sample| DVec3::from(sample.omega).length()).fold(0.0, f64::max)
     }
 
     /// Returns the largest torque on the sphere in the last `seconds` seconds, N m.
     pub(crate) fn strongest(&self, seconds: f64) -> f64 {
-        self.last(seconds).map(|sample| sample.torque.length()).fold(0.0, f64::max)
+        self.last(seconds).map(|sample| DVec3::from(sample.torque).length()).fold(0.0, f64::max)
     }
 
     /// Returns whether the torque was at least `torque`, N m, in all of the last `seconds` seconds.
     pub(crate) fn pushes_with(&self, torque: f64, seconds: f64) -> bool {
         let known = self.samples.front().zip(self.newest());
         known.is_some_and(|(first, newest)| newest.t - first.t >= seconds)
-            && self.last(seconds).all(|sample| sample.torque.length() >= torque)
+            && self.last(seconds).all(|sample| DVec3::from(sample.torque).length() >= torque)
     }
 
-    pub(crate) fn newest(&self) -> Option<&PlotSample> {
-        self.samples.back()
-    }
-
-    #[cfg(test)]
-    fn len(&self) -> usize {
-        self.samples.len()
+    pub(crate) fn newest(&self) -> Option<&StateEvent> {
+        self.samples.back().map(Arc::as_ref)
     }
 
     pub(crate) fn clear(&mut self) {
@@ -78,45 +75,30 @@ impl History {
 /// Reduces the points of a curve so that they can be drawn quickly in a plot of `columns` columns:
 /// keeps the lowest and the highest point of each column, in order of time. Every spike stays
 /// visible.
-pub(crate) fn thinned(samples: impl ExactSizeIterator<Item = [f64; 2]>, columns: usize) -> Vec<[f64; 2]> {
-    let count = samples.len();
-    let width = count.div_ceil(columns.max(1));
+pub(crate) fn thinned(samples: impl Iterator<Item = [f64; 2]>, columns: usize) -> Vec<[f64; 2]> {
+    let points: Vec<[f64; 2]> = samples.collect();
+    let width = points.len().div_ceil(columns.max(1));
     if width <= 2 {
-        return samples.collect();
+        return points;
     }
-    let mut out = Vec::with_capacity(2 * columns + 2);
-    let mut column: Option<([f64; 2], [f64; 2])> = None;
-    for (k, point) in samples.enumerate() {
-        let (low, high) = column.get_or_insert((point, point));
-        if point[1] < low[1] {
-            *low = point;
-        }
-        if point[1] > high[1] {
-            *high = point;
-        }
-        if (k + 1) % width == 0 || k + 1 == count {
-            let (low, high) = (*low, *high);
-            column = None;
-            if low == high {
-                out.push(low);
-            } else if low[0] < high[0] {
-                out.extend([low, high]);
-            } else {
-                out.extend([high, low]);
-            }
-        }
-    }
-    out
+    let ends = |column: &[[f64; 2]]| {
+        let height = |a: &&[f64; 2], b: &&[f64; 2]| a[1].total_cmp(&b[1]);
+        let low = column.iter().min_by(height).copied();
+        let high = column.iter().min_by(|a, b| height(b, a)).copied();
+        let mut ends = Vec::from_iter(low.into_iter().chain(high));
+        ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        ends.dedup();
+        ends
+    };
+    points.chunks(width).flat_map(ends).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
-    use hbot_api::StateEvent;
 
-    fn sample(tick: u64, rate_hz: f64) -> PlotSample {
-        PlotSample::of(&StateEvent { tick, t: tick as f64 / rate_hz, ..StateEvent::default() })
+    fn sample(tick: u64, rate_hz: f64) -> Arc<StateEvent> {
+        Arc::new(StateEvent { tick, t: tick as f64 / rate_hz, ..StateEvent::default() })
     }
 
     #[test]
@@ -125,7 +107,7 @@ mod tests {
             let mut history = History::default();
             let ticks = (40.0 * rate_hz) as u64;
             (0..ticks).for_each(|tick| history.push(sample(tick, rate_hz)));
-            assert!(history.len() <= MAX_SAMPLES);
+            assert!(history.samples.len() <= MAX_SAMPLES);
             let oldest = history.last(f64::INFINITY).next().expect("samples").t;
             let span = history.newest().expect("samples").t - oldest;
             // The tolerance is one sample, or one of 32,768 samples if samples are skipped.
@@ -137,7 +119,7 @@ mod tests {
     fn at_1_khz_no_sample_is_passed_over() {
         let mut history = History::default();
         (0..30_000).for_each(|tick| history.push(sample(tick, 1000.0)));
-        assert_eq!(history.len(), 30_000);
+        assert_eq!(history.samples.len(), 30_000);
         assert_eq!(history.last(1.0).len(), 1001);
     }
 
@@ -146,17 +128,16 @@ mod tests {
         let mut history = History::default();
         (0..100).for_each(|tick| history.push(sample(tick, 100.0)));
         history.push(sample(3, 100.0));
-        assert_eq!(history.len(), 1);
+        assert_eq!(history.samples.len(), 1);
     }
 
     #[test]
     fn a_torque_counts_that_lasts() {
         let mut history = History::default();
         for tick in 0..800 {
-            let torque = DVec3::new(0.0, if tick < 100 { 0.1 } else { 0.9 }, 0.0);
-            let mut sample = sample(tick, 1000.0);
-            sample.torque = torque;
-            history.push(sample);
+            let torque = [0.0, if tick < 100 { 0.1 } else { 0.9 }, 0.0];
+            let state = StateEvent { tick, t: tick as f64 / 1000.0, torque, ..StateEvent::default() };
+            history.push(Arc::new(state));
             let lasts = tick >= 300;
             assert_eq!(history.pushes_with(0.85, 0.2), lasts, "tick {tick}");
         }
@@ -168,7 +149,7 @@ mod tests {
     #[test]
     fn a_thinned_curve_keeps_its_spikes() {
         let curve = (0..10_000).map(|k| [f64::from(k), if k == 4321 { 9.0 } else { 0.0 }]);
-        let thin = thinned(curve.collect::<Vec<_>>().into_iter(), 300);
+        let thin = thinned(curve, 300);
         assert!(thin.len() <= 602, "{}", thin.len());
         assert!(thin.contains(&[4321.0, 9.0]));
         assert!(thin.windows(2).all(|w| w[0][0] < w[1][0]), "in order");

@@ -1,7 +1,7 @@
 //! What the rig keeps stable of the scene that the user sees, by the computation of the server.
 
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
 
 use hbot_api::InfoOk;
@@ -179,7 +179,8 @@ impl Judged {
             Some(judge) if !self.asked.contains(&question) => {
                 self.asked.retain(|asked| !question.about.replaces(&asked.about));
                 self.asked.push(question.clone());
-                judge.ask(Arc::clone(abilities), question.clone());
+                // The thread lives as long as this sender, so this does not fail.
+                let _ = judge.questions.send((Arc::clone(abilities), question.clone()));
             }
             Some(_) => {}
         }
@@ -188,76 +189,48 @@ impl Judged {
     }
 }
 
-/// A thread that answers questions, the newest of each kind.
+/// A thread that answers questions, the newest of each kind. It ends when this value is dropped.
 #[derive(Debug)]
 struct Apart {
-    waiting: Arc<Waiting>,
+    questions: Sender<Asked>,
     answers: Receiver<(Arc<Abilities>, Question, Answer)>,
 }
 
 /// A question, and the abilities of the rig that it is about.
 type Asked = (Arc<Abilities>, Question);
 
-#[derive(Debug, Default)]
-struct Waiting {
-    /// The questions, and whether the window is still there.
-    questions: Mutex<(Vec<Asked>, bool)>,
-    more: Condvar,
-}
-
 impl Apart {
     /// Returns `None` if the system gives no thread.
     fn start(wake: impl Fn() + Send + 'static) -> Option<Self> {
-        let waiting = Arc::new(Waiting { questions: Mutex::new((Vec::new(), true)), more: Condvar::new() });
-        let (tell, answers) = channel();
-        let served = Arc::clone(&waiting);
-        let judge = move || served.serve(&tell, wake);
+        let ((questions, inbox), (tell, answers)) = (channel(), channel());
+        let judge = move || {
+            let mut waiting = Vec::new();
+            while let Some((abilities, question)) = next(&mut waiting, &inbox) {
+                let answer = question.answer(&abilities);
+                if tell.send((abilities, question, answer)).is_err() {
+                    return;
+                }
+                wake();
+            }
+        };
         thread::Builder::new().name("judge".to_owned()).spawn(judge).ok()?;
-        Some(Self { waiting, answers })
-    }
-
-    /// Asks a question. An older one that it replaces, and that waits, is forgotten.
-    fn ask(&self, abilities: Arc<Abilities>, question: Question) {
-        let mut waiting = self.waiting.questions.lock().unwrap_or_else(PoisonError::into_inner);
-        waiting.0.retain(|(_, older)| !question.about.replaces(&older.about));
-        waiting.0.push((abilities, question));
-        self.waiting.more.notify_one();
+        Some(Self { questions, answers })
     }
 }
 
-impl Drop for Apart {
-    fn drop(&mut self) {
-        self.waiting.questions.lock().unwrap_or_else(PoisonError::into_inner).1 = false;
-        self.waiting.more.notify_one();
+/// Waits for the next question. An older one that another replaces is forgotten. Returns `None` if
+/// the window has gone.
+fn next(waiting: &mut Vec<Asked>, inbox: &Receiver<Asked>) -> Option<Asked> {
+    if waiting.is_empty() {
+        waiting.push(inbox.recv().ok()?);
     }
-}
-
-impl Waiting {
-    fn serve(&self, tell: &Sender<(Arc<Abilities>, Question, Answer)>, wake: impl Fn()) {
-        while let Some((abilities, question)) = self.next() {
-            let answer = question.answer(&abilities);
-            if tell.send((abilities, question, answer)).is_err() {
-                return;
-            }
-            wake();
-        }
+    for asked in inbox.try_iter() {
+        waiting.retain(|(_, older)| !asked.1.about.replaces(&older.about));
+        waiting.push(asked);
     }
-
-    /// Waits for the next question. Returns `None` if the window has gone.
-    fn next(&self) -> Option<(Arc<Abilities>, Question)> {
-        let mut waiting = self.questions.lock().unwrap_or_else(PoisonError::into_inner);
-        loop {
-            if !waiting.1 {
-                return None;
-            }
-            if !waiting.0.is_empty() {
-                // Curves take little time, and follow a slider at once.
-                let curves = waiting.0.iter().position(|(_, question)| question.about == About::Curves);
-                return Some(waiting.0.remove(curves.unwrap_or(0)));
-            }
-            waiting = self.more.wait(waiting).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
+    // Curves take little time, and follow a slider at once.
+    let curves = waiting.iter().position(|(_, question)| question.about == About::Curves);
+    Some(waiting.remove(curves.unwrap_or(0)))
 }
 
 #[cfg(test)]
@@ -289,9 +262,12 @@ pub(super) mod tests {
         let abilities = Arc::new(Abilities::told(Told::from(&told())));
         let border = About::Border { key: StiffnessKey { effect: 0, axis: None }, most: 400.0 };
         let asked = |about| (Arc::clone(&abilities), Question { about, scene: scene(0.01) });
-        let questions = [border, About::Curves, About::Warnings].map(asked).to_vec();
-        let waiting = Waiting { questions: Mutex::new((questions, true)), more: Condvar::new() };
-        let order = [(); 3].map(|()| waiting.next().expect("a question").1.about);
+        let (questions, inbox) = channel();
+        for question in [border, About::Curves, About::Warnings].map(asked) {
+            questions.send(question).expect("a queue");
+        }
+        let mut waiting = Vec::new();
+        let order = [(); 3].map(|()| next(&mut waiting, &inbox).expect("a question").1.about);
         assert_eq!(order, [About::Curves, border, About::Warnings]);
     }
 

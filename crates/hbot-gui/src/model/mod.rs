@@ -17,7 +17,6 @@ mod scene;
 mod stop;
 #[cfg(test)]
 pub(crate) mod tests;
-pub(crate) mod words;
 
 use std::time::{Duration, Instant};
 
@@ -36,7 +35,6 @@ pub(crate) use judged::Judged;
 pub(crate) use marks::{Mark, Marks, What};
 pub(crate) use messages::{Messages, Weight};
 pub(crate) use refusal::Refusal;
-pub(crate) use sample::PlotSample;
 pub(crate) use scene::{Effect, Scene};
 pub(crate) use stop::{PendingStop, has_torque};
 
@@ -55,8 +53,9 @@ const NO_MOTORS: &str = "the rig is simulated and has no motors";
 const TAKEN: &str = " has taken over command";
 
 /// The state of the panel's connection to the server: being made, missing or established.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) enum Link {
+    #[default]
     Connecting,
     /// There is no connection to the server.
     Offline {
@@ -72,7 +71,7 @@ pub(crate) enum Link {
 
 /// Everything that the panel knows about the server and the rig: the connection, the newest state,
 /// histories, statistics, the scene and messages.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Model {
     pub(crate) server: String,
     pub(crate) link: Link,
@@ -132,37 +131,7 @@ impl Model {
     /// Creates the model of a panel that is not connected yet. `name` is the name of the panel's
     /// clients.
     pub(crate) fn new(server: &str, name: &str, samples_per_s: u32) -> Self {
-        Self {
-            server: server.to_owned(),
-            link: Link::Connecting,
-            lease: Lease::Unknown,
-            observes: false,
-            name: name.to_owned(),
-            sessions: OwnSessions::default(),
-            stop_sessions: OwnSessions::default(),
-            simulated: None,
-            stops: Vec::new(),
-            state: None,
-            heard: None,
-            history: History::default(),
-            marks: Marks::default(),
-            began: None,
-            unmarked: Vec::new(),
-            lateness: Histogram::default(),
-            info: InfoOk::default(),
-            stats: None,
-            controllers: Vec::new(),
-            lacks_controllers: false,
-            scene: Scene::default(),
-            fault: None,
-            fault_before: None,
-            refusal: None,
-            shaking: None,
-            messages: Messages::default(),
-            recording: None,
-            dropped: 0,
-            samples_per_s,
-        }
+        Self { server: server.to_owned(), name: name.to_owned(), samples_per_s, ..Self::default() }
     }
 
     pub(crate) const fn is_online(&self) -> bool {
@@ -228,13 +197,14 @@ impl Model {
         for news in delivery.news.drain(..) {
             self.news(news);
         }
+        let state = delivery.samples.back().cloned();
         for sample in delivery.samples.drain(..) {
             self.lateness.add(sample.timing.lateness_us);
             self.history.push(sample);
         }
         self.mark();
         self.dropped += std::mem::take(&mut delivery.lost);
-        if let Some(state) = delivery.state.take() {
+        if let Some(state) = state {
             // The message about a stop can overtake the states before it.
             let over = |fault: &FaultEvent| {
                 state.tick > fault.tick && !matches!(state.mode, Mode::Fault | Mode::Estop)
@@ -249,7 +219,7 @@ impl Model {
                 Some(true) if now => {}
                 _ => self.began = None,
             }
-            self.state = Some(state);
+            self.state = Some((*state).clone());
             self.heard = Some(Instant::now());
         }
     }
@@ -273,7 +243,7 @@ impl Model {
             let Some((now, newest)) = newest else { continue };
             if what == What::Scene && self.mode().is_some_and(is_rendering) {
                 // A scene that is loaded into an active rig begins where the sphere is.
-                self.began = self.history.newest().map(|newest| newest.q);
+                self.began = self.history.newest().map(|newest| quaternion(newest.q));
             }
             let rate = f64::from(self.info.rig.rate_hz);
             let ago = match tick {
@@ -323,10 +293,7 @@ impl Model {
                 }
                 self.link = Link::Offline { why, absent, again: Instant::now() + again_in };
                 self.lease = Lease::Unknown;
-                self.state = None;
-                self.stats = None;
-                self.controllers.clear();
-                self.lacks_controllers = false;
+                self.forget_reports();
                 self.scene.forget_pending();
             }
             News::Info(info) => {
@@ -366,10 +333,7 @@ impl Model {
         self.marks.clear();
         self.unmarked.clear();
         self.lateness = Histogram::default();
-        self.state = None;
-        self.stats = None;
-        self.controllers.clear();
-        self.lacks_controllers = false;
+        self.forget_reports();
         self.began = None;
         self.info.scene = serde_json::Value::Null;
         self.heard = Some(Instant::now());
@@ -382,6 +346,14 @@ impl Model {
         self.simulated = None;
         let here = self.stops.iter_mut().filter(|stop| stop.server == self.server);
         here.for_each(PendingStop::reconnect);
+    }
+
+    /// Forgets what the server reports again and again.
+    fn forget_reports(&mut self) {
+        self.state = None;
+        self.stats = None;
+        self.controllers.clear();
+        self.lacks_controllers = false;
     }
 
     fn fault(&mut self, fault: FaultEvent) {
@@ -478,8 +450,6 @@ impl Model {
         self.lease = lease;
     }
 }
-
-/// Returns whether the rig renders the scene in a mode.
 const fn is_rendering(mode: Mode) -> bool {
     matches!(mode, Mode::Enabling | Mode::Active)
 }

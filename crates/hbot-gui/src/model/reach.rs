@@ -1,5 +1,6 @@
 //! At which deflection an effect reaches the rig's torque limit. The law of the effect is asked.
 
+use std::cmp::Ordering;
 use std::f64::consts::PI;
 
 use hbot_core::render::around::{Place, Spot, Swing};
@@ -45,7 +46,12 @@ pub(crate) fn reach(scene: &CompiledScene, index: usize, limit: f64) -> Option<R
         };
         first(limit, wall, torque)
     });
-    found.reduce(sooner)
+    // What reaches the limit comes first, the sooner the better, and else what has most torque.
+    let order = |reach: &Reach| match *reach {
+        Reach::At { angle, .. } => (0, angle),
+        Reach::Never { most, .. } => (1, -most),
+    };
+    found.min_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal))
 }
 
 /// Returns the axis in frame N about which the law is stiffest around `place`, or `None` if it has
@@ -77,27 +83,6 @@ fn first(limit: f64, wall: bool, torque: impl Fn(f64) -> f64) -> Option<Reach> {
     } else {
         Reach::Never { most: largest, angle: high }
     })
-}
-
-fn sooner(a: Reach, b: Reach) -> Reach {
-    match (a, b) {
-        (Reach::At { angle: x, .. }, Reach::At { angle: y, .. }) => {
-            if y < x {
-                b
-            } else {
-                a
-            }
-        }
-        (Reach::Never { most: x, .. }, Reach::Never { most: y, .. }) => {
-            if y > x {
-                b
-            } else {
-                a
-            }
-        }
-        (Reach::At { .. }, _) => a,
-        (_, Reach::At { .. }) => b,
-    }
 }
 
 impl Reach {

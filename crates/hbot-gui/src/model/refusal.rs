@@ -36,8 +36,6 @@ impl Refusal {
         let turned = self.q.is_some_and(|q| q.angle_between(quaternion(state.q)) > TURNED);
         has_torque(state.mode) || !stopped && (self.intent == Intent::Reset || turned)
     }
-
-    /// Returns what was refused and why.
     pub(crate) fn in_words(&self) -> String {
         let what = match self.intent {
             Intent::Enable => "enabled",

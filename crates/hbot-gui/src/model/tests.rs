@@ -1,5 +1,6 @@
 //! Tests of what the panel concludes from what arrives, and models for the tests of the views.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use hbot_api::{Requester, WheelInfo};
@@ -27,9 +28,7 @@ pub(crate) fn commanding(simulated: bool) -> Model {
     see(&mut model, 100, Mode::Active);
     model
 }
-
-/// Returns the answer to the hello of the connection `session`.
-fn hello(session: u64) -> HelloOk {
+pub(crate) fn hello(session: u64) -> HelloOk {
     let (server, rig) = ("hbot 0.1.0".to_owned(), "Prototype".to_owned());
     HelloOk { server, version: 1, rig, rate_hz: 1000.0, session }
 }
@@ -46,8 +45,7 @@ pub(crate) fn see(model: &mut Model, tick: u64, mode: Mode) {
 
 /// Gives the model a state of the rig.
 pub(crate) fn see_state(model: &mut Model, state: StateEvent) {
-    let samples = [PlotSample::of(&state)].into();
-    model.take(&mut Delivery { state: Some(state), samples, ..Delivery::default() });
+    model.take(&mut Delivery { samples: [Arc::new(state)].into(), ..Delivery::default() });
     // A slow machine makes nobody silent.
     model.heard = Some(Instant::now() + Duration::from_secs(3600));
 }
@@ -61,8 +59,6 @@ pub(crate) fn grow_silent(model: &mut Model) {
 pub(crate) fn grow_quiet(model: &mut Model) {
     model.heard = Instant::now().checked_sub(Duration::from_millis(640));
 }
-
-/// Ends the model's connection.
 pub(crate) fn disconnect(model: &mut Model) {
     let again_in = Duration::from_secs(1);
     hear(model, News::Offline { why: "the server stops".to_owned(), absent: true, again_in });
@@ -87,8 +83,6 @@ pub(crate) fn stop_in_vain(model: &mut Model) {
     let result = Err("the server has not confirmed the stop (no answer)".to_owned());
     hear(model, News::Stop { server: model.server.clone(), result });
 }
-
-/// Makes the present server confirm a stop.
 fn confirm(model: &mut Model) {
     hear(model, News::Stop { server: model.server.clone(), result: Ok(()) });
 }

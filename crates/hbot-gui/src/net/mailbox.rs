@@ -2,13 +2,12 @@
 //! entries are dropped and the writer never waits.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use hbot_api::StateEvent;
 
 use super::{Intent, News, Wake};
-use crate::model::sample::PlotSample;
 
 /// Largest number of states that are kept until the window takes them: several seconds at 1 kHz.
 const MAX_SAMPLES: usize = 8192;
@@ -23,9 +22,7 @@ const WAKE_EVERY: Duration = Duration::from_micros(16_000);
 /// Everything that has arrived from the server since the window last fetched it.
 #[derive(Default)]
 pub(crate) struct Delivery {
-    pub(crate) samples: VecDeque<PlotSample>,
-    /// The newest state, including the joints that samples leave out.
-    pub(crate) state: Option<StateEvent>,
+    pub(crate) samples: VecDeque<Arc<StateEvent>>,
     pub(crate) news: VecDeque<News>,
     /// Number of samples dropped because the window did not fetch them in time.
     pub(crate) lost: u64,
@@ -71,6 +68,11 @@ impl Mailbox {
         (self.wake)();
     }
 
+    /// Posts the result of work on this computer.
+    pub(crate) fn note(&self, result: anyhow::Result<String>) {
+        self.post(News::Note(result.map_err(|error| format!("{error:#}"))));
+    }
+
     pub(crate) fn sample(&self, state: StateEvent) {
         let due = {
             let mut waiting = lock(&self.waiting);
@@ -79,8 +81,7 @@ impl Mailbox {
                 delivery.samples.pop_front();
                 delivery.lost += 1;
             }
-            delivery.samples.push_back(PlotSample::of(&state));
-            delivery.state = Some(state);
+            delivery.samples.push_back(Arc::new(state));
             let due = woken.elapsed() >= WAKE_EVERY;
             if due {
                 *woken = Instant::now();
@@ -165,7 +166,6 @@ mod tests {
     use super::*;
     use hbot_api::StatsOk;
     use serde_json::json;
-    use std::sync::Arc;
 
     fn set(key: &str, value: f64) -> Intent {
         Intent::Set { effect: "spring".into(), key: key.into(), value: json!(value) }
@@ -213,7 +213,7 @@ mod tests {
         mailbox.take(&mut delivery);
         assert_eq!(delivery.samples.len(), MAX_SAMPLES);
         assert_eq!(delivery.lost, MAX_SAMPLES as u64);
-        assert_eq!(delivery.state.map(|s| s.tick), Some(2 * MAX_SAMPLES as u64 - 1));
+        assert_eq!(delivery.samples.back().map(|s| s.tick), Some(2 * MAX_SAMPLES as u64 - 1));
         assert_eq!(delivery.news.len(), MAX_NEWS);
         let stats = delivery.news.iter().filter(|n| matches!(n, News::Stats(_))).count();
         assert_eq!(stats, 1, "of what is polled the newest alone");

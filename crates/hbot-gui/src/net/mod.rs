@@ -17,7 +17,7 @@ mod session;
 mod stop_line;
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 use hbot_api::{
@@ -29,6 +29,7 @@ use serde_json::Value;
 use mailbox::Outgoing;
 pub(crate) use mailbox::{Delivery, Mailbox};
 pub(crate) use recorder::{Progress, Recorder};
+use stop_line::Order;
 
 /// Default number of state messages per second that the panel requests. This is twice the rate of a
 /// screen, and causes little work for the server and the panel.
@@ -195,7 +196,8 @@ const FAREWELL: Duration = Duration::from_millis(500);
 pub(crate) struct Network {
     outgoing: Arc<Outgoing>,
     pub(crate) mailbox: Arc<Mailbox>,
-    stop: stop_line::StopLine,
+    /// The stop line. Its thread lives as long as this sender, so sending does not fail.
+    stop: Sender<Order>,
     /// This channel is disconnected when the session thread has ended.
     ended: Receiver<()>,
 }
@@ -208,7 +210,7 @@ impl Network {
     pub(crate) fn start(options: PanelOptions, wake: Wake) -> std::io::Result<Self> {
         let mailbox = Arc::new(Mailbox::new(wake));
         let outgoing = Arc::new(Outgoing::default());
-        let stop = stop_line::StopLine::start(&options, Arc::clone(&mailbox), Arc::clone(&outgoing))?;
+        let stop = stop_line::start(options.clone(), Arc::clone(&mailbox), Arc::clone(&outgoing))?;
         let (inside, post) = (Arc::clone(&outgoing), Arc::clone(&mailbox));
         let (running, ended) = channel();
         std::thread::Builder::new().name("hbot-session".to_owned()).spawn(move || {
@@ -224,10 +226,10 @@ impl Network {
         match intent {
             Intent::Stop => {
                 self.outgoing.make_way_for(&intent);
-                self.stop.request();
+                let _ = self.stop.send(Order::Stop);
             }
             Intent::Connect(address) => {
-                self.stop.connect(&address);
+                let _ = self.stop.send(Order::Connect(address.clone()));
                 self.outgoing.push(Intent::Connect(address));
             }
             intent => {

@@ -54,9 +54,9 @@ impl Recorder {
         let end = Arc::new(AtomicBool::new(false));
         let ended = Arc::clone(&end);
         let thread = std::thread::Builder::new().name("hbot-recorder".to_owned()).spawn(move || {
-            let told = record(&options, &path, &mailbox, &ended).map_err(|error| format!("{error:#}"));
+            let told = record(&options, &path, &mailbox, &ended);
             mailbox.post(News::Recording(None));
-            mailbox.post(News::Note(told));
+            mailbox.note(told);
         })?;
         Ok(Self { end, thread: Some(thread) })
     }

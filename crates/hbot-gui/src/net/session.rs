@@ -34,11 +34,8 @@ enum Over {
     Window,
     /// The user wants to connect to another server.
     Elsewhere,
-    /// The connection broke, or the server stopped or refused it. The text says why.
-    Lost(String),
-    /// The address refuses connections, which means that no server is running there. The text says
-    /// so.
-    Absent(String),
+    /// The connection broke, or the server stopped or refused it, or no server is running there.
+    Lost { why: String, absent: bool },
 }
 
 pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mailbox) {
@@ -50,27 +47,24 @@ pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mail
                 pause = FIRST_PAUSE;
                 Session::new(client, &mut options, outgoing, mailbox).run()
             }
-            Err(error @ ClientError::NoServer { .. }) => Over::Absent(in_words(&error)),
-            Err(error) => Over::Lost(in_words(&error)),
-        };
-        let (why, absent) = match over {
-            Over::Window => return,
-            Over::Elsewhere => {
-                pause = FIRST_PAUSE;
-                continue;
+            Err(error) => {
+                let absent = matches!(error, ClientError::NoServer { .. });
+                Over::Lost { why: in_words(&error), absent }
             }
-            Over::Lost(why) => (why, false),
-            Over::Absent(why) => (why, true),
         };
-        mailbox.post(News::Offline { why, absent, again_in: pause });
-        if !wait(pause, &mut options, outgoing, mailbox) {
-            return;
+        match over {
+            Over::Window => return,
+            Over::Elsewhere => pause = FIRST_PAUSE,
+            Over::Lost { why, absent } => {
+                mailbox.post(News::Offline { why, absent, again_in: pause });
+                if !wait(pause, &mut options, outgoing, mailbox) {
+                    return;
+                }
+                pause = (2 * pause).min(LONGEST_PAUSE);
+            }
         }
-        pause = (2 * pause).min(LONGEST_PAUSE);
     }
 }
-
-/// Opens a connection to the server.
 pub(super) fn connect(options: &PanelOptions) -> Result<Client, ClientError> {
     let connect = ConnectOptions {
         token: options.token.clone(),
@@ -160,10 +154,8 @@ impl<'a> Session<'a> {
     }
 
     fn run(mut self) -> Over {
-        match self.begin().and_then(|()| self.serve()) {
-            Ok(over) => over,
-            Err(error) => Over::Lost(error.to_string()),
-        }
+        let over = self.begin().and_then(|()| self.serve());
+        over.unwrap_or_else(|error| Over::Lost { why: error.to_string(), absent: false })
     }
 
     fn begin(&mut self) -> Result<(), ClientError> {
@@ -192,7 +184,7 @@ impl<'a> Session<'a> {
             self.poll()?;
             if let Some(event) = self.client.next_event(IDLE)? {
                 if let Event::Stopping(stopping) = event {
-                    return Ok(Over::Lost(stopping.message));
+                    return Ok(Over::Lost { why: stopping.message, absent: false });
                 }
                 self.event(event);
             }
@@ -203,10 +195,7 @@ impl<'a> Session<'a> {
     /// only if the connection is no longer usable.
     fn carry_out(&mut self, intent: Intent) -> Result<(), ClientError> {
         let result = self.ask(&intent);
-        let told = match &result {
-            Ok(()) => Ok(()),
-            Err(error) => Err(error.to_string()),
-        };
+        let told = result.as_ref().copied().map_err(ToString::to_string);
         self.mailbox.post(answer(intent, told, &self.options.server));
         result.or_else(survivable)
     }

@@ -18,38 +18,21 @@ const IDLE: Duration = Duration::from_millis(200);
 /// confirmed.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
-enum Order {
+pub(super) enum Order {
     Stop,
     Connect(String),
 }
 
-pub(super) struct StopLine {
-    orders: Sender<Order>,
-}
-
-impl StopLine {
-    pub(super) fn start(
-        options: &PanelOptions,
-        mailbox: Arc<Mailbox>,
-        outgoing: Arc<Outgoing>,
-    ) -> std::io::Result<Self> {
-        let (orders, inbox) = channel();
-        let options = options.clone();
-        std::thread::Builder::new()
-            .name("hbot-stop".to_owned())
-            .spawn(move || run(options, &inbox, &mailbox, &outgoing))?;
-        Ok(Self { orders })
-    }
-
-    /// Tells the thread of the stop line to stop the rig. Returns at once.
-    pub(super) fn request(&self) {
-        // The thread lives as long as this sender, so this does not fail.
-        let _ = self.orders.send(Order::Stop);
-    }
-
-    pub(super) fn connect(&self, address: &str) {
-        let _ = self.orders.send(Order::Connect(address.to_owned()));
-    }
+/// Starts the thread of the stop line. It lives as long as the sender that is returned.
+pub(super) fn start(
+    options: PanelOptions,
+    mailbox: Arc<Mailbox>,
+    outgoing: Arc<Outgoing>,
+) -> std::io::Result<Sender<Order>> {
+    let (orders, inbox) = channel();
+    let name = "hbot-stop".to_owned();
+    std::thread::Builder::new().name(name).spawn(move || run(options, &inbox, &mailbox, &outgoing))?;
+    Ok(orders)
 }
 
 fn run(mut options: PanelOptions, inbox: &Receiver<Order>, mailbox: &Mailbox, outgoing: &Outgoing) {

@@ -25,8 +25,6 @@ impl About {
         let zero = axis.any_orthonormal_vector();
         Self { axis: to_n * axis, zero: to_n * zero, quarter: to_n * axis.cross(zero) }
     }
-
-    /// Returns the axis in frame N.
     pub(super) const fn axis(&self) -> DVec3 {
         self.axis
     }

@@ -4,8 +4,8 @@
 use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
-use super::state::has_keys;
-use super::theme::{LIVE, Palette, badge, heading, lamp, leading, named, press, weak};
+use super::stop::has_keys;
+use super::theme::{LIVE, Palette, badge, heading, lamp, leading, named, press, weak, wrapped};
 use crate::model::{Link, Model, has_torque};
 use crate::net::{Intent, Lease};
 
@@ -143,7 +143,7 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
                 "The sphere pushes, and {holder} commands it. The scene goes on when you take over. If the program of {holder} \
                  streams torques, they end.{keys}"
             );
-            ui.add(egui::Label::new(text).wrap());
+            wrapped(ui, text);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
                 if named(ui.button("Take over"), "Take over now").clicked() {

@@ -1,11 +1,10 @@
 //! The table of a wheel's motor controllers: current, temperature and firmware of the steer and the
 //! drive. Complaints stand below it, because their words are too long for a column.
 
-use eframe::egui::{Align, Label, Layout, Response, RichText, Ui, vec2};
+use eframe::egui::{Align, Label, Layout, Response, RichText, Ui};
 use hbot_api::{ControllerFlag, ControllerInfo};
 
-use super::theme::{Palette, coloured, column};
-use crate::model::words;
+use super::theme::{Palette, cell, coloured, column};
 
 /// Names and widths of the columns. The last one takes the rest of the line.
 const COLUMNS: [(&str, f32); 3] = [("", 34.0), ("current", 66.0), ("temp.", 60.0)];
@@ -72,12 +71,7 @@ fn amperes(current: f64) -> String {
 /// Draws text in the rest of the line. A long text takes several lines.
 fn rest(ui: &mut Ui, text: RichText) -> Response {
     let width = ui.available_width().max(20.0);
-    let size = vec2(width, ui.spacing().interact_size.y);
-    ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
-        ui.set_max_width(width);
-        ui.add(Label::new(text).wrap())
-    })
-    .inner
+    cell(ui, width, Layout::left_to_right(Align::Center), Label::new(text).wrap())
 }
 
 fn small(text: impl Into<String>) -> RichText {
@@ -94,7 +88,7 @@ fn place(controller: &ControllerInfo) -> String {
 /// Returns an explanation of each complaint. A word that this panel does not know explains itself.
 fn explained(flags: &[String]) -> String {
     let line = |flag: &String| match flag.parse::<ControllerFlag>() {
-        Ok(known) => format!("{flag}: {}", words::controller(known)),
+        Ok(known) => format!("{flag}: {}", known.sentence()),
         Err(()) => flag.clone(),
     };
     flags.iter().map(line).collect::<Vec<_>>().join("\n")
@@ -107,7 +101,7 @@ mod tests {
     use egui_kittest::kittest::Queryable as _;
 
     use super::*;
-    use crate::view::painted::{hint, lines, texts};
+    use crate::view::painted::{drawn, hint, lines, texts};
 
     /// Returns the steer's controller, which reports everything, and the drive's, which reports
     /// nothing.
@@ -127,10 +121,7 @@ mod tests {
 
     /// Draws the table of these controllers in a window of this width.
     fn table(width: f32, pair: Vec<ControllerInfo>) -> Harness<'static> {
-        let draw = move |ui: &mut Ui| show(ui, &pair);
-        let mut harness = Harness::builder().with_size([width, 400.0]).build_ui(draw);
-        harness.run_steps(4);
-        harness
+        drawn([width, 400.0], move |ui| show(ui, &pair))
     }
 
     #[test]

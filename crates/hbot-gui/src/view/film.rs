@@ -1,5 +1,7 @@
 //! A recording in the middle of the window: which moment is shown, and the slider that chooses it.
 
+use std::sync::Arc;
+
 use eframe::egui::{self, Button, Rect, RichText, Role, Sense, Slider, Stroke, Ui, WidgetInfo, pos2, vec2};
 use glam::DVec3;
 use hbot_api::StateEvent;
@@ -58,8 +60,6 @@ fn play(ui: &Ui, film: &mut Film) {
     film.playing = film.t() < to;
     ui.ctx().request_repaint();
 }
-
-/// Writes the time, the mode and the torque of the moment.
 fn moment(ui: &mut Ui, state: &StateEvent, palette: Palette) {
     let [t1, t2, t3] = state.torque;
     ui.label(RichText::new(format!("{:.3} s", state.t)).strong().monospace());
@@ -109,7 +109,7 @@ fn timeline(ui: &mut Ui, film: &mut Film, palette: Palette) {
 /// Returns the curve of the torque's length: times, s, and places on the screen.
 fn curve(film: &Film, strip: Rect, columns: usize) -> Vec<[f64; 2]> {
     let states = &film.recorded.states;
-    let length = |state: &StateEvent| DVec3::from(state.torque).length();
+    let length = |state: &Arc<StateEvent>| DVec3::from(state.torque).length();
     let limit = film.recorded.info.limits.torque;
     let most = states.iter().map(length).fold(0.1 * limit, f64::max).max(1e-6);
     let height = f64::from(strip.height()) - 4.0;

@@ -1,9 +1,9 @@
 //! Shows how well the loop keeps its deadlines, the quality of the link, and the cost of the
 //! computation.
 
-use eframe::egui::{self, Align2, FontId, Grid, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use eframe::egui::{Align2, FontId, Grid, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 
-use super::theme::{Palette, heading, weak};
+use super::theme::{Palette, heading, weak, wrapped};
 use super::three_digits;
 use crate::model::{BINS, Histogram, Model};
 use hbot_api::{Distribution, StatsOk};
@@ -104,11 +104,8 @@ fn counts(ui: &mut Ui, model: &Model, stats: &StatsOk) {
         ui.label("link quality").on_hover_text("ticks that had an answer of the controllers");
         // Round down, so that 100 % is shown only if no tick was missed.
         let shown = if stats.missed_ticks > 0 { answered.min(99.999) } else { answered };
-        ui.label(RichText::new(format!("{shown:.3} %")).color(if shown < 99.9 {
-            palette.warn
-        } else {
-            palette.good
-        }));
+        let color = if shown < 99.9 { palette.warn } else { palette.good };
+        ui.colored_label(color, format!("{shown:.3} %"));
         ui.end_row();
         for (name, count, hint) in rows {
             ui.label(name).on_hover_text(hint);
@@ -130,7 +127,8 @@ fn accuracy(ui: &mut Ui, model: &Model, stats: &StatsOk) {
     // Infinite until the server has reported its rate.
     let period_us = 1e6 / f64::from(model.info.rig.rate_hz);
     let share = |us: f64| 100.0 * us / period_us;
-    ui.add(egui::Label::new(RichText::new(accuracy_in_words(&model.info.accuracy)).strong()).wrap());
+    let accuracy = model.info.accuracy.as_str();
+    wrapped(ui, RichText::new(if accuracy.is_empty() { "not told" } else { accuracy }).strong());
     weak(
         ui,
         format!(
@@ -140,10 +138,6 @@ fn accuracy(ui: &mut Ui, model: &Model, stats: &StatsOk) {
             three_digits(stats.compute_us.p99),
         ),
     );
-}
-
-fn accuracy_in_words(preset: &str) -> &str {
-    if preset.is_empty() { "not told" } else { preset }
 }
 
 fn faults(ui: &mut Ui, stats: &StatsOk) {
@@ -164,13 +158,11 @@ fn faults(ui: &mut Ui, stats: &StatsOk) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::painted::hint;
-    use egui_kittest::Harness;
+    use crate::view::painted::{drawn, hint};
 
     #[test]
     fn the_unit_of_the_times_is_explained() {
-        let mut seen = Harness::new_ui(|ui| times(ui, &StatsOk::default()));
-        seen.run_steps(4);
+        let mut seen = drawn([800.0, 600.0], |ui| times(ui, &StatsOk::default()));
         assert_eq!(hint(&mut seen, "us"), "microseconds: millionths of a second");
     }
 }

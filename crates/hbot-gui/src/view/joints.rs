@@ -2,11 +2,13 @@
 //! the torque as a share of what the motor can give, and what the motor controllers report about
 //! themselves.
 
-use eframe::egui::{Align, Grid, Layout, Response, RichText, Role, Sense, StrokeKind, Ui, WidgetInfo, vec2};
+use eframe::egui::{
+    Align, Grid, Label, Layout, Response, RichText, Role, Sense, StrokeKind, Ui, WidgetInfo, vec2,
+};
 use hbot_api::{JointInfo, JointState, WheelInfo};
 
 use super::controllers;
-use super::theme::{Palette, heading, weak};
+use super::theme::{Palette, cell, heading, weak};
 use crate::model::Model;
 
 /// Names of the columns with values and their hover texts, which also explain the units.
@@ -34,7 +36,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model) {
         Grid::new(("joints", k)).num_columns(4).spacing([10.0, 3.0]).show(ui, |ui| {
             ui.label("");
             for ((text, hint), width) in COLUMNS.into_iter().zip(WIDTHS) {
-                cell(ui, width, RichText::new(text).weak()).on_hover_text(hint);
+                right(ui, width, RichText::new(text).weak()).on_hover_text(hint);
             }
             ui.end_row();
             for (joint, name) in pair.iter().zip(["steer", "drive"]) {
@@ -70,20 +72,15 @@ fn row(ui: &mut Ui, joint: &JointState, name: &str) {
     let number = |text: String| RichText::new(text).monospace().size(12.0);
     let degrees = joint.angle.to_degrees();
     let [angle, rate, torque] = WIDTHS;
-    cell(ui, angle, number(format!("{degrees:.1}\u{b0}"))).on_hover_text(format!("{:.4} rad", joint.angle));
-    cell(ui, rate, number(format!("{:+.3}", joint.rate)));
-    cell(ui, torque, number(format!("{:+.4}", joint.torque)));
+    right(ui, angle, number(format!("{degrees:.1}\u{b0}"))).on_hover_text(format!("{:.4} rad", joint.angle));
+    right(ui, rate, number(format!("{:+.3}", joint.rate)));
+    right(ui, torque, number(format!("{:+.4}", joint.torque)));
     ui.end_row();
 }
 
 /// Draws text at the right of a column of this width.
-fn cell(ui: &mut Ui, width: f32, text: RichText) -> Response {
-    let size = vec2(width, ui.spacing().interact_size.y);
-    ui.allocate_ui_with_layout(size, Layout::right_to_left(Align::Center), |ui| {
-        ui.set_min_width(width);
-        ui.label(text)
-    })
-    .inner
+fn right(ui: &mut Ui, width: f32, text: RichText) -> Response {
+    cell(ui, width, Layout::right_to_left(Align::Center), Label::new(text))
 }
 
 /// Draws a bar from the middle to the share of the motor's peak torque that it gives.
@@ -127,18 +124,13 @@ mod tests {
     use hbot_api::{ControllerInfo, RigInfo, StateEvent};
 
     use super::*;
-    use crate::view::painted::{filled, hint, lines, vertical_lines};
+    use crate::view::painted::{self, filled, hint, lines, vertical_lines};
 
     const NOTE: &str = "The torque is what the motor was commanded to give. In a bar, the line is what it can hold without time limit.";
 
-    /// Returns the lines of the tab for a rig with two wheels with these controllers.
-    fn shown(controllers: Vec<ControllerInfo>) -> Vec<String> {
-        shown_after(|model| model.controllers = controllers)
-    }
-
     /// Returns what the tab for the joints shows of a rig with two wheels, line by line. `change`
     /// changes the model before it is drawn.
-    fn shown_after(change: impl FnOnce(&mut Model)) -> Vec<String> {
+    fn shown(change: impl FnOnce(&mut Model)) -> Vec<String> {
         lines(&drawn(change))
     }
 
@@ -159,9 +151,7 @@ mod tests {
             vec![joint(0.5, 1.25, 0.05), joint(1.0, -2.5, -0.2), joint(-1.5, 0.0, 0.6), joint(2.0, 3.0, 1.6)];
         model.state = Some(StateEvent { joints, ..StateEvent::default() });
         change(&mut model);
-        let mut harness = Harness::builder().with_size([330.0, 800.0]).build_ui(move |ui| show(ui, &model));
-        harness.run_steps(4);
-        harness
+        painted::drawn([330.0, 800.0], move |ui| show(ui, &model))
     }
 
     #[test]
@@ -181,21 +171,21 @@ mod tests {
             "drive: 100 % of 1.6 N m",
             NOTE,
         ];
-        assert_eq!(shown(Vec::new()), expected);
+        assert_eq!(shown(|_| ()), expected);
         // A server that does not know the controllers.
-        let of_older = shown_after(|model| model.lacks_controllers = true);
+        let of_older = shown(|model| model.lacks_controllers = true);
         let (last, rest) = expected.split_last().expect("lines");
         assert_eq!(of_older, [rest, &[controllers::OLDER_SERVER, *last]].concat());
     }
 
     #[test]
     fn what_is_missing_is_said_or_left_out() {
-        assert_eq!(shown_after(|model| model.state = None), ["No state yet."]);
+        assert_eq!(shown(|model| model.state = None), ["No state yet."]);
         let without_joints = |model: &mut Model| model.state.as_mut().expect("a state").joints.clear();
-        assert_eq!(shown_after(without_joints), ["The server sends no joints."]);
+        assert_eq!(shown(without_joints), ["The server sends no joints."]);
         // A wheel has its name, the names of the columns and two joints. Without the limits of its
         // motors it has no bars.
-        let shown = shown_after(|model| model.info.rig.wheels.clear());
+        let shown = shown(|model| model.info.rig.wheels.clear());
         assert_eq!(shown.len(), 2 * 4 + 1, "{shown:?}");
         assert!(!shown.iter().any(|line| line.contains('%')), "{shown:?}");
     }
@@ -261,28 +251,24 @@ mod tests {
             flags: if joint == 2 { vec!["silent".to_owned()] } else { Vec::new() },
             ..ControllerInfo::default()
         };
-        let shown = shown((0..4).map(controller).collect());
-        let of_wheel = |from: usize, lines: &[&str]| assert_eq!(shown[from..from + lines.len()], *lines);
-        of_wheel(0, &["left"]);
-        of_wheel(
-            6,
-            &[
-                "current | temp. | firmware",
-                "steer | +0.000 A | 25.0 \u{b0}C | firmware 0",
-                "drive | +0.125 A | 26.0 \u{b0}C | firmware 1",
-                "Wheel",
-            ],
-        );
-        of_wheel(
-            15,
-            &[
-                "current | temp. | firmware",
-                "steer | +0.250 A | 27.0 \u{b0}C | firmware 2",
-                "drive | +0.375 A | 28.0 \u{b0}C | firmware 3",
-                "steer: silent",
-                NOTE,
-            ],
-        );
-        assert_eq!(shown.len(), 20);
+        let all = shown(|model| model.controllers = (0..4).map(controller).collect());
+        let [head, left, right] = ["current | temp. | firmware", "left", "Wheel"];
+        let of_controllers = [left, head, right].map(str::to_owned);
+        let told = |line: &&String| {
+            of_controllers.contains(line) || line.contains("firmware ") || line.contains(": silent")
+        };
+        let expected = [
+            left,
+            head,
+            "steer | +0.000 A | 25.0 \u{b0}C | firmware 0",
+            "drive | +0.125 A | 26.0 \u{b0}C | firmware 1",
+            right,
+            head,
+            "steer | +0.250 A | 27.0 \u{b0}C | firmware 2",
+            "drive | +0.375 A | 28.0 \u{b0}C | firmware 3",
+            "steer: silent",
+        ];
+        assert_eq!(all.iter().filter(told).collect::<Vec<_>>(), expected);
+        assert_eq!(all.len(), 20);
     }
 }

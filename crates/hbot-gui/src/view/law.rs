@@ -3,11 +3,11 @@
 use std::f64::consts::PI;
 
 use eframe::egui::{Role, Ui, WidgetInfo};
-use egui_plot::{GridMark, Line, LineStyle, Plot, PlotBounds, Points as Dots};
+use egui_plot::{GridMark, Line, LineStyle, PlotBounds, Points as Dots};
 use hbot_config::sweep::Points;
 use hbot_core::rotation;
 
-use super::plots::{figure, vertical};
+use super::plots::plain;
 use super::pointer::{self, Reading};
 use super::theme::{Palette, weak};
 use super::{Desk, faded_unless_live};
@@ -57,24 +57,14 @@ fn draw(ui: &mut Ui, model: &Model, curves: &[Points; 3]) {
         let mark = |k: i32| GridMark { value: f64::from(k) * PI / 2.0, step_size: 2.0 * PI };
         (-2..=2).map(mark).collect()
     };
-    let plot = Plot::new("law")
-        .grid_color(palette.plot_grid())
+    let plot = plain(ui, "law", false)
         .height(HEIGHT)
         // Leaves room for the right half of the last number on the horizontal axis.
         .width(ui.available_width() - 16.0)
         .auto_bounds(false)
         .x_grid_spacer(quarter)
         .x_axis_formatter(degrees)
-        .y_grid_spacer(vertical)
-        .y_axis_formatter(|mark, _| figure(mark))
-        .y_axis_min_width(Y_AXIS_WIDTH)
-        .allow_drag(false)
-        .allow_zoom(false)
-        .allow_scroll(false)
-        .allow_boxed_zoom(false)
-        .show_crosshair(false)
-        .show_x(false)
-        .show_y(false);
+        .y_axis_min_width(Y_AXIS_WIDTH);
     let shown = plot.show(ui, |plot| {
         plot.set_plot_bounds(PlotBounds::from_min_max([-PI, -end], [PI, end]));
         for (k, curve) in curves.iter().enumerate().take(if alike { 1 } else { 3 }) {

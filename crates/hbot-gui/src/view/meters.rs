@@ -149,9 +149,8 @@ fn bar(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::painted::{hint, texts};
+    use crate::view::painted::{drawn, hint, texts};
     use crate::view::state::TALL;
-    use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
     use hbot_api::StateEvent;
 
@@ -163,9 +162,7 @@ mod tests {
             let mut state = StateEvent::default();
             state.timing.lead_us = lead_us;
             model.state = Some(state);
-            let draw = move |ui: &mut Ui| show(ui, &model, Palette::of(ui));
-            let mut seen = Harness::builder().with_size([600.0, TALL]).build_ui(draw);
-            seen.run_steps(4);
+            let seen = drawn([600.0, TALL], move |ui| show(ui, &model, Palette::of(ui)));
             assert_eq!(seen.query_by_label("rendered 2.20 ms ahead").is_some(), told);
         }
     }
@@ -180,8 +177,7 @@ mod tests {
             model.state = Some(StateEvent { torque: [0.0, torque, 0.0], ..StateEvent::default() });
             let draw = move |ui: &mut Ui| show_torque(ui, &model, Palette::of(ui), None);
             // As narrow as the column of a small window.
-            let mut seen = Harness::builder().with_size([262.0, TALL]).build_ui(draw);
-            seen.run_steps(4);
+            let seen = drawn([262.0, TALL], draw);
             assert!(texts(&seen).into_iter().any(|it| it.text == figures && it.is_whole()), "{figures}");
         }
     }
@@ -189,9 +185,7 @@ mod tests {
     #[test]
     fn each_bar_says_what_it_shows_and_what_its_unit_is() {
         let model = Model::new("", "panel me@here", 1);
-        let draw = move |ui: &mut Ui| show(ui, &model, Palette::of(ui));
-        let mut seen = Harness::builder().with_size([600.0, 400.0]).build_ui(draw);
-        seen.run_steps(4);
+        let mut seen = drawn([600.0, 400.0], move |ui| show(ui, &model, Palette::of(ui)));
         for (name, said) in METERS {
             assert_eq!(hint(&mut seen, name), said);
         }

@@ -23,24 +23,26 @@ mod schema;
 mod sphere;
 mod state;
 mod stiffness;
+mod stop;
 #[cfg(test)]
 mod tests;
 pub(crate) mod theme;
-mod wheels;
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use eframe::egui::{self, CentralPanel, Panel, RichText, ScrollArea, Ui};
-use hbot_api::{Requester, time_of_day};
+use hbot_api::{Requester, StateEvent, time_of_day};
 
+use crate::Folders;
 use crate::files::Source;
-use crate::model::{Film, Judged, Model, PlotSample, Weight};
+use crate::model::{Film, Judged, Model, Weight};
 use crate::net::Intent;
 use camera::Camera;
-use theme::{Palette, coloured, weak};
+use theme::{Palette, coloured, weak, wrapped};
 
 /// Height of the line for a new message, points.
 const MESSAGE: f32 = 26.0;
@@ -56,8 +58,8 @@ pub(crate) enum Act {
     /// Load a ready-made scene, or a scene file from this computer.
     LoadScene(Source),
     SaveScene(PathBuf),
-    /// Write these samples of the rig's state to a CSV file.
-    Export(Vec<PlotSample>),
+    /// Write these states of the rig to a CSV file.
+    Export(Vec<Arc<StateEvent>>),
     /// Record the rig into a new file.
     Record(PathBuf),
     EndRecording,
@@ -90,7 +92,7 @@ impl Tab {
 
 /// What the user has chosen and typed in the window, such as the open tab. It does not concern the
 /// rig.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Desk {
     camera: Camera,
     /// The simulated hand while the user holds the sphere with it.
@@ -114,31 +116,14 @@ pub(crate) struct Desk {
 }
 
 impl Desk {
-    pub(crate) fn new(scenes: PathBuf, address: &str) -> Self {
+    pub(crate) fn new(folders: Folders, address: &str, judged: Judged) -> Self {
         Self {
-            camera: Camera::default(),
-            hand: None,
-            tab: Tab::default(),
-            plots: plots::PlotDesk::default(),
-            shelf: scene::Shelf::new(scenes),
-            reels: recordings::Reels::new(PathBuf::from(".")),
-            film: None,
+            shelf: scene::Shelf::new(folders.scenes),
+            reels: recordings::Reels::new(folders.out),
             address: address.to_owned(),
-            spring: String::new(),
-            judged: Judged::default(),
-            gains: BTreeMap::new(),
-            taking_over: None,
+            judged,
+            ..Self::default()
         }
-    }
-
-    /// Replaces what judges the scene. At first, it judges while the window is drawn.
-    pub(crate) fn judged_by(self, judged: Judged) -> Self {
-        Self { judged, ..self }
-    }
-
-    /// Replaces the folder in which the panel records. At first, it is the current one.
-    pub(crate) fn recording_to(self, folder: PathBuf) -> Self {
-        Self { reels: recordings::Reels::new(folder), ..self }
     }
 
     /// Shows a recording in the place of the rig.
@@ -161,7 +146,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
     let bar = Panel::top("bar").show(ui, |ui| bar::show(ui, model, desk, &mut intents)).response.rect;
     Panel::left("state").exact_size(left).resizable(false).show(ui, |ui| {
         ui.add_space(6.0);
-        state::stop(ui, model, &mut intents);
+        stop::show(ui, model, &mut intents);
         ScrollArea::vertical().id_salt("left").auto_shrink([false, true]).show(ui, |ui| {
             let online = model.is_online();
             let warnings = if online { desk.judged.warnings(&model.scene.shown()) } else { &[] };
@@ -271,7 +256,7 @@ fn messages(ui: &mut Ui, model: &Model) {
         let times = if message.times > 1 { format!(", {} times", message.times) } else { String::new() };
         weak(ui, format!("{time}, {ago}{times}"));
         match message.weight {
-            Weight::Good => ui.add(egui::Label::new(&message.text).wrap()),
+            Weight::Good => wrapped(ui, &message.text),
             Weight::Warn | Weight::Bad => coloured(ui, palette.warn, &message.text),
         };
         ui.add_space(4.0);

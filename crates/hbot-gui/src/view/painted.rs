@@ -2,7 +2,7 @@
 //! their rims, and vertical lines.
 
 use eframe::egui::epaint::{ClippedShape, Shape, TextShape};
-use eframe::egui::{Color32, Rect, Stroke};
+use eframe::egui::{Color32, Rect, Stroke, Ui};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 
@@ -39,47 +39,49 @@ impl Text {
 
 /// Returns the texts that the last frame has painted.
 pub(super) fn texts<S>(harness: &Harness<'_, S>) -> Vec<Text> {
-    let of_shape = |(shape, clip): (&Shape, Rect)| match shape {
+    each(harness, |shape, clip| match shape {
         Shape::Text(shape) if !shape.galley.text().is_empty() => Some(text(shape, clip)),
         _ => None,
-    };
-    shapes(harness).into_iter().filter_map(of_shape).collect()
+    })
 }
 
 /// Returns the rectangles that the last frame has filled, with their colours.
 pub(super) fn filled<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Color32)> {
-    let of_shape = |(shape, _): (&Shape, Rect)| match shape {
+    each(harness, |shape, _| match shape {
         Shape::Rect(it) if it.fill != Color32::TRANSPARENT => Some((it.rect, it.fill)),
         _ => None,
-    };
-    shapes(harness).into_iter().filter_map(of_shape).collect()
+    })
 }
 
 /// Returns the rectangles that the last frame has given a rim, with the rim.
 pub(super) fn rims<S>(harness: &Harness<'_, S>) -> Vec<(Rect, Stroke)> {
-    let of_shape = |(shape, _): (&Shape, Rect)| match shape {
+    each(harness, |shape, _| match shape {
         Shape::Rect(it) if !it.stroke.is_empty() => Some((it.rect, it.stroke)),
         _ => None,
-    };
-    shapes(harness).into_iter().filter_map(of_shape).collect()
+    })
 }
 
 /// Returns the polygons that the last frame has filled with this colour.
 pub(super) fn polygons<S>(harness: &Harness<'_, S>, color: Color32) -> Vec<Rect> {
-    let of_shape = |(shape, _): (&Shape, Rect)| match shape {
+    each(harness, |shape, _| match shape {
         Shape::Path(it) if it.fill == color => Some(it.visual_bounding_rect()),
         _ => None,
-    };
-    shapes(harness).into_iter().filter_map(of_shape).collect()
+    })
 }
 
 /// Returns the horizontal places of the vertical lines that the last frame has painted.
 pub(super) fn vertical_lines<S>(harness: &Harness<'_, S>) -> Vec<f32> {
-    let of_shape = |(shape, _): (&Shape, Rect)| match shape {
+    each(harness, |shape, _| match shape {
         Shape::LineSegment { points: [a, b], .. } if a.x == b.x => Some(a.x),
         _ => None,
-    };
-    shapes(harness).into_iter().filter_map(of_shape).collect()
+    })
+}
+
+/// Draws something in a window of this size.
+pub(super) fn drawn(size: [f32; 2], draw: impl FnMut(&mut Ui) + 'static) -> Harness<'static> {
+    let mut harness = Harness::builder().with_size(size).build_ui(draw);
+    harness.run_steps(4);
+    harness
 }
 
 /// Returns the texts that appear while the pointer is over the last label with the text `text`.
@@ -94,21 +96,20 @@ pub(super) fn hint<S>(harness: &mut Harness<'_, S>, text: &str) -> String {
     after.join("; ")
 }
 
-/// Returns the shapes that the last frame has painted, with the part of the window in which each is
-/// visible.
-fn shapes<'a, S>(harness: &'a Harness<'_, S>) -> Vec<(&'a Shape, Rect)> {
-    let mut shapes = Vec::new();
+/// Returns what `of` makes of each shape that the last frame has painted, and of the part of the
+/// window in which the shape is visible.
+fn each<S, T>(harness: &Harness<'_, S>, of: impl Fn(&Shape, Rect) -> Option<T>) -> Vec<T> {
+    fn visit<T>(shape: &Shape, clip: Rect, of: &impl Fn(&Shape, Rect) -> Option<T>, into: &mut Vec<T>) {
+        match shape {
+            Shape::Vec(shapes) => shapes.iter().for_each(|shape| visit(shape, clip, of, into)),
+            shape => into.extend(of(shape, clip)),
+        }
+    }
+    let mut all = Vec::new();
     for ClippedShape { clip_rect, shape, .. } in &harness.output().shapes {
-        collect(shape, *clip_rect, &mut shapes);
+        visit(shape, *clip_rect, &of, &mut all);
     }
-    shapes
-}
-
-fn collect<'a>(shape: &'a Shape, clip: Rect, into: &mut Vec<(&'a Shape, Rect)>) {
-    match shape {
-        Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect(shape, clip, into)),
-        shape => into.push((shape, clip)),
-    }
+    all
 }
 
 fn text(shape: &TextShape, clip: Rect) -> Text {

@@ -2,32 +2,16 @@
 
 use eframe::egui::{self, ComboBox, DragValue, Response, Ui};
 use glam::DQuat;
+use hbot_core::rotation::shortest;
 use serde_json::Value;
 
 use super::number::number;
-use super::schema::{Shape, converted, explain, fits, may_be_absent, shape, words};
+use super::schema::{Shape, converted, explain, fits, shape};
 use super::theme::{named, press, weak};
 
 /// Draws a control with which the user can change `value`. Returns the new value if the user has
 /// changed it. `name` is the name of the control for screen readers.
 pub(crate) fn edit(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
-    if !may_be_absent(schema) {
-        return present(ui, name, schema, value);
-    }
-    ui.horizontal(|ui| {
-        if value.is_null() {
-            let set = named(ui.small_button("set"), &format!("{name}: set")).on_hover_text(explain(schema));
-            return set.clicked().then(|| converted(schema, value));
-        }
-        let edited = present(ui, name, schema, value);
-        let none = named(ui.small_button("none"), &format!("{name}: none"));
-        if none.clicked() { Some(Value::Null) } else { edited }
-    })
-    .inner
-}
-
-/// Draws a control for a value that is present, in contrast to an optional value that is absent.
-fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Value> {
     match shape(schema) {
         Shape::Number { whole, least, most } => numeric(ui, name, schema, value, whole, [least, most]),
         Shape::Flag => {
@@ -37,25 +21,9 @@ fn present(ui: &mut Ui, name: &str, schema: &Value, value: &Value) -> Option<Val
         }
         Shape::Choice(values) => choice(ui, name, schema, value, &values),
         Shape::List { item, least, most } => list(ui, name, item, value, [least, most]),
-        Shape::Group(properties) => {
-            let mut changed = None;
-            ui.vertical(|ui| {
-                for (key, schema) in properties {
-                    ui.horizontal(|ui| {
-                        weak(ui, words(key, schema));
-                        if let Some(part) = edit(ui, &format!("{name} {key}"), schema, &value[key]) {
-                            let mut all = value.as_object().cloned().unwrap_or_default();
-                            all.insert(key.clone(), part);
-                            changed = Some(Value::Object(all));
-                        }
-                    });
-                }
-            });
-            changed
-        }
         Shape::Variants(variants) => variant(ui, name, schema, value, variants),
         Shape::Text => text(ui, name, schema, value),
-        Shape::Null | Shape::Unknown => {
+        Shape::Unknown => {
             weak(ui, value.to_string());
             None
         }
@@ -128,7 +96,7 @@ fn meaning(value: &Value) -> Option<String> {
     let q = DQuat::from_xyzw(x, y, z, w);
     // The server takes no quaternion without a length.
     let q = (q.length() > 1e-9).then(|| q.normalize())?;
-    let turn = (if q.w < 0.0 { -q } else { q }).to_scaled_axis();
+    let turn = shortest(q).to_scaled_axis();
     Some(match turn.try_normalize().filter(|_| turn.length() > 5e-4) {
         Some(axis) => {
             let [a, b, c] = axis.to_array();
@@ -174,7 +142,7 @@ fn plain(value: &Value) -> String {
 fn list(ui: &mut Ui, name: &str, item: &Value, value: &Value, [least, most]: [usize; 2]) -> Option<Value> {
     let mut parts = value.as_array().cloned().unwrap_or_default();
     let mut changed = false;
-    let nested = matches!(shape(item), Shape::List { .. } | Shape::Group(_));
+    let nested = matches!(shape(item), Shape::List { .. });
     let row = |ui: &mut Ui, add: &mut dyn FnMut(&mut Ui)| {
         if nested { ui.vertical(|ui| add(ui)) } else { ui.horizontal_wrapped(|ui| add(ui)) }
     };
@@ -231,7 +199,6 @@ fn variant(ui: &mut Ui, name: &str, schema: &Value, value: &Value, variants: &[V
             Shape::List { item, .. } if matches!(shape(item), Shape::List { .. }) => "matrix",
             Shape::List { .. } => "list",
             Shape::Choice(_) => "choice",
-            Shape::Null => "none",
             _ => "other",
         };
         let control = |ui: &mut Ui| current.and_then(|k| edit(ui, name, &variants[k], value));
@@ -320,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn forms_that_no_kind_has_yet_are_edited_too() {
+    fn flags_and_lists_of_any_length_are_edited() {
         assert_eq!(pressed(json!({"type": "boolean"}), json!(false), &["p"]), json!(true));
         let points = json!({"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2,
             "items": {"type": "number"}}});
@@ -329,14 +296,5 @@ mod tests {
             pressed(points, json!([[1, 2]]), &["p: one more", "p: one more", "p: one fewer"]),
             json!([[1, 2], [1, 2]])
         );
-        let group =
-            json!({"type": "object", "properties": {"on": {"type": "boolean"}, "size": {"type": "integer"}}});
-        assert_eq!(
-            pressed(group, json!({"on": true, "size": 3}), &["p on"]),
-            json!({"on": false, "size": 3})
-        );
-        let optional = json!({"type": ["number", "null"], "minimum": 2, "default": null});
-        assert_eq!(pressed(optional.clone(), Value::Null, &["p: set"]), json!(2.0));
-        assert_eq!(pressed(optional, json!(5.0), &["p: none"]), Value::Null);
     }
 }

@@ -19,7 +19,7 @@ const BUTTON: f32 = 76.0;
 const MOST_FILES: usize = 12;
 
 /// The recordings that the user can open, and the names that the user types.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Reels {
     /// Folder in which the panel records.
     folder: PathBuf,
@@ -36,14 +36,7 @@ pub(crate) struct Reels {
 
 impl Reels {
     pub(crate) fn new(folder: PathBuf) -> Self {
-        Self {
-            folder,
-            flights: files::flight_folder(),
-            files: Default::default(),
-            listed: None,
-            name: String::new(),
-            path: String::new(),
-        }
+        Self { folder, flights: files::flight_folder(), ..Self::default() }
     }
 
     fn refresh(&mut self) {

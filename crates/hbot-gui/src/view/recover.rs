@@ -1,15 +1,19 @@
-//! The button `Recover`: reset and enable in one step, after a look at how far the sphere is from
-//! where the scene would pull it.
+//! The buttons that enable, disable and reset the rig, and the button `Recover`: reset and enable
+//! in one step, after a look at how far the sphere is from where the scene would pull it.
 
 use eframe::egui::text::LayoutJob;
-use eframe::egui::{Button, RichText, TextStyle, Ui, vec2};
+use eframe::egui::{Button, RichText, TextStyle, Ui, Vec2, vec2};
 use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
+use super::state::{is_low, too_fast};
 use super::theme::{Palette, coloured, leading, press, weak};
 use crate::model::sample::quaternion;
 use crate::model::{Model, has_torque};
 use crate::net::{Intent, Lease};
+
+/// Height of the buttons that enable, disable and reset, in a low and in a tall window, points.
+const ORDER: [f32; 2] = [30.0, 38.0];
 
 /// How far the sphere is from where the scene would pull it after `enable`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,17 +30,13 @@ enum Distance {
     Here,
     /// No effect of the scene has a reference.
     None,
-    /// There is no connection, so nothing is known.
-    NoConnection,
-    /// No state has arrived over the present connection yet.
-    NoState,
+    /// There is no state.
+    Unknown,
 }
 
 impl Distance {
     fn of(model: &Model) -> Self {
-        let Some(state) = &model.state else {
-            return if model.is_online() { Self::NoState } else { Self::NoConnection };
-        };
+        let Some(state) = &model.state else { return Self::Unknown };
         let Some(reference) = state.reference.map(quaternion) else { return Self::None };
         let q = quaternion(state.q);
         let first = model.scene.first_reference();
@@ -52,8 +52,6 @@ impl Distance {
             None => Self::Free(reference.angle_between(q)),
         }
     }
-
-    /// Says it in few words.
     fn in_words(self, allowed: f64) -> String {
         match self {
             Self::Near(angle) | Self::Far(angle) => {
@@ -62,7 +60,7 @@ impl Distance {
             Self::Free(angle) => format!("{angle:.2} rad from reference"),
             Self::Here => "The scene begins where the sphere is.".to_owned(),
             Self::None => "No reference: Enable works at any orientation.".to_owned(),
-            Self::NoConnection | Self::NoState => String::new(),
+            Self::Unknown => String::new(),
         }
     }
 }
@@ -86,7 +84,7 @@ fn why_off(model: &Model, distance: Distance) -> Option<String> {
         Some(Mode::Idle) => return None,
         Some(Mode::Fault | Mode::Estop) => match (model.other_stopper(), distance) {
             (Some(who), _) => format!("stopped by {who}"),
-            _ if super::state::too_fast(model).is_some() => "the sphere is too fast".to_owned(),
+            _ if too_fast(model).is_some() => "the sphere is too fast".to_owned(),
             (_, Distance::Far(angle)) if !model.is_simulated() => format!("{angle:.2} rad from reference"),
             _ => return None,
         },
@@ -121,7 +119,7 @@ pub(crate) fn next_step(model: &Model) -> Option<&'static str> {
     let far = matches!(Distance::of(model), Distance::Far(_));
     match model.mode()? {
         _ if !model.may_command() => None,
-        Mode::Fault => super::state::too_fast(model).is_none().then_some("Reset"),
+        Mode::Fault => too_fast(model).is_none().then_some("Reset"),
         Mode::Estop if model.other_stopper().is_some() => Some("Reset"),
         Mode::Estop => (!far).then_some("Recover"),
         Mode::Idle => (!far).then_some("Enable"),
@@ -146,23 +144,64 @@ pub(crate) fn refusal(model: &Model) -> Option<String> {
     ))
 }
 
+/// Draws the buttons that enable, disable and reset the rig.
+pub(super) fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
+    let mode = model.mode();
+    let may = model.may_command();
+    let width = (ui.available_width() - 2.0 * ui.spacing().item_spacing.x) / 3.0;
+    let height = ORDER[usize::from(!is_low(ui))];
+    let refusal = refusal(model).filter(|_| mode == Some(Mode::Idle));
+    let too_fast = too_fast(model);
+    let orders = [
+        (
+            "Enable",
+            Intent::Enable,
+            may && matches!(mode, Some(Mode::Idle)),
+            refusal.as_deref().unwrap_or("begin to render, with a soft start of half a second"),
+        ),
+        (
+            "Disable",
+            Intent::Disable,
+            model.is_online() && matches!(mode, Some(Mode::Active | Mode::Enabling)),
+            "stop rendering, with a ramp of 50 ms",
+        ),
+        (
+            "Reset",
+            Intent::Reset,
+            may && matches!(mode, Some(Mode::Fault | Mode::Estop)) && too_fast.is_none(),
+            too_fast.as_deref().unwrap_or("leave a fault or a stop, once its cause is gone"),
+        ),
+    ];
+    ui.horizontal(|ui| {
+        for (name, intent, enabled, hint) in orders {
+            if order(ui, model, name, vec2(width, height), (enabled, hint)) {
+                intents.push(intent);
+            }
+        }
+    });
+}
+
+/// Draws a button for the rig, filled if it is the next step, and returns whether it was pressed.
+fn order(ui: &mut Ui, model: &Model, name: &str, size: Vec2, (enabled, hint): (bool, &str)) -> bool {
+    let button = if next_step(model) == Some(name) { leading(ui, name) } else { Button::new(name) };
+    let response = press(ui, enabled, button.min_size(size)).on_hover_text(hint);
+    response.on_disabled_hover_text(hint).clicked()
+}
+
 /// Draws the button, and beside it the distance or why it is off, in all modes at the same place.
 /// The distance is grey if it may be old.
 pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let distance = Distance::of(model);
     let stopped = matches!(model.mode(), Some(Mode::Fault | Mode::Estop));
     let stopper = model.other_stopper().map(|who| format!("Stopped by {who}: press Reset, then Enable"));
-    let refusal = super::state::too_fast(model).or_else(|| refusal(model)).filter(|_| stopped);
+    let refusal = too_fast(model).or_else(|| refusal(model)).filter(|_| stopped);
     let refusal = stopper.or(refusal);
     let enabled = model.may_command() && stopped && refusal.is_none();
     let hint = refusal.as_deref().unwrap_or(
         "Reset and Enable in one step, with a soft start of half a second. The sphere must be near the reference",
     );
     ui.horizontal(|ui| {
-        let leads = next_step(model) == Some("Recover");
-        let button = if leads { leading(ui, "Recover") } else { Button::new("Recover") };
-        let response = press(ui, enabled, button.min_size(vec2(76.0, 34.0))).on_hover_text(hint);
-        if response.on_disabled_hover_text(hint).clicked() {
+        if order(ui, model, "Recover", vec2(76.0, 34.0), (enabled, hint)) {
             intents.push(Intent::Recover);
         }
         let allowed = model.info.limits.enable_max_angle;
@@ -245,7 +284,7 @@ mod tests {
         let said = Distance::None.in_words(0.5);
         assert_eq!(said, "No reference: Enable works at any orientation.");
         free.state = None;
-        assert_eq!(Distance::of(&free), Distance::NoConnection);
+        assert_eq!(Distance::of(&free), Distance::Unknown);
     }
 
     #[test]

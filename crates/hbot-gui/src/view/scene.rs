@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use eframe::egui::text::{LayoutJob, TextFormat};
-use eframe::egui::{self, CollapsingHeader, ComboBox, FontId, RichText, TextEdit, TextStyle, Ui, vec2};
+use eframe::egui::text::LayoutJob;
+use eframe::egui::{self, CollapsingHeader, ComboBox, RichText, TextEdit, TextStyle, Ui, vec2};
 use serde_json::{Value, json};
 
 use super::bar;
 use super::schema::{explain, words};
-use super::theme::{Palette, coloured, column, heading_text, named, press, weak};
+use super::theme::{Palette, coloured, column, heading_text, named, press, sized, weak};
 use super::{Act, Desk, faded_unless_live};
 use super::{law, parameter};
 use crate::files;
@@ -29,7 +29,7 @@ const OBSERVER_ROOM: f32 = 126.0;
 
 /// The ready-made scenes and the scene files in the folder, with their descriptions; the one that
 /// the user has picked; and the name that the user has typed.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Shelf {
     folder: PathBuf,
     files: Vec<files::ShelfFile>,
@@ -40,7 +40,7 @@ pub(crate) struct Shelf {
 
 impl Shelf {
     pub(crate) fn new(folder: PathBuf) -> Self {
-        Self { folder, files: Vec::new(), listed: None, picked: None, save_as: String::new() }
+        Self { folder, ..Self::default() }
     }
 
     fn picked(&self) -> Option<&files::ShelfFile> {
@@ -108,7 +108,7 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
         let combo = ComboBox::from_id_salt("scenes").selected_text(text).width(width).height(LIST).truncate();
         let response = combo.show_ui(ui, |ui| {
             ui.set_width(width);
-            for file in shelf.files.iter().filter(|file| !file.is_copy()) {
+            for file in shelf.files.iter().filter(|file| !file.is_copy) {
                 let name = file.source.name();
                 let is_picked = shelf.picked.as_ref() == Some(&file.source);
                 let button = egui::Button::selectable(is_picked, entry(ui, &name, file.said())).wrap();
@@ -139,12 +139,9 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
 
 /// Returns an entry of the list: the name of a scene, and below it what it feels like.
 fn entry(ui: &Ui, name: &str, said: &str) -> LayoutJob {
-    let body = TextStyle::Body.resolve(ui.style());
-    let small = FontId::proportional(0.9 * body.size);
-    let mut job = LayoutJob::default();
-    job.append(name, 0.0, TextFormat::simple(body, ui.visuals().strong_text_color()));
-    job.append(&format!("\n{said}"), 0.0, TextFormat::simple(small, ui.visuals().weak_text_color()));
-    job
+    let (size, visuals) = (TextStyle::Body.resolve(ui.style()).size, ui.visuals());
+    let below = format!("\n{said}");
+    sized(&[(name, size, visuals.strong_text_color()), (&below, 0.9 * size, visuals.weak_text_color())])
 }
 
 /// Draws the controls of one effect: a switch, and one control for each parameter in the schema of

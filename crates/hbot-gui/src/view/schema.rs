@@ -1,7 +1,7 @@
 //! Interprets JSON schemas, so that parameters of any kind of effect can be drawn without code for
 //! that kind.
 
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 /// The kind of value that a schema describes. It decides with which control the value is edited.
 #[derive(Debug, PartialEq)]
@@ -19,11 +19,9 @@ pub(crate) enum Shape<'a> {
         least: usize,
         most: usize,
     },
-    Group(&'a Map<String, Value>),
     /// A value that matches one of several schemas.
     Variants(&'a [Value]),
     Text,
-    Null,
     /// A value that the panel cannot edit.
     Unknown,
 }
@@ -54,15 +52,10 @@ pub(crate) fn shape(schema: &Value) -> Shape<'_> {
             };
         }
     }
-    // For a type such as `["number", "null"]`, use the type that is not null.
-    let kind = match &schema["type"] {
-        Value::Array(kinds) => kinds.iter().find(|kind| *kind != "null").unwrap_or(&NULL),
-        kind => kind,
-    };
     let bound = |keys: [&str; 2], otherwise: f64| {
         keys.iter().find_map(|key| schema[*key].as_f64()).unwrap_or(otherwise)
     };
-    match kind.as_str() {
+    match schema["type"].as_str() {
         Some(kind @ ("number" | "integer")) => Shape::Number {
             whole: kind == "integer",
             least: bound(["minimum", "exclusiveMinimum"], f64::NEG_INFINITY),
@@ -70,23 +63,13 @@ pub(crate) fn shape(schema: &Value) -> Shape<'_> {
         },
         Some("boolean") => Shape::Flag,
         Some("string") => Shape::Text,
-        Some("null") => Shape::Null,
         Some("array") => Shape::List {
             item: schema.get("items").unwrap_or(&NULL),
             least: schema["minItems"].as_u64().unwrap_or(0) as usize,
             most: schema["maxItems"].as_u64().map_or(usize::MAX, |n| n as usize),
         },
-        Some("object") => match schema["properties"].as_object() {
-            Some(properties) => Shape::Group(properties),
-            None => Shape::Unknown,
-        },
         _ => Shape::Unknown,
     }
-}
-
-/// Returns whether a schema allows null, which means that the value is absent.
-pub(crate) fn may_be_absent(schema: &Value) -> bool {
-    schema["type"].as_array().is_some_and(|kinds| kinds.iter().any(|kind| kind == "null"))
 }
 
 /// Returns whether a value has the type that a schema requires. Ranges are not checked, because the
@@ -96,12 +79,10 @@ pub(crate) fn fits(schema: &Value, value: &Value) -> bool {
         Shape::Number { .. } => value.is_number(),
         Shape::Flag => value.is_boolean(),
         Shape::Text => value.is_string(),
-        Shape::Null => value.is_null(),
         Shape::Choice(values) => values.contains(&value),
         Shape::List { item, least, most } => value.as_array().is_some_and(|list| {
             (least..=most).contains(&list.len()) && list.iter().all(|value| fits(item, value))
         }),
-        Shape::Group(_) => value.is_object(),
         Shape::Variants(variants) => variants.iter().any(|variant| fits(variant, value)),
         Shape::Unknown => false,
     }
@@ -114,7 +95,7 @@ pub(crate) fn converted(schema: &Value, value: &Value) -> Value {
     if fits(schema, value) {
         return value.clone();
     }
-    if let Some(default) = schema.get("default").filter(|default| !default.is_null()) {
+    if let Some(default) = schema.get("default") {
         return default.clone();
     }
     match shape(schema) {
@@ -138,13 +119,10 @@ pub(crate) fn converted(schema: &Value, value: &Value) -> Value {
             };
             (0..least).map(row).collect()
         }
-        Shape::Group(properties) => Value::Object(
-            properties.iter().map(|(key, schema)| (key.clone(), converted(schema, &value[key]))).collect(),
-        ),
         Shape::Variants(variants) => {
             variants.first().map_or(Value::Null, |variant| converted(variant, value))
         }
-        Shape::Null | Shape::Unknown => Value::Null,
+        Shape::Unknown => Value::Null,
     }
 }
 
@@ -215,7 +193,6 @@ mod tests {
                 Shape::Unknown => panic!("{path}: {schema}"),
                 Shape::List { item, .. } => check(path, item),
                 Shape::Variants(variants) => variants.iter().for_each(|variant| check(path, variant)),
-                Shape::Group(properties) => properties.iter().for_each(|(key, schema)| check(key, schema)),
                 _ => {}
             }
         }

@@ -1,17 +1,16 @@
-//! The mode of the rig, and the buttons that change it, with the stop button first.
+//! The box that says what the rig does now, and what the user must know about it.
 
 use std::time::Duration;
 
-use eframe::egui::{
-    self, Align2, Button, Color32, Event, FontId, PointerButton, RichText, ScrollArea, TextStyle, Ui, vec2,
-};
+use eframe::egui::{self, Color32, FontId, RichText, ScrollArea, TextStyle, Ui, vec2};
 use glam::DVec3;
 use hbot_api::{Fault, FaultEvent, Mode, ShakingEvent, StateEvent};
 use hbot_config::advice::Warning;
 
 use super::meters::{self, percent};
 use super::recover;
-use super::theme::{Palette, STOP, coloured, leading, named, press, sized, stripes, weak};
+use super::stop::has_keys;
+use super::theme::{Palette, STOP, coloured, sized, stripes, weak, wrapped};
 use crate::model::{Headline, Model, Refusal, has_torque};
 use crate::net::Intent;
 
@@ -46,79 +45,16 @@ const LEAST_CUT: f64 = 0.01;
 /// Height of the bars in a low and in a tall window, points. A fault takes their place, so that its
 /// explanation and remedy can be read without scrolling; in a low window, all that is wrong does.
 const BARS: [f32; 2] = [70.0, 108.0];
-/// Height of the buttons that enable, disable and reset, in a low and in a tall window, points.
-const ORDER: [f32; 2] = [30.0, 38.0];
 /// A window of at least this height is tall, points.
 pub(super) const TALL: f32 = 720.0;
-/// Size of the text below the stop button, and of the second line in it, points.
-const KEYS: f32 = 12.0;
-const REACH: f32 = 14.0;
 /// What to do about a sphere that shakes, if its scene has no remedy.
 const LESS: &str = "Lower the stiffness or raise the damping.";
-/// Draws the stop button. The panel calls this in all its states, so that the button is always
-/// present.
-pub(crate) fn stop(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
-    let palette = Palette::of(ui);
-    // A stop that a state has confirmed leaves only the edge of the button.
-    let stopped = model.state.as_ref().filter(|state| state.mode == Mode::Estop && model.is_certain());
-    let (fill, ink) = match stopped {
-        Some(_) => (Color32::TRANSPARENT, palette.text),
-        None => (STOP, Color32::WHITE),
-    };
-    let line = match stopped {
-        Some(state) => format!("stopped, {:.2} N m", DVec3::from(state.torque).length()),
-        None if !model.is_online() => "cannot reach the rig".to_owned(),
-        None if model.quiet_for().is_some() => "may not arrive".to_owned(),
-        None => String::new(),
-    };
-    let button = Button::new("").fill(fill).corner_radius(8);
-    let size = vec2(ui.available_width(), 60.0);
-    let add = |ui: &mut Ui| {
-        let widgets = &mut ui.visuals_mut().widgets;
-        for widget in [&mut widgets.inactive, &mut widgets.hovered] {
-            widget.bg_stroke = (3.0, STOP).into();
-        }
-        ui.add_sized(size, button)
-    };
-    let response = named(ui.scope(add).inner, "Stop");
-    let (up, size) = if line.is_empty() { (0.0, 30.0) } else { (9.0, 26.0) };
-    let word = response.rect.center() - vec2(0.0, up);
-    ui.painter().text(word, Align2::CENTER_CENTER, "STOP", FontId::proportional(size), ink);
-    let below = response.rect.center_bottom() - vec2(0.0, 6.0);
-    ui.painter().text(below, Align2::CENTER_BOTTOM, &line, FontId::proportional(REACH), ink);
-    ui.ctx().accesskit_node_builder(response.id, |node| node.set_description(line));
-    // As the pointer goes down: a press that slides off the button stops the rig too, and one that
-    // ends before the next frame. A click without a pointer is that of a key.
-    let is_press = |event: &Event| {
-        matches!(event, Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. }
-            if response.rect.contains(*pos))
-    };
-    let [pressed, released] =
-        ui.input(|input| [input.events.iter().any(is_press), input.pointer.any_released()]);
-    if pressed || response.clicked() && !released {
-        intents.push(Intent::Stop);
-    }
-    let (text, color) = if model.is_online() && model.awaits_stop() {
-        ("STOP sent, not confirmed yet", palette.warn)
-    } else if has_keys(ui) {
-        ("Esc or Space, anywhere in this window", palette.weak)
-    } else {
-        ("Esc and Space work after a click here", palette.weak)
-    };
-    // In one line also in a narrow window, so that nothing moves.
-    ui.vertical_centered(|ui| ui.label(RichText::new(text).size(KEYS).color(color)));
-}
-
-/// Returns whether this window gets what is typed.
-pub(super) fn has_keys(ui: &Ui) -> bool {
-    ui.input(|input| input.focused)
-}
 
 /// Draws the buttons that enable, disable and reset the rig, what the rig does now, and how near it
 /// is to its limits. `warnings` are those about the running scene. Returns whether the first of
 /// them stands there in full.
 pub(crate) fn show(ui: &mut Ui, model: &Model, warnings: &[Warning], intents: &mut Vec<Intent>) -> bool {
-    orders(ui, model, intents);
+    recover::orders(ui, model, intents);
     recover::show(ui, model, intents);
     let palette = Palette::of(ui);
     let size = usize::from(!is_low(ui));
@@ -306,35 +242,7 @@ fn details(
     palette: Palette,
 ) -> bool {
     match (headline, &model.state) {
-        (Headline::NotStopped, _) => {
-            let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
-            let order = |ui: &mut Ui, text: &str| {
-                let text = RichText::new(text).strong().size(LARGE);
-                ui.add(egui::Label::new(text.color(Color32::WHITE)).wrap());
-            };
-            let stop = model.unconfirmed_stop();
-            let back = model.mode().filter(|_| stop.is_some_and(|stop| model.pushes_again(stop)));
-            if let Some(mode) = back {
-                let mode = Headline::Mode(mode).text();
-                order(ui, &format!("Connected again: the rig is {mode} and pushes. Press STOP."));
-            }
-            let cut = ["Cut the motors' power.", "If it pushes on, cut the motors' power."];
-            order(ui, if simulated { NO_MOTORS } else { cut[usize::from(back.is_some())] });
-            if let Some(stop) = stop {
-                ui.add(egui::Label::new(stop.way_out(&model.server, has_keys(ui))).wrap());
-                // The bar names the address of this panel's own server.
-                let here = stop.server == model.server;
-                let whose = if here { "Why".to_owned() } else { format!("At {}", stop.server) };
-                ui.add(egui::Label::new(format!("{whose}: {}.", stop.why())).wrap());
-                if !here && let Some(mode) = model.mode().filter(|_| model.is_live()) {
-                    let text = format!("The mode of the rig at {} is {mode}.", model.server);
-                    ui.add(egui::Label::new(text).wrap());
-                }
-            }
-            if model.silent_for().is_some() {
-                last(ui, model);
-            }
-        }
+        (Headline::NotStopped, _) => not_stopped(ui, model),
         (Headline::NoContact, _) => no_contact(ui, model),
         (Headline::Mode(Mode::Fault), Some(state)) => {
             fault(ui, model, state, room, palette);
@@ -347,7 +255,7 @@ fn details(
             }
             if let Some((before, fault)) = model.fault_before.as_ref().and_then(|it| Some((it, it.fault?))) {
                 coloured(ui, palette.warn, format!("Before the stop: {fault}. {}", fault.words().0));
-                ui.add(egui::Label::new(cure_of(fault, Some(before))).wrap());
+                wrapped(ui, cure_of(fault, Some(before)));
             }
             return warned(ui, (warnings, room), palette, None);
         }
@@ -383,6 +291,33 @@ fn details(
     false
 }
 
+/// Says what to do about a rig that may push although the user has stopped it, and why.
+fn not_stopped(ui: &mut Ui, model: &Model) {
+    let Some(stop) = model.unconfirmed_stop() else { return };
+    let order = |ui: &mut Ui, text: &str| {
+        wrapped(ui, RichText::new(text).strong().size(LARGE).color(Color32::WHITE));
+    };
+    let back = model.mode().filter(|_| model.pushes_again(stop));
+    if let Some(mode) = back {
+        let mode = Headline::Mode(mode).text();
+        order(ui, &format!("Connected again: the rig is {mode} and pushes. Press STOP."));
+    }
+    let cut = ["Cut the motors' power.", "If it pushes on, cut the motors' power."];
+    order(ui, if model.is_of_simulated(stop) { NO_MOTORS } else { cut[usize::from(back.is_some())] });
+    let way_out = stop.way_out(&model.server, has_keys(ui));
+    wrapped(ui, way_out);
+    // The bar names the address of this panel's own server.
+    let here = stop.server == model.server;
+    let whose = if here { "Why".to_owned() } else { format!("At {}", stop.server) };
+    wrapped(ui, format!("{whose}: {}.", stop.why()));
+    if !here && let Some(mode) = model.mode().filter(|_| model.is_live()) {
+        wrapped(ui, format!("The mode of the rig at {} is {mode}.", model.server));
+    }
+    if model.silent_for().is_some() {
+        last(ui, model);
+    }
+}
+
 /// Draws the first warning about the scene: the list below the sliders can be out of sight when the
 /// user enables or recovers. Without room for all of it, only what it warns of, and nothing if the
 /// box says what to do already (`cured`). Returns whether it stands there in full.
@@ -416,8 +351,13 @@ fn cure(warnings: &[Warning], effect: Option<&str>) -> String {
 
 /// Draws what to do about a warning. It stands before the warning.
 pub(super) fn remedy(ui: &mut Ui, palette: Palette, text: &str) {
-    let text = RichText::new(text).strong().size(if is_low(ui) { SMALL } else { LARGE });
-    ui.add(egui::Label::new(text.color(palette.warn)).wrap());
+    let text = strong(ui, text).color(palette.warn);
+    wrapped(ui, text);
+}
+
+/// Returns the text of what to do, in the size for this window.
+fn strong(ui: &Ui, text: &str) -> RichText {
+    RichText::new(text).strong().size(if is_low(ui) { SMALL } else { LARGE })
 }
 
 /// Says which effect shook the sphere.
@@ -428,10 +368,10 @@ fn shaken(shaking: &ShakingEvent) -> String {
 
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
-    ui.add(egui::Label::new(who).wrap());
+    wrapped(ui, who);
     turns(ui, model, palette);
     refused(ui, model, palette);
-    ui.add(egui::Label::new(recover::way_on(model)).wrap());
+    wrapped(ui, recover::way_on(model));
 }
 
 /// Says that the user's last request to enable or reset was refused, and why, if it was.
@@ -453,15 +393,14 @@ fn no_contact(ui: &mut Ui, model: &Model) {
     last(ui, model);
     let simulated = model.is_online() && model.is_simulated();
     if !simulated {
-        let size = if is_low(ui) { SMALL } else { LARGE };
-        let advice = RichText::new("If in doubt, cut the motors' power.").strong().size(size);
-        ui.add(egui::Label::new(advice).wrap());
+        let advice = strong(ui, "If in doubt, cut the motors' power.");
+        wrapped(ui, advice);
     }
     if !model.is_online() {
         ui.label("Not connected.");
     }
     let rig = if simulated { NO_MOTORS } else { "" };
-    ui.add(egui::Label::new(format!("What the rig does now is not known. {rig}").trim_end()).wrap());
+    wrapped(ui, format!("What the rig does now is not known. {rig}").trim_end());
 }
 
 /// Returns a time in seconds, not rounded up: what is said is not older than what is meant.
@@ -473,7 +412,7 @@ fn tenths(time: Duration) -> f64 {
 fn last(ui: &mut Ui, model: &Model) {
     if let Some(last) = model.history.newest() {
         let mode = Headline::Mode(last.mode).text();
-        ui.label(format!("Last: {mode}, {:.2} N m", last.torque.length()));
+        ui.label(format!("Last: {mode}, {:.2} N m", DVec3::from(last.torque).length()));
     }
 }
 
@@ -498,7 +437,7 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, room: f32, palette: Pal
         Some(take) => format!("{cure} {take}, then Reset."),
         None => cure,
     };
-    ui.add(egui::Label::new(cure).wrap());
+    wrapped(ui, cure);
     // What was found comes last, because it can be long.
     let found = told.map(|told| {
         // An older server has all in the message, with the path of the flight log.
@@ -534,46 +473,7 @@ pub(super) fn too_fast(model: &Model) -> Option<String> {
     fast.then(|| format!("Too fast for Reset: {speed:.2} rad/s."))
 }
 
-fn orders(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
-    let mode = model.mode();
-    let may = model.may_command();
-    let width = (ui.available_width() - 2.0 * ui.spacing().item_spacing.x) / 3.0;
-    let height = ORDER[usize::from(!is_low(ui))];
-    let refusal = recover::refusal(model).filter(|_| mode == Some(Mode::Idle));
-    let too_fast = too_fast(model);
-    let next = recover::next_step(model);
-    let orders = [
-        (
-            "Enable",
-            Intent::Enable,
-            may && matches!(mode, Some(Mode::Idle)),
-            refusal.as_deref().unwrap_or("begin to render, with a soft start of half a second"),
-        ),
-        (
-            "Disable",
-            Intent::Disable,
-            model.is_online() && matches!(mode, Some(Mode::Active | Mode::Enabling)),
-            "stop rendering, with a ramp of 50 ms",
-        ),
-        (
-            "Reset",
-            Intent::Reset,
-            may && matches!(mode, Some(Mode::Fault | Mode::Estop)) && too_fast.is_none(),
-            too_fast.as_deref().unwrap_or("leave a fault or a stop, once its cause is gone"),
-        ),
-    ];
-    ui.horizontal(|ui| {
-        for (name, intent, enabled, hint) in orders {
-            let leads = next == Some(name);
-            let button = if leads { leading(ui, name) } else { Button::new(name) };
-            let response = press(ui, enabled, button.min_size(vec2(width, height))).on_hover_text(hint);
-            if response.on_disabled_hover_text(hint).clicked() {
-                intents.push(intent);
-            }
-        }
-    });
-}
-
+/// Returns whether the window is so low that the text in it is smaller.
 pub(super) fn is_low(ui: &Ui) -> bool {
     ui.ctx().content_rect().height() < TALL
 }

@@ -99,8 +99,6 @@ fn borders(model: &Model, effect: &Effect, scene: &Value, desk: &mut Desk) -> [O
     };
     if is_matrix { [Some(0), Some(1), Some(2)].map(of) } else { [of(None), None, None] }
 }
-
-/// Returns the index of `effect` in the scene.
 fn index_of(model: &Model, effect: &Effect) -> Option<usize> {
     model.scene.effects().iter().position(|other| other.id == effect.id)
 }
@@ -374,16 +372,12 @@ mod tests {
         model.scene.take(&scene);
         model
     }
-
-    /// Draws the controls.
     fn drawn(model: Model) -> Harness<'static> {
-        let mut desk = Desk::new(".".into(), "");
+        let mut desk = Desk::default();
         let mut harness = Harness::new_ui(move |ui| show(ui, &model, (&mut desk, 0), &mut Vec::new()));
         harness.run();
         harness
     }
-
-    /// Draws the controls, and returns their text.
     fn said(model: Model) -> String {
         format!("{:?}", drawn(model).root())
     }
@@ -468,7 +462,7 @@ mod tests {
     fn a_slider_that_is_dragged_stays_at_the_mark_and_a_key_moves_it_past() {
         let border = border(&said(panel(5.0, 0.02, true)));
         let asked = |stiffness, act: &dyn Fn(&mut Harness<'_, Vec<Intent>>, f32)| {
-            let (model, mut desk) = (panel(stiffness, 0.02, true), Desk::new(".".into(), ""));
+            let (model, mut desk) = (panel(stiffness, 0.02, true), Desk::default());
             let draw =
                 move |ui: &mut Ui, intents: &mut Vec<Intent>| show(ui, &model, (&mut desk, 0), intents);
             let mut seen = Harness::new_ui_state(draw, Vec::new());

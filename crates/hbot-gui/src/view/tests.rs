@@ -16,11 +16,12 @@ use hbot_api::{
 use super::painted::{lines, rims, texts};
 use super::theme::Palette;
 use super::{Act, Desk, Tab, round_up, show, theme};
-use crate::model::Model;
+use crate::Folders;
 use crate::model::tests::{
     ME, commanding, disconnect, grow_quiet, grow_silent, hear, held_by, see, see_state, stop_in_vain,
     stopped_by,
 };
+use crate::model::{Judged, Model};
 use crate::net::{Intent, Lease, News};
 
 /// The sizes of the window in these tests, points.
@@ -44,7 +45,9 @@ type Seen = Harness<'static, Window>;
 /// Draws a panel with this model in a window of this size.
 fn window(size: [f32; 2], model: Model) -> Seen {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-    let window = Window { model, desk: Desk::new(scenes, "rig:4268"), acts: Vec::new() };
+    let folders = Folders { scenes, out: ".".into() };
+    let desk = Desk::new(folders, "rig:4268", Judged::default());
+    let window = Window { model, desk, acts: Vec::new() };
     let mut styled = false;
     let draw = move |ui: &mut Ui, window: &mut Window| {
         if !std::mem::replace(&mut styled, true) {
@@ -254,44 +257,29 @@ fn primary(pos: Pos2, pressed: bool) -> Event {
     Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: Modifiers::NONE }
 }
 
-/// The rig stops as the pointer goes down on STOP, also if it slides off before it goes up.
-#[test]
-fn a_press_on_stop_stops_once_and_at_once() {
-    for slides in [false, true] {
-        let mut seen = window(SIZES[0], commanding(true));
-        let middle = seen.get_by_label("Stop").rect().center();
-        seen.event(Event::PointerMoved(middle));
-        seen.run_steps(2);
-        seen.event(primary(middle, true));
-        seen.run_steps(2);
-        let stops = |seen: &Seen| {
-            let acts = &seen.state().acts;
-            assert!(acts.iter().all(|act| matches!(act, Act::Ask(Intent::Stop))), "nothing else");
-            acts.len()
-        };
-        assert_eq!(stops(&seen), 1);
-        let end = middle + if slides { vec2(0.0, 200.0) } else { vec2(0.0, 0.0) };
-        seen.event(Event::PointerMoved(end));
-        seen.event(primary(end, false));
-        seen.run_steps(2);
-        assert_eq!(stops(&seen), 1, "slides: {slides}");
-    }
-}
-
+/// The rig stops once, as the pointer goes down on STOP, also if it slides off before it goes up.
 /// On a slow machine, a short press ends before the next frame.
 #[test]
-fn a_press_on_stop_that_ends_within_a_frame_stops() {
-    for slides in [false, true] {
+fn a_press_on_stop_stops_once_and_at_once() {
+    for (slides, short) in [(false, false), (false, true), (true, false), (true, true)] {
         let mut seen = window(SIZES[0], commanding(true));
         let middle = seen.get_by_label("Stop").rect().center();
+        let end = middle + if slides { vec2(0.0, 200.0) } else { vec2(0.0, 0.0) };
         seen.event(Event::PointerMoved(middle));
         seen.run_steps(2);
-        for (pressed, down) in [(true, 0.0), (false, if slides { 200.0 } else { 0.0 })] {
-            // Events of `Harness::event` would come in a frame each.
-            seen.input_mut().events.push(primary(middle + vec2(0.0, down), pressed));
+        let has_stopped = |seen: &Seen| matches!(seen.state().acts[..], [Act::Ask(Intent::Stop)]);
+        // Events of `Harness::event` would come in a frame each.
+        seen.input_mut().events.push(primary(middle, true));
+        if short {
+            seen.input_mut().events.push(primary(end, false));
+        } else {
+            seen.run_steps(2);
+            assert!(has_stopped(&seen), "at once; slides: {slides}");
+            seen.event(Event::PointerMoved(end));
+            seen.event(primary(end, false));
         }
         seen.run_steps(3);
-        assert!(matches!(seen.state().acts[..], [Act::Ask(Intent::Stop)]), "slides: {slides}");
+        assert!(has_stopped(&seen), "once; slides: {slides}, short: {short}");
     }
 }
 
@@ -335,24 +323,6 @@ fn the_question_before_a_take_over_gives_enter_the_safe_answer() {
     seen.key_press(Key::Enter);
     assert!(!is_open(&mut seen));
     assert!(matches!(seen.state().acts[..], [Act::Ask(Intent::Acquire { steal: true })]));
-}
-
-#[test]
-fn joints_are_grey_if_their_values_may_be_old() {
-    let mut seen = window(SIZES[0], commanding(false));
-    report_joints(&mut seen.state_mut().model);
-    seen.state_mut().desk.tab = Tab::Joints;
-    settle(&mut seen);
-    let grey = |seen: &Seen| {
-        let steers: Vec<bool> =
-            seen.query_all_by_label("steer").map(|node| node.accesskit_node().is_disabled()).collect();
-        assert_eq!(steers.len(), 4, "angle and current of two wheels");
-        steers.iter().all(|disabled| *disabled)
-    };
-    assert!(!grey(&seen));
-    grow_silent(&mut seen.state_mut().model);
-    settle(&mut seen);
-    assert!(grey(&seen));
 }
 
 #[test]

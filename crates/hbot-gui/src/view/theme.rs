@@ -41,11 +41,6 @@ impl Palette {
         Self::of_theme(ui.visuals().dark_mode, ui.visuals().weak_text_color())
     }
 
-    /// Colour of the grid of a plot: pale, so that it does not compete with the curves.
-    pub(crate) fn plot_grid(&self) -> Color32 {
-        self.grid.gamma_multiply(0.35)
-    }
-
     /// Returns the colours for a dark or a light background. `weak` is the colour of less important
     /// text.
     pub(crate) const fn of_theme(dark: bool, weak: Color32) -> Self {
@@ -74,8 +69,6 @@ impl Palette {
             weak,
         }
     }
-
-    /// Returns the colour of a headline.
     pub(crate) const fn headline(&self, headline: Headline) -> Color32 {
         match headline {
             Headline::Mode(mode) => self.mode(mode),
@@ -144,24 +137,34 @@ pub(crate) fn heading_text(text: &str) -> RichText {
     RichText::new(text).strong().size(15.0)
 }
 
+/// Draws text that can take several lines.
+pub(crate) fn wrapped(ui: &mut Ui, text: impl Into<egui::WidgetText>) -> Response {
+    ui.add(egui::Label::new(text).wrap())
+}
+
 pub(crate) fn weak(ui: &mut Ui, text: impl Into<String>) -> Response {
-    ui.add(egui::Label::new(RichText::new(text).weak()).wrap())
+    wrapped(ui, RichText::new(text).weak())
 }
 
 /// Draws coloured text, which can take several lines.
 pub(crate) fn coloured(ui: &mut Ui, color: Color32, text: impl Into<String>) -> Response {
-    ui.add(egui::Label::new(RichText::new(text).color(color)).wrap())
+    wrapped(ui, RichText::new(text).color(color))
 }
 
-/// Draws a label in a column of the given width.
+/// Draws a label in a column of the given width. A text that is too long ends in dots.
 pub(crate) fn column(ui: &mut Ui, width: f32, text: impl Into<egui::WidgetText>) -> Response {
     let layout = egui::Layout::left_to_right(egui::Align::Center);
-    ui.allocate_ui_with_layout(egui::vec2(width, ui.spacing().interact_size.y), layout, |ui| {
-        ui.set_min_width(width);
-        ui.set_max_width(width);
-        ui.add(egui::Label::new(text).truncate())
-    })
-    .inner
+    cell(ui, width, layout, egui::Label::new(text).truncate())
+}
+
+/// Draws a label in a place of the given width.
+pub(crate) fn cell(ui: &mut Ui, width: f32, layout: egui::Layout, label: egui::Label) -> Response {
+    let size = egui::vec2(width, ui.spacing().interact_size.y);
+    let draw = |ui: &mut Ui| {
+        ui.set_width(width);
+        ui.add(label)
+    };
+    ui.allocate_ui_with_layout(size, layout, draw).inner
 }
 
 /// Draws a word on a coloured ground, in a place of fixed size.

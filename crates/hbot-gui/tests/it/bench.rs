@@ -287,6 +287,14 @@ impl Seat {
         self.frame();
     }
 
+    /// Types into the text field with this label.
+    pub(crate) fn type_text(&mut self, label: &str, text: &str) {
+        self.harness.get_by_label(label).focus();
+        self.frame();
+        self.harness.get_by_label(label).type_text(text);
+        self.frame();
+    }
+
     /// Picks an entry from the drop-down list with this label.
     pub(crate) fn pick(&mut self, list: &str, entry: &str) {
         // A list stays open after an entry was chosen by a screen reader's click.

@@ -119,14 +119,12 @@ fn another_address_can_be_typed() {
     let mut seat = Seat::at(free);
     seat.until_text("No server at");
     for _ in 0..free.to_string().len() {
-        egui_kittest::kittest::Queryable::get_by_label(&seat.harness, "Server address").focus();
+        seat.harness.get_by_label("Server address").focus();
         seat.harness.key_press(Key::End);
         seat.harness.key_press(Key::Backspace);
         seat.frame();
     }
-    egui_kittest::kittest::Queryable::get_by_label(&seat.harness, "Server address")
-        .type_text(&bench.address.to_string());
-    seat.frame();
+    seat.type_text("Server address", &bench.address.to_string());
     seat.click("Connect");
     seat.until_text("ACTIVE");
     // The stop goes to the new server too.
@@ -186,14 +184,6 @@ fn an_observer_says_who_commands_may_stop_and_may_take_over() {
     other.estop().expect("stopped");
     seat.until_text("Stopped by the experiment.");
     assert!(!seat.is_enabled("Recover") && seat.is_enabled("Reset"));
-}
-
-#[test]
-fn a_panel_is_named_after_its_user_and_machine() {
-    let bench = AloneServer::start(&ServerSetup::default());
-    let (_seat, mut witness) = seated(&bench);
-    let holder = witness.info().lease.and_then(|lease| lease.holder);
-    assert_eq!(holder, Some(hbot_api::client_name("panel")));
 }
 
 #[test]
@@ -325,6 +315,8 @@ fn a_panel_that_is_closed_leaves_the_rig_as_it_is() {
     let rig = [("on_client_lost = \"ramp\"", "on_client_lost = \"fault\"")];
     let bench = AloneServer::start(&ServerSetup { rig: &rig, ..ServerSetup::default() });
     let (seat, mut witness) = seated(&bench);
+    let holder = witness.info().lease.and_then(|lease| lease.holder);
+    assert_eq!(holder, Some(hbot_api::client_name("panel")), "its user and machine");
     drop(seat);
     let state = witness.later(50.0);
     assert_eq!(state.mode, Mode::Active);

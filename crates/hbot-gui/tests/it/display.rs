@@ -26,8 +26,6 @@ impl Display {
     pub(crate) fn has_window(&self, title: &str) -> bool {
         self.xdotool(&["search", "--name", &format!("^{title}")])
     }
-
-    /// Runs the program xdotool, and returns whether it succeeded.
     fn xdotool(&self, args: &[&str]) -> bool {
         let mut xdotool = Command::new("xdotool");
         let status = xdotool.args(args).env("DISPLAY", &self.name).stdout(Stdio::null()).status();

@@ -85,18 +85,13 @@ fn what_is_exported_is_all_that_is_kept() {
 }
 
 #[test]
-fn the_rate_of_samples_is_chosen() {
+fn the_rate_of_samples_and_the_ground_are_chosen() {
     let (_bench, mut seat) = moved();
     seat.pick("Samples a second", "250 samples/s");
     seat.until("the choice", |harness| {
         harness.get_by_label("Samples a second").value().is_some_and(|value| value.contains("250"))
     });
     seat.until_text("ACTIVE");
-}
-
-#[test]
-fn the_ground_is_light_or_dark() {
-    let (_bench, mut seat) = moved();
     let dark = seat.harness.ctx.theme();
     seat.click("Light or dark");
     assert_ne!(seat.harness.ctx.theme(), dark);

@@ -13,10 +13,7 @@ fn recorded(
     meanwhile: impl FnOnce(&mut Seat, &mut Witness),
 ) -> std::path::PathBuf {
     seat.click("Record");
-    seat.harness.get_by_label("Name of the recording").focus();
-    seat.frame();
-    seat.harness.get_by_label("Name of the recording").type_text(name);
-    seat.frame();
+    seat.type_text("Name of the recording", name);
     seat.click("Start recording");
     seat.until_text(" states, 0 lost");
     meanwhile(seat, witness);
@@ -39,10 +36,7 @@ fn a_recording_of_the_panel_is_opened_and_scrubbed() {
     assert!(path.exists());
     // A second recording of this name is refused, and the first one stays.
     let bytes = std::fs::metadata(&path).expect("a file").len();
-    seat.harness.get_by_label("Name of the recording").focus();
-    seat.frame();
-    seat.harness.get_by_label("Name of the recording").type_text("run");
-    seat.frame();
+    seat.type_text("Name of the recording", "run");
     seat.click("Start recording");
     seat.until_text("run.mcap: File exists");
     assert_eq!(std::fs::metadata(&path).expect("a file").len(), bytes);

@@ -62,10 +62,7 @@ fn a_scene_is_saved_as_it_runs() {
     seat.until("the answer", |h| {
         h.get_by_label("spring stiffness").value().is_some_and(|v| v.contains("0.7"))
     });
-    seat.harness.get_by_label("Save scene as").focus();
-    seat.frame();
-    seat.harness.get_by_label("Save scene as").type_text("mine");
-    seat.frame();
+    seat.type_text("Save scene as", "mine");
     seat.click("Save");
     seat.until_text("saved as");
     let path = seat.out.path().join("scenes/mine.toml");

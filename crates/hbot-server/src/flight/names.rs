@@ -1,71 +1,18 @@
-//! The file names of flight logs, and the choice of logs to remove when there are too many.
+//! The choice of flight logs to remove when there are too many.
 
 use std::collections::{HashMap, HashSet};
-use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use hbot_api::{Fault, Mode};
+use hbot_api::Mode;
+use hbot_record::flight::Name;
 
 /// Largest number of flight logs that are kept in a folder.
 pub const MAX_FILES: usize = 20;
 
 /// The word in the file name that marks the flight log of an emergency stop.
 const ESTOP: &str = Mode::Estop.as_str();
-/// Pattern of the time in the file name of a flight log. Each 0 stands for any digit.
-const TIME: &str = "00000000T000000.000Z";
-
-/// The file name of a flight log, such as `flight-20260131T235959.123Z-4711-001-thermal.csv`. The
-/// extension is `.part` while the file is being written.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Name {
-    /// Time of the fault in UTC, in a format whose alphabetical order is the order of time.
-    time: String,
-    /// Number of the process that writes the log, so that two servers with a fault in the same
-    /// millisecond do not write the same file.
-    process: u32,
-    /// Number of the log within its process, from 1, modulo 1000. It is always written with three
-    /// digits.
-    number: u16,
-    /// Name of the fault, or `estop` for an emergency stop.
-    what: String,
-    part: bool,
-}
-
-impl Name {
-    pub(super) fn new(time: &str, process: u32, number: u64, what: &str) -> Self {
-        let number = (number % 1000) as u16;
-        Self { time: time.to_owned(), process, number, what: what.to_owned(), part: false }
-    }
-
-    /// Parses the file name of a flight log. Returns `None` for a name that this program does not
-    /// write.
-    pub(super) fn parse(name: &str) -> Option<Self> {
-        let (rest, extension) = name.strip_prefix("flight-")?.rsplit_once('.')?;
-        let mut fields = rest.split('-');
-        let (time, process) = (fields.next()?, fields.next()?.parse().ok()?);
-        let (number, what) = (fields.next()?.parse().ok()?, fields.next()?);
-        let part = extension == "part";
-        let read = Self { time: time.to_owned(), process, number, what: what.to_owned(), part };
-        let like = |(a, b): (u8, u8)| if b == b'0' { a.is_ascii_digit() } else { a == b };
-        let is_time = time.len() == TIME.len() && time.bytes().zip(TIME.bytes()).all(like);
-        let known = what == ESTOP || what.parse::<Fault>().is_ok();
-        // Writing the name again and comparing detects leading zeros, signs and extra fields.
-        (is_time && known && read.to_string() == name).then_some(read)
-    }
-
-    fn is_of_running_process(&self) -> bool {
-        Path::new("/proc").join(self.process.to_string()).exists()
-    }
-}
-
-impl fmt::Display for Name {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { time, process, number, what, part } = self;
-        write!(f, "flight-{time}-{process}-{number:03}-{what}.{}", if *part { "part" } else { "csv" })
-    }
-}
 
 /// Removes flight logs beyond [`MAX_FILES`] from the folder of `newest`. The file `newest` always
 /// stays, even if a wrong clock makes it look old.
@@ -104,8 +51,12 @@ pub fn prune(newest: &Path) -> io::Result<()> {
 fn is_alone(file: &str, files: &HashSet<String>) -> bool {
     let Some(stem) = file.strip_suffix("mcap") else { return false };
     let [log, part] = ["csv", "part"].map(|extension| format!("{stem}{extension}"));
-    let ended = Name::parse(&log).is_some_and(|name| !name.is_of_running_process());
+    let ended = Name::parse(&log).is_some_and(|name| !is_of_running_process(&name));
     ended && !files.contains(&log) && !files.contains(&part)
+}
+
+fn is_of_running_process(name: &Name) -> bool {
+    Path::new("/proc").join(name.process.to_string()).exists()
 }
 
 /// Removes a file, unless another server has already removed it.
@@ -119,7 +70,7 @@ fn remove(file: &Path) -> io::Result<()> {
 /// Returns those of the flight logs `names` that can be removed, in the order of removal.
 fn in_order_of_removal(mut names: Vec<Name>) -> Vec<Name> {
     // Keep incomplete files whose process is still running.
-    names.retain(|name| !(name.part && name.is_of_running_process()));
+    names.retain(|name| !(name.part && is_of_running_process(name)));
     names.sort();
     // For each process number: the number of its last log, and whether its current run has had a
     // fault. Processes of different boots can share a process number, so a log number that does not
@@ -147,32 +98,6 @@ fn in_order_of_removal(mut names: Vec<Name>) -> Vec<Name> {
 mod tests {
     use super::*;
     use crate::flight::FlightRecorder;
-
-    #[test]
-    fn only_names_that_this_program_writes_are_read() {
-        for name in [
-            "flight-20260131T235959.123Z-4711-001-thermal.csv",
-            "flight-20260131T235959.123Z-1-999-estop.csv",
-            "flight-20260131T235959.123Z-1-000-link_lost.part",
-        ] {
-            assert_eq!(Name::parse(name).map(|name| name.to_string()).as_deref(), Some(name));
-        }
-        for name in [
-            "flight-plan.csv",
-            "flight-2026.csv",
-            "flight-20260131T235959.123Z-4711-001-thermal.csv.bak",
-            "flight-20260131T235959.123Z-4711-001-thermal.txt",
-            "flight-20260131T235959.123Z-4711-001-thermal-2.csv",
-            "flight-20260131T235959.123Z-4711-001-holiday.csv",
-            "flight-20260131T235959.123Z-4711-1-thermal.csv",
-            "flight-20260131T235959.123Z-+4711-001-thermal.csv",
-            "flight-20260131T235959.123Z-001-thermal.csv",
-            "flight-20260131T235959.1234-4711-001-thermal.csv",
-            "my-flight-20260131T235959.123Z-4711-001-thermal.csv",
-        ] {
-            assert_eq!(Name::parse(name), None, "{name}");
-        }
-    }
 
     /// Returns file names of flight logs, each given as (second, process, number, what).
     fn logs(order: &[(u32, u32, u64, &str)]) -> Vec<Name> {

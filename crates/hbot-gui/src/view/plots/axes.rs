@@ -41,20 +41,26 @@ pub(super) fn full_scale(ui: &mut Ui, frame: Rect, plots: &PlotDesk, [low, high]
 /// Creates a plot that follows the newest data. While the plots are paused, the user can drag and
 /// zoom it instead.
 pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a> {
-    let still = plots.paused.is_some();
     // The plot reserves the room that its axes needed when they were drawn last. It forgets this
     // when egui discards a drawing, so the axes always have their room.
     let x_axis_height = (X_AXIS_ROWS * ui.text_style_height(&TextStyle::Body)).ceil();
-    Plot::new(id)
+    plain(ui, id, plots.paused.is_some())
         // Leaves room for the right half of the last number on the horizontal axis.
         .width(ui.available_width() - 12.0)
         .y_axis_label(y)
-        .grid_color(Palette::of(ui).plot_grid())
         .custom_x_axes(vec![AxisHints::new_x().min_thickness(x_axis_height)])
         .y_axis_min_width(Y_AXIS_WIDTH)
         .x_grid_spacer(|input| round_steps(input, 9.0))
-        .y_grid_spacer(vertical)
         .x_axis_formatter(|mark, _| figure(mark))
+}
+
+/// Creates a plot with the grid lines of all plots, which the user can drag and zoom if it is
+/// `still`.
+pub(crate) fn plain<'a>(ui: &Ui, id: &str, still: bool) -> Plot<'a> {
+    // A pale grid does not compete with the curves.
+    Plot::new(id)
+        .grid_color(Palette::of(ui).grid.gamma_multiply(0.35))
+        .y_grid_spacer(vertical)
         .y_axis_formatter(|mark, _| figure(mark))
         .allow_drag(still)
         .allow_zoom(still)
@@ -68,7 +74,7 @@ pub(super) fn plot<'a>(ui: &Ui, id: &str, plots: &PlotDesk, y: &str) -> Plot<'a>
 
 /// Returns the grid lines of the vertical axis. They are closer in a low plot, which would else
 /// have none but that at 0.
-pub(crate) fn vertical(input: GridInput) -> Vec<GridMark> {
+fn vertical(input: GridInput) -> Vec<GridMark> {
     let close = GridInput { ..input };
     let apart = round_steps(input, 4.0);
     if apart.len() < 2 { round_steps(close, 2.0) } else { apart }
@@ -89,7 +95,7 @@ fn round_steps(input: GridInput, apart: f64) -> Vec<GridMark> {
 
 /// Formats the number next to a grid line, with as many decimals as the distance between lines
 /// needs.
-pub(crate) fn figure(mark: GridMark) -> String {
+fn figure(mark: GridMark) -> String {
     let decimals = (-mark.step_size.log10() - 1e-9).ceil().clamp(0.0, 9.0) as usize;
     format!("{:.decimals$}", mark.value)
 }

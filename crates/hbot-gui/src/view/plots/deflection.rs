@@ -1,11 +1,16 @@
 //! The plot of torque against deflection, with the stiffness and damping fitted to it.
 
+use std::sync::Arc;
+
 use eframe::egui::{Role, Ui, WidgetInfo};
 use egui_plot::{CoordinatesFormatter, Corner, Line, PlotPoint, Points};
+use glam::DVec3;
+use hbot_api::{Mode, StateEvent};
 
 use super::axes::{full_scale, held, plot};
 use super::{PlotDesk, Which};
-use crate::model::{Fit, History, Model, PlotSample, fit};
+use crate::model::sample::{deflection, zero};
+use crate::model::{Fit, History, Model, fit};
 use crate::view::theme::{Palette, weak};
 
 /// Largest number of points per axis in the plot of torque against deflection.
@@ -20,14 +25,14 @@ pub(super) fn show(ui: &mut Ui, model: &Model, history: &History, plots: &PlotDe
     let changed = model.marks.changed().filter(|(mark, _)| mark.t <= newest);
     let seconds = changed.map_or(plots.window, |(_, until)| plots.window.min(newest - until));
     let samples = history.last(seconds);
-    let fits = fit(samples.clone(), plots.zero);
+    let fits = fit(samples.clone().map(Arc::as_ref), plots.zero);
     let clouds: [Vec<[f64; 2]>; 3] = std::array::from_fn(|k| {
-        let point = |sample: &PlotSample| {
-            let zero = sample.zero(plots.zero);
-            [sample.deflection(zero)[k], (zero.conjugate() * sample.torque)[k]]
+        let point = |sample: &Arc<StateEvent>| {
+            let zero = zero(sample, plots.zero);
+            [deflection(sample, zero)[k], (zero.conjugate() * DVec3::from(sample.torque))[k]]
         };
         let step = samples.len().div_ceil(CLOUD).max(1);
-        let active = samples.clone().step_by(step).filter(|sample| sample.active);
+        let active = samples.clone().step_by(step).filter(|sample| sample.mode == Mode::Active);
         active.map(point).collect()
     });
     ui.horizontal_wrapped(|ui| {

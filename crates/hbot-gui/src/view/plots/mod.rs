@@ -7,12 +7,13 @@ mod time;
 
 use std::cell::Cell;
 
-pub(super) use axes::{figure, vertical};
+pub(super) use axes::plain;
 use eframe::egui::{self, Align, ComboBox, Layout, Rect, Ui, UiBuilder, vec2};
 use glam::DQuat;
 
 use super::theme::{named, press};
 use super::{Act, Desk};
+use crate::model::sample::quaternion;
 use crate::model::{History, Link, Model, SPAN_S};
 use crate::net::Intent;
 
@@ -72,7 +73,6 @@ impl Default for PlotDesk {
 }
 
 impl PlotDesk {
-    /// Ends a pause.
     pub(crate) fn go_on(&mut self) {
         self.paused = None;
     }
@@ -112,8 +112,6 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
         _ => drop(time::show(ui, model, history, plots, right.min_rect().size())),
     }
 }
-
-/// A control of the plots.
 type Tool = fn(&mut Ui, &Model, &mut PlotDesk, &mut Vec<Act>);
 
 /// The controls that all plots have, from left to right.
@@ -144,7 +142,7 @@ fn export(ui: &mut Ui, model: &Model, plots: &mut PlotDesk, acts: &mut Vec<Act>)
     let hint = "writes the last 30 s to a file in the folder the panel runs in";
     if ui.button("Export CSV").on_hover_text(hint).clicked() {
         let history = plots.paused.as_deref().unwrap_or(&model.history);
-        acts.push(Act::Export(history.last(SPAN_S).copied().collect()));
+        acts.push(Act::Export(history.last(SPAN_S).cloned().collect()));
     }
 }
 
@@ -168,7 +166,7 @@ fn samples_per_s(ui: &mut Ui, model: &Model, _: &mut PlotDesk, acts: &mut Vec<Ac
 fn zero_control(ui: &mut Ui, model: &Model, plots: &mut PlotDesk) {
     let hint = "measures deflection from the orientation of this moment, wherever the scene's reference is";
     if plots.zero.is_none() {
-        let newest = model.history.newest().map(|sample| sample.q);
+        let newest = model.history.newest().map(|sample| quaternion(sample.q));
         if press(ui, newest.is_some(), egui::Button::new("Zero here")).on_hover_text(hint).clicked() {
             plots.zero = newest;
         }

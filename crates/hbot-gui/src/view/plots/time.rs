@@ -1,13 +1,17 @@
 //! Plots of quantities against time, with marks at changes of the scene and at faults.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use eframe::egui::{Align2, Color32, FontId, RichText, Role, Ui, Vec2, WidgetInfo, vec2};
 use egui_plot::{HLine, Line, LineStyle, PlotBounds, PlotPoint, PlotUi, Text, VLine};
+use glam::DVec3;
+use hbot_api::StateEvent;
 
 use super::axes::{full_scale, held, plot};
 use super::{PlotDesk, Which};
-use crate::model::{History, Link, Mark, Model, PlotSample, What, thinned};
+use crate::model::sample::{deflection, zero};
+use crate::model::{History, Link, Mark, Model, What, thinned};
 use crate::view::pointer::{self, Reading};
 use crate::view::theme::{Palette, weak};
 
@@ -17,12 +21,10 @@ const ELLIPSIS: &str = "\u{2026}";
 const MOST_ROWS: usize = 4;
 /// Size of these texts, points.
 const TEXT: f32 = 11.0;
-
-/// A curve of a plot.
 struct Curve {
     name: &'static str,
     color: Color32,
-    of: Box<dyn Fn(&PlotSample) -> f64>,
+    of: Box<dyn Fn(&StateEvent) -> f64>,
 }
 
 /// What a plot against time shows: up to four curves of one unit.
@@ -42,15 +44,15 @@ impl Quantity {
     fn of(which: Which, model: &Model, plots: &PlotDesk, palette: Palette) -> Option<Self> {
         let limits = &model.info.limits;
         let color = palette.torque;
-        let length = |name, vector: fn(&PlotSample) -> glam::DVec3| {
-            let mut curves = components(palette, move |sample| vector(sample).to_array());
-            curves.push(Curve { name, color, of: Box::new(move |sample| vector(sample).length()) });
+        let length = |name, vector: fn(&StateEvent) -> [f64; 3]| {
+            let mut curves = components(palette, vector);
+            curves.push(Curve { name, color, of: Box::new(move |s| DVec3::from(vector(s)).length()) });
             curves
         };
-        let alone = |name, of: fn(&PlotSample) -> f64| vec![Curve { name, color, of: Box::new(of) }];
-        let zero = plots.zero;
+        let alone = |name, of: fn(&StateEvent) -> f64| vec![Curve { name, color, of: Box::new(of) }];
+        let chosen = plots.zero;
         let from = match &model.state {
-            _ if zero.is_some() => Some("turn from Zero here, rad"),
+            _ if chosen.is_some() => Some("turn from Zero here, rad"),
             Some(state) if state.reference.is_some() => Some("turn from reference, rad"),
             _ => None,
         };
@@ -63,7 +65,7 @@ impl Quantity {
                 ("angular velocity, rad/s", length("speed", |sample| sample.omega), 0.1, limits.speed)
             }
             Which::Angle => {
-                let angle = move |sample: &PlotSample| sample.deflection(sample.zero(zero)).to_array();
+                let angle = move |s: &StateEvent| deflection(s, zero(s, chosen)).to_array();
                 (from.unwrap_or("turn from N, rad"), components(palette, angle), 0.02, 0.0)
             }
             Which::Slip => ("slip, m/s", alone("largest slip", |sample| sample.slip), 0.002, limits.slip),
@@ -77,7 +79,7 @@ impl Quantity {
 }
 
 /// Returns the curves of the three components of a vector in frame N.
-fn components(palette: Palette, vector: impl Fn(&PlotSample) -> [f64; 3] + Copy + 'static) -> Vec<Curve> {
+fn components(palette: Palette, vector: impl Fn(&StateEvent) -> [f64; 3] + Copy + 'static) -> Vec<Curve> {
     let names = ["n1", "n2", "n3"];
     (0..3)
         .map(|k| Curve {
@@ -154,7 +156,7 @@ pub(super) fn show(
             draw(plot, &marks, now, palette, low..high);
         });
     pointer::show(ui, &shown.response, &shown.transform, |x| {
-        let away = |sample: &&PlotSample| (sample.t - now - x).abs();
+        let away = |sample: &&Arc<StateEvent>| (sample.t - now - x).abs();
         let sample = history.last(plots.window).min_by(|a, b| away(a).total_cmp(&away(b)))?;
         let of = |curve: &Curve| (curve.color, curve.name.to_owned(), (curve.of)(sample));
         let values = quantity.curves.iter().map(of).collect();
@@ -267,17 +269,25 @@ mod tests {
     use super::*;
     use egui_kittest::Harness;
     use egui_kittest::kittest::Queryable as _;
-    use hbot_api::StateEvent;
 
-    use crate::view::painted::texts;
+    use crate::view::painted::{drawn, texts};
 
     /// Returns the model of a rig without torque, with states of these times.
     fn still(times: [f64; 2]) -> Model {
         let mut model = Model::new("", "panel me@here", 1);
         for t in times {
-            model.history.push(PlotSample::of(&StateEvent { t, ..StateEvent::default() }));
+            model.history.push(Arc::new(StateEvent { t, ..StateEvent::default() }));
         }
         model
+    }
+
+    /// Draws the plot of the torque in a window of this height.
+    fn plot_of(model: Model, height: f32) -> Harness<'static> {
+        let mut seen = drawn([560.0, height], move |ui| {
+            show(ui, &model, &model.history, &PlotDesk::default(), Vec2::ZERO);
+        });
+        seen.run_steps(4);
+        seen
     }
 
     #[test]
@@ -302,14 +312,14 @@ mod tests {
         let draw = |ui: &mut Ui, (model, range, plots): &mut (Model, f64, PlotDesk)| {
             *range = show(ui, model, &model.history, plots, Vec2::ZERO).expect("drawn").max()[1];
         };
-        model.history.push(PlotSample::of(&StateEvent::default()));
+        model.history.push(Arc::default());
         let mut seen = Harness::new_ui_state(draw, (model, 0.0, PlotDesk::default()));
         let torques = [(0.13, 0.2), (0.01, 0.2), (0.6, 0.9), (0.01, 0.9), (1.1, 2.0), (0.01, 2.0)];
         for (k, (torque, full)) in (0..).zip(torques) {
             let t = 20.0 * f64::from(k);
             for t in [t, t + 19.0] {
                 let state = StateEvent { t, torque: [0.0, torque, 0.0], ..StateEvent::default() };
-                seen.state_mut().0.history.push(PlotSample::of(&state));
+                seen.state_mut().0.history.push(Arc::new(state));
             }
             seen.run_steps(4);
             // The plot leaves a margin of a tenth of its range.
@@ -332,11 +342,7 @@ mod tests {
                 let what = if k == 3 { What::Fault } else { What::Set };
                 model.marks.add(Mark { what, t, text: text(k) }, 0.0);
             }
-            let draw = move |ui: &mut Ui| {
-                show(ui, &model, &model.history, &PlotDesk::default(), Vec2::ZERO);
-            };
-            let mut seen = Harness::builder().with_size([560.0, 260.0]).build_ui(draw);
-            seen.run_steps(8);
+            let seen = plot_of(model, 260.0);
             let is_text = |text: &str| text.contains("stiffness") || text.trim() == ELLIPSIS;
             let texts: Vec<_> = texts(&seen).into_iter().filter(|it| is_text(&it.text)).collect();
             for (k, one) in texts.iter().enumerate() {
@@ -359,11 +365,7 @@ mod tests {
             let text = format!("spring {k}: stiffness = 1.234567");
             model.marks.add(Mark { what: What::Scene, t: 9.0 + 0.1 * f64::from(k), text }, 0.0);
         }
-        let draw = move |ui: &mut Ui| {
-            show(ui, &model, &model.history, &PlotDesk::default(), Vec2::ZERO);
-        };
-        let mut seen = Harness::builder().with_size([560.0, 160.0]).build_ui(draw);
-        seen.run_steps(8);
+        let seen = plot_of(model, 160.0);
         let plot = seen.get_by_label_contains("Plot of").rect();
         let marks = texts(&seen).into_iter().filter(|it| it.text.contains("stiffness"));
         let ghost = Palette::of_theme(true, Color32::GRAY).ghost;
@@ -415,14 +417,13 @@ mod tests {
             omega: [18.0, 0.0, 24.0],
             ..StateEvent::default()
         };
-        let sample = PlotSample::of(&state);
         for which in [Which::Torque, Which::Speed] {
             let quantity = Quantity::of(which, &model, &PlotDesk::default(), palette).expect("against time");
             let (last, limit) = (quantity.curves.last().expect("a curve"), quantity.limit.expect("limited"));
             // The tolerance is the rounding of one square root.
-            assert!(((last.of)(&sample) - limit).abs() < 1e-14 * limit, "{}", last.name);
+            assert!(((last.of)(&state) - limit).abs() < 1e-14 * limit, "{}", last.name);
             let components = &quantity.curves[..3];
-            assert!(components.iter().all(|curve| (curve.of)(&sample) < 0.9 * limit));
+            assert!(components.iter().all(|curve| (curve.of)(&state) < 0.9 * limit));
         }
     }
 }

@@ -9,10 +9,10 @@ mod objects;
 use eframe::egui::{self, Align2, FontId, Painter, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 use glam::{DQuat, DVec3};
 use hbot_api::StateEvent;
+use hbot_core::rotation;
 
 use super::Desk;
 use super::theme::Palette;
-use super::wheels::Contact;
 use crate::model::Model;
 use crate::model::sample::quaternion;
 use crate::net::Intent;
@@ -62,12 +62,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     draw.axes(q);
     draw.felt(&shapes.pieces);
     if let Some(state) = state {
-        for (k, wheel) in model.info.rig.wheels.iter().enumerate() {
-            let angle = |joint: usize| state.joints.get(joint).map_or(0.0, |joint| joint.angle);
-            if let Some(contact) = Contact::of(&model.info.rig, wheel, angle(2 * k)) {
-                draw.wheel(&contact, angle(2 * k + 1), wheel.name.as_deref().unwrap_or("?"));
-            }
-        }
+        draw.wheels(&model.info.rig, &state.joints);
         draw.torque(state.torque.into(), model.info.limits.torque);
     }
     let sphere = model.info.rig.sphere.radius;
@@ -110,7 +105,7 @@ fn describe(state: Option<&StateEvent>, shapes: &Shapes) -> String {
 fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, palette: Palette) {
     let Some(state) = state else { return };
     let q = quaternion(state.q);
-    let turn = (if q.w < 0.0 { -q } else { q }).to_scaled_axis();
+    let turn = rotation::shortest(q).to_scaled_axis();
     let lines = [
         format!("q from N     {:6.3} {:6.3} {:6.3} {:6.3}", q.w, q.x, q.y, q.z),
         format!("turn from N  {:7.4} {:7.4} {:7.4} rad", turn.x, turn.y, turn.z),

@@ -2,11 +2,13 @@
 
 use eframe::egui::{Mesh, Pos2, Shape, Stroke, Vec2, vec2};
 use glam::{DQuat, DVec3};
+use hbot_api::{JointState, RigInfo, WheelInfo};
+use hbot_core::design::kinematics::ContactFrame;
+use hbot_core::{Device, WheelSpec};
 
 use super::drawing::{CIRCLE, Drawing, circle, segment};
 use super::hand::{Held, Push};
 use super::{PUSH_LENGTH, TORQUE_LENGTH};
-use crate::view::wheels::Contact;
 
 impl Drawing {
     pub(super) fn sphere(&self, q: DQuat) {
@@ -74,25 +76,45 @@ impl Drawing {
         }
     }
 
-    pub(super) fn wheel(&self, contact: &Contact, drive: f64, name: &str) {
-        let centre = contact.centre();
+    /// Draws the wheels where the law of the loop has them, if the rig's geometry is known.
+    pub(super) fn wheels(&self, rig: &RigInfo, joints: &[JointState]) {
+        let spec = |wheel: &WheelInfo| WheelSpec {
+            axis: wheel.axis.into(),
+            cone: wheel.cone,
+            toe: wheel.toe,
+            radius: wheel.radius / rig.sphere.radius,
+            ..WheelSpec::default()
+        };
+        let specs: Vec<_> = rig.wheels.iter().map(spec).collect();
+        // In units of the sphere's radius. The mass makes no difference.
+        let Ok(device) = Device::new(1.0, 1.0, &specs) else { return };
+        let angle = |joint: usize| joints.get(joint).map_or(0.0, |joint| joint.angle);
+        for (k, (wheel, info)) in device.wheels().iter().zip(&rig.wheels).enumerate() {
+            let contact = ContactFrame::at(wheel, angle(2 * k));
+            self.wheel(wheel.spec(), &contact, angle(2 * k + 1), info.name.as_deref().unwrap_or("?"));
+        }
+    }
+
+    fn wheel(&self, spec: &WheelSpec, contact: &ContactFrame, drive: f64, name: &str) {
+        let (axis, rolling, normal) = (spec.axis.normalize(), contact.c2, contact.c3);
+        let centre = normal * (1.0 + spec.radius);
         let hidden = self.view.is_hidden(centre);
         let color = if hidden { self.palette.wheel.gamma_multiply(0.35) } else { self.palette.wheel };
         let rim = |angle: f64| {
             let (s, c) = angle.sin_cos();
-            centre + contact.radius * (contact.rolling * c + contact.normal * s)
+            centre + spec.radius * (rolling * c + normal * s)
         };
         let points: Vec<Pos2> = (0..CIRCLE)
             .map(|k| self.view.point(rim(k as f64 / CIRCLE as f64 * std::f64::consts::TAU)))
             .collect();
-        self.dashes(&segment(contact.axis, contact.axis * 1.5), Stroke::new(1.0, color.gamma_multiply(0.7)));
+        self.dashes(&segment(axis, axis * 1.5), Stroke::new(1.0, color.gamma_multiply(0.7)));
         self.painter.add(Shape::convex_polygon(points, color.gamma_multiply(0.35), Stroke::new(2.5, color)));
         let spoke = [self.view.point(centre), self.view.point(rim(-drive))];
         self.painter.line_segment(spoke, Stroke::new(2.0, color));
         // The rolling direction at the contact.
-        let (from, to) = (centre - contact.rolling * 0.3, centre + contact.rolling * 0.3);
+        let (from, to) = (centre - rolling * 0.3, centre + rolling * 0.3);
         self.arrow(from, to, Stroke::new(1.5, color));
-        self.text(contact.axis * 1.5, name, self.palette.wheel, 9.0);
+        self.text(axis * 1.5, name, self.palette.wheel, 9.0);
     }
 
     pub(super) fn torque(&self, torque: DVec3, limit: f64) {

@@ -8,7 +8,7 @@ use super::status::{shaking, warned};
 use super::{SIZES, SMALLEST, Seen, limited, settle, shows, window};
 use crate::model::Model;
 use crate::model::tests::{
-    commanding, disconnect, grow_quiet, grow_silent, hear, see, see_state, stop_in_vain,
+    commanding, disconnect, grow_quiet, grow_silent, hear, hello, see, see_state, stop_in_vain,
 };
 use crate::net::{Intent, News};
 use crate::view::painted::{Text, filled, rims, texts, vertical_lines};
@@ -22,8 +22,6 @@ const NO_CONNECTION: &str = "cannot reach the rig";
 fn palette() -> Palette {
     Palette::of_theme(true, Color32::GRAY)
 }
-
-/// Returns the colour of the word for the mode.
 fn color_of(seen: &Seen, word: &str) -> Option<Color32> {
     texts(seen).into_iter().find(|it| it.text.split(':').next() == Some(word)).map(|it| it.color)
 }
@@ -86,14 +84,7 @@ fn a_server_that_pushes_again_is_told_beside_a_stop_that_is_not_confirmed() {
         let mut seen = window(size, model);
         assert!(!shows(&seen, words) && shows(&seen, "(no answer)"));
         disconnect(&mut seen.state_mut().model);
-        let hello = hbot_api::HelloOk {
-            server: "hbot 0.1.0".to_owned(),
-            version: 1,
-            rig: "Prototype".to_owned(),
-            rate_hz: 1000.0,
-            session: 9,
-        };
-        hear(&mut seen.state_mut().model, News::Connected(hello));
+        hear(&mut seen.state_mut().model, News::Connected(hello(9)));
         see(&mut seen.state_mut().model, 5, Mode::Active);
         settle(&mut seen);
         assert!(shows(&seen, "NOT STOPPED") && shows(&seen, words) && !shows(&seen, "(no answer)"));

@@ -6,16 +6,16 @@ use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use hbot_api::{Fault, FaultEvent, InfoOk, Mode, ShakingEvent, StateEvent};
 use serde_json::json;
 
-use super::{Change, SIZES, SMALLEST, Seen, fault_of, limited, places, settle, shows, window};
+use super::{Change, SIZES, SMALLEST, Seen, fault_of, limited, places, report_joints, settle, shows, window};
 use crate::model::Model;
 use crate::model::tests::{
     ME, commanding, disconnect, grow_quiet, grow_silent, hear, held_by, see, see_state, stop_in_vain,
     stopped_by, told,
 };
 use crate::net::{Intent, Lease, News};
-use crate::view::Act;
 use crate::view::painted::{filled, hint, lines, texts};
 use crate::view::theme::{LIVE, Palette};
+use crate::view::{Act, Tab};
 
 #[test]
 fn a_stop_that_failed_is_shown_above_all_else() {
@@ -295,21 +295,13 @@ fn one_speed_is_told_after_overspeed() {
         let (t, omega) = (tick as f64 / 1000.0, [0.0, speed, 0.0]);
         see_state(&mut model, StateEvent { tick, t, mode, fault, omega, ..StateEvent::default() });
     }
-    let seen = window(SIZES[0], model);
-    assert!(seen.query_by_label("Speed: 0.50 / 0.3 rad/s").is_some());
-    assert!(texts(&seen).iter().any(|it| it.text == "speed 0.50 / 0.3 rad/s" && it.is_whole()));
-    assert!(shows(&seen, "Reset: 0.50 rad/s") && !shows(&seen, "0.300") && !shows(&seen, "0.40"));
-}
-
-#[test]
-fn the_speed_stays_in_sight_in_a_fault() {
+    let mut seen = window(SIZES[0], model);
     for size in [SIZES[0], SMALLEST] {
-        let mut model = commanding(true);
-        let (fault, omega) = (Some(Fault::Overspeed), [0.0, 7.0, 0.0]);
-        let mode = Mode::Fault;
-        see_state(&mut model, StateEvent { tick: 200, t: 0.2, mode, fault, omega, ..StateEvent::default() });
-        let seen = window(size, model);
-        assert!(seen.query_by_label("Speed: 7.00 / 0 rad/s").is_some(), "{size:?}");
+        seen.set_size(size.into());
+        settle(&mut seen);
+        assert!(seen.query_by_label("Speed: 0.50 / 0.3 rad/s").is_some(), "{size:?}");
+        assert!(texts(&seen).iter().any(|it| it.text == "speed 0.50 / 0.3 rad/s" && it.is_whole()));
+        assert!(shows(&seen, "Reset: 0.50 rad/s") && !shows(&seen, "0.300") && !shows(&seen, "0.40"));
     }
 }
 
@@ -347,21 +339,6 @@ fn the_button_that_takes_command_never_releases_it() {
     let told = texts(&seen).into_iter().find(|it| it.text == "nobody commands: a change takes command");
     let warn = Palette::of_theme(true, Color32::GRAY).warn;
     assert!(told.is_some_and(|it| it.is_whole() && it.color == warn));
-}
-
-#[test]
-fn the_distance_from_the_reference_is_grey_if_it_may_be_old() {
-    let mut seen = window(SIZES[0], commanding(false));
-    see_state(&mut seen.state_mut().model, turned(200, Mode::Idle, 0.2));
-    settle(&mut seen);
-    let is_grey = |seen: &Seen| {
-        let text = seen.get_by_label_contains("0.20 rad from reference");
-        text.accesskit_node().is_disabled()
-    };
-    assert!(!is_grey(&seen));
-    grow_quiet(&mut seen.state_mut().model);
-    settle(&mut seen);
-    assert!(is_grey(&seen));
 }
 
 /// No distance stands there while it matters to no button.
@@ -631,14 +608,30 @@ fn a_warning_that_stands_in_full_in_the_box_is_not_told_again() {
 }
 
 #[test]
-fn the_scene_of_a_silent_rig_is_grey() {
-    let mut seen = window(SIZES[0], commanding(false));
-    let is_grey = |seen: &Seen| {
-        let title = texts(seen).into_iter().find(|it| it.text == "Spring").expect("the title");
-        !title.color.is_opaque()
-    };
-    assert!(!is_grey(&seen));
-    grow_silent(&mut seen.state_mut().model);
-    settle(&mut seen);
-    assert!(is_grey(&seen));
+fn what_may_be_old_is_grey() {
+    let distance = "0.20 rad from reference; Enable works to 0.50";
+    let changes: [fn(&mut Model); 3] = [grow_quiet, grow_silent, grow_silent];
+    let cases = [(distance, Tab::Scene), ("Spring", Tab::Scene), ("steer", Tab::Joints)];
+    for ((text, tab), change) in cases.into_iter().zip(changes) {
+        let mut model = commanding(false);
+        model.info.limits.enable_max_angle = 0.5;
+        report_joints(&mut model);
+        see_state(
+            &mut model,
+            StateEvent { joints: vec![Default::default(); 4], ..turned(201, Mode::Idle, 0.2) },
+        );
+        let mut seen = window(SIZES[0], model);
+        seen.state_mut().desk.tab = tab;
+        settle(&mut seen);
+        let opacities = |seen: &Seen| -> Vec<u8> {
+            let of = texts(seen).into_iter().filter(|it| it.text == text);
+            of.map(|it| it.color.a()).collect()
+        };
+        let before = opacities(&seen);
+        change(&mut seen.state_mut().model);
+        settle(&mut seen);
+        let after = opacities(&seen);
+        assert!(!before.is_empty() && before.len() == after.len(), "{text}: {before:?}, {after:?}");
+        assert!(before.iter().zip(&after).all(|(before, after)| after < before), "{text}: {after:?}");
+    }
 }
