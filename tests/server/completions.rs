@@ -44,6 +44,7 @@ fn bash_offers_scenes_kinds_files_ports_and_axes_where_they_are_wanted() {
     for name in ["aa.mcap", "bb.mcap", "log.csv", "my.toml", "notes.txt"] {
         std::fs::write(folder.path().join(name), "").expect("written");
     }
+    std::fs::write(folder.path().join("mine.toml"), "[[wheel]]\n").expect("written");
     std::fs::create_dir(folder.path().join("runs")).expect("a folder");
     let offered = |words: &str| {
         // The last word can be empty.
@@ -63,12 +64,12 @@ fn bash_offers_scenes_kinds_files_ports_and_axes_where_they_are_wanted() {
         ("server --scene=hin", "hinge"),
         ("server --port sim:p", "pty"),
         ("server --port sim:", "pty"),
-        ("server --rig ", "my.toml runs/"),
+        ("server --rig ", "mine.toml my.toml runs/"),
         ("server --port s", "sim sim:pty"),
         ("rig scan --port s", "sim"),
-        ("rig check ", "my.toml runs/"),
-        ("rig calibrate ", "my.toml runs/"),
-        ("rig certify --rig ", "my.toml runs/"),
+        ("rig check ", "mine.toml my.toml runs/"),
+        ("rig calibrate ", "mine.toml my.toml runs/"),
+        ("rig certify --rig ", "mine.toml my.toml runs/"),
         // Nothing is known, and no file is meant.
         ("server --web ", ""),
         ("rig test --joint ", ""),
@@ -99,15 +100,20 @@ fn bash_offers_the_effects_that_a_server_renders_and_their_parameters() {
     let server = Process::patient(&[]);
     let offered =
         |at: &str, words: &str| offered(server.folder(), at, &words.split(' ').collect::<Vec<_>>()).join(" ");
-    assert_eq!(offered(&server.address, "set "), "spring");
-    assert_eq!(offered(&server.address, "set spring st"), "stiffness=");
-    assert_eq!(offered(&server.address, "set spring stiffness=2 dam"), "damping=");
-    // Words that are values; a number has none.
-    assert_eq!(offered(&server.address, "set spring anchor="), "absolute here");
-    assert_eq!(offered(&server.address, "set spring anchor=h"), "here");
-    assert_eq!(offered(&server.address, "set spring stiffness="), "");
     let named = format!("set --server {} spr", server.address);
-    assert_eq!(offered("127.0.0.1:9", &named), "spring");
+    for (at, words, all) in [
+        (&*server.address, "set ", "spring"),
+        (&server.address, "set spring st", "stiffness="),
+        (&server.address, "set spring stiffness=2 dam", "damping="),
+        // Words that are values; a number has none.
+        (&server.address, "set spring anchor=", "absolute here"),
+        (&server.address, "set spring anchor=h", "here"),
+        (&server.address, "set spring stiffness=", ""),
+        ("127.0.0.1:9", &named, "spring"),
+    ] {
+        // The shell does not wait for a busy computer.
+        eventually(&format!("{all:?} for {words:?}"), || offered(at, words) == all);
+    }
     // Keys that say what an effect is cannot be set.
     assert_eq!(offered(&server.address, "set spring ki"), "");
     // One that does not answer does not hold the shell up.

@@ -67,19 +67,22 @@ impl Process {
     /// Starts a server on a free port, with its flight logs in `state`, and reads its messages at
     /// start.
     pub(crate) fn start(args: &[&str], state: &std::path::Path) -> Self {
+        let log = state.join("stderr.txt");
         let mut child = hbot()
             .args(["server", "--listen", "127.0.0.1:0"])
             .args(args)
             .env("XDG_STATE_HOME", state)
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
+            .stderr(std::fs::File::create(&log).expect("a file"))
             .spawn()
             .expect("the binary runs");
         let mut out = BufReader::new(child.stdout.take().expect("piped"));
         let mut banner = String::new();
         while !banner.contains("listen") {
-            let n = out.read_line(&mut banner).expect("readable");
-            assert!(n > 0, "the server ended at start:\n{banner}");
+            if out.read_line(&mut banner).expect("readable") == 0 {
+                let why = std::fs::read_to_string(&log).unwrap_or_default();
+                panic!("the server ended at start:\n{banner}{why}");
+            }
         }
         let address = banner.split_whitespace().last().expect("an address").to_owned();
         Self { folder: None, child, out, banner, address }
