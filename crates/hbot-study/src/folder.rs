@@ -2,7 +2,9 @@
 //! minutes.
 
 use std::io::{Error, ErrorKind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::WriteError;
 
 /// Name of the file that is written into the folder and removed again.
 const TRIED: &str = ".hbot-study.partial";
@@ -14,7 +16,7 @@ const TRIED: &str = ".hbot-study.partial";
 /// # Errors
 ///
 /// Fails with the path and the error of the operating system if `out` cannot be created or written.
-pub(crate) fn check_writable(out: &Path) -> Result<(), (PathBuf, Error)> {
+pub(crate) fn check_writable(out: &Path) -> Result<(), WriteError> {
     // An empty path, such as the parent of `out`, stands for the working directory.
     let missing: Vec<&Path> =
         out.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists()).collect();
@@ -26,20 +28,21 @@ pub(crate) fn check_writable(out: &Path) -> Result<(), (PathBuf, Error)> {
     tried
 }
 
-fn create_and_write(out: &Path) -> Result<(), (PathBuf, Error)> {
+fn create_and_write(out: &Path) -> Result<(), WriteError> {
+    let failed = |source| WriteError { path: out.to_owned(), source };
     std::fs::create_dir_all(out).map_err(|error| match error.kind() {
         // "File exists" alone does not say what is wrong.
-        ErrorKind::AlreadyExists => (out.to_owned(), Error::new(error.kind(), "is a file, not a folder")),
-        _ => (out.to_owned(), error),
+        ErrorKind::AlreadyExists => failed(Error::new(error.kind(), "is a file, not a folder")),
+        _ => failed(error),
     })?;
     let file = out.join(TRIED);
-    std::fs::write(&file, "")
-        .and_then(|()| std::fs::remove_file(&file))
-        .map_err(|error| (out.to_owned(), error))
+    std::fs::write(&file, "").and_then(|()| std::fs::remove_file(&file)).map_err(failed)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
 
     #[test]
@@ -61,9 +64,9 @@ mod tests {
         let file = tempfile::NamedTempFile::new().expect("a file");
         // No user can create a file in /proc/self.
         for out in [file.path().to_owned(), file.path().join("below"), PathBuf::from("/proc/self")] {
-            let (path, error) = check_writable(&out).expect_err("it is no folder");
-            assert_eq!(path, out, "{error}");
+            let error = check_writable(&out).expect_err("it is no folder");
+            assert_eq!(error.path, out, "{error}");
         }
-        assert!(check_writable(file.path()).expect_err("a file").1.to_string().contains("not a folder"));
+        assert!(check_writable(file.path()).expect_err("a file").to_string().contains("not a folder"));
     }
 }

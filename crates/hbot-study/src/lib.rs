@@ -3,7 +3,7 @@
 //!
 //! A study measures on the machine that it runs on and tests its own claims as checks. When it is
 //! complete it writes one folder: `report.md`, `report.html` with the same content, SVG plots and
-//! `summary.json`. A study that is stopped writes nothing.
+//! `summary.json`. Before that it writes nothing, so its program can end at any time.
 //!
 //! # Layers, top to bottom
 //!
@@ -21,7 +21,8 @@
 //!   others kept the machine, and the ids of figures.
 //! - `folder`: a study finds out at its start whether it can write its results.
 //! - `whole`: the whole loop: controller, line and simulated rig in lock-step.
-//! - `timing`, `context`, `rng`: time measurement, progress and interruption, random numbers.
+//! - `timing`, `context`, `threads`, `rng`, `fit`: time measurement, progress, work on all
+//!   processors, random numbers, straight lines.
 //!
 //! `verification` and `research` do not depend on each other. Plots are drawn by `hbot-plot`. The
 //! true motions come from `hbot_sim::motion`. Every study is deterministic except for the times
@@ -29,24 +30,26 @@
 
 mod computer;
 mod context;
+mod fit;
 mod folder;
 mod load;
 mod names;
 mod report;
 mod research;
 mod rng;
+mod threads;
 mod timing;
 mod verification;
 mod whole;
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-pub use context::Interrupt;
 pub use report::{Check, Figure, Report};
 pub use verification::callgrind::{Counter, count_worker};
 
-use context::{Context, Interrupted};
+use context::Context;
 use load::Load;
 use research::{design, paper};
 use verification::{accuracy, effects, feel, identify, lead, stability};
@@ -105,25 +108,29 @@ pub struct StudyOptions {
     pub counter: Option<Counter>,
 }
 
-/// The reason why a study has no result.
+/// A file or folder of the results that could not be written.
 #[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// The study was asked to stop.
-    #[error("stopped; nothing was written")]
-    Interrupted,
-    /// A file or folder of the results could not be written.
-    #[error("{path}: {source}")]
-    Write {
-        /// Path of the file or folder.
-        path: PathBuf,
-        /// The error that the operating system reported.
-        source: std::io::Error,
-    },
+#[error("{path}: {source}")]
+pub struct WriteError {
+    /// Path of the file or folder.
+    pub path: PathBuf,
+    /// The error that the operating system reported.
+    pub source: std::io::Error,
 }
 
-impl From<Interrupted> for StudyError {
-    fn from(_: Interrupted) -> Self {
-        Self::Interrupted
+/// Whether a study has written its files. It is locked while they are written.
+static WRITTEN: Mutex<bool> = Mutex::new(false);
+
+fn written() -> MutexGuard<'static, bool> {
+    WRITTEN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Calls `then` if no study of this program has written its files yet. None writes meanwhile, so a
+/// program that ends in `then` leaves nothing.
+pub fn if_unwritten(then: impl FnOnce()) {
+    let written = written();
+    if !*written {
+        then();
     }
 }
 
@@ -131,30 +138,26 @@ impl From<Interrupted> for StudyError {
 ///
 /// # Errors
 ///
-/// Fails if `interrupt` was raised during the study, or if the folder cannot be written. The latter
-/// is found out before the study begins. A check that does not hold is not an error: see
-/// [`Report::holds`].
-pub fn run(
-    study: Study,
-    options: &StudyOptions,
-    interrupt: &Interrupt,
-) -> Result<(Report, PathBuf), StudyError> {
-    let write = |(path, source)| StudyError::Write { path, source };
+/// Fails if the folder cannot be written, which is found out before the study begins. A check that
+/// does not hold is not an error: see [`Report::holds`].
+pub fn run(study: Study, options: &StudyOptions) -> Result<(Report, PathBuf), WriteError> {
     let out = options.out.clone().unwrap_or_else(|| Path::new("target/study").join(study.name()));
-    folder::check_writable(&out).map_err(write)?;
-    let report = measure(study, options, interrupt)?;
-    report.write(&out).map_err(write)?;
+    let trial = written();
+    folder::check_writable(&out)?;
+    drop(trial);
+    let report = measure(study, options);
+    let mut written = written();
+    report.write(&out)?;
+    *written = true;
     Ok((report, out))
 }
 
 /// Runs `study` and returns its report without writing any file.
-///
-/// # Errors
-/// Fails if `interrupt` was raised during the study.
-pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> Result<Report, StudyError> {
-    let context = Context::new(study.name(), options.quick, interrupt);
+#[must_use]
+pub fn measure(study: Study, options: &StudyOptions) -> Report {
+    let context = Context::new(study.name(), options.quick);
     let (started, load) = (Instant::now(), Load::begin());
-    let report = match study {
+    let mut report = match study {
         Study::Accuracy => accuracy::study(&context, options.counter.as_ref()),
         Study::Effects => effects::study(&context, options.counter.as_ref()),
         Study::Feel => feel::study(&context),
@@ -165,7 +168,6 @@ pub fn measure(study: Study, options: &StudyOptions, interrupt: &Interrupt) -> R
         Study::Design => design::study(&context),
     };
     context.finish();
-    let mut report = report?;
     (report.seconds, report.others) = (started.elapsed().as_secs_f64(), load.of_others());
-    Ok(report)
+    report
 }

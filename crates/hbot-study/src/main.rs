@@ -1,14 +1,15 @@
 //! The command-line program `hbot-study`. It runs a study on this machine and writes a report,
 //! plots and figures into a folder.
 
-use std::io::{ErrorKind, Write as _};
+use std::io::{ErrorKind, IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anstyle::{AnsiColor, Reset, Style};
 use anyhow::Context as _;
 use clap::{Args, Parser, Subcommand};
-use hbot_study::{Counter, Interrupt, Report, Study, StudyError, StudyOptions};
+use hbot_study::{Counter, Report, Study, StudyOptions};
+use rustix::process::{Signal, set_parent_process_death_signal};
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Measures on this machine what accuracy and effects cost and where stability ends, repeats the
@@ -66,7 +67,7 @@ struct StudyArgs {
 /// instructions.
 const WORKER: &str = "count-worker";
 /// Exit code after Ctrl-C, by the convention of shells: 128 plus the number of SIGINT.
-const INTERRUPTED: u8 = 130;
+const INTERRUPTED: i32 = 130;
 
 const GOOD: Style = AnsiColor::Green.on_default().bold();
 const BOLD: Style = Style::new().bold();
@@ -90,22 +91,16 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Paper(args) => (Study::Paper, args),
         Command::Design(args) => (Study::Design, args),
         Command::CountWorker { jobs } => {
+            // A study that is stopped leaves no worker behind.
+            set_parent_process_death_signal(Some(Signal::KILL))?;
             hbot_study::count_worker(&jobs).map_err(anyhow::Error::msg)?;
             return Ok(ExitCode::SUCCESS);
         }
     };
-    let interrupt = Interrupt::default();
-    raise_on_signal(&interrupt)?;
+    end_on_signal()?;
     let counter = Counter { program: std::env::current_exe()?, arguments: vec![WORKER.to_owned()] };
     let options = StudyOptions { out: args.out, quick: args.quick, counter: Some(counter) };
-    let (report, out) = match hbot_study::run(study, &options, &interrupt) {
-        Ok(done) => done,
-        Err(stopped @ StudyError::Interrupted) => {
-            note(&stopped.to_string());
-            return Ok(ExitCode::from(INTERRUPTED));
-        }
-        Err(error) => return Err(error.into()),
-    };
+    let (report, out) = hbot_study::run(study, &options)?;
     say(&told(&report, &out))?;
     Ok(if report.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -151,20 +146,24 @@ fn note(line: &str) {
     let _ = writeln!(anstream::stderr(), "{line}");
 }
 
-/// Raises `interrupt` when the process receives SIGINT or SIGTERM. The study then stops between two
-/// steps, so that no file is left incomplete.
-fn raise_on_signal(interrupt: &Interrupt) -> anyhow::Result<()> {
+/// Ends the process when it receives SIGINT or SIGTERM. While files are written, and after that, it
+/// is left to end by itself.
+fn end_on_signal() -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
     let (mut stop, mut end) = {
         let _guard = runtime.enter();
         (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
     };
-    let interrupt = interrupt.clone();
     std::thread::Builder::new().name("hbot-signals".to_owned()).spawn(move || {
         runtime.block_on(async {
             tokio::select! { _ = stop.recv() => {}, _ = end.recv() => {} }
         });
-        interrupt.raise();
+        hbot_study::if_unwritten(|| {
+            // Over the bar of progress, if there is one.
+            let erased = if std::io::stderr().is_terminal() { "\r\x1b[K" } else { "" };
+            note(&format!("{erased}stopped; nothing was written"));
+            std::process::exit(INTERRUPTED);
+        });
     })?;
     Ok(())
 }

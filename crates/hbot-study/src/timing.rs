@@ -6,8 +6,6 @@ use std::time::{Duration, Instant};
 
 use hbot_plot::short;
 
-use crate::context::{Context, Interrupted};
-
 /// A piece of code whose time is measured. It is run a given number of times.
 pub(crate) struct Timed<'a> {
     run: Box<dyn FnMut(u64) + 'a>,
@@ -115,58 +113,36 @@ impl Difference {
 /// so that a period in which the machine is slow affects all of them equally.
 ///
 /// There are 41 rounds (11 if quick). One sample lasts at least 1 ms (300 us if quick).
-///
-/// # Errors
-///
-/// Fails if the study was asked to stop.
-pub(crate) fn in_turn(context: &Context, what: &mut [Timed<'_>]) -> Result<Vec<Time>, Interrupted> {
-    let (least, rounds) = effort(context);
-    sampled(context, what, least, rounds)
+pub(crate) fn in_turn(quick: bool, what: &mut [Timed<'_>]) -> Vec<Time> {
+    let (least, rounds) = effort(quick);
+    sampled(what, least, rounds)
 }
 
 /// Measures computing times like [`in_turn`]. Also returns how much longer each element takes than
 /// the first one.
-///
-/// # Errors
-///
-/// Fails if the study was asked to stop.
-pub(crate) fn compared(
-    context: &Context,
-    what: &mut [Timed<'_>],
-) -> Result<Vec<(Time, Difference)>, Interrupted> {
-    let (least, rounds) = effort(context);
-    let samples = samples(context, what, least, rounds)?;
+pub(crate) fn compared(quick: bool, what: &mut [Timed<'_>]) -> Vec<(Time, Difference)> {
+    let (least, rounds) = effort(quick);
+    let samples = samples(what, least, rounds);
     let each = |of: &Vec<f64>| (Time::of(of), Difference::of(of, &samples[0]));
-    Ok(samples.iter().map(each).collect())
+    samples.iter().map(each).collect()
 }
 
 /// Returns how long a sample lasts at least, and how many rounds there are.
-fn effort(context: &Context) -> (Duration, usize) {
-    if context.quick { (Duration::from_micros(300), 11) } else { (Duration::from_millis(1), 41) }
+fn effort(quick: bool) -> (Duration, usize) {
+    if quick { (Duration::from_micros(300), 11) } else { (Duration::from_millis(1), 41) }
 }
 
 /// Measures computing times like [`in_turn`], with `rounds` rounds and samples that last at least
 /// `least`.
-pub(crate) fn sampled(
-    context: &Context,
-    what: &mut [Timed<'_>],
-    least: Duration,
-    rounds: usize,
-) -> Result<Vec<Time>, Interrupted> {
-    Ok(samples(context, what, least, rounds)?.iter().map(|samples| Time::of(samples)).collect())
+pub(crate) fn sampled(what: &mut [Timed<'_>], least: Duration, rounds: usize) -> Vec<Time> {
+    samples(what, least, rounds).iter().map(|samples| Time::of(samples)).collect()
 }
 
 /// Returns the time of one unit of work of each element of `what` in each of `rounds` rounds, ns.
-fn samples(
-    context: &Context,
-    what: &mut [Timed<'_>],
-    least: Duration,
-    rounds: usize,
-) -> Result<Vec<Vec<f64>>, Interrupted> {
+fn samples(what: &mut [Timed<'_>], least: Duration, rounds: usize) -> Vec<Vec<f64>> {
     // The search for the number of runs in a sample also serves as the warm-up.
     let mut times = Vec::new();
     for timed in &mut *what {
-        context.go_on()?;
         let mut count = 1_u64;
         loop {
             let start = Instant::now();
@@ -181,20 +157,18 @@ fn samples(
     }
     let mut samples = vec![Vec::with_capacity(rounds); what.len()];
     for _ in 0..rounds {
-        context.go_on()?;
         for ((timed, count), samples) in what.iter_mut().zip(&times).zip(&mut samples) {
             let start = Instant::now();
             (timed.run)(*count);
             samples.push(start.elapsed().as_secs_f64() * 1.0e9 / (*count as f64 * timed.unit));
         }
     }
-    Ok(samples)
+    samples
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::context::Interrupt;
 
     #[test]
     fn quartiles_of_samples() {
@@ -221,13 +195,5 @@ mod tests {
         let slow = [100.0, 200.0, 400.0, 300.0, 800.0];
         let more = slow.map(|time| time + 7.0);
         assert_eq!(Difference::of(&more, &slow), Difference { median: 7.0, q1: 7.0, q3: 7.0 });
-    }
-
-    #[test]
-    fn a_study_that_is_stopped_times_nothing() {
-        let interrupt = Interrupt::default();
-        interrupt.raise();
-        let context = Context::new("test", true, &interrupt);
-        assert_eq!(in_turn(&context, &mut [Timed::new(|| 1)]), Err(Interrupted));
     }
 }

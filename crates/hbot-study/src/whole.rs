@@ -3,12 +3,12 @@
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
 use hbot_core::inputs::{Command, Commands, Inputs, JointReadings};
 use hbot_core::outputs::{Drive, Outputs};
-use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Vec3, rotation};
+use hbot_core::{CompiledScene, Controller, Device, MAX_JOINTS, Vec3, rotation};
 use hbot_sim::exchange::Exchange;
 use hbot_sim::phenomena::{Motor, Phenomena};
-use hbot_sim::plant::PlantState;
+use hbot_sim::plant::{Plant, PlantState};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// Number of the tick in which the controller is told to enable torque. The controller refuses to
 /// enable before it has readings, and the ticks before this one bring them.
@@ -25,6 +25,18 @@ pub(crate) fn prototype(with: &[(&'static str, Value)]) -> RigConfig {
     RigConfig::load(None, &with).unwrap_or_else(|error| unreachable!("a legal rig: {error}"))
 }
 
+/// Returns the sphere's apparent inertia about `axis` with all steer angles at zero, kg m².
+pub(crate) fn inertia(device: &Device, axis: Vec3) -> f64 {
+    let plant = Plant::new(device).unwrap_or_else(|error| unreachable!("a rig that is a plant: {error}"));
+    axis.dot(plant.apparent_inertia(&PlantState::default()) * axis)
+}
+
+/// Makes the encoders of `config` `times` as fine.
+pub(crate) fn refine(config: &mut RigConfig, times: u32) {
+    let finer = config.rig.with(|rig| rig.joints.iter_mut().for_each(|joint| joint.counts_per_turn *= times));
+    config.rig = finer.unwrap_or_else(|error| unreachable!("counts that fit the counters: {error}"));
+}
+
 /// The whole control loop in virtual time: controller, line and simulated rig. The delay from a
 /// reading to the torque computed from it is one period.
 pub(crate) struct Whole {
@@ -38,7 +50,7 @@ pub(crate) struct Whole {
 }
 
 /// Duration of the soft start, s, after which the loop gives its full torque.
-const START_S: f64 = 0.6;
+pub(crate) const START_S: f64 = 0.6;
 
 /// Returns ideal motors that follow their commands with the lag `lag_s`, s: no loss, and no limit
 /// of speed or heat in reach.
@@ -54,19 +66,9 @@ pub(crate) const fn motor(lag_s: f64) -> Motor {
 
 impl Whole {
     /// Creates the loop at time 0. The simulated rig has the configuration `config` and the
-    /// phenomena `phenomena`, and starts in the state `start`. `scene` is a scene file as JSON.
-    pub(crate) fn new(config: &RigConfig, scene: Value, phenomena: Phenomena, start: PlantState) -> Self {
-        Self::with(config, scene_of(scene), phenomena, start)
-    }
-
-    /// Creates the loop as [`new`](Self::new) does, with a scene file that has been read.
-    pub(crate) fn with(
-        config: &RigConfig,
-        scene: SceneFile,
-        phenomena: Phenomena,
-        start: PlantState,
-    ) -> Self {
-        let simulated = SimulatedConfig { start, phenomena, ..SimulatedConfig::new(&config.rig) };
+    /// phenomena `phenomena`.
+    pub(crate) fn new(config: &RigConfig, scene: SceneFile, phenomena: Phenomena) -> Self {
+        let simulated = SimulatedConfig { phenomena, ..SimulatedConfig::new(&config.rig) };
         Self::simulated(config, scene, &simulated)
     }
 
@@ -77,24 +79,27 @@ impl Whole {
     /// The sphere exchanges energy between its axes, with the spring and with parts that give way,
     /// so the energy of all of them is summed. Its ripple within a swing averages out over a fifth.
     pub(crate) fn swung(&mut self, omega: Vec3, stiffness: f64, watch_s: f64) -> [f64; 5] {
-        for _ in 0..self.ticks(START_S) {
-            self.step(None);
-        }
-        let state = PlantState { omega, ..*self.rig().state() };
-        self.rig_mut().set_state(state);
+        self.run(START_S);
+        self.tap(omega);
         let part = self.ticks(watch_s / 5.0);
         [(); 5].map(|()| {
             let energy = (0..part).map(|_| {
                 self.step(None);
-                let state = self.rig().state();
-                let turned = rotation::log(state.q).length_squared();
-                self.rig().dynamics().energy(state) + 0.5 * stiffness * turned
+                self.energy(stiffness)
             });
             energy.sum::<f64>()
         })
     }
 
-    /// Creates the loop as [`with`](Self::with) does, with any settings of the simulated rig.
+    /// Returns the energy of sphere, wheels and parts that give way, with that of a spring of
+    /// `stiffness` (N m/rad), J.
+    pub(crate) fn energy(&self, stiffness: f64) -> f64 {
+        let state = self.rig().state();
+        let turned = rotation::log(state.q).length_squared();
+        self.rig().dynamics().energy(state) + 0.5 * stiffness * turned
+    }
+
+    /// Creates the loop as [`new`](Self::new) does, with any settings of the simulated rig.
     pub(crate) fn simulated(config: &RigConfig, scene: SceneFile, simulated: &SimulatedConfig) -> Self {
         let rig = SimulatedRig::new(simulated);
         let rig = rig.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));
@@ -155,6 +160,19 @@ impl Whole {
         outputs
     }
 
+    /// Runs the loop for `seconds`.
+    pub(crate) fn run(&mut self, seconds: f64) {
+        for _ in 0..self.ticks(seconds) {
+            self.step(None);
+        }
+    }
+
+    /// Gives the sphere the angular velocity `omega` (frame N, rad/s), as a tap does.
+    pub(crate) fn tap(&mut self, omega: Vec3) {
+        let state = PlantState { omega, ..*self.rig().state() };
+        self.rig_mut().set_state(state);
+    }
+
     /// Runs one tick with joint torques (N m) that `torque` computes from the controller's outputs.
     /// They act from this tick on. The controller only reads the joints and is never enabled.
     pub(crate) fn step_driven(&mut self, torque: impl FnOnce(&Outputs) -> [f64; MAX_JOINTS]) -> Outputs {
@@ -180,6 +198,14 @@ impl Whole {
     }
 }
 
+/// Returns a scene with a spring that acts at once. `stiffness` is in N m/rad, and `damping` in N m
+/// s/rad.
+pub(crate) fn spring(stiffness: f64, damping: f64) -> SceneFile {
+    scene_of(json!({"name": "study", "effect": [
+        {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": damping, "fade_s": 0}
+    ]}))
+}
+
 /// Returns the scene file `scene`, given as JSON.
 pub(crate) fn scene_of(scene: Value) -> SceneFile {
     SceneFile::from_json(scene).unwrap_or_else(|error| unreachable!("a legal scene: {error}"))
@@ -187,35 +213,18 @@ pub(crate) fn scene_of(scene: Value) -> SceneFile {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use hbot_config::advice::StiffnessBound;
     use hbot_core::design::rig::{Joint, RateEstimate};
-    use hbot_core::{Vec3, rotation};
-    use hbot_sim::phenomena::Motor;
-    use serde_json::json;
-
-    use super::*;
 
     /// Taps the sphere on a spring with 0.01 N m s/rad by `tap` rad/s about n1. Returns the size of
     /// the swing after 2.25 s relative to its size at first, and the largest slip that was seen,
     /// m/s. A fault counts as a swing without bound.
     fn swing(config: &RigConfig, stiffness: f64, tap: f64) -> [f64; 2] {
-        let scene = json!({"name": "study", "effect": [
-            {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": 0.01, "fade_s": 0}
-        ]});
-        let motor = Motor {
-            lag_s: 5.0e-4,
-            torque_scale: 1.0,
-            steer_no_load_rate: 1.0e5,
-            drive_no_load_rate: 1.0e5,
-            thermal_time_s: 1.0e5,
-        };
-        let phenomena = Phenomena { motor: Some(motor), ..Phenomena::default() };
-        let mut whole = Whole::new(config, scene, phenomena, PlantState::default());
-        for _ in 0..whole.ticks(0.6) {
-            whole.step(None);
-        }
-        let state = PlantState { omega: Vec3::X * tap, ..*whole.rig().state() };
-        whole.rig_mut().set_state(state);
+        let phenomena = Phenomena { motor: Some(motor(5.0e-4)), ..Phenomena::default() };
+        let mut whole = Whole::new(config, spring(stiffness, 0.01), phenomena);
+        whole.run(START_S);
+        whole.tap(Vec3::X * tap);
         let (mut early, mut late, mut slip) = (0.0, 0.0, 0.0_f64);
         for tick in 0..2500 {
             let state = whole.step(None).state;

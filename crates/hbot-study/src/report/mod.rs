@@ -41,7 +41,7 @@ pub struct Check {
 /// `{...}` stands for a part that varies.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Family {
-    pub(crate) pattern: &'static str,
+    pub(crate) pattern: String,
     pub(crate) unit: &'static str,
     pub(crate) meaning: &'static str,
 }
@@ -53,10 +53,6 @@ pub(crate) struct Plot {
     caption: String,
     svg: String,
 }
-
-/// A place in the text of a report at which a table can be inserted later. It is a byte offset.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct ReportPlace(usize);
 
 /// The results of a study: its text, plots, figures and checks.
 #[derive(Debug, Clone)]
@@ -70,6 +66,8 @@ pub struct Report {
     has_times: bool,
     machine: Computer,
     body: String,
+    /// Where the next row of the comparison with the paper comes in `body`, a byte offset.
+    compared_at: usize,
     plots: Vec<Plot>,
     short: Short,
     /// Further files that are written into the folder of the report, each with its name and
@@ -90,6 +88,7 @@ impl Report {
             has_times: false,
             machine: Computer::here(),
             body: String::new(),
+            compared_at: 0,
             plots: Vec::new(),
             short: Short::default(),
             files: Vec::new(),
@@ -131,15 +130,28 @@ impl Report {
         self.body.push_str(&tabled(rows));
     }
 
-    /// Returns the current end of the text, so that a table can be inserted there later, when its
-    /// content is known.
-    pub(crate) fn place(&self) -> ReportPlace {
-        ReportPlace(self.body.len())
+    /// Begins the table of the paper's results beside ours, to which [`compare`](Self::compare)
+    /// adds rows from anywhere below.
+    pub(crate) fn begin_comparison(&mut self) {
+        self.table(&[head("what | the paper | here | why they differ")]);
+        // Before the empty line that ends a table.
+        self.compared_at = self.body.len() - 1;
     }
 
-    /// Inserts a table at `place`. The first row of `rows` is its header.
-    pub(crate) fn table_at(&mut self, place: ReportPlace, rows: &[Vec<String>]) {
-        self.body.insert_str(place.0, &tabled(rows));
+    /// Adds a row to the table that compares our results with the paper's.
+    ///
+    /// `what` is the compared quantity and its place in the paper, such as "GCI (V.D)". `paper` and
+    /// `ours` are the two values with units. `why` explains the difference in one or two sentences.
+    pub(crate) fn compare(
+        &mut self,
+        what: &str,
+        paper: impl Into<String>,
+        ours: impl Into<String>,
+        why: impl Into<String>,
+    ) {
+        let row = format!("| {what} | {} | {} | {} |\n", paper.into(), ours.into(), why.into());
+        self.body.insert_str(self.compared_at, &row);
+        self.compared_at += row.len();
     }
 
     /// Appends a plot and its caption to the text. The plot is written to the file `name.svg`.
@@ -167,7 +179,7 @@ impl Report {
         let (Some(pattern), Some(unit), Some(meaning)) = (cells.next(), cells.next(), cells.next()) else {
             unreachable!("a family has a pattern, a unit and a meaning: {row}")
         };
-        self.meaning(Family { pattern, unit, meaning });
+        self.meaning(Family { pattern: pattern.to_owned(), unit, meaning });
     }
 
     /// Adds a family of figures (pattern of their ids, unit and meaning) to the report's table of
@@ -180,7 +192,7 @@ impl Report {
     /// [`family`](Self::family).
     pub(crate) fn figure(&mut self, id: String, value: f64) -> &mut Figure {
         debug_assert!(names::is_id(&id), "{id}");
-        let unit = self.families.iter().find(|f| names::matches(f.pattern, &id)).map_or("", |f| f.unit);
+        let unit = self.families.iter().find(|f| names::matches(&f.pattern, &id)).map_or("", |f| f.unit);
         self.figures.push(Figure { id, value, unit, more: Map::new() });
         let last = self.figures.len() - 1;
         &mut self.figures[last]

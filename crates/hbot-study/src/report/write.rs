@@ -1,10 +1,11 @@
 //! Writing a report into a folder: all of its files or none.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
 use super::{Figure, Report};
+use crate::WriteError;
 
 impl Report {
     /// Returns the whole report as Markdown text.
@@ -53,20 +54,24 @@ impl Report {
     /// Writes all files of the report into the folder `out`. Each file is first written under a
     /// temporary name. When all are written, each is renamed, so that a failure leaves no
     /// incomplete file under a final name.
-    pub(crate) fn write(&self, out: &Path) -> Result<(), (PathBuf, std::io::Error)> {
+    pub(crate) fn write(&self, out: &Path) -> Result<(), WriteError> {
         let mut files =
             vec![("report.md".to_owned(), self.markdown()), ("report.html".to_owned(), self.html())];
         files.extend(self.plots.iter().map(|plot| (format!("{}.svg", plot.name), plot.svg.clone())));
         files.extend(self.files.iter().cloned());
         // summary.json is last, so that it exists only if all other files do.
         files.push(("summary.json".to_owned(), format!("{:#}\n", self.summary())));
-        std::fs::create_dir_all(out).map_err(|error| (out.to_owned(), error))?;
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            move |source| WriteError { path, source }
+        };
+        std::fs::create_dir_all(out).map_err(failed(out))?;
         let partial = |name: &str| out.join(format!(".{name}.partial"));
         for (name, text) in &files {
-            std::fs::write(partial(name), text).map_err(|error| (partial(name), error))?;
+            std::fs::write(partial(name), text).map_err(failed(&partial(name)))?;
         }
         for (name, _) in &files {
-            std::fs::rename(partial(name), out.join(name)).map_err(|error| (out.join(name), error))?;
+            std::fs::rename(partial(name), out.join(name)).map_err(failed(&out.join(name)))?;
         }
         Ok(())
     }

@@ -2,13 +2,11 @@
 //! worker runs one job after another, each with one short and one long call of [`counted`].
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
 use super::jobs;
-use crate::context::{Context, Interrupted};
 
 /// Number of ticks in the shorter of the two runs whose instructions are counted. The difference
 /// between both runs gives the instructions per tick.
@@ -56,30 +54,19 @@ fn counted(job: &mut dyn FnMut(usize) -> f64, ticks: usize) -> f64 {
 impl Counter {
     /// Returns the number of instructions per tick for each job, or the reason why they cannot be
     /// counted. The jobs are those that [`jobs`] understands.
-    pub(super) fn count(
-        &self,
-        context: &Context,
-        jobs: &[Value],
-    ) -> Result<Result<Vec<f64>, String>, Interrupted> {
+    pub(super) fn count(&self, jobs: &[Value]) -> Result<Vec<f64>, String> {
         let folder = std::env::temp_dir().join(format!("hbot-callgrind-{}", std::process::id()));
-        if let Err(error) = std::fs::create_dir_all(&folder) {
-            return Ok(Err(format!("{}: {error}", folder.display())));
-        }
-        let result = self.count_in(context, &folder, jobs);
+        std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        let result = self.count_in(&folder, jobs);
         // Leftover files in the temporary folder do no harm.
         let _ = std::fs::remove_dir_all(&folder);
         result
     }
 
-    fn count_in(
-        &self,
-        context: &Context,
-        folder: &Path,
-        jobs: &[Value],
-    ) -> Result<Result<Vec<f64>, String>, Interrupted> {
+    fn count_in(&self, folder: &Path, jobs: &[Value]) -> Result<Vec<f64>, String> {
         let list = Value::from(jobs);
         let out = folder.join("out");
-        let child = Command::new("valgrind")
+        let ended = Command::new("valgrind")
             .args(["--tool=callgrind", "--quiet"])
             .arg(format!("--callgrind-out-file={}", out.display()))
             .arg(format!("--toggle-collect={FUNCTION}"))
@@ -90,44 +77,20 @@ impl Counter {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
-            .spawn();
-        let mut child = match child {
-            Ok(child) => child,
+            .status();
+        match ended {
+            Ok(status) if status.success() => {}
+            Ok(_) => return Err("the worker under valgrind failed".to_owned()),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Ok(Err("valgrind is not installed".to_owned()));
+                return Err("valgrind is not installed".to_owned());
             }
-            Err(error) => return Ok(Err(format!("valgrind: {error}"))),
+            Err(error) => return Err(format!("valgrind: {error}")),
+        }
+        let count = |k: usize| {
+            let [few, many] = [1, 2].map(|call| total(&folder.join(format!("out.{}", 2 * k + call))));
+            Some((many? - few?) / (MANY - FEW) as f64)
         };
-        let done = wait(context, &mut child)?;
-        if !done {
-            return Ok(Err("the worker under valgrind failed".to_owned()));
-        }
-        let mut counts = Vec::new();
-        for k in 0..jobs.len() {
-            let total = |call: usize| total(&folder.join(format!("out.{}", 2 * k + call)));
-            match (total(1), total(2)) {
-                (Some(few), Some(many)) => counts.push((many - few) / (MANY - FEW) as f64),
-                _ => return Ok(Err(format!("callgrind left no count of job {k}"))),
-            }
-        }
-        Ok(Ok(counts))
-    }
-}
-
-/// Waits until the worker ends, and returns whether it succeeded. If the study is asked to stop,
-/// ends the worker and returns [`Interrupted`].
-fn wait(context: &Context, child: &mut Child) -> Result<bool, Interrupted> {
-    loop {
-        if let Ok(Some(status)) = child.try_wait() {
-            return Ok(status.success());
-        }
-        if let Err(stop) = context.go_on() {
-            // The worker may already have ended, so errors are ignored.
-            let _ = child.kill();
-            let _ = child.wait();
-            return Err(stop);
-        }
-        std::thread::sleep(Duration::from_millis(50));
+        (0..jobs.len()).map(|k| count(k).ok_or(format!("callgrind left no count of job {k}"))).collect()
     }
 }
 

@@ -12,6 +12,10 @@ pub(crate) mod identify;
 pub(crate) mod lead;
 pub(crate) mod stability;
 
+use hbot_core::design::kinematics::Posture;
+use hbot_core::inputs::{Complaints, JointReadings};
+use hbot_core::{MAX_JOINTS, Rig};
+use hbot_sim::motion::{MotionSample, TrueMotion};
 use serde_json::Value;
 
 /// Work whose instructions are counted: a function that starts anew in each call and runs the given
@@ -22,6 +26,20 @@ type Job = Box<dyn FnMut(usize) -> f64>;
 fn jobs(all: &[Value]) -> Option<Vec<Job>> {
     let desk = std::cell::OnceCell::new();
     all.iter().map(|job| effects::job(job, &desk).or_else(|| accuracy::job(job))).collect()
+}
+
+/// Returns the readings that motor controllers would send in each tick of a motion at 1 kHz.
+fn readings(rig: &Rig, motion: &TrueMotion, moments: &[MotionSample]) -> Vec<JointReadings> {
+    let each = |(k, moment): (usize, &MotionSample)| {
+        let omega = motion.omega(k as f64 / 1000.0);
+        let rates = Posture::new(&rig.device, &[moment.joints[0], moment.joints[2]]).inverse(omega);
+        let mut counts = [0; MAX_JOINTS];
+        for (j, angle) in moment.joints.iter().enumerate() {
+            counts[j] = (angle / rig.joints[j].radians_per_count()).round() as i64 as i32;
+        }
+        JointReadings { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
+    };
+    moments.iter().enumerate().map(each).collect()
 }
 
 /// The stages of the computation under study, compiled with `Real = f64`.

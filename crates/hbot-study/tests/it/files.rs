@@ -1,6 +1,6 @@
 //! The files that a study leaves in its folder: all of them or none.
 
-use hbot_study::{Interrupt, Study, StudyError, StudyOptions, run};
+use hbot_study::{Study, StudyOptions, run};
 use serde_json::Value;
 
 use crate::options;
@@ -10,7 +10,7 @@ fn a_study_leaves_a_report_plots_and_a_summary() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("deep/down");
     let options = StudyOptions { out: Some(out.clone()), ..options() };
-    let (report, place) = run(Study::Effects, &options, &Interrupt::default()).expect("it runs");
+    let (report, place) = run(Study::Effects, &options).expect("it runs");
     assert_eq!(place, out);
     let text = std::fs::read_to_string(out.join("report.md")).expect("a report");
     let plots: Vec<&str> = text.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect();
@@ -45,33 +45,9 @@ fn a_study_leaves_a_report_plots_and_a_summary() {
 }
 
 #[test]
-fn a_study_that_is_stopped_leaves_nothing() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("out");
-    for study in [
-        Study::Accuracy,
-        Study::Effects,
-        Study::Feel,
-        Study::Stability,
-        Study::Lead,
-        Study::Paper,
-        Study::Design,
-    ] {
-        let interrupt = Interrupt::default();
-        interrupt.raise();
-        let options = StudyOptions { out: Some(out.clone()), ..options() };
-        assert!(matches!(run(study, &options, &interrupt), Err(StudyError::Interrupted)));
-        assert!(!out.exists(), "{}", study.name());
-    }
-}
-
-#[test]
-fn a_folder_that_cannot_be_made_is_named_before_the_study_begins() {
+fn a_folder_that_cannot_be_made_is_named() {
     let file = tempfile::NamedTempFile::new().expect("a file");
     let options = StudyOptions { out: Some(file.path().join("below")), ..options() };
-    // A study that was stopped would say so, but this one does not begin.
-    let interrupt = Interrupt::default();
-    interrupt.raise();
-    let error = run(Study::Effects, &options, &interrupt).expect_err("a file is no folder");
+    let error = run(Study::Effects, &options).expect_err("a file is no folder");
     assert!(error.to_string().contains("below"), "{error}");
 }

@@ -15,7 +15,7 @@ mod tables;
 
 use std::collections::HashSet;
 
-use hbot_study::{Interrupt, Report, Study, StudyOptions};
+use hbot_study::{Report, Study, StudyOptions};
 
 /// Returns the options of a quick run of a study that counts no instructions.
 fn options() -> StudyOptions {
@@ -23,7 +23,7 @@ fn options() -> StudyOptions {
 }
 
 fn measure(study: Study) -> Report {
-    hbot_study::measure(study, &options(), &Interrupt::default()).expect("nobody stops it")
+    hbot_study::measure(study, &options())
 }
 
 /// Asserts that every figure of a report has a unique id in lower_snake_case, a finite value, and

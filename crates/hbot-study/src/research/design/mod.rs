@@ -22,7 +22,7 @@ mod space;
 mod torus;
 mod wheels;
 
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
 
 use front::{BOX, Found, better_by, front, volume};
@@ -46,7 +46,7 @@ const SEEDS_AGREE: [f64; 2] = [0.05, 0.2];
 const EVALUATIONS: [[usize; 3]; 2] = [[10240, 6144, 4096], [1536, 512, 384]];
 
 /// Runs the study `design` and returns its report.
-pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context) -> Report {
     let mut report = Report::new("design", context.quick);
     let parts = Parts::prototype();
     context.expect(4 + (SEEDS.len() + 1) * WHEELS.len());
@@ -54,16 +54,16 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
     let Some(prototype) = measure(&parts, &parts.prototype, TOLD) else {
         unreachable!("the prototype is a legal design")
     };
-    shapes::dimensions(context, &mut report, &parts)?;
-    shapes::convergence(context, &mut report, &parts)?;
-    let each = fronts(context, &mut report, &parts, &prototype)?;
+    shapes::dimensions(context, &mut report, &parts);
+    shapes::convergence(context, &mut report, &parts);
+    let each = fronts(context, &mut report, &parts, &prototype);
     let fronts = Fronts { each, prototype };
     results::tell(&mut report, &parts, &fronts);
-    wheels::study(context, &mut report, &parts)?;
-    context.part("conclusions")?;
+    wheels::study(context, &mut report, &parts);
+    context.part("conclusions");
     conclusions::tell(&mut report, &parts, &fronts);
     short::conclude(&mut report);
-    Ok(report)
+    report
 }
 
 fn introduce(report: &mut Report, parts: &Parts) {
@@ -105,17 +105,12 @@ fn introduce(report: &mut Report, parts: &Parts) {
 
 /// Searches for designs and returns the Pareto front for each number of wheels, from the designs of
 /// all seeds. Also reports how well the fronts have converged.
-fn fronts(
-    context: &Context,
-    report: &mut Report,
-    parts: &Parts,
-    prototype: &Measures,
-) -> Result<Vec<Vec<Found>>, Interrupted> {
+fn fronts(context: &Context, report: &mut Report, parts: &Parts, prototype: &Measures) -> Vec<Vec<Found>> {
     let budget = EVALUATIONS[usize::from(context.quick)];
     explain_search(report, budget);
     let mut all = Vec::new();
     for (wheels, evaluations) in WHEELS.into_iter().zip(budget) {
-        all.push(Front::search(context, parts, wheels, evaluations, prototype)?);
+        all.push(Front::search(context, parts, wheels, evaluations, prototype));
     }
     tell_search(report, &all);
     let bound = SEEDS_AGREE[usize::from(context.quick)];
@@ -125,7 +120,7 @@ fn fronts(
         format!("{apart:.3} apart at most"),
         apart <= bound,
     );
-    Ok(all.into_iter().map(|front| front.found).collect())
+    all.into_iter().map(|front| front.found).collect()
 }
 
 fn explain_search(report: &mut Report, budget: [usize; 3]) {
@@ -172,16 +167,16 @@ impl Front {
         wheels: usize,
         evaluations: usize,
         prototype: &Measures,
-    ) -> Result<Self, Interrupted> {
+    ) -> Self {
         let mut runs: Vec<Search> = Vec::new();
         for seed in SEEDS {
-            context.part(&format!("{wheels} wheels, search {seed}"))?;
-            runs.push(search(context, parts, wheels, evaluations, seed)?);
+            context.part(&format!("{wheels} wheels, search {seed}"));
+            runs.push(search(parts, wheels, evaluations, seed));
         }
-        context.part(&format!("{wheels} wheels, the front"))?;
-        let found = told(context, parts, wheels, &runs, prototype)?;
+        context.part(&format!("{wheels} wheels, the front"));
+        let found = told(parts, wheels, &runs, prototype);
         let shares = runs.iter().map(|run| share(&run.archive.members)).collect();
-        Ok(Self { wheels, evaluations, runs, found, shares })
+        Self { wheels, evaluations, runs, found, shares }
     }
 
     /// Returns the share of the volume of possible costs that the search `run` dominated after half
@@ -252,13 +247,7 @@ fn tell_search(report: &mut Report, all: &[Front]) {
 /// Returns the Pareto front of all designs that the searches `runs` found. Also considers the
 /// designs that exceed the prototype in all figures by the largest factor. All are measured as
 /// thoroughly as reported figures are.
-fn told(
-    context: &Context,
-    parts: &Parts,
-    wheels: usize,
-    runs: &[Search],
-    prototype: &Measures,
-) -> Result<Vec<Found>, Interrupted> {
+fn told(parts: &Parts, wheels: usize, runs: &[Search], prototype: &Measures) -> Vec<Found> {
     let members = || runs.iter().flat_map(|run| &run.archive.members);
     let costs: Vec<_> = members().map(|found| found.measures.costs()).collect();
     let all: Vec<_> = members().map(|found| found.point).collect();
@@ -267,13 +256,13 @@ fn told(
     let best = members().max_by(|a, b| by(a).total_cmp(&by(b))).map(|found| found.point);
     let same = Point::of(&Design { wheels, ..parts.prototype });
     for from in best.into_iter().chain([same]) {
-        points.push(climb(context, parts, from, prototype)?);
+        points.push(climb(parts, from, prototype));
     }
     points.sort_unstable();
     points.dedup();
-    let found: Vec<Found> = measure_all(context, parts, &points, TOLD)?.into_iter().flatten().collect();
+    let found: Vec<Found> = measure_all(parts, &points, TOLD).into_iter().flatten().collect();
     let costs: Vec<_> = found.iter().map(|f| f.measures.costs()).collect();
-    Ok(front(&costs).into_iter().map(|k| found[k]).collect())
+    front(&costs).into_iter().map(|k| found[k]).collect()
 }
 
 /// Formats a number with its unit. The unit `1`, which marks a ratio, is left out.

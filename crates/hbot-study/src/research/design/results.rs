@@ -1,7 +1,7 @@
 //! The results of the search: plots, the best designs with their rig files, and a comparison with
 //! the prototype.
 
-use super::figures::{Of, families, figures};
+use super::figures::{families, figures};
 use super::fronts::{Best, Fronts};
 use super::margins::{MARGINS, margins};
 use super::plots::plots;
@@ -23,8 +23,8 @@ fn best(report: &mut Report, parts: &Parts, fronts: &Fronts) {
          largest factor. Each is a rig file beside this report, `design_<wheels>w_<which>.toml`: `hbot rig check` judges it, `hbot server --rig` runs it. Its torque limit is 0.95 of what motors and contacts give in any \
          direction at any posture.",
     );
-    families(report, Of::Prototype);
-    families(report, Of::Best);
+    families(report, "design_prototype");
+    families(report, "design_best_{wheels}w_{which}");
     figures(report, "design_prototype", parts, &parts.prototype, &fronts.prototype);
     let mut table = vec![head(
         "design | cone, deg | toe, deg | tilt, deg | r, mm | GCI | peak torque, N m | inertia, kg m² | steering speed | drive speed | slips from, N m | contact force at peak torque, N | margins at their bound",

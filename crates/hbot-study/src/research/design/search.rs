@@ -8,8 +8,8 @@ use super::local::RatedDevice;
 use super::margins::{has_room, keeps};
 use super::space::{Design, Parts, Point};
 use super::torus::{Effort, Measures, SEARCH, kronecker};
-use crate::context::{Context, Interrupted};
 use crate::rng::Rng;
+use crate::threads;
 
 /// Number of designs that are measured in parallel.
 const BATCH: usize = 128;
@@ -42,13 +42,7 @@ pub(super) struct Search {
 /// Measures `evaluations` designs with `wheels` wheels: first the prototype's dimensions, then one
 /// half spread evenly over all dimensions, and one half near the best designs so far. Another seed
 /// gives other designs.
-pub(super) fn search(
-    context: &Context,
-    parts: &Parts,
-    wheels: usize,
-    evaluations: usize,
-    seed: u64,
-) -> Result<Search, Interrupted> {
+pub(super) fn search(parts: &Parts, wheels: usize, evaluations: usize, seed: u64) -> Search {
     let mut rng = Rng(seed);
     let mut run =
         Search { archive: Archive::default(), history: Vec::new(), without_room: [0; 2], failed: 0 };
@@ -82,10 +76,10 @@ pub(super) fn search(
             }
         }
         measured += batch.len();
-        run.take(&mut volume, measure_all(context, parts, &batch, SEARCH)?);
+        run.take(&mut volume, measure_all(parts, &batch, SEARCH));
         run.history.push((measured, volume.share()));
     }
-    Ok(run)
+    run
 }
 
 impl Search {
@@ -152,19 +146,14 @@ const CLIMB: [i32; 4] = [12, 5, 2, 1];
 /// exceeds.
 ///
 /// Neighbours differ in one or two dimensions, by steps that shrink.
-pub(super) fn climb(
-    context: &Context,
-    parts: &Parts,
-    from: Point,
-    than: &Measures,
-) -> Result<Point, Interrupted> {
+pub(super) fn climb(parts: &Parts, from: Point, than: &Measures) -> Point {
     let (mut here, mut by) = (from, 0.0);
     for stride in CLIMB {
         loop {
             let near = neighbours(here, stride);
             let near: Vec<Point> =
                 near.into_iter().filter(|point| has_room(parts, &point.design())).collect();
-            let all = measure_all(context, parts, &near, SEARCH)?;
+            let all = measure_all(parts, &near, SEARCH);
             let factor = |found: &Found| better_by(&found.measures, than);
             let best = all.iter().flatten().max_by(|a, b| factor(a).total_cmp(&factor(b)));
             match best {
@@ -173,7 +162,7 @@ pub(super) fn climb(
             }
         }
     }
-    Ok(here)
+    here
 }
 
 /// Returns the design `point` and its neighbours, which differ by `stride` grid steps in one or two
@@ -195,31 +184,12 @@ fn neighbours(point: Point, stride: i32) -> Vec<Point> {
 
 /// Measures designs on all processor cores and returns the results in the order of `points`. A
 /// design that does not keep its margins becomes `None`.
-pub(super) fn measure_all(
-    context: &Context,
-    parts: &Parts,
-    points: &[Point],
-    effort: Effort,
-) -> Result<Vec<Option<Found>>, Interrupted> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let chunk = points.len().div_ceil(threads).max(1);
-    let one = |point: &Point| -> Result<Option<Found>, Interrupted> {
-        context.go_on()?;
+pub(super) fn measure_all(parts: &Parts, points: &[Point], effort: Effort) -> Vec<Option<Found>> {
+    threads::map(points, |point| {
         let design = point.design();
         let measures = measure(parts, &design, effort);
         let kept = measures.filter(|measures| keeps(parts, &design, measures));
-        Ok(kept.map(|measures| Found { point: *point, measures }))
-    };
-    std::thread::scope(|scope| {
-        let work: Vec<_> = points
-            .chunks(chunk)
-            .map(|points| scope.spawn(move || points.iter().map(one).collect::<Result<Vec<_>, _>>()))
-            .collect();
-        let mut all = Vec::with_capacity(points.len());
-        for thread in work {
-            all.extend(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?);
-        }
-        Ok(all)
+        kept.map(|measures| Found { point: *point, measures })
     })
 }
 
@@ -238,13 +208,11 @@ pub(super) fn measure(parts: &Parts, design: &Design, effort: Effort) -> Option<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::context::Interrupt;
     use crate::research::design::front::dominates;
     use crate::research::design::margins::{MARGINS, margins};
 
     fn run(seed: u64) -> Search {
-        let context = Context::new("test", true, &Interrupt::default());
-        search(&context, &Parts::prototype(), 3, 256, seed).expect("nobody stops it")
+        search(&Parts::prototype(), 3, 256, seed)
     }
 
     #[test]

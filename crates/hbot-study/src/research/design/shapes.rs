@@ -5,7 +5,7 @@ use hbot_plot::{Lines, Series, short};
 use super::search::{machine, measure};
 use super::space::{DEGREE, Design, Parts, WHEELS};
 use super::torus::{Effort, Measures, SEARCH, TOLD};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
 
 /// The levels of thoroughness at which the figures are compared, from the least to the most
@@ -19,8 +19,8 @@ const EFFORTS: [Effort; 5] = [
 ];
 
 /// Reports how much the figures change when they are measured more thoroughly.
-pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
-    context.part("how sure the figures are")?;
+pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts) {
+    context.part("how sure the figures are");
     introduce(report);
     let mut table = vec![head(
         "wheels | samples | starts | mean spectral index | least | peak torque, N m | inertia, kg m² | contact force, N per N m",
@@ -33,7 +33,6 @@ pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts)
         };
         let mut all = Vec::new();
         for effort in EFFORTS {
-            context.go_on()?;
             let m = Measures::of(&machine, &design, effort);
             let stem = format!("design_samples_{wheels}w_{}_{}", effort.samples, effort.starts);
             report.figure(format!("{stem}_gci"), m.gci);
@@ -67,7 +66,6 @@ pub(super) fn convergence(context: &Context, report: &mut Report, parts: &Parts)
         format!("{:.2} %", 100.0 * told_off),
         told_off < 0.02,
     );
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {
@@ -86,8 +84,8 @@ fn introduce(report: &mut Report) {
 type Set = fn(&Design, f64) -> Design;
 
 /// Varies each dimension of the prototype alone, and reports how the figures change.
-pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
-    context.part("what each dimension does")?;
+pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) {
+    context.part("what each dimension does");
     report.heading("What each dimension does");
     let d = &parts.prototype;
     report.say(&format!(
@@ -107,7 +105,6 @@ pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) 
         ("radius", "wheel radius, mm", [8.0, 30.0], 1.0e-3, |d, radius| Design { radius, ..*d }),
     ];
     for (name, axis, [low, high], unit, set) in sweeps {
-        context.go_on()?;
         let lines = sweep(parts, &base, [low, high], |x| set(d, x * unit));
         report.lines(
             &format!("dimension_{name}"),
@@ -115,7 +112,7 @@ pub(super) fn dimensions(context: &Context, report: &mut Report, parts: &Parts) 
             Lines::new(format!("What the {name} does"), axis.to_owned(), "times the prototype's", lines),
         );
     }
-    tilts(context, report, parts)
+    tilts(report, parts)
 }
 
 /// Measures designs in which one dimension varies from `low` to `high`. Returns one plot line per
@@ -156,7 +153,7 @@ fn sweep(
 
 /// Reports how conditioning depends on the tilt of the steering axes, for each number of wheels.
 /// The wheels are matched, r = R sin a: equally strong in steering and driving.
-fn tilts(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
+fn tilts(report: &mut Report, parts: &Parts) {
     report.say(
         "Where r = R sin a, G is most even where the contacts are spread most evenly over directions and their opposites: two at right angles (axes 45 deg from -n3), three or four with cos² = 1/3 (54.7 deg). \
          The third wheel is what lifts the index from 0.7, which two can never exceed, to near 1.",
@@ -168,7 +165,6 @@ fn tilts(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), In
         let radius = parts.sphere_radius() * libm::sin(parts.prototype.cone);
         let mut points = Vec::new();
         for k in 0..=120 {
-            context.go_on()?;
             let tilt = 20.0 + 0.5 * f64::from(k);
             let design = Design { wheels, tilt: tilt * DEGREE, radius, ..parts.prototype };
             if let Some(m) = measure(parts, &design, SEARCH) {
@@ -198,5 +194,4 @@ fn tilts(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), In
         format!("{off:.1} deg off at most"),
         off <= 2.0,
     );
-    Ok(())
 }

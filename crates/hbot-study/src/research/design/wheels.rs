@@ -5,12 +5,12 @@ use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, Mat3, Vec3};
 use hbot_plot::{Bar, bars, short};
 
-use super::figures::{Of, families, figures};
+use super::figures::{families, figures};
 use super::margins::grip;
 use super::search::machine;
 use super::space::{Design, Parts, WHEELS};
 use super::torus::{Measures, TOLD, samples};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
 use crate::rng::Rng;
 
@@ -100,11 +100,10 @@ struct Count {
     seen: Seen,
 }
 
-pub(super) fn study(context: &Context, report: &mut Report, parts: &Parts) -> Result<(), Interrupted> {
-    context.part("two, three, four wheels")?;
+pub(super) fn study(context: &Context, report: &mut Report, parts: &Parts) {
+    context.part("two, three, four wheels");
     let mut counts = Vec::new();
     for wheels in WHEELS {
-        context.go_on()?;
         let design = Design { wheels, ..parts.prototype };
         let Some(mut machine) = machine(parts, &design) else {
             unreachable!("the prototype's wheels in a ring are a legal design")
@@ -118,7 +117,6 @@ pub(super) fn study(context: &Context, report: &mut Report, parts: &Parts) -> Re
     tell(report, parts, &counts);
     plots(report, &counts);
     checks(report, &counts);
-    Ok(())
 }
 
 fn tell(report: &mut Report, parts: &Parts, counts: &[Count]) {
@@ -184,7 +182,7 @@ fn introduce(report: &mut Report) {
          sphere pivots about the other contact, nothing is seen; from three wheels on, every slip of a single wheel shows. What all contacts share as a turn does never show, nor pivoting on the spot about a contact's normal, which \
          is no slip of its point: for that it takes a reference from outside.",
     );
-    families(report, Of::Wheels);
+    families(report, "design_wheels_{wheels}");
     report.family("design_wheels_{wheels}_residual_dof | 1 | components of slip that are seen, 2n - 3");
     report.family("design_wheels_{wheels}_slip_seen | 1 | share of the energy of slips at random that is seen; `expected`: (2n - 3)/(2n)");
     report.family("design_wheels_{wheels}_single_slip_seen | 1 | the same where one wheel alone slips; `least`: in the worst direction at the worst of the postures");

@@ -9,9 +9,9 @@ use hbot_plot::{Lines, Series, short};
 use hbot_sim::phenomena::{CageFriction, Gear, JointFriction, Phenomena, Pivoting, Slip};
 use hbot_sim::plant::{Dynamics, Method, PlantState};
 
-use super::comparison::Comparison;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
+use crate::threads;
 
 /// Number of postures in a full run. Over these postures, each wheel takes this many equally spaced
 /// steer angles. Friction is a sum over the wheels, so its mean does not depend on how their angles
@@ -101,27 +101,22 @@ struct Found {
     all: f64,
 }
 
-pub(crate) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("back-driving")?;
+pub(crate) fn study(context: &Context, report: &mut Report) {
+    context.part("back-driving");
     let device = RigConfig::prototype().rig.device;
     let grid = if context.quick { COARSE } else { GRID };
     introduce(report, grid);
-    let found = measured(context, &device, grid)?;
+    let found = measured(&device, grid);
     tell(report, &found, &nearest(&device));
     draw(report, &device);
     check(report, &found);
     let ours: Vec<String> = found.iter().map(|of| milli(of.plain[0])).collect();
-    comparison.row(
+    report.compare(
         "back-drive torque about n1, n2, n3 (table II)",
         "5, 4, 4 mN m",
         format!("{} mN m", ours.join(", ")),
         "a fit: the paper gives no friction, and ours was chosen so that these torques come out about right. It proves nothing but that such friction is possible. Means over all headings, over which n1 and n3 must be equal by symmetry; the paper names no heading and rounds to 1 mN m",
     );
-    Ok(())
 }
 
 fn introduce(report: &mut Report, grid: u32) {
@@ -137,7 +132,7 @@ fn introduce(report: &mut Report, grid: u32) {
     report.family("backdrive_{axis}_all_nm | N m | the same with pivoting friction, contacts that may slip and geared drives as well");
 }
 
-fn measured(context: &Context, device: &Device, grid: u32) -> Result<Vec<Found>, Interrupted> {
+fn measured(device: &Device, grid: u32) -> Vec<Found> {
     let friction = Phenomena {
         joint_friction: Some(JointFriction::default()),
         cage_friction: Some(CageFriction::default()),
@@ -152,20 +147,16 @@ fn measured(context: &Context, device: &Device, grid: u32) -> Result<Vec<Found>,
     let steers: Vec<[f64; 2]> = (0..grid).map(|k| posture(k, grid)).collect();
     let mut found = Vec::new();
     for (name, axis, paper, notes) in AXES {
-        context.go_on()?;
-        let of = |phenomena: &Phenomena| -> Vec<f64> {
-            steers.iter().map(|steer| ramp(device, phenomena, *steer, axis)).collect()
+        let of = |phenomena: &Phenomena| {
+            let torques = threads::map(&steers, |steer| ramp(device, phenomena, *steer, axis));
+            spread(&torques)
         };
-        let (plain, more) = std::thread::scope(|scope| {
-            let more = scope.spawn(|| of(&all));
-            (of(&friction), more.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-        });
         let expected =
             steers.iter().map(|steer| predicted(device, *steer, axis)).sum::<f64>() / f64::from(grid);
-        let [all, ..] = spread(&more);
-        found.push(Found { name, paper, notes, plain: spread(&plain), expected, all });
+        let ([all, ..], plain) = (of(&all), of(&friction));
+        found.push(Found { name, paper, notes, plain, expected, all });
     }
-    Ok(found)
+    found
 }
 
 /// Formats a torque (N m) in mN m, for a table.

@@ -3,14 +3,11 @@
 use hbot_core::Vec3;
 use hbot_plot::{Lines, Series, short};
 
-use super::comparison::Comparison;
-use super::effects::by_two;
-use super::position::{
-    MOTOR, Setting, bandwidth, gain_for, inertia, linear_bandwidth, linear_response, response,
-};
-use crate::context::{Context, Interrupted};
+use super::position::{MOTOR, Setting, bandwidth, gain_for, linear_bandwidth, linear_response, response};
+use crate::context::Context;
 use crate::report::{Report, row};
-use crate::whole::prototype;
+use crate::threads;
+use crate::whole::{inertia, prototype};
 
 /// Bandwidth that the paper reports about every axis, Hz (table II).
 const PAPER: f64 = 5.5;
@@ -35,14 +32,10 @@ const WITHIN: f64 = 0.02;
 /// bandwidth that the paper reports, Hz.
 const NEAR_PAPER: f64 = 0.3;
 
-pub(crate) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("position bandwidth")?;
+pub(crate) fn study(context: &Context, report: &mut Report) {
+    context.part("position bandwidth");
     introduce(report);
-    bode(context, report)?;
+    bode(context, report);
 
     // All settings run in one batch, so that two threads share them.
     let (inner, gains): (&[f64], &[f64]) =
@@ -65,21 +58,19 @@ pub(crate) fn study(
     settings.extend(grid(inner, gains, &|inner_hz, gain| Setting { inner_hz, gain, ..STATED }));
     let second = settings.len();
     settings.extend(grid(with, amplitudes, &|gain, amplitude| Setting { gain, amplitude, ..STATED }));
-    let measured = by_two(&settings, |setting| bandwidth(context, *setting));
-    let measured = measured.into_iter().collect::<Result<Vec<f64>, Interrupted>>()?;
+    let measured = threads::map(&settings, |setting| bandwidth(*setting));
 
     stated(report, &measured);
     let over_gain = over_gain(report, inner, gains, &measured[first..second]);
     let by_amplitude = over_amplitude(report, with, amplitudes, &measured[second..]);
     explain(report, &by_amplitude, &measured);
     checks(report, over_gain, &measured);
-    comparison.row(
+    report.compare(
         "position bandwidth about n1, n2, n3 (fig. 5, table II)",
         "5.5, 5.5, 5.5 Hz",
         format!("{:.2}, {:.2}, {:.2} Hz", measured[0], measured[1], measured[2]),
         "neither gain nor rate loops nor amplitude is given: K_O 50 1/s over rate loops of 20 Hz is chosen for it, and other pairs do as well",
     );
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {
@@ -133,7 +124,7 @@ fn checks(report: &mut Report, over_gain: f64, measured: &[f64]) {
 }
 
 /// Reports gain and phase of the position loop over frequency, as a Bode plot.
-fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+fn bode(context: &Context, report: &mut Report) {
     let points = if context.quick { 8 } else { 18 };
     let ticks: Vec<u32> = (0..points)
         .map(|k| libm::round(5000.0 * libm::pow(33.0 / 5000.0, f64::from(k) / f64::from(points - 1))) as u32)
@@ -147,11 +138,9 @@ fn bode(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
     ];
     let jobs: Vec<(Setting, u32)> =
         cases.iter().flat_map(|(_, setting)| ticks.iter().map(|ticks| (*setting, *ticks))).collect();
-    let found = by_two(&jobs, |(setting, ticks)| context.go_on().map(|()| response(*setting, *ticks)));
-    let found = found.into_iter().collect::<Result<Vec<[f64; 2]>, Interrupted>>()?;
+    let found = threads::map(&jobs, |(setting, ticks)| response(*setting, *ticks));
     let names: Vec<&str> = cases.iter().map(|(name, _)| *name).collect();
     draw(report, &names, &ticks, &found);
-    Ok(())
 }
 
 /// Plots gain and phase of the position loop over frequency. Each name in `names` is a case, such

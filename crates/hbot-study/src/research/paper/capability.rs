@@ -7,9 +7,8 @@ use hbot_core::allocation::{ContactArms, JointLimits, capability};
 use hbot_core::design::kinematics::Posture;
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 
-use super::comparison::Comparison;
 use super::torus::{self, FOUR, Motors, THREE, posture};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 
 const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
@@ -163,19 +162,14 @@ fn statistics(mut values: Vec<f64>) -> [f64; 4] {
 
 const STATISTICS: [&str; 4] = ["least", "mean", "median", "largest"];
 
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("torque capability")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("torque capability");
     let rig = GrippedDevice::prototype();
     introduce(report, rig.grip);
-    let kept = over_torus(context, report, &rig)?;
+    let kept = over_torus(context, report, &rig);
     check(report, &rig);
-    context.part("postures that would give table II")?;
-    nearest::study(context, report, comparison, &rig, &kept);
-    Ok(())
+    context.part("postures that would give table II");
+    nearest::study(context, report, &rig, &kept);
 }
 
 fn introduce(report: &mut Report, grip: f64) {
@@ -194,11 +188,7 @@ fn introduce(report: &mut Report, grip: f64) {
 /// motors, and with and without a friction limit of the contacts. Returns two sets of torques about
 /// n1, n2 and n3 for each row of table II, both without the friction limit: the smallest over all
 /// postures with four motors, and the medians with three.
-fn over_torus(
-    context: &Context,
-    report: &mut Report,
-    rig: &GrippedDevice,
-) -> Result<[[[f64; 3]; 2]; 2], Interrupted> {
+fn over_torus(context: &Context, report: &mut Report, rig: &GrippedDevice) -> [[[f64; 3]; 2]; 2] {
     let cells = if context.quick { 48 } else { 120 };
     let mut table =
         vec![row(["motors, contacts", "torque", "axis", "paper", "least", "mean", "median", "largest, N m"])];
@@ -226,12 +216,11 @@ fn over_torus(
                     }
                     table.push(tell(report, &motors, contact, limit, axis, found));
                 }
-                context.go_on()?;
             }
         }
     }
     report.table(&table);
-    Ok(kept)
+    kept
 }
 
 /// Reports statistics, over all postures, of the torque that the motors can make about one axis.

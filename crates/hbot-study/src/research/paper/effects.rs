@@ -1,8 +1,6 @@
 //! The phenomena of a real rig, one at a time and all together, for the experiments on the
 //! simulated rig.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use hbot_sim::phenomena::{
     CageFriction, Eccentric, Encoder, Gear, JointFriction, Link, Motor, Phenomena, Pivoting, Slip,
     WheelModules,
@@ -100,26 +98,4 @@ pub(super) fn together() -> Phenomena {
         link: Some(Link::default()),
         hand: None,
     }
-}
-
-/// Applies `work` to every item, on two threads to save time. Returns the results in the order of
-/// the items.
-pub(super) fn by_two<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let all = || {
-        let mut done = Vec::new();
-        loop {
-            let k = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(k) else { return done };
-            done.push((k, work(item)));
-        }
-    };
-    let mut done = std::thread::scope(|scope| {
-        let other = scope.spawn(all);
-        let mut mine = all();
-        mine.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        mine
-    });
-    done.sort_by_key(|(k, _)| *k);
-    done.into_iter().map(|(_, result)| result).collect()
 }

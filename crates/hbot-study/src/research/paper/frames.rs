@@ -8,23 +8,18 @@ use hbot_core::rotation::{self, from_parts, vector_part};
 use hbot_core::{Device, Mat3, Quat, Vec3, WheelSpec};
 use hbot_plot::{Pen, Sketch, short};
 
-use super::comparison::Comparison;
 use super::literal::{about, frame, least_rotation, rates};
 use super::torus;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
 use crate::rng::Rng;
 
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("kinematics of any number of wheels")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("kinematics of any number of wheels");
     report.heading("Kinematics (section II)");
     general(context, report);
     propagation(report);
-    literal(report, comparison);
+    literal(report);
     let device = RigConfig::prototype().rig.device;
     report.plot(
         "frames",
@@ -32,7 +27,6 @@ pub(super) fn study(
          move on, the wheels, and their contact frames (c1 the axle, c2 the rolling direction, c3 the normal). What lies behind is paler",
         Sketch::panels(&[sketch(&device)]),
     );
-    Ok(())
 }
 
 /// Returns a random device with `wheels` wheels, cone angles of 0.1 to 1.5 rad and toe angles up to
@@ -168,7 +162,7 @@ fn propagation(report: &mut Report) {
 
 /// Shows that equation 1 of the paper, taken literally, puts the contacts of both wheels of the
 /// prototype at one point.
-fn literal(report: &mut Report, comparison: &mut Comparison) {
+fn literal(report: &mut Report) {
     type First = fn(Vec3) -> Mat3;
     let device = RigConfig::prototype().rig.device;
     let c3 = |first: First, th: [f64; 2]| -> [Vec3; 2] {
@@ -204,7 +198,7 @@ fn literal(report: &mut Report, comparison: &mut Comparison) {
         format!("{off:.1e}"),
         off < 1.0e-12,
     );
-    comparison.row(
+    report.compare(
         "contact points at steering angles of zero (eq. 1, table I)",
         "never collocated",
         format!(

@@ -1,16 +1,14 @@
-//! Convergence of the global indices: how they settle on finer grids, what the paper's grid gives,
-//! and a check that turns are exact.
+//! Convergence of the global indices: how they settle on finer grids, and what the paper's grid
+//! gives.
 
-use hbot_core::{Quat, Vec3, rotation};
+use hbot_core::Quat;
 use hbot_plot::{Lines, Series};
 
 use super::indices::{IndexedDevice, Local, START};
 use super::so3;
 use super::torus::THREE;
-use super::turns::stepped;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
-use crate::rng::Rng;
 
 /// Reports how the mean indices for three motors converge as grids become finer. `torus` and `so3`
 /// are the means on the finest grids of postures and of orientations. Returns the means on the
@@ -22,8 +20,8 @@ pub(super) fn study(
     finest: &[(Quat, f64)],
     (cells, level): (usize, u8),
     [torus, so3]: [Local; 2],
-) -> Result<Local, Interrupted> {
-    context.part("convergence of the grids")?;
+) -> Local {
+    context.part("convergence of the grids");
     report.family("gci_grid_{grid}_{count} | 1 | GCI of the three motors, spectral, on a grid of {count} nodes; {grid}: torus, uniform (SO(3)), equal_steps (the paper's), equal_steps_weighted (with sin theta)");
     let mut settled =
         Settled { rows: vec![row(["grid", "nodes", "GCI, three motors, spectral"])], lines: Vec::new() };
@@ -47,7 +45,7 @@ pub(super) fn study(
         format!("{halved:.1e}"),
         halved < 2.0e-3,
     );
-    let (printed, moved) = equal_steps(context, report, rig, so3, &mut settled)?;
+    let (printed, moved) = equal_steps(context, report, rig, so3, &mut settled);
     report.say(&format!(
         "How the mean settles. The paper takes equal steps of each Hopf coordinate for uniform (V.C); they crowd orientations near theta = 0 and pi, and need the weight sin theta. \
          Leaving it out moves GCI by {moved:+.3}."
@@ -59,7 +57,7 @@ pub(super) fn study(
         Lines::new("GCI as grids are refined", "nodes", "GCI, three motors, spectral", settled.lines)
             .log([true, false]),
     );
-    Ok(printed)
+    printed
 }
 
 /// Table rows and plot lines that show how the global conditioning index (GCI) converges as the
@@ -96,7 +94,7 @@ fn equal_steps(
     rig: &IndexedDevice,
     so3: Local,
     settled: &mut Settled,
-) -> Result<(Local, f64), Interrupted> {
+) -> (Local, f64) {
     let steps: &[u32] = if context.quick { &[4, 8, 12] } else { &[4, 8, 16, 32] };
     let mut printed = Local::default();
     let (mut bare, mut weighted) = (Vec::new(), Vec::new());
@@ -106,7 +104,6 @@ fn equal_steps(
         let samples: Vec<_> = samples.into_iter().map(|(q, _)| (q, 1.0)).collect();
         printed = rig.over_turns(&samples, START, &[THREE])[0];
         bare.push((samples.len(), printed.spectral));
-        context.go_on()?;
     }
     let finest = weighted[weighted.len() - 1].1;
     let off = (finest - so3.spectral).abs();
@@ -117,44 +114,5 @@ fn equal_steps(
     );
     settled.add(report, ["equal steps, as printed", "equal_steps"], 1, bare);
     settled.add(report, ["equal steps, weight sin theta", "equal_steps_weighted"], 2, weighted);
-    Ok((printed, printed.spectral - finest))
-}
-
-/// Checks two computations of the steer angles after a turn of the sphere against each other: the
-/// closed form, and the numerical integration of the kinematics.
-pub(super) fn steps(report: &mut Report, rig: &IndexedDevice, quick: bool) {
-    report.family("turn_{steps}_steps_error_rad | rad | error of the steering angles after a turn in {steps} steps of zd = G w against the closed form, median over turns");
-    let mut rng = Rng(11);
-    let turns: Vec<Quat> = (0..if quick { 100 } else { 500 })
-        .map(|_| {
-            let axis = Vec3::from_array(rng.direction());
-            rotation::exp(axis * rng.between(0.5, core::f64::consts::PI))
-        })
-        .collect();
-    let mut errors = Vec::new();
-    let mut table = vec![row(["steps a turn", "error of the steering angles, median, rad"])];
-    for steps in [40_u32, 80, 160, 320] {
-        let off = |q: &Quat| {
-            let (exact, found) = (rig.arrived(*q, START), stepped(&rig.device, *q, START, steps));
-            let off = |k: usize| rotation::wrap_angle(found[k] - exact[k]).abs();
-            off(0).max(off(1))
-        };
-        let mut all: Vec<f64> = turns.iter().map(off).collect();
-        all.sort_by(f64::total_cmp);
-        let median = all[all.len() / 2];
-        report.figure(format!("turn_{steps}_steps_error_rad"), median);
-        table.push(row([steps.to_string(), format!("{median:.1e}")]));
-        errors.push(median);
-    }
-    let order = (errors[2] / errors[3]).log2();
-    report.say(
-        "For a turn about a fixed axis, each wheel has a separate equation, which is solved in closed form. Against it, the kinematics zd = G w in steps of the \
-         classic Runge-Kutta method (order 4). Turns do not reverse, so what a wheel's caster does to an error ends once the wheel has come about.",
-    );
-    report.table(&table);
-    report.check(
-        "stepped turns come to the closed form with order 4, within 0.3",
-        format!("{order:.2}"),
-        (order - 4.0).abs() < 0.3,
-    );
+    (printed, printed.spectral - finest)
 }

@@ -5,12 +5,12 @@ use hbot_config::RigConfig;
 use hbot_core::{Device, Mat3, Quat};
 use hbot_sim::plant::{Plant, PlantState};
 
-use super::comparison::Comparison;
 use super::torus::{self, CHOICES, MOTORS, Motors, mean, posture};
 use super::turns::Turns;
 use super::{grids, readings, so3, start_map};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
+use crate::threads;
 
 /// Steer angles at which the paper's turns begin, rad. The paper gives none. We use zero, because
 /// the paper sets up its rig with both wheels at zero.
@@ -88,11 +88,8 @@ impl IndexedDevice {
         start: [f64; 2],
         choices: &[Motors],
     ) -> Vec<Local> {
-        let part = |from: usize, to: usize| -> Vec<_> {
-            let each = |&(q, weight): &(Quat, f64)| (self.local(self.arrived(q, start), choices), weight);
-            samples[from..to].iter().map(each).collect()
-        };
-        weighed(torus::in_two(samples.len(), part), choices.len())
+        let each = |&(q, weight): &(Quat, f64)| (self.local(self.arrived(q, start), choices), weight);
+        weighed(threads::map(samples, each), choices.len())
     }
 
     /// Returns the global conditioning index (GCI) of `motors`: the mean spectral index over the
@@ -131,19 +128,15 @@ fn weighed(all: impl IntoIterator<Item = (Vec<Local>, f64)>, choices: usize) -> 
     sums.into_iter().map(over).collect()
 }
 
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("conditioning over the torus")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("conditioning over the torus");
     introduce(report);
     let rig = IndexedDevice::new(RigConfig::prototype().rig.device);
     let cells = if context.quick { 96 } else { 256 };
     let level = if context.quick { 3 } else { 4 };
     let over_torus = rig.over_torus(cells, &CHOICES);
     let most: Vec<f64> = CHOICES.iter().map(|motors| rig.most_dynamic(motors)).collect();
-    context.part("conditioning over SO(3)")?;
+    context.part("conditioning over SO(3)");
     let samples: Vec<(Quat, f64)> = so3::uniform(level).map(|q| (q, 1.0)).collect();
     report.say(&format!(
         "Here on {cells} by {cells} cells of the torus and at {} orientations. In the ids, {MOTORS}.",
@@ -153,14 +146,12 @@ pub(super) fn study(
     global(report, &over_torus, &over_so3, &most);
     local(report, &rig, &most);
     let three = [over_torus[1], over_so3[1]];
-    let printed = grids::study(context, report, &rig, &samples, (cells, level), three)?;
-    grids::steps(report, &rig, context.quick);
-    let starts = start_map::study(context, report, &rig, (START, three[1].spectral))?;
-    let wheels = readings::radius(context, report)?;
+    let printed = grids::study(context, report, &rig, &samples, (cells, level), three);
+    let starts = start_map::study(context, report, &rig, (START, three[1].spectral));
+    let wheels = readings::radius(context, report);
     let known = Known { three, four: [over_torus[0], over_so3[0]], printed, most: [most[0], most[1]] };
-    readings::study(context, report, &rig, &known)?;
-    explain(report, comparison, &known, &wheels, starts);
-    Ok(())
+    readings::study(context, report, &rig, &known);
+    explain(report, &known, &wheels, starts);
 }
 
 fn introduce(report: &mut Report) {
@@ -250,7 +241,7 @@ pub(super) struct Known {
 /// the paper's values of GCI and GMI probably arose. `wheels` is a sentence about the influence of
 /// the wheel radius. `starts` is the range of the mean conditioning index (GCI) over all steer
 /// angles at which the turns can begin.
-fn explain(report: &mut Report, comparison: &mut Comparison, known: &Known, wheels: &str, starts: [f64; 2]) {
+fn explain(report: &mut Report, known: &Known, wheels: &str, starts: [f64; 2]) {
     // From an independent program: physics notes, section 11.
     let mut within = |what: &str, value: f64, [low, high]: [f64; 2]| {
         let holds = (low..=high).contains(&value);
@@ -264,7 +255,7 @@ fn explain(report: &mut Report, comparison: &mut Comparison, known: &Known, whee
     within("GCI, four motors, spectral, over SO(3)", four[1].spectral, [0.673, 0.687]);
     within("GCI, three motors, Frobenius, over the torus", three[0].frobenius, [0.650, 0.670]);
     within("GMI, three motors, over the torus", gmi[0][0], [0.620, 0.630]);
-    comparison.row(
+    report.compare(
         "GCI (V.D)",
         "0.41",
         format!(
@@ -277,7 +268,7 @@ fn explain(report: &mut Report, comparison: &mut Comparison, known: &Known, whee
             three[0].frobenius, three[1].frobenius, starts[0], starts[1], printed.spectral
         ),
     );
-    comparison.row(
+    report.compare(
         "GMI (V.D)",
         "0.5",
         format!(

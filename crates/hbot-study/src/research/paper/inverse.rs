@@ -8,11 +8,10 @@ use hbot_core::rotation::{error_eq24, shortest, vector_part};
 use hbot_core::{Device, Quat, motion::odometry};
 use hbot_plot::{Lines, Series, short};
 
-use super::comparison::Comparison;
-use super::effects::by_two;
 use super::so3;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
+use crate::threads;
 
 /// Root mean square of the orientation error e_O about n1, n2 and n3 that the paper reports, rad.
 const PAPER: [f64; 3] = [0.0354, 0.0368, 0.0312];
@@ -71,7 +70,7 @@ fn follow(device: &Device, gain: f64, wanted: Quat, looks: usize) -> Course {
 fn rms(device: &Device, gain: f64, sign: Sign, samples: &[Quat], looks: usize) -> Course {
     let wanted = |q: &Quat| if sign == Sign::Nearest { shortest(*q) } else { *q };
     let parts: Vec<&[Quat]> = samples.chunks(samples.len().div_ceil(16)).collect();
-    let sums = by_two(&parts, |part| {
+    let sums = threads::map(&parts, |part| {
         let mut sum = vec![[0.0; 3]; looks];
         for q in *part {
             for (sum, square) in sum.iter_mut().zip(follow(device, gain, wanted(q), looks)) {
@@ -162,12 +161,8 @@ struct Left {
     grid: [f64; 3],
 }
 
-pub(crate) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("inverse-kinematics control")?;
+pub(crate) fn study(context: &Context, report: &mut Report) {
+    context.part("inverse-kinematics control");
     let device = RigConfig::prototype().rig.device;
     let samples: Vec<Quat> = so3::uniform(2).collect();
     let looks = (TIME_S / PERIOD_S) as usize / EVERY + 1;
@@ -176,7 +171,6 @@ pub(crate) fn study(
     for (sign, name, id) in
         [(Sign::Printed, "as eq. 23 gives it", "printed"), (Sign::Nearest, "the nearer one", "nearest")]
     {
-        context.go_on()?;
         let course = rms(&device, GAIN, sign, &samples, looks);
         runs.push(Run::of(&course, &samples, sign, (name, id)));
     }
@@ -193,13 +187,12 @@ pub(crate) fn study(
     draw(report, &runs);
     check(report, &runs, &left);
     let [a, b, c] = left.ours.map(|x| format!("{x:.4}"));
-    comparison.row(
+    report.compare(
         "RMS of e_O about n1, n2, n3 (V.D)",
         "0.0354, 0.0368, 0.0312 rad",
         format!("{a}, {b}, {c} rad"),
         format!("a fit: K_O t is not given, and {product:.1} makes the mean the paper's. Over even samples the axes do not differ"),
     );
-    Ok(())
 }
 
 fn introduce(report: &mut Report, samples: usize) {

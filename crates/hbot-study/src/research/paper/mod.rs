@@ -9,12 +9,11 @@
 //! The other sections use the simulated rig, with and without the `effects` of a real one:
 //! `backdrive` and `bandwidth` with `position` (table II), `inverse` (V.D), `tracking` (fig. 7),
 //! `stiffness` with `springs` (table III). Every section adds rows to the table at the start of the
-//! report (`comparison`).
+//! report.
 
 mod backdrive;
 mod bandwidth;
 mod capability;
-mod comparison;
 mod effects;
 mod frames;
 mod grids;
@@ -34,14 +33,12 @@ mod torus;
 mod tracking;
 mod turns;
 
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::Report;
-use comparison::Comparison;
 
 /// Runs the study `paper` and returns its report.
-pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context) -> Report {
     let mut report = Report::new("paper", context.quick);
-    let mut comparison = Comparison::default();
     context.expect(16);
     report.say(
         "Every analysis and experiment of \"The Hbot: A Holonomic Spherical Haptic Interface Driven by Non-Holonomic Wheels\" (W. C. Agboh) on this \
@@ -50,17 +47,16 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
          docs/internals/physics.md, section 11, says why.",
     );
     report.heading("The paper's figures and ours");
-    let place = report.place();
-    frames::study(context, &mut report, &mut comparison)?;
-    singularity::study(context, &mut report, &mut comparison)?;
-    capability::study(context, &mut report, &mut comparison)?;
-    backdrive::study(context, &mut report, &mut comparison)?;
-    bandwidth::study(context, &mut report, &mut comparison)?;
-    indices::study(context, &mut report, &mut comparison)?;
-    inverse::study(context, &mut report, &mut comparison)?;
-    tracking::study(context, &mut report, &mut comparison)?;
-    stiffness::study(context, &mut report, &mut comparison)?;
-    comparison.put(&mut report, place);
+    report.begin_comparison();
+    frames::study(context, &mut report);
+    singularity::study(context, &mut report);
+    capability::study(context, &mut report);
+    backdrive::study(context, &mut report);
+    bandwidth::study(context, &mut report);
+    indices::study(context, &mut report);
+    inverse::study(context, &mut report);
+    tracking::study(context, &mut report);
+    stiffness::study(context, &mut report);
     short::conclude(&mut report);
-    Ok(report)
+    report
 }

@@ -8,9 +8,10 @@ use hbot_core::{Device, Vec3, WheelSpec};
 
 use super::literal::{frame, least_rotation};
 use super::torus::{self, THREE, posture};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
 use crate::rng::Rng;
+use crate::threads;
 
 /// Smallest distance of a tested design from the limit of the nested-circles condition, rad. Closer
 /// to the limit, a scan of the steer angles cannot decide whether the design is singular.
@@ -59,8 +60,8 @@ impl Design {
     }
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("designs for three motors")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("designs for three motors");
     families(report);
     let (count, cells) = if context.quick { (300, 60) } else { (2000, 120) };
     let (designs, found) = tried(count, cells);
@@ -102,7 +103,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         format!("{least:.3}"),
         least > 0.05,
     );
-    Ok(())
 }
 
 fn families(report: &mut Report) {
@@ -124,10 +124,8 @@ fn tried(count: usize, cells: usize) -> (Vec<Design>, Vec<[bool; 2]>) {
             designs.push(design);
         }
     }
-    let found = torus::in_two(count, |from, to| {
-        let each = |design: &Design| [1, 0].map(|column| !design.changes_sign(column, cells));
-        designs[from..to].iter().map(each).collect()
-    });
+    let each = |design: &Design| [1, 0].map(|column| !design.changes_sign(column, cells));
+    let found = threads::map(&designs, each);
     (designs, found)
 }
 

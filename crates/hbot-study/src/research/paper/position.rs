@@ -7,13 +7,11 @@ use hbot_core::allocation::{ContactArms, traction};
 use hbot_core::design::kinematics::Posture;
 use hbot_core::outputs::Outputs;
 use hbot_core::rotation::{self, error_eq24, shortest, vector_part};
-use hbot_core::{Device, MAX_JOINTS, Quat, Vec3};
+use hbot_core::{MAX_JOINTS, Quat, Vec3};
 use hbot_sim::phenomena::{CageFriction, JointFriction, Motor, Phenomena};
-use hbot_sim::plant::{Plant, PlantState};
 use serde_json::json;
 
-use crate::context::{Context, Interrupted};
-use crate::whole::{Whole, prototype};
+use crate::whole::{Whole, inertia, prototype, scene_of};
 
 /// Corner frequency of the integral part of a rate loop, as a fraction of the corner frequency of
 /// its proportional part.
@@ -57,12 +55,6 @@ pub(super) struct Setting {
     pub(super) friction: bool,
 }
 
-/// Returns the sphere's apparent inertia about `axis` with both steer angles at zero, kg m².
-pub(super) fn inertia(device: &Device, axis: Vec3) -> f64 {
-    let plant = Plant::new(device).unwrap_or_else(|error| unreachable!("the prototype is a plant: {error}"));
-    axis.dot(plant.apparent_inertia(&PlantState::default()) * axis)
-}
-
 /// A position loop that controls the simulated rig in virtual time.
 struct Loop {
     run: Whole,
@@ -97,7 +89,7 @@ impl Loop {
             pair.copy_from_slice(&[scale * arm.steer * arm.steer, scale * arm.roll * arm.roll]);
         }
         Self {
-            run: Whole::new(&config, json!({"name": "study"}), phenomena, PlantState::default()),
+            run: Whole::new(&config, scene_of(json!({"name": "study"})), phenomena),
             setting,
             arms,
             gains,
@@ -170,24 +162,19 @@ pub(super) fn response(setting: Setting, ticks: u32) -> [f64; 2] {
 
 /// Returns the frequency at which the gain has fallen to -3 dB, Hz. It is interpolated between the
 /// first two frequencies of a scan that enclose it.
-///
-/// # Errors
-///
-/// Fails if the study was asked to stop.
-pub(super) fn bandwidth(context: &Context, setting: Setting) -> Result<f64, Interrupted> {
+pub(super) fn bandwidth(setting: Setting) -> f64 {
     let mut period = LONGEST;
     let mut before = [0.0, 1.0];
     while period >= SHORTEST {
-        context.go_on()?;
         let ticks = period.round() as u32;
         let (hertz, [size, _]) = (1.0e3 / f64::from(ticks), response(setting, ticks));
         if size < DOWN {
-            return Ok(between(before, [hertz, size]));
+            return between(before, [hertz, size]);
         }
         before = [hertz, size];
         period /= RATIO;
     }
-    Ok(f64::NAN)
+    f64::NAN
 }
 
 /// Returns gain and phase (rad) of the position loop in a linear model.

@@ -9,7 +9,7 @@ use hbot_plot::{Lines, Series, short};
 use super::indices::{IndexedDevice, Known, Local, PAPER_GCI, PAPER_GMI, START};
 use super::torus::{self, FOUR, THREE, mean, posture};
 use super::{literal, so3};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 
 /// Wheel radii for which the indices are computed, in micrometres.
@@ -25,8 +25,8 @@ fn changed(change: impl Fn(WheelSpec) -> WheelSpec) -> Device {
 
 /// Reports how much the mean conditioning index (GCI) depends on the wheel radius, which the paper
 /// does not give. Returns a sentence about this for the report.
-pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, Interrupted> {
-    context.part("indices against the wheel radius")?;
+pub(super) fn radius(context: &Context, report: &mut Report) -> String {
+    context.part("indices against the wheel radius");
     report.family(
         "gci_{motors}_spectral_{workspace}_r_{radius}um | 1 | the same with wheels of {radius} micrometres",
     );
@@ -51,7 +51,6 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
                 series[2 * k + w].points.push((1.0e3 * r, value));
             }
         }
-        context.go_on()?;
     }
     // For three motors over SO(3): the two radii whose GCIs enclose the paper's.
     let points = &series[0].points;
@@ -65,21 +64,12 @@ pub(super) fn radius(context: &Context, report: &mut Report) -> Result<String, I
         "GCI (spectral) against the wheel radius, over SO(3) the paper's way and over the torus",
         Lines::new("GCI against the wheel radius", "wheel radius r, mm", "GCI, spectral", series),
     );
-    Ok(format!(
-        "with wheels of {} mm the paper's way gives {v0:.3}, with {} mm {v1:.3}",
-        short(r0),
-        short(r1)
-    ))
+    format!("with wheels of {} mm the paper's way gives {v0:.3}, with {} mm {v1:.3}", short(r0), short(r1))
 }
 
 /// Reports the indices for other interpretations of equations 1 and 17 to 22 of the paper.
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    rig: &IndexedDevice,
-    known: &Known,
-) -> Result<(), Interrupted> {
-    context.part("other readings of the indices")?;
+pub(super) fn study(context: &Context, report: &mut Report, rig: &IndexedDevice, known: &Known) {
+    context.part("other readings of the indices");
     let cells = if context.quick { 64 } else { 192 };
     let normal = |value: &(dyn Fn([f64; 2]) -> f64 + Sync)| {
         let most = -torus::least(48, |th| -value(th)).1;
@@ -118,7 +108,6 @@ pub(super) fn study(
         ("inertia_high", "joint inertias 3 times larger, torus", (None, scaled(3.0))),
     ];
     tell(report, &all, literal_gci[0]);
-    Ok(())
 }
 
 /// The indices under one interpretation of the paper's definitions: its id, its name, the global

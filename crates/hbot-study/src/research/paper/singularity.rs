@@ -8,11 +8,10 @@ use hbot_core::design::singularity::{boundary_determinant, interior_margin, inte
 use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_plot::{Map, Pen, Sketch, maps};
 
-use super::comparison::Comparison;
 use super::frames::wheel_at;
 use super::nested;
 use super::torus::{self, CHOICES, FOUR, MOTORS, Motors, THREE, posture};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
@@ -21,12 +20,8 @@ const CELLS: usize = 60;
 /// Spectral indices below which a posture counts as nearly singular, in per cent.
 const BELOW: [u32; 3] = [5, 10, 20];
 
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("singularities over all steering angles")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("singularities over all steering angles");
     let device = RigConfig::prototype().rig.device;
     report.heading("Singularities (section III)");
     let boundary = boundary_determinant(&device, &device.wheels()[0]);
@@ -42,7 +37,7 @@ pub(super) fn study(
          **Actuation**: the paper does not ask whether G keeps its rank with the joints that have motors. With four it does; with its three (steer 1, drive 1, steer 2) det G_3 = \
          (R/r) c3_1 . c2_2 / ((l1.c2)(l2.c2)), which is zero on curves of the torus.",
     ));
-    margins(report, comparison, &device);
+    margins(report, &device);
     conditions(context, report);
     draw(report, &device);
     nested::study(context, report)
@@ -50,7 +45,7 @@ pub(super) fn study(
 
 /// Reports two margins to singularity over all steer angles, as figures and maps: the interior
 /// margin and the actuation margin.
-fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
+fn margins(report: &mut Report, device: &Device) {
     let interior = torus::least(CELLS, |th| interior_margin(&posture(device, th)));
     let closed = interior_margin_over_all(device);
     report.family("interior_margin_least | 1 | least sigma_min(Z)/R over all steering angles, by search");
@@ -77,7 +72,7 @@ fn margins(report: &mut Report, comparison: &mut Comparison, device: &Device) {
         format!("{most:.1e}"),
         most < 1.0e-6,
     );
-    comparison.row(
+    report.compare(
         "singularity-free workspace (III, IV.A)",
         "claimed",
         format!("with four motors: interior margin at least {:.3}, spectral index at least {:.3}; with the paper's three: 0", interior.1, least[0]),

@@ -4,11 +4,10 @@
 use hbot_core::safety::mode::Mode;
 use hbot_core::{Vec3, rotation};
 use hbot_sim::phenomena::Phenomena;
-use hbot_sim::plant::PlantState;
 use serde_json::json;
 
-use crate::context::{Context, Interrupted};
-use crate::whole::{Whole, prototype};
+use crate::fit::Fit;
+use crate::whole::{Whole, prototype, scene_of};
 
 /// Number of equal steps in which the load rises from zero to its largest value.
 pub(super) const STEPS: i32 = 4;
@@ -47,26 +46,10 @@ pub(super) struct Measured {
     pub(super) active: bool,
 }
 
-/// The least-squares line through the readings of load over deflection.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Fit {
-    /// Slope of the line, which is the measured stiffness, N m/rad.
-    pub(super) slope: f64,
-    /// Load at zero deflection on the line, N m.
-    pub(super) offset: f64,
-    pub(super) r2: f64,
-}
-
 impl Measured {
+    /// Returns the line through the readings. Its slope is the measured stiffness, N m/rad.
     pub(super) fn fit(&self) -> Fit {
-        let n = self.points.len() as f64;
-        let (x, y) = self.points.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
-        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-        for (a, b) in &self.points {
-            (xx, xy, yy) = (xx + (a - x) * (a - x), xy + (a - x) * (b - y), yy + (b - y) * (b - y));
-        }
-        let slope = xy / xx;
-        Fit { slope, offset: y - slope * x, r2: xy * xy / (xx * yy) }
+        Fit::through(&self.points)
     }
 
     /// Returns the deviation of the measured stiffness from the commanded one, in per cent.
@@ -77,11 +60,7 @@ impl Measured {
 
 /// Measures the deflection of a rendered spring under successive loads. The load rises in steps to
 /// its largest value and falls to zero, then does so in the other direction.
-///
-/// # Errors
-///
-/// Fails if the study was asked to stop.
-pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, Interrupted> {
+pub(super) fn measure(setting: &Setting) -> Measured {
     let Setting { axis, asked, .. } = *setting;
     let limits = [("limits.torque", json!(2.0)), ("limits.traction", json!({"mu": 5, "normal_force": 100}))];
     let lead = [("loop.lead", json!(setting.lead))];
@@ -89,16 +68,13 @@ pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, 
     let scene = json!({"name": "study", "effect": [
         {"id": "spring", "kind": "spring", "law": setting.law, "stiffness": asked, "damping": DAMPING, "fade_s": 0}
     ]});
-    let mut run = Whole::new(&config, scene, setting.phenomena, PlantState::default());
-    for _ in 0..run.ticks(START_S) {
-        run.step(None);
-    }
+    let mut run = Whole::new(&config, scene_of(scene), setting.phenomena);
+    run.run(START_S);
     let loads = (0..=STEPS).chain((0..STEPS).rev()).chain((-STEPS..0).rev()).chain(1 - STEPS..=0);
     let mut measured = Measured { asked, points: Vec::new(), active: true };
     let (coming, alone, looks) = (run.ticks(LOAD_S), run.ticks(REST_S), run.ticks(LOOK_S));
     let mut before = 0.0;
     for load in loads.map(|k| setting.most * f64::from(k) / f64::from(STEPS)) {
-        context.go_on()?;
         let mut deflection = 0.0;
         for k in 1..=coming + alone + looks {
             let x = (f64::from(k) / f64::from(coming)).min(1.0);
@@ -114,5 +90,5 @@ pub(super) fn measure(context: &Context, setting: &Setting) -> Result<Measured, 
         measured.points.push((deflection, load));
         before = load;
     }
-    Ok(measured)
+    measured
 }

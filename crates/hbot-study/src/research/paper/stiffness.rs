@@ -5,11 +5,11 @@ use hbot_core::Vec3;
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::phenomena::{Motor, Phenomena};
 
-use super::comparison::Comparison;
-use super::effects::{Effect, alone, by_two, together};
+use super::effects::{Effect, alone, together};
 use super::springs::{DAMPING, LOAD_S, LOOK_S, Measured, REST_S, STEPS, Setting, measure};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
+use crate::threads;
 
 /// A row of the paper's table III: an id, the axis, the commanded and the measured stiffness (N
 /// m/rad), and R² of the fitted line.
@@ -93,15 +93,11 @@ struct Found {
     led: Vec<Measured>,
 }
 
-pub(crate) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("rendered stiffness")?;
+pub(crate) fn study(context: &Context, report: &mut Report) {
+    context.part("rendered stiffness");
     introduce(report);
-    let found = measured(context)?;
-    let worst = rows(report, comparison, &found.table);
+    let found = measured(context);
+    let worst = rows(report, &found.table);
     let scale = by_effect(report, &found.effects, &found.singles);
     let peaks = [0, 1].map(|k| found.peaks[k].error());
     for (law, error) in LAWS.into_iter().zip(peaks) {
@@ -117,7 +113,6 @@ pub(crate) fn study(
     figure(report, &found.table);
     check_table(report, &found, &worst, scale);
     check_causes(report, &found, peaks, &weak);
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {
@@ -155,7 +150,7 @@ fn with_lead(report: &mut Report, table: &[Measured], led: &[Measured]) {
     );
 }
 
-fn measured(context: &Context) -> Result<Found, Interrupted> {
+fn measured(context: &Context) -> Found {
     let effects = alone();
     let on = |of: &Row, law, phenomena| Setting {
         axis: of.axis,
@@ -182,10 +177,10 @@ fn measured(context: &Context) -> Result<Found, Interrupted> {
         ROWS.iter().map(|of| Setting { lead: true, ..on(of, LAWS[0], cold()) }).collect(),
     ];
     let counts = groups.each_ref().map(Vec::len);
-    let found = by_two(&groups.concat(), |setting| measure(context, setting));
-    let mut found = found.into_iter().collect::<Result<Vec<Measured>, Interrupted>>()?.into_iter();
+    let found = threads::map(&groups.concat(), measure);
+    let mut found = found.into_iter();
     let [table, singles, peaks, weak, ranges, led] = counts.map(|count| found.by_ref().take(count).collect());
-    Ok(Found { effects, tried, table, singles, peaks, weak, ranges, led })
+    Found { effects, tried, table, singles, peaks, weak, ranges, led }
 }
 
 /// Adds the checks of the measurements for the paper's table III to the report. A torque constant
@@ -265,7 +260,7 @@ struct Worst {
 
 /// Reports the measurements for each row of the paper's table III. Returns the largest errors and
 /// the smallest R² among them.
-fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) -> Worst {
+fn rows(report: &mut Report, found: &[Measured]) -> Worst {
     let mut table = vec![head(
         "axis, asked, N m/rad | law | ideal, N m/rad | error, % | R² | all effects, N m/rad | error, % | R² | the paper, N m/rad | error, % | R²",
     )];
@@ -295,7 +290,7 @@ fn rows(report: &mut Report, comparison: &mut Comparison, found: &[Measured]) ->
             table.push(cells);
         }
         let real = chunk[1].fit();
-        comparison.row(
+        report.compare(
             &format!("stiffness about {} (table III)", of.id.replace('_', ", asked ")),
             format!("{:.2} N m/rad, R² {:.3}", of.paper, of.paper_r2),
             format!("{:.2} N m/rad, R² {:.3} ({:.3} ideal)", real.slope, real.r2, chunk[0].fit().slope),

@@ -7,6 +7,8 @@ use hbot_core::design::kinematics::Posture;
 use hbot_core::design::singularity::Indices;
 use hbot_core::{Device, MAX_JOINTS, Vec3};
 
+use crate::threads;
+
 /// A choice of which of the prototype's joints have motors, in the order steer 1, drive 1, steer 2,
 /// drive 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,27 +87,12 @@ pub(super) fn angle(k: usize, cells: usize) -> f64 {
     TAU * (k as f64 + 0.5) / cells as f64
 }
 
-/// Evaluates `value` at the centres of `cells` by `cells` equal cells of the two steer angles, on
-/// two threads. In the result, th_1 varies fastest.
+/// Evaluates `value` at the centres of `cells` by `cells` equal cells of the two steer angles. In
+/// the result, th_1 varies fastest.
 pub(super) fn over<T: Send>(cells: usize, value: impl Fn([f64; 2]) -> T + Sync) -> Vec<T> {
-    let rows = |from: usize, to: usize| -> Vec<T> {
-        let row = |j| (0..cells).map(move |i| [angle(i, cells), angle(j, cells)]);
-        (from..to).flat_map(row).map(&value).collect()
-    };
-    in_two(cells, rows)
-}
-
-/// Applies `part` to the two halves of the range from 0 to `count`, on two threads. Returns both
-/// results joined in order.
-pub(super) fn in_two<T: Send>(count: usize, part: impl Fn(usize, usize) -> Vec<T> + Sync) -> Vec<T> {
-    let half = count / 2;
-    std::thread::scope(|scope| {
-        let first = scope.spawn(|| part(0, half));
-        let second = part(half, count);
-        let mut all = first.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        all.extend(second);
-        all
-    })
+    let angles: Vec<f64> = (0..cells).map(|k| angle(k, cells)).collect();
+    let row = |th_2: &f64| angles.iter().map(|th_1| value([*th_1, *th_2])).collect::<Vec<T>>();
+    threads::map(&angles, row).into_iter().flatten().collect()
 }
 
 /// Returns the steer angles at which `value` is smallest, and this smallest value.

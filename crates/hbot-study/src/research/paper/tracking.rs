@@ -7,14 +7,13 @@ use hbot_core::safety::mode::Mode;
 use hbot_core::{Quat, Vec3, rotation};
 use hbot_plot::{Bar, Lines, Series, bars, short};
 use hbot_sim::phenomena::{Eccentric, Phenomena, Slip};
-use hbot_sim::plant::PlantState;
 use serde_json::json;
 
-use super::comparison::Comparison;
-use super::effects::{Effect, alone, by_two, together};
-use crate::context::{Context, Interrupted};
+use super::effects::{Effect, alone, together};
+use crate::context::Context;
 use crate::report::{Report, head, row};
-use crate::whole::{Whole, prototype};
+use crate::threads;
+use crate::whole::{Whole, prototype, spring};
 
 /// Amplitude of the chirp, rad. It is 35 degrees.
 const AMPLITUDE: f64 = 35.0 * PI / 180.0;
@@ -86,22 +85,14 @@ fn seen(q: Quat) -> f64 {
     2.0 * libm::atan2(q.x, q.w)
 }
 
-fn follow(context: &Context, setting: &Setting, time: f64) -> Result<Followed, Interrupted> {
+fn follow(setting: &Setting, time: f64) -> Followed {
     let config = prototype(&[("limits.reference_rate", json!(10)), ("limits.slip", json!(SLIP_LIMIT))]);
-    let scene = json!({"name": "study", "effect": [
-        {"id": "spring", "kind": "spring", "stiffness": setting.stiffness, "damping": DAMPING, "fade_s": 0}
-    ]});
-    let mut run = Whole::new(&config, scene, setting.phenomena, PlantState::default());
-    for _ in 0..run.ticks(START_S) {
-        run.step(None);
-    }
+    let mut run = Whole::new(&config, spring(setting.stiffness, DAMPING), setting.phenomena);
+    run.run(START_S);
     let (slot, epoch) = (run.scene().effects()[0].slot, run.scene().effects()[0].epoch);
     let (mut wanted, mut joints, mut camera) = (Vec::new(), Vec::new(), Vec::new());
     let (mut aside, mut active) = (0.0_f64, true);
     for k in 0..run.ticks(time) {
-        if k % 1000 == 0 {
-            context.go_on()?;
-        }
         let [angle, rate] = chirp(f64::from(k) * run.period(), time);
         let reference = Command::Reference {
             slot,
@@ -127,28 +118,29 @@ fn follow(context: &Context, setting: &Setting, time: f64) -> Result<Followed, I
         100.0 * (squares.sum::<f64>() / found.len() as f64).sqrt() / AMPLITUDE
     };
     let (joints_rms, camera_rms) = (rms(&joints), rms(&camera));
-    Ok(Followed { wanted, joints, camera, joints_rms, camera_rms, aside, active })
+    Followed { wanted, joints, camera, joints_rms, camera_rms, aside, active }
 }
 
 /// All simulated runs in which the sphere follows the chirp. They differ in effects, stiffness and
 /// faults of the rig.
 struct Runs {
-    effects: Vec<Effect>,
-    /// Distances between the sphere's centre and the centre O of rotation in the runs with the
-    /// sphere off centre, m.
-    offsets: Vec<f64>,
-    /// Normal forces of the wheels on the sphere in the runs with a low normal force, N.
-    forces: Vec<f64>,
-    /// All runs, in this order: ideal, all effects, each effect alone, other stiffnesses (each
-    /// ideal and with all effects), sphere off centre, wheels with a low normal force.
-    all: Vec<Followed>,
+    /// The run on the ideal rig, and the run with all effects.
+    ends: [Followed; 2],
+    /// Each effect with the run in which it acts alone.
+    alone: Vec<(Effect, Followed)>,
+    /// Each of [`STIFFNESSES`] with its run on the ideal rig and its run with all effects.
+    stiffnesses: Vec<(f64, [Followed; 2])>,
+    /// Distances between the sphere's centre and the centre O of rotation, m, with their runs.
+    offsets: Vec<(f64, Followed)>,
+    /// Normal forces of the wheels on the sphere, N, with their runs.
+    forces: Vec<(f64, Followed)>,
 }
 
 impl Runs {
-    fn follow(context: &Context, time: f64) -> Result<Self, Interrupted> {
+    fn follow(quick: bool, time: f64) -> Self {
         let (ideal, all) = (Phenomena::default(), together());
         let effects = alone();
-        let [offsets, forces] = [&OFFSETS[..], &FORCES].map(|every| tried(every, context.quick));
+        let [offsets, forces] = [&OFFSETS[..], &FORCES].map(|every| tried(every, quick));
         let setting = |phenomena| Setting { stiffness: STIFFNESS, phenomena };
         let mut settings = vec![setting(ideal), setting(all)];
         settings.extend(effects.iter().map(|effect| setting(effect.phenomena)));
@@ -159,63 +151,43 @@ impl Runs {
         settings.extend(offsets.iter().map(|d| setting(out(*d))));
         let loose = |force| Phenomena { slip: Some(Slip { normal_force: force, ..Slip::default() }), ..all };
         settings.extend(forces.iter().map(|force| setting(loose(*force))));
-        let runs = by_two(&settings, |setting| follow(context, setting, time));
-        let all = runs.into_iter().collect::<Result<Vec<Followed>, Interrupted>>()?;
-        Ok(Self { effects, offsets, forces, all })
-    }
-
-    /// Returns the run on the ideal rig and the run with all effects.
-    fn ends(&self) -> [&Followed; 2] {
-        [&self.all[0], &self.all[1]]
-    }
-
-    /// Returns each effect with the run in which it acts alone.
-    fn alone(&self) -> impl Iterator<Item = (&Effect, &Followed)> {
-        self.effects.iter().zip(&self.all[2..])
-    }
-
-    /// Returns each stiffness (N m/rad) with its runs, in ascending order. Each stiffness has a run
-    /// on the ideal rig and one with all effects.
-    fn stiffnesses(&self) -> Vec<(f64, &[Followed])> {
-        let start = 2 + self.effects.len();
-        let others = self.all[start..start + 2 * STIFFNESSES.len()].chunks(2);
-        let mut pairs: Vec<(f64, &[Followed])> =
-            STIFFNESSES.into_iter().zip(others).chain([(STIFFNESS, &self.all[..2])]).collect();
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        pairs
+        let mut runs = threads::map(&settings, |setting| follow(setting, time)).into_iter();
+        let mut next = || runs.next().unwrap_or_else(|| unreachable!("one for each setting"));
+        Self {
+            ends: [next(), next()],
+            alone: effects.into_iter().map(|effect| (effect, next())).collect(),
+            stiffnesses: STIFFNESSES.map(|stiffness| (stiffness, [next(), next()])).into(),
+            offsets: offsets.into_iter().map(|offset| (offset, next())).collect(),
+            forces: forces.into_iter().map(|force| (force, next())).collect(),
+        }
     }
 
     /// Returns the RMS error measured at the joints, in per cent of the amplitude, with all effects
     /// and the highest stiffness of the paper's table III.
     fn stiffest(&self) -> f64 {
-        self.all[2 + self.effects.len() + 3].joints_rms
+        self.stiffnesses[1].1[1].joints_rms
     }
 
-    /// Returns the runs with the sphere off centre, and those with a low normal force of the
-    /// wheels.
-    fn faults(&self) -> (&[Followed], &[Followed]) {
-        let start = 2 + self.effects.len() + 2 * STIFFNESSES.len();
-        self.all[start..].split_at(self.offsets.len())
+    /// Returns whether the motors stayed active to the end, for each run.
+    fn active(&self) -> Vec<bool> {
+        let pairs = self.stiffnesses.iter().flat_map(|(_, pair)| pair);
+        let faults = self.offsets.iter().chain(&self.forces).map(|(_, run)| run);
+        let alone = self.alone.iter().map(|(_, run)| run);
+        self.ends.iter().chain(alone).chain(pairs).chain(faults).map(|run| run.active).collect()
     }
 }
 
-pub(crate) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-) -> Result<(), Interrupted> {
-    context.part("following a chirp")?;
+pub(crate) fn study(context: &Context, report: &mut Report) {
+    context.part("following a chirp");
     let time = if context.quick { QUICK_S } else { TIME_S };
     introduce(report, time);
-    let runs = Runs::follow(context, time)?;
+    let runs = Runs::follow(context.quick, time);
     each_effect(report, &runs, time);
-    over_stiffness(report, &runs.stiffnesses());
+    over_stiffness(report, &runs);
     inertia(report, runs.stiffest());
-    let (out, loose) = runs.faults();
-    over_faults(report, (&runs.offsets, out), (&runs.forces, loose));
+    over_faults(report, &runs);
     check(report, &runs);
-    compare(comparison, &runs);
-    Ok(())
+    compare(report, &runs);
 }
 
 fn introduce(report: &mut Report, time: f64) {
@@ -236,7 +208,7 @@ fn introduce(report: &mut Report, time: f64) {
 /// Reports figures, a table and plots of the errors with each effect alone and with all effects
 /// together.
 fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
-    let [plain, real] = runs.ends();
+    let [plain, real] = &runs.ends;
     for (name, of, paper) in [("joint", real.joints_rms, 1.0), ("camera", real.camera_rms, CAMERA_WITHIN)] {
         report.figure(format!("chirp_{name}_rms_percent"), of).note("paper", paper).note("aside", real.aside);
     }
@@ -250,7 +222,7 @@ fn each_effect(report: &mut Report, runs: &Runs, time: f64) {
         costs.push(Bar { name: name.to_owned(), value: run.camera_rms, label: None, spread: None, colour });
     };
     line("none (ideal)", plain, 6);
-    for (effect, run) in runs.alone() {
+    for (effect, run) in &runs.alone {
         line(effect.name, run, 0);
         report.figure(format!("chirp_joint_{}_rms_percent", effect.id), run.joints_rms);
         report.figure(format!("chirp_camera_{}_rms_percent", effect.id), run.camera_rms);
@@ -281,12 +253,13 @@ fn inertia(report: &mut Report, stiffest: f64) {
 }
 
 fn check(report: &mut Report, runs: &Runs) {
-    let [plain, real] = runs.ends();
-    let active = runs.all.iter().filter(|run| run.active).count();
+    let [plain, real] = &runs.ends;
+    let active = runs.active();
+    let count = active.iter().filter(|active| **active).count();
     report.check(
         "every chirp is followed to its end without a fault",
-        format!("{active} of {}", runs.all.len()),
-        active == runs.all.len(),
+        format!("{count} of {}", active.len()),
+        count == active.len(),
     );
     report.check(
         format!("the chirp is followed to {JOINTS_WITHIN} % RMS at the joints, ideal and with all effects"),
@@ -300,15 +273,15 @@ fn check(report: &mut Report, runs: &Runs) {
     );
 }
 
-fn compare(comparison: &mut Comparison, runs: &Runs) {
-    let ([plain, real], stiffest) = (runs.ends(), runs.stiffest());
-    comparison.row(
+fn compare(report: &mut Report, runs: &Runs) {
+    let ([plain, real], stiffest) = (&runs.ends, runs.stiffest());
+    report.compare(
         "chirp at the joints (fig. 7)",
         "1 % RMS",
         format!("{:.2} % ({:.2} % ideal)", real.joints_rms, plain.joints_rms),
         format!("the stiffness is not given: {STIFFNESS} N m/rad here; {} N m/rad, the stiffest of table III, leaves {stiffest:.2} %", short(STIFFNESSES[1])),
     );
-    comparison.row(
+    report.compare(
         "chirp by camera (fig. 7)",
         "less than 8 % RMS",
         format!("{:.2} % ({:.2} % ideal)", real.camera_rms, plain.camera_rms),
@@ -351,18 +324,21 @@ fn curves(report: &mut Report, plain: &Followed, real: &Followed, time: f64) {
     }
 }
 
-fn over_stiffness(report: &mut Report, pairs: &[(f64, &[Followed])]) {
+fn over_stiffness(report: &mut Report, runs: &Runs) {
+    let others = runs.stiffnesses.iter().map(|(stiffness, pair)| (*stiffness, pair));
+    let mut pairs: Vec<_> = others.chain([(STIFFNESS, &runs.ends)]).collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut table = vec![head(
         "spring, N m/rad | joints, ideal, % | joints, all effects | camera, ideal | camera, all effects",
     )];
     for (stiffness, pair) in pairs {
         for (run, rig) in pair.iter().zip(["ideal", "real"]) {
             for (name, of) in [("joint", run.joints_rms), ("camera", run.camera_rms)] {
-                report.figure(format!("chirp_{name}_stiffness{}_{rig}_rms_percent", short(*stiffness)), of);
+                report.figure(format!("chirp_{name}_stiffness{}_{rig}_rms_percent", short(stiffness)), of);
             }
         }
         let cells = [&pair[0].joints_rms, &pair[1].joints_rms, &pair[0].camera_rms, &pair[1].camera_rms];
-        table.push(row([short(*stiffness)].into_iter().chain(cells.map(|x| format!("{x:.3}")))));
+        table.push(row([short(stiffness)].into_iter().chain(cells.map(|x| format!("{x:.3}")))));
     }
     report.table(&table);
 }
@@ -372,19 +348,19 @@ fn tried(all: &[f64], quick: bool) -> Vec<f64> {
     if quick { vec![all[0], all[all.len() - 1]] } else { all.to_vec() }
 }
 
-fn over_faults(report: &mut Report, offsets: (&[f64], &[Followed]), forces: (&[f64], &[Followed])) {
+fn over_faults(report: &mut Report, runs: &Runs) {
     let mut table =
         vec![row(["all effects, and", "at the joints, %", "by camera, %", "turned about other axes, rad"])];
     let mut add = |name: String, run: &Followed| {
         let cells = [run.joints_rms, run.camera_rms, run.aside].map(|x| format!("{x:.3}"));
         table.push(row([name].into_iter().chain(cells)));
     };
-    for (d, run) in offsets.0.iter().zip(offsets.1) {
+    for (d, run) in &runs.offsets {
         report
             .figure(format!("chirp_camera_offset{}_rms_percent", (1.0e6 * d).round() as u32), run.camera_rms);
         add(format!("{} mm out of centre along the sphere's third axis", short(1.0e3 * d)), run);
     }
-    for (force, run) in forces.0.iter().zip(forces.1) {
+    for (force, run) in &runs.forces {
         report.figure(
             format!("chirp_camera_force{}_rms_percent", (1.0e3 * force).round() as u32),
             run.camera_rms,
@@ -392,7 +368,8 @@ fn over_faults(report: &mut Report, offsets: (&[f64], &[Followed]), forces: (&[f
         add(format!("wheels pressed on with {} N", short(*force)), run);
     }
     report.table(&table);
-    let [widest, loosest] = [offsets.1, forces.1].map(|runs| runs[runs.len() - 1].camera_rms);
+    let last = |runs: &[(f64, Followed)]| runs[runs.len() - 1].1.camera_rms;
+    let (widest, loosest) = (last(&runs.offsets), last(&runs.forces));
     report.say(&format!(
         "With the figures of a well-made device the camera sees little more than the joints do, far less than the paper's 8 %. Two of the troubles that the paper names bring it there: a sphere out of centre along the direction in which the wheels press changes the radius \
          that they roll on ({widest:.1} % at 8 mm), and wheels that are pressed on lightly slip where the chirp is quickest ({loosest:.1} % at 3 N; with still less they lose the sphere), which the encoders cannot see. Stiction, the paper's third, costs little: friction even damps."

@@ -13,7 +13,7 @@
 
 use core::f64::consts::PI;
 
-use hbot_core::design::kinematics::{ContactFrame, Posture};
+use hbot_core::design::kinematics::ContactFrame;
 use hbot_core::{Device, Quat, Vec3, rotation};
 
 /// Precomputed vectors that describe how a wheel steers during a turn of the sphere. The steer rate
@@ -94,30 +94,31 @@ fn propagator(k2: f64, s: f64) -> (f64, f64) {
     }
 }
 
-/// Returns the steer angles after the sphere has turned from the identity to `q`, rad. The
-/// kinematics zd = G w are integrated in `steps` steps of the classic Runge-Kutta method of order
-/// 4. `start` are the steer angles before the turn.
-pub(super) fn stepped(device: &Device, q: Quat, start: [f64; 2], steps: u32) -> [f64; 2] {
-    let w = rotation::log(q) / f64::from(steps);
-    let rate = |th: [f64; 2]| {
-        let zd = Posture::new(device, &th).inverse(w);
-        [zd[0], zd[2]]
-    };
-    let moved = |th: [f64; 2], by: f64, k: [f64; 2]| [th[0] + by * k[0], th[1] + by * k[1]];
-    (0..steps).fold(start, |th, _| {
-        let k1 = rate(th);
-        let k2 = rate(moved(th, 0.5, k1));
-        let k3 = rate(moved(th, 0.5, k2));
-        let k4 = rate(moved(th, 1.0, k3));
-        core::array::from_fn(|i| th[i] + (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rng::Rng;
     use hbot_config::RigConfig;
+    use hbot_core::design::kinematics::Posture;
+
+    /// Returns the steer angles after the sphere has turned from the identity to `q`, rad. The
+    /// kinematics zd = G w are integrated in `steps` steps of the classic Runge-Kutta method of
+    /// order 4. `start` are the steer angles before the turn.
+    fn stepped(device: &Device, q: Quat, start: [f64; 2], steps: u32) -> [f64; 2] {
+        let w = rotation::log(q) / f64::from(steps);
+        let rate = |th: [f64; 2]| {
+            let zd = Posture::new(device, &th).inverse(w);
+            [zd[0], zd[2]]
+        };
+        let moved = |th: [f64; 2], by: f64, k: [f64; 2]| [th[0] + by * k[0], th[1] + by * k[1]];
+        (0..steps).fold(start, |th, _| {
+            let k1 = rate(th);
+            let k2 = rate(moved(th, 0.5, k1));
+            let k3 = rate(moved(th, 0.5, k2));
+            let k4 = rate(moved(th, 1.0, k3));
+            core::array::from_fn(|i| th[i] + (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0)
+        })
+    }
 
     #[test]
     fn the_closed_form_is_where_small_steps_arrive() {

@@ -9,7 +9,7 @@ use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_plot::{Lines, Series, short};
 
 use super::{in_both_widths, median, sci};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 use crate::rng::Rng;
 use crate::timing::{Time, Timed, in_turn};
@@ -72,14 +72,13 @@ struct Found {
     turns: Vec<f64>,
 }
 
-pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) -> Result<(), Interrupted> {
-    context.part("allocation")?;
+pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) {
+    context.part("allocation");
     introduce(report);
-    let (found, mut timed) = measured(context, prototype)?;
-    context.part("allocation: time")?;
-    let times = in_turn(context, &mut timed)?;
+    let (found, mut timed) = measured(context, prototype);
+    context.part("allocation: time");
+    let times = in_turn(context.quick, &mut timed);
     tell(report, &found, &times);
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {
@@ -101,11 +100,10 @@ fn introduce(report: &mut Report) {
 
 /// Runs every allocation method in f64 and in f32. Returns the results, and the code whose
 /// computing time is to be measured.
-fn measured(context: &Context, prototype: &Device) -> Result<(Vec<Found>, Vec<Timed<'static>>), Interrupted> {
+fn measured(context: &Context, prototype: &Device) -> (Vec<Found>, Vec<Timed<'static>>) {
     let count = if context.quick { 32 } else { 128 };
     let (mut found, mut timed) = (Vec::new(), Vec::new());
     for wheels in 2..=8 {
-        context.go_on()?;
         let device = ring(prototype, wheels);
         for percent in PERCENT {
             let asked = asked(&device, percent, count);
@@ -133,7 +131,7 @@ fn measured(context: &Context, prototype: &Device) -> Result<(Vec<Found>, Vec<Ti
             });
         }
     }
-    Ok((found, timed))
+    (found, timed)
 }
 
 fn worst(all: &[f64]) -> f64 {

@@ -8,7 +8,7 @@ use hbot_sim::extrapolation;
 use hbot_sim::plant::{Method, Plant, PlantState, SpringDamper};
 
 use super::sci;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 
 /// Initial error of a wheel's heading, rad. It is far larger than rounding errors. After the sphere
@@ -17,8 +17,8 @@ const OFF: f64 = 1.0e-7;
 /// Angle by which the sphere turns while it pushes the wheel backwards, rad.
 const TURN: f64 = 1.0;
 
-pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> Result<(), Interrupted> {
-    context.part("the caster's sensitivity")?;
+pub(super) fn study(context: &Context, report: &mut Report, device: &Device) {
+    context.part("the caster's sensitivity");
     report.heading("The caster's exponential sensitivity");
     report.say(
         "A wheel that is rolled forwards comes into line, one that is pushed backwards turns about: its heading error grows by \
@@ -39,7 +39,6 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
         (measured / predicted - 1.0).abs() < 1.0e-3,
     );
     part_ways(report, device);
-    Ok(())
 }
 
 /// Returns the factor by which an error of a wheel's heading grows while the sphere turns 1 rad and

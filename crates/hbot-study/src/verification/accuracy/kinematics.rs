@@ -6,7 +6,7 @@ use hbot_core::{Device, Vec3, WheelSpec};
 use hbot_plot::{Lines, Series};
 
 use super::{in_both_widths, median, sci};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 use crate::rng::Rng;
 
@@ -52,8 +52,8 @@ fn nearest(device: &Device) -> [f64; 2] {
     all.min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or([0.0; 2])
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("kinematics near singular designs")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("kinematics near singular designs");
     introduce(report);
     let mut rng = Rng(5);
     let directions: Vec<Vec3> = (0..64).map(|_| Vec3::from_array(rng.direction())).collect();
@@ -98,7 +98,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         )
         .log([true; 2]),
     );
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {

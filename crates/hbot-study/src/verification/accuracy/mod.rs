@@ -14,7 +14,7 @@ mod tick;
 mod velocity;
 
 use super::callgrind::Counter;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::Report;
 use crate::whole::prototype;
 pub(super) use tick::job;
@@ -41,7 +41,7 @@ macro_rules! in_both_widths {
 use in_both_widths;
 
 /// Runs the study `accuracy` and returns its report.
-pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Report {
     let mut report = Report::new("accuracy", context.quick);
     let rig = prototype(&[]).rig;
     context.expect(15);
@@ -50,19 +50,19 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
          axes, the front is marked: what is not on it is beaten, in both, by something that is. Errors are against adaptive \
          references at 1e-12 or better; the device is the prototype (`rigs/prototype.toml`) where nothing else is said.",
     );
-    let times = motions::times(context, &mut report, &rig.device)?;
-    segments::study(context, &mut report, &rig.device, &times)?;
-    motions::study(context, &mut report, &rig, &times)?;
-    caster::study(context, &mut report, &rig.device)?;
-    plant::study(context, &mut report, &rig.device)?;
-    sliding::study(context, &mut report, &rig.device)?;
-    spring::study(context, &mut report)?;
-    allocation::study(context, &mut report, &rig.device)?;
-    kinematics::study(context, &mut report)?;
-    velocity::study(context, &mut report, &rig)?;
-    let ticks = tick::study(context, &mut report, counter)?;
+    let times = motions::times(context, &mut report, &rig.device);
+    segments::study(context, &mut report, &rig.device, &times);
+    motions::study(context, &mut report, &rig, &times);
+    caster::study(context, &mut report, &rig.device);
+    plant::study(context, &mut report, &rig.device);
+    sliding::study(context, &mut report, &rig.device);
+    spring::study(context, &mut report);
+    allocation::study(context, &mut report, &rig.device);
+    kinematics::study(context, &mut report);
+    velocity::study(context, &mut report, &rig);
+    let ticks = tick::study(context, &mut report, counter);
     short::conclude(&mut report, &ticks);
-    Ok(report)
+    report
 }
 
 /// Returns the median of `values`. For an even number of values it is the upper of the middle two.

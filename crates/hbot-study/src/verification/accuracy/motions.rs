@@ -9,7 +9,7 @@ use hbot_sim::motion::{JOINTS, LEAD, MOTIONS, MotionSample, TrueMotion, along, a
 
 use super::order::Errors;
 use super::{DRIFT_S, RATES, in_both_widths, sci};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row, spread};
 use crate::timing::{Time, in_turn};
 use crate::verification::double::stages::odometry::{Choice, METHODS, ORDERS, PATH_ORDERS, PATHS, track};
@@ -46,8 +46,8 @@ impl Times {
 
 /// Measures the computing time of every combination of odometry method and assumed path, in f64 and
 /// in f32.
-pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> Result<Times, Interrupted> {
-    context.part("odometry: time")?;
+pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> Times {
+    context.part("odometry: time");
     report.heading("Odometry: time");
     report.say(
         "What one tick takes to make an orientation of the joints' turns. Euler finds the contact frames of the last reading made already: the torque's \
@@ -63,7 +63,7 @@ pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> 
             timed.push(stages::odometry::timed(stages::device(device), of));
         }
     });
-    let times = in_turn(context, &mut timed)?;
+    let times = in_turn(context.quick, &mut timed);
     let mut table = vec![row(["method", "path", "width", "ns a tick (quartiles)"])];
     for ((width, choice), time) in names.iter().zip(&times) {
         let (method, path) = (METHODS[choice.method].0, PATHS[choice.path].0);
@@ -71,7 +71,7 @@ pub(super) fn times(context: &Context, report: &mut Report, device: &Device) -> 
         table.push(row([method, path, width, &spread(*time)]));
     }
     report.table(&table);
-    Ok(Times(names.into_iter().zip(times).map(|((width, choice), time)| (width, choice, time)).collect()))
+    Times(names.into_iter().zip(times).map(|((width, choice), time)| (width, choice, time)).collect())
 }
 
 /// A motion as the encoders read it at one reading rate.
@@ -117,19 +117,13 @@ fn readings(motion: &TrueMotion, rig: &Rig) -> Vec<Read> {
         .collect()
 }
 
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    rig: &Rig,
-    times: &Times,
-) -> Result<(), Interrupted> {
-    context.part("odometry: smooth motions")?;
+pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig, times: &Times) {
+    context.part("odometry: smooth motions");
     introduce(report);
     let mut budget =
         vec![head("motion | method | path | method's | path's | counts' | method and path | all three")];
     let mut orders = vec![row(["motion", "method", "path", "order"])];
     for motion in &MOTIONS {
-        context.go_on()?;
         let reads = readings(motion, rig);
         let mut lines = Vec::new();
         in_both_widths!(stages => {
@@ -163,7 +157,6 @@ pub(super) fn study(
          where a wheel is pushed backwards it turns about quicker than a slow loop reads it, and the order shows only at higher rates.",
     );
     report.table(&orders);
-    Ok(())
 }
 
 fn draw(report: &mut Report, motion: &TrueMotion, lines: Vec<Series>) {

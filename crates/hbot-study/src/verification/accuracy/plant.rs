@@ -7,7 +7,7 @@ use hbot_sim::plant::{Load, Method, Plant, PlantState, Sine, SpringDamper, Sum};
 
 use super::order::Errors;
 use super::sci;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::names::snake;
 use crate::report::{Report, row, spread};
 use crate::timing::{Timed, sampled};
@@ -79,8 +79,8 @@ pub(super) fn apart(a: &[Quat], b: &[Quat]) -> f64 {
     a.iter().zip(b).map(|(a, b)| rotation::angle_between(*a, *b)).fold(0.0, f64::max)
 }
 
-pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) -> Result<(), Interrupted> {
-    context.part("the plant's methods")?;
+pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) {
+    context.part("the plant's methods");
     report.heading("The plant");
     let Ok(plant) = Plant::new(&task_device(prototype)) else { unreachable!("the task's device is a plant") };
     let load = task_load();
@@ -90,7 +90,6 @@ pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) 
     let mut cases = Vec::new();
     for method in Method::ALL {
         for step_us in STEPS_US {
-            context.go_on()?;
             cases.push((method, step_us, apart(&run(&plant, method, step_us, &load), &exact)));
         }
     }
@@ -103,9 +102,9 @@ pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) 
             Timed::new(move || run(plant, method, step_us, &load)).in_units_of(TASK_S * 1.0e6)
         })
         .collect();
-    context.part("the plant's times")?;
+    context.part("the plant's times");
     let (least, rounds) = if context.quick { (100, 5) } else { (500, 21) };
-    let times = sampled(context, &mut timed, std::time::Duration::from_micros(least), rounds)?;
+    let times = sampled(&mut timed, std::time::Duration::from_micros(least), rounds);
     let mut table = vec![row(["method", "step, us", "error, rad", "ms a simulated second (quartiles)"])];
     let mut lines = Vec::new();
     for (place, method) in Method::ALL.into_iter().enumerate() {
@@ -126,7 +125,6 @@ pub(super) fn study(context: &Context, report: &mut Report, prototype: &Device) 
     }
     report.table(&table);
     draw(report, lines);
-    Ok(())
 }
 
 fn draw(report: &mut Report, lines: Vec<Series>) {

@@ -10,7 +10,7 @@ use hbot_sim::motion::{JOINTS, WHEELS, angle, segment};
 use super::motions::Times;
 use super::order::Errors;
 use super::{DRIFT_S, RATES, in_both_widths, median, sci};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 use crate::rng::Rng;
 use crate::verification::double::stages::odometry::{METHODS, ORDERS};
@@ -46,13 +46,8 @@ fn segments(device: &Device, count: usize) -> Vec<Segment> {
         .collect()
 }
 
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    device: &Device,
-    times: &Times,
-) -> Result<(), Interrupted> {
-    context.part("odometry: the method's error")?;
+pub(super) fn study(context: &Context, report: &mut Report, device: &Device, times: &Times) {
+    context.part("odometry: the method's error");
     introduce(report);
     let segments = segments(device, if context.quick { 15 } else { 45 });
     let mut table = vec![row(["method", "width"])];
@@ -67,7 +62,6 @@ pub(super) fn study(
             median(segments.iter().map(|s| angle(stages::odometry::segment(&device, method, s.th, &s.zd, h, ticks), s.end)).collect())
         };
         for (method, (name, _)) in METHODS.iter().enumerate() {
-            context.go_on()?;
             let drifts = RATES.map(|hz| drift(method, hz));
             for (hz, drift) in RATES.iter().zip(drifts) {
                 report.figure(format!("odometry_segments_{name}_{}_{hz}hz_drift_rad", stages::WIDTH), drift);
@@ -89,7 +83,6 @@ pub(super) fn study(
         errors.check(report, &what, FLOOR, ORDERS[method]);
     }
     draw(report, lines);
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {

@@ -13,7 +13,7 @@ use hbot_sim::plant::{Dynamics, Method, PlantState};
 use super::order::Errors;
 use super::plant::apart;
 use super::sci;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row, spread};
 use crate::timing::{Timed, sampled};
 
@@ -72,8 +72,8 @@ fn push(t: f64) -> f64 {
     if t < 0.06 { libm::sin(PI * t / 0.06).powi(2) } else { 0.0 }
 }
 
-pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> Result<(), Interrupted> {
-    context.part("the plant that slips")?;
+pub(super) fn study(context: &Context, report: &mut Report, device: &Device) {
+    context.part("the plant that slips");
     report.heading("The plant that slips");
     let scene =
         Scene { device, phenomena: Phenomena { slip: Some(Slip::default()), ..Phenomena::default() } };
@@ -91,7 +91,7 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
         })
         .collect();
     let (least, rounds) = if context.quick { (100, 5) } else { (500, 21) };
-    let times = sampled(context, &mut timed, std::time::Duration::from_micros(least), rounds)?;
+    let times = sampled(&mut timed, std::time::Duration::from_micros(least), rounds);
     let mut table = vec![row(["step, us", "error, rad", "ms a simulated second (quartiles)"])];
     let (mut points, mut errors) = (Vec::new(), Errors::default());
     for (step_us, time) in STEPS_US.iter().zip(times) {
@@ -116,7 +116,6 @@ pub(super) fn study(context: &Context, report: &mut Report, device: &Device) -> 
         )
         .log([true; 2]),
     );
-    Ok(())
 }
 
 /// Writes the introduction of the section about sliding contacts. `slip` is the largest slip in the

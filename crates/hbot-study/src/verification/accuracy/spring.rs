@@ -4,7 +4,7 @@ use hbot_core::{Mat3, Vec3};
 use hbot_plot::{Lines, Series};
 
 use super::{in_both_widths, sci};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row, spread};
 use crate::timing::in_turn;
 use crate::verification::double::stages::spring::{LAWS, STIFFNESS};
@@ -53,8 +53,8 @@ fn error(law: usize, angle: f64, at: impl Fn(usize, [f64; 4]) -> [f64; 3]) -> f6
     AXES.into_iter().map(off).fold(0.0, f64::max)
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("spring laws")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("spring laws");
     introduce(report);
     let (mut names, mut timed) = (Vec::new(), Vec::new());
     in_both_widths!(stages => {
@@ -63,7 +63,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
             timed.push(stages::spring::timed(law));
         }
     });
-    let times = in_turn(context, &mut timed)?;
+    let times = in_turn(context.quick, &mut timed);
     let mut table = vec![row(["law", "width", "ns (quartiles)"])];
     table[0].extend([10, 100, 1000, 3000].map(|angle| format!("error at {} rad", f64::from(angle) / 1000.0)));
     let mut lines = Vec::new();
@@ -99,7 +99,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         "Error of a spring's torque over the angle, with what one torque takes",
         Lines::new("Spring laws", "angle, rad", "error relative to the torque", lines).log([true; 2]),
     );
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {

@@ -2,23 +2,22 @@
 //! presets among them.
 
 use hbot_config::{Override, RigConfig, RunningScene, SceneFile};
-use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::OdometryMethod::{self, Euler, Magnus4, Midpoint};
 use hbot_core::design::rig::PathFit::{self, Cubic, Quadratic, Straight};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
+use hbot_core::inputs::{Command, Inputs, JointReadings};
 use hbot_core::safety::mode::Mode;
-use hbot_core::{CompiledScene, Controller, MAX_JOINTS, rotation};
+use hbot_core::{CompiledScene, Controller, rotation};
 use hbot_plot::{NamedPoint, NamedPoints, PointGroup, short};
 use hbot_sim::motion::{LEAD, MOTIONS, MotionSample, TrueMotion, angle};
 use serde_json::{Value, json};
 
 use super::motions::{Budget, budget};
 use super::sci;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, spread};
 use crate::timing::{Difference, Time, Timed, compared};
-use crate::verification::Job;
 use crate::verification::callgrind::{Counter, MANY};
+use crate::verification::{Job, readings};
 
 /// The motion that the controller follows. It is fast and does not change its direction.
 const MOTION: TrueMotion = MOTIONS[1];
@@ -68,21 +67,6 @@ fn scene() -> CompiledScene {
     RunningScene::new().load(file.unwrap_or_else(|error| unreachable!("a legal scene: {error}")))
 }
 
-/// Returns the readings that motor controllers would send in each tick of a motion.
-fn feedbacks(config: &RigConfig, motion: &TrueMotion, moments: &[MotionSample]) -> Vec<JointReadings> {
-    let rig = &config.rig;
-    let each = |(k, moment): (usize, &MotionSample)| {
-        let omega = motion.omega(k as f64 / f64::from(RATE));
-        let rates = Posture::new(&rig.device, &[moment.joints[0], moment.joints[2]]).inverse(omega);
-        let mut counts = [0; MAX_JOINTS];
-        for (j, angle) in moment.joints.iter().enumerate() {
-            counts[j] = (angle / rig.joints[j].radians_per_count()).round() as i64 as i32;
-        }
-        JointReadings { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
-    };
-    moments.iter().enumerate().map(each).collect()
-}
-
 /// Runs one tick of the controller with one reading. In tick 1, torque is also enabled.
 fn tick(controller: &mut Controller, scene: &CompiledScene, feedback: &JointReadings) -> hbot_core::Outputs {
     let mut inputs = Inputs::quiet(u64::from(feedback.sequence));
@@ -115,18 +99,14 @@ pub(super) struct Found {
     pub(super) instructions: Option<f64>,
 }
 
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    counter: Option<&Counter>,
-) -> Result<Vec<Found>, Interrupted> {
-    context.part("the whole tick: error")?;
+pub(super) fn study(context: &Context, report: &mut Report, counter: Option<&Counter>) -> Vec<Found> {
+    context.part("the whole tick: error");
     introduce(report);
-    let mut found = measured(context)?;
-    context.part("the whole tick: instructions")?;
+    let mut found = measured(context);
+    context.part("the whole tick: instructions");
     let jobs: Vec<Value> = (0..CHOICES.len()).map(|choice| json!({ "tick": choice })).collect();
     let counted = match counter {
-        Some(counter) => counter.count(context, &jobs)?,
+        Some(counter) => counter.count(&jobs),
         None => Err("this program cannot run itself under valgrind".to_owned()),
     };
     match counted {
@@ -143,7 +123,7 @@ pub(super) fn study(
         "What accuracy costs: error in 10 s of brisk motion against the time of a tick, for every odometry method and path, with exact readings and with the prototype's encoders",
         picture(&found),
     );
-    Ok(found)
+    found
 }
 
 /// Returns the ticks with one choice, whose instructions are counted: ticks of the motion after the
@@ -152,7 +132,7 @@ pub(in crate::verification) fn job(job: &Value) -> Option<Job> {
     let choice = usize::try_from(job.get("tick")?.as_u64()?).ok().filter(|choice| *choice < CHOICES.len())?;
     let config = rig(choice);
     let moments = MOTION.moments(&config.rig.device, RATE, STARTED + MANY + LEAD + 2, LEAD);
-    let (scene, feedbacks) = (scene(), feedbacks(&config, &MOTION, &moments[LEAD..]));
+    let (scene, feedbacks) = (scene(), readings(&config.rig, &MOTION, &moments[LEAD..]));
     let (.., started) = followed(&config, &scene, &feedbacks, &moments[LEAD..]);
     Some(Box::new(move |ticks| {
         let mut controller = started.clone();
@@ -202,16 +182,15 @@ fn followed(
     (worst, mode, started.unwrap_or_else(|| unreachable!("longer than the soft start")))
 }
 
-fn measured(context: &Context) -> Result<Vec<Found>, Interrupted> {
+fn measured(context: &Context) -> Vec<Found> {
     let configs: Vec<RigConfig> = (0..CHOICES.len()).map(rig).collect();
     let ticks = (TIME_S * RATE) as usize;
     let moments = MOTION.moments(&configs[0].rig.device, RATE, ticks + LEAD + 1, LEAD);
     let scene = scene();
-    let feedbacks = feedbacks(&configs[0], &MOTION, &moments[LEAD..]);
+    let feedbacks = readings(&configs[0].rig, &MOTION, &moments[LEAD..]);
     let mut timed = Vec::new();
     let mut errors = Vec::new();
     for config in &configs {
-        context.go_on()?;
         let (error, mode, started) = followed(config, &scene, &feedbacks, &moments[LEAD..]);
         errors.push((error, mode));
         let (scene, rest) = (&scene, &feedbacks[STARTED + 1..]);
@@ -225,8 +204,8 @@ fn measured(context: &Context) -> Result<Vec<Found>, Interrupted> {
             .in_units_of(rest.len() as f64),
         );
     }
-    context.part("the whole tick: time")?;
-    let times = compared(context, &mut timed)?;
+    context.part("the whole tick: time");
+    let times = compared(context.quick, &mut timed);
     let mut found = Vec::new();
     for (k, ((config, (error, mode)), (time, longer))) in configs.iter().zip(errors).zip(times).enumerate() {
         let (name, preset, odometry, path) = CHOICES[k];
@@ -242,7 +221,7 @@ fn measured(context: &Context) -> Result<Vec<Found>, Interrupted> {
             instructions: None,
         });
     }
-    Ok(found)
+    found
 }
 
 fn tell(report: &mut Report, found: &[Found]) {

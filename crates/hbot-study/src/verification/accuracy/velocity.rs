@@ -11,7 +11,7 @@ use hbot_plot::{Lines, Series, short};
 use hbot_sim::motion::JOINTS;
 
 use super::sci;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 use crate::timing::{Time, Timed, in_turn};
 
@@ -155,15 +155,14 @@ fn with(rig: &Rig, counts: [u32; 2], rate: RateEstimate) -> Rig {
     rig.unwrap_or_else(|error| unreachable!("the study's encoders are legal: {error}"))
 }
 
-pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result<(), Interrupted> {
-    context.part("joint rates: error")?;
+pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) {
+    context.part("joint rates: error");
     let ticks = if context.quick { 4000 } else { 20_000 };
     introduce(report, ticks);
     let truths: Vec<Vec<Truth>> = MOTIONS.iter().map(|motion| motion.truth(rig, ticks)).collect();
     let (mut found, mut timed) = (Vec::new(), Vec::new());
     for (encoder, counts) in ENCODERS {
         for (name, rate) in ESTIMATES {
-            context.go_on()?;
             let rig = with(rig, counts, rate);
             let of: Vec<Quality> = truths.iter().map(|truth| judge(&rig, truth)).collect();
             found.push((encoder, name, of));
@@ -176,8 +175,8 @@ pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result
             );
         }
     }
-    context.part("joint rates: time")?;
-    let times = in_turn(context, &mut timed)?;
+    context.part("joint rates: time");
+    let times = in_turn(context.quick, &mut timed);
     let mut table = vec![row(["counts", "estimate", "noise, held", "noise, slow", "noise, brisk"])];
     table[0].extend(["lag, ms", "false slip, mm/s", "ns a tick", "ns more"].map(str::to_owned));
     let mut lines: Vec<Series> = Vec::new();
@@ -197,7 +196,6 @@ pub(super) fn study(context: &Context, report: &mut Report, rig: &Rig) -> Result
         Lines::new("Joint rates from counts", "ns a tick", "noise in slow motion, rad/s", lines)
             .log([true; 2]),
     );
-    Ok(())
 }
 
 /// Reports the figures of one method that estimates joint rates, and returns its row of the table.

@@ -4,9 +4,8 @@
 use std::rc::Rc;
 
 use hbot_config::scene::{self, kinds};
-use hbot_config::{RigConfig, RunningScene, SceneFile};
-use hbot_core::design::kinematics::Posture;
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
+use hbot_config::{RunningScene, SceneFile};
+use hbot_core::inputs::{Command, Inputs, JointReadings};
 use hbot_core::outputs::Drive;
 use hbot_core::safety::mode::Mode;
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS};
@@ -16,6 +15,8 @@ use hbot_sim::plant::PlantState;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use serde_json::{Map, Value, json};
 
+use crate::names;
+use crate::verification::readings;
 use crate::whole::prototype;
 
 /// Number of ticks after which the soft start is over.
@@ -32,7 +33,7 @@ const FIRST: u32 = 1 << 20;
 pub(super) fn names() -> Vec<String> {
     let all: Vec<String> =
         kinds().iter().chain(&scene::phenomena()).map(|listed| listed.name.to_owned()).collect();
-    debug_assert!(all.iter().all(|name| super::is_name(name)), "{all:?}");
+    debug_assert!(all.iter().all(|name| names::is_id(name)), "{all:?}");
     all
 }
 
@@ -120,12 +121,15 @@ impl Desk {
         let simulated = SimulatedRig::new(&SimulatedConfig::new(&rig));
         let simulated =
             simulated.unwrap_or_else(|error| unreachable!("the prototype can be simulated: {error}"));
+        // A brisk motion back and forth.
+        let motion = &MOTIONS[4];
+        let moments = motion.moments(&config.rig.device, 1000, RECORDED, 0);
         let mut running = RunningScene::new();
         let mut desk = Self {
             controller: Controller::new(rig),
             scene: Rc::new(running.load(SceneSetup::default().scene())),
             running,
-            readings: Rc::new(readings(&config)),
+            readings: Rc::new(readings(&config.rig, motion, &moments)),
             exchange: Exchange::new(simulated, rig.device.joints()),
             tick: 0,
         };
@@ -189,22 +193,6 @@ fn drive(k: usize) -> Drive {
         *torque = 5.0e-4 * (phase.abs_diff(64) as f64 - 32.0) * 0.5;
     }
     drive
-}
-
-/// Returns recorded encoder readings of a brisk motion back and forth, one per tick.
-fn readings(config: &RigConfig) -> Vec<JointReadings> {
-    let (motion, device) = (&MOTIONS[4], &config.rig.device);
-    let moments = motion.moments(device, 1000, RECORDED, 0);
-    let each = |(k, moment): (usize, &hbot_sim::motion::MotionSample)| {
-        let omega = motion.omega(k as f64 * 1.0e-3);
-        let rates = Posture::new(device, &[moment.joints[0], moment.joints[2]]).inverse(omega);
-        let mut counts = [0; MAX_JOINTS];
-        for (j, angle) in moment.joints.iter().enumerate() {
-            counts[j] = (angle / config.rig.joints[j].radians_per_count()).round() as i64 as i32;
-        }
-        JointReadings { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
-    };
-    moments.iter().enumerate().map(each).collect()
 }
 
 #[cfg(test)]

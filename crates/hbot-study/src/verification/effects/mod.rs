@@ -10,8 +10,7 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
-use crate::context::{Context, Interrupted};
-use crate::names;
+use crate::context::Context;
 use crate::report::{Report, row, spread};
 use crate::timing::{Difference, Time, Timed, compared};
 
@@ -46,7 +45,7 @@ struct Cost {
 
 /// Runs the study `effects` and returns its report. `counter` says how to count instructions, if
 /// that is possible.
-pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Report {
     let mut report = Report::new("effects", context.quick);
     introduce(&mut report);
     let names: Vec<String> = desk::names();
@@ -60,12 +59,12 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
     let all: Vec<SceneSetup> = [none].into_iter().chain(singles).chain(gone).chain(pairs).collect();
     context.expect(3);
 
-    context.part("instructions")?;
+    context.part("instructions");
     let counted = match counter {
-        Some(counter) => counter.count(context, &all.iter().map(SceneSetup::to_json).collect::<Vec<_>>())?,
+        Some(counter) => counter.count(&all.iter().map(SceneSetup::to_json).collect::<Vec<_>>()),
         None => Err("this program cannot run itself under valgrind".to_owned()),
     };
-    context.part("times")?;
+    context.part("times");
     let active = Desk::active();
     let mut runs: Vec<Timed<'_>> = all
         .iter()
@@ -74,10 +73,10 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
             Timed::new(move || desk.clone().run(TICKS)).in_units_of(TICKS as f64)
         })
         .collect();
-    let times = compared(context, &mut runs)?;
+    let times = compared(context.quick, &mut runs);
     drop(runs);
 
-    context.part("tables")?;
+    context.part("tables");
     let costs: Vec<Cost> = all
         .into_iter()
         .zip(times)
@@ -94,7 +93,7 @@ pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Result<Repo
     }
     tell(&mut report, &costs, names.len());
     short::conclude(&mut report, &costs[..=names.len()], counted.as_ref().err());
-    Ok(report)
+    report
 }
 
 /// Returns the ticks with one setup, whose instructions are counted. `job` is the setup as JSON.
@@ -294,9 +293,4 @@ fn in_pairs(report: &mut Report, pairs: &[Cost], alone: &[Cost], added: Added<'_
     }
     table.extend(rows);
     report.table(&table);
-}
-
-/// Returns whether `name` can be a part of the id of a figure.
-fn is_name(name: &str) -> bool {
-    names::is_id(name)
 }

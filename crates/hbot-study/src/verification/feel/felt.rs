@@ -6,7 +6,6 @@ use core::f64::consts::TAU;
 use hbot_config::{RigConfig, SceneFile};
 use hbot_core::{Vec3, rotation};
 use hbot_sim::phenomena::{Hand, Phenomena};
-use hbot_sim::plant::PlantState;
 
 use crate::whole::Whole;
 
@@ -47,10 +46,8 @@ pub(super) struct Felt {
 /// from its tick to the next, so the turn is that in the middle of the two.
 pub(super) fn felt(config: &RigConfig, scene: &SceneFile, hand: Hand) -> Felt {
     let phenomena = Phenomena { hand: Some(hand), ..Phenomena::default() };
-    let mut whole = Whole::with(config, scene.clone(), phenomena, PlantState::default());
-    for _ in 0..whole.ticks(SETTLE_S) {
-        whole.step(None);
-    }
+    let mut whole = Whole::new(config, scene.clone(), phenomena);
+    whole.run(SETTLE_S);
     let ticks = whole.ticks(LEAST_S.max(LEAST_PERIODS / hand.rate));
     let (mut turns, mut torques) = ([[0.0; 2]; 3], [[0.0; 2]; 3]);
     let mut damped = 0_u32;
@@ -96,12 +93,9 @@ const TAP: Vec3 = Vec3::new(1.2, -0.96, 1.28);
 /// Taps a free sphere in the scene, with each of two rigs, and compares the motions.
 pub(super) fn free(configs: [&RigConfig; 2], scene: &SceneFile) -> Free {
     let mut both = configs.map(|config| {
-        let mut whole = Whole::with(config, scene.clone(), Phenomena::default(), PlantState::default());
-        for _ in 0..whole.ticks(SETTLE_S) {
-            whole.step(None);
-        }
-        let state = PlantState { omega: TAP, ..*whole.rig().state() };
-        whole.rig_mut().set_state(state);
+        let mut whole = Whole::new(config, scene.clone(), Phenomena::default());
+        whole.run(SETTLE_S);
+        whole.tap(TAP);
         whole
     });
     let (mut apart, mut reach) = (0.0_f64, 0.0_f64);

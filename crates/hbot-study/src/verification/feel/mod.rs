@@ -10,9 +10,9 @@ use hbot_sim::phenomena::Hand;
 use serde_json::json;
 
 use self::felt::{Felt, felt, free};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
-use crate::whole::prototype;
+use crate::whole::{prototype, scene_of};
 
 /// The hands that move the sphere, each with its name.
 const HANDS: [(&str, Hand); 3] = [
@@ -37,25 +37,25 @@ const LEAST: f64 = 0.1;
 const EQUAL: f64 = 1.0e-14;
 
 /// Runs the study `feel` and returns its report.
-pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context) -> Report {
     let mut report = Report::new("feel", context.quick);
     context.expect(3);
     report.say(
         "What the passivity stage (`passivity` in a rig file's `[loop]`) changes for the hand, on the simulated prototype: the whole loop, controller, line and rig, in virtual time.",
     );
-    context.part("what a hand feels")?;
-    let felt = hands(context, &mut report)?;
-    context.part("scenes that shake")?;
-    let shaken = shaken::study(context, &mut report)?;
-    context.part("springs")?;
-    shaken::springs(context, &mut report)?;
+    context.part("what a hand feels");
+    let felt = hands(context, &mut report);
+    context.part("scenes that shake");
+    let shaken = shaken::study(&mut report);
+    context.part("springs");
+    shaken::springs(context, &mut report);
     report.in_short("springs", [felt].into_iter().chain(shaken));
-    Ok(report)
+    report
 }
 
 /// Measures stiffness and damping of all ready-made scenes and of a spring at half its border, with
 /// the stage off and on. Returns the result in a sentence.
-fn hands(context: &Context, report: &mut Report) -> Result<String, Interrupted> {
+fn hands(context: &Context, report: &mut Report) -> String {
     report.family("impedance_{scene}_{hand}_{hz}hz | 1 | largest change of the impedance that the stage makes, over three axes, relative to the impedance without it, which counts as at least 0.1 N m/rad; `off` and `on`: stiffness (N m/rad) and damping (N m s/rad) about the axis of the change");
     report.family("free_{scene} | rad | largest angle between the orientations of a free sphere with and without the stage in 2 s after a tap; `reach`: the way of the sphere");
     let [off, on] = [false, true].map(|on| prototype(&[("loop.passivity", json!(on))]));
@@ -65,13 +65,11 @@ fn hands(context: &Context, report: &mut Report) -> Result<String, Interrupted> 
     let spring = json!({"name": "half", "effect": [
         {"id": "spring", "kind": "spring", "stiffness": half, "damping": DAMPING}
     ]});
-    let spring = SceneFile::from_json(spring).unwrap_or_else(|error| unreachable!("a legal scene: {error}"));
-    scenes.push(("half-border".to_owned(), spring));
+    scenes.push(("half-border".to_owned(), scene_of(spring)));
     let mut table = vec![head("scene | hand | 1 Hz | 2 Hz | 5 Hz | 10 Hz | 20 Hz | ticks with damping")];
     let mut springs = vec![head("hand | Hz | K off, N m/rad | K on | B off, N m s/rad | B on")];
     let (mut alike, mut worst, mut apart) = (Vec::new(), 0.0_f64, 0.0_f64);
     for (name, scene) in &scenes {
-        context.go_on()?;
         let id = name.replace(['-', '.'], "_");
         let swing = free([&off, &on], scene);
         report.figure(format!("free_{id}"), swing.apart).note("reach", swing.reach);
@@ -139,17 +137,12 @@ fn hands(context: &Context, report: &mut Report) -> Result<String, Interrupted> 
         apart,
         0.05,
     );
-    report.check_within(
-        "Free spheres after a tap of 2.1 rad/s: angle with and without the stage, rad,",
-        apart,
-        0.05,
-    );
-    Ok(format!(
+    format!(
         "The stage acts in {} of {} scenes that hands move, and changes the impedance by at most {:.2} %.",
         scenes.len() - alike.len(),
         scenes.len(),
         100.0 * worst
-    ))
+    )
 }
 
 /// The largest change of the impedance about an axis.

@@ -3,12 +3,11 @@
 use hbot_core::Vec3;
 use hbot_plot::{Lines, Series};
 use hbot_sim::phenomena::{Hand, Phenomena};
-use hbot_sim::plant::PlantState;
 use serde_json::{Value, json};
 
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
-use crate::whole::{Whole, prototype};
+use crate::whole::{Whole, prototype, scene_of};
 
 /// Angular velocity after a tap, rad/s in N.
 const TAP: Vec3 = Vec3::new(0.3, 0.6, 0.15);
@@ -98,7 +97,7 @@ const TIMES_S: [f64; 3] = [0.8, 2.0, 1.5];
 
 /// Taps a sphere in each scene, free and held, and reports how much it still swings. Returns the
 /// results in two sentences.
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<[String; 2], Interrupted> {
+pub(super) fn study(report: &mut Report) -> [String; 2] {
     report.family("swing_{n}_{sphere}_{setting} | rad/s | deviation of the sphere's rate from its mean 2 to 3.5 s after a tap, root mean square, in scene n of the table, free or held");
     let mut table = vec![head(
         "n | scene | free: neither | passivity | lead | both | held: neither | passivity | lead | both",
@@ -106,7 +105,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<[String; 2
     let mut swinging = [[0_u32; 4]; 2];
     let (mut held_most, mut worse_most) = (("", 0.0_f64), ("", 0.0_f64));
     for (n, (name, effects)) in cases().into_iter().enumerate() {
-        context.go_on()?;
         let mut cells = row([n.to_string(), name.to_owned()]);
         for (sphere, hand) in [("free", None), ("held", Some(Hand { amplitude: 0.0, ..Hand::default() }))] {
             let swings = SETTINGS.map(|(setting, lead, stage)| {
@@ -153,18 +151,17 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<[String; 2
             cases().len()
         )
     };
-    Ok([told("free sphere", swinging[0]), told("held sphere", swinging[1])])
+    [told("free sphere", swinging[0]), told("held sphere", swinging[1])]
 }
 
 /// Plots how much a free sphere on a spring without damping still swings after a tap.
-pub(super) fn springs(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+pub(super) fn springs(context: &Context, report: &mut Report) {
     report.family("spring_{k}_{setting} | rad/s | swing of a free sphere on a spring of k N m/rad without damping, 2 to 3.5 s after a tap, root mean square");
     let stiffnesses: &[u32] = if context.quick { &[5, 100] } else { &[2, 5, 10, 20, 50, 100, 200, 300, 400] };
     let mut series = Vec::new();
     for (k, (setting, lead, stage)) in SETTINGS.into_iter().enumerate() {
         let mut points = Vec::new();
         for stiffness in stiffnesses {
-            context.go_on()?;
             let spring = json!([{"id": "s", "kind": "spring", "anchor": "here", "stiffness": stiffness}]);
             let swing = swing(&spring, None, lead, stage);
             report.figure(format!("spring_{stiffness}_{setting}"), swing);
@@ -177,7 +174,6 @@ pub(super) fn springs(context: &Context, report: &mut Report) -> Result<(), Inte
         "Swing of a free sphere on a spring without damping, 2 to 3.5 s after a tap, over the stiffness",
         Lines::new("Free sphere on a spring", "stiffness, N m/rad", "swing, rad/s", series).log([true, true]),
     );
-    Ok(())
 }
 
 /// Returns the swing of the sphere after a tap: the deviation of its rate from the mean rate, root
@@ -186,16 +182,12 @@ fn swing(effects: &Value, hand: Option<Hand>, lead: bool, stage: bool) -> f64 {
     let config = prototype(&[("loop.passivity", json!(stage)), ("loop.lead", json!(lead))]);
     let phenomena = Phenomena { hand, ..Phenomena::default() };
     let scene = json!({"name": "case", "effect": effects});
-    let mut whole = Whole::new(&config, scene, phenomena, PlantState::default());
-    let [before, after, measured] = TIMES_S.map(|time| whole.ticks(time));
-    for _ in 0..before {
-        whole.step(None);
-    }
-    let state = PlantState { omega: TAP, ..*whole.rig().state() };
-    whole.rig_mut().set_state(state);
-    for _ in 0..after {
-        whole.step(None);
-    }
+    let mut whole = Whole::new(&config, scene_of(scene), phenomena);
+    let [before, after, measured] = TIMES_S;
+    whole.run(before);
+    whole.tap(TAP);
+    whole.run(after);
+    let measured = whole.ticks(measured);
     let (mut sum, mut squares) = (Vec3::ZERO, 0.0);
     for _ in 0..measured {
         whole.step(None);

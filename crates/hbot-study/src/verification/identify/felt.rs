@@ -20,10 +20,11 @@ use hbot_sim::wander::{Built, Wander};
 use serde_json::json;
 
 use super::rigs::{Encoders, counts, recorded};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
+use crate::fit::Fit;
 use crate::report::{Report, head, row};
 use crate::rng::Rng;
-use crate::whole::{Whole, prototype, scene_of};
+use crate::whole::{Whole, prototype, scene_of, spring};
 
 /// Stiffness of the spring, N m/rad, and its damping, N m s/rad.
 const STIFFNESS: f64 = 4.0;
@@ -75,7 +76,7 @@ struct Rigs {
 }
 
 /// Adds the section about springs to the report of the study.
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+pub(super) fn study(context: &Context, report: &mut Report) {
     report.family("identify_table3_{gear}_{believed}_{felt}_{number} | see the name | what a hand feels of a spring of 4 N m/rad, worst axis: `slope` (fraction) and `hysteresis` (N m) at 0.8 N m, `small_hysteresis` at 0.1 N m, `back` (N m): torque that turns the free sphere");
     report.heading("Table III: springs before and after");
     report.say(&format!(
@@ -93,12 +94,11 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     let mut held = [0.0; 2];
     for (name, gear) in [("plain", None), ("loss", Some(Gear::default()))] {
         for seed in 0..count {
-            context.go_on()?;
             let rigs = Rigs::new(2000 + seed, gear);
             let label = format!("{name} {seed}");
-            let drawn = felt(context, &rigs, &rigs.drawing)?;
+            let drawn = felt(&rigs, &rigs.drawing);
             table.push(told(&label, "drawing", &drawn));
-            let after = felt(context, &rigs, &rigs.identified)?;
+            let after = felt(&rigs, &rigs.identified);
             table.push(told(&label, "identified", &after));
             for (believed, felt) in [("drawn", &drawn), ("identified", &after)] {
                 let mut figure = |what: &str, value: f64| {
@@ -126,7 +126,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     report.table(&table);
     report.say("What the motors found, against the truth:");
     report.table(&motors);
-    let Some((drawn, after)) = worst else { return Ok(()) };
+    let Some((drawn, after)) = worst else { return };
     let most = |of: [f64; 2]| of[0].max(of[1]);
     report.check(
         "table III: the loop stays active",
@@ -153,7 +153,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         format!("{:.1} % of {:.0}", 100.0 * part, held[1]),
         part >= least && (part <= most || context.quick),
     );
-    Ok(())
 }
 
 fn told(rig: &str, believed: &str, felt: &Felt) -> Vec<String> {
@@ -299,12 +298,11 @@ impl Felt {
 }
 
 /// Measures what a hand feels of the rig `rigs` if the loop believes `config`.
-fn felt(context: &Context, rigs: &Rigs, config: &RigConfig) -> Result<Felt, Interrupted> {
+fn felt(rigs: &Rigs, config: &RigConfig) -> Felt {
     let mut felt =
         Felt { slope: [0.0; 2], r2: 1.0, hysteresis: [0.0; 2], middle: 0.0, back: 0.0, active: true };
     for axis in Vec3::AXES {
         for (k, load) in LOADS.into_iter().enumerate() {
-            context.go_on()?;
             let line = line(rigs, config, axis, load);
             felt.slope[k] = felt.slope[k].max((line.slope / STIFFNESS - 1.0).abs());
             felt.r2 = felt.r2.min(line.r2);
@@ -316,27 +314,20 @@ fn felt(context: &Context, rigs: &Rigs, config: &RigConfig) -> Result<Felt, Inte
         }
         felt.back = felt.back.max(back_driven(rigs, config, axis));
     }
-    Ok(felt)
+    felt
 }
 
 /// Returns the loop on the rig as it is, after the soft start.
 fn started(rigs: &Rigs, config: &RigConfig, stiffness: f64) -> Whole {
-    let scene = if stiffness > 0.0 {
-        json!({"name": "study", "effect": [
-            {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": DAMPING, "fade_s": 0}
-        ]})
-    } else {
-        json!({"name": "study"})
-    };
+    let free = || scene_of(json!({"name": "study"}));
+    let scene = if stiffness > 0.0 { spring(stiffness, DAMPING) } else { free() };
     let simulated = SimulatedConfig {
         phenomena: rigs.phenomena,
         imperfect: rigs.truth.rig.compensation,
         ..SimulatedConfig::new(&rigs.truth.rig)
     };
-    let mut run = Whole::simulated(config, scene_of(scene), &simulated);
-    for _ in 0..run.ticks(START_S) {
-        run.step(None);
-    }
+    let mut run = Whole::simulated(config, scene, &simulated);
+    run.run(START_S);
     run
 }
 
@@ -378,12 +369,6 @@ fn line(rigs: &Rigs, config: &RigConfig, axis: Vec3, most: f64) -> Line {
         }
     }
     run.rig_mut().set_external(Vec3::ZERO);
-    let n = points.len() as f64;
-    let (x, y) = points.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
-    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for (a, b) in &points {
-        (xx, xy, yy) = (xx + (a - x) * (a - x), xy + (a - x) * (b - y), yy + (b - y) * (b - y));
-    }
     let [down, up] = taken;
     let apart = |((a, n), (b, m)): (&(f64, f64), &(f64, f64))| (a / n - b / m).abs();
     let within = |ranges: core::ops::Range<usize>| {
@@ -391,7 +376,8 @@ fn line(rigs: &Rigs, config: &RigConfig, axis: Vec3, most: f64) -> Line {
         both.filter(|((_, n), (_, m))| *n > 0.0 && *m > 0.0).map(apart).fold(0.0, f64::max)
     };
     let (hysteresis, middle) = (within(0..RANGES), within(RANGES / 4..3 * RANGES / 4));
-    Line { slope: xy / xx, r2: xy * xy / (xx * yy), hysteresis, middle, active }
+    let Fit { slope, r2, .. } = Fit::through(&points);
+    Line { slope, r2, hysteresis, middle, active }
 }
 
 /// Returns the mean torque with which a hand turns the sphere about `axis` without a spring, N m.

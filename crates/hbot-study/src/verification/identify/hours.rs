@@ -14,7 +14,7 @@ use hbot_plot::short;
 use hbot_sim::wander::{Built, Wander, normal};
 
 use super::rigs::{Encoders, counts, geometry, read, recorded, truth};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
 use crate::rng::Rng;
 
@@ -119,7 +119,7 @@ impl Fused {
 }
 
 /// Adds the section about references from outside to the report of the study.
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
+pub(super) fn study(context: &Context, report: &mut Report) {
     let seconds = if context.quick { 300.0 } else { 8.0 * 3600.0 };
     report.family("identify_outside_{source} | rad | largest error of the orientation (`camera`, `camera_drawn`: the rig file says no drift) or of the tilt (`gravity`) with a reference from outside; `rms`: root mean square");
     let config = RigConfig::prototype();
@@ -144,7 +144,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         rig.unwrap_or_else(|error| unreachable!("near the drawing: {error}"))
     };
     let hand = Wander::new(SEED + 1, Vec3::splat(super::SPEED));
-    let run = |creep: f64| -> Result<[Fused; 3], Interrupted> {
+    let run = |creep: f64| {
         let mut all = [
             Fused::new(believed(found.drift()), Source::Camera),
             Fused::new(believed(None), Source::Camera),
@@ -154,9 +154,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         let mut rng = Rng(SEED);
         let seen = read(&drawing, &built, &hand, seconds, Encoders::slipping(creep), SEED);
         for (sequence, (counts, q)) in (0..).zip(seen) {
-            if sequence % 100_000 == 0 {
-                context.go_on()?;
-            }
             let reading = JointReadings {
                 sequence,
                 counts,
@@ -167,9 +164,9 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
             let real = turn * q * turn.conjugate();
             all.iter_mut().for_each(|fused| fused.tick(&scene, reading, real, &mut rng));
         }
-        Ok(all)
+        all
     };
-    let slipping = [run(CREEPS[0])?, run(CREEPS[1])?];
+    let slipping = [run(CREEPS[0]), run(CREEPS[1])];
     let [camera, drawn, gravity] = &slipping[0];
     report.heading("A reference from outside");
     report.say(&format!(
@@ -202,5 +199,4 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         format!("{relative:.2}; the sigma is {} degrees at the end", degrees(gravity.sigma.z)),
         (least..=most).contains(&relative),
     );
-    Ok(())
 }

@@ -12,7 +12,7 @@ use hbot_plot::{Lines, Series, short};
 use hbot_sim::wander::{Built, Wander};
 
 use self::rigs::{Encoders, counts, geometry, recorded, truth};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, head, row};
 
 /// The drawings, each with its name in the ids of figures, its file, and the number of random rigs
@@ -60,7 +60,7 @@ struct Shown {
 }
 
 /// Runs the study `identify` and returns its report.
-pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context) -> Report {
     let mut report = Report::new("identify", context.quick);
     report.family("identify_{rig}_{encoders}_{drift}_{number} | rad | drift of the orientation after one turn and after ten turns with the geometry that was found (`one`, `ten`), without a turn of the whole frame; `drawn`: with the drawing, `truth`: with the true geometry");
     report.family("identify_{rig}_{encoders}_stiffness_{number} | 1 | error of a stiffness in the worst direction and posture with the geometry that was found, as a fraction; `drawn`: with the drawing");
@@ -71,13 +71,13 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
          off centre by 0.5 mrad.",
         16384
     ));
-    context.expect(4);
+    context.expect(5);
     let mut lines = Vec::new();
     let mut sentences = Vec::new();
     for (k, (name, encoders)) in
         [("ideal", Encoders::IDEAL), ("real", Encoders::REAL)].into_iter().enumerate()
     {
-        context.part(name)?;
+        context.part(name);
         let mut table = vec![head(
             "rig | one turn, mrad | ten turns | ten with the truth | ten as drawn | stiffness error | as drawn | zeros in 2 s, mrad",
         )];
@@ -90,7 +90,6 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
                 RigConfig::from_toml(file, rig_name).unwrap_or_else(|e| unreachable!("a legal rig: {e}"));
             let count = if context.quick { 1 } else { count };
             for seed in 0..count {
-                context.go_on()?;
                 let shown = one(&config.rig, 1000 + seed, encoders);
                 let id = |what: &str| format!("identify_{rig_name}_{name}_{what}_{seed}");
                 for (what, i) in [("one", 0), ("ten", 1)] {
@@ -181,11 +180,11 @@ pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
         Lines::new("Drift after ten turns", "rig", "drift, rad", series).log([false, true]),
     );
     report.in_short("identify_drift", sentences);
-    context.part("table III")?;
-    felt::study(context, &mut report)?;
-    context.part("a reference from outside")?;
-    hours::study(context, &mut report)?;
-    Ok(report)
+    context.part("table III");
+    felt::study(context, &mut report);
+    context.part("a reference from outside");
+    hours::study(context, &mut report);
+    report
 }
 
 /// Identifies a random rig and judges the result.

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::FACTOR;
 use super::borders::{rig, whole};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 
 /// Lag of the motors, s.
@@ -69,9 +69,7 @@ fn swing(scene: &CompiledScene, factor: f64, hand: Option<Hand>, tap: Vec3) -> f
     let empty = json!({"name": "study", "effect": []});
     let mut whole = whole(&config, empty, phenomena, 250_000);
     whole.load(scene.clone());
-    for _ in 0..whole.ticks(0.7) {
-        whole.step(None);
-    }
+    whole.run(0.7);
     let state = *whole.rig().state();
     whole.rig_mut().set_state(hbot_sim::plant::PlantState { omega: state.omega + tap, ..state });
     let (mut last, mut before) = (Vec3::ZERO, Vec3::ZERO);
@@ -96,8 +94,8 @@ fn stiffest(scene: &CompiledScene, factor: f64, hand: Option<Hand>) -> f64 {
     gains.take_while(|gain| rests(&scaled(scene, *gain), factor, hand)).last().unwrap_or(0.0)
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("all kinds and ready-made scenes")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("all kinds and ready-made scenes");
     report.heading("All kinds and ready-made scenes");
     report.say(&format!(
         "Each kind of effect with its default parameters, and each ready-made scene, on the prototype at 1 kHz (motors with a lag of 0.5 ms, passivity off): the largest factor on its torque with which the sphere rests {SETTLE_S} s after a tap, \
@@ -122,7 +120,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         let scene = RunningScene::new().load(file);
         let mut cells = vec![name.clone()];
         for (hold, hand) in [("free", None), ("held", Some(HAND))] {
-            context.go_on()?;
             let [without, with] = [0.0, FACTOR].map(|factor| stiffest(&scene, factor, hand));
             let id = name.replace([' ', '-'], "_");
             report.figure(format!("lead_stiffest_{id}_{hold}_factor0"), without);
@@ -141,5 +138,4 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         found,
         worse.is_empty(),
     );
-    Ok(())
 }

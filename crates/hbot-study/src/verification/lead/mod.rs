@@ -8,7 +8,7 @@ mod kinds;
 mod plane;
 mod wall;
 
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::Report;
 
 /// Damping of the springs, N m s/rad.
@@ -19,19 +19,19 @@ const INERTIA: f64 = 3.4e-3;
 const FACTOR: f64 = 1.1;
 
 /// Runs the study `lead` and returns its report.
-pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context) -> Report {
     let mut report = Report::new("lead", context.quick);
     context.expect(4);
     report.say(
         "What the lead (`lead` in `[loop]`) changes: the scene is rendered at the pose that the sphere will have when the torque acts, a lead of the factor c times the delay from a reading to its torque.",
     );
-    borders::study(context, &mut report)?;
-    plane::study(context, &mut report)?;
-    wall::study(context, &mut report)?;
+    borders::study(context, &mut report);
+    plane::study(context, &mut report);
+    wall::study(context, &mut report);
     felt::study(&mut report);
-    kinds::study(context, &mut report)?;
+    kinds::study(context, &mut report);
     conclude(&mut report);
-    Ok(report)
+    report
 }
 
 fn conclude(report: &mut Report) {

@@ -7,7 +7,7 @@ use hbot_plot::{Lines, Series, short};
 
 use super::axis::{Axis, Line};
 use super::{DAMPING, INERTIA};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 
 const FACTORS: [f64; 7] = [0.0, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3];
@@ -47,8 +47,8 @@ pub(super) fn passive(lag: f64, factor: f64) -> f64 {
     DAMPING / (1..2000).map(need).fold(0.0, f64::max)
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("the choice of the factor")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("the choice of the factor");
     report.heading("The choice of the factor");
     report.say(&format!(
         "One axis at 1 kHz, {INERTIA} kg m², 0.01 N m s/rad in all, motors with a lag of 0.5 ms: the first unstable spring if all readings are punctual, if every tenth comes one tick late, if exchanges are lost at random (the \
@@ -68,7 +68,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         }
         let mut cells = vec![factor.to_string()];
         for (k, (name, line)) in LINES.into_iter().enumerate() {
-            context.go_on()?;
             let axis = Axis {
                 inertia: INERTIA,
                 period: PERIOD,
@@ -111,5 +110,4 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
             .log([false, true]),
     );
     report.check("no border is lower with a lead than without", "all factors and lines", never_worse);
-    Ok(())
 }

@@ -2,12 +2,11 @@
 
 use hbot_core::{Vec3, rotation};
 use hbot_sim::phenomena::Phenomena;
-use hbot_sim::plant::PlantState;
 use serde_json::json;
 
 use super::FACTOR;
 use super::borders::{rig, whole};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 
 const STIFFNESSES: [f64; 4] = [20.0, 50.0, 75.0, 100.0];
@@ -33,11 +32,8 @@ fn gain(factor: f64, stiffness: f64, speed: f64, phase: f64) -> f64 {
     let config = rig(1000, LAG, factor);
     let phenomena = Phenomena { motor: Some(crate::whole::motor(LAG)), ..Phenomena::default() };
     let mut whole = whole(&config, scene, phenomena, 100_000);
-    for _ in 0..whole.ticks(0.55) {
-        whole.step(None);
-    }
-    let state = PlantState { omega: Vec3::X * speed, ..*whole.rig().state() };
-    whole.rig_mut().set_state(state);
+    whole.run(0.55);
+    whole.tap(Vec3::X * speed);
     let came = whole.rig().dynamics().energy(whole.rig().state());
     let (mut inside, mut left) = (false, 0);
     for _ in 0..whole.ticks(4.0) {
@@ -61,8 +57,8 @@ pub(super) fn worst(factor: f64, stiffness: f64, speed: f64, phases: u32) -> f64
     phases.map(|phase| gain(factor, stiffness, speed, phase)).fold(f64::NEG_INFINITY, f64::max)
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("a wall without damping")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("a wall without damping");
     report.heading("A wall without damping");
     report.say(&format!(
         "The whole loop of the prototype at 1 kHz, motors with a lag of 0.5 ms, no damping anywhere. The sphere hits a wall at a speed. The table has the energy with which it leaves, less that with which it came, in % of the latter: \
@@ -78,7 +74,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         for factor in [0.0, 1.0, 1.1, 1.2] {
             let mut cells = vec![stiffness.to_string(), factor.to_string()];
             for speed in SPEEDS {
-                context.go_on()?;
                 let gain = worst(factor, stiffness, speed, phases);
                 let id = format!(
                     "lead_wall_stiffness{stiffness}_speed{}_factor{}",
@@ -100,7 +95,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         format!("{:.1} %", 100.0 * most),
         most <= MOST,
     );
-    Ok(())
 }
 
 #[cfg(test)]

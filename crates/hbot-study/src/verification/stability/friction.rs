@@ -5,7 +5,7 @@ use hbot_plot::{Lines, Series, short};
 
 use super::wall::Wall;
 use super::{border, micro};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 
 /// Coulomb friction torques that are compared, N m: none, the ball bearings of a good cage, the
@@ -55,8 +55,8 @@ fn first_buzz(wall: &Wall, from: f64) -> f64 {
     stiffness
 }
 
-pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Result<(), Interrupted> {
-    context.part("friction and the encoder's step")?;
+pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) {
+    context.part("friction and the encoder's step");
     report.heading("Friction and the encoder's step");
     report.say(&format!(
         "A spring without damping or delay, at 1 kHz, releases an axis at {RELEASED} rad; friction truly sticks. Which stiffness first leaves it buzzing by more than \
@@ -64,7 +64,7 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
          passive may be quiet all the same, as long as nobody feeds it (Diolaiti et al.): friction stops it. A wall that is passive must be quiet."
     ));
     report.family("border_friction_own{b}_coulomb{c}_step{d} | N m/rad | stiffness that first buzzes at 1 kHz; b, c, d in 1e-6 of their SI units; `measured`, and in `predicted` the passive bound of Abbott and Okamura");
-    let found = measure(context, inertia)?;
+    let found = measure(inertia);
     let mut table =
         vec![row(["b", "c, N m", "d, rad", "first buzz, N m/rad", "passive to", "2 b/h", "2 c/d"])];
     for Buzz { own, coulomb, step, measured, viscous, dry } in &found {
@@ -93,7 +93,6 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
         if all_quiet { "none does" } else { "one does" },
         all_quiet,
     );
-    Ok(())
 }
 
 /// Measured and predicted behaviour of an axis with one combination of damping, friction and
@@ -109,17 +108,16 @@ struct Buzz {
     dry: f64,
 }
 
-fn measure(context: &Context, inertia: f64) -> Result<Vec<Buzz>, Interrupted> {
+fn measure(inertia: f64) -> Vec<Buzz> {
     let mut found = Vec::new();
     for (own, step) in OWN.into_iter().flat_map(|own| STEPS.map(|step| (own, step))) {
         for coulomb in COULOMB {
-            context.go_on()?;
             let measured = first_buzz(&Wall { coulomb, step, ..Wall::of(inertia, own, PERIOD) }, 0.2);
             let (viscous, dry) = (2.0 * own / PERIOD, 2.0 * coulomb / step);
             found.push(Buzz { own, coulomb, step, measured, viscous, dry });
         }
     }
-    Ok(found)
+    found
 }
 
 /// Returns the lines of a plot over friction for the axis with the least damping. They show the

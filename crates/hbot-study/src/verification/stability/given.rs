@@ -2,29 +2,23 @@
 
 use core::f64::consts::TAU;
 
-use hbot_core::Device;
 use hbot_core::design::rig::PassivityLimit;
+use hbot_core::{Device, Vec3};
 use hbot_plot::{Lines, Series, short};
 
 use super::guarded::{BASE, TAP, Tapped, tapped};
-use super::whole::Loop;
-use crate::context::{Context, Interrupted};
 use crate::report::{Report, row};
+use crate::whole::inertia;
 
 /// Stiffnesses of the spring for which the energy after a tap on the sphere is measured, relative
 /// to the stability limit of the linear theory.
 const TIMES: [f64; 7] = [0.5, 0.8, 1.5, 3.0, 6.0, 12.0, 24.0];
 
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    device: &Device,
-    floor: f64,
-) -> Result<(), Interrupted> {
+pub(super) fn study(report: &mut Report, device: &Device, floor: f64) {
     let limit = PassivityLimit::of(device, BASE.period());
     introduce(report, limit.allowance);
-    let found = TIMES.map(|times| context.go_on().map(|()| Given::measure(times, &limit, floor)));
-    let found = found.into_iter().collect::<Result<Vec<_>, Interrupted>>()?;
+    let inertia = inertia(device, Vec3::X);
+    let found = TIMES.map(|times| Given::measure(times, inertia, &limit, floor));
     let head =
         ["K over border", "K, N m/rad", "off, J", "on, J", "bound with the stage, J", "at rest off", "on"];
     let mut table = vec![row(head)];
@@ -57,7 +51,6 @@ pub(super) fn study(
         format!("{worst:.2} of it at worst"),
         worst <= 1.0,
     );
-    Ok(())
 }
 
 fn introduce(report: &mut Report, allowance: f64) {
@@ -84,9 +77,8 @@ struct Given {
 }
 
 impl Given {
-    fn measure(times: f64, limit: &PassivityLimit, floor: f64) -> Self {
+    fn measure(times: f64, inertia: f64, limit: &PassivityLimit, floor: f64) -> Self {
         let stiffness = times * BASE.border();
-        let inertia = Loop::new(&BASE.wanted(stiffness, false)).inertia();
         let put_in = 0.5 * inertia * TAP.length_squared();
         let leak = TAU * (stiffness / inertia).sqrt() * BASE.period() * (0.5 + f64::from(BASE.delay));
         let tapped = [false, true].map(|guard| tapped(&BASE, stiffness, guard, floor));

@@ -5,15 +5,17 @@ use core::f64::consts::TAU;
 
 use hbot_config::RigConfig;
 use hbot_core::design::kinematics::Posture;
+use hbot_core::safety::mode::Mode;
 use hbot_core::{Device, MAX_JOINTS, Vec3, rotation};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::phenomena::{CageFriction, Encoder, Hand, Link, Phenomena};
+use serde_json::json;
 
 use super::search::bisected;
-use super::whole::{Loop, Wanted};
 use super::{given, micro};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
+use crate::whole::{START_S, Whole, prototype, spring};
 
 /// Angular velocity that a tap gives to the sphere, in frame N, in rad/s: 1 rad/s about an axis
 /// without symmetry.
@@ -78,7 +80,9 @@ impl Setting {
         self.step == 1 && self.coulomb == 0.0
     }
 
-    pub(super) fn wanted(&self, stiffness: f64, guard: bool) -> Wanted {
+    /// Returns the loop with this setting, which renders a spring of `stiffness` (N m/rad) without
+    /// damping. If `guard` is true, the passivity stage is on.
+    fn whole(&self, stiffness: f64, guard: bool) -> Whole {
         let still =
             Hand { stiffness: 0.0, damping: self.own, inertia: 0.0, amplitude: 0.0, ..Hand::default() };
         // The answers arrive shortly before the end of a tick and are read at its end.
@@ -98,7 +102,10 @@ impl Setting {
             hand: Some(still),
             ..Phenomena::default()
         };
-        Wanted { rate: self.rate, stiffness, damping: 0.0, phenomena, finer: 1, guard }
+        // All energy counts, so that the energy given out can be compared with its bound.
+        let guard = if guard { json!({ "strict": true }) } else { json!(false) };
+        let config = prototype(&[("loop.rate_hz", json!(self.rate)), ("loop.passivity", guard)]);
+        Whole::new(&config, spring(stiffness, 0.0), phenomena)
     }
 
     fn id(&self, guard: bool) -> String {
@@ -124,10 +131,14 @@ pub(super) struct Tapped {
 /// The sphere counts as at rest if it stays within the angle `floor` (rad). If `guard` is true, the
 /// passivity stage is on.
 pub(super) fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64) -> Tapped {
-    let mut run = Loop::new(&setting.wanted(stiffness, guard));
-    run.tap(TAP);
-    let put_in = run.energy(stiffness);
-    let each = run.ticks(WATCH_S) / STRETCHES;
+    let mut whole = setting.whole(stiffness, guard);
+    whole.run(START_S);
+    whole.tap(TAP);
+    let put_in = whole.energy(stiffness);
+    let each = whole.ticks(WATCH_S) / STRETCHES;
+    // The sum over all joints and ticks of the joint torque times the angle by which the joint
+    // turns.
+    let mut given = 0.0;
     let (mut most, mut active) = (0.0_f64, true);
     let mut reach = 0.0;
     // The mean energy over an interval is compared. A swing about three axes exchanges energy
@@ -136,11 +147,13 @@ pub(super) fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64)
     for held in &mut held {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for _ in 0..each {
-            active &= Loop::is_active(&run.step());
-            let at = rotation::log(run.state().q);
+            let (torque, before) = (*whole.rig().joint_torque(), whole.rig().state().joints());
+            active &= whole.step(None).state.mode == Mode::Active;
+            let (at, after) = (rotation::log(whole.rig().state().q), whole.rig().state().joints());
             (low, high) = (low.min(at), high.max(at));
-            *held += run.energy(stiffness) / f64::from(each);
-            most = most.max(run.given());
+            *held += whole.energy(stiffness) / f64::from(each);
+            given += (0..MAX_JOINTS).map(|j| torque[j] * (after[j] - before[j])).sum::<f64>();
+            most = most.max(given);
         }
         reach = (high - low).length();
     }
@@ -155,20 +168,16 @@ pub(super) fn tapped(setting: &Setting, stiffness: f64, guard: bool, floor: f64)
 /// Returns the largest stiffness at which the sphere still comes to rest after a tap, N m/rad.
 /// Returns `None` if the sphere comes to rest at every stiffness up to [`UP_TO`] times the
 /// stability limit of the linear theory.
-fn border(context: &Context, setting: &Setting, guard: bool, floor: f64) -> Result<Option<f64>, Interrupted> {
+fn border(setting: &Setting, guard: bool, floor: f64) -> Option<f64> {
     let mut high = FROM * setting.border();
     while tapped(setting, high, guard, floor).settles {
-        context.go_on()?;
         if high >= UP_TO * setting.border() {
-            return Ok(None);
+            return None;
         }
         high *= RATIO;
     }
-    let found = bisected([high / RATIO, high], RESOLUTION, |stiffness| {
-        context.go_on()?;
-        Ok(!tapped(setting, stiffness, guard, floor).settles)
-    });
-    found.map(Some)
+    let fails = |stiffness| !tapped(setting, stiffness, guard, floor).settles;
+    Some(bisected([high / RATIO, high], RESOLUTION, fails))
 }
 
 /// Returns the largest turn of the sphere that corresponds to one encoder count of a joint, rad.
@@ -214,8 +223,8 @@ fn sweeps(quick: bool) -> Vec<Sweep> {
     all
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("the passivity stage")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("the passivity stage");
     let config = RigConfig::prototype();
     let device = &config.rig.device;
     let joints = &config.rig.joints;
@@ -223,8 +232,8 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     introduce(report, count);
     let mut plain = Vec::new();
     for sweep in sweeps(context.quick) {
-        let measured = sweep.settings.iter().map(|(_, setting)| Guarded::measure(context, setting, count));
-        let measured = measured.collect::<Result<Vec<_>, Interrupted>>()?;
+        let measured = sweep.settings.iter().map(|(_, setting)| Guarded::measure(setting, count));
+        let measured = measured.collect::<Vec<_>>();
         tell(report, &sweep, &measured);
         plain.extend(measured.into_iter().filter(|found| found.setting.is_plain()));
     }
@@ -236,7 +245,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         format!("{least_on:.1} times at least"),
         least_on >= GUARDED,
     );
-    given::study(context, report, device, 3.0 * count)
+    given::study(report, device, 3.0 * count);
 }
 
 fn introduce(report: &mut Report, count: f64) {
@@ -265,11 +274,10 @@ struct Guarded {
 }
 
 impl Guarded {
-    fn measure(context: &Context, setting: &Setting, count: f64) -> Result<Self, Interrupted> {
-        context.go_on()?;
+    fn measure(setting: &Setting, count: f64) -> Self {
         let step = f64::from(setting.step) * count;
-        let of = |guard| border(context, setting, guard, 3.0 * step);
-        Ok(Self { setting: *setting, found: [of(false)?, of(true)?], step })
+        let of = |guard| border(setting, guard, 3.0 * step);
+        Self { setting: *setting, found: [of(false), of(true)], step }
     }
 
     fn measured(&self, guard: usize) -> f64 {

@@ -5,13 +5,12 @@ use hbot_config::{Override, RigConfig};
 use hbot_core::Vec3;
 use hbot_plot::short;
 use hbot_sim::phenomena::Phenomena;
-use hbot_sim::plant::{Plant, PlantState};
 use serde_json::json;
 
 use super::micro;
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
-use crate::whole::{Whole, motor};
+use crate::whole::{Whole, inertia, motor, spring};
 
 /// Rig files whose loops are simulated, each with its name in the report.
 const FILES: [(&str, &str); 3] = [
@@ -58,8 +57,7 @@ impl Case {
 
     /// Returns the sphere's apparent inertia about n1 at the start, kg m².
     fn inertia(&self) -> f64 {
-        let Ok(plant) = Plant::new(&self.config.rig.device) else { unreachable!("a rig that is a plant") };
-        plant.apparent_inertia(&PlantState::default()).x_axis.x
+        inertia(&self.config.rig.device, Vec3::X)
     }
 
     /// Returns the stiffness at which the largest eigenvalue of the sampled loop has the absolute
@@ -82,11 +80,8 @@ impl Case {
 
     /// Returns how fast a swing about n1 grows in the whole loop, 1/s. Negative if it dies.
     fn growth(&self, stiffness: f64) -> f64 {
-        let scene = json!({"name": "study", "effect": [
-            {"id": "spring", "kind": "spring", "stiffness": stiffness, "damping": DAMPING, "fade_s": 0}
-        ]});
         let phenomena = Phenomena { motor: Some(motor(self.lag)), ..Phenomena::default() };
-        let mut whole = Whole::new(&self.config, scene, phenomena, PlantState::default());
+        let mut whole = Whole::new(&self.config, spring(stiffness, DAMPING), phenomena);
         let omega = Vec3::X * (THROWN * libm::sqrt(stiffness / self.inertia()));
         let energies = whole.swung(omega, stiffness, WATCH_S);
         // An energy grows at twice the rate of its swing.
@@ -193,14 +188,13 @@ impl Found {
     }
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("motors with a lag")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("motors with a lag");
     introduce(report);
     let head = ["rig", "Hz", "lag, ms", "formula, N m/rad", "eigenvalues", "whole loop"];
     let mut table = vec![row(head.into_iter().chain(["eigenvalues/formula", "whole loop/formula"]))];
     let mut worst = [0.0_f64; 2];
     for case in Case::all().take(if context.quick { SETTINGS.len() } else { usize::MAX }) {
-        context.go_on()?;
         let found = Found::of(&case);
         found.figure(report);
         table.push(found.row());
@@ -210,7 +204,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     let [formula, exact] = worst;
     report.check_within("with a lag the border is B/(h (1/2 + D) + lag), D = 1,", formula, WITHIN);
     report.check_within("with a lag the whole loop swings up where its eigenvalues say", exact, WITHIN);
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {

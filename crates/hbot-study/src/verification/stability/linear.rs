@@ -5,7 +5,7 @@ use hbot_plot::{Lines, Series};
 use super::search::{RESOLUTION, Swing, bisected};
 use super::wall::Wall;
 use super::{Border, borders, micro};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::Report;
 
 /// Loop rates at which the stability limit is measured, Hz.
@@ -21,15 +21,9 @@ const DAMPING: [f64; 3] = [0.0, 0.003, 0.01];
 const WITHIN: f64 = 0.05;
 /// Returns the stiffness of the wall at which a swing of the axis begins to grow, N m/rad. It is
 /// found by bisection between half of the predicted stiffness `predicted` and twice this stiffness.
-///
-/// # Errors
-///
-/// Fails if the study was asked to stop.
-fn measured(context: &Context, wall: &Wall, predicted: f64) -> Result<f64, Interrupted> {
-    bisected([0.5 * predicted, 2.0 * predicted], RESOLUTION, |stiffness| {
-        context.go_on()?;
-        Ok(grows(&Wall { stiffness, ..*wall }))
-    })
+fn measured(wall: &Wall, predicted: f64) -> f64 {
+    let grows = |stiffness| grows(&Wall { stiffness, ..*wall });
+    bisected([0.5 * predicted, 2.0 * predicted], RESOLUTION, grows)
 }
 
 /// Returns whether the swing of the axis is larger late in the simulation than early in it.
@@ -43,8 +37,8 @@ fn grows(wall: &Wall) -> bool {
     swing.grows()
 }
 
-pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Result<(), Interrupted> {
-    context.part("the linear border")?;
+pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) {
+    context.part("the linear border");
     report.heading("The linear border");
     report.say(&format!(
         "The largest stiffness at which a swing dies, found by bisection to {} %, beside (b + B)/(h (1/2 + D)). The prediction is that of a short delay: it leaves out what is of \
@@ -53,7 +47,7 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
         0.02 * 2.5 / (500.0 * inertia)
     ));
     report.family("border_linear_{rate}hz_delay{d}_own{b}_wall{B} | N m/rad | stiffness from which a swing grows; own and wall damping in 1e-6 N m s/rad; `measured` and `predicted` in the row");
-    let found = measure(context, inertia)?;
+    let found = measure(inertia);
     let worst = borders(report, &found);
     report.lines(
         "border_linear",
@@ -61,12 +55,11 @@ pub(super) fn study(context: &Context, report: &mut Report, inertia: f64) -> Res
         Lines::new("The linear border", "loop rate, Hz", "stiffness, N m/rad", lines(&found)).log([true; 2]),
     );
     report.check_within("the linear border is (b + B)/(h (1/2 + D))", worst, WITHIN);
-    Ok(())
 }
 
 /// Simulates all combinations of delay, damping and loop rate. Returns the stability limit of each,
 /// measured and predicted.
-fn measure(context: &Context, inertia: f64) -> Result<Vec<Border>, Interrupted> {
+fn measure(inertia: f64) -> Vec<Border> {
     let mut found = Vec::new();
     for delay in DELAYS {
         for (own, damping) in OWN.into_iter().flat_map(|own| DAMPING.map(|damping| (own, damping))) {
@@ -74,14 +67,14 @@ fn measure(context: &Context, inertia: f64) -> Result<Vec<Border>, Interrupted> 
                 let period = 1.0 / f64::from(rate);
                 let wall = Wall { delay, damping, ..Wall::of(inertia, own, period) };
                 let predicted = (own + damping) / (period * (0.5 + delay as f64));
-                let measured = measured(context, &wall, predicted)?;
+                let measured = measured(&wall, predicted);
                 let (b, wall) = (micro(own), micro(damping));
                 let id = format!("border_linear_{rate}hz_delay{delay}_own{b}_wall{wall}");
                 found.push(Border { id, rate, delay, own, damping, measured, predicted });
             }
         }
     }
-    Ok(found)
+    found
 }
 
 /// Returns the lines of a plot of the stability limit over the loop rate, simulated and predicted,

@@ -15,49 +15,45 @@ mod scenes;
 mod search;
 mod short;
 mod wall;
-mod whole;
 
 use hbot_config::RigConfig;
 use hbot_core::Vec3;
-use hbot_sim::plant::{Plant, PlantState};
+use hbot_sim::plant::Plant;
 
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Figure, Report, row};
+use crate::whole::inertia;
 
 /// Runs the study `stability` and returns its report.
-pub(crate) fn study(context: &Context) -> Result<Report, Interrupted> {
+pub(crate) fn study(context: &Context) -> Report {
     let mut report = Report::new("stability", context.quick);
     let device = RigConfig::prototype().rig.device;
     let Ok(plant) = Plant::new(&device) else { unreachable!("the prototype is a plant") };
-    let inertia = Vec3::X.dot(plant.apparent_inertia(&PlantState::default()) * Vec3::X);
-    context.expect(10);
+    let inertia = inertia(&device, Vec3::X);
+    context.expect(9);
     report.say(&format!(
         "How stiff a virtual wall or spring may be before it buzzes, by simulation, beside the bounds of the literature (physics.md, section 9). h is the loop's \
          period, b the device's own viscous damping, B and K the wall's, D whole ticks of delay. One axis is simulated exactly, with the prototype's apparent inertia \
          about n1, {inertia:.2e} kg m², where nothing else is said; and the whole loop, controller, line and simulated rig, once."
     ));
     // The simulated day and the search take as long as everything else, so they run in parallel.
-    let (long, rest) = std::thread::scope(|scope| {
-        let long = scope.spawn(|| Ok((long::day(context, &plant)?, random::measure(context)?)));
-        let rest = (|| {
-            linear::study(context, &mut report, inertia)?;
-            passive::study(context, &mut report)?;
-            friction::study(context, &mut report, inertia)?;
-            rig::study(context, &mut report)?;
-            lag::study(context, &mut report)?;
-            compliance::study(context, &mut report)?;
-            guarded::study(context, &mut report)?;
-            scenes::study(context, &mut report)
-        })();
-        let long = long.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        (long, rest)
+    let (day, found) = std::thread::scope(|scope| {
+        let long = scope.spawn(|| (long::day(context.quick, &plant), random::measure(context.quick)));
+        linear::study(context, &mut report, inertia);
+        passive::study(context, &mut report);
+        friction::study(context, &mut report, inertia);
+        rig::study(context, &mut report);
+        lag::study(context, &mut report);
+        compliance::study(context, &mut report);
+        guarded::study(context, &mut report);
+        scenes::study(context, &mut report);
+        long.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     });
-    rest?;
-    let (day, found) = long?;
-    long::study(context, &mut report, &device, &day)?;
+    context.part("many ticks of odometry");
+    long::study(context.quick, &mut report, &device, &day);
     random::study(&mut report, &found);
     short::conclude(&mut report);
-    Ok(report)
+    report
 }
 
 /// Stability limit of a virtual wall on one axis, as a stiffness in N m/rad: `measured` in

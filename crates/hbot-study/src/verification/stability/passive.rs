@@ -6,7 +6,7 @@ use core::f64::consts::PI;
 use hbot_plot::{Lines, Series};
 
 use super::{Border, borders, micro};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::Report;
 
 /// Loop rates at which the largest passive stiffness is measured, Hz.
@@ -49,8 +49,8 @@ fn asked(phi: f64, delay: usize) -> [f64; 2] {
     work.map(|work| work / lost)
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("the passive border")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("the passive border");
     report.heading("The passive border");
     report.say(
         "A wall is moved by sines of every frequency up to Nyquist's; over a long time it must not give out more than the device's own damping takes up. Between two readings \
@@ -62,7 +62,7 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
     report.family("border_passive_{rate}hz_delay{d}_own{b}_wall{B} | N m/rad | stiffness from which an imposed sine draws energy; own and wall damping in 1e-6 N m s/rad, minus where negative; `measured` and `predicted` in the row");
     let (mut found, mut series) = (Vec::new(), Vec::new());
     for delay in 0..=2 {
-        let needs = needs(context, delay)?;
+        let needs = needs(delay);
         let line = |name: String, k: usize| {
             Series::new(name, needs.iter().map(|(phi, need)| (phi / PI, need[k])).collect(), [delay, 3][k])
         };
@@ -83,18 +83,17 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         Lines::new("What imposed sines draw", "frequency over Nyquist's", "own damping asked for", series),
     );
     report.check_within("the passive border is that of Colgate and Schenkel", worst, WITHIN);
-    Ok(())
 }
 
 /// Returns the damping that the mechanics need so that no sinusoidal motion draws energy from a
 /// virtual wall. Each entry holds a frequency, as phase per tick in rad, and the damping needed at
 /// it: per unit of the wall's stiffness, and per unit of the wall's damping.
-fn needs(context: &Context, delay: usize) -> Result<Vec<(f64, [f64; 2])>, Interrupted> {
+fn needs(delay: usize) -> Vec<(f64, [f64; 2])> {
     (0..SINES)
         // The frequencies are dense near both ends, where the worst ones are.
         .map(|k| PI * 0.5 * (1.0 - libm::cos(PI * (k as f64 + 0.618) / (SINES as f64 + 0.2))))
         .filter(|phi| *phi > 0.02)
-        .map(|phi| context.go_on().map(|()| (phi, asked(phi, delay))))
+        .map(|phi| (phi, asked(phi, delay)))
         .collect()
 }
 

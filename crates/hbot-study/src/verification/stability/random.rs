@@ -9,14 +9,11 @@ use hbot_config::scene::{Listed, kinds, phenomena};
 use hbot_config::{RunningScene, SceneFile};
 use hbot_core::inputs::Command;
 use hbot_plot::short;
-use hbot_sim::plant::PlantState;
 use serde_json::{Map, Value, json};
 
-use super::Context;
-use crate::context::Interrupted;
 use crate::report::Report;
 use crate::rng::Rng;
-use crate::whole::{Whole, prototype};
+use crate::whole::{Whole, prototype, scene_of};
 
 /// Number of ticks of the search, and of the search with `--quick`.
 const TICKS: [u64; 2] = [10_000_000, 30_000];
@@ -44,12 +41,11 @@ pub(super) struct Search {
     first: Option<String>,
 }
 
-/// Searches with the seed `seed` for `ticks` ticks. `go_on` is called after each rig. The search
-/// ends early if it returns false.
-pub(super) fn search(seed: u64, ticks: u64, mut go_on: impl FnMut() -> bool) -> Search {
+/// Searches with the seed `seed` for `ticks` ticks.
+pub(super) fn search(seed: u64, ticks: u64) -> Search {
     let mut found = Search::default();
     let lists = [kinds(), phenomena()];
-    while found.ticks < ticks && go_on() {
+    while found.ticks < ticks {
         let of_rig = seed.wrapping_add(found.rigs.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let mut rng = Rng(of_rig);
         let config = rig(&mut rng);
@@ -62,7 +58,7 @@ pub(super) fn search(seed: u64, ticks: u64, mut go_on: impl FnMut() -> bool) -> 
 /// Runs random scenes one after another on one rig, until one breaks the plant.
 fn run(found: &mut Search, rng: &mut Rng, config: &RigConfig, lists: &[Vec<Listed>; 2], seed: u64) {
     let ideal = json!({"name": "none"});
-    let mut whole = Whole::new(config, ideal, Default::default(), PlantState::default());
+    let mut whole = Whole::new(config, scene_of(ideal), Default::default());
     let mut running = RunningScene::new();
     for _ in 0..SCENES {
         let Some(file) = scene(rng, lists) else { continue };
@@ -189,9 +185,8 @@ pub(super) fn study(report: &mut Report, found: &Search) {
 }
 
 /// Runs the search as part of the study.
-pub(super) fn measure(context: &Context) -> Result<Search, Interrupted> {
-    let found = search(1, TICKS[usize::from(context.quick)], || context.go_on().is_ok());
-    context.go_on().map(|()| found)
+pub(super) fn measure(quick: bool) -> Search {
+    search(1, TICKS[usize::from(quick)])
 }
 
 #[cfg(test)]
@@ -202,7 +197,7 @@ mod tests {
     /// large loss.
     #[test]
     fn a_rig_that_once_broke_the_plant_does_not() {
-        let found = search(2_647_579_110_490_112_412, 1, || true);
+        let found = search(2_647_579_110_490_112_412, 1);
         assert_eq!(found.broken, 0, "{found:?}");
     }
 
@@ -210,9 +205,9 @@ mod tests {
     /// same result again.
     #[test]
     fn a_short_search_finds_nothing() {
-        let found = search(6, 40_000, || true);
+        let found = search(6, 40_000);
         assert_eq!(found.broken, 0, "{found:?}");
         assert!(found.scenes > 100 && found.rigs > 5 && found.fastest > 30.0, "{found:?}");
-        assert_eq!(search(6, 40_000, || true).fastest.to_bits(), found.fastest.to_bits());
+        assert_eq!(search(6, 40_000).fastest.to_bits(), found.fastest.to_bits());
     }
 }

@@ -1,15 +1,17 @@
 //! The whole loop: the largest stable stiffness of a spring that the controller renders on the
 //! simulated prototype.
 
+use hbot_config::RigConfig;
 use hbot_core::{Vec3, rotation};
 use hbot_plot::short;
 use hbot_sim::phenomena::Phenomena;
+use serde_json::json;
 
 use super::search::{RESOLUTION, Swing, bisected};
-use super::whole::{Loop, Wanted};
 use super::{border, micro};
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
+use crate::whole::{START_S, Whole, inertia, prototype, refine, spring};
 
 /// Loop rates at which the stability limit is measured, Hz.
 const RATES: [u32; 3] = [1000, 2000, 4000];
@@ -33,22 +35,19 @@ const FINER: u32 = 256;
 /// Time for which the swing is observed, s.
 const WATCH_S: f64 = 3.0;
 
-/// Returns whether a swing of the sphere about n1 grows. The control loop runs at `rate` Hz and
+/// Returns whether a swing of the sphere about n1 grows. The control loop of the rig `config`
 /// renders a spring of the given stiffness (N m/rad) and damping (N m s/rad).
-fn grows(rate: u32, stiffness: f64, damping: f64) -> bool {
-    let mut run = Loop::new(&wanted(rate, stiffness, damping));
-    run.tap(Vec3::X * (THROWN * libm::sqrt(stiffness / run.inertia())));
-    let watch = run.ticks(WATCH_S);
+fn grows(config: &RigConfig, stiffness: f64, damping: f64) -> bool {
+    let mut whole = Whole::new(config, spring(stiffness, damping), Phenomena::default());
+    whole.run(START_S);
+    whole.tap(Vec3::X * (THROWN * libm::sqrt(stiffness / inertia(&config.rig.device, Vec3::X))));
+    let watch = whole.ticks(WATCH_S);
     let mut swing = Swing::new(watch);
     for _ in 0..watch {
-        run.step();
-        swing.see(rotation::log(run.state().q).x);
+        whole.step(None);
+        swing.see(rotation::log(whole.rig().state().q).x);
     }
     swing.grows()
-}
-
-fn wanted(rate: u32, stiffness: f64, damping: f64) -> Wanted {
-    Wanted { rate, stiffness, damping, phenomena: Phenomena::default(), finer: FINER, guard: false }
 }
 
 /// Returns the stiffness at which the characteristic polynomial `z (z - 1)² + k (z + 1)/2 + d (z -
@@ -75,15 +74,14 @@ struct Limit {
 }
 
 impl Limit {
-    fn find(context: &Context, rate: u32, damping: f64) -> Result<Self, Interrupted> {
+    fn find(rate: u32, damping: f64) -> Self {
         let predicted = damping * f64::from(rate) / 1.5;
-        let measured = bisected([0.5 * predicted, 2.0 * predicted], RESOLUTION, |stiffness| {
-            context.go_on()?;
-            Ok(grows(rate, stiffness, damping))
-        })?;
-        let inertia = Loop::new(&wanted(rate, predicted, damping)).inertia();
-        let eigenvalues = by_eigenvalues(rate, damping, inertia);
-        Ok(Self { rate, damping, measured, predicted, eigenvalues })
+        let mut config = prototype(&[("loop.rate_hz", json!(rate))]);
+        refine(&mut config, FINER);
+        let grows = |stiffness| grows(&config, stiffness, damping);
+        let measured = bisected([0.5 * predicted, 2.0 * predicted], RESOLUTION, grows);
+        let eigenvalues = by_eigenvalues(rate, damping, inertia(&config.rig.device, Vec3::X));
+        Self { rate, damping, measured, predicted, eigenvalues }
     }
 
     fn row(&self) -> Vec<String> {
@@ -101,13 +99,12 @@ impl Limit {
     }
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("the whole loop")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("the whole loop");
     introduce(report);
     let rates = if context.quick { &RATES[..1] } else { &RATES[..] };
     let each = rates.iter().flat_map(|rate| DAMPING.map(|damping| (*rate, damping)));
-    let found = each.map(|(rate, damping)| Limit::find(context, rate, damping));
-    let found = found.collect::<Result<Vec<_>, Interrupted>>()?;
+    let found: Vec<Limit> = each.map(|(rate, damping)| Limit::find(rate, damping)).collect();
     let head =
         ["Hz", "B, N m s/rad", "measured, N m/rad", "predicted", "ratio", "by eigenvalues", "ratio to that"];
     let mut table = vec![row(head)];
@@ -134,7 +131,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         format!("{off:.5} at worst, found to {RESOLUTION}"),
         off <= EXACTLY,
     );
-    Ok(())
 }
 
 fn introduce(report: &mut Report) {

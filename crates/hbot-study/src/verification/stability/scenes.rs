@@ -10,12 +10,14 @@ use hbot_core::safety::mode::Mode;
 use hbot_core::{Quat, Vec3};
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::plant::PlantState;
+use hbot_sim::rig::SimulatedConfig;
 use serde_json::{Map, Value, json};
 
-use crate::context::{Context, Interrupted};
+use crate::context::Context;
 use crate::report::{Report, row};
 use crate::rng::Rng;
-use crate::whole::{Whole, motor, prototype};
+use crate::threads;
+use crate::whole::{Whole, motor, prototype, scene_of};
 
 /// Number of scenes that are tried, in the whole study and in the short one.
 const SCENES: [u64; 2] = [10_000, 60];
@@ -116,10 +118,10 @@ impl Trial {
     /// rad/s), at the orientation `q`, where `load` (N m) balances the scene. Returns the swings in
     /// each part of [`PART_S`] after the tap. They end with infinity if the rig faults.
     fn run(&self, q: Quat, load: Vec3, tap: Vec3, hand: Option<Hand>, watch_s: f64) -> Vec<Swing> {
-        let scene = &self.scene;
         let phenomena = Phenomena { motor: Some(self.motor), hand, ..Phenomena::default() };
         let start = PlantState { q, ..PlantState::default() };
-        let mut whole = Whole::new(&self.config, scene.clone(), phenomena, start);
+        let simulated = SimulatedConfig { start, phenomena, ..SimulatedConfig::new(&self.config.rig) };
+        let mut whole = Whole::simulated(&self.config, scene_of(self.scene.clone()), &simulated);
         // The controller is told where the sphere is before it is enabled.
         whole.rig_mut().set_external(load);
         for tick in 0..whole.ticks(START_S) {
@@ -328,25 +330,16 @@ impl Count {
     }
 }
 
-pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interrupted> {
-    context.part("scenes at random")?;
+pub(super) fn study(context: &Context, report: &mut Report) {
+    context.part("scenes at random");
     let scenes = SCENES[usize::from(context.quick)];
-    let counts = std::thread::scope(|scope| {
-        let workers = [0, 1].map(|worker| {
-            scope.spawn(move || {
-                let mut count = Count::default();
-                for seed in (1 + worker..=scenes).step_by(2) {
-                    context.go_on()?;
-                    count.add(seed);
-                }
-                Ok::<_, Interrupted>(count)
-            })
-        });
-        workers.map(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    let counts = threads::map(&[0, 1], |worker| {
+        let mut count = Count::default();
+        (1 + worker..=scenes).step_by(2).for_each(|seed| count.add(seed));
+        count
     });
     let mut sum = Count::default();
     for count in counts {
-        let count = count?;
         sum.legal += count.legal;
         sum.warned += count.warned;
         sum.judged += count.judged;
@@ -386,7 +379,6 @@ pub(super) fn study(context: &Context, report: &mut Report) -> Result<(), Interr
         format!("{:.1} %", 100.0 * share),
         share <= FALSE_ALARMS,
     );
-    Ok(())
 }
 
 #[cfg(test)]

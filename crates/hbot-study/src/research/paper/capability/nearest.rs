@@ -5,7 +5,6 @@ use hbot_core::Vec3;
 use super::{GrippedDevice, ROWS};
 use crate::context::Context;
 use crate::report::{Report, head};
-use crate::research::paper::comparison::Comparison;
 use crate::research::paper::literal;
 use crate::research::paper::torus::{self, FOUR, Motors, THREE, posture};
 
@@ -15,13 +14,7 @@ use crate::research::paper::torus::{self, FOUR, Motors, THREE, posture};
 ///
 /// `found` holds two sets of torques for each row of the table, over all postures: the smallest
 /// with four motors, and the medians with three.
-pub(super) fn study(
-    context: &Context,
-    report: &mut Report,
-    comparison: &mut Comparison,
-    rig: &GrippedDevice,
-    found: &[[[f64; 3]; 2]; 2],
-) {
+pub(super) fn study(context: &Context, report: &mut Report, rig: &GrippedDevice, found: &[[[f64; 3]; 2]; 2]) {
     let cells = if context.quick { 90 } else { 360 };
     report.family("table2_{rows}_{mapping}_off | 1 | the factor by which the best posture misses table II; {rows}: peak, continuous, both (one posture for both); {mapping}: three_alone, four_alone (the largest torque about each axis \
          alone), three_together (all motors at full torque, best signs), literal_three_alone (with eq. 1 to the letter)");
@@ -50,7 +43,7 @@ pub(super) fn study(
         format!("{:.3}", known[2]),
         (1.4..1.5).contains(&known[2]),
     );
-    compare(comparison, found, known);
+    compare(report, found, known);
 }
 
 /// The search results for one mapping from motor torques to torques on the sphere: its id, its
@@ -94,7 +87,7 @@ fn nearest(rig: &GrippedDevice, cells: usize) -> [Nearest; 4] {
 /// Adds the rows of table II to the comparison with the paper. `found` holds the torques over all
 /// postures. `known` holds the factors by which the nearest posture differs from the row of peak
 /// torques, from the row of continuous torques, and from both.
-fn compare(comparison: &mut Comparison, found: &[[[f64; 3]; 2]; 2], known: [f64; 3]) {
+fn compare(report: &mut Report, found: &[[[f64; 3]; 2]; 2], known: [f64; 3]) {
     for (k, limit) in ROWS.iter().enumerate() {
         let paper = limit.paper.map(|torque| torque.to_string()).join(", ");
         let listed = |torques: [f64; 3]| torques.map(|torque| format!("{torque:.2}")).join(", ");
@@ -114,6 +107,6 @@ fn compare(comparison: &mut Comparison, found: &[[[f64; 3]; 2]; 2], known: [f64;
             "As above. From peak to continuous a steer loses a factor of 13 and a drive one of 6, so the two rows name different postures.".to_owned()
         };
         let what = format!("{} torque about n1, n2, n3 (table II)", limit.name);
-        comparison.row(&what, format!("{paper} N m"), ours, why);
+        report.compare(&what, format!("{paper} N m"), ours, why);
     }
 }
