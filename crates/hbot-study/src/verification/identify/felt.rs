@@ -144,15 +144,18 @@ pub(super) fn study(context: &Context, report: &mut Report) {
     report.check_within("table III: error of a torque constant, %,", 100.0 * constants, 1.0);
     let [least, most] = super::HELD;
     let part = held[0] / held[1].max(1.0);
-    report.check(
-        format!(
-            "table III: {:.0} to {:.0} % of the motors' intervals hold the truth",
-            100.0 * least,
-            100.0 * most
-        ),
-        format!("{:.1} % of {:.0}", 100.0 * part, held[1]),
-        part >= least && (part <= most || context.quick),
-    );
+    // The intervals of one rig are too few to tell a tenth of them.
+    if !context.quick {
+        report.check(
+            format!(
+                "table III: {:.0} to {:.0} % of the motors' intervals hold the truth",
+                100.0 * least,
+                100.0 * most
+            ),
+            format!("{:.1} % of {:.0}", 100.0 * part, held[1]),
+            (least..=most).contains(&part),
+        );
+    }
 }
 
 fn told(rig: &str, believed: &str, felt: &Felt) -> Vec<String> {
