@@ -38,6 +38,8 @@ const RECENT_S: f64 = 0.5;
 const TURNS: f64 = 0.1;
 /// What the headline of a sphere that shakes says beside the mode.
 const SHAKES: &str = ": shakes";
+/// What that of a scene that may shake says.
+const WARNING: &str = ": warning";
 /// What is said while the torque rises.
 const RISES: &str = "The torque rises: the sphere will push.";
 /// A part of the torque below this is not told in the box when the limits cut it.
@@ -173,21 +175,27 @@ fn mood(
     match headline {
         Headline::Mode(mode) if !has_torque(mode) => None,
         Headline::Mode(_) if model.shaking.is_some() => Some((SHAKES, palette.warn)),
-        Headline::Mode(_) if warnings.iter().any(|it| it.shakes) => Some((": warning", palette.warn)),
-        // It is no warning: nothing has to be done about it.
-        Headline::Mode(_) if model.is_at_limit() || cut(model, headline).is_some() => {
-            Some((": at limit", palette.torque))
-        }
+        Headline::Mode(_) if warnings.iter().any(|it| it.shakes) => Some((WARNING, palette.warn)),
+        // These are no warnings: nothing has to be done about them.
+        Headline::Mode(_) if model.is_at_limit() => Some((": at limit", palette.torque)),
+        Headline::Mode(_) if cut(model, headline).is_some() => Some((": reduced", palette.torque)),
         _ => None,
     }
 }
 
-/// Draws the sign and the words of the headline. Those of a fault stand on a band.
+/// Draws the sign and the words of the headline. Those of a fault, and of a sphere that shakes,
+/// stand on a band.
 fn head(ui: &mut Ui, headline: Headline, mood: &str, color: Color32) {
-    let band = (headline == Headline::Mode(Mode::Fault)).then(|| ui.painter().add(egui::Shape::Noop));
+    let is_loud = headline == Headline::Mode(Mode::Fault) || mood == SHAKES;
+    let band = is_loud.then(|| ui.painter().add(egui::Shape::Noop));
+    let sign = match mood {
+        SHAKES => "\u{2248}",
+        WARNING => "\u{25c6}",
+        _ => headline.sign(),
+    };
     let ink = if band.is_some() { ui.visuals().panel_fill } else { color };
     let row = ui.horizontal(|ui| {
-        ui.label(RichText::new(headline.sign()).monospace().size(HEADLINE).color(ink));
+        ui.label(RichText::new(sign).monospace().size(HEADLINE).color(ink));
         // A long word is smaller, because the sliders would move.
         let words = |k: f32| sized(&[(&headline.text(), k * HEADLINE, ink), (mood, k * MOOD, ink)]);
         let width = ui.painter().layout_job(words(1.0)).size().x;

@@ -277,10 +277,10 @@ function showRights() {
 
 /** Returns why STOP may not work as usual, that it is on its way, or that it has worked. */
 function stopTrouble() {
-  if (!rig.hello) return 'No connection: STOP cannot reach the rig';
+  if (!rig.hello) return 'No connection: cannot reach the rig';
   if (isStopped(rig)) return `stopped, ${length(rig.state.torque).toFixed(2)} N m${stillTurns(rig) ? ', still turns' : ''}`;
   if (rig.isBack) return 'Connected again: STOP reaches the rig';
-  if (rig.unconfirmedStop || !(rig.isLive || rig.stop)) return 'No answer: STOP may not reach the rig';
+  if (rig.unconfirmedStop || !(rig.isLive || rig.stop)) return 'No answer: may not reach the rig';
   if (rig.stop) return 'STOP sent, not confirmed yet';
   return touch.matches || document.hasFocus() ? '' : 'The keys go elsewhere: this button stops';
 }

@@ -60,14 +60,14 @@ const UNPOWERED = 'Simulated: nothing real moves.';
 
 const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 
-/** Returns the paragraphs below the headline: `[weight, text]`. */
+/** Returns the paragraphs below the headline: `[weight, text]`, and a third part if the first sentence is bold. */
 function details(rig) {
   const head = rig.headline;
   const stop = rig.unconfirmedStop;
   const state = rig.state;
   const mode = rig.info?.modes?.find((mode) => mode.name === state?.mode)?.sentence ?? '';
   const old = rig.silentFor !== null && state
-    ? [['last', `Last heard: ${state.mode.toUpperCase()}, ${length(state.torque).toFixed(2)} N m.`]] : [];
+    ? [['last', `Last heard ${rig.unheardFor.toFixed(0)} s ago: ${state.mode.toUpperCase()}, ${length(state.torque).toFixed(2)} N m.`]] : [];
   if (stop) {
     const ends = 'This message ends when a state shows no torque.';
     // What was wrong is over where the rig is heard again.
@@ -86,7 +86,7 @@ function details(rig) {
   }
   if (head === 'NO CONTACT') {
     const why = rig.silentFor === null
-      ? `Not connected: ${rig.closed?.why ?? ''}. The page tries again by itself.`
+      ? `Not connected${rig.unheardFor === null ? '' : ` for ${rig.unheardFor.toFixed(0)} s`}: ${rig.closed?.why ?? ''}. The page tries again by itself.`
       : 'The server says nothing.';
     return [
       rig.isSimulated ? ['', ''] : ['strong', "If in doubt, cut the motors' power."],
@@ -103,8 +103,7 @@ function details(rig) {
     return [
       ['', `No torque. ${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
-      // What to do, and then when.
-      ...(remedy ?? '').split(/(?<=\.) (.*)/s).map((text, k) => [k === 0 ? 'bad' : '', text]),
+      ['', remedy ?? '', 'act'],
       ['weak', found && !narrow.matches ? `${state.fault}: ${found}` : state.fault]];
   }
   if (state.mode === 'estop') {
@@ -274,12 +273,11 @@ function mood(rig) {
 const figures = ['b', 'span', 'small'].map((tag) => document.createElement(tag));
 $('now').append(...figures);
 
-/** Writes the present torque, or for how long no word has come. */
+/** Writes the present torque. No other number may stand in its place. */
 function showNow(rig) {
   const limit = rig.info?.limits.torque;
-  const silent = rig.unheardFor;
   const words = rig.isLive ? [length(rig.state.torque).toFixed(2), 'N m', `torque${limit > 0 ? `, limit ${limit.toFixed(2)}` : ''}`]
-    : silent === null ? ['', '', 'no word yet'] : [silent.toFixed(0), 's', 'since the last word'];
+    : ['-', 'N m', 'torque, not known'];
   words.forEach((word, k) => put(figures[k], word));
 }
 
@@ -303,10 +301,14 @@ export function showState(rig) {
     if ($('headline').textContent !== head) $('details').scrollTop = 0;
     document.body.dataset.head = head.toLowerCase().replace(' ', '-');
     put($('headline'), head);
-    $('details').replaceChildren(...lines.map(([weight, text]) => {
+    $('details').replaceChildren(...lines.map(([weight, text, act]) => {
       const line = document.createElement('p');
       line.className = weight;
-      line.append(...withCode(text));
+      // What to do, and then when.
+      const [first] = act ? text.match(/^.*?\.( |$)/) ?? [''] : [''];
+      const bold = document.createElement('b');
+      bold.append(...withCode(first));
+      line.append(bold, ...withCode(text.slice(first.length)));
       return line;
     }));
     fit();
@@ -374,8 +376,7 @@ function orders(rig) {
   $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper);
   // Only the next step stands out. While the sphere is too far, the box says another one.
   const next = !$('enable').disabled ? rig.isFar ? '' : 'enable' : mode !== 'fault' && !$('recover').disabled ? 'recover' : 'reset';
-  const waits = next === 'recover' && spins(rig);
-  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled && !waits);
+  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled && !spins(rig));
   for (const id of ['enable', 'disable', 'reset']) $(id).title = $(id).disabled ? why(rig, id) : $(id).dataset.does;
   $('recover').title = !$('recover').disabled ? $('recover').dataset.does : rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
     : stopped && rig.isFar ? `The sphere may be too far from the reference. ${cure(rig)} Or press Reset, then Enable`
@@ -388,8 +389,8 @@ function orders(rig) {
     : away === null ? 'No reference: Enable works at any orientation.'
       // While the scene is rendered, it has begun elsewhere.
       : rig.beginsHere ? hasTorque(mode) ? `${away.toFixed(2)} rad from reference` : 'The scene begins where the sphere is.'
-        : `${away.toFixed(2)} rad from reference${allowed === undefined ? '' : narrow.matches
-            ? hasTorque(mode) ? '' : `; limit ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
+        : `${away.toFixed(2)} rad from reference${allowed === undefined || hasTorque(mode) ? '' : narrow.matches
+            ? `; limit ${allowed.toFixed(2)}` : `. Enable works up to ${allowed.toFixed(2)} rad.`}`);
 }
 
 function meters(rig) {

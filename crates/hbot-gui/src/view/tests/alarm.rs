@@ -144,7 +144,7 @@ fn a_box_is_as_loud_as_the_worst_in_it() {
     for size in [SIZES[0], SMALLEST] {
         let shaky = window(size, warned(Mode::Active));
         assert_eq!(color_of_box(&shaky), palette().warn, "a spring that may shake");
-        assert!(shows(&shaky, "ACTIVE: warning"));
+        assert!(shows(&shaky, "ACTIVE: warning") && shows(&shaky, "\u{25c6}"));
         // The limit of this rig is 0.9 N m.
         for (torque, lasts, at_limit) in [(0.86, 300, true), (0.84, 300, false), (0.9, 100, false)] {
             let mut model = commanding(true);
@@ -215,6 +215,7 @@ fn one_instruction_is_given_while_it_shakes() {
         let seen = window(size, model);
         assert!(
             shows(&seen, "ACTIVE: shakes")
+                && shows(&seen, "\u{2248}")
                 && shows(&seen, "spring shook the sphere at 16 Hz")
                 && !shows(&seen, "Lower the stiffness")
         );
@@ -235,6 +236,7 @@ fn what_the_limits_cut_does_not_widen_the_column() {
         limited(&mut seen.state_mut().model, 0.0);
         settle(&mut seen);
         assert_eq!(seen.get_by_label("Stiffness").rect(), before, "{size:?}");
+        assert!(shows(&seen, "ACTIVE: reduced"), "{size:?}");
         let told = texts(&seen).into_iter().find(|it| it.text == "> 99 % cut by limits");
         assert!(told.is_some_and(|it| it.is_whole()), "{size:?}");
     }
