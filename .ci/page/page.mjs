@@ -136,7 +136,7 @@ async function wholeLines() {
 }
 /** What the box looks like in each state, without its colours. */
 const looks = {};
-/** Notes the look of the present state, whose word is large and whose torque is that of the state, or which says how old it is. */
+/** Notes the look of the present state, whose word is large and whose torque is that of the state, or which says that it is not known. */
 async function look() {
   const [head, size, now, ...all] = await page.evaluate(() => {
     const [box, before] = [getComputedStyle(document.getElementById("box")), getComputedStyle(document.getElementById("headline"), "::before")];
@@ -148,7 +148,7 @@ async function look() {
       Math.abs(light(box.backgroundColor) - light(card)) > 0.1];
   });
   assert(parseFloat(size) >= 28, `${head}: ${size}`);
-  assert.match(now, /^(NO|NOT) /.test(head) ? /^-\s*N m\s*torque, not known$/ : /^\d\.\d\d\s*N m\s*torque, limit 0\.90$/, `${head}: ${now}`);
+  assert.match(now, /^(NO|NOT) /.test(head) ? /^-\s*N m\s*last heard \d+ s ago$/ : /^\d\.\d\d\s*N m\s*torque, limit 0\.90$/, `${head}: ${now}`);
   looks[head] = JSON.stringify(all);
 }
 /** Checks that what is locked is dashed and says why, and what is not locked is neither. */
@@ -894,7 +894,7 @@ await shows("#headline", "NO CONTACT");
 await shows("#keys", UNHEARD);
 await shows("#hint", "Last heard");
 await shows("#details", "is not known. Simulated: nothing real moves.");
-await shows("#details", "Last heard ");
+await shows("#details", "Last heard: ");
 assert.deepEqual(await page.$$eval(":is(#meters, #kept) div > span:last-child", (all) => [...new Set(all.map((it) => it.textContent))]), ["-"], "an old number");
 await bars();
 await grey();

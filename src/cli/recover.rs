@@ -66,8 +66,5 @@ pub(crate) fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
         found.messages,
         args.out.display()
     )?;
-    if !found.damaged.is_empty() {
-        tell!("`hbot replay {}` says which ticks lack the state before them", args.out.display())?;
-    }
     Ok(if found.damaged.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

@@ -65,7 +65,7 @@ fn works_again_in_place(mut bench: Bench, what: &str) {
     assert_eq!(bench.run(600).state.mode, Mode::Active, "{what}");
 }
 
-/// A torque or a rate can be any finite number, as it is limited later.
+/// A rate can be any finite number, as it is limited later.
 #[test]
 fn a_reference_that_turns_far_too_fast_stays_without_harm() {
     for bad in BAD.into_iter().filter(|bad| bad.is_finite()) {

@@ -3,6 +3,7 @@
 pub use crate::bench::{
     Bench, DT, FirstReply, TORQUE_RATE, active, altered, effect, encoders, rig, spring, spring_scene, stream,
 };
+
 pub use crate::rng::Rng;
 pub use hbot_core::design::device::MAX_JOINTS;
 pub use hbot_core::design::kinematics::Posture;
@@ -14,5 +15,6 @@ pub use hbot_core::render::effects::{
     Anchor, Constant, Damper, Detents, Effect, EndStop, Frame, Freedom, Kind, Magnet, SnapSet, Snaps, Span,
     Spring, SpringLaw, Target, Texture, Track, TrackPath,
 };
+
 pub use hbot_core::safety::mode::{Cause, Mode};
 pub use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, WheelSpec, rotation};

@@ -273,6 +273,7 @@ mod tests {
             assert_eq!(ReelFile { path, modified: UNIX_EPOCH, bytes: 0 }.title(), title);
         }
     }
+
     fn names(key: &str, value: &Value) -> Vec<String> {
         let with = |ends: &[&str]| ends.iter().map(|end| format!("{key}_{end}")).collect();
         match (key, value) {

@@ -105,6 +105,7 @@ fn display() -> Option<String> {
         Some(format!("{name}={}", value.to_string_lossy()))
     })
 }
+
 fn no_window(error: &eframe::Error) -> anyhow::Error {
     let text = match error {
         eframe::Error::WinitEventLoop(error) => error.to_string(),

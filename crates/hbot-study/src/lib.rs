@@ -52,7 +52,7 @@ pub use verification::callgrind::{Counter, count_worker};
 use context::Context;
 use load::Load;
 use research::{design, paper};
-use verification::{accuracy, effects, feel, identify, lead, stability};
+use verification::{accuracy, callgrind, effects, feel, identify, lead, stability};
 
 /// The available studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,6 +130,7 @@ fn written() -> MutexGuard<'static, bool> {
 pub fn if_unwritten(then: impl FnOnce()) {
     let written = written();
     if !*written {
+        callgrind::clear();
         then();
     }
 }
@@ -147,8 +148,8 @@ pub fn run(study: Study, options: &StudyOptions) -> Result<(Report, PathBuf), Wr
     drop(trial);
     let report = measure(study, options);
     let mut written = written();
-    report.write(&out)?;
     *written = true;
+    report.write(&out)?;
     Ok((report, out))
 }
 

@@ -77,7 +77,7 @@ def test_the_time_of_a_state_is_psychopys_time(environment: dict[str, str]) -> N
     code = """
 import hbot_experiments.psychopy_matching, hbot, sys, psychopy.clock
 with hbot.connect(sys.argv[1]) as rig:
-    # A simulated rig waits for a busy machine, and its tick 0 is the later for it.
+    # A simulated rig waits for a busy machine, which moves its tick 0 to a later time.
     before = hbot_experiments.psychopy_matching.tick_0(rig)
     for state in rig.states(every=10, duration=1.0):
         now = psychopy.clock.getTime()

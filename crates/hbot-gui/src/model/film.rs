@@ -28,6 +28,7 @@ impl Film {
         film.show(0);
         film
     }
+
     pub(crate) fn name(&self) -> String {
         let path = &self.recorded.path;
         path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()

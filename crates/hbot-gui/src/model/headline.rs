@@ -131,6 +131,7 @@ impl Model {
     pub(crate) fn is_simulated(&self) -> bool {
         self.simulated == Some(true)
     }
+
     pub(crate) fn title(&self) -> String {
         match self.badge() {
             Some(badge) => format!("{badge}: {} at {} - hbot panel", self.info.rig.name, self.server),

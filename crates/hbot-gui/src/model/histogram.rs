@@ -22,6 +22,7 @@ impl Histogram {
         self.counts[(bin.max(0.0) as usize).min(BINS - 1)] += 1;
         self.total += 1;
     }
+
     pub(crate) const fn counts(&self) -> &[u64; BINS] {
         &self.counts
     }

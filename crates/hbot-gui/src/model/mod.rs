@@ -450,6 +450,7 @@ impl Model {
         self.lease = lease;
     }
 }
+
 const fn is_rendering(mode: Mode) -> bool {
     matches!(mode, Mode::Enabling | Mode::Active)
 }

@@ -36,6 +36,7 @@ impl Refusal {
         let turned = self.q.is_some_and(|q| q.angle_between(quaternion(state.q)) > TURNED);
         has_torque(state.mode) || !stopped && (self.intent == Intent::Reset || turned)
     }
+
     pub(crate) fn in_words(&self) -> String {
         let what = match self.intent {
             Intent::Enable => "enabled",

@@ -28,6 +28,7 @@ pub(crate) fn commanding(simulated: bool) -> Model {
     see(&mut model, 100, Mode::Active);
     model
 }
+
 pub(crate) fn hello(session: u64) -> HelloOk {
     let (server, rig) = ("hbot 0.1.0".to_owned(), "Prototype".to_owned());
     HelloOk { server, version: 1, rig, rate_hz: 1000.0, session }
@@ -59,6 +60,7 @@ pub(crate) fn grow_silent(model: &mut Model) {
 pub(crate) fn grow_quiet(model: &mut Model) {
     model.heard = Instant::now().checked_sub(Duration::from_millis(640));
 }
+
 pub(crate) fn disconnect(model: &mut Model) {
     let again_in = Duration::from_secs(1);
     hear(model, News::Offline { why: "the server stops".to_owned(), absent: true, again_in });
@@ -83,6 +85,7 @@ pub(crate) fn stop_in_vain(model: &mut Model) {
     let result = Err("the server has not confirmed the stop (no answer)".to_owned());
     hear(model, News::Stop { server: model.server.clone(), result });
 }
+
 fn confirm(model: &mut Model) {
     hear(model, News::Stop { server: model.server.clone(), result: Ok(()) });
 }

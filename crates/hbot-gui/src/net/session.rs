@@ -65,6 +65,7 @@ pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mail
         }
     }
 }
+
 pub(super) fn connect(options: &PanelOptions) -> Result<Client, ClientError> {
     let connect = ConnectOptions {
         token: options.token.clone(),

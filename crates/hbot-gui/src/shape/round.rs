@@ -25,6 +25,7 @@ impl About {
         let zero = axis.any_orthonormal_vector();
         Self { axis: to_n * axis, zero: to_n * zero, quarter: to_n * axis.cross(zero) }
     }
+
     pub(super) const fn axis(&self) -> DVec3 {
         self.axis
     }

@@ -60,6 +60,7 @@ fn play(ui: &Ui, film: &mut Film) {
     film.playing = film.t() < to;
     ui.ctx().request_repaint();
 }
+
 fn moment(ui: &mut Ui, state: &StateEvent, palette: Palette) {
     let [t1, t2, t3] = state.torque;
     ui.label(RichText::new(format!("{:.3} s", state.t)).strong().monospace());

@@ -52,6 +52,7 @@ impl Distance {
             None => Self::Free(reference.angle_between(q)),
         }
     }
+
     fn in_words(self, allowed: f64) -> String {
         match self {
             Self::Near(angle) | Self::Far(angle) => {

@@ -99,6 +99,7 @@ fn borders(model: &Model, effect: &Effect, scene: &Value, desk: &mut Desk) -> [O
     };
     if is_matrix { [Some(0), Some(1), Some(2)].map(of) } else { [of(None), None, None] }
 }
+
 fn index_of(model: &Model, effect: &Effect) -> Option<usize> {
     model.scene.effects().iter().position(|other| other.id == effect.id)
 }
@@ -372,12 +373,14 @@ mod tests {
         model.scene.take(&scene);
         model
     }
+
     fn drawn(model: Model) -> Harness<'static> {
         let mut desk = Desk::default();
         let mut harness = Harness::new_ui(move |ui| show(ui, &model, (&mut desk, 0), &mut Vec::new()));
         harness.run();
         harness
     }
+
     fn said(model: Model) -> String {
         format!("{:?}", drawn(model).root())
     }

@@ -69,6 +69,7 @@ impl Palette {
             weak,
         }
     }
+
     pub(crate) const fn headline(&self, headline: Headline) -> Color32 {
         match headline {
             Headline::Mode(mode) => self.mode(mode),

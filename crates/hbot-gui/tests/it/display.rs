@@ -26,6 +26,7 @@ impl Display {
     pub(crate) fn has_window(&self, title: &str) -> bool {
         self.xdotool(&["search", "--name", &format!("^{title}")])
     }
+
     fn xdotool(&self, args: &[&str]) -> bool {
         let mut xdotool = Command::new("xdotool");
         let status = xdotool.args(args).env("DISPLAY", &self.name).stdout(Stdio::null()).status();

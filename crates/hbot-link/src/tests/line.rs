@@ -62,6 +62,21 @@ fn every_flipped_bit_is_refused_and_the_next_frame_decodes() {
 }
 
 #[test]
+fn a_split_at_every_position_changes_nothing() {
+    for (name, sample) in all_samples() {
+        let twice = [sample.encoded(), sample.encoded()].concat();
+        let expected = [Ok(sample.clone()), Ok(sample.clone())];
+        for first in 0..=twice.len() {
+            let (left, right) = twice.split_at(first);
+            assert_eq!(sample.decode(&[left, right]), expected, "{name}, split at {first}");
+            // A third piece, so that a frame also arrives between two splits.
+            let (middle, right) = right.split_at(right.len() / 2);
+            assert_eq!(sample.decode(&[left, middle, right]), expected, "{name}, split at {first}");
+        }
+    }
+}
+
+#[test]
 fn frames_keep_their_order_among_garbage() {
     let samples = all_samples().into_iter().map(|(_, sample)| sample);
     let from = samples.filter(|sample| matches!(sample, AnyMessage::From(_))).collect::<Vec<_>>();

@@ -67,7 +67,7 @@ function details(rig) {
   const state = rig.state;
   const mode = rig.info?.modes?.find((mode) => mode.name === state?.mode)?.sentence ?? '';
   const old = rig.silentFor !== null && state
-    ? [['last', `Last heard ${rig.unheardFor.toFixed(0)} s ago: ${state.mode.toUpperCase()}, ${length(state.torque).toFixed(2)} N m.`]] : [];
+    ? [['last', `Last heard: ${state.mode.toUpperCase()}, ${length(state.torque).toFixed(2)} N m.`]] : [];
   if (stop) {
     const ends = 'This message ends when a state shows no torque.';
     // What was wrong is over where the rig is heard again.
@@ -86,7 +86,7 @@ function details(rig) {
   }
   if (head === 'NO CONTACT') {
     const why = rig.silentFor === null
-      ? `Not connected${rig.unheardFor === null ? '' : ` for ${rig.unheardFor.toFixed(0)} s`}: ${rig.closed?.why ?? ''}. The page tries again by itself.`
+      ? `Not connected: ${rig.closed?.why ?? ''}. The page tries again by itself.`
       : 'The server says nothing.';
     return [
       rig.isSimulated ? ['', ''] : ['strong', "If in doubt, cut the motors' power."],
@@ -273,11 +273,12 @@ function mood(rig) {
 const figures = ['b', 'span', 'small'].map((tag) => document.createElement(tag));
 $('now').append(...figures);
 
-/** Writes the present torque. No other number may stand in its place. */
+/** Writes the present torque, or for how long no word has come. No other number may stand in the torque's place. */
 function showNow(rig) {
   const limit = rig.info?.limits.torque;
+  const silent = rig.unheardFor;
   const words = rig.isLive ? [length(rig.state.torque).toFixed(2), 'N m', `torque${limit > 0 ? `, limit ${limit.toFixed(2)}` : ''}`]
-    : ['-', 'N m', 'torque, not known'];
+    : ['-', 'N m', silent === null ? 'no word yet' : `${narrow.matches ? '' : 'last '}heard ${silent.toFixed(0)} s ago`];
   words.forEach((word, k) => put(figures[k], word));
 }
 

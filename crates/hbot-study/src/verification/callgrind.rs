@@ -51,15 +51,24 @@ fn counted(job: &mut dyn FnMut(usize) -> f64, ticks: usize) -> f64 {
     job(ticks)
 }
 
+/// Returns the folder for what valgrind writes.
+fn folder() -> PathBuf {
+    std::env::temp_dir().join(format!("hbot-callgrind-{}", std::process::id()))
+}
+
+/// Removes the folder for what valgrind writes. Files that are left there do no harm.
+pub(crate) fn clear() {
+    let _ = std::fs::remove_dir_all(folder());
+}
+
 impl Counter {
     /// Returns the number of instructions per tick for each job, or the reason why they cannot be
     /// counted. The jobs are those that [`jobs`] understands.
     pub(super) fn count(&self, jobs: &[Value]) -> Result<Vec<f64>, String> {
-        let folder = std::env::temp_dir().join(format!("hbot-callgrind-{}", std::process::id()));
+        let folder = folder();
         std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         let result = self.count_in(&folder, jobs);
-        // Leftover files in the temporary folder do no harm.
-        let _ = std::fs::remove_dir_all(&folder);
+        clear();
         result
     }
 

@@ -22,6 +22,7 @@ const NO_CONNECTION: &str = "cannot reach the rig";
 fn palette() -> Palette {
     Palette::of_theme(true, Color32::GRAY)
 }
+
 fn color_of(seen: &Seen, word: &str) -> Option<Color32> {
     texts(seen).into_iter().find(|it| it.text.split(':').next() == Some(word)).map(|it| it.color)
 }

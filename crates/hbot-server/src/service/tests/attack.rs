@@ -62,6 +62,21 @@ fn one_that_sends_a_byte_now_and_then_has_no_longer_than_one_that_sends_none() {
 }
 
 #[test]
+fn half_a_line_can_be_held_and_holds_nobody_up() {
+    let bench = bench();
+    let mut half: Vec<_> = (0..20).map(|_| greeted(&bench)).collect();
+    for raw in &mut half {
+        raw.bytes(b"{\"id\": 5, \"op\": \"pi");
+    }
+    still_served(&mut bench.client("other"));
+    for raw in &mut half {
+        raw.bytes(b"ng\"}\n");
+        assert_eq!(raw.answer()["id"], 5);
+    }
+    assert_eq!(bench.finish().refused.total(), 0);
+}
+
+#[test]
 fn garbage_is_answered_once_before_hello_and_counted_after_it() {
     let bench = bench();
     let mut watcher = bench.client("watcher");

@@ -13,6 +13,7 @@ mod models;
 mod overload;
 mod scenes;
 mod shakes;
+mod shape;
 mod stops;
 mod tls;
 mod unauthenticated;

@@ -161,15 +161,17 @@ fn an_estop_in_any_shape_stops_the_rig() {
     let bench = bench();
     let mut holder = bench.holder();
     let mut raw = greeted(&bench);
+    let long = format!(r#"{{"op":"estop","x":"{}"}}"#, "x".repeat(10_000));
     let longest = format!(r#"{{"x":"{}","op":"estop"}}"#, "x".repeat(70_000));
     let deep = format!(r#"{{"op":"estop","x":{}{}}}"#, "[".repeat(65), "]".repeat(65));
     let id = format!(r#"{{"id":"{}","op":"estop"}}"#, "x".repeat(129));
-    let shapes: [&[u8]; 6] = [
+    let shapes: [&[u8]; 7] = [
         br#"{"op":"estop"}"#,
         br#"{"op":"estop",}"#,
         b"{\"op\":\"estop\",\"x\":\"\xff\"}",
         id.as_bytes(),
         deep.as_bytes(),
+        long.as_bytes(),
         longest.as_bytes(),
     ];
     for shape in shapes {

@@ -37,7 +37,7 @@ pub(crate) fn study(context: &Context, report: &mut Report) {
     introduce(report);
     bode(context, report);
 
-    // All settings run in one batch, so that two threads share them.
+    // All settings run in one batch, so that all threads share them.
     let (inner, gains): (&[f64], &[f64]) =
         if context.quick { (&INNER[1..3], &GAINS[1..4]) } else { (&INNER, &GAINS) };
     let (amplitudes, with): (&[f64], &[f64]) = if context.quick {

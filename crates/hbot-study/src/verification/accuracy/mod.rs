@@ -44,7 +44,7 @@ use in_both_widths;
 pub(crate) fn study(context: &Context, counter: Option<&Counter>) -> Report {
     let mut report = Report::new("accuracy", context.quick);
     let rig = prototype(&[]).rig;
-    context.expect(15);
+    context.expect(16);
     report.say(
         "What each choice of method costs in time and brings in accuracy, on this machine. Where a plot has time and error on its \
          axes, the front is marked: what is not on it is beaten, in both, by something that is. Errors are against adaptive \

@@ -71,7 +71,7 @@ pub(crate) fn study(context: &Context) -> Report {
          off centre by 0.5 mrad.",
         16384
     ));
-    context.expect(5);
+    context.expect(4);
     let mut lines = Vec::new();
     let mut sentences = Vec::new();
     for (k, (name, encoders)) in
