@@ -278,7 +278,7 @@ function showNow(rig) {
   const limit = rig.info?.limits.torque;
   const silent = rig.unheardFor;
   const words = rig.isLive ? [length(rig.state.torque).toFixed(2), 'N m', `torque${limit > 0 ? `, limit ${limit.toFixed(2)}` : ''}`]
-    : ['-', 'N m', silent === null ? 'no word yet' : `${narrow.matches ? '' : 'last '}heard ${silent.toFixed(0)} s ago`];
+    : [...(narrow.matches ? ['', ''] : ['-', 'N m']), silent === null ? 'no word yet' : `last heard ${silent.toFixed(0)} s ago`];
   words.forEach((word, k) => put(figures[k], word));
 }
 
