@@ -88,19 +88,19 @@ impl Process {
         Self { folder: None, child, out, banner, address }
     }
 
-    /// Starts a server as [`start`](Self::start) does, with a folder of its own.
+    /// Starts a server on a free port. Its flight logs go into a folder that ends with it.
     pub(crate) fn with(args: &[&str]) -> Self {
         Self::within(tempfile::tempdir().expect("a folder"), args)
     }
 
-    /// Starts a server as [`with`](Self::with) does, with the rig file of [`patient_file`].
+    /// Starts a server on a free port, with the rig file of [`patient_file`].
     pub(crate) fn patient(args: &[&str]) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let rig = patient_rig(folder.path());
         Self::within(folder, &[&["--rig", &rig], args].concat())
     }
 
-    /// Starts a server as [`patient`](Self::patient) does. In its rig file, `to` replaces `from`.
+    /// Starts a server on a free port. In the rig file of [`patient_file`], `to` replaces `from`.
     pub(crate) fn altered(from: &str, to: &str) -> Self {
         let (text, folder) = (patient_file(), tempfile::tempdir().expect("a folder"));
         let (altered, path) = (text.replace(from, to), folder.path().join("altered.toml"));

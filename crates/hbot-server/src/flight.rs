@@ -6,7 +6,7 @@
 //! thread writes, so recording never waits for the disk. A second trigger within 100 ms of the
 //! first extends the first log until 100 ms after the second trigger.
 
-mod names;
+mod prune;
 
 use std::collections::VecDeque;
 use std::fs::{self, File};
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rustix::fs::{Access, access};
 
-pub use self::names::{MAX_FILES, prune};
+pub use self::prune::{MAX_FILES, prune};
 use crate::service::convert;
 use hbot_host::run_loop::sample::Sample;
 use hbot_record::flight::Name;

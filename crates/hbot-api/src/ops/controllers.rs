@@ -57,7 +57,7 @@ names! {
         /// The motor is on although it was commanded off, or off although it was commanded on.
         Disobeyed = "disobeyed": "The motor is on although it was commanded off, or off although it was commanded on.",
         /// It has reported a value that is not a finite number.
-        NotFinite = "not_finite": "It has reported a value that is not a number.",
+        NotFinite = "not_finite": "It has reported a value that is not a finite number.",
         /// It may have lost power within the last 5 s, and with it the zero of its joint.
         Restarted = "restarted": "It may have lost power, and with it the zero of its joint.",
         /// Nothing has arrived from it for 0.2 s.

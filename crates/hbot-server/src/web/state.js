@@ -377,7 +377,8 @@ function orders(rig) {
   $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper);
   // Only the next step stands out. While the sphere is too far, the box says another one.
   const next = !$('enable').disabled ? rig.isFar ? '' : 'enable' : mode !== 'fault' && !$('recover').disabled ? 'recover' : 'reset';
-  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled && !spins(rig));
+  const waits = next === 'recover' && spins(rig);
+  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled && !waits);
   for (const id of ['enable', 'disable', 'reset']) $(id).title = $(id).disabled ? why(rig, id) : $(id).dataset.does;
   $('recover').title = !$('recover').disabled ? $('recover').dataset.does : rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
     : stopped && rig.isFar ? `The sphere may be too far from the reference. ${cure(rig)} Or press Reset, then Enable`
