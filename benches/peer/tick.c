@@ -14,7 +14,7 @@
  * minimum, median and maximum time per tick in ns over the repetitions. -DMAX_WHEELS=2 makes all
  * arrays just large enough for the prototype.
  *
- * -DWATCH=1 adds the watch on encoder counts (crates/hbot-core/src/watch.rs), which the Rust version
+ * -DWATCH=1 adds the watch on encoder counts (crates/hbot-core/src/safety/watch.rs), which the Rust version
  * has for safety. It changes no result.
  */
 #define _GNU_SOURCE

@@ -121,8 +121,7 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
         foreign(&rig.name)
     )?;
     if let Some(event) = &history.event {
-        let cause = event.message.split("; flight log: ").next().unwrap_or_default();
-        tell!("  cause      {}", foreign(cause))?;
+        tell!("  cause      {}", foreign(&event.message))?;
     }
     let lines = findings::of(&history.states, &rig);
     for findings::Finding { label, text } in &lines {

@@ -132,6 +132,10 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
     }
     let stop = signals::stop_flag()?;
     let states = orders::holding(&mut client, args.to.steal, |client| turn(client, args, &stop))?;
+    let points = points(&info, &states, args.axis.unit)?;
+    if !stop.is_set() || states.len() > ROWS {
+        table(&points)?;
+    }
     if stop.is_set() {
         // The hand lets go with the lease.
         let (first, last) = (&states[0], &states[states.len() - 1]);
@@ -143,8 +147,6 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
         ));
         signals::end_as_interrupted()?;
     }
-    let points = points(&info, &states, args.axis.unit)?;
-    table(&points)?;
     for line in told(&info, &states, &points, args) {
         tell!("{line}")?;
     }

@@ -38,7 +38,7 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
             address.server
         )
     })?;
-    print(mode)
+    print(mode).context("the rig is stopped, but this cannot be told")
 }
 
 /// Sends an order that needs no lease, and prints the mode that follows.

@@ -80,7 +80,15 @@ pub(crate) fn aside(text: Arguments<'_>) {
 
 /// Returns a text whose lines fit the terminal that `output` writes to, if it is one.
 pub(crate) fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> String {
-    let text = pasteable(&text.to_string(), &program());
+    let mut arguments = std::env::args();
+    let typed = arguments.find_map(|word| match word.strip_prefix("--server") {
+        Some("") => Some(None),
+        Some(rest) => rest.strip_prefix('=').map(|server| Some(server.to_owned())),
+        None => None,
+    });
+    let server = typed.and_then(|server| server.or_else(|| arguments.next()));
+    let text = addressed(&text.to_string(), server.as_deref());
+    let text = pasteable(&text, &program());
     terminal::columns(output).map_or_else(|| text.clone(), |columns| terminal::wrapped(&text, columns))
 }
 
@@ -94,6 +102,27 @@ fn program() -> String {
         Some(_) => format!("cargo run{release}"),
         None => called,
     }
+}
+
+/// Commands that ask a server and that texts name without its address.
+const ASKS: [&str; 8] = ["disable", "enable", "estop", "info", "reset", "scene show", "set", "watch"];
+
+/// Returns a text for people whose commands of hbot name the server that the user has named, if it
+/// was one.
+fn addressed(text: &str, server: Option<&str>) -> String {
+    let Some(server) = server else { return text.to_owned() };
+    let here = server.starts_with("127.") || server.starts_with("localhost") || server.starts_with("[::1]");
+    let whole = |(k, part): (usize, &str)| match part.strip_prefix("hbot ") {
+        Some("server") if k % 2 == 1 && here => format!("{part} --listen {server}"),
+        Some(command) if k % 2 == 1 && !part.contains(" --server") => {
+            let asks = ASKS.iter().any(|name| {
+                command.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
+            });
+            if asks { format!("{part} --server {server}") } else { part.to_owned() }
+        }
+        _ => part.to_owned(),
+    };
+    text.split('`').enumerate().map(whole).collect::<Vec<_>>().join("`")
 }
 
 /// Returns a text for people whose commands of hbot begin with `program`.
@@ -229,6 +258,16 @@ mod tests {
         assert_eq!(pasteable("`hbot --help`", "./hbot"), "`./hbot --help`");
         let none = "with `hbot server` (`cargo run server` in the project's folder), or";
         assert_eq!(pasteable(none, "cargo run"), "with `cargo run server`, or");
+    }
+
+    #[test]
+    fn a_command_names_the_server_that_the_user_has_named() {
+        let text = "`hbot reset`, then `hbot enable`, `hbot rig check`, `hbot server`";
+        assert_eq!(addressed(text, None), text);
+        let named =
+            "`hbot reset --server lab:1`, then `hbot enable --server lab:1`, `hbot rig check`, `hbot server`";
+        assert_eq!(addressed(text, Some("lab:1")), named);
+        assert_eq!(addressed("`hbot server`", Some("127.0.0.1:1")), "`hbot server --listen 127.0.0.1:1`");
     }
 
     #[test]

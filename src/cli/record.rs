@@ -53,7 +53,9 @@ pub(crate) struct RecordArgs {
 /// Parses the name of a new recording. An ending of another format is refused, because the file
 /// would still be MCAP.
 pub(crate) fn new_recording(path: PathBuf) -> Result<PathBuf, String> {
-    if path.extension().is_none_or(|ending| ending == "mcap") {
+    if path.as_os_str() == "-" {
+        Err("a recording cannot go to standard output: name a file".to_owned())
+    } else if path.extension().is_none_or(|ending| ending == "mcap") {
         Ok(path)
     } else {
         Err("a recording is MCAP: a name that ends in .mcap. The Python client makes a CSV file of it: docs/recordings.md"
@@ -81,6 +83,7 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let name = || args.file.display().to_string();
     let into = BufWriter::new(create(&args.file)?);
     let mut recording = ClientRecording::new(into, &info, &client.hello().server).with_context(name)?;
+    let cut = || format!("{0}: `hbot recover {0} NEW.mcap` saves what it holds. It cannot go on", name());
     client.subscribe(args.every)?;
     let mut progress = Progress::new();
 
@@ -99,7 +102,7 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
         match client.next_event(left.min(LISTEN)) {
             Ok(Some(event)) => {
                 span.extend(&event);
-                recording.take(&event).with_context(name)?;
+                recording.take(&event).with_context(cut)?;
                 if matches!(event, Event::Stopping(_)) {
                     ended = Some(None);
                     break;
@@ -112,7 +115,7 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
             }
         }
         if flushed.elapsed() >= FLUSH_EVERY {
-            recording.flush().with_context(name)?;
+            recording.flush().with_context(cut)?;
             flushed = Instant::now();
         }
         let (states, lost) = (recording.states(), recording.dropped() + client.events_lost());
@@ -127,17 +130,17 @@ pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<ExitCode> {
         && let Ok(Some(event)) = client.next_event(Duration::ZERO)
         && span.extend(&event)
     {
-        recording.take(&event).with_context(name)?;
+        recording.take(&event).with_context(cut)?;
     }
     client.set_timeout(LONGEST_END);
     client.unsubscribe().ok();
     while let Ok(Some(event)) = client.next_event(Duration::ZERO)
         && span.extend(&event)
     {
-        recording.take(&event).with_context(name)?;
+        recording.take(&event).with_context(cut)?;
     }
     let (states, lost) = (recording.states(), recording.dropped() + client.events_lost());
-    recording.finish().with_context(name)?;
+    recording.finish().with_context(cut)?;
     let size = std::fs::metadata(&args.file).map_or(0, |file| file.len());
     let megabytes = size as f64 / 1.0e6;
     say!("{}{}: {}, {megabytes:.1} MB", counts(states, lost), span.in_words(), args.file.display())?;

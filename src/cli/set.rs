@@ -82,6 +82,7 @@ pub(crate) fn run(args: &SetArgs) -> anyhow::Result<ExitCode> {
         )?;
     }
     super::scene::warn(&warnings(&after));
+    show::note_without_torque(&after);
     Ok(ExitCode::SUCCESS)
 }
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use hbot_api::{Client, Event, Fault, InfoOk, Mode, RenderInfo, StateEvent, StatsOk};
 
-use super::out::{foreign, say, tell};
+use super::out::{foreign, note, say, tell};
 use super::{ServerAddress, controllers, orders, style};
 
 /// What `hbot stats` prints, for its help.
@@ -57,11 +57,8 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     )?;
     tell!("  mode       {}", mode(state(&mut client, |_| true)?.as_ref(), info.limits.speed))?;
     if let Some(incident) = &info.incident {
-        // What comes next stands behind the mode.
-        let cause = incident.message.replace("; reset, then enable, to go on", "");
-        let (cause, log) = cause.split_once("; flight log: ").unwrap_or((&cause, ""));
-        tell!("  cause      at {:.1} s: {}", incident.t, foreign(cause))?;
-        if !log.is_empty() {
+        tell!("  cause      at {:.1} s: {}", incident.t, foreign(&incident.message))?;
+        if let Some(log) = &incident.flight_log {
             tell!("  explain    what happened before: `hbot explain {}`", foreign(log))?;
         }
     }
@@ -110,13 +107,25 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
     for effect in info.scene["effect"].as_array().into_iter().flatten() {
         tell!("    {:12} {}", text(&effect["id"]), text(&effect["kind"]))?;
     }
+    for warning in &info.warnings {
+        tell!("    {}warning:{} {}", style::WARN, style::OFF, foreign(warning))?;
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Says that a scene is not felt now, and which command comes next, if the rig has no torque.
+pub(crate) fn note_without_torque(info: &InfoOk) {
+    let torque = |mode: &Mode| matches!(mode, Mode::Enabling | Mode::Active);
+    if let Some(mode) = info.mode.filter(|mode| !torque(mode)) {
+        note!("{}{mode}{}{}", style::of_mode(mode.as_str()), style::OFF, next(mode));
+    }
 }
 
 /// Says which stiffness and damping the rig is expected to keep stable.
 fn stable(render: &RenderInfo) -> String {
     let stiffness = format!(
-        "  stiffness  stable up to {:.1} N m/rad with a damping of {} N m s/rad, for example, and up to {:.0} with the best damping, in small motions",
+        "  stiffness  in small motions stable up to {:.1} N m/rad with a damping of {} N m s/rad, for example, and up to {:.0} with \
+         the best damping; after a tap often less: `hbot set` warns of it",
         render.stiffness_stable,
         number(render.damping),
         render.stiffness_most
@@ -268,8 +277,8 @@ mod tests {
             damping_most: 1.25,
             ..RenderInfo::default()
         };
-        let stiffness = "  stiffness  stable up to 10.0 N m/rad with a damping of 0.02 N m s/rad, for example, and up to \
-                         495 with the best damping, in small motions";
+        let stiffness = "  stiffness  in small motions stable up to 10.0 N m/rad with a damping of 0.02 N m s/rad, for example, and up to \
+                         495 with the best damping; after a tap often less: `hbot set` warns of it";
         assert_eq!(stable(&render), format!("{stiffness}\n  damping    alone stable up to 1.250 N m s/rad"));
         assert_eq!(stable(&RenderInfo { damping_most: 0.0, ..render.clone() }), stiffness, "an older server");
     }

@@ -104,12 +104,14 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             }
             Event::Fault(fault) if !args.json => {
                 let name = fault.fault.map_or_else(|| fault.mode.to_string(), |cause| cause.to_string());
+                let remedy = fault.remedy.iter().map(|remedy| format!(". {}", foreign(remedy)));
                 format!(
-                    "{}  {}{name}{}: {}",
+                    "{}  {}{name}{}: {}{}",
                     time_of_day(SystemTime::now()),
                     style::of_mode(fault.mode.as_str()),
                     style::OFF,
-                    foreign(&fault.message)
+                    foreign(&fault.message),
+                    remedy.collect::<String>()
                 )
             }
             Event::Scene(scene) if !args.json => {

@@ -211,14 +211,17 @@ fn a_scene_whose_line_loses_every_frame_is_named_by_the_fault_and_an_ideal_rig_g
     let said = fault["message"].as_str().expect("a text");
     assert_eq!(fault["fault"], "link_lost", "{said}");
     assert!(said.contains("[simulate.link] loses frames (loss = 1)"), "{said}");
-    assert!(said.contains("load the scene with a smaller `loss`"), "{said}");
+    let remedy = fault["remedy"].as_str().expect("a text");
+    assert!(remedy.contains("load the scene with a smaller `loss`"), "{remedy}");
     let still =
         contains("the cause of fault link_lost is still there").and(contains("scene load NAME --ideal"));
     run(&server, &["reset"]).failure().stderr(still);
     run(&server, &["hand", "turn", "n1", "30deg"]).failure().stderr(contains("there are no readings"));
     let keeps = contains("keeps that of the scene").and(contains("`hbot scene load NAME --ideal`"));
     run(&server, &["scene", "load", "spring"]).success().stderr(keeps);
-    run(&server, &["scene", "load", "spring", "--ideal"]).success().stderr("");
+    run(&server, &["scene", "load", "spring", "--ideal"])
+        .success()
+        .stderr(starts_with("fault: the torque is off. "));
     let unseen = contains("the sphere may have turned unseen");
     run(&server, &["reset"]).success().stdout(starts_with("idle: ")).stderr(unseen);
 }

@@ -128,7 +128,7 @@ fn info_and_the_answer_to_a_stop_break_between_words() {
     let server = Process::patient(&[]);
     for (command, end) in [("estop", "hbot enable`"), ("info", "spring       spring")] {
         let mut terminal = Terminal::open();
-        let _run = Killed(terminal.run(hbot().args([command, "--server", &server.address])));
+        let _run = Killed(terminal.run(hbot().arg(command).env("HBOT_SERVER", &server.address)));
         assert_fit(&terminal.read_until(end));
     }
 }

@@ -233,5 +233,5 @@ fn a_hand_turns_the_sphere_and_says_what_became_of_it() {
     let said = String::from_utf8_lossy(&ended.stderr).into_owned();
     assert!(!ended.status.success() && said.contains("the lease was lost "), "{said}");
     command(&["estop"]).success();
-    command(&turn).success().stdout(contains("`hbot reset`, then `hbot enable`"));
+    command(&turn).success().stdout(contains(format!("`hbot reset --server {}`, then ", server.address)));
 }

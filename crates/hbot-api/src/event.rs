@@ -90,14 +90,19 @@ pub struct FaultEvent {
     pub mode: Mode,
     /// Cause of the fault. `None` unless the mode is [`Mode::Fault`].
     pub fault: Option<Fault>,
-    /// Description for people: what was measured, which limit it exceeded, and what to do.
+    /// Description for people: what was measured and which limit it exceeded, or who has stopped or
+    /// reset the rig.
     pub message: String,
     /// What was found about the fault, and where to look. `None` without a fault.
     #[serde(default)]
     pub found: Option<String>,
-    /// What to do about the fault on this rig, in sentences. `None` without a fault.
+    /// What to do about the fault on this rig before a reset, in sentences. `None` without a fault.
     #[serde(default)]
     pub remedy: Option<String>,
+    /// Path of the flight log that the server writes about it, on the server's computer. `None` if it
+    /// writes none.
+    #[serde(default)]
+    pub flight_log: Option<String>,
     /// Who stopped or reset the rig. `None` if the rig stopped by itself.
     #[serde(default)]
     pub by: Option<Requester>,

@@ -144,7 +144,9 @@ class FaultEvent:
     found: str | None = None
     """What was found about the fault, and where to look. None without a fault, as the next."""
     remedy: str | None = None
-    """What to do about the fault on this rig."""
+    """What to do about the fault on this rig before a reset."""
+    flight_log: str | None = None
+    """Path of the flight log about it, on the server's computer. None if there is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,7 +84,8 @@ fn what_ends_the_loop_is_told() {
         |session| Event::Lease(LeaseEvent { holder: None, session, cause: LeaseCause::Stolen, by: None });
     let fault = |mode| {
         let (tick, t, fault, message, by) = (2, 0.0, None, "stop".into(), None);
-        Event::Fault(FaultEvent { tick, t, mode, fault, message, found: None, remedy: None, by })
+        let (found, remedy, flight_log) = (None, None, None);
+        Event::Fault(FaultEvent { tick, t, mode, fault, message, found, remedy, flight_log, by })
     };
     let stopping = Event::Stopping(StoppingEvent { message: "bye".into() });
     // The session of the small server's client is 3.

@@ -115,6 +115,7 @@ pub(super) fn events() -> Vec<ServerMessage> {
         message: "x: y".into(),
         found: Some("x".into()),
         remedy: Some("Y.".into()),
+        flight_log: Some("x.csv".into()),
         by: None,
     };
     let by = Some(Requester { name: "other".into(), session: Some(8) });

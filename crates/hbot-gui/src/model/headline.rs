@@ -145,18 +145,25 @@ impl Model {
     /// Returns who asked for something, as the user of this panel would say it: "you", the user and
     /// machine of another panel, or the name of another client.
     pub(crate) fn who(&self, by: &Requester) -> String {
-        let own = |session| self.sessions.contains(session) || self.stop_sessions.contains(session);
         match by.session {
             None => format!("the signal {}", by.name),
-            Some(session) if by.name == self.name && own(session) => "you".to_owned(),
+            Some(_) if self.is_own(by) => "you".to_owned(),
             Some(_) => self.other(by),
         }
+    }
+
+    /// Returns whether it was the user of this panel who asked for something.
+    pub(crate) fn is_own(&self, by: &Requester) -> bool {
+        by.name == self.name
+            && by.session.is_some_and(|session| {
+                self.sessions.contains(session) || self.stop_sessions.contains(session)
+            })
     }
 
     /// Returns who has stopped the rig, if it was not the user of this panel.
     pub(crate) fn other_stopper(&self) -> Option<String> {
         let by = self.fault.as_ref().filter(|_| self.mode() == Some(Mode::Estop))?.by.as_ref()?;
-        Some(self.who(by)).filter(|who| who != "you")
+        (!self.is_own(by)).then(|| self.who(by))
     }
 
     /// Returns the user and machine of another panel, or the name of another client. The number of
@@ -167,17 +174,6 @@ impl Model {
         match by.session.filter(|_| alike) {
             Some(session) => format!("{} (session {session})", person(&by.name)),
             None => person(&by.name).to_owned(),
-        }
-    }
-
-    /// Returns a message of the server about `by`, in which "you" stands for the user of this
-    /// panel.
-    pub(super) fn with_you(&self, message: &str, by: Option<&Requester>) -> String {
-        match by {
-            Some(by @ Requester { name, session: Some(session) }) if self.who(by) == "you" => {
-                message.replace(&format!("client {name:?} (session {session})"), "you")
-            }
-            _ => message.to_owned(),
         }
     }
 }

@@ -61,10 +61,10 @@ impl Messages {
         self.list.push_back(Message { weight, text, at: Instant::now(), told, times: 1 });
     }
 
-    /// Ends the time for which the messages that end with `text` have a line, because they are no
+    /// Ends the time for which messages that end with `ending` have a line, because they are no
     /// longer so.
-    pub(crate) fn is_over(&mut self, text: &str) {
-        let over = self.list.iter_mut().filter(|message| message.text.ends_with(text));
+    pub(crate) fn hide(&mut self, ending: &str) {
+        let over = self.list.iter_mut().filter(|message| message.text.ends_with(ending));
         over.for_each(|message| message.told = true);
     }
 
@@ -96,7 +96,7 @@ mod tests {
         for _ in 0..2 {
             messages.add(Weight::Warn, "taken".to_owned());
             assert_eq!(messages.fresh().count(), 1);
-            messages.is_over("taken");
+            messages.hide("taken");
             assert_eq!(messages.fresh().count(), 0);
         }
     }

@@ -361,11 +361,13 @@ impl Model {
         let (what, name) =
             fault.fault.map_or(("mode", fault.mode.as_str()), |fault| ("fault", fault.as_str()));
         let weight = if stopped { Weight::Bad } else { Weight::Good };
-        // The server's message about a stop names the client. That about a reset does not.
-        let by = fault.by.as_ref().filter(|_| !stopped).map(|by| format!(" by {}", self.who(by)));
-        let message = self.with_you(&fault.message, fault.by.as_ref());
+        let message = match (&fault.by, fault.mode) {
+            (Some(by), Mode::Estop) => format!("stopped by {}", self.who(by)),
+            (Some(by), mode) if mode != Mode::Fault => format!("{} by {}", fault.message, self.who(by)),
+            _ => fault.message.clone(),
+        };
         // The window shows this message below the mode while the fault lasts.
-        self.messages.add_told(weight, format!("the {what} was {name}: {message}{}", by.unwrap_or_default()));
+        self.messages.add_told(weight, format!("the {what} was {name}: {message}"));
         if stopped {
             self.unmarked.push((What::Fault, name.to_owned(), Some(fault.tick)));
         }
@@ -395,7 +397,7 @@ impl Model {
     fn parameters_set(&mut self, set: SetEvent) {
         self.refusal = None;
         let SetEvent { tick, effect, parameters, by, .. } = set;
-        let by = by.filter(|by| by.session.is_none_or(|session| !self.sessions.contains(session)));
+        let by = by.filter(|by| !self.is_own(by));
         for (key, value) in parameters {
             self.scene.set(&effect, &key, &value);
             // Lists and matrices are too long for a mark.
@@ -445,7 +447,7 @@ impl Model {
         {
             self.messages.add(Weight::Warn, format!("{}{TAKEN}", self.other(holder)));
         } else if lease == Lease::Mine {
-            self.messages.is_over(TAKEN);
+            self.messages.hide(TAKEN);
         }
         self.lease = lease;
     }

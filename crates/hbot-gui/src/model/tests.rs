@@ -68,10 +68,10 @@ pub(crate) fn disconnect(model: &mut Model) {
 
 /// Returns the event of a stop by the client `name` with the session `session`.
 pub(crate) fn stopped_by(name: &str, session: Option<u64>) -> FaultEvent {
-    let (mode, message) = (Mode::Estop, "stopped; reset, then enable, to go on".to_owned());
+    let (mode, message) = (Mode::Estop, "stopped".to_owned());
     let by = Some(Requester { name: name.to_owned(), session });
     let (found, remedy) = (None, None);
-    FaultEvent { tick: 200, t: 0.2, mode, fault: None, message, found, remedy, by }
+    FaultEvent { tick: 200, t: 0.2, mode, fault: None, message, found, remedy, flight_log: None, by }
 }
 
 /// Returns the lease of the client `name` with the session `session`.
@@ -334,17 +334,17 @@ fn the_end_of_a_server_is_one_message() {
 
 #[test]
 fn a_parameter_that_another_client_sets_is_marked_with_its_name() {
-    let set = |session| SetEvent {
+    let set = |name: &str, session| SetEvent {
         tick: 120,
         effect: "spring".to_owned(),
         parameters: json!({"stiffness": 2.5}).as_object().expect("a map").clone(),
         warnings: Vec::new(),
         advice: Vec::new(),
-        by: Some(Requester { name: "lab".to_owned(), session: Some(session) }),
+        by: Some(Requester { name: name.to_owned(), session: Some(session) }),
     };
     let (mut other, mut own) = (commanding(true), commanding(true));
-    hear(&mut other, News::Set(set(9)));
-    hear(&mut own, News::Set(set(3)));
+    hear(&mut other, News::Set(set("lab", 9)));
+    hear(&mut own, News::Set(set(ME, 3)));
     let marks =
         |model: &Model| -> Vec<_> { model.marks.between(0.0, 9.0).map(|mark| mark.text.clone()).collect() };
     assert_eq!(marks(&own), ["spring: stiffness = 2.5"]);
@@ -354,11 +354,8 @@ fn a_parameter_that_another_client_sets_is_marked_with_its_name() {
 #[test]
 fn the_messages_call_the_user_you() {
     let mut model = commanding(true);
-    for (name, session, told) in
-        [(ME, 4, "stopped by you"), (ME, 9, "by client \"panel anna@lab2\" (session 9)")]
-    {
-        let message = format!("stopped by client {name:?} (session {session}); reset, then enable, to go on");
-        hear(&mut model, News::Fault(FaultEvent { message, ..stopped_by(name, Some(session)) }));
+    for (name, session, told) in [(ME, 4, "stopped by you"), (ME, 9, "stopped by anna@lab2 (session 9)")] {
+        hear(&mut model, News::Fault(stopped_by(name, Some(session))));
         let newest = &model.messages.newest_first().next().expect("a message").text;
         assert!(newest.contains(told), "{newest}");
     }

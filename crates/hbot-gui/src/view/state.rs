@@ -437,21 +437,13 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, room: f32, palette: Pal
         Some(text) => drop(coloured(ui, palette.warn, text)),
         None => refused(ui, model, palette),
     }
+    let take = recover::must_press(model).map(|take| format!("{take}, ")).unwrap_or_default();
+    let go_on = format!("To go on: {take}Reset, then Enable.");
     let cure = cure_of(fault, told);
-    let cure = match recover::must_press(model) {
-        Some(take) if cure.contains("hen Reset") => {
-            cure.replace("hen Reset", &format!("hen {take}, then Reset"))
-        }
-        Some(take) => format!("{cure} {take}, then Reset."),
-        None => cure,
-    };
-    wrapped(ui, cure);
+    // Of a simulated rig, nothing has to be mended before.
+    wrapped(ui, if model.is_simulated() { format!("{go_on} {cure}") } else { format!("{cure} {go_on}") });
     // What was found comes last, because it can be long.
-    let found = told.map(|told| {
-        // An older server has all in the message, with the path of the flight log.
-        let found = told.found.as_deref().or_else(|| told.message.split("; flight log:").next());
-        format!("{fault}: {}", found.unwrap_or_default()).replace('`', "")
-    });
+    let found = told.and_then(|told| Some(format!("{fault}: {}", told.found.as_deref()?).replace('`', "")));
     // A line that is cut says nothing. The list of messages has it too.
     let text = found.as_deref().unwrap_or(fault.as_str());
     if height(ui, text) <= room - ui.min_rect().height() {

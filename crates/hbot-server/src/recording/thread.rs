@@ -207,7 +207,7 @@ impl RecordingWriter {
     /// again.
     fn adopt(&mut self, revision: u64) {
         let found = self.scenes.iter().position(|scene| scene.compiled.revision() == revision);
-        self.scene = found.map(|k| self.scenes.swap_remove(k)).or_else(|| {
+        self.scene = found.map(|k| self.scenes.remove(k)).or_else(|| {
             let mut unsent = unpoisoned(&self.unsent);
             let rendered = |scene: &mut SceneNote| scene.compiled.revision() == revision;
             unsent.take_if(rendered).map(Arc::new)

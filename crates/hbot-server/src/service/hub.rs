@@ -36,7 +36,7 @@ use super::incidents::Incidents;
 use super::info::{Clock, Info};
 use super::lease::Lease;
 use super::models::Models;
-use super::orders::{Asker, Orders};
+use super::orders::{Asker, Orders, Own};
 use super::peer::{Peer, ServicePort};
 use super::publisher::Publisher;
 use super::scenes::Scenes;
@@ -50,12 +50,6 @@ use hbot_host::bus::Telemetry;
 use hbot_host::rig::controllers::Controllers;
 use hbot_host::run_loop::bridge::{Busy, EmergencyStop, ServiceEnd, Wakeup};
 use hbot_host::run_loop::sample::Sample;
-
-/// The service's own orders when a client loses the lease, as the log names them.
-const CLIENT_LOST: &str = "client lost";
-const LEASE_STOLEN: &str = "lease stolen";
-const LEASE_RELEASED: &str = "lease released";
-const LEASE_LOST: [&str; 3] = [CLIENT_LOST, LEASE_STOLEN, LEASE_RELEASED];
 
 /// The reason why a connection has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -327,7 +321,7 @@ impl Hub {
         }
         if self.lease.is_held_by(session) {
             let policy = self.rig.api.on_client_lost;
-            self.order_internally(CLIENT_LOST, Command::ClientLost(policy));
+            self.order_internally(Own::ClientLost, Command::ClientLost(policy));
             self.lease.free(session);
             self.incidents.lost(by.clone());
             self.lease_changed(LeaseCause::Disconnected, by);
@@ -377,7 +371,7 @@ impl Hub {
         Ok(())
     }
 
-    pub(super) fn order_internally(&mut self, what: &'static str, command: Command) {
+    pub(super) fn order_internally(&mut self, what: Own, command: Command) {
         self.orders.insist(&mut self.end, Asker::Service(what), command);
         self.end.let_it_answer();
     }
@@ -389,13 +383,23 @@ impl Hub {
         if cause != LeaseCause::Acquired {
             self.hand.resume();
             self.end.run_freely();
+            for (session, id, _) in std::mem::take(&mut self.advancing) {
+                let message = "op advance: the lease has changed hands, so time passes by itself";
+                self.refuse(
+                    session,
+                    id,
+                    Some(OpName::Advance),
+                    ErrorBody::new(ErrorCode::NotHolder, message),
+                );
+                self.publisher.answered(session);
+            }
         }
         match cause {
             LeaseCause::Stolen => {
-                self.order_internally(LEASE_STOLEN, Command::ClientLost(OnClientLost::Ramp));
+                self.order_internally(Own::LeaseStolen, Command::ClientLost(OnClientLost::Ramp));
             }
             LeaseCause::Released => {
-                self.order_internally(LEASE_RELEASED, Command::ClientLost(OnClientLost::Ramp));
+                self.order_internally(Own::LeaseReleased, Command::ClientLost(OnClientLost::Ramp));
             }
             // For a lost client, the policy of the rig file has been ordered already.
             LeaseCause::Acquired | LeaseCause::Disconnected => {}

@@ -145,26 +145,18 @@ impl Incidents {
                 let by_client = self.stopper.take();
                 let by = if end.take_signalled() { Some(signal()) } else { by_client };
                 let who = by.as_ref().map(in_words).unwrap_or_default();
-                (Err(format!("stopped{who}; reset, then enable, to go on")), by)
+                (Err(format!("stopped{who}")), by)
             }
         };
         let what = state.cause.map_or(ApiMode::Estop.as_str(), |cause| convert::fault(cause).as_str());
-        let log = flights.trigger(tick, what);
-        let (mut message, found, remedy) = match explanation {
+        let log = flights.trigger(tick, what).map(|path| path.display().to_string());
+        let (message, found, remedy) = match explanation {
             Ok(Explanation { message, found, remedy }) => (message, Some(found), Some(remedy)),
             Err(message) => (message, None, None),
         };
         // What to do next is said by each client.
-        tracing::warn!(
-            tick,
-            log = log.as_ref().map(|path| path.display().to_string()),
-            "{what}: {}",
-            found.as_ref().unwrap_or(&message)
-        );
-        if let Some(path) = log {
-            message = format!("{message}; flight log: {}", path.display());
-        }
-        FaultEvent { found, remedy, ..event(sample, message, by) }
+        tracing::warn!(tick, log, "{what}: {}", found.as_ref().unwrap_or(&message));
+        FaultEvent { found, remedy, flight_log: log, ..event(sample, message, by) }
     }
 
     /// Explains a fault to clients.
@@ -199,6 +191,7 @@ fn event(sample: &Sample, message: String, by: Option<Requester>) -> FaultEvent 
         message,
         found: None,
         remedy: None,
+        flight_log: None,
         by,
     }
 }
@@ -217,13 +210,11 @@ mod tests {
             |simulated, cause| Incidents::new(RigConfig::prototype().rig, simulated).explain(cause, &sample);
         for cause in Cause::ALL {
             let said = told(true, cause);
-            assert!(
-                said.message.contains("simulated and nothing is broken: reset, then enable"),
-                "{cause:?}"
-            );
             let of_hardware = ["cable", "controller", "Clean", "cool"];
             assert!(!of_hardware.iter().any(|word| said.remedy.contains(word)), "{}", said.remedy);
-            assert!(said.remedy.contains("Reset"), "{}", said.remedy);
+            let unbroken =
+                !matches!(cause, Cause::Overspeed | Cause::NonFinite | Cause::Deadline | Cause::ClientLost);
+            assert_eq!(said.remedy.contains("simulated and nothing is broken."), unbroken, "{}", said.remedy);
             // A sphere without a hand may never slow down.
             assert_eq!(said.remedy.contains("`hand = {}`"), cause == Cause::Overspeed);
             let real = told(false, cause);
@@ -239,14 +230,15 @@ mod tests {
         let told = |cause, line| {
             let mut incidents = Incidents::new(RigConfig::prototype().rig, true);
             incidents.show(&Simulate { link: Some(line), ..Simulate::default() });
-            incidents.explain(cause, &crate::still::still(7)).message
+            let Explanation { message, remedy, .. } = incidents.explain(cause, &crate::still::still(7));
+            format!("{message}. {remedy}")
         };
         let still = Link { latency_s: 0.0, jitter_s: 0.0, loss: 0.0, corrupt: 0.0, ..Link::default() };
         let said = told(Cause::LinkLost, Link { loss: 0.6, ..still });
         assert!(said.contains("[simulate.link] loses frames (loss = 0.6), or other programs"), "{said}");
         assert!(
             said.ends_with(
-                "load the scene with a smaller `loss` first (`hbot scene load NAME --ideal` has none)"
+                "load the scene with a smaller `loss` first (`hbot scene load NAME --ideal` has none)."
             ),
             "{said}"
         );
@@ -254,7 +246,7 @@ mod tests {
         assert!(said.contains("delays answers by up to 52.0 ms") && !said.contains("loss"), "{said}");
         let said = told(Cause::LinkLost, still);
         assert!(said.contains("too busy") && !said.contains("simulate.link"), "{said}");
-        assert!(said.ends_with(": reset, then enable"), "{said}");
+        assert!(said.ends_with("nothing is broken."), "{said}");
         let said = told(Cause::LinkCorrupt, Link { corrupt: 0.4, ..still });
         assert!(said.contains("corrupt = 0.4") && said.contains("a smaller `corrupt`"), "{said}");
     }
@@ -276,17 +268,14 @@ mod tests {
         let ann = Some(Requester { name: "ann".to_owned(), session: Some(1) });
         assert_eq!(told(&mut incidents, 1, Mode::Idle), None);
         incidents.stopped_by(ann.clone());
-        let stopped = "stopped by client \"ann\" (session 1); reset, then enable, to go on".to_owned();
+        let stopped = "stopped by client \"ann\" (session 1)".to_owned();
         assert_eq!(told(&mut incidents, 2, Mode::Estop), Some((stopped, ann.clone())));
         assert_eq!(told(&mut incidents, 3, Mode::Estop), None, "once");
         incidents.reset_by(ann.clone());
         assert_eq!(told(&mut incidents, 4, Mode::Idle), Some(("reset".to_owned(), ann.clone())));
         incidents.reset_by(ann);
         assert_eq!(told(&mut incidents, 5, Mode::Idle), None, "a reset that changed nothing");
-        assert_eq!(
-            told(&mut incidents, 6, Mode::Estop),
-            Some(("stopped; reset, then enable, to go on".to_owned(), None))
-        );
+        assert_eq!(told(&mut incidents, 6, Mode::Estop), Some(("stopped".to_owned(), None)));
         assert_eq!(told(&mut incidents, 7, Mode::Idle), Some(("reset".to_owned(), None)));
         assert_eq!(counts.estops, 2);
     }

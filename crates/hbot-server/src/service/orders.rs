@@ -1,6 +1,7 @@
 //! Orders that have been sent to the loop and wait for an answer.
 
 use std::collections::VecDeque;
+use std::fmt;
 
 use hbot_api::{Id, OpName, OpRow, Stop};
 use hbot_core::inputs::{Command, ModelCommand};
@@ -14,7 +15,7 @@ use hbot_host::run_loop::sample::Answer;
 /// orders per tick, in sequence.
 const MAX_STREAMS: usize = 32;
 /// If at least this many orders are pending, all ops except `disable` and `estop` are refused.
-const MAX_ORDERS: usize = 64;
+pub(super) const MAX_ORDERS: usize = 64;
 /// If at least this many orders are pending, `disable` is refused. This leaves room for the
 /// confirmation of an emergency stop. The stop itself takes effect in the next tick, whatever
 /// orders are pending.
@@ -42,8 +43,36 @@ pub(super) enum Asker {
         /// Fraction of the stiffness of a model that is rendered.
         scale: f64,
     },
-    /// The service itself, with a description of the order for the log.
-    Service(&'static str),
+    /// The service itself.
+    Service(Own),
+}
+
+/// An order of the service itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Own {
+    Disable,
+    /// The client that held the lease is gone, or another one has taken it, or it was given back.
+    ClientLost,
+    LeaseStolen,
+    LeaseReleased,
+}
+
+impl Own {
+    /// Returns whether what the loop has accepted until then was from an earlier lease holder.
+    pub(super) const fn ends_lease(self) -> bool {
+        matches!(self, Self::ClientLost | Self::LeaseStolen | Self::LeaseReleased)
+    }
+}
+
+impl fmt::Display for Own {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Disable => "disable",
+            Self::ClientLost => "client lost",
+            Self::LeaseStolen => "lease stolen",
+            Self::LeaseReleased => "lease released",
+        })
+    }
 }
 
 /// Returns the limit for orders of `op`: such an order is refused if at least this many orders are
@@ -173,13 +202,13 @@ mod tests {
         let mut orders = Orders::default();
         let lost = Command::ClientLost(OnClientLost::Ramp);
         for _ in 0..100_000 {
-            orders.insist(&mut end, Asker::Service("lease stolen"), lost);
+            orders.insist(&mut end, Asker::Service(Own::LeaseStolen), lost);
         }
         assert_eq!((orders.pending.len(), orders.insisted.len()), (1, 0));
         // It is sent again after an order of a client, and after it has been answered.
         orders.place(&mut end, 1, None, OpName::Enable, Command::Enable).unwrap();
-        orders.insist(&mut end, Asker::Service("lease stolen"), lost);
-        orders.insist(&mut end, Asker::Service("lease stolen"), lost);
+        orders.insist(&mut end, Asker::Service(Own::LeaseStolen), lost);
+        orders.insist(&mut end, Asker::Service(Own::LeaseStolen), lost);
         assert_eq!(orders.pending.len(), 3);
         let mut taken = Vec::new();
         while let Some(order) = inner.take_order() {
@@ -187,12 +216,12 @@ mod tests {
             taken.push(order.command);
         }
         assert_eq!(taken, [lost, Command::Enable, lost]);
-        orders.insist(&mut end, Asker::Service("lease stolen"), lost);
+        orders.insist(&mut end, Asker::Service(Own::LeaseStolen), lost);
         assert_eq!(orders.pending.len(), 1);
         // If the ring is full, it waits for a place, only once.
         while end.order(Command::Disable).is_ok() {}
         for command in [Command::Estop, lost, lost, lost] {
-            orders.insist(&mut end, Asker::Service("a signal"), command);
+            orders.insist(&mut end, Asker::Service(Own::Disable), command);
         }
         assert_eq!(orders.insisted.len(), 2);
     }

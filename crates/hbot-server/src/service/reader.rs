@@ -22,6 +22,7 @@ use tokio::time::{Instant, sleep_until, timeout_at};
 use super::Bounds;
 use super::bucket::{Bucket, weight, weight_of};
 use super::hub::First;
+use super::orders::Own;
 use super::shared_hub::SharedHub;
 use hbot_host::run_loop::bridge::EmergencyStop;
 
@@ -33,6 +34,8 @@ pub(super) const PIECE_BYTES: usize = 16 * 1024;
 /// Number of bytes read that count as one request in a turn. A full read of [`PIECE_BYTES`] ends
 /// the turn.
 const BYTES_A_REQUEST: usize = PIECE_BYTES / REQUESTS_A_TURN as usize;
+/// Number of waiting bytes that hold few requests.
+const NEXT_BYTES: usize = 128;
 /// Largest number of bytes that a connection reads ahead while earlier requests wait for the rate
 /// limit.
 pub(super) const READ_AHEAD: usize = 256 * 1024;
@@ -365,9 +368,9 @@ impl<S: AsyncRead> Reader<S> {
             self.stop.stop();
             self.hub.lock().stopped_by(self.session);
         }
-        // A `disable` near the front of the waiting bytes is executed in a moment anyway.
-        if disable.is_some_and(|end| first + end > MAX_SHORT_REQUEST_BYTES) {
-            self.hub.turn(|hub| hub.order_internally("disable", Command::Disable));
+        // A `disable` before which hardly anything waits is executed in a moment anyway.
+        if disable.is_some_and(|end| first + end > NEXT_BYTES) {
+            self.hub.turn(|hub| hub.order_internally(Own::Disable, Command::Disable));
         }
         self.stop_at = self.read - bytes as u64 + last as u64;
     }

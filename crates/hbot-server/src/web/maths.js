@@ -51,6 +51,9 @@ export function turn(r) {
   return [Math.cos(angle / 2), r[0] * k, r[1] * k, r[2] * k];
 }
 
+/** Returns the rotation vector from `p` to `q`, rad. */
+export const between = (p, q) => rotation(product(conjugate(p), q));
+
 /** Returns the rotation vector of `q`, rad: the smallest rotation, at most half a turn. */
 export function rotation(q) {
   const p = q[0] < 0 ? q.map((x) => -x) : q;

@@ -84,7 +84,7 @@ async function ask(op, fields, what = op) {
     return true;
   } catch (error) {
     tell(what)(error);
-    if (['enable', 'reset'].includes(op)) rig.refusal = { op, why: error.message, far: rig.isFar };
+    if (['enable', 'reset'].includes(op)) rig.refusal = { op, why: error.message, q: rig.state?.q };
     return false;
   }
 }

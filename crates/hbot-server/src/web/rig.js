@@ -1,7 +1,7 @@
 // What the page knows of the rig. It changes with what arrives from the server and with what the
 // person asks, and it draws nothing. The rules are those of the panel (docs/panel.md).
 
-import { conjugate, length, normalised, product, rotation } from './maths.js';
+import { between, conjugate, length, normalised, product, rotation } from './maths.js';
 
 /** If no state arrives for this time, the server is silent, ms. */
 const SILENT_AFTER = 1500;
@@ -23,6 +23,8 @@ export const PUSHES = /^(N m(\/rad)?|kg)$/;
 
 /** A speed is judged by its largest value in this time, so that what is said does not flicker, s. */
 const RECENT = 0.5;
+/** After a turn by this angle, the reason why the server has refused to enable may be gone, rad. */
+const TURNED = 0.1;
 /** The torque is at its limit if it is this part of it or more for so long, s. */
 const [AT_LIMIT, AT_LIMIT_S] = [0.95, 0.2];
 /** Part of the torque that the limits cut: the least that is told. */
@@ -67,6 +69,8 @@ export class Rig {
     /** The fault that the rig was in when it was stopped. */
     this.faultBefore = null;
     this.shaking = null;
+    /** What the server refused last: `{ op, why, q }`, with the orientation of the sphere then. */
+    this.refusal = null;
     this.heard = performance.now();
     this.wishes.clear();
   }
@@ -94,14 +98,16 @@ export class Rig {
     this.wishes.clear();
   }
 
-  /** Notes a message. `weight` is 'bad' for a fault or lost contact, 'warn' for take-over, shaking or a refusal. */
-  say(text, weight = '') {
+  /**
+   * Notes a message. `weight` is 'bad' for a fault or lost contact, 'warn' for take-over, shaking or a refusal. `log` is
+   * the path of its flight log.
+   */
+  say(text, weight = '', log = null) {
     const last = this.messages[0];
     if (last?.text === text) {
-      last.times += 1;
-      last.at = new Date();
+      Object.assign(last, { log, at: new Date(), times: last.times + 1 });
     } else {
-      this.messages.unshift({ text, weight, at: new Date(), times: 1 });
+      this.messages.unshift({ text, weight, log, at: new Date(), times: 1 });
       this.messages.length = Math.min(this.messages.length, MOST_MESSAGES);
     }
     this.spoke = true;
@@ -147,10 +153,9 @@ export class Rig {
         return false;
       case 'fault': {
         const stopped = message.mode === 'fault' || message.mode === 'estop';
-        const by = message.by && !stopped ? ` by ${this.name(message.by)}` : '';
-        const said = this.own.has(message.by?.session) ? message.message.replace(
-          `client ${JSON.stringify(message.by.name)} (session ${message.by.session})`, 'you') : message.message;
-        this.say(`${message.fault ?? message.mode}: ${said}${by}`, message.mode === 'fault' ? 'bad' : '');
+        const by = message.by && message.mode !== 'fault' ? ` by ${this.name(message.by)}` : '';
+        const said = by && stopped ? 'stopped' : message.message;
+        this.say(`${message.fault ?? message.mode}: ${said}${by}`, message.mode === 'fault' ? 'bad' : '', message.flight_log);
         const before = this.fault?.mode === 'fault' ? this.fault : this.faultBefore;
         this.faultBefore = message.mode === 'estop' ? before : null;
         this.fault = stopped ? message : null;
@@ -188,7 +193,7 @@ export class Rig {
     const stopped = state.mode === 'fault' || state.mode === 'estop';
     // What was refused has come about, perhaps by another client.
     if (!stopped && (this.refusal?.op === 'reset' || hasTorque(state.mode))) this.refusal = null;
-    if (this.refusal?.op === 'enable' && this.refusal.far && !this.isFar) this.refusal = null;
+    if (this.refusal?.op === 'enable' && length(between(this.refusal.q ?? state.q, state.q)) > TURNED) this.refusal = null;
     if (this.fault && state.tick > this.fault.tick && !stopped) this.fault = this.faultBefore = null;
     const stop = this.stop;
     if (stop && (stop.after === null || state.tick > stop.after) && !hasTorque(state.mode)) {
@@ -207,7 +212,7 @@ export class Rig {
 
   /** Returns the rotation vector from the reference, or from frame N without one, rad. */
   deflection(state) {
-    return rotation(product(conjugate(state.reference ?? [1, 0, 0, 0]), state.q));
+    return between(state.reference ?? [1, 0, 0, 0], state.q);
   }
 
   /**

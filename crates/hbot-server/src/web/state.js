@@ -52,15 +52,12 @@ const KEPT = METERS.slice(0, 2);
 export const withCode = (text) => text.split('`').map((part, k) => (
   k % 2 === 0 ? part : Object.assign(document.createElement('code'), { textContent: part })));
 
-/** The server's words before a path at the end of a message. Without them, a message is shown as it is. */
-const FLIGHT_LOG = '; flight log: ';
-
 /** What is said of a simulated rig in place of what to do about motors. */
 const UNPOWERED = 'Simulated: nothing real moves.';
 
 const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? '' : '.'}`;
 
-/** Returns the paragraphs below the headline: `[weight, text]`, and a third part if the first sentence is bold. */
+/** Returns the paragraphs below the headline: `[weight, text]`, and as a third the part of the text that is bold. */
 function details(rig) {
   const head = rig.headline;
   const stop = rig.unconfirmedStop;
@@ -100,10 +97,13 @@ function details(rig) {
     const words = rig.info?.faults?.find((fault) => fault.name === state.fault);
     const who = by ? ` It was ${rig.name(by)}.` : '';
     const { found, remedy } = rig.fault ?? {};
+    const take = { mine: '', other: 'Take over, ' }[rig.lease.who] ?? 'Take command, ';
+    // Of a simulated rig, nothing has to be mended before.
+    const goOn = `To go on: ${take}Reset, then Enable.`;
     return [
       ['', `No torque. ${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
-      ['', remedy ?? '', 'act'],
+      rig.isSimulated ? ['', `${goOn} ${remedy ?? ''}`, goOn] : ['', `${remedy ?? ''} ${goOn}`, remedy?.match(/^.*?\.( |$)/)?.[0]],
       ['weak', found && !narrow.matches ? `${state.fault}: ${found}` : state.fault]];
   }
   if (state.mode === 'estop') {
@@ -112,7 +112,7 @@ function details(rig) {
     const who = by ? `Stopped by ${rig.name(by)}.` : mode;
     return [['bad', narrow.matches ? '' : who], ['warn', notReset(rig)], ['', narrow.matches ? `${who} ${wayOn(rig)}` : wayOn(rig)],
       // How to go on stands above.
-      ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', (remedy ?? '').replace(/[:,]? Reset, then Enable\b/, '')]];
+      ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', remedy ?? '']];
   }
   if (rig.isStopping) return [['strong', 'STOP sent, not confirmed yet.']];
   if (rig.shakes) {
@@ -302,14 +302,13 @@ export function showState(rig) {
     if ($('headline').textContent !== head) $('details').scrollTop = 0;
     document.body.dataset.head = head.toLowerCase().replace(' ', '-');
     put($('headline'), head);
-    $('details').replaceChildren(...lines.map(([weight, text, act]) => {
+    $('details').replaceChildren(...lines.map(([weight, text, act = '']) => {
       const line = document.createElement('p');
       line.className = weight;
-      // What to do, and then when.
-      const [first] = act ? text.match(/^.*?\.( |$)/) ?? [''] : [''];
       const bold = document.createElement('b');
-      bold.append(...withCode(first));
-      line.append(bold, ...withCode(text.slice(first.length)));
+      bold.append(...withCode(act));
+      const [before, after] = act ? text.split(act) : ['', text];
+      line.append(...withCode(before), bold, ...withCode(after));
       return line;
     }));
     fit();
@@ -420,14 +419,13 @@ function meters(rig) {
   });
 }
 
-/** Returns what shows a message: of the path of a flight log the file's name, and the rest as a tooltip. */
-function said(text) {
-  const [words, path] = text.split(FLIGHT_LOG);
-  if (!path) return withCode(text);
+/** Returns what shows a message: of the path of its flight log the file's name, and the rest as a tooltip. */
+function said({ text, log }) {
+  if (!log) return withCode(text);
   const file = document.createElement('span');
-  file.textContent = path.slice(path.lastIndexOf('/') + 1);
-  file.title = path;
-  return [...withCode(words), FLIGHT_LOG, file];
+  file.textContent = log.slice(log.lastIndexOf('/') + 1);
+  file.title = log;
+  return [...withCode(text), '; flight log: ', file];
 }
 
 /** Draws the list of messages, newest first. */
@@ -437,7 +435,7 @@ export function showMessages(rig) {
     const time = document.createElement('time');
     time.textContent = message.at.toTimeString().slice(0, 8)
       + (message.times > 1 ? `, ${message.times} times` : '');
-    item.append(time, ' ', ...said(message.text));
+    item.append(time, ' ', ...said(message));
     item.className = message.weight;
     return item;
   }));

@@ -10,6 +10,7 @@ use hbot_core::inputs::{Command, ModelCommand, Stamp};
 use serde_json::Value;
 
 use super::super::info::Now;
+use super::super::orders::MAX_ORDERS;
 use super::super::{controllers, convert};
 use super::Hub;
 
@@ -159,6 +160,9 @@ impl Hub {
 
     /// Lets virtual time pass. The answer is sent when the last tick has run.
     fn advance(&mut self, session: u64, id: Option<Id>, ticks: u64) -> Result<(), ErrorBody> {
+        if self.advancing.len() >= MAX_ORDERS {
+            return Err(ErrorBody::new(ErrorCode::Busy, "op advance: too many of them wait already"));
+        }
         let Some(last) = self.end.advance(ticks) else {
             let message =
                 "op advance: this loop runs in wall-clock time; legal: a server with `--time virtual`";

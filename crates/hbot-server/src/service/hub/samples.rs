@@ -11,7 +11,7 @@ use super::super::flights::Written;
 use super::super::orders::Asker;
 use super::super::refusals::refusal;
 use super::super::scenes::{Changed, Examined};
-use super::{Hub, LEASE_LOST};
+use super::Hub;
 use hbot_host::run_loop::sample::Sample;
 
 /// Largest number of samples that are processed before other tasks get a turn.
@@ -58,8 +58,9 @@ impl Hub {
         if self.end.waits_after(sample.state.tick) && self.orders.is_awaited() {
             self.end.let_it_answer();
         }
-        while self.advancing.first().is_some_and(|(_, _, last)| *last <= sample.state.tick) {
-            let (session, id, _) = self.advancing.remove(0);
+        let tick = sample.state.tick;
+        while let Some(at) = self.advancing.iter().position(|(_, _, last)| *last <= tick) {
+            let (session, id, _) = self.advancing.remove(at);
             let state = self.publisher.state(sample, || self.hand.torque());
             self.answer(session, id, state);
             self.publisher.answered(session);
@@ -83,7 +84,7 @@ impl Hub {
             Asker::Client { session, id, op, scale } => (session, id, (op, scale)),
             Asker::Service(what) => {
                 // What the loop has accepted until here is the earlier holder's.
-                if LEASE_LOST.contains(&what) {
+                if what.ends_lease() {
                     self.publisher.forget_stream(sample);
                 }
                 match reply {
@@ -91,7 +92,8 @@ impl Hub {
                         let effect = |slot| self.scenes.id_at(slot);
                         let hand = self.scenes.earlier_hand();
                         let at = (sample, self.incidents.is_simulated());
-                        let reason = refusal(what, refused, &self.rig.rig, at, effect, hand).message;
+                        let reason =
+                            refusal(&what.to_string(), refused, &self.rig.rig, at, effect, hand).message;
                         tracing::warn!("{what}: refused: {reason}");
                     }
                     _ => tracing::info!(tick = sample.state.tick, "{what}: done"),

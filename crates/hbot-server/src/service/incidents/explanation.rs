@@ -10,10 +10,10 @@ use hbot_host::run_loop::sample::Sample;
 
 /// The explanation of a fault, for clients.
 pub(super) struct Explanation {
-    /// All of it, for the log and for clients that show one text.
+    /// What was measured, which limit it exceeded, and on a real rig where to look.
     pub(super) message: String,
-    /// What was found, and on a real rig where to look. The speed at which the sphere was too
-    /// fast is left out, because clients show the present one beside it.
+    /// The same without the speed at which the sphere was too fast, because clients show the
+    /// present one beside it.
     pub(super) found: String,
     /// What to do about it on this rig.
     pub(super) remedy: String,
@@ -29,7 +29,7 @@ pub(super) fn simulated(
     rig: &Rig,
     line: Option<&Link>,
 ) -> Explanation {
-    let (what, again) = match (cause, line) {
+    let (message, again) = match (cause, line) {
         (Cause::LinkLost, _) => {
             let what = format!(
                 "the simulated motor controllers have not answered for {} ticks (link.timeout_ticks), or answered late",
@@ -51,25 +51,20 @@ pub(super) fn simulated(
     };
     let remedy = match cause {
         Cause::Overspeed => format!("{} {HELD}", usual(cause)),
-        _ if is_of_hardware(cause) => format!("{UNBROKEN}: Reset, then Enable{again}."),
+        _ if is_of_hardware(cause) => format!("{UNBROKEN}{again}"),
         _ => usual(cause).to_owned(),
     };
-    let message = format!("{what}. {UNBROKEN}: reset, then enable{again}");
-    Explanation { message, found: found(cause, sample, rig, what), remedy }
+    Explanation { found: found(cause, sample, rig, &message), remedy, message }
 }
 
 /// Explains a fault of a real rig. `skipped` is the number of ticks that were skipped just before
 /// the sample.
 pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> Explanation {
     let message = observed(cause, sample, skipped, rig);
-    Explanation {
-        found: found(cause, sample, rig, message.clone()),
-        remedy: usual(cause).to_owned(),
-        message,
-    }
+    Explanation { found: found(cause, sample, rig, &message), remedy: usual(cause).to_owned(), message }
 }
 
-const UNBROKEN: &str = "The rig is simulated and nothing is broken";
+const UNBROKEN: &str = "The rig is simulated and nothing is broken.";
 /// What to do about a simulated sphere that is too fast and that nobody can hold.
 const HELD: &str =
     "If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].";
@@ -93,10 +88,10 @@ const fn is_of_hardware(cause: Cause) -> bool {
     }
 }
 
-fn found(cause: Cause, sample: &Sample, rig: &Rig, what: String) -> String {
+fn found(cause: Cause, sample: &Sample, rig: &Rig, message: &str) -> String {
     let limit = rig.limits.speed;
     let told = cause == Cause::Overspeed && sample.state.omega.length() > limit;
-    if told { format!("faster than {limit} rad/s (limits.speed)") } else { what }
+    if told { format!("faster than {limit} rad/s (limits.speed)") } else { message.to_owned() }
 }
 
 /// What a simulated rig suffers from if its line is not to blame.
@@ -105,7 +100,7 @@ const BUSY: &str = "other programs kept this machine too busy";
 /// Returns what to do about a fault that the scene causes, and may cause again.
 fn again(with: &str) -> String {
     format!(
-        ". If the fault comes back, load the scene with {with} first (`hbot scene load NAME --ideal` has none)"
+        " If the fault comes back, load the scene with {with} first (`hbot scene load NAME --ideal` has none)."
     )
 }
 
@@ -199,9 +194,7 @@ fn deadline(lateness_ns: u64, skipped: u64) -> String {
             "{skipped} ticks in a row were skipped because the one before them took too long ({SKIPPED_FAULT} are a fault)"
         )
     };
-    format!(
-        "{what}: other work on this machine, no real-time priority, or a rate too high for it; mend that, then reset and enable"
-    )
+    format!("{what}: other work on this machine, no real-time priority, or a rate too high for it")
 }
 
 #[cfg(test)]

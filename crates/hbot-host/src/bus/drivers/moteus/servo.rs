@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use hbot_core::inputs::Complaints;
 
 use super::codec::State;
+use super::talk::later_by;
 use crate::bus::{ExpectedJoint, JointReading, Obedience, Telemetry, TelemetryLog};
 
 /// A servo reports positions in steps of 1e-5 turns and velocities in steps of 1e-5 turns per
@@ -157,15 +158,15 @@ impl Servo {
     /// does not contain the time since power-on.
     fn look_for_reboot(&mut self, powered_ms: Option<i64>, home: i8) {
         let before = self.powered_ms.or(powered_ms);
-        let later = powered_ms.zip(before).is_some_and(|(now, before)| now > before + SLACK_MS);
-        if later || home < self.home {
+        let later_by = powered_ms.zip(before).map_or(0, |(now, before)| later_by(now, before));
+        if later_by > SLACK_MS || home < self.home {
             (self.lost, self.powered_ms) = (MET_AGAIN, powered_ms);
             (self.turns_off, self.rezeroing) = (0, false);
         } else {
             self.lost = self.lost.saturating_sub(u32::from(self.off));
             // The clocks of the servo and of the host drift apart, so the stored time follows
             // slowly.
-            self.powered_ms = powered_ms.zip(before).map(|(now, before)| now.min(before + 1)).or(before);
+            self.powered_ms = before.map(|before| before + later_by.min(1));
         }
         self.home = home;
     }

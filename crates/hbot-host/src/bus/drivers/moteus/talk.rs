@@ -168,7 +168,7 @@ impl<'a> Talk<'a> {
             codec::state_query(Turn::Uptime).serialize(&mut frame);
             let uptime = self.ask(joint.id, &frame, |data| codec::state(data)?.uptime_ms)?;
             let before = self.expected.note(POWERED + at).load(Ordering::Relaxed);
-            lost |= powered(uptime) > before + SLACK_MS;
+            lost |= later_by(powered(uptime), before) > SLACK_MS;
         }
         Ok(lost)
     }
@@ -211,6 +211,16 @@ fn from(said: &Said, id: u8) -> Option<&[u8]> {
 
 fn stream(data: &[u8]) -> Option<Vec<u8>> {
     parse_server_to_client(data, CONSOLE).map(<[u8]>::to_vec)
+}
+
+/// Returns by how much the time of power-on `now` is later than the time `before`, ms. A servo counts
+/// the time since power-on to 2^32 ms, about 50 days. When it begins again at 0, it seems to have got
+/// power that much later. Clocks that drift apart can make a servo seem to have got power earlier.
+pub(super) fn later_by(now: i64, before: i64) -> i64 {
+    const WHOLE_MS: i64 = 1 << 32;
+    const DAY_MS: i64 = 86_400_000;
+    let later = (now - before).rem_euclid(WHOLE_MS);
+    if later > WHOLE_MS - DAY_MS { later - WHOLE_MS } else { later }
 }
 
 /// Returns the time at which a servo got power, in ms since the start of the system. `uptime_ms` is
