@@ -99,8 +99,8 @@ pub struct FaultEvent {
     /// What to do about the fault on this rig before a reset, in sentences. `None` without a fault.
     #[serde(default)]
     pub remedy: Option<String>,
-    /// Path of the flight log that the server writes about it, on the server's computer. `None` if it
-    /// writes none.
+    /// Path of the flight log that the server writes about it, on the server's computer. `None` if
+    /// it writes none.
     #[serde(default)]
     pub flight_log: Option<String>,
     /// Who stopped or reset the rig. `None` if the rig stopped by itself.

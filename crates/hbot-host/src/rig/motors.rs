@@ -151,8 +151,8 @@ impl Motors {
             }
         }
         // The oldest answer defines the age of the combined reading. The core treats a reading as
-        // new only if all of its joints are new. Once every bus has answered, complaints take effect
-        // without a new one.
+        // new only if all of its joints are new. Once every bus has answered, complaints take
+        // effect without a new one.
         let age = |answers: u32| tick.wrapping_sub(answers);
         let oldest = self.buses.iter().try_fold(tick, |oldest, attached| {
             attached.answers.map(|answers| if age(answers) > age(oldest) { answers } else { oldest })

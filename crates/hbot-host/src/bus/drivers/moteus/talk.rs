@@ -213,9 +213,10 @@ fn stream(data: &[u8]) -> Option<Vec<u8>> {
     parse_server_to_client(data, CONSOLE).map(<[u8]>::to_vec)
 }
 
-/// Returns by how much the time of power-on `now` is later than the time `before`, ms. A servo counts
-/// the time since power-on to 2^32 ms, about 50 days. When it begins again at 0, it seems to have got
-/// power that much later. Clocks that drift apart can make a servo seem to have got power earlier.
+/// Returns by how much the time of power-on `now` is later than the time `before`, ms. A servo
+/// counts the time since power-on to 2^32 ms, about 50 days. When it begins again at 0, it seems to
+/// have got power that much later. Clocks that drift apart can make a servo seem to have got power
+/// earlier.
 pub(super) fn later_by(now: i64, before: i64) -> i64 {
     const WHOLE_MS: i64 = 1 << 32;
     const DAY_MS: i64 = 86_400_000;
