@@ -220,6 +220,9 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
             }
         }
     }
+    if good {
+        tell!("{}every controller answers, and no setting was found wrong{}", style::GOOD, style::OFF)?;
+    }
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

@@ -87,7 +87,8 @@ pub(crate) fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> Str
         None => None,
     });
     let server = typed.and_then(|server| server.or_else(|| arguments.next()));
-    let text = addressed(&text.to_string(), server.as_deref());
+    let variable = std::env::var("HBOT_SERVER").ok().filter(|server| !server.is_empty());
+    let text = addressed(&text.to_string(), server.as_deref(), variable.as_deref());
     let text = pasteable(&text, &program());
     terminal::columns(output).map_or_else(|| text.clone(), |columns| terminal::wrapped(&text, columns))
 }
@@ -107,20 +108,23 @@ fn program() -> String {
 /// Commands that ask a server and that texts name without its address.
 const ASKS: [&str; 8] = ["disable", "enable", "estop", "info", "reset", "scene show", "set", "watch"];
 
-/// Returns a text for people whose commands of hbot name the server that the user has named, if it
-/// was one.
-fn addressed(text: &str, server: Option<&str>) -> String {
-    let Some(server) = server else { return text.to_owned() };
-    let here = server.starts_with("127.") || server.starts_with("localhost") || server.starts_with("[::1]");
-    let whole = |(k, part): (usize, &str)| match part.strip_prefix("hbot ") {
-        Some("server") if k % 2 == 1 && here => format!("{part} --listen {server}"),
-        Some(command) if k % 2 == 1 && !part.contains(" --server") => {
-            let asks = ASKS.iter().any(|name| {
-                command.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
-            });
-            if asks { format!("{part} --server {server}") } else { part.to_owned() }
+/// Returns a text for people whose commands of hbot name the server that the user has `typed`, and
+/// whose `hbot server` listens where the user's commands ask: there, or where the `variable`
+/// HBOT_SERVER says.
+fn addressed(text: &str, typed: Option<&str>, variable: Option<&str>) -> String {
+    let is_here = |server: &&str| ["127.", "localhost", "[::1]"].iter().any(|host| server.starts_with(host));
+    let listen = typed.or(variable).filter(is_here);
+    let asks = |command: &str| {
+        let mut rests = ASKS.iter().filter_map(|name| command.strip_prefix(name));
+        rests.any(|rest| rest.is_empty() || rest.starts_with(' ')) && !command.contains(" --server")
+    };
+    let whole = |(k, part): (usize, &str)| {
+        let command = part.strip_prefix("hbot ").filter(|_| k % 2 == 1);
+        match (command, typed, listen) {
+            (Some("server"), _, Some(server)) => format!("{part} --listen {server}"),
+            (Some(command), Some(server), _) if asks(command) => format!("{part} --server {server}"),
+            _ => part.to_owned(),
         }
-        _ => part.to_owned(),
     };
     text.split('`').enumerate().map(whole).collect::<Vec<_>>().join("`")
 }
@@ -263,11 +267,12 @@ mod tests {
     #[test]
     fn a_command_names_the_server_that_the_user_has_named() {
         let text = "`hbot reset`, then `hbot enable`, `hbot rig check`, `hbot server`";
-        assert_eq!(addressed(text, None), text);
+        assert_eq!(addressed(text, None, Some("lab:1")), text);
         let named =
             "`hbot reset --server lab:1`, then `hbot enable --server lab:1`, `hbot rig check`, `hbot server`";
-        assert_eq!(addressed(text, Some("lab:1")), named);
-        assert_eq!(addressed("`hbot server`", Some("127.0.0.1:1")), "`hbot server --listen 127.0.0.1:1`");
+        assert_eq!(addressed(text, Some("lab:1"), None), named);
+        let listening = "`hbot server --listen 127.0.0.1:1`";
+        assert_eq!(addressed("`hbot server`", None, Some("127.0.0.1:1")), listening);
     }
 
     #[test]

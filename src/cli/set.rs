@@ -174,7 +174,7 @@ fn check(info: &InfoOk, effect: &str, parameters: &Map<String, Value>) -> anyhow
     running.set(effect, parameters).map(drop).map_err(|error| {
         let refusal = set_refusal(effect, &error);
         match error {
-            SetError::UnknownEffect { .. } => anyhow!("{refusal}: {}", orders::SHOW_SCENE),
+            SetError::UnknownEffect { .. } => anyhow!("{refusal}; {}", orders::SHOW_SCENE),
             SetError::Malformed(_) | SetError::Invalid(_) => anyhow!(refusal),
         }
     })

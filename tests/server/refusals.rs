@@ -469,9 +469,11 @@ fn dashes_that_cargo_passes_on_are_skipped() {
 fn a_client_command_without_a_server_says_how_to_start_one() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
     for command in ["watch", "disable", "enable"] {
-        run(&[command, "--server", &free.to_string()])
-            .failure()
-            .stderr(contains("`hbot server`").and(contains("cargo run server")).and(contains("HBOT_SERVER")));
+        run(&[command, "--server", &free.to_string()]).failure().stderr(
+            contains(format!("`hbot server --listen {free}`"))
+                .and(contains("cargo run server"))
+                .and(contains("HBOT_SERVER")),
+        );
     }
     // A server that is started now would not stop the rig, so the error does not name `hbot
     // server`.
