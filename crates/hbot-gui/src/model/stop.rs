@@ -78,11 +78,11 @@ impl PendingStop {
     pub(crate) fn way_out(&self, server: &str, has_keys: bool) -> String {
         if server == self.server {
             let what = if has_keys { "STOP (or Esc)" } else { "STOP" };
-            format!("Press {what} again. This message ends when a state shows no torque.")
+            format!("Press {what} again. This message ends when the rig reports a mode without torque.")
         } else {
             format!(
-                "This panel is at {server} now and cannot stop that rig. This message ends when it is at {} again and a \
-                 state shows no torque.",
+                "This panel is at {server} now and cannot stop that rig. This message ends when it is at {} again and the \
+                 rig reports a mode without torque.",
                 self.server
             )
         }

@@ -35,7 +35,7 @@ const LARGE: f32 = 15.0;
 /// A speed is judged by its largest value in this time, so that what is said does not flicker, s.
 const RECENT_S: f64 = 0.5;
 /// Speed above which the box says that the sphere still turns, rad/s.
-const TURNS: f64 = 0.1;
+pub(super) const TURNS: f64 = 0.1;
 /// What the headline of a sphere that shakes says beside the mode.
 const SHAKES: &str = ": shakes";
 /// What that of a scene that may shake says.

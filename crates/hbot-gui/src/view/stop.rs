@@ -4,13 +4,16 @@ use eframe::egui::{Align2, Button, Color32, Event, FontId, PointerButton, RichTe
 use glam::DVec3;
 use hbot_api::Mode;
 
-use super::theme::{Palette, STOP, named};
+use super::state::TURNS;
+use super::theme::{Palette, STOP, named, stripes};
 use crate::model::Model;
 use crate::net::Intent;
 
 /// Size of the text below the stop button, and of the second line in it, points.
 const KEYS: f32 = 12.0;
 const REACH: f32 = 14.0;
+/// Width of the striped edge of a button that may reach nobody, points.
+const EDGE: f32 = 5.0;
 
 /// Draws the stop button. The panel calls this in all its states, so that the button is always
 /// present.
@@ -23,6 +26,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         None => (STOP, Color32::WHITE),
     };
     let line = match stopped {
+        Some(state) if DVec3::from(state.omega).length() > TURNS => "no torque, still turning".to_owned(),
         Some(state) => format!("stopped, {:.2} N m", DVec3::from(state.torque).length()),
         None if !model.is_online() => "cannot reach the rig".to_owned(),
         None if model.quiet_for().is_some() => "may not arrive".to_owned(),
@@ -38,6 +42,17 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         ui.add_sized(size, button)
     };
     let response = named(ui.scope(add).inner, "Stop");
+    if stopped.is_none() && !line.is_empty() {
+        let rect = response.rect;
+        for edge in [
+            rect.with_max_y(rect.top() + EDGE),
+            rect.with_min_y(rect.bottom() - EDGE),
+            rect.with_max_x(rect.left() + EDGE),
+            rect.with_min_x(rect.right() - EDGE),
+        ] {
+            ui.painter().with_clip_rect(edge).extend(stripes(edge, Color32::BLACK, 6.0, Color32::WHITE));
+        }
+    }
     let (up, size) = if line.is_empty() { (0.0, 30.0) } else { (9.0, 26.0) };
     let word = response.rect.center() - vec2(0.0, up);
     ui.painter().text(word, Align2::CENTER_CENTER, "STOP", FontId::proportional(size), ink);
@@ -60,7 +75,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     } else if has_keys(ui) {
         ("Esc or Space, anywhere in this window", palette.weak)
     } else {
-        ("Esc and Space work after a click here", palette.weak)
+        ("Click here first: then Esc and Space stop", palette.weak)
     };
     // In one line also in a narrow window, so that nothing moves.
     ui.vertical_centered(|ui| ui.label(RichText::new(text).size(KEYS).color(color)));

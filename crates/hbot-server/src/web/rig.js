@@ -41,6 +41,8 @@ export class Rig {
     this.info = null;
     /** Whether the rig was simulated, as the server said last. Another one may be there now. */
     this.wasSimulated = null;
+    /** The last state of all servers. */
+    this.lastState = null;
     this.lease = { who: 'unknown' };
     /** Numbers of this page's connections, to recognise what it has done itself. */
     this.own = new Set();
@@ -199,7 +201,7 @@ export class Rig {
     if (stop && (stop.after === null || state.tick > stop.after) && !hasTorque(state.mode)) {
       this.stop = null;
     }
-    this.state = state;
+    this.state = this.lastState = state;
     this.heard = performance.now();
     this.origin = state.reference ? 'reference' : 'N';
     this.samples.push({ t: state.t, omega: state.omega, torque: state.torque, scale: state.scale,

@@ -63,10 +63,10 @@ function details(rig) {
   const stop = rig.unconfirmedStop;
   const state = rig.state;
   const mode = rig.info?.modes?.find((mode) => mode.name === state?.mode)?.sentence ?? '';
-  const old = rig.silentFor !== null && state
-    ? [['last', `Last heard: ${state.mode.toUpperCase()}, ${length(state.torque).toFixed(2)} N m.`]] : [];
+  const old = !rig.isLive && rig.lastState
+    ? [['last', `Last heard: ${rig.lastState.mode.toUpperCase()}, ${length(rig.lastState.torque).toFixed(2)} N m.`]] : [];
   if (stop) {
-    const ends = 'This message ends when a state shows no torque.';
+    const ends = 'This message ends when the rig reports a mode without torque.';
     // What was wrong is over where the rig is heard again.
     if (rig.isBack) {
       return [

@@ -29,7 +29,7 @@ fn a_stop_that_failed_is_shown_above_all_else() {
         stop_in_vain(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(shows(&seen, "NOT STOPPED") && shows(&seen, "Cut the motors' power."));
-        let way_out = ["Press STOP (or Esc) again.", "a state shows no torque", "s since STOP"];
+        let way_out = ["Press STOP (or Esc) again.", "reports a mode without torque", "s since STOP"];
         for words in way_out {
             assert!(shows(&seen, words), "{words}, lost: {lost}");
         }
@@ -50,7 +50,7 @@ fn keys_that_go_to_another_window_are_not_advised() {
         seen.input_mut().focused = false;
         settle(&mut seen);
         assert!(shows(&seen, "Press STOP again.") && !shows(&seen, "or Esc)"));
-        let words = "Esc and Space work after a click here";
+        let words = "Click here first: then Esc and Space stop";
         let texts = texts(&seen);
         let told = texts.iter().find(|it| it.text == words).expect("the warning");
         assert!(told.is_whole() && told.color != Palette::of_theme(true, Color32::GRAY).warn, "{told:?}");
