@@ -80,7 +80,7 @@ pub(crate) fn aside(text: Arguments<'_>) {
 
 /// Returns a text whose lines fit the terminal that `output` writes to, if it is one.
 pub(crate) fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> String {
-    let mut arguments = std::env::args();
+    let mut arguments = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
     let typed = arguments.find_map(|word| match word.strip_prefix("--server") {
         Some("") => Some(None),
         Some(rest) => rest.strip_prefix('=').map(|server| Some(server.to_owned())),

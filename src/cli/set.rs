@@ -264,7 +264,7 @@ mod tests {
         assert_eq!(checked("spring", "stiffness", json!(2)), Ok(()));
         assert_eq!(checked("spring", "deadband", json!("5 deg")), Ok(()));
         let refused = |id, key, value| checked(id, key, value).unwrap_err();
-        assert!(refused("sprung", "stiffness", json!(2)).contains("legal: spring: `hbot scene show`"));
+        assert!(refused("sprung", "stiffness", json!(2)).contains("legal: spring; `hbot scene show`"));
         assert!(refused("sprong", "stiffness", json!(2)).contains("(did you mean `spring`?)"));
         assert!(refused("spring", "stifness", json!(2)).contains("did you mean `stiffness`"));
         assert!(refused("spring", "stiffness", json!(-1)).contains("-1 is out of range"));

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant, SystemTime};
 
 use clap::Args;
-use hbot_api::{Event, StateEvent, time_of_day};
+use hbot_api::{Event, Mode, StateEvent, time_of_day};
 use hbot_host::run_loop::{StopFlag, signals};
 
 use super::numbers::whole;
@@ -104,14 +104,19 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
             }
             Event::Fault(fault) if !args.json => {
                 let name = fault.fault.map_or_else(|| fault.mode.to_string(), |cause| cause.to_string());
-                let remedy = fault.remedy.iter().map(|remedy| format!(". {}", foreign(remedy)));
+                let remedy = fault.remedy.iter().map(|remedy| format!(" {}", foreign(remedy)));
+                let more = match fault.mode {
+                    Mode::Fault | Mode::Estop => {
+                        format!(".{} To go on: reset, then enable.", remedy.collect::<String>())
+                    }
+                    _ => String::new(),
+                };
                 format!(
-                    "{}  {}{name}{}: {}{}",
+                    "{}  {}{name}{}: {}{more}",
                     time_of_day(SystemTime::now()),
                     style::of_mode(fault.mode.as_str()),
                     style::OFF,
-                    foreign(&fault.message),
-                    remedy.collect::<String>()
+                    foreign(&fault.message)
                 )
             }
             Event::Scene(scene) if !args.json => {
