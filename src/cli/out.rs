@@ -106,7 +106,8 @@ fn program() -> String {
 }
 
 /// Commands that ask a server and that texts name without its address.
-const ASKS: [&str; 8] = ["disable", "enable", "estop", "info", "reset", "scene show", "set", "watch"];
+const ASKS: [&str; 9] =
+    ["disable", "enable", "estop", "info", "reset", "scene load", "scene show", "set", "watch"];
 
 /// Returns a text for people whose commands of hbot name the server that the user has `typed`, and
 /// whose `hbot server` listens where the user's commands ask: there, or where the `variable`

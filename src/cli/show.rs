@@ -125,7 +125,7 @@ pub(crate) fn note_without_torque(info: &InfoOk) {
 fn stable(render: &RenderInfo) -> String {
     let stiffness = format!(
         "  stiffness  in small motions stable up to {:.1} N m/rad with a damping of {} N m s/rad, for example, and up to {:.0} with \
-         the best damping; after a tap often less: `hbot set` warns of it",
+         the best damping; after a tap often less, which the warnings about a scene say",
         render.stiffness_stable,
         number(render.damping),
         render.stiffness_most
@@ -278,7 +278,7 @@ mod tests {
             ..RenderInfo::default()
         };
         let stiffness = "  stiffness  in small motions stable up to 10.0 N m/rad with a damping of 0.02 N m s/rad, for example, and up to \
-                         495 with the best damping; after a tap often less: `hbot set` warns of it";
+                         495 with the best damping; after a tap often less, which the warnings about a scene say";
         assert_eq!(stable(&render), format!("{stiffness}\n  damping    alone stable up to 1.250 N m s/rad"));
         assert_eq!(stable(&RenderInfo { damping_most: 0.0, ..render.clone() }), stiffness, "an older server");
     }
