@@ -184,7 +184,7 @@ fn note_if_simulated(rig: &RigConfig) {
 pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
     let rig = args.rig.load()?;
     note_if_simulated(&rig);
-    let mut good = true;
+    let (mut good, mut noted) = (true, false);
     for line in scan(&rig)? {
         good &= line.is_good();
         tell!("{}{}{}: {} answer", style::NAME, line.port, style::OFF, line.found.len())?;
@@ -209,6 +209,7 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
         let notes = |it: &Filtering| [it.warnings(&rig), it.advice(&rig)].concat();
         for warning in each_once(line.found.iter().map(|it| (it.id.to_string(), notes(&it.filtering)))) {
             tell!("  {}note:{} {warning}", style::WARN, style::OFF)?;
+            noted = true;
         }
         for (ids, what) in [
             (&line.twice, "more than one controller has the id: connect one at a time and give each its own"),
@@ -220,7 +221,7 @@ pub(crate) fn run_scan(args: &ScanArgs) -> anyhow::Result<ExitCode> {
             }
         }
     }
-    if good {
+    if good && !noted {
         tell!("{}every controller answers, and no setting was found wrong{}", style::GOOD, style::OFF)?;
     }
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })

@@ -15,6 +15,7 @@ use std::ffi::OsString;
 use std::fmt::{Arguments, Display};
 use std::fs::File;
 use std::io::{ErrorKind, Result, Write as _};
+use std::net::SocketAddr;
 use std::os::unix::fs::FileTypeExt as _;
 use std::path::Path;
 use std::process::ExitCode;
@@ -106,14 +107,14 @@ fn program() -> String {
 }
 
 /// Commands that ask a server and that texts name without its address.
-const ASKS: [&str; 9] =
-    ["disable", "enable", "estop", "info", "reset", "scene load", "scene show", "set", "watch"];
+const ASKS: [&str; 10] =
+    ["disable", "enable", "estop", "hand turn", "info", "reset", "scene load", "scene show", "set", "watch"];
 
 /// Returns a text for people whose commands of hbot name the server that the user has `typed`, and
 /// whose `hbot server` listens where the user's commands ask: there, or where the `variable`
 /// HBOT_SERVER says.
 fn addressed(text: &str, typed: Option<&str>, variable: Option<&str>) -> String {
-    let is_here = |server: &&str| ["127.", "localhost", "[::1]"].iter().any(|host| server.starts_with(host));
+    let is_here = |server: &&str| server.parse().is_ok_and(|at: SocketAddr| at.ip().is_loopback());
     let listen = typed.or(variable).filter(is_here);
     let asks = |command: &str| {
         let mut rests = ASKS.iter().filter_map(|name| command.strip_prefix(name));

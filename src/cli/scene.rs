@@ -244,7 +244,9 @@ fn load(scene: &SceneFile, ideal: bool, to: &Commanding) -> anyhow::Result<()> {
     if loaded.ignored.is_empty() && !ideal {
         note_if_nobody_holds(scene);
     }
-    super::show::note_without_torque(&client.info().map_err(orders::remedied)?);
+    if let Ok(info) = client.info() {
+        super::show::note_without_torque(&info);
+    }
     Ok(())
 }
 

@@ -107,7 +107,10 @@ pub(crate) fn run(args: &WatchArgs) -> anyhow::Result<ExitCode> {
                 let remedy = fault.remedy.iter().map(|remedy| format!(" {}", foreign(remedy)));
                 let more = match fault.mode {
                     Mode::Fault | Mode::Estop => {
-                        format!(".{} To go on: reset, then enable.", remedy.collect::<String>())
+                        let log =
+                            fault.flight_log.iter().map(|path| format!(" Flight log: {}", foreign(path)));
+                        let told: String = remedy.collect();
+                        format!(".{told} To go on: reset, then enable.{}", log.collect::<String>())
                     }
                     _ => String::new(),
                 };

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ffi::c_char;
 use std::time::{Duration, Instant};
 
-use hbot_api::{Event, LeaseCause, Requester, StateEvent};
+use hbot_api::{Event, FaultEvent, LeaseCause, Requester, StateEvent};
 
 use crate::boundary::{Out, copied};
 use crate::client::{HbotClient, Inner, with};
@@ -95,6 +95,13 @@ pub struct HbotEvent {
     pub by_session: u64,
 }
 
+/// Returns what happened in a fault or a stop, what to do about it, and where the flight log is.
+fn told(fault: &FaultEvent) -> String {
+    let remedy = fault.remedy.iter().map(|remedy| format!(". {remedy}"));
+    let log = fault.flight_log.iter().map(|path| format!("; flight log: {path}"));
+    [fault.message.clone()].into_iter().chain(remedy).chain(log).collect()
+}
+
 impl HbotEvent {
     fn new(kind: HbotEventKind, text: &str) -> Self {
         Self {
@@ -129,7 +136,7 @@ impl HbotEvent {
                 t: fault.t,
                 mode: fault.mode.into(),
                 fault: fault.fault.into(),
-                ..Self::new(HbotEventKind::Fault, &fault.message).by(fault.by.as_ref())
+                ..Self::new(HbotEventKind::Fault, &told(fault)).by(fault.by.as_ref())
             },
             Event::Lease(lease) => Self {
                 cause: match lease.cause {

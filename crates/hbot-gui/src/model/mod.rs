@@ -366,8 +366,9 @@ impl Model {
             (Some(by), mode) if mode != Mode::Fault => format!("{} by {}", fault.message, self.who(by)),
             _ => fault.message.clone(),
         };
+        let log = fault.flight_log.as_ref().map(|path| format!("; flight log: {path}")).unwrap_or_default();
         // The window shows this message below the mode while the fault lasts.
-        self.messages.add_told(weight, format!("the {what} was {name}: {message}"));
+        self.messages.add_told(weight, format!("the {what} was {name}: {message}{log}"));
         if stopped {
             self.unmarked.push((What::Fault, name.to_owned(), Some(fault.tick)));
         }

@@ -215,13 +215,13 @@ fn stream(data: &[u8]) -> Option<Vec<u8>> {
 
 /// Returns by how much the time of power-on `now` is later than the time `before`, ms. A servo
 /// counts the time since power-on to 2^32 ms, about 50 days. When it begins again at 0, it seems to
-/// have got power that much later. Clocks that drift apart can make a servo seem to have got power
-/// earlier.
+/// have got power that much later. Clocks that drift apart, by a hundred millionths at most, can
+/// make a servo seem to have got power up to 10 minutes earlier.
 pub(super) fn later_by(now: i64, before: i64) -> i64 {
     const WHOLE_MS: i64 = 1 << 32;
-    const DAY_MS: i64 = 86_400_000;
+    const DRIFT_MS: i64 = 600_000;
     let later = (now - before).rem_euclid(WHOLE_MS);
-    if later > WHOLE_MS - DAY_MS { later - WHOLE_MS } else { later }
+    if later > WHOLE_MS - DRIFT_MS { later - WHOLE_MS } else { later }
 }
 
 /// Returns the time at which a servo got power, in ms since the start of the system. `uptime_ms` is
