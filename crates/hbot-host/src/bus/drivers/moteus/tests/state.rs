@@ -115,8 +115,8 @@ fn clocks_that_drift_apart_are_no_restart_and_half_a_second_is_one() {
         }
         assert_eq!(servo.lost, lost, "{later_ms} ms later");
     }
-    // After 49.7 days with power, the servo's count begins again at 0. That of a servo that restarts
-    // earlier does too.
+    // After 49.7 days with power, the servo's count begins again at 0. That of a servo that
+    // restarts earlier does too.
     let days = |days: u32| (days * 86_400_000) as i32;
     for (before, lost) in [(-1, 0), (days(30), 100), (days(49), 100)] {
         let mut servo = servo_of_gear(1.0);
