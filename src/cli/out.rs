@@ -81,15 +81,8 @@ pub(crate) fn aside(text: Arguments<'_>) {
 
 /// Returns a text whose lines fit the terminal that `output` writes to, if it is one.
 pub(crate) fn fitted(text: Arguments<'_>, output: impl std::os::fd::AsFd) -> String {
-    let mut arguments = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
-    let typed = arguments.find_map(|word| match word.strip_prefix("--server") {
-        Some("") => Some(None),
-        Some(rest) => rest.strip_prefix('=').map(|server| Some(server.to_owned())),
-        None => None,
-    });
-    let server = typed.and_then(|server| server.or_else(|| arguments.next()));
-    let variable = std::env::var("HBOT_SERVER").ok().filter(|server| !server.is_empty());
-    let text = addressed(&text.to_string(), server.as_deref(), variable.as_deref());
+    let variable = std::env::var("HBOT_SERVER").ok();
+    let text = addressed(&text.to_string(), typed_server().as_deref(), variable.as_deref());
     let text = pasteable(&text, &program());
     terminal::columns(output).map_or_else(|| text.clone(), |columns| terminal::wrapped(&text, columns))
 }
@@ -104,6 +97,19 @@ fn program() -> String {
         Some(_) => format!("cargo run{release}"),
         None => called,
     }
+}
+
+/// Returns the server that the command line names.
+fn typed_server() -> Option<String> {
+    let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+    while let Some(word) = words.next() {
+        match word.strip_prefix("--server") {
+            Some("") => return words.next(),
+            Some(rest) if rest.starts_with('=') => return Some(rest[1..].to_owned()),
+            _ => {}
+        }
+    }
+    None
 }
 
 /// Commands that ask a server and that texts name without its address.

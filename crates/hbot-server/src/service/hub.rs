@@ -385,12 +385,8 @@ impl Hub {
             self.end.run_freely();
             for (session, id, _) in std::mem::take(&mut self.advancing) {
                 let message = "op advance: the lease has changed hands, so time passes by itself";
-                self.refuse(
-                    session,
-                    id,
-                    Some(OpName::Advance),
-                    ErrorBody::new(ErrorCode::NotHolder, message),
-                );
+                let error = ErrorBody::new(ErrorCode::NotHolder, message);
+                self.refuse(session, id, Some(OpName::Advance), error);
                 self.publisher.answered(session);
             }
         }

@@ -97,12 +97,12 @@ function details(rig) {
     const words = rig.info?.faults?.find((fault) => fault.name === state.fault);
     const who = by ? ` It was ${rig.name(by)}.` : '';
     const { found, remedy } = rig.fault ?? {};
-    const take = { mine: '', other: 'Take over, ' }[rig.lease.who] ?? 'Take command, ';
-    // Of a simulated rig, nothing has to be mended before.
-    const goOn = `To go on: ${take}Reset, then Enable.`;
+    const take = taking(rig);
+    const goOn = `To go on: ${take && `${take}, `}Reset, then Enable.`;
     return [
       ['', `No torque. ${words?.sentence ?? state.fault}${who}`],
       ['warn', notReset(rig)],
+      // Of a simulated rig, nothing has to be mended before.
       rig.isSimulated ? ['', `${goOn} ${remedy ?? ''}`, goOn] : ['', `${remedy ?? ''} ${goOn}`, remedy?.match(/^.*?\.( |$)/)?.[0]],
       ['weak', found && !narrow.matches ? `${state.fault}: ${found}` : state.fault]];
   }
@@ -153,8 +153,11 @@ function notReset(rig) {
   return rig.refusal?.op === 'reset' ? `Not reset: ${rig.refusal.why}` : '';
 }
 
+/** Returns the button that gives command, if the person must press it first. */
+const taking = (rig) => ({ mine: '', other: 'Take over' }[rig.lease.who] ?? 'Take command');
+
 function wayOn(rig) {
-  const take = { mine: '', other: 'press Take over, then ' }[rig.lease.who] ?? 'press Take command, then ';
+  const take = taking(rig) && `press ${taking(rig)}, then `;
   const far = !rig.isFar || take ? '' : rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
   const press = take ? '' : 'press ';
   const rest = spins(rig) ? 'wait until the sphere rests, then ' : '';
