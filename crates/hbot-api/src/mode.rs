@@ -13,7 +13,7 @@ names! {
         /// The rig was enabled, and the torque rises over 0.5 s.
         Enabling = "enabling": "The torque is rising to its full size.",
         /// The rig renders the scene.
-        Active = "active": "The scene is rendered: the sphere pushes.",
+        Active = "active": "Torque is on: the sphere can push at any time.",
         /// A fault has stopped the rig. There is no torque until a reset.
         Fault = "fault": "The rig has stopped by itself. No torque until a reset.",
         /// An emergency stop has stopped the rig. There is no torque until a reset.

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use hbot_api::{Mode, Requester};
+use glam::DVec3;
+use hbot_api::{Mode, Requester, StateEvent};
 
 use super::{Link, Model, PendingStop, SILENT_AFTER};
 use crate::net::Lease;
@@ -39,7 +40,7 @@ impl Headline {
     /// Returns a sign that tells the headlines apart without their colours.
     pub(crate) const fn sign(self) -> &'static str {
         match self {
-            Self::NotStopped => "\u{2298}",
+            Self::NotStopped => "\u{2a2f}",
             Self::NoContact | Self::NoState => "\u{25cc}",
             Self::Mode(Mode::Fault) => "\u{25b2}",
             Self::Mode(Mode::Estop) => "\u{25a0}",
@@ -105,6 +106,18 @@ impl Model {
     pub(crate) fn is_at_limit(&self) -> bool {
         let limit = self.info.limits.torque;
         limit > 0.0 && self.history.pushes_with(AT_LIMIT * limit, AT_LIMIT_S)
+    }
+
+    /// Returns what cuts the torque of a state. Other limits than these do not show in it.
+    pub(crate) fn limit_of(&self, state: &StateEvent) -> &'static str {
+        let limit = self.info.limits.torque;
+        if state.traction >= 1.0 {
+            "Friction cuts"
+        } else if limit > 0.0 && DVec3::from(state.torque).length() >= AT_LIMIT * limit {
+            "The torque limit cuts"
+        } else {
+            "Limits cut"
+        }
     }
 
     /// Returns whether the rig that `stop` should have stopped is known to be simulated. Without a

@@ -1,11 +1,11 @@
 //! The bar at the top of the window: whether the rig is simulated, the connection, and who holds
 //! the lease.
 
-use eframe::egui::{self, RichText, TextEdit, Ui, vec2};
+use eframe::egui::{self, Button, RichText, TextEdit, Ui, vec2};
 
 use super::Desk;
 use super::stop::has_keys;
-use super::theme::{LIVE, Palette, badge, heading, lamp, leading, named, press, weak, wrapped};
+use super::theme::{LIVE, Palette, badge, bold_text, heading, lamp, leading, named, press, weak, wrapped};
 use crate::model::{Link, Model, has_torque};
 use crate::net::{Intent, Lease};
 
@@ -35,7 +35,8 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         };
         kind_of_rig(ui, model, desk, palette);
         lamp(ui, color);
-        ui.label(RichText::new(text).strong());
+        let text = bold_text(ui, text);
+        ui.label(text);
         weak(ui, &model.server);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             theme_switch(ui);
@@ -146,12 +147,16 @@ pub(crate) fn question(ui: &Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
             wrapped(ui, text);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
-                if named(ui.button("Take over"), "Take over now").clicked() {
+                // As large and as far apart as fingers need.
+                let size = vec2(110.0, 40.0);
+                ui.spacing_mut().item_spacing.x = 16.0;
+                let take = ui.add(Button::new("Take over").min_size(size));
+                if named(take, "Take over now").clicked() {
                     intents.push(Intent::Acquire { steal: true });
                     desk.taking_over = None;
                 }
                 // The safe answer stands out, and Enter gives it.
-                let cancel = ui.add(leading(ui, "Cancel"));
+                let cancel = ui.add(leading(ui, "Cancel").min_size(size));
                 if is_new {
                     cancel.request_focus();
                 }

@@ -1,10 +1,10 @@
 //! Bars that show how near the rig is to each of its limits.
 
-use eframe::egui::{self, Color32, RichText, Role, Ui, WidgetInfo, vec2};
+use eframe::egui::{self, Color32, FontId, RichText, Role, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 
 use super::state::is_low;
-use super::theme::{Palette, column, sized};
+use super::theme::{Palette, bold, column, sized};
 use crate::model::Model;
 
 /// Names of the bars and their hover texts, which also explain the units.
@@ -28,8 +28,9 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
         if is_low(ui) { (0.0, 16.0) } else { (2.0, ui.spacing().interact_size.y) };
     let limits = &model.info.limits;
     let load = |share, figures| load(palette, share, figures);
-    // Without a state the bars keep their places.
-    let values = model.state.as_ref().map_or_else(
+    // Without a state that is true now, the bars keep their places.
+    let state = model.state.as_ref().filter(|_| model.is_certain());
+    let values = state.map_or_else(
         || METERS.map(|_| load(0.0, "-".to_owned())),
         |state| {
             let lost = 1.0 - state.scale;
@@ -53,7 +54,7 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
     }
     // How far ahead the scene is rendered. The line keeps its place; a low window has none.
     if !is_low(ui) {
-        let lead = model.state.as_ref().map(|state| state.timing.lead_us).filter(|lead| *lead > 0.0);
+        let lead = state.map(|state| state.timing.lead_us).filter(|lead| *lead > 0.0);
         let text = lead.map_or(" ".to_owned(), |lead| format!("rendered {:.2} ms ahead", 1.0e-3 * lead));
         let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
         if lead.is_some() {
@@ -81,7 +82,9 @@ fn torque(model: &Model, palette: Palette) -> (f64, Color32, String) {
     } else {
         format!("{torque:.2} / {limit:.2} N m")
     };
-    load(palette, share(torque, limit), figures)
+    let (share, color, figures) = load(palette, share(torque, limit), figures);
+    // What is cut has one colour.
+    (share, if model.is_at_limit() { palette.torque } else { color }, figures)
 }
 
 fn speed(speed: f64, model: &Model, palette: Palette) -> (f64, Color32, String) {
@@ -96,7 +99,8 @@ pub(super) fn show_torque(ui: &mut Ui, model: &Model, palette: Palette, speed: O
     let rest = if speed.is_some() { "N m" } else { limit };
     let (size, ink) = (if is_low(ui) { 22.0 } else { 32.0 }, palette.text);
     ui.horizontal(|ui| {
-        ui.label(sized(&[(large, size, ink), (&format!(" {rest}"), 13.0, ink)])).on_hover_text(TORQUE);
+        let rest = (&*format!(" {rest}"), FontId::proportional(13.0), ink);
+        ui.label(sized(&[(large, bold(ui, size), ink), rest])).on_hover_text(TORQUE);
         let Some(speed) = speed else {
             return bar(ui, palette, "Torque", ui.available_width(), &value);
         };
@@ -149,6 +153,7 @@ fn bar(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::tests::commanding;
     use crate::view::painted::{drawn, hint, texts};
     use crate::view::state::TALL;
     use egui_kittest::kittest::Queryable as _;
@@ -158,10 +163,8 @@ mod tests {
     #[test]
     fn the_lead_is_told() {
         for (lead_us, told) in [(0.0, false), (2200.0, true)] {
-            let mut model = Model::new("", "panel me@here", 1);
-            let mut state = StateEvent::default();
-            state.timing.lead_us = lead_us;
-            model.state = Some(state);
+            let mut model = commanding(true);
+            model.state.as_mut().expect("a state").timing.lead_us = lead_us;
             let seen = drawn([600.0, TALL], move |ui| show(ui, &model, Palette::of(ui)));
             assert_eq!(seen.query_by_label("rendered 2.20 ms ahead").is_some(), told);
         }

@@ -6,7 +6,7 @@ use eframe::egui::{Button, RichText, TextStyle, Ui, Vec2, vec2};
 use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
-use super::state::{is_low, too_fast};
+use super::state::{is_low, spins, too_fast};
 use super::theme::{Palette, coloured, leading, press, weak};
 use crate::model::sample::quaternion;
 use crate::model::{Model, has_torque};
@@ -86,6 +86,7 @@ fn why_off(model: &Model, distance: Distance) -> Option<String> {
         Some(Mode::Fault | Mode::Estop) => match (model.other_stopper(), distance) {
             (Some(who), _) => format!("stopped by {who}"),
             _ if too_fast(model).is_some() => "the sphere is too fast".to_owned(),
+            _ if spins(model) => "the sphere still turns".to_owned(),
             (_, Distance::Far(angle)) if !model.is_simulated() => format!("{angle:.2} rad from reference"),
             _ => return None,
         },
@@ -104,6 +105,7 @@ pub(crate) fn way_on(model: &Model) -> String {
             "No torque. To go on, make sure that nobody touches the sphere, {press} Reset, then Enable."
         );
     }
+    let rest = if spins(model) { "wait until the sphere rests, then " } else { "" };
     let first = match (take.as_deref(), Distance::of(model)) {
         (Some(take), _) => take,
         (_, Distance::Far(_)) if model.is_simulated() => "press \"set its anchor to here\", then",
@@ -111,7 +113,7 @@ pub(crate) fn way_on(model: &Model) -> String {
         _ => "press",
     };
     let takes = if model.lease == Lease::Free && take.is_none() { ", which takes command" } else { "" };
-    format!("No torque. To go on, {first} Recover{takes}.")
+    format!("No torque. To go on, {rest}{first} Recover{takes}.")
 }
 
 /// Returns the name of the button that is the next step of this user, if one of these is. In a
@@ -119,7 +121,7 @@ pub(crate) fn way_on(model: &Model) -> String {
 pub(crate) fn next_step(model: &Model) -> Option<&'static str> {
     let far = matches!(Distance::of(model), Distance::Far(_));
     match model.mode()? {
-        _ if !model.may_command() => None,
+        _ if !model.may_command() || spins(model) => None,
         Mode::Fault => too_fast(model).is_none().then_some("Reset"),
         Mode::Estop if model.other_stopper().is_some() => Some("Reset"),
         Mode::Estop => (!far).then_some("Recover"),
@@ -197,7 +199,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let stopper = model.other_stopper().map(|who| format!("Stopped by {who}: press Reset, then Enable"));
     let refusal = too_fast(model).or_else(|| refusal(model)).filter(|_| stopped);
     let refusal = stopper.or(refusal);
-    let enabled = model.may_command() && stopped && refusal.is_none();
+    let enabled = model.may_command() && stopped && refusal.is_none() && !spins(model);
     let hint = refusal.as_deref().unwrap_or(
         "Reset and Enable in one step, with a soft start of half a second. The sphere must be near the reference",
     );

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use eframe::egui::text::LayoutJob;
-use eframe::egui::{self, CollapsingHeader, ComboBox, RichText, TextEdit, TextStyle, Ui, vec2};
+use eframe::egui::{self, CollapsingHeader, ComboBox, FontId, TextEdit, TextStyle, Ui, vec2};
 use serde_json::{Value, json};
 
 use super::bar;
 use super::schema::{explain, words};
-use super::theme::{Palette, coloured, column, heading_text, named, press, sized, weak};
+use super::theme::{Palette, bold_text, coloured, column, heading_text, named, press, sized, weak};
 use super::{Act, Desk, faded_unless_live};
 use super::{law, parameter};
 use crate::files;
@@ -92,7 +92,8 @@ fn title(ui: &mut Ui, model: &Model) {
     ui.horizontal(|ui| {
         let first = bar::first(model);
         let width = ui.available_width() - first.map_or(0.0, |_| OBSERVER_ROOM);
-        column(ui, width, heading_text(model.scene.name()));
+        let name = heading_text(ui, model.scene.name());
+        column(ui, width, name);
         if let Some(first) = first {
             coloured(ui, Palette::of(ui).warn, first);
         }
@@ -141,7 +142,11 @@ fn choose(ui: &mut Ui, model: &Model, shelf: &mut Shelf, acts: &mut Vec<Act>) {
 fn entry(ui: &Ui, name: &str, said: &str) -> LayoutJob {
     let (size, visuals) = (TextStyle::Body.resolve(ui.style()).size, ui.visuals());
     let below = format!("\n{said}");
-    sized(&[(name, size, visuals.strong_text_color()), (&below, 0.9 * size, visuals.weak_text_color())])
+    let font = FontId::proportional;
+    sized(&[
+        (name, font(size), visuals.strong_text_color()),
+        (&below, font(0.9 * size), visuals.weak_text_color()),
+    ])
 }
 
 /// Draws the controls of one effect: a switch, and one control for each parameter in the schema of
@@ -160,7 +165,8 @@ fn one(ui: &mut Ui, model: &Model, effect: &Effect, desk: &mut Desk, acts: &mut 
                 acts.push(set("gain", json!(if on { before.unwrap_or(1.0) } else { 0.0 })));
             }
         }
-        ui.label(RichText::new(&effect.id).strong());
+        let id = bold_text(ui, &effect.id);
+        ui.label(id);
         let cost = model.scene.cost_ns(effect).map(|ns| format!(", {ns} ns a tick")).unwrap_or_default();
         let response = weak(ui, format!("{}{cost}", effect.kind));
         response.on_hover_text(kind.map_or("", |kind| kind.description.as_str()));

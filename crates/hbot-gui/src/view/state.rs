@@ -10,9 +10,9 @@ use hbot_config::advice::Warning;
 use super::meters::{self, percent};
 use super::recover;
 use super::stop::has_keys;
-use super::theme::{Palette, STOP, coloured, sized, stripes, weak, wrapped};
+use super::theme::{Palette, STOP, bold, coloured, sized, stripes, weak, wrapped};
 use crate::model::{Headline, Model, Refusal, has_torque};
-use crate::net::Intent;
+use crate::net::{Intent, Lease};
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points.
 const STATUS: [f32; 2] = [114.0, 180.0];
@@ -22,8 +22,9 @@ const MORE: f32 = 46.0;
 /// Size of the word for the state, and of what it says beside the mode, points.
 const HEADLINE: f32 = 28.0;
 const MOOD: f32 = 16.0;
-/// Size of the time without a word or since a stop, points.
+/// Size of the time without a word, and of the order of a stop that is not confirmed, points.
 const SINCE: f32 = 24.0;
+const ORDER: f32 = 20.0;
 /// The ground of the box without torque, dark in both themes: a stop is calm.
 const CALM: Color32 = Color32::from_rgb(0x34, 0x3b, 0x44);
 /// What replaces the advice to cut the motors' power.
@@ -36,6 +37,8 @@ const LARGE: f32 = 15.0;
 const RECENT_S: f64 = 0.5;
 /// Speed above which the box says that the sphere still turns, rad/s.
 pub(super) const TURNS: f64 = 0.1;
+/// Speed above which a sphere without torque must rest before `Recover`, rad/s, as on the page.
+const SPINS: f64 = 2.0;
 /// What the headline of a sphere that shakes says beside the mode.
 const SHAKES: &str = ": shakes";
 /// What that of a scene that may shake says.
@@ -49,6 +52,10 @@ const LEAST_CUT: f64 = 0.01;
 const BARS: [f32; 2] = [70.0, 108.0];
 /// A window of at least this height is tall, points.
 pub(super) const TALL: f32 = 720.0;
+/// What to do about torque that the limits cut.
+const STRAINED: &str = "Lower the stiffness, or push less.";
+/// What is said of a sphere with torque that nobody commands.
+const FREE: &str = "Nobody commands. The sphere pushes on; STOP and Disable work.";
 /// What to do about a sphere that shakes, if its scene has no remedy.
 const LESS: &str = "Lower the stiffness or raise the damping.";
 
@@ -129,8 +136,13 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
         if is_low(ui) {
             ui.style_mut().override_font_id = Some(FontId::proportional(SMALL));
         }
-        if let Some(cut) = cut(model, headline) {
-            coloured(ui, palette.torque, format!("Limits cut {} of the torque", percent(cut)));
+        if let Some(text) = strain(model, headline) {
+            // What shakes, or may, has a remedy of its own.
+            if warnings.is_empty() && model.shaking.is_none() {
+                let remedy = strong(ui, STRAINED).color(palette.torque);
+                wrapped(ui, remedy);
+            }
+            coloured(ui, palette.torque, text);
         }
         let area = ScrollArea::vertical().id_salt("status").auto_shrink(false).min_scrolled_height(0.0);
         let room = ui.available_height();
@@ -146,6 +158,10 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
     let rect = drawn.response.rect;
     let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
     match headline {
+        Headline::NoContact => {
+            let stroke = (3.0, Palette::of(ui).warn);
+            painter.rect_stroke(rect.shrink(1.0), 2.0, stroke, egui::StrokeKind::Inside);
+        }
         // Red is for the button STOP: this box cannot be pressed.
         Headline::NotStopped => {
             let simulated = model.unconfirmed_stop().is_some_and(|stop| model.is_of_simulated(stop));
@@ -154,7 +170,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
             shapes.push(egui::Shape::rect_filled(rect.shrink(6.0), 0.0, Color32::BLACK));
             painter.set(ground, shapes);
         }
-        Headline::NoContact | Headline::NoState | Headline::Mode(Mode::Enabling) => {
+        Headline::NoState | Headline::Mode(Mode::Enabling) => {
             let rect = rect.shrink(1.0);
             let [a, b] = [rect.right_top(), rect.left_bottom()];
             let closed = [rect.min, a, rect.max, b, rect.min];
@@ -197,7 +213,9 @@ fn head(ui: &mut Ui, headline: Headline, mood: &str, color: Color32) {
     let row = ui.horizontal(|ui| {
         ui.label(RichText::new(sign).monospace().size(HEADLINE).color(ink));
         // A long word is smaller, because the sliders would move.
-        let words = |k: f32| sized(&[(&headline.text(), k * HEADLINE, ink), (mood, k * MOOD, ink)]);
+        let words = |k: f32| {
+            sized(&[(&headline.text(), bold(ui, k * HEADLINE), ink), (mood, bold(ui, k * MOOD), ink)])
+        };
         let width = ui.painter().layout_job(words(1.0)).size().x;
         ui.label(words((ui.available_width() / width).min(1.0)));
     });
@@ -227,9 +245,6 @@ fn figures(ui: &mut Ui, model: &Model, headline: Headline, is_long: bool) {
         (Headline::NoContact, _) if let Some(heard) = model.heard_before() => {
             since(ui, format!("silent {:.1} s", tenths(heard)));
         }
-        (Headline::NotStopped, _) if let Some(stop) = model.unconfirmed_stop() => {
-            since(ui, format!("{} s since STOP", stop.since().as_secs()));
-        }
         _ => {}
     }
 }
@@ -238,6 +253,23 @@ fn figures(ui: &mut Ui, model: &Model, headline: Headline, is_long: bool) {
 fn cut(model: &Model, headline: Headline) -> Option<f64> {
     let state = model.state.as_ref().filter(|_| headline == Headline::Mode(Mode::Active))?;
     Some(1.0 - state.scale).filter(|cut| *cut >= LEAST_CUT)
+}
+
+/// Says which limit keeps the scene from being felt as it is meant, if one does.
+fn strain(model: &Model, headline: Headline) -> Option<String> {
+    match (cut(model, headline), &model.state) {
+        (Some(cut), Some(state)) => Some(format!("{} {} of the torque", model.limit_of(state), percent(cut))),
+        _ if model.is_at_limit() && matches!(headline, Headline::Mode(mode) if has_torque(mode)) => {
+            Some("The torque is at the rig's limit".to_owned())
+        }
+        _ => None,
+    }
+}
+
+/// Returns whether the sphere turns so fast without torque that torque must wait.
+pub(super) fn spins(model: &Model) -> bool {
+    let off = model.mode().is_some_and(|mode| !has_torque(mode));
+    off && model.is_certain() && model.history.fastest(RECENT_S) > SPINS
 }
 
 /// Draws what the user must know in the room of this height, and scrolls if it is more. Returns
@@ -274,12 +306,12 @@ fn details(
                 .map(Refusal::in_words)
                 .or_else(|| recover::refusal(model).map(|text| format!("No torque. {text}"))) =>
         {
-            turns(ui, model, palette);
+            turns(ui, model);
             coloured(ui, palette.warn, text);
         }
         (Headline::Mode(mode), _) => {
             if mode == Mode::Idle {
-                turns(ui, model, palette);
+                turns(ui, model);
             }
             let cured = model.shaking.as_ref().map(|shaking| {
                 let cure = cure(warnings, shaking.effect.as_deref());
@@ -287,8 +319,18 @@ fn details(
                 coloured(ui, palette.warn, shaken(shaking));
                 cure
             });
-            if warnings.is_empty() {
-                weak(ui, if mode == Mode::Enabling { RISES } else { mode.sentence() });
+            if model.lease == Lease::Free && has_torque(mode) {
+                remedy(ui, palette, FREE);
+            } else if warnings.is_empty() && strain(model, headline).is_none() {
+                match mode {
+                    Mode::Enabling => drop(weak(ui, RISES)),
+                    // Motors can hurt a hand.
+                    Mode::Active if !model.is_simulated() => {
+                        let text = strong(ui, mode.sentence());
+                        wrapped(ui, text);
+                    }
+                    _ => drop(weak(ui, mode.sentence())),
+                }
             }
             return warned(ui, (warnings, room), palette, cured.as_deref());
         }
@@ -303,7 +345,9 @@ fn details(
 fn not_stopped(ui: &mut Ui, model: &Model) {
     let Some(stop) = model.unconfirmed_stop() else { return };
     let order = |ui: &mut Ui, text: &str| {
-        wrapped(ui, RichText::new(text).strong().size(LARGE).color(Color32::WHITE));
+        let size = if is_low(ui) { LARGE } else { ORDER };
+        let text = RichText::new(text).font(bold(ui, size)).color(Color32::WHITE);
+        wrapped(ui, text);
     };
     let back = model.mode().filter(|_| model.pushes_again(stop));
     if let Some(mode) = back {
@@ -313,7 +357,7 @@ fn not_stopped(ui: &mut Ui, model: &Model) {
     let cut = ["Cut the motors' power.", "If it pushes on, cut the motors' power."];
     order(ui, if model.is_of_simulated(stop) { NO_MOTORS } else { cut[usize::from(back.is_some())] });
     let way_out = stop.way_out(&model.server, has_keys(ui));
-    wrapped(ui, way_out);
+    wrapped(ui, format!("{} s since STOP. {way_out}", stop.since().as_secs()));
     // The bar names the address of this panel's own server.
     let here = stop.server == model.server;
     let whose = if here { "Why".to_owned() } else { format!("At {}", stop.server) };
@@ -365,7 +409,7 @@ pub(super) fn remedy(ui: &mut Ui, palette: Palette, text: &str) {
 
 /// Returns the text of what to do, in the size for this window.
 fn strong(ui: &Ui, text: &str) -> RichText {
-    RichText::new(text).strong().size(if is_low(ui) { SMALL } else { LARGE })
+    RichText::new(text).font(bold(ui, if is_low(ui) { SMALL } else { LARGE }))
 }
 
 /// Says which effect shook the sphere.
@@ -376,8 +420,8 @@ fn shaken(shaking: &ShakingEvent) -> String {
 
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
+    turns(ui, model);
     wrapped(ui, who);
-    turns(ui, model, palette);
     refused(ui, model, palette);
     wrapped(ui, recover::way_on(model));
 }
@@ -389,11 +433,12 @@ fn refused(ui: &mut Ui, model: &Model, palette: Palette) {
     }
 }
 
-/// Says that the sphere turns without torque, if it does. The speed stands elsewhere.
-fn turns(ui: &mut Ui, model: &Model, palette: Palette) {
+/// Says that the sphere turns without torque, if it does.
+fn turns(ui: &mut Ui, model: &Model) {
     let speed = model.state.as_ref().map_or(0.0, |state| DVec3::from(state.omega).length());
     if speed > TURNS {
-        coloured(ui, palette.warn, "The sphere still turns.");
+        let text = strong(ui, &format!("The sphere still turns: {speed:.2} rad/s"));
+        wrapped(ui, text);
     }
 }
 

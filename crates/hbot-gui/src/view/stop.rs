@@ -5,7 +5,7 @@ use glam::DVec3;
 use hbot_api::Mode;
 
 use super::state::TURNS;
-use super::theme::{Palette, STOP, named, stripes};
+use super::theme::{Palette, STOP, bold, named, stripes};
 use crate::model::Model;
 use crate::net::Intent;
 
@@ -26,7 +26,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         None => (STOP, Color32::WHITE),
     };
     let line = match stopped {
-        Some(state) if DVec3::from(state.omega).length() > TURNS => "no torque, still turning".to_owned(),
+        Some(state) if DVec3::from(state.omega).length() > TURNS => "torque off, still turns".to_owned(),
         Some(state) => format!("stopped, {:.2} N m", DVec3::from(state.torque).length()),
         None if !model.is_online() => "cannot reach the rig".to_owned(),
         None if model.quiet_for().is_some() => "may not arrive".to_owned(),
@@ -55,7 +55,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     }
     let (up, size) = if line.is_empty() { (0.0, 30.0) } else { (9.0, 26.0) };
     let word = response.rect.center() - vec2(0.0, up);
-    ui.painter().text(word, Align2::CENTER_CENTER, "STOP", FontId::proportional(size), ink);
+    ui.painter().text(word, Align2::CENTER_CENTER, "STOP", bold(ui, size), ink);
     let below = response.rect.center_bottom() - vec2(0.0, 6.0);
     ui.painter().text(below, Align2::CENTER_BOTTOM, &line, FontId::proportional(REACH), ink);
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_description(line));
@@ -70,15 +70,18 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     if pressed || response.clicked() && !released {
         intents.push(Intent::Stop);
     }
-    let (text, color) = if model.is_online() && model.awaits_stop() {
-        ("STOP sent, not confirmed yet", palette.warn)
-    } else if has_keys(ui) {
-        ("Esc or Space, anywhere in this window", palette.weak)
+    let (text, color, is_loud) = if model.is_online() && model.awaits_stop() {
+        ("STOP sent, not confirmed yet", palette.warn, true)
+    } else if !has_keys(ui) {
+        ("Esc and Space are off: click in this window", palette.text, true)
+    } else if model.is_simulated() {
+        ("Esc or Space, anywhere in this window", palette.weak, false)
     } else {
-        ("Click here first: then Esc and Space stop", palette.weak)
+        ("Esc or Space stops. Not an emergency switch.", palette.weak, false)
     };
+    let font = if is_loud { bold(ui, KEYS) } else { FontId::proportional(KEYS) };
     // In one line also in a narrow window, so that nothing moves.
-    ui.vertical_centered(|ui| ui.label(RichText::new(text).size(KEYS).color(color)));
+    ui.vertical_centered(|ui| ui.label(RichText::new(text).font(font).color(color)));
 }
 
 /// Returns whether this window gets what is typed.

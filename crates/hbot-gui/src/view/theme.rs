@@ -1,6 +1,8 @@
 //! Colours, each with one meaning, and small widgets that look alike in the whole window.
 
-use eframe::egui::{self, Color32, Response, RichText, Ui};
+use eframe::egui::{
+    self, Color32, FontData, FontDefinitions, FontFamily, FontId, Response, RichText, TextStyle, Ui,
+};
 use hbot_api::Mode;
 
 use crate::model::Headline;
@@ -87,8 +89,18 @@ impl Palette {
     }
 }
 
-/// Sets the style of the dark and the light theme. Call it once, at the start.
+/// Name of the family of text that nobody may miss. What it lacks comes from the usual fonts.
+const BOLD: &str = "bold";
+
+/// Sets the fonts, and the style of the dark and the light theme. Call it once, at the start.
 pub(crate) fn install(ctx: &egui::Context) {
+    let mut fonts = FontDefinitions::default();
+    let data = FontData::from_static(include_bytes!("../../fonts/Ubuntu-Bold.ttf"));
+    fonts.font_data.insert(BOLD.to_owned(), data.into());
+    let usual = &fonts.families[&FontFamily::Proportional];
+    let family = [&[BOLD.to_owned()], usual.as_slice()].concat();
+    fonts.families.insert(FontFamily::Name(BOLD.into()), family);
+    ctx.set_fonts(fonts);
     ctx.all_styles_mut(|style| {
         style.spacing.item_spacing = egui::vec2(8.0, 6.0);
         style.spacing.button_padding = egui::vec2(8.0, 4.0);
@@ -112,9 +124,21 @@ pub(crate) fn install(ctx: &egui::Context) {
     }
 }
 
+/// Returns the bold font in this size, or the usual one before [`install`].
+pub(crate) fn bold(ui: &Ui, size: f32) -> FontId {
+    let family = FontFamily::Name(BOLD.into());
+    let known = ui.fonts(|fonts| fonts.definitions().families.contains_key(&family));
+    FontId::new(size, if known { family } else { FontFamily::Proportional })
+}
+
+/// Returns a bold text in the size of the text around it.
+pub(crate) fn bold_text(ui: &Ui, text: impl Into<String>) -> RichText {
+    RichText::new(text).font(bold(ui, TextStyle::Body.resolve(ui.style()).size))
+}
+
 /// Returns the button that leads on from here: it alone is filled, in the colour of the text.
 pub(crate) fn leading<'a>(ui: &Ui, text: &str) -> egui::Button<'a> {
-    let text = RichText::new(text).strong().color(ui.visuals().panel_fill);
+    let text = bold_text(ui, text).color(ui.visuals().panel_fill);
     egui::Button::new(text).fill(Palette::of(ui).text)
 }
 
@@ -131,11 +155,11 @@ pub(crate) fn named(response: Response, name: &str) -> Response {
 
 pub(crate) fn heading(ui: &mut Ui, text: &str) {
     ui.add_space(2.0);
-    ui.label(heading_text(text));
+    ui.label(heading_text(ui, text));
 }
 
-pub(crate) fn heading_text(text: &str) -> RichText {
-    RichText::new(text).strong().size(15.0)
+pub(crate) fn heading_text(ui: &Ui, text: &str) -> RichText {
+    RichText::new(text).font(bold(ui, 14.0))
 }
 
 /// Draws text that can take several lines.
@@ -174,17 +198,16 @@ pub(crate) fn badge(ui: &mut Ui, ground: Color32, word: &str) -> Response {
     let ink = if ground.intensity() > 0.5 { Color32::BLACK } else { Color32::WHITE };
     let painter = ui.painter();
     painter.rect_filled(rect, 4.0, ground);
-    let font = egui::FontId::proportional(13.0);
-    painter.text(rect.center(), egui::Align2::CENTER_CENTER, word, font, ink);
+    painter.text(rect.center(), egui::Align2::CENTER_CENTER, word, bold(ui, 13.0), ink);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, word));
     response
 }
 
-/// Returns a text of parts of different sizes and colours.
-pub(crate) fn sized(parts: &[(&str, f32, Color32)]) -> egui::text::LayoutJob {
+/// Returns a text of parts of different fonts and colours.
+pub(crate) fn sized(parts: &[(&str, FontId, Color32)]) -> egui::text::LayoutJob {
     let mut job = egui::text::LayoutJob::default();
-    for (text, size, color) in parts {
-        let format = egui::TextFormat::simple(egui::FontId::proportional(*size), *color);
+    for (text, font, color) in parts {
+        let format = egui::TextFormat::simple(font.clone(), *color);
         job.append(text, 0.0, egui::TextFormat { valign: egui::Align::Center, ..format });
     }
     job

@@ -15,7 +15,7 @@ use hbot_testing::server::{TestServer, any_port};
 use crate::bench::{AloneServer, ServerSetup, Wire, alone};
 use crate::display::{Display, Shot};
 use crate::joints::MOTEUS;
-use crate::window::{CHOSEN, GOOD, N3, STOP, TEXT, WARN, count, count_in_bar};
+use crate::window::{CHOSEN, GOOD, LIVE, N3, STOP, TEXT, WARN, count, count_in_bar};
 
 const SIZES: [[u32; 2]; 2] = [[1280, 760], [1024, 600]];
 
@@ -100,8 +100,7 @@ fn pictures_of_each_state() {
         assert!(count(pixels, WARN) > 2_000, "{name}");
     });
     other.release().expect("released");
-    silent(&displays, &bench, "no-contact", false);
-    silent(&displays, &bench, "not-stopped", true);
+    silent(&displays, bench.address, ("no-contact", 800_000), None);
     other.estop().expect("stopped");
     see(("stopped", 4), &nothing, &|name, _, pixels| {
         assert!(count(pixels, STOP) > 1_000 && count(pixels, GOOD) < 400, "{name}: the edge of the button");
@@ -132,18 +131,26 @@ fn joints(displays: &[Display; 2], scene: &str) {
     bench.stop();
 }
 
-/// Takes pictures of a server that falls silent. With `stopped`, the user presses the stop button
-/// then.
-fn silent(displays: &[Display; 2], bench: &AloneServer, state: &str, stopped: bool) {
-    let wire = Wire::to(bench.address);
+/// Takes pictures of a server that falls silent after so many bytes. With `before`, which is called
+/// until then, the user presses the stop button after that.
+fn silent(
+    displays: &[Display; 2],
+    server: SocketAddr,
+    (state, bytes): (&str, u64),
+    before: Option<&(dyn Fn() + Sync)>,
+) {
+    let stopped = before.is_some();
+    let wire = Wire::to(server);
     let frozen = AtomicBool::new(false);
     let meanwhile = |display: &Display, _: [u32; 2]| {
         // Both windows have curves to show by then.
-        if wire.passed() > 800_000 && !frozen.swap(true, Ordering::Relaxed) {
+        if wire.passed() > bytes && !frozen.swap(true, Ordering::Relaxed) {
             wire.freeze(true);
         }
-        if stopped && frozen.load(Ordering::Relaxed) {
-            display.click(STOP_BUTTON);
+        match before {
+            Some(_) if frozen.load(Ordering::Relaxed) => display.click(STOP_BUTTON),
+            Some(before) => before(),
+            None => {}
         }
     };
     pictures(displays, (state, 8), wire.address, meanwhile, |name, [width, _], pixels| {
@@ -177,18 +184,21 @@ fn live(displays: &[Display; 2], scene: &str) {
     commander.acquire(false).expect("free");
     let commander = Mutex::new(commander);
     let titles = AtomicUsize::new(0);
-    let meanwhile = |display: &Display, _: [u32; 2]| {
-        titles.fetch_add(usize::from(display.has_window("LIVE: Hbot prototype")), Ordering::Relaxed);
-        // Changes nothing while the rig is active. Two windows that open at once can stop a busy
-        // machine for so long that the loop reports a fault.
+    // Changes nothing while the rig is active. Two windows that open at once can stop a busy
+    // machine for so long that the loop reports a fault.
+    let enable = || {
         let mut commander = commander.lock().expect("no panic");
         let _ = commander.reset().and_then(|_| commander.enable());
     };
+    let meanwhile = |display: &Display, _: [u32; 2]| {
+        titles.fetch_add(usize::from(display.has_window("LIVE: Hbot prototype")), Ordering::Relaxed);
+        enable();
+    };
     pictures(displays, ("live", 6), server.address, meanwhile, |name, _, pixels| {
-        // The badge has the colour of the stop button.
-        assert!(count(pixels, STOP) > 14_000, "{name}: {}", count(pixels, STOP));
+        // The badge, and the tape below the bar.
+        assert!(count(pixels, LIVE) > 2_000, "{name}: {}", count(pixels, LIVE));
         assert!(titles.load(Ordering::Relaxed) > 0, "the title says it too");
     });
-    drop(commander);
+    silent(displays, server.address, ("not-stopped", 300_000), Some(&enable));
     server.stop();
 }

@@ -37,6 +37,8 @@ pub(crate) fn count_in_bar(
 
 /// Red of the stop button.
 pub(crate) const STOP: [u8; 3] = [0xb8, 0x25, 0x08];
+/// Colour of a real rig's badge.
+pub(crate) const LIVE: [u8; 3] = [0xff, 0xc4, 0x00];
 /// Colour of good news to the user, on a dark background.
 pub(crate) const GOOD: [u8; 3] = [0x9b, 0xd2, 0x4a];
 /// Colour of bad news and warnings to the user, on a dark background.

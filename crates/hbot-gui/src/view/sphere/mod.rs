@@ -74,8 +74,9 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
     draw.write_names();
     let corner = desk.camera.unzoomed().onto(rect.right_top() + vec2(-50.0, 52.0), 26.0);
     Drawing::new(ui, &painter, corner).corner();
-    readouts(&draw.painter, rect, state, palette);
-    legend(&draw.painter, rect, (state, push), &shapes, palette);
+    let is_certain = model.is_certain();
+    readouts(&draw.painter, rect, (state, is_certain), palette);
+    legend(&draw.painter, rect, (state, is_certain, push), &shapes, palette);
     if !narrow {
         let at = rect.right_bottom() - vec2(8.0, 6.0);
         let hint = if model.has_hand() {
@@ -102,7 +103,13 @@ fn describe(state: Option<&StateEvent>, shapes: &Shapes) -> String {
     format!("Sphere: orientation {w:.3} {x:.3} {y:.3} {z:.3}, torque {torque:.3} N m{away}{meets}")
 }
 
-fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, palette: Palette) {
+/// Writes the orientation in numbers, in the lower left corner.
+fn readouts(
+    painter: &Painter,
+    rect: egui::Rect,
+    (state, is_certain): (Option<&StateEvent>, bool),
+    palette: Palette,
+) {
     let Some(state) = state else { return };
     let q = quaternion(state.q);
     let turn = rotation::shortest(q).to_scaled_axis();
@@ -111,6 +118,8 @@ fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, pal
         format!("turn from N  {:7.4} {:7.4} {:7.4} rad", turn.x, turn.y, turn.z),
         format!("angle from N {:7.4} rad, {:.1}\u{b0}", turn.length(), turn.length().to_degrees()),
     ];
+    let last = (!is_certain).then(|| "last heard".to_owned());
+    let lines: Vec<String> = last.into_iter().chain(lines).collect();
     let font = FontId::monospace(12.0);
     for (k, line) in lines.iter().rev().enumerate() {
         let at = pos2(rect.left() + 8.0, rect.bottom() - 6.0 - 15.0 * k as f32);
@@ -122,13 +131,14 @@ fn readouts(painter: &Painter, rect: egui::Rect, state: Option<&StateEvent>, pal
 fn legend(
     painter: &Painter,
     rect: egui::Rect,
-    (state, push): (Option<&StateEvent>, Option<Push>),
+    (state, is_certain, push): (Option<&StateEvent>, bool, Option<Push>),
     shapes: &Shapes,
     palette: Palette,
 ) {
     let Some(state) = state else { return };
     let torque = DVec3::from(state.torque).length();
-    let mut lines = vec![(palette.torque, format!("torque {torque:.3} N m"))];
+    let last = if is_certain { "" } else { "last " };
+    let mut lines = vec![(palette.torque, format!("{last}torque {torque:.3} N m"))];
     lines.push(match state.reference {
         Some(_) => (palette.ghost, "reference, dashed".to_owned()),
         None => (palette.weak, "no reference".to_owned()),

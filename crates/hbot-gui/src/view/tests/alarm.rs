@@ -1,6 +1,6 @@
 //! Tests of how loud the box with the mode is, and of what stands under the stop button.
 
-use eframe::egui::{Color32, Rect, vec2};
+use eframe::egui::{Color32, Rect, Stroke, vec2};
 use egui_kittest::kittest::Queryable as _;
 use hbot_api::{Fault, Mode, StateEvent};
 
@@ -14,7 +14,7 @@ use crate::net::{Intent, News};
 use crate::view::painted::{Text, filled, rims, texts, vertical_lines};
 use crate::view::theme::{Palette, STOP};
 
-const KEYS: &str = "Esc or Space, anywhere in this window";
+const KEYS: &str = "Esc or Space stops. Not an emergency switch.";
 const SENT: &str = "STOP sent, not confirmed yet";
 const NO_ANSWER: &str = "may not arrive";
 const NO_CONNECTION: &str = "cannot reach the rig";
@@ -172,13 +172,13 @@ fn each_headline_has_a_look_of_its_own() {
     let calm = Color32::from_rgb(0x34, 0x3b, 0x44);
     let fault: fn(&mut Model) = |model| super::fault_of(model, Fault::Thermal);
     let changes: [Case; 8] = [
-        ("ACTIVE", |_| {}, 4),
+        ("ACTIVE", |_| {}, 5),
         ("ENABLING", |model| see(model, 200, Mode::Enabling), 2),
         ("FAULT", fault, 0),
         ("ESTOP", |model| see(model, 200, Mode::Estop), 1),
         ("IDLE", |model| see(model, 200, Mode::Idle), 1),
-        ("NO CONTACT", grow_silent, 2),
-        ("NO CONTACT", disconnect, 2),
+        ("NO CONTACT", grow_silent, 4),
+        ("NO CONTACT", disconnect, 4),
         ("NOT STOPPED", stop_in_vain, 3),
     ];
     for (word, change, look) in changes {
@@ -190,7 +190,10 @@ fn each_headline_has_a_look_of_its_own() {
             let is = |rect: &Rect| (rect.width() - stop.width()).abs() < 16.0 && rect.top() > stop.bottom();
             let has = |color| filled(&seen).iter().any(|(rect, it)| *it == color && is(rect));
             let dashes = vertical_lines(&seen).iter().filter(|x| (**x - stop.left()).abs() < 2.0).count();
-            let looks = [has(palette().warn), has(calm), dashes > 5, has(Color32::BLACK)];
+            let edge =
+                |(rect, it): &(Rect, Stroke)| it.color == palette().warn && it.width == 3.0 && is(rect);
+            let edge = rims(&seen).iter().any(edge);
+            let looks = [has(palette().warn), has(calm), dashes > 5, has(Color32::BLACK), edge];
             assert_eq!(looks, std::array::from_fn(|k| k == look), "{word}");
             let head = texts(&seen).into_iter().find(|it| it.text == word).expect("the word");
             assert!(head.place.height() > 28.0, "{word}: {:?}", head.place);

@@ -50,7 +50,7 @@ fn keys_that_go_to_another_window_are_not_advised() {
         seen.input_mut().focused = false;
         settle(&mut seen);
         assert!(shows(&seen, "Press STOP again.") && !shows(&seen, "or Esc)"));
-        let words = "Click here first: then Esc and Space stop";
+        let words = "Esc and Space are off: click in this window";
         let texts = texts(&seen);
         let told = texts.iter().find(|it| it.text == words).expect("the warning");
         assert!(told.is_whole() && told.color != Palette::of_theme(true, Color32::GRAY).warn, "{told:?}");
@@ -75,13 +75,29 @@ fn a_torque_that_the_limits_cut_is_told() {
             let told = texts(&seen).into_iter().find(|it| it.text.starts_with("Limits cut"));
             assert_eq!(told.as_ref().map(|it| it.text.as_str()), words);
             assert!(told.as_ref().is_none_or(|it| it.color == torque));
-            let routine = seen.get_by_label("The scene is rendered: the sphere pushes.").rect();
-            assert!(told.is_none_or(|it| it.place.bottom() <= routine.top()), "what is cut comes first");
+            // What to do about it takes the place of the usual sentence.
+            assert_eq!(shows(&seen, "Lower the stiffness, or push less."), told.is_some(), "{scale}");
+            assert_eq!(shows(&seen, Mode::Active.sentence()), told.is_none(), "{scale}");
             let is_cut = filled(&seen)
                 .iter()
                 .any(|(rect, color)| *color == torque && rect.height() == 10.0 && rect.width() > 0.0);
             assert_eq!(is_cut, scale < 1.0, "{scale}: the bar");
         }
+    }
+    let mut seen = window(SIZES[0], commanding(true));
+    let most = seen.state().model.info.limits.torque;
+    let pushes = StateEvent { tick: 200, t: 0.2, mode: Mode::Active, scale: 0.36, ..StateEvent::default() };
+    for (torque, traction, words) in [
+        (most, 0.4, "The torque limit cuts 64 %"),
+        (most, 1.0, "Friction cuts 64 %"),
+        (0.5 * most, 0.4, "Limits cut 64 %"),
+    ] {
+        see_state(
+            &mut seen.state_mut().model,
+            StateEvent { torque: [torque, 0.0, 0.0], traction, ..pushes.clone() },
+        );
+        settle(&mut seen);
+        assert!(shows(&seen, &format!("{words} of the torque")), "{torque} N m, {traction} of friction");
     }
 }
 
@@ -371,16 +387,17 @@ fn an_observer_of_a_fault_takes_over_before_the_reset() {
 }
 
 #[test]
-fn who_commands_and_the_bars_are_grey_while_they_are_not_certain() {
+fn who_commands_is_grey_and_the_bars_are_empty_while_they_are_not_certain() {
     let mut seen = window(SIZES[0], commanding(false));
     let is_grey = |seen: &Seen| {
-        let grey = |text: &str| {
-            let it = texts(seen).into_iter().find(|it| it.text == text).expect("a painted text");
-            !it.color.is_opaque()
-        };
-        let [commands, bars] = ["you command", "0.00 / 0 rad/s"].map(grey);
-        assert_eq!(commands, bars);
-        commands
+        let texts = texts(seen);
+        let commands = texts.iter().find(|it| it.text == "you command").expect("a painted text");
+        let is_grey = !commands.color.is_opaque();
+        // An old value looks like a present one, however grey.
+        assert_eq!(texts.iter().any(|it| it.text == "0.00 / 0 rad/s"), !is_grey);
+        assert_eq!(texts.iter().filter(|it| it.text == "-").count(), if is_grey { 4 } else { 0 });
+        assert_eq!(texts.iter().any(|it| it.text == "last torque 0.000 N m"), is_grey);
+        is_grey
     };
     assert!(!is_grey(&seen));
     let changes: [(Change, bool); 3] = [
@@ -424,7 +441,7 @@ fn a_sphere_that_is_too_far_from_its_reference_to_enable_is_told() {
         assert!(shows(&seen, "Ready.") && !shows(&seen, "hbot set") && !shows(&seen, "still turns"));
         seen.state_mut().model.state.as_mut().expect("a state").omega = [0.0, 14.4, 0.0];
         settle(&mut seen);
-        assert!(shows(&seen, "The sphere still turns.") && shows(&seen, "Ready."));
+        assert!(shows(&seen, "The sphere still turns: 14.40 rad/s") && shows(&seen, "Ready."));
     }
 }
 
@@ -436,6 +453,7 @@ fn a_sphere_that_is_still_too_fast_for_a_reset_is_told() {
         (Fault::Overspeed, 45.25, false, true),
         (Fault::Overspeed, 29.0, true, false),
         (Fault::Thermal, 45.25, true, false),
+        (Fault::Thermal, 1.9, true, false),
     ] {
         // A moment later the sphere is slower, which is not yet enough.
         let mut model = commanding(simulated);
@@ -445,9 +463,10 @@ fn a_sphere_that_is_still_too_fast_for_a_reset_is_told() {
         see_state(&mut model, StateEvent { tick: 200, t: 0.2, mode, fault, omega, ..StateEvent::default() });
         see_state(&mut model, StateEvent { tick: 300, t: 0.3, mode, fault, ..StateEvent::default() });
         let seen = window(SIZES[1], model);
-        for name in ["Reset", "Recover"] {
-            assert_eq!(seen.get_by_label(name).accesskit_node().is_disabled(), fast, "{name}: {fault:?}");
+        for (name, off) in [("Reset", fast), ("Recover", speed > 2.0)] {
+            assert_eq!(seen.get_by_label(name).accesskit_node().is_disabled(), off, "{name}: {fault:?}");
         }
+        assert_eq!(shows(&seen, "Recover is off: the sphere still turns"), !fast && speed > 2.0);
         assert_eq!(shows(&seen, told), fast, "{fault:?} at {speed} rad/s");
         assert!(texts(&seen).iter().all(|it| it.is_whole()));
     }
