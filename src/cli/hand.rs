@@ -20,7 +20,7 @@ use hbot_plot::{Curve, PlotPanel, sheet};
 use super::numbers::real;
 use super::out::{error, note, say, tell};
 use super::progress::Progress;
-use super::scene::plot::{svg, write};
+use super::scene::plot::{svg, writable, write};
 use super::show;
 use super::{Commanding, orders};
 
@@ -117,6 +117,8 @@ struct Point {
 }
 
 pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<ExitCode> {
+    // Before the sphere turns.
+    args.out.as_deref().map(writable).transpose()?;
     let mut client = orders::connect(&args.to.address, "hbot hand")?;
     let info = client.info().map_err(orders::remedied)?;
     if !info.rig.simulated {
@@ -267,9 +269,12 @@ fn points(info: &InfoOk, states: &[StateEvent], axis: Vec3) -> anyhow::Result<Ve
 fn table(points: &[Point]) -> anyhow::Result<()> {
     say!("  angle, deg   hand, N m    rig, N m    law, N m")?;
     for row in 0..=ROWS {
-        let Point { angle, hand, rig, law } = &points[row * (points.len() - 1) / ROWS];
-        let law = law.map_or_else(|| "-".to_owned(), |law| format!("{law:.4}"));
-        say!("{:12.2}{hand:12.4}{rig:12.4}{law:>12}", angle.to_degrees())?;
+        let Point { angle, hand, rig, law } = points[row * (points.len() - 1) / ROWS];
+        // Without a sign at a zero.
+        let rounded = |x: f64, digits: i32| (x * 10f64.powi(digits)).round() / 10f64.powi(digits) + 0.0;
+        let [hand, rig] = [hand, rig].map(|torque| rounded(torque, 4));
+        let law = law.map_or_else(|| "-".to_owned(), |law| format!("{:.4}", rounded(law, 4)));
+        say!("{:12.2}{hand:12.4}{rig:12.4}{law:>12}", rounded(angle.to_degrees(), 2))?;
     }
     if points.iter().any(|point| point.law.is_none()) {
         tell!(

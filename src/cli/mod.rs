@@ -187,7 +187,7 @@ impl Cli {
             Command::Set(args) => set::run(&args),
             Command::Hand(command) => hand::run(&command),
             Command::Estop(address) => orders::estop(&address),
-            Command::Disable(address) => orders::unheld(&address, hbot_api::Client::disable),
+            Command::Disable(address) => orders::disable(&address),
             Command::Enable(to) => orders::enable(&to),
             Command::Reset(to) => orders::reset(&to),
             Command::Completions(args) => completions::run(&args),

@@ -2,6 +2,7 @@
 //! connection of all commands that are clients.
 
 use std::process::ExitCode;
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
@@ -15,6 +16,11 @@ use super::{Commanding, ServerAddress, show, style};
 /// Longest time until controllers which have come back are seen to be there.
 const SETTLED: Duration = Duration::from_secs(1);
 
+/// Longest time of a soft start, which lasts half a second of the rig's time.
+const RISEN: Duration = Duration::from_secs(20);
+/// A stop that is not confirmed within this time is told, as in the panel.
+const ANSWER: Duration = Duration::from_secs(1);
+
 /// Stops the rig, and prints the mode that follows and what comes next. The stop is sent without
 /// waiting for an answer of the server. If the server does not confirm it, the error says so before
 /// anything else.
@@ -26,12 +32,20 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
         Ok(token) => (token, String::new()),
         Err(error) => (None, format!("; {error:#}")),
     };
+    // Only a stop that is not confirmed leaves something to do.
+    let (confirms, waits) = std::sync::mpsc::channel::<()>();
+    std::thread::spawn(move || {
+        if waits.recv_timeout(ANSWER) == Err(RecvTimeoutError::Timeout) {
+            note!("NOT STOPPED yet: no answer within {} s. Cut the motors' power.", ANSWER.as_secs());
+        }
+    });
     let confirmed = options(address, "hbot", token).and_then(|options| {
         Client::estop_at(&address.server, &options).map_err(|error| match error {
             ClientError::NoServer { .. } => anyhow::anyhow!("no server there: connection refused"),
             other => not_connected(other, &address.server),
         })
     });
+    drop(confirms);
     let mode = confirmed.map_err(|error| {
         anyhow::anyhow!(
             "NOT STOPPED: the server at {} has not confirmed the stop ({error:#}{unread}). Cut the motors' power.",
@@ -41,12 +55,22 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
     print(mode).context("the rig is stopped, but this cannot be told")
 }
 
-/// Sends an order that needs no lease, and prints the mode that follows.
-pub(crate) fn unheld(
-    address: &ServerAddress,
-    order: impl FnOnce(&mut Client) -> Result<Mode, ClientError>,
-) -> anyhow::Result<ExitCode> {
-    print(order(&mut connect(address, "hbot")?).map_err(remedied)?)
+/// Takes the torque away, waits until it is zero, and prints the mode that follows.
+pub(crate) fn disable(address: &ServerAddress) -> anyhow::Result<ExitCode> {
+    let off =
+        |state: &StateEvent| !matches!(state.mode, Mode::Enabling | Mode::Active) && state.torque == [0.0; 3];
+    let disabled = || {
+        let mut client = connect(address, "hbot")?;
+        client.disable().map_err(remedied)?;
+        show::state(&mut client, off)?.context("no state says that the torque is off")
+    };
+    let state = disabled().map_err(|error: anyhow::Error| {
+        anyhow::anyhow!(
+            "NOT DISABLED: the server at {} has not confirmed it ({error:#}). Cut the motors' power.",
+            address.server
+        )
+    })?;
+    print(state.mode)
 }
 
 /// Resets the rig, and prints the mode that follows. A cause that has just gone is seen to be gone
@@ -79,14 +103,18 @@ pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
 }
 
 /// Enables the rig, waits for the end of the soft start, and prints the mode that follows. Fails if
-/// a fault, a stop or a `disable` has ended it. In virtual time the end may not come.
+/// a fault, a stop or a `disable` has ended it, or if it lasts too long. The time of a rig that
+/// waits for `advance` stands still.
 pub(crate) fn enable(to: &Commanding) -> anyhow::Result<ExitCode> {
     let mut client = connect(&to.address, "hbot")?;
     let mode = holding(&mut client, to.steal, Client::enable)?;
-    let risen = show::state(&mut client, |state| state.mode != Mode::Enabling)?;
+    let until = Instant::now() + RISEN;
+    let risen = show::state(&mut client, |state| state.mode != Mode::Enabling || Instant::now() > until)?;
+    let stands = risen.is_none();
     let mode = risen.map_or(mode, |state| state.mode);
     print(mode)?;
-    Ok(if matches!(mode, Mode::Enabling | Mode::Active) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let is_up = mode == Mode::Active || stands && mode == Mode::Enabling;
+    Ok(if is_up { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn print(mode: Mode) -> anyhow::Result<ExitCode> {

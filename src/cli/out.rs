@@ -195,8 +195,10 @@ fn foreign_lines(text: &str) -> String {
     text.lines().map(|line| foreign(line).to_string()).collect::<Vec<_>>().join("\n  ")
 }
 
-/// Fails if `path` is a folder or a pipe. `wanted` says which file to name instead.
+/// Fails if `path` is a folder or a pipe, or its folder is missing. `wanted` says which file to name
+/// instead.
 pub(crate) fn refuse_folder_or_pipe(path: &Path, wanted: &str) -> anyhow::Result<()> {
+    refuse_missing_folder(path)?;
     let is_pipe = path.metadata().is_ok_and(|found| found.file_type().is_fifo());
     ensure!(!path.is_dir(), "{}: this is a folder. Name {wanted}", path.display());
     // Opening a pipe would wait for its other end.
@@ -222,13 +224,16 @@ pub(crate) fn make_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Returns the error of a new file whose name another file has.
+pub(crate) fn taken(path: &Path) -> anyhow::Error {
+    anyhow!("{}: the file exists already. Name another one, or remove it first", path.display())
+}
+
 /// Creates a file that must not exist yet.
 pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
     refuse_folder_or_pipe(path, "a new file")?;
     File::create_new(path).map_err(|error| match error.kind() {
-        ErrorKind::AlreadyExists => {
-            anyhow!("{}: the file exists already. Name another one, or remove it first", path.display())
-        }
+        ErrorKind::AlreadyExists => taken(path),
         _ => anyhow::Error::from(error).context(format!("{}: cannot be made", path.display())),
     })
 }

@@ -196,11 +196,16 @@ fn check(which: &Which) -> anyhow::Result<bool> {
         1 => "1 effect, all legal".to_owned(),
         n => format!("{n} effects, all legal"),
     };
-    tell!("{}{}{}: {effects}", style::NAME, scene.name(), style::OFF)?;
+    let warnings = abilities.warnings(&scene);
+    let warned = match warnings.len() {
+        0 => String::new(),
+        1 => ", 1 warning".to_owned(),
+        n => format!(", {n} warnings"),
+    };
+    tell!("{}{}{}: {effects}{warned}", style::NAME, scene.name(), style::OFF)?;
     for effect in scene.effects() {
         tell!("  {:12} {}", effect.id(), effect.kind_name())?;
     }
-    let warnings = abilities.warnings(&scene);
     warn(&warnings);
     note_if_nobody_holds(&scene);
     Ok(!warnings.is_empty())

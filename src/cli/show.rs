@@ -141,18 +141,19 @@ fn stable(render: &RenderInfo) -> String {
 /// A server whose loop runs sends a state well within this time.
 const STATE_WITHIN: Duration = Duration::from_secs(2);
 
-/// Returns the next state that is as `wanted`. Returns `None` if none arrives in time.
+/// Returns the next state that is as `wanted`. Returns `None` if no state arrives in time.
 pub(super) fn state(
     client: &mut Client,
     wanted: impl Fn(&StateEvent) -> bool,
 ) -> anyhow::Result<Option<StateEvent>> {
     client.subscribe(1).map_err(orders::remedied)?;
-    let until = Instant::now() + STATE_WITHIN;
+    let mut until = Instant::now() + STATE_WITHIN;
     while let Some(left) = until.checked_duration_since(Instant::now()) {
-        if let Some(Event::State(state)) = client.next_event(left)?
-            && wanted(&state)
-        {
-            return Ok(Some(state));
+        if let Some(Event::State(state)) = client.next_event(left)? {
+            if wanted(&state) {
+                return Ok(Some(state));
+            }
+            until = Instant::now() + STATE_WITHIN;
         }
     }
     Ok(None)

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use assert_cmd::assert::Assert;
 use hbot_config::SceneFile;
 use hbot_config::scene::ShelfScene;
+use hbot_testing::lines::norm;
 use predicates::str::starts_with;
 
 use crate::process::*;
@@ -124,13 +125,29 @@ fn a_stop_that_a_suspended_server_does_not_answer_is_not_lost() {
         "NOT STOPPED: the server at {} has not confirmed the stop ({silent}). Cut the motors' power.",
         server.address
     );
-    run(&server, &["estop"]).code(1).stderr(contains(lost));
-    run(&server, &["stats"]).code(1).stderr(contains(silent));
+    let first = "NOT STOPPED yet: no answer within 1 s. Cut the motors' power.";
+    run(&server, &["estop"]).code(1).stderr(contains(first).and(contains(lost)));
+    let lost = format!("NOT DISABLED: the server at {} has not confirmed it ({silent})", server.address);
+    run(&server, &["disable"]).code(1).stderr(contains(lost));
     server.signal(Signal::CONT);
     eventually("the rig is stopped", || {
         let info = run(&server, &["info"]).success();
         String::from_utf8_lossy(&info.get_output().stdout).contains("mode       estop")
     });
+}
+
+/// The torque falls for 50 ms after the order.
+#[test]
+fn disable_ends_when_the_torque_has() {
+    let server = Process::patient(&[]);
+    let state = |wanted: &dyn Fn(f64) -> bool| {
+        let mut watcher = JsonLines::greeted(&server.address);
+        watcher.ask(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
+        norm(&watcher.state(|state| wanted(norm(&state["torque"])))["torque"])
+    };
+    state(&|torque| torque > 0.2);
+    run(&server, &["disable"]).success().stdout(contains("idle: the torque is off"));
+    assert_eq!(state(&|_| true), 0.0);
 }
 
 #[test]

@@ -111,7 +111,7 @@ fn what_cannot_be_drawn_is_told() {
     let spring = folder("scenes/spring.toml");
     let spring = spring.to_str().expect("UTF-8");
     for (args, said) in [
-        (&[spring, "--out", "/nowhere/x.svg"][..], "/nowhere/x.svg: cannot be made"),
+        (&[spring, "--out", "/nowhere/x.svg"][..], "/nowhere/x.svg: there is no folder /nowhere"),
         (&["/nowhere.toml", "--out", "x.svg"], "/nowhere.toml: cannot be read"),
         (&[spring, "--out", "x.svg", "--axis", "0,0,0"], "three numbers, not all zero"),
         (&[spring, "--out", "x.svg", "--axis", "w"], "three numbers, not all zero"),

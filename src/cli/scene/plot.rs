@@ -13,7 +13,7 @@ use hbot_core::Vec3;
 use hbot_plot::{Curve, Hemispheres, PlotPanel, sheet};
 
 use super::super::numbers::real;
-use super::super::out::{WrongLine, create_new, refuse_folder_or_pipe};
+use super::super::out::{WrongLine, create_new, refuse_folder_or_pipe, taken};
 use super::{Which, say, warn};
 
 /// Options of `hbot scene plot`.
@@ -100,13 +100,30 @@ fn here(scene: &Path) -> PathBuf {
 
 /// Writes a picture into a new file, or in place of an earlier picture.
 pub(crate) fn write(path: &Path, svg: &str) -> anyhow::Result<()> {
+    let written = match writable(path)? {
+        Place::Free => create_new(path)?.write_all(svg.as_bytes()),
+        Place::Earlier => std::fs::write(path, svg),
+    };
+    written.with_context(|| format!("{}: cannot be written", path.display()))
+}
+
+/// What stands where a picture shall be written.
+pub(crate) enum Place {
+    Free,
+    /// An earlier picture of hbot, which gives way.
+    Earlier,
+}
+
+/// Returns what stands where a picture shall be written. Fails if it must not give way.
+pub(crate) fn writable(path: &Path) -> anyhow::Result<Place> {
     /// Pictures of hbot begin like this; those of drawing programs have other words first.
     const HEAD: &str = "<svg width=";
     refuse_folder_or_pipe(path, "a file for the picture")?;
-    let is_earlier = std::fs::read(path).is_ok_and(|before| before.starts_with(HEAD.as_bytes()));
-    let written =
-        if is_earlier { std::fs::write(path, svg) } else { create_new(path)?.write_all(svg.as_bytes()) };
-    written.with_context(|| format!("{}: cannot be written", path.display()))
+    match std::fs::read(path) {
+        Ok(before) if before.starts_with(HEAD.as_bytes()) => Ok(Place::Earlier),
+        Ok(_) => Err(taken(path)),
+        Err(_) => Ok(Place::Free),
+    }
 }
 
 /// The angles of a whole turn, degrees.

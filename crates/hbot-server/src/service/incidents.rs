@@ -109,7 +109,18 @@ impl Incidents {
         let stopped_before = matches!(before, Some(Mode::Fault | Mode::Estop));
         match (sample.state.mode, sample.state.cause) {
             (Mode::Fault | Mode::Estop, _) => {
-                self.present = Some(self.stopped(sample, end, flights, counts));
+                let stop = self.present.take().filter(|before| before.mode == ApiMode::Estop);
+                let mut event = self.stopped(sample, end, flights, counts);
+                // Who stopped the rig may have a hand in it, whatever happened since.
+                if let Some(FaultEvent { t, message, .. }) = stop.filter(|_| event.mode == ApiMode::Fault) {
+                    let stop = format!("; before that, at {t:.1} s, the rig was {message}");
+                    for text in [Some(&mut event.message), event.found.as_mut()].into_iter().flatten() {
+                        text.push_str(&stop);
+                    }
+                    let remedy = event.remedy.unwrap_or_default();
+                    event.remedy = Some(format!("Make sure that nobody touches the sphere. {remedy}"));
+                }
+                self.present = Some(event);
                 self.present.clone()
             }
             (mode, _) if stopped_before => {
@@ -278,5 +289,21 @@ mod tests {
         assert_eq!(told(&mut incidents, 6, Mode::Estop), Some(("stopped".to_owned(), None)));
         assert_eq!(told(&mut incidents, 7, Mode::Idle), Some(("reset".to_owned(), None)));
         assert_eq!(counts.estops, 2);
+    }
+
+    #[tokio::test]
+    async fn a_fault_after_a_stop_still_tells_who_has_stopped_the_rig() {
+        let (_loop_end, end) = bridge().unwrap();
+        let (mut flights, mut counts) = (Flights::default(), StatsOk::default());
+        let mut incidents = Incidents::new(RigConfig::prototype().rig, false);
+        let mut sample = crate::still::still(2);
+        sample.state.mode = Mode::Estop;
+        incidents.stopped_by(Some(Requester { name: "ann".to_owned(), session: Some(1) }));
+        incidents.look(&sample, &end, &mut flights, &mut counts).expect("a stop");
+        (sample.state.mode, sample.state.cause) = (Mode::Fault, Some(Cause::Deadline));
+        let event = incidents.look(&sample, &end, &mut flights, &mut counts).expect("a fault");
+        let stop = "; before that, at 0.0 s, the rig was stopped by client \"ann\" (session 1)";
+        assert!(event.message.ends_with(stop) && event.found.expect("found").ends_with(stop));
+        assert!(event.remedy.expect("told").starts_with("Make sure that nobody touches the sphere. "));
     }
 }

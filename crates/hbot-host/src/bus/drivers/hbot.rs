@@ -77,7 +77,15 @@ impl Protocol for HbotLink {
         let there = describe(line, expected)?;
         let found = |(at, joint): (usize, &JointDescription)| Found {
             id: at as u8,
-            model: format!("a joint of {} counts a turn", joint.counts_per_turn),
+            // The rig file counts joints from 1, and so does `hbot rig test`.
+            model: format!(
+                "{}, {} counts a turn",
+                expected.joint(at).map_or_else(
+                    || "no joint of the rig file".to_owned(),
+                    |ours| format!("joint {}, {}", ours.number + 1, field(ours.number))
+                ),
+                joint.counts_per_turn
+            ),
             firmware: format!("{}, protocol {}", there.firmware, there.protocol),
             supply_v: None,
             zero: None,
