@@ -107,27 +107,49 @@ async function apart() {
   });
   assert.deepEqual(over, []);
 }
-/** Checks that no line in the box is cut through, and that red is for STOP alone, or for a stop that is not confirmed. */
+/**
+ * Checks that no line in the box or of the messages is cut through, that no word of a button
+ * touches its edge, and that red is for STOP alone, or for a stop that is not confirmed.
+ */
 async function wholeLines() {
-  const [cut, red] = await page.evaluate(() => {
+  const [cut, red, edges, folded] = await page.evaluate(() => {
+    const linesOf = (it) => {
+      const all = document.createTreeWalker(it, NodeFilter.SHOW_TEXT);
+      const lines = [];
+      while (all.nextNode()) {
+        const range = document.createRange();
+        range.selectNodeContents(all.currentNode);
+        lines.push(...range.getClientRects());
+      }
+      return lines;
+    };
     const text = document.getElementById("details");
-    const bottom = text.getBoundingClientRect().top + text.clientHeight;
-    const all = document.createTreeWalker(text, NodeFilter.SHOW_TEXT);
-    const lines = [];
-    while (all.nextNode()) {
-      const range = document.createRange();
-      range.selectNodeContents(all.currentNode);
-      lines.push(...range.getClientRects());
-    }
+    const through = (it) => {
+      const bottom = it.getBoundingClientRect().top + it.clientHeight;
+      return it.scrollTop > 0 ? [] : linesOf(it).filter((line) => line.top < bottom - 1.5 && line.bottom > bottom + 1.5).map((line) => line.top);
+    };
+    const near = (it, part = it, gap = 3) => {
+      const { left, top } = it.getBoundingClientRect();
+      const inner = [left + it.clientLeft, top + it.clientTop];
+      const far = [inner[0] + it.clientWidth, inner[1] + it.clientHeight];
+      const lines = linesOf(part);
+      return lines.length > 1 || lines.some((line) => line.left < inner[0] + gap || line.right > far[0] - gap
+        || line.top < inner[1] || line.bottom > far[1]) ? [`${part.id}: ${part.textContent}`] : [];
+    };
+    const [stop_, keys] = ["stop", "keys"].map((id) => document.getElementById(id));
     const probe = Object.assign(document.createElement("i"), { style: "color: var(--stop)" });
     document.body.append(probe);
     const stop = getComputedStyle(probe).color;
     probe.remove();
     const looks = (it) => ["color", "backgroundColor", "borderTopColor"].map((part) => getComputedStyle(it)[part]);
-    return [text.scrollTop > 0 ? [] : lines.filter((it) => it.top < bottom - 3 && it.bottom > bottom + 3).map((it) => it.top),
+    return [[text, document.getElementById("messages")].flatMap(through),
       [...document.querySelectorAll("body *")].filter((it) => (
-        it.checkVisibility() && !it.closest("#stop") && looks(it).includes(stop))).map((it) => it.id || it.outerHTML)];
+        it.checkVisibility() && !it.closest("#stop") && looks(it).includes(stop))).map((it) => it.id || it.outerHTML),
+      [...[...document.querySelectorAll("#orders button, #lease")].flatMap((it) => near(it)), ...near(stop_, keys)],
+      text.scrollHeight > text.clientHeight + 1 && !document.getElementById("more").checkVisibility()];
   });
+  assert.deepEqual(edges, [], `words at an edge at ${JSON.stringify(page.viewportSize())}`);
+  assert(!folded, `a long text without More at ${JSON.stringify(page.viewportSize())}`);
   assert.deepEqual(cut, [], `a line is cut through at ${JSON.stringify(page.viewportSize())}`);
   assert(await page.$eval("#keys", (it) => it.offsetWidth <= it.parentElement.clientWidth),
     `the line below STOP is wider than it at ${JSON.stringify(page.viewportSize())}`);
@@ -138,17 +160,19 @@ async function wholeLines() {
 const looks = {};
 /** Notes the look of the present state, whose word is large and whose torque is that of the state, or which says that it is not known. */
 async function look() {
-  const [head, size, now, ...all] = await page.evaluate(() => {
+  const [head, size, now, last, ...all] = await page.evaluate(() => {
     const [box, before] = [getComputedStyle(document.getElementById("box")), getComputedStyle(document.getElementById("headline"), "::before")];
     const card = getComputedStyle(document.documentElement).backgroundColor;
     const light = (colour) => colour.match(/[\d.]+/g).slice(0, 3).reduce((sum, x) => sum + +x, 0) / (colour.startsWith("color") ? 3 : 765);
     return [document.getElementById("headline").textContent, getComputedStyle(document.getElementById("headline")).fontSize,
-      document.getElementById("now").innerText, before.clipPath, before.borderTopStyle, box.borderTopStyle, box.borderImageSource !== "none",
+      document.getElementById("now").innerText, document.querySelector("#details .last")?.innerText, before.clipPath, before.borderTopStyle, box.borderTopStyle, box.borderImageSource !== "none",
       // Filled, or about as light as the page.
       Math.abs(light(box.backgroundColor) - light(card)) > 0.1];
   });
   assert(parseFloat(size) >= 28, `${head}: ${size}`);
-  assert.match(now, /^(NO|NOT) /.test(head) ? /^-\s*N m\s*last heard \d+ s ago$/ : /^\d\.\d\d\s*N m\s*torque, limit 0\.90$/, `${head}: ${now}`);
+  const unknown = /^(NO|NOT) /.test(head);
+  if (unknown) assert.match(last, /^Last heard: [A-Z]+, \d\.\d\d N m, \d+ s ago$/);
+  assert.match(now, unknown ? /^$/ : /^\d\.\d\d\s*N m\s*torque, limit 0\.90$/, `${head}: ${now}`);
   looks[head] = JSON.stringify(all);
 }
 /** Checks that what is locked is dashed and says why, and what is not locked is neither. */
@@ -236,12 +260,15 @@ const bars = () => until("torque and speed in sight", () => page.$$eval("meter",
   const { x, y, width, height } = it.getBoundingClientRect();
   return document.elementFromPoint(x + width / 2, y + height / 2) === it;
 })));
-/** Checks that the text covers torque and speed in no small window. */
-async function uncovered() {
+/** Checks that the box has no row without a number, and so has room for all its text. */
+const roomy = () => until("neither a row without a number nor More", () => (
+  page.$$eval("#kept meter, #more", (all) => !all.some((it) => it.checkVisibility()))));
+/** Checks that the text covers torque and speed in no small window, or does another `check` there. */
+async function uncovered(check = bars) {
   for (const [width, height] of [[640, 360], [844, 390], [360, 640], [1024, 600]]) {
     await page.setViewportSize({ width, height });
     await page.waitForTimeout(300);
-    await bars();
+    await check();
     await wholeLines();
   }
   await page.setViewportSize(SIZES.desk);
@@ -280,7 +307,15 @@ assert.equal((await watcher.ask("info")).lease.holder, null, "a page that is ope
 await shows("#effects", "stiffness");
 assert(await page.locator("#effects").evaluate((it) => it.inert), "an observer changes nothing");
 assert(await page.locator("#who.warn").count(), "what pushes is commanded by nobody");
-await shows("#notice", "Nobody commands");
+const free = "Nobody commands. The sphere pushes on; STOP and Disable work.";
+await shows("#details", free);
+assert.equal(await text("#details"), free, "in place of the sentence of the mode");
+assert.deepEqual(await page.evaluate(() => {
+  const { color, fontSize, fontWeight } = getComputedStyle(document.querySelector("#details p"));
+  const probe = Object.assign(document.createElement("i"), { style: "color: var(--warn)" });
+  document.body.append(probe);
+  return [color === getComputedStyle(probe).color, fontSize, fontWeight];
+}), [true, "16px", "700"]);
 await page.waitForTimeout(3000);
 await picture("observing");
 await ticks();
@@ -448,7 +483,21 @@ async function drag(part, steps = 12) {
   await page.mouse.down();
   await page.mouse.move(middle.x + part * middle.radius, middle.y, { steps });
 }
+// At every moment the box and the arrow say one torque.
+const torques = page.evaluate(() => new Promise((resolve) => {
+  const pairs = [];
+  const note = () => {
+    const arrow = window.written.sphere.find((it) => /^\d\.\d\d N m$/.test(it));
+    if (arrow) pairs.push([arrow, `${document.querySelector("#now b").textContent} N m`]);
+    if (pairs.length < 60) requestAnimationFrame(note);
+    else resolve(pairs);
+  };
+  note();
+}));
 await drag(0.6);
+const pairs = await torques;
+assert(new Set(pairs.map(([arrow]) => arrow)).size > 3, "a torque that changes");
+assert.deepEqual(pairs.filter(([arrow, box]) => arrow !== box), [], "two torques");
 await shows("#grip", "at your hand");
 const held = await settled();
 const stiffness = (await watcher.ask("info")).scene.effect[0].stiffness;
@@ -760,13 +809,18 @@ await picture("stopped");
 await look();
 await locks();
 // STOP says that it has stopped, in its place, and still works.
-await shows("#keys", "stopped, 0.00 N m");
+await until("what STOP has done", async () => (
+  (await text("#keys")) === (length(watcher.state.omega) > 0.1 ? "torque off, still turns" : "stopped, 0.00 N m")));
 const [filled, shape] = await page.locator("#stop").evaluate((it) => [
   getComputedStyle(it).backgroundColor === getComputedStyle(it).borderTopColor, JSON.stringify(it.getBoundingClientRect())]);
 assert(!filled, "STOP is outlined");
 await page.evaluate(() => { window.stopTick = null; });
 await page.click("#stop");
 await until("STOP works after a stop", () => page.evaluate(() => window.stopTick));
+// A simulated sphere turns on until a hand holds it.
+await drag(0.1);
+await settled();
+await page.mouse.up();
 await page.click("#recover");
 await watcher.mode("active");
 await shows("#keys", "Esc or Space stops");
@@ -778,6 +832,8 @@ await page.locator("#astext").evaluate((it) => (it.open = true));
 await page.focus("#text");
 await page.keyboard.press("Space");
 await shows("#headline", "ESTOP");
+await until("a stop at rest", async () => (await text("#keys")) === "stopped, 0.00 N m");
+await picture("rest");
 await page.focus("#recover");
 await page.keyboard.press("Space");
 await page.waitForTimeout(200);
@@ -800,6 +856,7 @@ assert(await page.locator("#recover").isDisabled(), "one click does not lift the
 assert.deepEqual(await next(), ["reset"]);
 await page.click("#reset");
 await shows("#headline", "IDLE");
+await picture("idle");
 await page.click("#enable");
 await watcher.mode("active");
 
@@ -835,6 +892,22 @@ await shows("#details", "Stopped by watcher");
 assert.equal((await text("#details")).match(/Reset, then Enable/g).length, 1, "said twice");
 await picture("fault-stopped");
 await uncovered();
+// What is too long even there is a click away, and leaves the buttons in sight.
+for (const size of ["flat", "phone"]) {
+  await page.setViewportSize(SHOWN[size]);
+  await page.waitForTimeout(300);
+  const { width, height } = await page.locator("#more").boundingBox();
+  assert(width >= 44 && height >= 32, `More: ${width} x ${height} px`);
+  await page.click("#more");
+  await until("the whole text", () => page.evaluate(() => {
+    const [text, orders, box] = ["details", "orders", "box"].map((id) => document.getElementById(id));
+    return text.scrollHeight <= text.clientHeight && orders.getBoundingClientRect().bottom <= box.getBoundingClientRect().top;
+  }), 5);
+  await page.screenshot({ path: `${pictures}/fault-stopped-more-${size}.png` });
+  await page.click("#more");
+  assert.equal(await text("#more"), "More");
+}
+await page.setViewportSize(SIZES.desk);
 // For some ticks the cause is still there, and the server refuses.
 const recovers = () => until("the rig recovers", async () => {
   for (const button of ["#recover", "#reset", "#enable"]) {
@@ -870,6 +943,7 @@ await page.evaluate(() => {
   const question = document.querySelector("#question").getBoundingClientRect();
   window.scrollBy(0, slider.top - (question.top + question.bottom) / 2);
 });
+await until("the torque while its box is out of sight", async () => /^\d\.\d\d N m$/.test(await text("#rig")), 5);
 await page.screenshot({ path: `${pictures}/asked-sliders.png` });
 assert.equal(await sight(), plain, "something draws through the question");
 await page.setViewportSize(SIZES.desk);
@@ -895,8 +969,9 @@ await shows("#keys", UNHEARD);
 await shows("#hint", "Last heard");
 await shows("#details", "is not known. Simulated: nothing real moves.");
 await shows("#details", "Last heard: ");
+assert.equal(await text("#rig"), "Hbot prototype  1000 Hz");
 assert.deepEqual(await page.$$eval(":is(#meters, #kept) div > span:last-child", (all) => [...new Set(all.map((it) => it.textContent))]), ["-"], "an old number");
-await bars();
+await roomy();
 await grey();
 const end = () => page.evaluate(() => ["torque", "angle"].map((name) => window.written[name].filter((it) => /now|heard/.test(it))));
 assert.deepEqual(await end(), [["last heard"], ["last heard"]]);
@@ -910,6 +985,7 @@ await locks();
 await look();
 // Long pictures last: the page soon makes a new connection, and has no state then.
 await picture("silent");
+await uncovered(roomy);
 // Again, because the page soon makes a new connection to a server that is silent.
 server.kill("SIGCONT");
 await shows("#headline", "ACTIVE");
@@ -921,10 +997,10 @@ const stripes = () => page.evaluate(() => getComputedStyle(document.body).getPro
   === getComputedStyle(document.body).getPropertyValue("--stop").trim());
 // While it is known that the rig is simulated.
 assert(!await stripes(), "a simulated rig is as loud as a real one");
-await bars();
+await roomy();
 await grey();
 await picture("not-stopped");
-await uncovered();
+await uncovered(roomy);
 await look();
 // No state looks like another, also for an eye that sees no colours.
 assert.deepEqual(Object.keys(looks).sort(), ["ACTIVE", "ESTOP", "FAULT", "IDLE", "NO CONTACT", "NOT STOPPED"]);
@@ -960,6 +1036,7 @@ const inRow = () => until("badge, chip and button in one row", () => page.evalua
 await inRow();
 await page.setViewportSize(SIZES.desk);
 await picture("gone");
+await uncovered(roomy);
 server = await Server.start(hbot, ports);
 await shows("#headline", "ACTIVE");
 await shows("#who", "nobody commands");
@@ -970,7 +1047,8 @@ await page.addInitScript(() => {
   // When `shakes` changes, also that the sphere shakes, and it turns at 13 rad/s. With `hides`, nothing of the scene's
   // curve. With `cuts`, the limits cut 64 % of the torque. With `deaf`, no state comes. With
   // `turned`, an angle about n3, rad. With `step`, another reference. With `strains`, a torque of
-  // 0.89 of 0.90 N m. With `fast`, a damaged line is a sphere that is too fast.
+  // 0.89 of 0.90 N m. With `fast`, a damaged line is a sphere that is too fast. With `spins`, it
+  // turns at 3 rad/s. With `begins`, the start is not over.
   const shaking = { event: "shaking", frequency: 10, amplitude: 13, effect: "spring", gain: 0.5, message: "the sphere shakes" };
   let told = false;
   JSON.parse = (text) => {
@@ -983,7 +1061,10 @@ await page.addInitScript(() => {
     if (window.shakes && text.includes('"event":"shaking"')) return {};
     return parse(text.replace('"simulated":true', '"simulated":false')
       .replace(/"omega":\[[^\]]*\]/, (told) => (window.shakes ? '"omega":[0,13,0]' : told))
+      .replace(/"omega":\[[^\]]*\]/, (told) => (window.spins ? '"omega":[0,3,0]' : told))
+      .replace('"mode":"active"', (told) => (window.begins ? '"mode":"enabling"' : told))
       .replace(/"scale":[^,}]*/, (told) => (window.cuts ? '"scale":0.36' : told))
+      .replace(/"traction":[^,}]*/, (told) => (window.slides ? '"traction":1' : told))
       .replace(/"q":\[[^\]]*\]/, (told) => (window.turned
         ? `"q":[${Math.cos(window.turned / 2)},0,0,${Math.sin(window.turned / 2)}]` : told))
       .replace(/"reference":\[[^\]]*\]/, (told) => (window.step ? '"reference":[0.9,0.435889894,0,0]' : told))
@@ -1024,6 +1105,17 @@ await page.evaluate(() => { window.step = false; });
 // Until they have left the plots.
 await until("lines in one part", async () => JSON.stringify(await parts()) === "[1,1]");
 await picture("live");
+// STOP says that it is no emergency stop.
+assert.equal(await text("#keys"), "Esc or Space stops. Not an emergency switch.");
+await page.setViewportSize(SIZES.phone);
+await shows("#keys", "Not an emergency switch");
+assert(!(await text("#keys")).includes("Esc"), "too long for a telephone");
+await page.setViewportSize(SIZES.desk);
+await page.evaluate(() => { window.begins = true; });
+await shows("#headline", "ENABLING");
+await picture("enabling");
+await page.evaluate(() => { window.begins = false; });
+await shows("#headline", "ACTIVE");
 
 // The scene's curve follows a stiffness before the server has told the new one.
 const range = (most) => until(`a curve up to ${most} N m`, () => page.evaluate((it) => window.written.curves.includes(it), most));
@@ -1042,6 +1134,10 @@ await page.evaluate(() => { window.hides = false; });
 
 // What the limits cut has the colour of the torque, and not that of a warning.
 await page.evaluate(() => { window.cuts = true; });
+await shows("#notice", "Limits cut 64 % of the torque");
+await page.evaluate(() => { window.slides = true; });
+await shows("#notice", "Friction cuts 64 % of the torque");
+await page.evaluate(() => { window.slides = false; });
 await shows("#notice", "Limits cut 64 % of the torque");
 const [cut, torque] = await page.evaluate(() => {
   const probe = Object.assign(document.createElement("i"), { style: "color: var(--torque)" });
@@ -1087,6 +1183,22 @@ await picture("cut-warned");
 await load({ name: "A good line", effect: [spring], simulate: {} });
 await page.evaluate(() => { window.cuts = false; });
 
+// A sphere that spins after a stop gets no torque yet.
+await until("rest", async () => /^0\.00 .*rad/m.test(await text("#meters")));
+await page.keyboard.press("Escape");
+await until("a stop at rest", async () => (await text("#keys")) === "stopped, 0.00 N m");
+assert.deepEqual(await next(), ["recover"]);
+await page.evaluate(() => { window.spins = true; });
+await until("why Recover waits", async () => (await text("#distance")) === "Recover when the sphere rests");
+assert.equal(await text("#keys"), "torque off, still turns");
+assert(await page.locator("#recover").isDisabled(), "torque for a sphere that spins");
+assert.deepEqual(await next(), []);
+await locks();
+await picture("spins");
+await page.evaluate(() => { window.spins = false; });
+await page.click("#recover");
+await shows("#headline", "ACTIVE");
+
 // A scene that is warned of is an alarm while it shakes.
 const alarm = () => page.evaluate(() => document.body.classList.contains("shakes"));
 await number.fill("200");
@@ -1118,6 +1230,11 @@ for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640],
   if (width < 600) await inRow();
 }
 await page.setViewportSize(SIZES.desk);
+// Louder than a fault.
+for (const [colorScheme, loud] of [["dark", "rgb(245, 176, 33)"], ["light", "rgb(143, 90, 0)"]]) {
+  await page.emulateMedia({ colorScheme });
+  assert.equal(await page.locator("#box").evaluate((it) => getComputedStyle(it).backgroundColor), loud);
+}
 await picture("shakes");
 await page.evaluate(() => { window.shakes = window.cuts = false; });
 await until("calm", async () => !await alarm());
@@ -1148,13 +1265,19 @@ assert.equal(await page.locator("#alarm").textContent(), "NOT STOPPED: cut the m
 const lines = await said.jsonValue();
 const sent = lines.indexOf("STOP sent, not confirmed yet");
 assert(sent >= 0 && lines[sent + 1] === UNHEARD, lines.join("\n"));
-await bars();
+await roomy();
+const orders = await page.$$eval("#details p", (all) => all.slice(0, 2).map((it) => [it.textContent.split(",")[0], getComputedStyle(it).fontSize]));
+assert.deepEqual([orders[0], orders[1][0]], [["Cut the motors' power.", "26px"], "Last heard: ACTIVE"]);
 await picture("not-stopped-live");
-await uncovered();
+await uncovered(roomy);
 assert(await stripes(), "the stripes of a real rig");
 server.kill("SIGCONT");
 await proved();
 await shows("#keys", "stopped, 0.00 N m");
+server.kill("SIGSTOP");
+await shows("#headline", "NO CONTACT");
+await picture("silent-live");
+server.kill("SIGCONT");
 
 // A stop that is lost with its server, and the next server pushes: its states are no old ones.
 const last = server.ports;

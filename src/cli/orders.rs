@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use hbot_api::{
-    Client, ClientError, ConnectOptions, ErrorCode, Fault, Mode, StateEvent, Token, Trust, client_name,
+    Client, ClientError, ConnectOptions, ErrorBody, ErrorCode, Fault, Mode, StateEvent, Token, Trust,
+    client_name,
 };
 
 use super::out::{note, tell};
@@ -190,6 +191,14 @@ pub(crate) fn holding<T>(
 
 /// Adds to an error from the server what the command line can do about it.
 pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
+    let said = match &error {
+        // The op and the code are for programs.
+        ClientError::Server(ErrorBody { message, .. }) => {
+            let rest = message.strip_prefix("op ").and_then(|rest| rest.split_once(": "));
+            rest.map_or(&**message, |(_, rest)| rest).to_owned()
+        }
+        other => other.to_string(),
+    };
     let remedy = match error.code() {
         Some(ErrorCode::Busy) => {
             let Some(name) = holder(&error) else { return error.into() };
@@ -204,7 +213,7 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
         }
         Some(ErrorCode::Faulted) => {
             return anyhow::anyhow!(
-                "{error}. `hbot info` shows the cause; when it is gone, run `hbot reset`, then `hbot enable`"
+                "{said}. `hbot info` shows the cause; when it is gone, run `hbot reset`, then `hbot enable`"
             );
         }
         Some(ErrorCode::Unauthorized) => {
@@ -217,14 +226,14 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
         _ => match error {
             ClientError::NoServer { .. } => "by `--server ADDR` or the variable HBOT_SERVER",
             // Its text has that of its source.
-            ClientError::Connect { .. } => return anyhow::anyhow!("{error}"),
+            ClientError::Connect { .. } | ClientError::Server(_) => return anyhow::anyhow!("{said}"),
             ClientError::Timeout { what: "hello", .. } => {
                 "the server is there but does not answer: it may be suspended or overloaded"
             }
             _ => return error.into(),
         },
     };
-    anyhow::anyhow!("{error}: {remedy}")
+    anyhow::anyhow!("{said}: {remedy}")
 }
 
 /// Where the ids of the effects are found.
@@ -242,8 +251,6 @@ fn holder(error: &ClientError) -> Option<&str> {
 
 #[cfg(test)]
 mod tests {
-    use hbot_api::ErrorBody;
-
     use super::*;
 
     #[test]
@@ -261,6 +268,7 @@ mod tests {
         assert!(robbed.contains("\"bob\" holds") && robbed.contains("has taken the lease from this command"));
         assert!(told(ErrorBody::new(ErrorCode::Faulted, "x")).contains("`hbot reset`, then `hbot enable`"));
         assert!(told(ErrorBody::new(ErrorCode::Unauthorized, "x")).contains("HBOT_TOKEN_FILE"));
-        assert_eq!(told(ErrorBody::new(ErrorCode::OutOfRange, "x")), "x (out_of_range)");
+        assert_eq!(told(ErrorBody::new(ErrorCode::OutOfRange, "x")), "x");
+        assert_eq!(told(ErrorBody::new(ErrorCode::OutOfRange, "op set: x: y")), "x: y");
     }
 }

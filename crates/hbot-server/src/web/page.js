@@ -270,7 +270,9 @@ function showRights() {
   }
   put($('hint'), hint());
   const trouble = stopTrouble();
-  put($('keys'), trouble || (touch.matches ? '' : 'Esc or Space stops, anywhere here'));
+  const live = rig.isSimulated === false;
+  const keys = live ? 'Esc or Space stops. Not an emergency switch.' : 'Esc or Space stops, anywhere here';
+  put($('keys'), trouble || (live && (touch.matches || narrow.matches) ? 'Not an emergency switch' : touch.matches ? '' : keys));
   $('stop').title = isStopped(rig) ? 'The stop is confirmed. STOP works on.' : '';
   $('keys').classList.toggle('warn', trouble !== '');
 }
@@ -278,7 +280,7 @@ function showRights() {
 /** Returns why STOP may not work as usual, that it is on its way, or that it has worked. */
 function stopTrouble() {
   if (!rig.hello) return 'No connection: cannot reach the rig';
-  if (isStopped(rig)) return `stopped, ${length(rig.state.torque).toFixed(2)} N m${stillTurns(rig) ? ', still turns' : ''}`;
+  if (isStopped(rig)) return stillTurns(rig) ? 'torque off, still turns' : `stopped, ${length(rig.state.torque).toFixed(2)} N m`;
   if (rig.isBack) return 'Connected again: STOP reaches the rig';
   if (rig.unconfirmedStop || !(rig.isLive || rig.stop)) return 'No answer: may not reach the rig';
   if (rig.stop) return 'STOP sent, not confirmed yet';
@@ -347,7 +349,7 @@ function words() {
   put(legend.children[3], `turned from N ${figure(angle)} rad, ${((180 * angle) / Math.PI).toFixed(1)}\u00b0`);
   const away = rig.away;
   $('sphere').setAttribute('aria-label', `Sphere: turned ${angle.toFixed(2)} rad, torque `
-    + `${length(state.torque).toFixed(2)} N m${away === null ? '' : `, ${away.toFixed(2)} rad from its reference`}`);
+    + `${rig.told} N m${away === null ? '' : `, ${away.toFixed(2)} rad from its reference`}`);
   const { force } = hand;
   $('grip').hidden = !force;
   if (force) put($('grip'), `${force.newtons.toFixed(2)} N, ${force.torque.toFixed(3)} N m at your hand`);
@@ -412,6 +414,8 @@ function frame(now) {
   asked = false;
   if (hand.step((now - last) / 1000)) changed();
   last = now;
+  const speaks = now - worded > WORDS_EVERY || head !== rig.headline || rig.spoke;
+  if (speaks) rig.tell();
   draw($('sphere'), rig, camera, colours, hand.held, placeGrip);
   // For whoever measures: the tick that the picture shows.
   $('sphere').dataset.tick = rig.state?.tick ?? '';
@@ -419,7 +423,7 @@ function frame(now) {
     plotted = now;
     showPlot();
   }
-  if (now - worded > WORDS_EVERY || head !== rig.headline || rig.spoke) {
+  if (speaks) {
     worded = now;
     head = rig.headline;
     showState(rig);

@@ -43,6 +43,10 @@ export class Rig {
     this.wasSimulated = null;
     /** The last state of all servers. */
     this.lastState = null;
+    /** When it came. */
+    this.heardState = null;
+    /** The size of its torque, as all words say it, N m. */
+    this.told = '';
     this.lease = { who: 'unknown' };
     /** Numbers of this page's connections, to recognise what it has done itself. */
     this.own = new Set();
@@ -202,7 +206,7 @@ export class Rig {
       this.stop = null;
     }
     this.state = this.lastState = state;
-    this.heard = performance.now();
+    this.heard = this.heardState = performance.now();
     this.origin = state.reference ? 'reference' : 'N';
     this.samples.push({ t: state.t, omega: state.omega, torque: state.torque, scale: state.scale,
       mode: state.mode, reference: state.reference, angle: this.deflection(state) });
@@ -263,6 +267,13 @@ export class Rig {
   get isAtLimit() {
     const limit = this.info?.limits.torque;
     return hasTorque(this.state?.mode) && limit > 0 && this.last(AT_LIMIT_S, 'torque').every((it) => length(it) >= AT_LIMIT * limit);
+  }
+
+  /** Returns what cuts the torque. Other limits than these do not show in the state. */
+  get limit() {
+    const limit = this.info?.limits.torque;
+    if (this.state.traction >= 1) return 'Friction cuts';
+    return limit > 0 && length(this.state.torque) >= AT_LIMIT * limit ? 'The torque limit cuts' : 'Limits cut';
   }
 
   /** Whether the limits have cut the torque for a while. */
@@ -347,9 +358,9 @@ export class Rig {
     return this.hello && silent > (this.unconfirmedStop ? SILENT_AFTER_STOP : SILENT_AFTER) ? silent / 1000 : null;
   }
 
-  /** Returns the time since the last word of a server, s. Null if there was none. */
-  get unheardFor() {
-    return this.wasSimulated === null ? null : (performance.now() - this.heard) / 1000;
+  /** Notes the torque that all words say until the next call, so that no two differ. */
+  tell() {
+    if (this.lastState) this.told = length(this.lastState.torque).toFixed(2);
   }
 
   get isLive() {

@@ -286,7 +286,7 @@ class Drawing {
     this.text(scaled(axis, 1 + 2 * r), `wheel ${wheel.name ?? '?'}`, colour, 13);
   }
 
-  torque(torque, limit) {
+  torque(torque, limit, told) {
     const direction = unit(torque);
     const share = limit > 0 ? length(torque) / limit : 1;
     // Below one hundredth of the limit the direction is not meaningful.
@@ -313,7 +313,7 @@ class Drawing {
     }
     this.head(from, to, Math.max(head, THICK), colour, alpha);
     this.full.push(...[0.5 * tip, tip, 1].map((part) => this.around(at(part), THICK)));
-    this.text(at(tip), `${length(torque).toFixed(2)} N m`, colour, 24, 'torque');
+    this.text(at(tip), `${told} N m`, colour, 24, 'torque');
     // An arc about the arrow shows the sense of rotation, by the right-hand rule.
     const [a, b] = across(direction).map((it) => scaled(it, 0.09 + 0.15 * tip));
     const arc = angles(20, 4.6).map((t) => add(at(0.6 * tip), add(scaled(a, Math.cos(t)), scaled(b, Math.sin(t)))));
@@ -378,7 +378,7 @@ export function draw(canvas, rig, camera, colours, held, label) {
   drawing.axes(q);
   info?.rig.wheels.forEach((wheel, k) => drawing.wheel(wheel, info.rig.sphere.radius,
     state.joints[2 * k]?.angle ?? 0, state.joints[2 * k + 1]?.angle ?? 0));
-  drawing.torque(state.torque, limit);
+  drawing.torque(state.torque, limit, rig.told);
   const grip = held && drawing.grip(rotated(q, held.grip), held.pointer, state.torque, limit);
   const usual = drawing.texts.map((text) => drawing.rectangle(text, PLACES[0]));
   const corner = new Drawing(context, camera.frame, { x: width - 42, y: 40, radius: 20 }, colours);

@@ -63,8 +63,9 @@ function details(rig) {
   const stop = rig.unconfirmedStop;
   const state = rig.state;
   const mode = rig.info?.modes?.find((mode) => mode.name === state?.mode)?.sentence ?? '';
+  const ago = ((performance.now() - rig.heardState) / 1000).toFixed(0);
   const old = !rig.isLive && rig.lastState
-    ? [['last', `Last heard: ${rig.lastState.mode.toUpperCase()}, ${length(rig.lastState.torque).toFixed(2)} N m.`]] : [];
+    ? [['last', `Last heard: ${rig.lastState.mode.toUpperCase()}, ${rig.told} N m, ${ago} s ago`]] : [];
   if (stop) {
     const ends = 'This message ends when the rig reports a mode without torque.';
     // What was wrong is over where the rig is heard again.
@@ -76,7 +77,7 @@ function details(rig) {
         ...old];
     }
     return [
-      ['strong', rig.isSimulated ? UNPOWERED : "Cut the motors' power."],
+      rig.isSimulated ? ['strong', UNPOWERED] : ['strong power', "Cut the motors' power."],
       ...old,
       ['', `Press ${touch.matches || !document.hasFocus() ? 'STOP' : 'STOP or Esc'} again. ${ends}`],
       ['', sentence(stop.why ?? 'the server has not confirmed the stop')]];
@@ -125,6 +126,7 @@ function details(rig) {
     const [first] = rig.unstable;
     return [['strong warn', first.remedy], ['warn', `Warning: ${brief(first)}.`]];
   }
+  if (isFree(rig)) return [['free', 'Nobody commands. The sphere pushes on; STOP and Disable work.']];
   if (isStrained(rig)) {
     const few = narrow.matches || rig.warnings.length > 0;
     return [['strong cut', rig.pushing.length > 0 ? `Lower ${rig.pushing.slice(0, 2).join(' or ')}, or push less.` : 'Ask for less torque.'],
@@ -172,6 +174,9 @@ $('box').append(notice);
 /** Whether the sphere can push by a scene that may shake it. */
 const isWarned = (rig) => hasTorque(rig.state?.mode) && rig.unstable.length > 0;
 
+/** Whether nobody commands what can push. */
+const isFree = (rig) => rig.lease.who === 'free' && hasTorque(rig.state?.mode);
+
 /** Whether a stop is confirmed: the rig says it, and has no torque. */
 export const isStopped = (rig) => rig.isCertain && rig.headline === 'ESTOP';
 
@@ -186,10 +191,10 @@ const spins = (rig) => stillTurns(rig) && rig.fastest > SPINS;
 
 /**
  * Returns the sentences at the end of the box as `[class, text]`: that the sphere turns, or what is
- * cut, that nobody commands, and a warning.
+ * cut, and a warning.
  */
 function noticed(rig) {
-  const { state, isCertain, isFast, lease, shakes, warnings } = rig;
+  const { state, isCertain, isFast, shakes, warnings } = rig;
   if (!isCertain || rig.unconfirmedStop) return [];
   const speed = length(state.omega);
   // The box says it already of a sphere that is too fast.
@@ -198,12 +203,10 @@ function noticed(rig) {
   const short = warned || (narrow.matches && warnings.length > 0);
   const cut = 1 - state.scale;
   const lines = [];
-  if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(['cut', `Limits cut ${percent(cut)}${short ? '' : ' of the torque'}`]);
+  if (state.mode === 'active' && cut >= LEAST_TOLD) lines.push(['cut', `${rig.limit} ${percent(cut)}${short ? '' : ' of the torque'}`]);
   else if (rig.isAtLimit) lines.push(['cut', short ? 'Torque at its limit' : "The torque is at the rig's limit"]);
   // Such a warning has the place of the rest, and the bar above says who commands.
   if (warned) return lines;
-  const free = lease.who === 'free' && hasTorque(state.mode);
-  if (free && !(narrow.matches && lines.length + warnings.length > 0)) lines.push(['', 'Nobody commands']);
   if (warnings.length > 0) {
     const [first] = warnings;
     lines.push(['', `${warnings.length > 1 ? `${warnings.length} warnings, the first` : 'Warning'}: ${brief(first)}`]);
@@ -227,35 +230,55 @@ const kept = document.createElement('div');
 kept.id = 'kept';
 $('box').append(kept);
 
-/** The edge below a text that scrolls, with the room above it, px. */
-const EDGE = 5;
+/** Shows all of a text that is too long even there. */
+const more = Object.assign(document.createElement('button'), { id: 'more', type: 'button', hidden: true });
+more.onclick = () => {
+  $('box').classList.toggle('whole');
+  fit();
+};
+kept.append(more);
+
+/** Returns how far below the top of an element its last whole line in sight ends, px. */
+function wholeLines(element) {
+  const { top, bottom } = element.getBoundingClientRect();
+  const lines = document.createRange();
+  lines.selectNodeContents(element);
+  const ends = [...lines.getClientRects()].map((line) => line.bottom).filter((end) => end <= bottom);
+  return Math.max(top, ...ends) - top;
+}
 
 /** Lets the box cover the bars if its text needs their room. So nothing moves. */
 function fit() {
   const [box, text, told] = ['box', 'details', 'told'].map($);
   const scrolls = () => [box, text].some((it) => it.scrollHeight > it.clientHeight);
-  box.classList.remove('long');
-  text.classList.remove('more');
+  const whole = box.classList.contains('whole');
+  box.classList.remove('long', 'whole');
+  more.hidden = true;
   $('meters').prepend(...KEPT.map(({ row }) => row));
   told.style.marginTop = text.style.maxHeight = '';
   const long = scrolls();
   box.classList.toggle('long', long);
   if (!long) return;
-  kept.append(...KEPT.map(({ row }) => row));
+  kept.prepend(...KEPT.map(({ row }) => row));
   if (scrolls()) {
-    // The last line in sight is a whole one.
-    text.classList.add('more');
-    const { top, bottom } = text.getBoundingClientRect();
-    const lines = document.createRange();
-    lines.selectNodeContents(text);
-    const ends = [...lines.getClientRects()].map((line) => line.bottom).filter((end) => end < bottom - EDGE);
-    text.style.maxHeight = `${Math.ceil(Math.max(top, ...ends) - top) + EDGE}px`;
+    more.hidden = false;
+    more.setAttribute('aria-expanded', String(whole));
+    put(more, whole ? 'Less' : 'More');
+    box.classList.toggle('whole', whole);
+    if (!whole) text.style.maxHeight = `${wholeLines(text)}px`;
   }
   // A still longer one pushes the messages down.
   const over = box.getBoundingClientRect().bottom - told.getBoundingClientRect().top;
   if (told.parentElement.id === 'left' && over > 0) told.style.marginTop = `${Math.ceil(over)}px`;
 }
 window.addEventListener('resize', fit);
+
+/** Ends the list of messages after a whole line. */
+function foot() {
+  const list = $('messages');
+  list.style.borderBottom = list.closest('#left') ? `${list.offsetHeight - wholeLines(list)}px solid transparent` : '';
+}
+new ResizeObserver(foot).observe($('messages'), { box: 'border-box' });
 
 /** Draws the sentences at the end of the box. Returns their text. */
 function showNotice(sentences) {
@@ -276,12 +299,10 @@ function mood(rig) {
 const figures = ['b', 'span', 'small'].map((tag) => document.createElement(tag));
 $('now').append(...figures);
 
-/** Writes the present torque, or for how long no word has come. No other number may stand in the torque's place. */
+/** Writes the present torque. No other number may stand in its place. */
 function showNow(rig) {
   const limit = rig.info?.limits.torque;
-  const silent = rig.unheardFor;
-  const words = rig.isLive ? [length(rig.state.torque).toFixed(2), 'N m', `torque${limit > 0 ? `, limit ${limit.toFixed(2)}` : ''}`]
-    : [...(narrow.matches ? ['', ''] : ['-', 'N m']), silent === null ? 'no word yet' : `last heard ${silent.toFixed(0)} s ago`];
+  const words = rig.isLive ? [rig.told, 'N m', `torque${limit > 0 ? `, limit ${limit.toFixed(2)}` : ''}`] : ['', '', ''];
   words.forEach((word, k) => put(figures[k], word));
 }
 
@@ -298,11 +319,15 @@ export function showState(rig) {
   document.body.classList.toggle('warned', rig.isCertain && isWarned(rig));
   document.body.classList.toggle('strained', rig.isCertain && isStrained(rig));
   document.body.classList.toggle('turning', stillTurns(rig));
-  // A rate that changes keeps its length.
-  const key = JSON.stringify([head, lines, line.length]);
+  document.body.classList.toggle('old', !rig.isLive);
+  // A rate or a time that changes keeps its length.
+  const key = JSON.stringify([head, lines, line.length]).replace(/\d(?=\d* s ago)/g, '0');
   if (key !== shown) {
     shown = key;
-    if ($('headline').textContent !== head) $('details').scrollTop = 0;
+    if ($('headline').textContent !== head) {
+      $('details').scrollTop = 0;
+      $('box').classList.remove('whole');
+    }
     document.body.dataset.head = head.toLowerCase().replace(' ', '-');
     put($('headline'), head);
     $('details').replaceChildren(...lines.map(([weight, text, act = '']) => {
@@ -316,7 +341,7 @@ export function showState(rig) {
     }));
     fit();
   }
-  document.body.classList.toggle('old', !rig.isLive);
+  for (const last of $('details').querySelectorAll('.last')) put(last, lines.find(([weight]) => weight === 'last')[1]);
   document.body.classList.toggle('stopped', isStopped(rig));
   document.body.classList.toggle('unreal', rig.isSimulated === true);
   showNow(rig);
@@ -338,7 +363,9 @@ function bar(rig) {
   badge.title = title;
   put(badge, word);
   const name = rig.info?.rig.name ?? rig.hello?.rig;
-  put($('rig'), !rig.hello ? 'not connected' : narrow.matches ? name : `${name}  ${rig.hello.rate_hz} Hz`);
+  // While the box is out of sight, its torque stands here.
+  const away = rig.isLive && document.body.classList.contains('away');
+  put($('rig'), !rig.hello ? 'not connected' : away ? `${rig.told} N m` : narrow.matches ? name : `${name}  ${rig.hello.rate_hz} Hz`);
   const title_ = simulated === null ? 'hbot page' : `${word}: ${name} - hbot page`;
   if (document.title !== title_) document.title = title_;
   const [button, said] = {
@@ -352,7 +379,7 @@ function bar(rig) {
   put($('alarm'), `NOT STOPPED: ${simulated ? 'simulated, nothing real moves' : "cut the motors' power"}`);
   $('who').dataset.lease = rig.lease.who;
   put($('lease'), button);
-  $('who').classList.toggle('warn', rig.lease.who === 'free' && hasTorque(rig.state?.mode));
+  $('who').classList.toggle('warn', isFree(rig));
   $('lease').disabled = !rig.isLive;
   $('lease').classList.toggle('next', rig.isCertain && !rig.unconfirmedStop && rig.lease.who === 'free');
   $('lease').title = rig.isLive ? '' : 'Nothing is heard from the server.';
@@ -369,6 +396,9 @@ function why(rig, id) {
   return mode === 'idle' ? rig.refusal.why : hasTorque(mode) ? 'The rig is enabled.' : `The rig is ${mode.toUpperCase()}: Reset comes first.`;
 }
 
+/** Why Recover is locked while the sphere spins. */
+const RESTS = 'Recover when the sphere rests';
+
 function orders(rig) {
   const mode = rig.state?.mode;
   const stopped = mode === 'fault' || mode === 'estop';
@@ -376,19 +406,20 @@ function orders(rig) {
   $('enable').disabled = !(rig.commands && mode === 'idle' && !refused);
   $('disable').disabled = !(rig.hello && hasTorque(mode));
   $('reset').disabled = !(rig.commands && stopped && !rig.isFast);
-  $('recover').disabled = !(rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper);
+  const recovers = rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper;
+  const waits = recovers && spins(rig);
+  $('recover').disabled = !recovers || waits;
   // Only the next step stands out. While the sphere is too far, the box says another one.
-  const next = !$('enable').disabled ? rig.isFar ? '' : 'enable' : mode !== 'fault' && !$('recover').disabled ? 'recover' : 'reset';
-  const waits = next === 'recover' && spins(rig);
-  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled && !waits);
+  const next = !$('enable').disabled ? rig.isFar ? '' : 'enable' : mode !== 'fault' && recovers ? 'recover' : 'reset';
+  for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled);
   for (const id of ['enable', 'disable', 'reset']) $(id).title = $(id).disabled ? why(rig, id) : $(id).dataset.does;
-  $('recover').title = !$('recover').disabled ? $('recover').dataset.does : rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
+  $('recover').title = waits ? RESTS : recovers ? $('recover').dataset.does : rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
     : stopped && rig.isFar ? `The sphere may be too far from the reference. ${cure(rig)} Or press Reset, then Enable`
     : why(rig, 'reset');
   const allowed = rig.info?.limits.enable_max_angle;
   const { away } = rig;
   $('distance').classList.toggle('warn', rig.isFar);
-  put($('distance'), !rig.state ? `Distance: not known ${rig.hello ? 'yet' : 'without a connection'}.`
+  put($('distance'), waits ? RESTS : !rig.state ? `Distance: not known ${rig.hello ? 'yet' : 'without a connection'}.`
     : !rig.isLive && away !== null ? `${away.toFixed(2)} rad from reference, as last heard`
     : away === null ? 'No reference: Enable works at any orientation.'
       // While the scene is rendered, it has begun elsewhere.
@@ -403,7 +434,7 @@ function meters(rig) {
   const share = (value, limit) => (limit > 0 ? value / limit : 0);
   const values = !rig.isLive || !limits ? METERS.map(() => [0, '-']) : [
     [share(length(state.torque), limits.torque),
-      `${length(state.torque).toFixed(2)} / ${limits.torque.toFixed(2)} N m`],
+      `${rig.told} / ${limits.torque.toFixed(2)} N m`],
     [share(length(state.omega), limits.speed),
       `${length(state.omega).toFixed(2)} / ${limits.speed} rad/s`],
     [state.traction, `${(100 * state.traction).toFixed(0)} % of friction`],
@@ -442,4 +473,5 @@ export function showMessages(rig) {
     item.className = message.weight;
     return item;
   }));
+  foot();
 }

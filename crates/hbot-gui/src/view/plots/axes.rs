@@ -3,7 +3,7 @@
 use eframe::egui::{Button, Rect, RichText, TextStyle, Ui, UiBuilder};
 use egui_plot::{AxisHints, GridInput, GridMark, Plot};
 
-use super::PlotDesk;
+use super::{PlotDesk, Which};
 use crate::view::round_up;
 use crate::view::theme::Palette;
 
@@ -14,10 +14,17 @@ const Y_AXIS_WIDTH: f32 = 62.0;
 /// a quarter of a row below the name.
 const X_AXIS_ROWS: f32 = 2.25;
 
+/// How far an axis reaches that the user lets begin anew.
+const FITTED: f64 = f64::MIN_POSITIVE;
+
 /// Returns how far an axis reaches below and above 0, so that `low` and `high` are on it. It only
-/// grows, in steps of 1, 2 and 5, up to the limit: who looks at a curve keeps its scale in mind.
+/// grows, in steps of 1, 2 and 5, up to the limit: who looks at a curve keeps its scale in mind. A
+/// torque begins with its limit, so that one sees how near it is.
 pub(super) fn held(plots: &PlotDesk, axis: usize, ends: [f64; 2], limit: Option<f64>) -> [f64; 2] {
     let mut scale = plots.scale.get();
+    if let Some(limit) = limit.filter(|_| axis == Which::Torque as usize && scale[axis] == [0.0; 2]) {
+        scale[axis] = [limit; 2];
+    }
     for (held, end) in scale[axis].iter_mut().zip([-ends[0], ends[1]]) {
         if end > *held * (1.0 + 1e-9) {
             *held = limit.filter(|limit| end <= *limit).unwrap_or(f64::INFINITY).min(round_up(end));
@@ -34,7 +41,7 @@ pub(super) fn full_scale(ui: &mut Ui, frame: Rect, plots: &PlotDesk, [low, high]
     let text = RichText::new(text).size(11.0);
     let mut over = ui.new_child(UiBuilder::new().max_rect(frame.shrink(3.0)));
     if over.add(Button::new(text).small()).on_hover_text("fit the axis to what is shown now").clicked() {
-        plots.scale.take();
+        plots.scale.set([[FITTED; 2]; 7]);
     }
 }
 

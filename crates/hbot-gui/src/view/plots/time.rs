@@ -304,7 +304,8 @@ mod tests {
         assert!(range.height() < 0.006, "{range:?}");
     }
 
-    /// The axis grows in round steps up to the limit, and goes back only on a click.
+    /// The axis begins with the limit. After a click it fits what is shown, grows in round steps up
+    /// to the limit, and goes back only on a click.
     #[test]
     fn the_scale_of_an_axis_holds() {
         let mut model = Model::new("", "panel me@here", 1);
@@ -314,6 +315,13 @@ mod tests {
         };
         model.history.push(Arc::default());
         let mut seen = Harness::new_ui_state(draw, (model, 0.0, PlotDesk::default()));
+        let fit = |seen: &mut Harness<'_, _>| {
+            seen.get_by_label_contains("full scale").click();
+            seen.run_steps(4);
+        };
+        seen.run_steps(4);
+        seen.get_by_label("full scale -0.9 to 0.9 N m");
+        fit(&mut seen);
         let torques = [(0.13, 0.2), (0.01, 0.2), (0.6, 0.9), (0.01, 0.9), (1.1, 2.0), (0.01, 2.0)];
         for (k, (torque, full)) in (0..).zip(torques) {
             let t = 20.0 * f64::from(k);
@@ -327,8 +335,7 @@ mod tests {
             assert!((1.1 * full..1.25 * full).contains(&range), "{torque} N m: {range}, not {full}");
             seen.get_by_label_contains(&format!("to {full} N m"));
         }
-        seen.get_by_label_contains("full scale").click();
-        seen.run_steps(4);
+        fit(&mut seen);
         seen.get_by_label("full scale -0.1 to 0.1 N m");
     }
 
