@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use anyhow::bail;
 use hbot_host::run_loop::signals;
 
-use super::super::out::{self, say};
+use super::super::out::{self, note, say};
 use super::super::{Commanding, style};
 use super::{Which, check, load};
 
@@ -28,8 +28,19 @@ pub(super) fn run(which: &Which, to: &Commanding) -> anyhow::Result<()> {
         let now = saved(&which.scene);
         if now != seen {
             seen = settled(&which.scene, now);
-            if let Err(error) = check(which).and_then(|_| load(&super::scene(&which.scene)?, false, to)) {
-                out::error(&error);
+            match super::scene(&which.scene) {
+                Ok(scene) => {
+                    // The server that takes it checks it too, for its own rig.
+                    let told = load(&scene, false, to).or_else(|error| {
+                        out::error(&error);
+                        check(which).map(drop)
+                    });
+                    told.unwrap_or_else(|error| out::error(&error));
+                }
+                Err(error) => {
+                    out::error(&error);
+                    note!("a server that has taken an earlier version renders that");
+                }
             }
         }
         std::thread::sleep(EVERY);
