@@ -13,15 +13,25 @@ where
     T: FromStr + PartialOrd + Display + Clone + Send + Sync + 'static,
 {
     move |text| {
-        let number = text.parse().ok().filter(|number| legal.contains(number));
-        number
-            .ok_or_else(|| refused(text, "a whole number", &format!("{} to {}", legal.start(), legal.end())))
+        let range = format!("{LEGAL}{} to {}", legal.start(), legal.end());
+        match text.parse() {
+            Ok(number) if legal.contains(&number) => Ok(number),
+            _ if text.parse::<i128>().is_ok() => Err(format!("{text} is out of range; {range}")),
+            _ => Err(format!("{text:?} is not a whole number; {range}")),
+        }
     }
+}
+
+/// Returns a parser of whole seconds in a range.
+pub(crate) fn whole_seconds(
+    legal: RangeInclusive<u32>,
+) -> impl Fn(&str) -> Result<u32, String> + Clone + Send + Sync + 'static {
+    move |text| whole(legal.clone())(text.trim_end_matches('s').trim_end())
 }
 
 /// Parses a rate of the loop, Hz. The range is that of `loop.rate_hz` in rig files.
 pub(crate) fn rate(text: &str) -> Result<u32, String> {
-    whole(50..=20_000)(text).map_err(|why| format!("{why} Hz"))
+    whole(50..=20_000)(text.trim_end_matches("Hz").trim_end()).map_err(|why| format!("{why} Hz"))
 }
 
 /// Parses the number of a processor. The range is that of `loop.cpu` in rig files.
@@ -29,19 +39,40 @@ pub(crate) fn processor(text: &str) -> Result<u32, String> {
     whole(0..=1023)(text)
 }
 
-/// Returns a parser of numbers in a range, with or without the unit. `legal` describes the range.
+/// Returns a parser of numbers in a range, without a unit or with one of its kind. `legal` describes
+/// the range.
 pub(crate) fn real(
     unit: &'static str,
     is_legal: fn(f64) -> bool,
     legal: &'static str,
 ) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
     move |text| {
-        let number = text.strip_suffix(unit).unwrap_or(text).trim();
-        let parsed = number.parse().ok().filter(|&number: &f64| number.is_finite() && is_legal(number));
-        let is_number = number.parse::<f64>().is_ok_and(f64::is_finite);
-        // What is no number is quoted as it was typed.
-        let wrong = if is_number { number } else { text };
-        parsed.ok_or_else(|| refused(wrong, REAL, format!("{legal} {unit}").trim_end()))
+        // `ms` before `s`.
+        let units = others(unit).iter().copied().chain([(unit, 1.0)]);
+        let scaled = units.into_iter().find_map(|(unit, factor)| Some((text.strip_suffix(unit)?, factor)));
+        let (number, factor) = scaled.unwrap_or((text, 1.0));
+        let others: Vec<_> = others(unit).iter().map(|(unit, _)| *unit).collect();
+        let others = if others.is_empty() {
+            String::new()
+        } else {
+            format!(", or with the unit {}", others.join(", "))
+        };
+        let legal = format!("{LEGAL}{}{others}", format!("{legal} {unit}").trim_end());
+        match number.trim().parse::<f64>().ok().filter(|number| number.is_finite()) {
+            Some(number) if is_legal(number * factor) => Ok(number * factor),
+            Some(_) => Err(format!("{text} is out of range; {legal}")),
+            None => Err(format!("{text:?} is not a number; {legal}")),
+        }
+    }
+}
+
+/// Returns the other units of the same kind, and how many `unit` one of each is.
+fn others(unit: &str) -> &'static [(&'static str, f64)] {
+    match unit {
+        "s" => &[("ms", 1.0e-3), ("min", 60.0), ("h", 3600.0)],
+        "rad" => &[("deg", std::f64::consts::PI / 180.0)],
+        "deg" => &[("\u{b0}", 1.0), ("rad", 180.0 / std::f64::consts::PI)],
+        _ => &[],
     }
 }
 
@@ -54,29 +85,9 @@ pub(crate) fn positive(
 
 /// Parses a time above 0. Returns it in s.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    const TIMES: &str = "above 0 and at most 1e9 s, or with the unit min or h";
-    let units = [("min", 60.0), ("h", 3600.0), ("s", 1.0)];
-    let scaled = units.into_iter().find_map(|(unit, factor)| Some((text.strip_suffix(unit)?.trim(), factor)));
-    let (number, factor) = scaled.unwrap_or((text, 1.0));
-    match number.parse::<f64>().ok().filter(|number| number.is_finite()).map(|number| number * factor) {
-        Some(s) if s > 0.0 && s <= 1.0e9 => Ok(s),
-        Some(_) => Err(format!("{text} is out of range; {LEGAL}{TIMES}")),
-        None => Err(format!("{text:?} is not {REAL}; {LEGAL}{TIMES}")),
-    }
+    real("s", |s| s > 0.0 && s <= 1.0e9, "above 0 and at most 1e9")(text)
 }
 
-/// Returns the error about an argument that is not `wanted` or not in the range `legal`.
-fn refused(text: &str, wanted: &str, legal: &str) -> String {
-    let is_whole = text.parse::<i128>().is_ok();
-    if is_whole || wanted == REAL && text.parse::<f64>().is_ok_and(f64::is_finite) {
-        format!("{text} is out of range; {LEGAL}{legal}")
-    } else {
-        format!("{text:?} is not {wanted}; {LEGAL}{legal}")
-    }
-}
-
-/// What a number is called that need not be whole.
-const REAL: &str = "a number";
 /// What begins the legal values in an error.
 pub(crate) const LEGAL: &str = "legal: ";
 
@@ -93,14 +104,19 @@ mod tests {
         assert_eq!(every("0").unwrap_err(), "0 is out of range; legal: 1 to 1000000");
         assert_eq!(every("x").unwrap_err(), "\"x\" is not a whole number; legal: 1 to 1000000");
         assert_eq!(every("2.5").unwrap_err(), "\"2.5\" is not a whole number; legal: 1 to 1000000");
-        for (text, s) in [("2.5s", 2.5), ("5min", 300.0), ("5 min", 300.0), ("2h", 7200.0)] {
+        for (text, s) in [("2.5s", 2.5), ("5min", 300.0), ("5 min", 300.0), ("2h", 7200.0), ("500ms", 0.5)] {
             assert_eq!(seconds(text), Ok(s), "{text}");
         }
-        let legal = "legal: above 0 and at most 1e9 s, or with the unit min or h";
+        let legal = "legal: above 0 and at most 1e9 s, or with the unit ms, min, h";
         assert_eq!(seconds("-1").unwrap_err(), format!("-1 is out of range; {legal}"));
         assert_eq!(seconds("5m").unwrap_err(), format!("\"5m\" is not a number; {legal}"));
         assert_eq!(seconds("0min").unwrap_err(), format!("0min is out of range; {legal}"));
-        assert_eq!(positive("rad")("1mrad").unwrap_err(), "\"1mrad\" is not a number; legal: above 0 rad");
+        assert_eq!(
+            positive("rad")("1mrad").unwrap_err(),
+            "\"1mrad\" is not a number; legal: above 0 rad, or with the unit deg"
+        );
+        assert_eq!(positive("rad")("180deg"), Ok(std::f64::consts::PI));
+        assert_eq!(rate("1000 Hz"), Ok(1000));
         assert_eq!(positive("m")("nan").unwrap_err(), "\"nan\" is not a number; legal: above 0 m");
         assert_eq!(rate("1k").unwrap_err(), "\"1k\" is not a whole number; legal: 50 to 20000 Hz");
     }

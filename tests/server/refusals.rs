@@ -248,8 +248,8 @@ fn an_option_out_of_range_is_named() {
     run(&["server", "--listen", "5102"]).failure().stderr(contains("such as 127.0.0.1:5102"));
     run(&["server", "--duration", "5m"])
         .code(2)
-        .stderr(contains("--duration: \"5m\" is not").and(contains("unit min")));
-    let typed = "--accuracy-target: \"1mrad\" is not a number; legal: above 0 rad";
+        .stderr(contains("--duration: \"5m\" is not").and(contains("unit ms, min, h")));
+    let typed = "--accuracy-target: \"1mrad\" is not a number; legal: above 0 rad, or with the unit deg";
     run(&["server", "--accuracy-target", "1mrad"]).code(2).stderr(contains(typed));
     run(&["server", "--listen", "no-such-host.invalid:1"]).code(2).stderr(contains("such as 127.0.0.1:4268"));
     run(&["server", "--time", "virtual", "--port", "/dev/ttyS0", "--listen", "127.0.0.1:0"])

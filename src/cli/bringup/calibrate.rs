@@ -15,7 +15,7 @@ use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
 use hbot_identify::calibrate::{Calibration, calibrate, exchanged, explains, still};
 use hbot_identify::motion::Counts;
 
-use super::super::numbers::whole;
+use super::super::numbers::whole_seconds;
 use super::super::out::{refuse_folder_or_pipe, tell};
 use super::super::style;
 use super::{Rig, edit, joint_name, on_the_lines, wheel_name};
@@ -36,7 +36,7 @@ pub(crate) struct CalibrateArgs {
     #[command(flatten)]
     rig: Rig,
     /// How long to watch the joints, 5 to 600 s
-    #[arg(long, value_name = "SECONDS", default_value_t = 20, allow_negative_numbers = true, value_parser = whole(5..=600_u32))]
+    #[arg(long, value_name = "SECONDS", default_value_t = 20, allow_negative_numbers = true, value_parser = whole_seconds(5..=600))]
     seconds: u32,
     /// Write the rig file with the corrections to this file; it can be the rig file itself
     #[arg(long, value_name = "FILE")]

@@ -62,7 +62,7 @@ fn axis(text: &str) -> Result<Axis, String> {
 }
 
 fn degrees(text: &str) -> Result<f64, String> {
-    real("deg", |angle| (-180.0..=180.0).contains(&angle), "-180 to 180")(text.trim_end_matches('°'))
+    real("deg", |angle| (-180.0..=180.0).contains(&angle), "-180 to 180")(text)
 }
 
 /// Parses the name of the picture. Other formats are refused, because the picture would still be

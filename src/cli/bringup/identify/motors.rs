@@ -18,7 +18,7 @@ use toml_edit::{Array, InlineTable, Item};
 
 use super::super::{edit, joint_name, on_the_lines};
 use super::IdentifyArgs;
-use crate::cli::numbers::{positive, whole};
+use crate::cli::numbers::{positive, whole_seconds};
 use crate::cli::out::{note, refuse_folder_or_pipe, say};
 use crate::cli::style;
 
@@ -47,7 +47,7 @@ const BEFORE_S: f64 = 3.0;
 pub(crate) struct Motion {
     /// Time of the motion by the motors, 20 to 600 s
     #[arg(long, value_name = "SECONDS", default_value_t = 60, requires = "motors",
-        allow_negative_numbers = true, value_parser = whole(20..=600_u32))]
+        allow_negative_numbers = true, value_parser = whole_seconds(20..=600))]
     seconds: u32,
     /// Speed of the motion by the motors about each axis, root mean square, rad/s
     #[arg(long, value_name = "RATE", default_value_t = 0.8, requires = "motors", value_parser = positive("rad/s"), allow_negative_numbers = true)]
