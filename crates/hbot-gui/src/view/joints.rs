@@ -90,7 +90,14 @@ fn effort(ui: &mut Ui, torque: f64, name: &str, limits: JointInfo) {
     }
     let palette = Palette::of(ui);
     let share = (torque / limits.peak).clamp(-1.0, 1.0);
-    let text = format!("{name}: {:.0} % of {} N m", 100.0 * share.abs(), limits.peak);
+    let lasting = limits.continuous / limits.peak;
+    let is_long = lasting > 0.0 && share.abs() > lasting;
+    let percent = 100.0 * share.abs();
+    let text = if is_long {
+        format!("{name}: {percent:.0} %, {:.0} % lasts", 100.0 * lasting)
+    } else {
+        format!("{name}: {percent:.0} % of {} N m", limits.peak)
+    };
     ui.horizontal(|ui| {
         let (rect, response) =
             ui.allocate_exact_size(vec2((ui.available_width() - 150.0).max(40.0), 9.0), Sense::hover());
@@ -100,16 +107,12 @@ fn effort(ui: &mut Ui, torque: f64, name: &str, limits: JointInfo) {
         let middle = rect.center().x;
         let end = middle + 0.5 * rect.width() * share as f32;
         let bar = rect.with_min_x(middle.min(end)).with_max_x(middle.max(end));
-        let lasting = limits.continuous / limits.peak;
-        let color = match share.abs() {
-            share if share > 0.97 || lasting > 0.0 && share > lasting => palette.warn,
-            _ => palette.good,
-        };
+        let color = if is_long || share.abs() > 0.97 { palette.warn } else { palette.good };
         painter.rect_filled(bar, 0.0, color);
         if lasting > 0.0 {
             for side in [-1.0, 1.0] {
                 let x = middle + side * 0.5 * rect.width() * lasting as f32;
-                painter.vline(x, rect.y_range(), (1.0, palette.weak));
+                painter.vline(x, rect.y_range(), (2.0, palette.weak));
             }
         }
         painter.rect_stroke(rect, 3.0, (1.0, palette.weak.gamma_multiply(0.5)), StrokeKind::Inside);
@@ -124,7 +127,7 @@ mod tests {
     use hbot_api::{ControllerInfo, RigInfo, StateEvent};
 
     use super::*;
-    use crate::view::painted::{self, filled, hint, lines, vertical_lines};
+    use crate::view::painted::{self, filled, hint, lines, texts, vertical_lines};
 
     const NOTE: &str = "The torque is what the motor was commanded to give. In a bar, the line is what it can hold without time limit.";
 
@@ -167,8 +170,8 @@ mod tests {
             "angle | rate, rad/s | torque, N m",
             "steer | -85.9\u{b0} | +0.000 | +0.6000",
             "drive | 114.6\u{b0} | +3.000 | +1.6000",
-            "steer: 75 % of 0.8 N m",
-            "drive: 100 % of 1.6 N m",
+            "steer: 75 %, 50 % lasts",
+            "drive: 100 %, 50 % lasts",
             NOTE,
         ];
         assert_eq!(shown(|_| ()), expected);
@@ -231,6 +234,9 @@ mod tests {
             // A hundredth of a point is the rounding of places in a window of 800 points.
             let near = |a: f32, b: f32| (a - b).abs() < 0.01;
             assert!(near(bar.left(), left) && near(bar.right(), right), "{torque} N m: {bar:?}");
+            let is_long = continuous > 0.0 && share.abs() > 0.5;
+            let said = texts(&harness).into_iter().any(|it| it.text.ends_with(" %, 50 % lasts"));
+            assert_eq!(said, is_long, "{torque} N m: why the bar has this colour");
             let lines = vertical_lines(&harness);
             if continuous > 0.0 {
                 assert_eq!(lines.len(), 2);

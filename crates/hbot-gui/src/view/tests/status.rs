@@ -528,13 +528,14 @@ fn a_plot_tells_the_time_and_the_values_at_the_pointer() {
     }
     let mut seen = window(SIZES[0], model);
     let plot = seen.get_by_label_contains("Plot of torque, N m").rect();
-    let told = |seen: &Seen| texts(seen).into_iter().any(|it| it.text == "0.200" && it.is_whole());
+    let told = |seen: &Seen| texts(seen).into_iter().any(|it| it.text == "0.20" && it.is_whole());
     assert!(!told(&seen));
     // The plot shows 10 s, and the sample of 1 s ago is the nearest.
     let from_right = 0.12 * plot.width();
     seen.hover_at(plot.right_center() - vec2(from_right, 0.0));
     settle(&mut seen);
-    assert!(told(&seen) && texts(&seen).iter().any(|it| it.text == "-1.00 s"));
+    let all: Vec<_> = texts(&seen).into_iter().map(|it| it.text).collect();
+    assert!(told(&seen) && texts(&seen).iter().any(|it| it.text == "-1.00 s"), "{all:?}");
 }
 
 #[test]
