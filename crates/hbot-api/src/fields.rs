@@ -1,23 +1,21 @@
 //! Reads the fields of a request one by one. Errors name the field.
 
-use crate::untyped::Named;
 use crate::{ErrorBody, ErrorCode, MAX_MAGNITUDE, MIN_QUATERNION_NORM, MIN_SIGMA, is_plain};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use std::fmt;
 
 /// The fields of a request that have not been read yet. Reading a field removes it.
-pub(crate) struct Fields<'a>(pub(crate) Named<'a>);
+pub(crate) struct Fields(pub(crate) Map<String, Value>);
 
-impl Fields<'_> {
+impl Fields {
     pub(crate) fn get(&self, name: &str) -> Option<&Value> {
-        self.0.iter().find(|(key, _)| key == name).map(|(_, value)| value)
+        self.0.get(name)
     }
 
     /// Removes a field and returns its value, which can be null. Returns `None` if the field is
     /// absent.
     pub(crate) fn remove(&mut self, name: &str) -> Option<Value> {
-        let at = self.0.iter().position(|(key, _)| key == name)?;
-        Some(self.0.remove(at).1)
+        self.0.shift_remove(name)
     }
 
     /// Removes an optional field and returns its value. Returns `None` if the field is absent or

@@ -8,7 +8,6 @@ use crate::{
 };
 use serde::Serialize;
 use serde_json::Value;
-use std::borrow::Cow;
 
 /// One message from a client. After reading, every number is finite and in range, and every
 /// quaternion has unit norm. The server checks later whether the request is legal for the rig, the
@@ -51,11 +50,6 @@ impl Request {
         if asks_estop(bytes) {
             return Ok(Self { id: id_of(encoding, bytes), op: Op::Estop });
         }
-        if let Some((few, problem)) = untyped::read_few(encoding, bytes, depth) {
-            let problem = problem.map(|problem| problem.to_string());
-            return parse(few.op.map(Ok), Fields(few.others), problem);
-        }
-        // Reads the general form: the message has many fields, or something is wrong with it.
         let untyped = untyped::read(encoding, bytes, depth).map_err(|message| RequestRefusal {
             id: None,
             op: None,
@@ -84,33 +78,29 @@ fn id_of(encoding: Encoding, bytes: &[u8]) -> Option<Id> {
     if bytes.len() > MAX_SHORT_REQUEST_BYTES {
         return None;
     }
-    let (few, _) = untyped::read_few(encoding, bytes, MAX_DEPTH)?;
-    Fields(few.others).take("id").and_then(|id| Id::from_value(id).ok())
+    let untyped = untyped::read(encoding, bytes, MAX_DEPTH).ok()?;
+    Id::from_value(untyped.value.get("id")?.clone()).ok()
 }
 
 /// The content of the field `op` of a message: the text, or the value if it is not text. `None` if
 /// the field is absent.
-type Found<'a> = Option<Result<Cow<'a, str>, Value>>;
+type Found = Option<Result<String, Value>>;
 
 /// Separates the field `op` of a message from its other fields.
-fn split(value: Value) -> Result<(Found<'static>, Fields<'static>), RequestRefusal> {
+fn split(value: Value) -> Result<(Found, Fields), RequestRefusal> {
     let Value::Object(map) = value else {
         let error = bad(format!("the message is {}; legal: a map with \"op\"", Shown(&value)));
         return Err(RequestRefusal { id: None, op: None, error });
     };
-    let mut fields = Fields(map.into_iter().map(|(name, value)| (Cow::Owned(name), value)).collect());
+    let mut fields = Fields(map);
     let op = fields.take("op").map(|op| match op {
-        Value::String(name) => Ok(Cow::Owned(name)),
+        Value::String(name) => Ok(name),
         other => Err(other),
     });
     Ok((op, fields))
 }
 
-fn parse(
-    found: Found<'_>,
-    mut fields: Fields<'_>,
-    problem: Option<String>,
-) -> Result<Request, RequestRefusal> {
+fn parse(found: Found, mut fields: Fields, problem: Option<String>) -> Result<Request, RequestRefusal> {
     let id = fields.take("id").map(Id::from_value).transpose();
     // An `estop` that is written with escapes is found only here, not in the bytes.
     if matches!(&found, Some(Ok(op)) if *op == OpName::Estop.as_str()) {
@@ -127,8 +117,8 @@ fn parse(
 /// Converts the content of the field `op` and the other fields of a message to an [`Op`]. Sets
 /// `known` to the op's name as soon as the name is recognized, so that a refusal can contain it.
 fn op(
-    found: Found<'_>,
-    fields: &mut Fields<'_>,
+    found: Found,
+    fields: &mut Fields,
     problem: Option<String>,
     known: &mut Option<OpName>,
 ) -> Result<Op, ErrorBody> {
@@ -158,9 +148,9 @@ fn op(
     Op::read(name, fields)
 }
 
-fn check_names(op: OpName, fields: &Fields<'_>) -> Result<(), ErrorBody> {
+fn check_names(op: OpName, fields: &Fields) -> Result<(), ErrorBody> {
     let legal = op.row().fields.iter().map(|Field { name, .. }| *name);
-    let Some((unknown, _)) = fields.0.iter().find(|(name, _)| !legal.clone().any(|legal| legal == name))
+    let Some((unknown, _)) = fields.0.iter().find(|(name, _)| !legal.clone().any(|legal| legal == *name))
     else {
         return Ok(());
     };

@@ -5,7 +5,6 @@ use crate::Encoding;
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
-use std::borrow::Cow;
 use std::fmt;
 
 /// A message that has been decoded to an untyped value.
@@ -37,42 +36,8 @@ impl fmt::Display for IllegalValue {
 /// `depth` levels deep. Fails with a description for people.
 pub(crate) fn read(encoding: Encoding, bytes: &[u8], depth: usize) -> Result<Untyped, String> {
     let mut problem = None;
-    let value = decode(encoding, bytes, Builder { problem: &mut problem, depth })?;
-    Ok(Untyped { value, problem })
-}
-
-/// The fields of a map, each with its name. A name without escapes is borrowed from the message
-/// instead of copied.
-pub(crate) type Named<'a> = Vec<(Cow<'a, str>, Value)>;
-
-/// A decoded message that has few fields. The field `op` is separate from the others.
-#[derive(Default)]
-pub(crate) struct Few<'a> {
-    /// The text of the field `op`.
-    pub(crate) op: Option<Cow<'a, str>>,
-    /// All fields except `op`.
-    pub(crate) others: Named<'a>,
-}
-
-/// Decodes a message that is a map with few fields and a text as `op`, as nearly all requests are.
-/// The fields are kept in a list, because searching a short list is cheaper than building a table.
-/// Returns `None` if the message has another form or cannot be read.
-pub(crate) fn read_few(
-    encoding: Encoding,
-    bytes: &[u8],
-    depth: usize,
-) -> Option<(Few<'_>, Option<IllegalValue>)> {
-    let mut problem = None;
-    let few = decode(encoding, bytes, FewBuilder(Builder { problem: &mut problem, depth })).ok()?;
-    Some((few, problem))
-}
-
-fn decode<'de, S: DeserializeSeed<'de>>(
-    encoding: Encoding,
-    bytes: &'de [u8],
-    seed: S,
-) -> Result<S::Value, String> {
-    match encoding {
+    let seed = Builder { problem: &mut problem, depth };
+    let value = match encoding {
         Encoding::Json => {
             let mut deserializer = serde_json::Deserializer::from_slice(bytes);
             seed.deserialize(&mut deserializer).and_then(|value| deserializer.end().map(|()| value)).map_err(
@@ -94,7 +59,8 @@ fn decode<'de, S: DeserializeSeed<'de>>(
                 left => Err(format!("{left} bytes are left over after the MessagePack map")),
             })
         }
-    }
+    }?;
+    Ok(Untyped { value, problem })
 }
 
 /// Returns the end of the error about a message that ends too early or is none of this API.
@@ -241,85 +207,5 @@ impl<'de> Visitor<'de> for Builder<'_> {
             values.insert(key, value);
         }
         Ok(Value::Object(values))
-    }
-}
-
-/// Largest number of fields, in addition to `op`, in a message with few fields. Only `set` can have
-/// more.
-const FEW: usize = 16;
-
-/// Builds a message with few fields, using the inner builder for their values.
-struct FewBuilder<'a>(Builder<'a>);
-
-impl<'de> DeserializeSeed<'de> for FewBuilder<'_> {
-    type Value = Few<'de>;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        deserializer.deserialize_map(self)
-    }
-}
-
-impl<'de> Visitor<'de> for FewBuilder<'_> {
-    type Value = Few<'de>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a map of at most {FEW} fields")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-        let Self(mut builder) = self;
-        builder.enter()?;
-        let mut few = Few::default();
-        while let Some(name) = map.next_key_seed(Text)? {
-            if few.others.len() == FEW {
-                return Err(A::Error::custom("more fields"));
-            }
-            let known_before = builder.problem.is_some();
-            if name == "op" {
-                if few.op.replace(map.next_value_seed(Text)?).is_some() {
-                    builder.given_twice();
-                }
-                builder.place(known_before, || name.clone().into_owned());
-                continue;
-            }
-            let value = map.next_value_seed(builder.inner())?;
-            let same = few.others.iter_mut().find(|(other, _)| *other == name);
-            if same.is_some() {
-                builder.given_twice();
-            }
-            builder.place(known_before, || name.clone().into_owned());
-            match same {
-                Some((_, first)) => *first = value,
-                None => few.others.push((name, value)),
-            }
-        }
-        Ok(few)
-    }
-}
-
-/// Decodes text, and borrows it from the message instead of copying it if possible.
-struct Text;
-
-impl<'de> DeserializeSeed<'de> for Text {
-    type Value = Cow<'de, str>;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        deserializer.deserialize_str(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Text {
-    type Value = Cow<'de, str>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("text")
-    }
-
-    fn visit_borrowed_str<E>(self, text: &'de str) -> Result<Self::Value, E> {
-        Ok(Cow::Borrowed(text))
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<Self::Value, E> {
-        Ok(Cow::Owned(text.to_owned()))
     }
 }

@@ -213,44 +213,6 @@ mod tests {
     use core::f64::consts::PI;
 
     #[test]
-    fn exp_and_log_are_inverse_from_1e_300_to_pi() {
-        let axis = Vec3::new(0.6, -0.48, 0.64);
-        let angles = [
-            1e-300,
-            1e-160,
-            1e-100,
-            1e-20,
-            1e-9,
-            1e-8,
-            1e-4,
-            0.02,
-            0.0312,
-            0.0313,
-            0.05,
-            0.0566,
-            0.5,
-            1.5,
-            3.0,
-            PI - 1e-8,
-            PI - 1e-15,
-        ];
-        for t in angles {
-            let back = log(exp(axis * t));
-            // The rounding of a unit quaternion becomes at most a few units in the last place of
-            // the angle, or of pi near a half turn.
-            assert!(
-                (back - axis * t).length() <= 4.0 * f64::EPSILON * t,
-                "{t:e}: {back} against {}",
-                axis * t
-            );
-            assert_eq!(log(-exp(axis * t)), back, "the sign of q does not matter, {t:e}");
-        }
-        assert_eq!(exp(Vec3::ZERO), Quat::IDENTITY);
-        assert_eq!(log(Quat::IDENTITY), Vec3::ZERO);
-        assert_eq!(log(from_parts(0.0, Vec3::X)), Vec3::X * PI);
-    }
-
-    #[test]
     fn both_ways_to_apply_a_turn_agree_to_rounding_and_keep_the_length() {
         let (mut product, mut change) = (Quat::IDENTITY, Quat::IDENTITY);
         // Turns on both sides of the border of the series, 1/32 rad, and up to a full turn.
@@ -294,17 +256,6 @@ mod tests {
             let q = (0..TURNS).fold(start, |q, _| turned_by_change(q, turn));
             let off = difference(q, exp(turn * f64::from(TURNS)) * start).length();
             assert!(off < f64::EPSILON * sqrt(f64::from(TURNS)), "{off:e} rad from {start}");
-        }
-    }
-
-    #[test]
-    fn zero_and_unbounded_quaternions_are_refused_and_scale_does_not_matter() {
-        assert_eq!(from_wxyz([0.0; 4]), None);
-        assert_eq!(from_wxyz([f64::NAN, 1.0, 0.0, 0.0]), None);
-        assert_eq!(from_wxyz([1.0, f64::INFINITY, 0.0, 0.0]), None);
-        for scale in [1e-300, 1e-160, 1.0, 1e160, 1e300] {
-            let q = from_wxyz([scale, -scale, scale, -scale]).unwrap();
-            assert!((q - Quat::from_xyzw(-0.5, 0.5, -0.5, 0.5)).length() < 1e-15);
         }
     }
 

@@ -1,79 +1,58 @@
 //! Names the field in which two outputs differ.
 
-use hbot_core::outputs::State;
-use hbot_core::{Outputs, Quat, Vec3};
+use std::fmt::Debug;
 
-/// Returns the first field in which the bits of two outputs differ, with both values. Returns
-/// `None` if all fields agree.
+use hbot_core::Outputs;
+
+/// Returns the first field whose text differs in two outputs, with both texts. Rust writes a real
+/// with as many digits as it needs, so only the bits of a NaN can differ without that.
 pub(crate) fn first(recorded: &Outputs, computed: &Outputs) -> Option<(String, [String; 2])> {
-    let fields = fields(recorded).into_iter().zip(fields(computed));
-    let differing = fields.into_iter().find(|(a, b)| a.bits != b.bits);
-    differing.map(|(a, b)| (a.name, [a.text, b.text]))
+    let mut pairs = all(recorded).zip(all(computed));
+    let (a, b) = pairs.find(|(a, b)| a.1 != b.1)?;
+    Some((a.0, [a.1, b.1].map(|text| text.trim_end_matches(',').to_owned())))
 }
 
-struct Field {
-    name: String,
-    bits: Vec<u64>,
-    text: String,
+/// Lists the fields of outputs with their texts: the state first, the command to the motors last.
+fn all(outputs: &Outputs) -> impl Iterator<Item = (String, String)> {
+    let replies = outputs.replies.iter().enumerate();
+    let replies = replies.map(|(k, reply)| (format!("replies[{k}]"), format!("{reply:?}")));
+    fields("state", &outputs.state).into_iter().chain(replies).chain(fields("drive", &outputs.drive))
 }
 
-/// Lists the fields of outputs, causes before effects: the state first, the command to the motors
-/// last.
-fn fields(outputs: &Outputs) -> Vec<Field> {
-    let mut list = List(Vec::with_capacity(32));
-    state(&outputs.state, &mut list);
-    for (k, reply) in outputs.replies.iter().enumerate() {
-        list.other(&format!("replies[{k}]"), reply);
+/// Lists the fields of a struct of the name `name`.
+fn fields(name: &str, value: &impl Debug) -> Vec<(String, String)> {
+    let mut fields: Vec<(String, String)> = Vec::new();
+    // The first and the last line are not indented, and the parts of a field are indented twice.
+    for line in format!("{value:#?}").lines().filter_map(|line| line.strip_prefix("    ")) {
+        match (line.split_once(": "), fields.last_mut()) {
+            (Some((field, text)), _) if !field.starts_with(' ') => {
+                fields.push((format!("{name}.{field}"), text.to_owned()));
+            }
+            (_, Some((_, text))) => *text += line.trim_start(),
+            (_, None) => {}
+        }
     }
-    list.other("drive.enable", &outputs.drive.enable);
-    list.reals("drive.torque", &outputs.drive.torque);
-    list.0
+    fields
 }
 
-fn state(state: &State, list: &mut List) {
-    list.other("state.tick", &state.tick);
-    list.other("state.fresh", &state.fresh);
-    list.quat("state.q", state.q);
-    list.vector("state.omega", state.omega);
-    list.other("state.joints", &state.joints);
-    list.reals("state.angle", &state.angle);
-    list.reals("state.rate", &state.rate);
-    list.reals("state.slip", &[state.slip]);
-    list.other("state.mode", &state.mode);
-    list.other("state.cause", &state.cause);
-    list.other("state.client", &state.client);
-    list.other("state.reference", &state.reference.is_some());
-    list.quat("state.reference", state.reference.unwrap_or_default());
-    list.vector("state.torque", state.torque);
-    list.reals("state.scale", &[state.scale]);
-    list.other("state.deficient", &state.deficient);
-    list.reals("state.traction", &[state.traction]);
-    list.reals("state.joint_torque", &state.joint_torque);
-    list.reals("state.energy", &[state.energy]);
-    list.reals("state.damping", &[state.damping]);
-}
+#[cfg(test)]
+mod tests {
+    use hbot_config::RigConfig;
+    use hbot_core::{CompiledScene, Controller, Inputs, Vec3};
 
-struct List(Vec<Field>);
-
-impl List {
-    fn reals(&mut self, name: &str, values: &[f64]) {
-        let bits = values.iter().map(|value| value.to_bits()).collect();
-        self.0.push(Field { name: name.to_owned(), bits, text: format!("{values:?}") });
-    }
-
-    fn vector(&mut self, name: &str, v: Vec3) {
-        self.reals(name, &v.to_array());
-    }
-
-    fn quat(&mut self, name: &str, q: Quat) {
-        self.reals(name, &[q.w, q.x, q.y, q.z]);
-    }
-
-    /// Adds a field whose text tells all of its values apart. Rust writes a real with as many
-    /// digits as it needs.
-    fn other(&mut self, name: &str, value: &impl std::fmt::Debug) {
-        let text = format!("{value:?}");
-        let bits = text.bytes().map(u64::from).collect();
-        self.0.push(Field { name: name.to_owned(), bits, text });
+    #[test]
+    fn a_difference_in_any_field_is_named() {
+        let mut controller = Controller::new(RigConfig::prototype().rig);
+        let one = controller.tick(&CompiledScene::empty(), &Inputs::quiet(1));
+        assert_eq!(super::first(&one, &one), None);
+        let mut other = one;
+        other.drive.torque[3] = -0.0;
+        assert_eq!(super::first(&one, &other).expect("a difference").0, "drive.torque");
+        other.state.sigma = Some(Vec3::new(0.5, 1e-9, 0.0));
+        let (field, values) = super::first(&one, &other).expect("a difference");
+        assert_eq!(
+            (field.as_str(), values),
+            ("state.sigma", ["None", "Some(DVec3(0.5,1e-9,0.0,),)"].map(Into::into))
+        );
     }
 }

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use hbot_api::ErrorCode;
 use subtle::ConstantTimeEq as _;
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::io::AsyncWriteExt as _;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, mpsc, oneshot};
 use tokio::time::timeout;
@@ -21,14 +21,13 @@ use tokio::time::timeout;
 use self::format::Format;
 use crate::not_built::NotBuilt;
 use crate::service::{Control, Summary};
+use crate::web::head;
 
 /// Largest number of simultaneous connections to the metrics page. Further ones wait in the
 /// operating system's queue.
 const CONNECTIONS: usize = 4;
 /// Time limit for reading and answering one request for the metrics page.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Largest size of a request for the metrics page, bytes.
-const REQUEST: usize = 8 * 1024;
 /// Pause before the next attempt after the operating system has failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(200);
 
@@ -72,21 +71,12 @@ async fn answer(
     control: &mpsc::Sender<Control>,
     token: Option<&str>,
 ) -> std::io::Result<()> {
-    let mut request = Vec::new();
-    let mut piece = [0; 1024];
-    while !request.windows(4).any(|end| end == b"\r\n\r\n") {
-        let n = stream.read(&mut piece).await?;
-        request.extend_from_slice(&piece[..n]);
-        if n == 0 {
-            return Ok(());
-        }
-        if request.len() > REQUEST {
-            break;
-        }
-    }
-    let too_large = request.len() > REQUEST;
-    let request = String::from_utf8_lossy(&request);
-    let judged = if too_large { Err("431 Request Header Fields Too Large") } else { judge(&request, token) };
+    let head = head::bytes(&mut stream).await?;
+    let request = String::from_utf8_lossy(head.as_deref().unwrap_or_default());
+    let judged = match &head {
+        Ok(_) => judge(&request, token),
+        Err(_) => Err("431 Request Header Fields Too Large"),
+    };
     if let Err(status) = judged {
         // If the service has ended, nobody counts refusals any more.
         let _ = control.send(Control::Refused(code(status))).await;

@@ -3,6 +3,7 @@
 use super::core as hbot;
 use hbot::Real;
 use hbot::outputs::{Outputs, Refusal, Reply};
+use hbot::safety::shaking::Shaking;
 
 /// The hash function FNV-1a over words (Fowler, Noll and Vo).
 #[derive(Clone, Copy)]
@@ -56,5 +57,18 @@ impl Hash {
         self.word(u64::from(outputs.drive.enable));
         self.reals(&outputs.drive.torque);
         outputs.replies.iter().flatten().for_each(|reply| self.reply(reply));
+    }
+
+    /// Hashes all outputs, also those that [`outputs`](Self::outputs) leaves out.
+    pub(crate) fn all(&mut self, outputs: &Outputs) {
+        self.outputs(outputs);
+        let s = &outputs.state;
+        self.reals(&[s.damping, s.lead_us]);
+        self.reals(&s.sigma.map_or([0.0; 3], |sigma| sigma.to_array()));
+        self.word(s.client.and_then(|client| client.seq).unwrap_or(u64::MAX));
+        if let Some(Shaking { tick, frequency, amplitude, slot, gain }) = s.shaking {
+            self.word(tick << 8 | u64::from(slot.unwrap_or(u8::MAX)));
+            self.reals(&[frequency, amplitude, gain]);
+        }
     }
 }

@@ -1,12 +1,13 @@
-//! Sends the hash of what the control law computes on a recorded run, in f32 and in f64.
+//! Sends the hashes of what the control law computes on a recorded run, in f32 and in f64.
 //!
 //! ```text
 //! .ci/same_bits.sh                            # on a microcontroller, on arm64 and on this machine
 //! cd firmware/core-hash && cargo run --release  # only on this machine
 //! ```
 //!
-//! It prints one line for each width: `f32 0x0123456789ABCDEF`. The exit code is 0 if both hashes
-//! are those that tests/core/same_bits of the main workspace expects, and 1 otherwise.
+//! It prints one line for each width: `f32 0x0123456789ABCDEF 0x0123456789ABCDEF`. The second hash
+//! is of all outputs, also with a lead. The exit code is 0 if all hashes are those that
+//! tests/core/same_bits of the main workspace expects, and 1 otherwise.
 //!
 //! With no operating system, the image is for a Cortex-M4F (QEMU's board mps2-an386). It prints by
 //! semihosting.
@@ -37,16 +38,16 @@ mod single {
 #[cfg(target_os = "none")]
 mod board;
 
-/// Returns the hash of each width, with its name and the hash that is expected.
-fn hashes() -> [(&'static str, u64, u64); 2] {
-    [("f32", single::run::hash(), single::run::GOLDEN), ("f64", double::run::hash(), double::run::GOLDEN)]
+/// Returns the hashes of each width, with its name and the hashes that are expected.
+fn hashes() -> [(&'static str, [u64; 2], [u64; 2]); 2] {
+    [("f32", single::run::hashes(), single::run::GOLDEN), ("f64", double::run::hashes(), double::run::GOLDEN)]
 }
 
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
     let hashes = hashes();
-    for (width, hash, _) in hashes {
-        println!("{width} 0x{hash:016X}");
+    for (width, [first, all], _) in hashes {
+        println!("{width} 0x{first:016X} 0x{all:016X}");
     }
     std::process::ExitCode::from(u8::from(hashes.iter().any(|(_, hash, golden)| hash != golden)))
 }

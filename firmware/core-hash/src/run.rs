@@ -8,19 +8,23 @@
 use super::core as hbot;
 use super::hash::Hash;
 use hbot::design::rig::{
-    Joint, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, RigParts, Traction, Zero,
+    Joint, LeadTime, Methods, OdometryMethod, PassivityLimit, PathFit, RateEstimate, Rig, RigParts, Traction,
+    Zero,
 };
 use hbot::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
 use hbot::outputs::Outputs;
 use hbot::render::effects::{
     Anchor, Damper, Effect, Friction, Kind, Pendulum, Spring, SpringLaw, Texture, Vibration, Wave,
 };
-use hbot::{CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Real, Vec3, WheelSpec, rotation};
+use hbot::{CompiledScene, Controller, Device, MAX_JOINTS, Mat3, Quat, Real, Vec3, WheelSpec, rotation};
 
-/// The hash of all outputs of both rigs, equal on every machine. It changes when the core computes
-/// something else.
-pub(crate) const GOLDEN: u64 =
-    if Real::EPSILON < 1.0e-10 { 0x3065_CAB4_2D03_2393 } else { 0x8607_D0C4_9E67_7A74 };
+/// The hashes of [`hashes`], equal on every machine. They change when the core computes something
+/// else.
+pub(crate) const GOLDEN: [u64; 2] = if Real::EPSILON < 1.0e-10 {
+    [0x3065_CAB4_2D03_2393, 0xD035_22CC_97B8_0A4B]
+} else {
+    [0x8607_D0C4_9E67_7A74, 0x9A5F_3A34_2602_9843]
+};
 
 /// Number of ticks in the recording.
 pub(crate) const TICKS: usize = 10_000;
@@ -206,11 +210,40 @@ pub(crate) fn follow(more: bool, mut each: impl FnMut(&Outputs)) {
     }
 }
 
-/// Returns the hash of all outputs of both rigs.
-pub(crate) fn hash() -> u64 {
-    let mut hash = Hash::START;
-    for more in [false, true] {
-        follow(more, |outputs| hash.outputs(outputs));
+/// Runs the control law with a lead and the guard against shaking, and calls `each` with the
+/// outputs of each tick. The sphere turns to and fro, and a stiff spring drives it.
+pub(crate) fn follow_led(mut each: impl FnMut(&Outputs)) {
+    let lead = LeadTime { factor: 0.5, ..LeadTime::default() };
+    let rig = rig(false).with(|rig| (rig.lead, rig.torque_lag) = (Some(lead), 1.0e-3)).expect("a legal rig");
+    let mut controller = Controller::new(rig).with_shaking_guard(true);
+    let stiff = Mat3::from_diagonal(Vec3::splat(8.0));
+    let spring = Spring::new(SpringLaw::Geodesic, stiff, Mat3::ZERO, Quat::IDENTITY, Anchor::Here);
+    let spring = Effect::new(0, 1, Kind::Spring(spring.expect("a legal spring")));
+    let scene = CompiledScene::new(3, &[spring]).expect("a legal scene");
+    let mut feed = Feed::START;
+    for k in 0..1500 {
+        let (back, step) = (k % 40 >= 20, k % 20);
+        let measured = recorded(if back { 119 - step } else { 100 + step });
+        let measured = if back { measured.map(|(change, rate)| (-change, -rate)) } else { measured };
+        let mut inputs = feed.next(k as u64 + 1, &measured);
+        let (q, sigma) = (rotation::exp(Vec3::X * 0.01), Vec3::new(0.01, 0.02, 0.03));
+        if k == 900 {
+            let _ = inputs.commands.push(Command::AlignBySigma { q, sigma, weight: 0.5, tick: 890 });
+        }
+        each(&controller.tick(&scene, &inputs));
     }
-    hash.0
+}
+
+/// Returns the hash of the outputs of both rigs as it was at first, and that of all outputs, also
+/// with a lead.
+pub(crate) fn hashes() -> [u64; 2] {
+    let [mut first, mut all] = [Hash::START; 2];
+    for more in [false, true] {
+        follow(more, |outputs| {
+            first.outputs(outputs);
+            all.all(outputs);
+        });
+    }
+    follow_led(|outputs| all.all(outputs));
+    [first.0, all.0]
 }

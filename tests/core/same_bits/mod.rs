@@ -28,7 +28,7 @@ mod single {
     pub(crate) mod run;
 }
 
-use double::run::{Measured, RATE_UNIT, TICKS, follow, rig};
+use double::run::{Measured, RATE_UNIT, TICKS, follow, follow_led, rig};
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../firmware/core-hash/src/recording.bin");
 
@@ -87,7 +87,13 @@ fn a_recorded_run_hashes_as_on_every_machine_in_both_widths() {
         }
         assert!(!more || saturated > 100, "{saturated} ticks at a limit");
     }
-    let (f32, f64) = (single::run::hash(), double::run::hash());
+    let (mut shaking, mut sigma) = (0, 0);
+    follow_led(|outputs| {
+        shaking += usize::from(outputs.state.shaking.is_some());
+        sigma += usize::from(outputs.state.sigma.is_some());
+    });
+    assert!(shaking > 500 && sigma > 500, "{shaking} ticks, {sigma}");
+    let (f32, f64) = (single::run::hashes(), double::run::hashes());
     let golden = (single::run::GOLDEN, double::run::GOLDEN);
-    assert_eq!((f32, f64), golden, "the outputs hash to 0x{f32:016X} in f32, 0x{f64:016X} in f64");
+    assert_eq!((f32, f64), golden, "the outputs hash to {f32:#018X?} in f32, {f64:#018X?} in f64");
 }

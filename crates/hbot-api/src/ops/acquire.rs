@@ -8,7 +8,7 @@ use crate::{Client, ClientError, ErrorBody};
 pub(super) const ROW: OpRow = OpRow::new(Who::Any, &[may("steal")]).weighing(100);
 pub(super) const RELEASE_ROW: OpRow = OpRow::new(Who::Any, &[]).weighing(100);
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::Acquire { steal: fields.flag("steal")? })
 }
 

@@ -6,7 +6,7 @@ use crate::{Client, ClientError, ErrorBody, StateEvent};
 
 pub(super) const ROW: OpRow = OpRow::new(Who::Holder, &[must("ticks")]);
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::Advance { ticks: fields.integer("ticks", 1, MAX_EVERY)? })
 }
 

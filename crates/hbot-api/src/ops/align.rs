@@ -70,7 +70,7 @@ pub struct AlignOk {
     pub used: bool,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     let q = fields.quaternion("q")?;
     let sigma = fields.optional_sigmas("sigma")?;
     let weight = match sigma {
@@ -80,7 +80,7 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
     Ok(Op::Align(Align { q, weight, sigma, t: fields.optional_number("t", 0.0, f64::MAX)? }))
 }
 
-pub(super) fn read_direction(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read_direction(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::AlignDirection(AlignDirection {
         body: fields.direction("body")?,
         world: fields.direction("world")?,

@@ -55,7 +55,7 @@ pub struct HandHold {
     pub inertia: Option<f64>,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     if fields.flag("release")? {
         return match fields.0.iter().find(|(_, value)| !value.is_null()) {
             None => Ok(Op::Hand(HandCommand::RELEASE)),

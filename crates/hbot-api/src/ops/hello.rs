@@ -71,7 +71,7 @@ pub struct HelloOk {
     pub session: u64,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::Hello(Hello {
         version: fields.integer("version", PROTOCOL_VERSION, PROTOCOL_VERSION)?,
         name: fields.text("name", MAX_NAME_BYTES)?,
@@ -94,7 +94,7 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
 }
 
 /// Checked before the other fields, because another version can have others.
-pub(crate) fn check_version(fields: &Fields<'_>) -> Result<(), ErrorBody> {
+pub(crate) fn check_version(fields: &Fields) -> Result<(), ErrorBody> {
     match fields.get("version").and_then(Value::as_u64) {
         Some(version) if version != PROTOCOL_VERSION => Err(ErrorBody::new(
             ErrorCode::UnsupportedVersion,

@@ -33,7 +33,7 @@ pub struct EffectCost {
     pub cost_ns: u64,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     let legal = "a map of the shape of a scene file, or the name of a ready-made scene";
     match fields.remove("scene") {
         Some(scene @ (Value::Object(_) | Value::String(_))) => Ok(Op::LoadScene { scene }),

@@ -187,7 +187,7 @@ macro_rules! ops {
             }
 
             /// Reads the fields of the op `name`.
-            pub(crate) fn read(name: OpName, fields: &mut Fields<'_>) -> Result<Self, ErrorBody> {
+            pub(crate) fn read(name: OpName, fields: &mut Fields) -> Result<Self, ErrorBody> {
                 match name {
                     $(OpName::$Variant => ($read)(fields),)+
                 }

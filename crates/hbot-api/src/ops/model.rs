@@ -7,7 +7,6 @@ use crate::{Client, ClientError, ErrorBody, finite};
 use serde::ser::{Error, SerializeSeq};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
-use std::borrow::Cow;
 
 /// Largest number of half-spaces in a model.
 pub const MAX_PLANES: usize = 8;
@@ -185,7 +184,7 @@ pub struct ModelOk {
     pub stiffness_scale: f64,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::Model(Box::new(ModelCommand {
         torque: fields.optional_vector("torque")?.unwrap_or([0.0; 3]),
         stiffness: impedance(fields, "stiffness")?,
@@ -202,7 +201,7 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
 
 /// Removes an optional stiffness or damping. It is 0 if the field is absent. Fails if it is
 /// negative about an axis of frame N, or not symmetric. Its other eigenvalues are not checked.
-fn impedance(fields: &mut Fields<'_>, name: &str) -> Result<Impedance, ErrorBody> {
+fn impedance(fields: &mut Fields, name: &str) -> Result<Impedance, ErrorBody> {
     let Some(value) = fields.take(name) else { return Ok(Impedance::default()) };
     let Value::Array(items) = &value else {
         if !value.is_number() {
@@ -237,7 +236,7 @@ fn impedance(fields: &mut Fields<'_>, name: &str) -> Result<Impedance, ErrorBody
 }
 
 /// Removes an optional list of half-spaces.
-fn planes(fields: &mut Fields<'_>, name: &str) -> Result<Vec<PlaneCommand>, ErrorBody> {
+fn planes(fields: &mut Fields, name: &str) -> Result<Vec<PlaneCommand>, ErrorBody> {
     let legal = format_args!("a list of at most {MAX_PLANES} maps");
     let items = match fields.take(name) {
         None => return Ok(Vec::new()),
@@ -253,7 +252,7 @@ fn planes(fields: &mut Fields<'_>, name: &str) -> Result<Vec<PlaneCommand>, Erro
             let legal = PLANE.join(", ");
             return Err(bad(format!("unknown field {:?}; legal: {legal}", Excerpt(&path(key)))));
         }
-        let mut fields = Fields(map.into_iter().map(|(key, x)| (Cow::Owned(path(&key)), x)).collect());
+        let mut fields = Fields(map.into_iter().map(|(key, x)| (path(&key), x)).collect());
         let normal = fields.required(&path("normal"), LEGAL_NORMAL)?;
         Ok(PlaneCommand {
             normal: normalized(&path("normal"), &normal, LEGAL_NORMAL)?,

@@ -20,7 +20,7 @@ pub struct PingOk {
     pub t: f64,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::Ping { data: fields.take("data").unwrap_or(Value::Null) })
 }
 

@@ -39,7 +39,7 @@ pub struct ReferenceCommand {
     pub seq: Option<u64>,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::Reference(ReferenceCommand {
         effect: fields.text("effect", MAX_EFFECT_BYTES)?,
         q: fields.quaternion("q")?,

@@ -18,10 +18,9 @@ pub struct SetOk {
     pub warnings: Vec<String>,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     let effect = fields.text("effect", MAX_EFFECT_BYTES)?;
-    let parameters: Map<String, Value> =
-        std::mem::take(&mut fields.0).into_iter().map(|(name, value)| (name.into_owned(), value)).collect();
+    let parameters = std::mem::take(&mut fields.0);
     if parameters.contains_key("kind") {
         return Err(bad("field \"kind\" cannot be set; legal: parameters of the effect's kind (load_scene \
                         gives an effect another kind)"));

@@ -14,7 +14,7 @@ pub struct SubscribeOk {
     pub every: u64,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::Subscribe { every: fields.integer("every", 1, MAX_EVERY)? })
 }
 

@@ -28,7 +28,7 @@ pub struct TorqueCommand {
     pub seq: Option<u64>,
 }
 
-pub(super) fn read(fields: &mut Fields<'_>) -> Result<Op, ErrorBody> {
+pub(super) fn read(fields: &mut Fields) -> Result<Op, ErrorBody> {
     Ok(Op::Torque(TorqueCommand {
         torque: fields.vector("torque")?,
         valid_ms: fields.integer("valid_ms", 1, MAX_VALID_MS)?,

@@ -6,9 +6,9 @@ use hbot_api::{
 };
 use hbot_config::RigConfig;
 use hbot_config::scene::{Listed, SHELF};
-use hbot_core::allocation::{ContactArms, JointLimits, capability};
+use hbot_core::allocation::{JointLimits, capability};
 use hbot_core::design::kinematics::Posture;
-use hbot_core::{MAX_JOINTS, MAX_WHEELS, Vec3};
+use hbot_core::{MAX_WHEELS, Vec3};
 use serde_json::Value;
 
 use super::convert;
@@ -78,7 +78,7 @@ impl Info {
             faults: Fault::ALL.map(fault).into(),
             ..InfoOk::default()
         };
-        Self { fixed, limits: joint_limits(config), clock }
+        Self { fixed, limits: JointLimits::of(&config.rig), clock }
     }
 
     /// Returns the complete answer to `info`. The largest torque about each axis is computed for
@@ -167,23 +167,11 @@ fn listed(kinds: Vec<Listed>) -> Vec<KindInfo> {
         .collect()
 }
 
-/// Returns the peak torque of each joint, and the weight that the torque allocation gives to it.
-fn joint_limits(config: &RigConfig) -> JointLimits {
-    let (rig, device) = (&config.rig, &config.rig.device);
-    let mut limits = JointLimits { peak: [0.0; MAX_JOINTS], weight: [1.0; MAX_JOINTS] };
-    for (i, wheel) in device.wheels().iter().enumerate() {
-        let weights = ContactArms::of(wheel, device.sphere_radius()).weights();
-        for (j, weight) in weights.into_iter().enumerate() {
-            limits.weight[2 * i + j] = weight;
-            limits.peak[2 * i + j] = rig.joints[2 * i + j].peak;
-        }
-    }
-    limits
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hbot_core::MAX_JOINTS;
+    use hbot_core::design::rig::{Compensation, Imperfect};
     use hbot_host::run_loop::sample::Counters;
 
     #[test]
@@ -194,5 +182,30 @@ mod tests {
         let at = |time_waits| Clock { origin, time_waits }.at(Some(&sample), 100);
         assert_eq!(at(true), ClockInfo { monotonic_ns: 1_300, unix_ns: 5_300 });
         assert_eq!(at(false), ClockInfo { monotonic_ns: 1_000, unix_ns: 5_000 });
+    }
+
+    #[test]
+    fn the_capability_counts_what_the_motors_make() {
+        let capability = |torque_scale| {
+            let mut config = RigConfig::prototype();
+            let joints = [Imperfect { torque_scale, ..Imperfect::default() }; MAX_JOINTS];
+            let known = Compensation { joints, ..Compensation::default() };
+            config.rig = config.rig.with(|rig| rig.compensation = Some(known)).expect("a rig");
+            let origin = Origin { monotonic_ns: 0, unix_ns: 0 };
+            let info = Info::new(&config, "", true, Clock { origin, time_waits: false });
+            let now = Now {
+                scene: Value::Null,
+                warnings: &[],
+                outlook: Said::default(),
+                sample: Some(&crate::still::still(1)),
+                lease: LeaseInfo::default(),
+                incident: None,
+                shaking: None,
+            };
+            info.answer(&config, now).capability.expect("a sample")
+        };
+        for (weaker, whole) in capability(0.9).into_iter().zip(capability(1.0)) {
+            assert!((weaker - 0.9 * whole).abs() < 1e-12, "{weaker} of {whole}");
+        }
     }
 }

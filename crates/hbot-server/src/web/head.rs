@@ -40,6 +40,11 @@ impl Refusal {
 /// # Errors
 /// Fails if the connection fails or ends before the end of the head.
 pub(crate) async fn read<S: AsyncRead + Unpin>(stream: &mut S) -> std::io::Result<Result<Head, Refusal>> {
+    Ok(bytes(stream).await?.and_then(|bytes| parse(&bytes)))
+}
+
+/// Reads the bytes of an HTTP request up to the end of its head or further, as [`read`] does.
+pub(crate) async fn bytes<S: AsyncRead + Unpin>(stream: &mut S) -> std::io::Result<Result<Vec<u8>, Refusal>> {
     let mut bytes = Vec::with_capacity(PIECE);
     loop {
         let searched = bytes.len().saturating_sub(3);
@@ -49,7 +54,7 @@ pub(crate) async fn read<S: AsyncRead + Unpin>(stream: &mut S) -> std::io::Resul
         }
         let within = &bytes[..bytes.len().min(HEAD)];
         if within[searched..].windows(4).any(|end| end == b"\r\n\r\n") {
-            return Ok(parse(&bytes));
+            return Ok(Ok(bytes));
         }
         if bytes.len() >= HEAD {
             let why = format!("the head of a request has at most {HEAD} bytes");

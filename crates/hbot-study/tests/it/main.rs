@@ -4,7 +4,6 @@ mod accuracy;
 mod allocation_page;
 mod design;
 mod effects;
-mod estimates;
 mod feel;
 mod files;
 mod paper;

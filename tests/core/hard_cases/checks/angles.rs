@@ -12,8 +12,11 @@ const PI: f64 = core::f64::consts::PI;
 
 /// Angles from zero to exactly a half turn, rad. In 32 bits the first ones round to zero, and the
 /// last three to one number.
-const ANGLES: [f64; 13] =
-    [0.0, 1e-300, 1e-160, 1e-38, 1e-20, 1e-8, 1e-4, 0.0312, 0.0313, 1.0, PI - 1e-8, PI - 1e-15, PI];
+#[rustfmt::skip]
+const ANGLES: [f64; 18] = [
+    0.0, 1e-300, 1e-160, 1e-100, 1e-38, 1e-20, 1e-9, 1e-8, 1e-4, 0.0312, 0.0313, 0.0566, 0.5, 1.0, 3.0, PI - 1e-8,
+    PI - 1e-15, PI,
+];
 
 fn axis() -> Vec3 {
     Vec3::new(0.6, -0.48, 0.64)
@@ -38,19 +41,28 @@ const DENORMAL: Real = 4.0 * Real::MIN_POSITIVE;
 
 #[test]
 fn logarithm_undoes_exponential() {
-    for (t, q) in all() {
-        let (back, v) = (rotation::log(q), axis() * t);
-        let off =
-            Real::min((back - v).length(), if a_half_turn(t) { (back + v).length() } else { Real::MAX });
-        // The tolerance is a few roundings of the angle. For tiny angles the sum of squares
-        // underflows, so the largest component is compared.
-        assert!(
-            (back - v).abs().max_element() <= 4.0 * Real::EPSILON * t + DENORMAL
-                || off <= 8.0 * Real::EPSILON * t,
-            "{t:e}: {back}"
-        );
-        assert!((q.length_squared() - 1.0).abs() <= 4.0 * Real::EPSILON, "{t:e}: {q}");
+    for (t, turn) in all() {
+        for axis in [axis(), Vec3::X, -Vec3::Z, turn * Vec3::Y] {
+            let v = axis * t;
+            let q = rotation::exp(v);
+            let back = rotation::log(q);
+            assert!(rotation::log(-q) == back || a_half_turn(t), "the sign of q matters at {t:e}");
+            let off = (back - v).length();
+            let other = if a_half_turn(t) { (back + v).length() } else { Real::MAX };
+            // The tolerance is a few roundings of the angle. For tiny angles the sum of squares
+            // underflows, so the largest component is compared.
+            assert!(
+                (back - v).abs().max_element() <= 4.0 * Real::EPSILON * t + DENORMAL
+                    || off <= 4.0 * Real::EPSILON * t
+                    || other <= 8.0 * Real::EPSILON * t,
+                "{t:e}: {back}"
+            );
+            assert!((q.length_squared() - 1.0).abs() <= 4.0 * Real::EPSILON, "{t:e}: {q}");
+            assert!((rotation::exp(back) - rotation::shortest(q)).length() <= 16.0 * Real::EPSILON);
+        }
     }
+    assert_eq!((rotation::exp(Vec3::ZERO), rotation::log(Quat::IDENTITY)), (Quat::IDENTITY, Vec3::ZERO));
+    assert_eq!(rotation::log(Quat::from_xyzw(1.0, 0.0, 0.0, 0.0)), Vec3::X * (PI as Real));
 }
 
 #[test]
