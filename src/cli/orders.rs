@@ -7,8 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use hbot_api::{
-    Client, ClientError, ConnectOptions, ErrorBody, ErrorCode, Fault, Mode, StateEvent, Token, Trust,
-    client_name,
+    Client, ClientError, ConnectOptions, ErrorCode, Fault, Mode, StateEvent, Token, Trust, client_name,
 };
 
 use super::out::{note, tell};
@@ -193,10 +192,7 @@ pub(crate) fn holding<T>(
 pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
     let said = match &error {
         // The op and the code are for programs.
-        ClientError::Server(ErrorBody { message, .. }) => {
-            let rest = message.strip_prefix("op ").and_then(|rest| rest.split_once(": "));
-            rest.map_or(&**message, |(_, rest)| rest).to_owned()
-        }
+        ClientError::Server(body) => body.reason().to_owned(),
         other => other.to_string(),
     };
     let remedy = match error.code() {
@@ -251,6 +247,8 @@ fn holder(error: &ClientError) -> Option<&str> {
 
 #[cfg(test)]
 mod tests {
+    use hbot_api::ErrorBody;
+
     use super::*;
 
     #[test]

@@ -55,6 +55,13 @@ impl ErrorBody {
     pub fn new(code: ErrorCode, message: impl Into<String>) -> Self {
         Self { code, message: message.into(), holder: None, angle: None }
     }
+
+    /// Returns the message for people who do not know the ops: without the op at its beginning.
+    #[must_use]
+    pub fn reason(&self) -> &str {
+        let rest = self.message.strip_prefix("op ").and_then(|rest| rest.split_once(": "));
+        rest.map_or(&self.message, |(_, rest)| rest)
+    }
 }
 
 /// A request that the server could not read, with the error for the answer.

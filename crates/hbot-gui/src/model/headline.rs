@@ -40,7 +40,7 @@ impl Headline {
     /// Returns a sign that tells the headlines apart without their colours.
     pub(crate) const fn sign(self) -> &'static str {
         match self {
-            Self::NotStopped => "\u{2a2f}",
+            Self::NotStopped => "\u{d7}",
             Self::NoContact | Self::NoState => "\u{25cc}",
             Self::Mode(Mode::Fault) => "\u{25b2}",
             Self::Mode(Mode::Estop) => "\u{25a0}",

@@ -83,6 +83,7 @@ pub(super) fn connect(options: &PanelOptions) -> Result<Client, ClientError> {
 pub(super) fn in_words(error: &ClientError) -> String {
     match error {
         ClientError::Tls(_) => format!("hbot-gui --ca FILE names whom to trust: {error}"),
+        ClientError::Server(body) => body.reason().to_owned(),
         ClientError::NoServer { .. } => "nobody listens there: connection refused".to_owned(),
         _ => error.to_string(),
     }

@@ -94,7 +94,7 @@ fn effort(ui: &mut Ui, torque: f64, name: &str, limits: JointInfo) {
     let is_long = lasting > 0.0 && share.abs() > lasting;
     let percent = 100.0 * share.abs();
     let text = if is_long {
-        format!("{name}: {percent:.0} %, {:.0} % lasts", 100.0 * lasting)
+        format!("{name}: {percent:.0} %, lasts at {:.0} %", 100.0 * lasting)
     } else {
         format!("{name}: {percent:.0} % of {} N m", limits.peak)
     };
@@ -170,8 +170,8 @@ mod tests {
             "angle | rate, rad/s | torque, N m",
             "steer | -85.9\u{b0} | +0.000 | +0.6000",
             "drive | 114.6\u{b0} | +3.000 | +1.6000",
-            "steer: 75 %, 50 % lasts",
-            "drive: 100 %, 50 % lasts",
+            "steer: 75 %, lasts at 50 %",
+            "drive: 100 %, lasts at 50 %",
             NOTE,
         ];
         assert_eq!(shown(|_| ()), expected);
@@ -235,7 +235,7 @@ mod tests {
             let near = |a: f32, b: f32| (a - b).abs() < 0.01;
             assert!(near(bar.left(), left) && near(bar.right(), right), "{torque} N m: {bar:?}");
             let is_long = continuous > 0.0 && share.abs() > 0.5;
-            let said = texts(&harness).into_iter().any(|it| it.text.ends_with(" %, 50 % lasts"));
+            let said = texts(&harness).into_iter().any(|it| it.text.ends_with(" %, lasts at 50 %"));
             assert_eq!(said, is_long, "{torque} N m: why the bar has this colour");
             let lines = vertical_lines(&harness);
             if continuous > 0.0 {

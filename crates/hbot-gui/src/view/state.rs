@@ -211,7 +211,10 @@ fn head(ui: &mut Ui, headline: Headline, mood: &str, color: Color32) {
     };
     let ink = if band.is_some() { ui.visuals().panel_fill } else { color };
     let row = ui.horizontal(|ui| {
-        ui.label(RichText::new(sign).monospace().size(HEADLINE).color(ink));
+        // The cross is bold, as the word beside it.
+        let is_cross = headline == Headline::NotStopped;
+        let font = if is_cross { bold(ui, HEADLINE) } else { FontId::monospace(HEADLINE) };
+        ui.label(RichText::new(sign).font(font).color(ink));
         // A long word is smaller, because the sliders would move.
         let words = |k: f32| {
             sized(&[(&headline.text(), bold(ui, k * HEADLINE), ink), (mood, bold(ui, k * MOOD), ink)])
@@ -345,8 +348,7 @@ fn details(
 fn not_stopped(ui: &mut Ui, model: &Model) {
     let Some(stop) = model.unconfirmed_stop() else { return };
     let order = |ui: &mut Ui, text: &str| {
-        let size = if is_low(ui) { LARGE } else { ORDER };
-        let text = RichText::new(text).font(bold(ui, size)).color(Color32::WHITE);
+        let text = RichText::new(text).font(bold(ui, ORDER)).color(Color32::WHITE);
         wrapped(ui, text);
     };
     let back = model.mode().filter(|_| model.pushes_again(stop));
@@ -421,7 +423,8 @@ fn shaken(shaking: &ShakingEvent) -> String {
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
     turns(ui, model);
-    wrapped(ui, who);
+    let powered = if model.is_simulated() { "" } else { " The motors still have power." };
+    wrapped(ui, format!("{who}{powered}"));
     refused(ui, model, palette);
     wrapped(ui, recover::way_on(model));
 }
@@ -446,8 +449,8 @@ fn no_contact(ui: &mut Ui, model: &Model) {
     last(ui, model);
     let simulated = model.is_online() && model.is_simulated();
     if !simulated {
-        let advice = strong(ui, "If in doubt, cut the motors' power.");
-        wrapped(ui, advice);
+        let advice = RichText::new("If in doubt, cut the motors' power.");
+        wrapped(ui, advice.font(bold(ui, MOOD)));
     }
     if !model.is_online() {
         ui.label("Not connected.");
@@ -465,7 +468,8 @@ fn tenths(time: Duration) -> f64 {
 fn last(ui: &mut Ui, model: &Model) {
     if let Some(last) = model.history.newest() {
         let mode = Headline::Mode(last.mode).text();
-        ui.label(format!("Last: {mode}, {:.2} N m", DVec3::from(last.torque).length()));
+        let ago = model.heard_before().map_or(String::new(), |heard| format!(" {} s ago", heard.as_secs()));
+        ui.label(format!("Last heard{ago}: {mode}, {:.2} N m", DVec3::from(last.torque).length()));
     }
 }
 
@@ -485,8 +489,9 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, room: f32, palette: Pal
     let take = recover::must_press(model).map(|take| format!("{take}, ")).unwrap_or_default();
     let go_on = format!("To go on: {take}Reset, then Enable.");
     let cure = cure_of(fault, told);
-    // Of a simulated rig, nothing has to be mended before.
-    wrapped(ui, if model.is_simulated() { format!("{go_on} {cure}") } else { format!("{cure} {go_on}") });
+    // Of a simulated rig, nothing has to be mended before, but it must rest.
+    let is_ready = model.is_simulated() && too_fast(model).is_none();
+    wrapped(ui, if is_ready { format!("{go_on} {cure}") } else { format!("{cure} {go_on}") });
     // What was found comes last, because it can be long.
     let found = told.and_then(|told| Some(format!("{fault}: {}", told.found.as_deref()?).replace('`', "")));
     // A line that is cut says nothing. The list of messages has it too.

@@ -1,6 +1,6 @@
 //! The stop button, and below it the keys that do the same.
 
-use eframe::egui::{Align2, Button, Color32, Event, FontId, PointerButton, RichText, Ui, vec2};
+use eframe::egui::{Align2, Button, Color32, Event, PointerButton, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use hbot_api::Mode;
 
@@ -25,12 +25,15 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         Some(_) => (Color32::TRANSPARENT, palette.text),
         None => (STOP, Color32::WHITE),
     };
-    let line = match stopped {
-        Some(state) if DVec3::from(state.omega).length() > TURNS => "torque off, still turns".to_owned(),
-        Some(state) => format!("stopped, {:.2} N m", DVec3::from(state.torque).length()),
-        None if !model.is_online() => "cannot reach the rig".to_owned(),
-        None if model.quiet_for().is_some() => "may not arrive".to_owned(),
-        None => String::new(),
+    let (line, is_doubtful) = match stopped {
+        Some(state) if DVec3::from(state.omega).length() > TURNS => {
+            ("torque off, still turns".to_owned(), false)
+        }
+        Some(state) => (format!("stopped, {:.2} N m", DVec3::from(state.torque).length()), false),
+        None if !model.is_online() => ("cannot reach the rig".to_owned(), true),
+        None if model.quiet_for().is_some() => ("may not arrive".to_owned(), true),
+        None if model.is_simulated() => (String::new(), false),
+        None => ("Not an emergency switch".to_owned(), false),
     };
     let button = Button::new("").fill(fill).corner_radius(8);
     let size = vec2(ui.available_width(), 60.0);
@@ -42,7 +45,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
         ui.add_sized(size, button)
     };
     let response = named(ui.scope(add).inner, "Stop");
-    if stopped.is_none() && !line.is_empty() {
+    if is_doubtful {
         let rect = response.rect;
         for edge in [
             rect.with_max_y(rect.top() + EDGE),
@@ -57,7 +60,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     let word = response.rect.center() - vec2(0.0, up);
     ui.painter().text(word, Align2::CENTER_CENTER, "STOP", bold(ui, size), ink);
     let below = response.rect.center_bottom() - vec2(0.0, 6.0);
-    ui.painter().text(below, Align2::CENTER_BOTTOM, &line, FontId::proportional(REACH), ink);
+    ui.painter().text(below, Align2::CENTER_BOTTOM, &line, bold(ui, REACH), ink);
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_description(line));
     // As the pointer goes down: a press that slides off the button stops the rig too, and one that
     // ends before the next frame. A click without a pointer is that of a key.
@@ -70,18 +73,18 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     if pressed || response.clicked() && !released {
         intents.push(Intent::Stop);
     }
-    let (text, color, is_loud) = if model.is_online() && model.awaits_stop() {
-        ("STOP sent, not confirmed yet", palette.warn, true)
-    } else if !has_keys(ui) {
-        ("Esc and Space are off: click in this window", palette.text, true)
-    } else if model.is_simulated() {
-        ("Esc or Space, anywhere in this window", palette.weak, false)
+    let (text, ground, ink) = if model.is_online() && model.awaits_stop() {
+        ("STOP sent, not confirmed yet", Color32::TRANSPARENT, palette.warn)
+    } else if has_keys(ui) {
+        ("Esc or Space, anywhere in this window", Color32::TRANSPARENT, palette.weak)
     } else {
-        ("Esc or Space stops. Not an emergency switch.", palette.weak, false)
+        ("Esc and Space are off: click in this window", palette.warn, ui.visuals().panel_fill)
     };
-    let font = if is_loud { bold(ui, KEYS) } else { FontId::proportional(KEYS) };
-    // In one line also in a narrow window, so that nothing moves.
-    ui.vertical_centered(|ui| ui.label(RichText::new(text).font(font).color(color)));
+    // In one line also in a narrow window, and as high in all states, so that nothing moves.
+    let (rect, label) = ui.allocate_exact_size(vec2(ui.available_width(), 18.0), Sense::hover());
+    ui.painter().rect_filled(rect, 3.0, ground);
+    ui.painter().text(rect.center(), Align2::CENTER_CENTER, text, bold(ui, KEYS), ink);
+    label.widget_info(|| WidgetInfo::labeled(Role::Label, true, text));
 }
 
 /// Returns whether this window gets what is typed.

@@ -405,7 +405,7 @@ fn a_silent_server_is_no_contact_and_nothing_can_be_set() {
         grow_silent(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(!enabled(&seen), "{name}");
-        assert!(shows(&seen, "NO CONTACT") && shows(&seen, "Last: ACTIVE, 0.00 N m"));
+        assert!(shows(&seen, "NO CONTACT") && shows(&seen, " s ago: ACTIVE, 0.00 N m"));
         assert_eq!(seen.query_all_by_label_contains("ACTIVE").count(), 1, "only as the last mode");
     }
 }

@@ -225,7 +225,11 @@ fn a_server_that_hangs_does_not_hang_the_window() {
     wire.freeze(true);
     seat.longest = Duration::ZERO;
     seat.until_text("silent ");
-    assert!(seat.shows("NO CONTACT") && seat.shows("Last: ACTIVE, "), "{}", seat.texts());
+    assert!(
+        seat.shows("NO CONTACT") && seat.shows("Last heard") && seat.shows(": ACTIVE, "),
+        "{}",
+        seat.texts()
+    );
     assert!(!seat.is_enabled("Stiffness") && seat.is_enabled("Stop"));
     assert!(painted(&seat.harness).iter().any(|text| text == "may not arrive"), "{}", seat.texts());
     seat.click("Stop");

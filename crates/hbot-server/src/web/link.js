@@ -10,7 +10,8 @@ const ANSWER_WITHIN = 5000;
 /** A request that the server has refused, with the fields `code` and `angle` of its answer. */
 export class Refused extends Error {
   constructor(body) {
-    super(body.message);
+    // The op is for programs.
+    super(body.message.replace(/^op \w+: /, ''));
     Object.assign(this, { code: body.code, holder: body.holder, angle: body.angle });
   }
 }

@@ -110,7 +110,7 @@ function details(rig) {
   if (state.mode === 'estop') {
     const { fault: before, remedy } = rig.faultBefore ?? {};
     const what = rig.info?.faults?.find((fault) => fault.name === before)?.sentence ?? '';
-    const who = by ? `Stopped by ${rig.name(by)}.` : mode;
+    const who = `${by ? `Stopped by ${rig.name(by)}.` : mode}${rig.isSimulated ? '' : ' The motors still have power.'}`;
     return [['bad', narrow.matches ? '' : who], ['warn', notReset(rig)], ['', narrow.matches ? `${who} ${wayOn(rig)}` : wayOn(rig)],
       // How to go on stands above.
       ['bad', before ? `Before the stop: ${before}. ${what}` : ''], ['', remedy ?? '']];

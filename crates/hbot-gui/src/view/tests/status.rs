@@ -410,7 +410,7 @@ fn who_commands_is_grey_and_the_bars_are_empty_while_they_are_not_certain() {
         change(&mut seen.state_mut().model);
         settle(&mut seen);
         assert!(is_grey(&seen), "change {k}");
-        assert_eq!(shows(&seen, "Last: ACTIVE, 0.00 N m"), old, "change {k}");
+        assert_eq!(shows(&seen, " s ago: ACTIVE, 0.00 N m"), old, "change {k}");
     }
 }
 
