@@ -17,10 +17,12 @@ use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_record::Reader;
 use hbot_record::messages::hbot::State;
 use hbot_record::reader::{Item, ReadError};
+use hbot_record::ticks::Ticks;
 use hbot_record::told::{Told, told};
 
 use super::numbers::whole;
 use super::out::{foreign, note, refuse_folder_or_pipe, tell};
+use super::recover::missing_parts;
 use super::scene::plot::{svg, write};
 use super::style;
 
@@ -73,9 +75,7 @@ enum Read {
 /// A whole run: its length, and the largest of what has a limit.
 #[derive(Default)]
 struct Whole {
-    states: u64,
-    /// Times of the first and of the last state, s.
-    range: Option<(f64, f64)>,
+    ticks: Ticks,
     /// Speed of the sphere, rad/s.
     speed: f64,
     /// Torque on it, N m.
@@ -85,25 +85,44 @@ struct Whole {
     /// Lateness of a tick, us.
     late_us: f64,
     about: BTreeMap<String, String>,
-    /// Whether parts of the recording cannot be read.
-    flawed: bool,
+    /// Why parts cannot be read, and whether the end is missing.
+    damaged: Vec<String>,
+    cut: bool,
 }
 
 impl Whole {
     fn add(&mut self, state: &State) {
-        self.states += 1;
-        self.range = Some((self.range.map_or(state.t, |(first, _)| first), state.t));
+        self.ticks.state(state);
         self.speed = self.speed.max(findings::length(state.omega.as_ref()));
         self.torque = self.torque.max(findings::length(state.torque.as_ref()));
         self.traction = self.traction.max(state.traction);
         self.late_us = self.late_us.max(state.timing.as_ref().map_or(0.0, |timing| timing.lateness_us));
     }
+
+    fn damage(&mut self, why: String) {
+        self.ticks.damaged();
+        self.damaged.push(why);
+    }
+
+    /// Says which parts are missing.
+    fn missing(&self) -> Vec<String> {
+        let parts = missing_parts(&self.ticks, self.cut);
+        let unknown = |part| format!("{part}: what happened in them is not known");
+        match self.damaged.first() {
+            Some(why) if parts.is_empty() => vec![format!("damaged: {why}")],
+            _ => parts.into_iter().map(unknown).collect(),
+        }
+    }
 }
 
 pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
-    let history = match read(args)? {
+    let (path, gathered) = read(args)?;
+    let missing = gathered.whole.missing();
+    missing.iter().try_for_each(|part| tell!("{}{part}{}", style::BAD, style::OFF))?;
+    let code = if missing.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+    let history = match gathered.history(&path, args.number)? {
         Read::Stopped(history) => history,
-        Read::Healthy(whole) => return healthy(args, &whole),
+        Read::Healthy(whole) => return healthy(args, &whole, !missing.is_empty()).map(|()| code),
     };
     let rig = rig(args, &history.about)?;
     let Some(last) = history.states.last() else { bail!("the recording has no state") };
@@ -145,18 +164,18 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
         }
         None => tell!("  {:<10} --plot FILE.svg draws these {BEFORE_S:.0} s", "plot")?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(code)
 }
 
 /// Says that nothing went wrong, and how near the run came to its limits.
-fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
+fn healthy(args: &ExplainArgs, whole: &Whole, flawed: bool) -> anyhow::Result<()> {
     let rig = rig(args, &whole.about)?;
     let (good, bold, off) = (style::GOOD, style::NAME, style::OFF);
-    let what = if whole.flawed { "nothing went wrong in what can be read" } else { "nothing went wrong" };
+    let what = if flawed { "nothing went wrong in what can be read" } else { "nothing went wrong" };
     tell!(
         "{good}{what}{off}: no fault and no emergency stop in {:.3} s ({} states), {bold}{}{off}",
-        whole.range.map_or(0.0, |(first, last)| last - first),
-        whole.states,
+        whole.ticks.range.map_or(0.0, |(first, last)| last - first),
+        whole.ticks.states,
         foreign(&rig.name)
     )?;
     let limits = &rig.rig.limits;
@@ -167,7 +186,7 @@ fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
     if args.plot.is_some() {
         note!("--plot draws the time before a fault, and there is none");
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns the rig of a recording.
@@ -185,8 +204,8 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
     }
 }
 
-/// Reads the time before the wanted fault.
-fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
+/// Reads the wanted recording.
+fn read(args: &ExplainArgs) -> anyhow::Result<(PathBuf, Gathered)> {
     let file = match &args.file {
         Some(file) => file.clone(),
         None => {
@@ -197,7 +216,12 @@ fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
             file
         }
     };
-    let path = &hbot_record::recording_of(&file);
+    let path = hbot_record::recording_of(&file);
+    let gathered = gather(&path, args.number)?;
+    Ok((path, gathered))
+}
+
+fn gather(path: &Path, number: Option<u32>) -> anyhow::Result<Gathered> {
     if path.extension().is_some_and(|ending| ending == "csv") && path.exists() {
         let recording = path.with_extension("mcap");
         bail!("a flight log is two files: beside {} there is no {}", path.display(), recording.display());
@@ -208,26 +232,21 @@ fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
     let mut gathered = Gathered::default();
     loop {
         match reader.next() {
-            Ok(None) => break,
+            Ok(None) => return Ok(gathered),
             Ok(Some(Item::About(about))) => gathered.about = about,
             Ok(Some(Item::Message { topic, data, .. })) => {
                 if let Some(told) = told(&topic, &data) {
-                    gathered.take(told, args.number);
+                    gathered.take(told, number);
                 }
             }
             // What can be read counts.
-            Ok(Some(Item::Damaged(_) | Item::Cut)) => gathered.whole.flawed = true,
+            Ok(Some(Item::Damaged(why))) => gathered.whole.damage(why),
+            Ok(Some(Item::Cut)) => gathered.whole.cut = true,
             Err(error @ ReadError::System(_)) => return Err(error).with_context(name),
-            Err(_) => {
-                gathered.whole.flawed = true;
-                break;
-            }
+            // The next call returns that nothing follows.
+            Err(error) => gathered.whole.damage(error.to_string()),
         }
     }
-    if gathered.whole.flawed {
-        note!("parts of the recording are cut off or damaged: what happened in them is not known");
-    }
-    gathered.history(path, args.number)
 }
 
 /// What has been read of a recording until now.
@@ -310,7 +329,7 @@ impl Gathered {
     fn history(self, path: &Path, wanted: Option<u32>) -> anyhow::Result<Read> {
         match self.found {
             Some(found) => Ok(Read::Stopped(Box::new(History { faults: self.faults, ..found }))),
-            None if self.whole.states == 0 => bail!("{}: the recording has no state", path.display()),
+            None if self.whole.ticks.states == 0 => bail!("{}: the recording has no state", path.display()),
             None if self.stopped && self.faults == 0 => bail!(
                 "{}: the rig is stopped from the first state on, so what happened before is not in this recording",
                 path.display()
