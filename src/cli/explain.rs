@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::{Context as _, bail};
 use clap::Args;
@@ -15,22 +16,34 @@ use hbot_api::{Event, FaultEvent};
 use hbot_config::advice::Abilities;
 use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_record::Reader;
+use hbot_record::flight::Name;
 use hbot_record::messages::hbot::State;
 use hbot_record::reader::{Item, ReadError};
+use hbot_record::ticks::Ticks;
 use hbot_record::told::{Told, told};
 
 use super::numbers::whole;
 use super::out::{foreign, note, refuse_folder_or_pipe, tell};
+use super::recover::missing_parts;
 use super::scene::plot::{svg, write};
 use super::style;
+
+/// What the exit codes mean, for the help.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  the fault or stop is explained, or nothing went wrong
+  1  a part of the recording is missing or unreadable, or nothing can be explained
+  2  the command line is wrong";
 
 /// How long before the fault is looked at, s.
 const BEFORE_S: f64 = 2.0;
 
 /// Options of `hbot explain`.
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_CODES)]
 pub(crate) struct ExplainArgs {
-    /// Recording or flight log (MCAP) [default: the newest flight log of this user]
+    /// Recording or flight log (MCAP) [default: the newest flight log of this user that begins
+    /// before the rig stops]
     file: Option<PathBuf>,
     /// Which fault or emergency stop of the recording to explain, from 1 [default: the last]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=u32::MAX))]
@@ -73,9 +86,7 @@ enum Read {
 /// A whole run: its length, and the largest of what has a limit.
 #[derive(Default)]
 struct Whole {
-    states: u64,
-    /// Times of the first and of the last state, s.
-    range: Option<(f64, f64)>,
+    ticks: Ticks,
     /// Speed of the sphere, rad/s.
     speed: f64,
     /// Torque on it, N m.
@@ -85,25 +96,44 @@ struct Whole {
     /// Lateness of a tick, us.
     late_us: f64,
     about: BTreeMap<String, String>,
-    /// Whether parts of the recording cannot be read.
-    flawed: bool,
+    /// Why parts cannot be read, and whether the end is missing.
+    damaged: Vec<String>,
+    cut: bool,
 }
 
 impl Whole {
     fn add(&mut self, state: &State) {
-        self.states += 1;
-        self.range = Some((self.range.map_or(state.t, |(first, _)| first), state.t));
+        self.ticks.state(state);
         self.speed = self.speed.max(findings::length(state.omega.as_ref()));
         self.torque = self.torque.max(findings::length(state.torque.as_ref()));
         self.traction = self.traction.max(state.traction);
         self.late_us = self.late_us.max(state.timing.as_ref().map_or(0.0, |timing| timing.lateness_us));
     }
+
+    fn damage(&mut self, why: String) {
+        self.ticks.damaged();
+        self.damaged.push(why);
+    }
+
+    /// Says which parts are missing.
+    fn missing(&self) -> Vec<String> {
+        let parts = missing_parts(&self.ticks, self.cut);
+        let unknown = |part| format!("{part}: what happened in them is not known");
+        match self.damaged.first() {
+            Some(why) if parts.is_empty() => vec![format!("damaged: {why}")],
+            _ => parts.into_iter().map(unknown).collect(),
+        }
+    }
 }
 
 pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
-    let history = match read(args)? {
+    let (path, gathered) = read(args)?;
+    let missing = gathered.whole.missing();
+    missing.iter().try_for_each(|part| tell!("{}{part}{}", style::BAD, style::OFF))?;
+    let code = if missing.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+    let history = match gathered.history(&path, args.number)? {
         Read::Stopped(history) => history,
-        Read::Healthy(whole) => return healthy(args, &whole),
+        Read::Healthy(whole) => return healthy(args, &whole, !missing.is_empty()).map(|()| code),
     };
     let rig = rig(args, &history.about)?;
     let Some(last) = history.states.last() else { bail!("the recording has no state") };
@@ -145,18 +175,18 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
         }
         None => tell!("  {:<10} --plot FILE.svg draws these {BEFORE_S:.0} s", "plot")?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(code)
 }
 
 /// Says that nothing went wrong, and how near the run came to its limits.
-fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
+fn healthy(args: &ExplainArgs, whole: &Whole, flawed: bool) -> anyhow::Result<()> {
     let rig = rig(args, &whole.about)?;
     let (good, bold, off) = (style::GOOD, style::NAME, style::OFF);
-    let what = if whole.flawed { "nothing went wrong in what can be read" } else { "nothing went wrong" };
+    let what = if flawed { "nothing went wrong in what can be read" } else { "nothing went wrong" };
     tell!(
         "{good}{what}{off}: no fault and no emergency stop in {:.3} s ({} states), {bold}{}{off}",
-        whole.range.map_or(0.0, |(first, last)| last - first),
-        whole.states,
+        whole.ticks.range.map_or(0.0, |(first, last)| last - first),
+        whole.ticks.states,
         foreign(&rig.name)
     )?;
     let limits = &rig.rig.limits;
@@ -167,7 +197,7 @@ fn healthy(args: &ExplainArgs, whole: &Whole) -> anyhow::Result<ExitCode> {
     if args.plot.is_some() {
         note!("--plot draws the time before a fault, and there is none");
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns the rig of a recording.
@@ -185,19 +215,85 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
     }
 }
 
-/// Reads the time before the wanted fault.
-fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
+/// Time after a stop in which its flight log begins to be written.
+const BEGUN: Duration = Duration::from_millis(300);
+/// Longest time in which the second file of a flight log is written after the first.
+const WRITTEN: Duration = Duration::from_secs(3);
+
+/// Reads the wanted recording. Where nobody names one, a flight log that begins after the rig has
+/// stopped gives way to the one before it.
+fn read(args: &ExplainArgs) -> anyhow::Result<(PathBuf, Gathered)> {
     let file = match &args.file {
         Some(file) => file.clone(),
-        None => {
-            let newest = super::server::flight_logs().pop();
-            let file =
-                newest.context("there is no flight log of this user: name a recording or a flight log")?;
-            note!("{}", file.display());
-            file
-        }
+        None => newest().context("there is no flight log of this user: name a recording or a flight log")?,
     };
-    let path = &hbot_record::recording_of(&file);
+    let (path, gathered) = patiently(&file, args.number)?;
+    let earlier = gathered.is_late().then(|| earlier(&file)).flatten();
+    let (file, read) = match earlier {
+        Some(log) if args.file.is_none() => {
+            let read = patiently(&log, args.number)?;
+            (log, read)
+        }
+        _ if gathered.is_late() => {
+            let before = earlier.map(|log| format!("; `hbot explain {}` shows it", log.display()));
+            bail!(
+                "{}: the rig is stopped from the first state on, so what happened before is not in this recording{}",
+                path.display(),
+                before.unwrap_or_default()
+            )
+        }
+        _ => (file, (path, gathered)),
+    };
+    if args.file.is_none() {
+        note!("{}", file.display());
+    }
+    Ok(read)
+}
+
+/// Returns the newest flight log of this user whose recording is there or still being written.
+fn newest() -> Option<PathBuf> {
+    std::thread::sleep(BEGUN);
+    let whole = |log: &PathBuf| log.with_extension("mcap").exists() || is_young(log);
+    super::server::flight_logs().into_iter().rfind(whole)
+}
+
+/// Returns the newest flight log of the same server before `log` that shows how the rig stopped.
+fn earlier(log: &Path) -> Option<PathBuf> {
+    let log = log.with_extension("csv");
+    let name = |path: &Path| Name::parse(path.file_name()?.to_str()?);
+    let this = name(&log)?;
+    let folder = log.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let names = std::fs::read_dir(folder).ok()?.filter_map(|entry| name(&entry.ok()?.path()));
+    let mut before: Vec<Name> =
+        names.filter(|name| !name.part && name.process == this.process && *name < this).collect();
+    before.sort();
+    let logs = before.into_iter().rev().map(|name| log.with_file_name(name.to_string()));
+    logs.into_iter()
+        .find(|log| gather(&log.with_extension("mcap"), None).is_ok_and(|read| read.found.is_some()))
+}
+
+/// Returns whether `log` is a flight log that ended a moment ago, so that its recording may still
+/// be written.
+fn is_young(log: &Path) -> bool {
+    let named = log.with_extension("csv").file_name().and_then(|name| Name::parse(name.to_str()?)).is_some();
+    let changed = std::fs::metadata(log).and_then(|about| about.modified());
+    named && changed.is_ok_and(|at| at.elapsed().is_ok_and(|age| age < WRITTEN))
+}
+
+/// Reads a recording. Waits until a flight log is written.
+fn patiently(file: &Path, number: Option<u32>) -> anyhow::Result<(PathBuf, Gathered)> {
+    loop {
+        let path = hbot_record::recording_of(file);
+        let read = gather(&path, number);
+        if is_young(file) && read.as_ref().map_or(true, |gathered| gathered.whole.cut) {
+            std::thread::sleep(Duration::from_millis(100));
+            continue;
+        }
+        return Ok((path, read?));
+    }
+}
+
+fn gather(path: &Path, number: Option<u32>) -> anyhow::Result<Gathered> {
     if path.extension().is_some_and(|ending| ending == "csv") && path.exists() {
         let recording = path.with_extension("mcap");
         bail!("a flight log is two files: beside {} there is no {}", path.display(), recording.display());
@@ -208,26 +304,21 @@ fn read(args: &ExplainArgs) -> anyhow::Result<Read> {
     let mut gathered = Gathered::default();
     loop {
         match reader.next() {
-            Ok(None) => break,
+            Ok(None) => return Ok(gathered),
             Ok(Some(Item::About(about))) => gathered.about = about,
             Ok(Some(Item::Message { topic, data, .. })) => {
                 if let Some(told) = told(&topic, &data) {
-                    gathered.take(told, args.number);
+                    gathered.take(told, number);
                 }
             }
             // What can be read counts.
-            Ok(Some(Item::Damaged(_) | Item::Cut)) => gathered.whole.flawed = true,
+            Ok(Some(Item::Damaged(why))) => gathered.whole.damage(why),
+            Ok(Some(Item::Cut)) => gathered.whole.cut = true,
             Err(error @ ReadError::System(_)) => return Err(error).with_context(name),
-            Err(_) => {
-                gathered.whole.flawed = true;
-                break;
-            }
+            // The next call returns that nothing follows.
+            Err(error) => gathered.whole.damage(error.to_string()),
         }
     }
-    if gathered.whole.flawed {
-        note!("parts of the recording are cut off or damaged: what happened in them is not known");
-    }
-    gathered.history(path, args.number)
 }
 
 /// What has been read of a recording until now.
@@ -307,14 +398,15 @@ impl Gathered {
         }
     }
 
+    /// Returns whether the rig is stopped from the first state on.
+    fn is_late(&self) -> bool {
+        self.stopped && self.faults == 0
+    }
+
     fn history(self, path: &Path, wanted: Option<u32>) -> anyhow::Result<Read> {
         match self.found {
             Some(found) => Ok(Read::Stopped(Box::new(History { faults: self.faults, ..found }))),
-            None if self.whole.states == 0 => bail!("{}: the recording has no state", path.display()),
-            None if self.stopped && self.faults == 0 => bail!(
-                "{}: the rig is stopped from the first state on, so what happened before is not in this recording",
-                path.display()
-            ),
+            None if self.whole.ticks.states == 0 => bail!("{}: the recording has no state", path.display()),
             None => match wanted {
                 Some(wanted) if self.faults > 0 => {
                     bail!("{}: fault {wanted} is not in it; legal: 1 to {}", path.display(), self.faults)

@@ -1,4 +1,4 @@
-//! `hbot recover`: makes a whole file of a recording that was cut off or damaged.
+//! `hbot recover`: makes a file with an end of a recording that was cut off or damaged.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter};
@@ -9,6 +9,7 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_record::recover::recover;
+use hbot_record::ticks::{Gap, Ticks};
 
 use super::out::{create_new, refuse_folder_or_pipe, tell};
 use super::record::new_recording;
@@ -58,13 +59,38 @@ pub(crate) fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
         };
         bail!("{}: nothing can be recovered: {why}", name());
     }
-    let seconds = found.range.map_or(0.0, |(first, last)| (last - first) as f64 * 1.0e-9);
     let state = if found.cut { "had no end" } else { "has an end" };
+    let (there, missing) = (found.ticks.states, found.ticks.missing());
+    let (first, last) = found.ticks.range.unwrap_or_default();
+    let all = if found.cut { String::new() } else { format!(" of {}", there + missing) };
     tell!(
-        "{} {state}: {} messages of {seconds:.1} s are in {}, which is whole",
+        "{} {state}: {there}{all} ticks ({first:.3} to {last:.3} s) are in {}",
         args.file.display(),
-        found.messages,
         args.out.display()
     )?;
+    let lost = missing_parts(&found.ticks, found.cut);
+    lost.iter().try_for_each(|part| tell!("  {}{part}{}", style::WARN, style::OFF))?;
     Ok(if found.damaged.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Largest number of gaps that are listed.
+const MOST_GAPS: usize = 5;
+
+/// Says which ticks of a recording are missing.
+pub(super) fn missing_parts(ticks: &Ticks, cut: bool) -> Vec<String> {
+    let mut parts: Vec<String> = ticks.gaps.iter().take(MOST_GAPS).map(Gap::to_string).collect();
+    if let Some(more) = ticks.gaps.get(MOST_GAPS..).filter(|more| !more.is_empty()) {
+        let states: u64 = more.iter().map(|gap| gap.states).sum();
+        parts.push(format!("{states} ticks are missing in {} further gaps", more.len()));
+    }
+    let Some((first, last)) = ticks.range else { return parts };
+    if ticks.damaged_before {
+        parts.push(format!("ticks before {first:.3} s may be missing, because a part is damaged"));
+    }
+    if cut {
+        parts.push(format!("all ticks after {last:.3} s are missing, because the recording was cut off"));
+    } else if ticks.damaged_after {
+        parts.push(format!("ticks after {last:.3} s may be missing, because a part is damaged"));
+    }
+    parts
 }

@@ -178,6 +178,7 @@ fn tell(report: &Report, period_ns: u64, begun: Instant, out: Option<&Path>) -> 
 fn sentence(flaw: &Flaw) -> String {
     match flaw {
         Flaw::Gap(ticks) => format!("gap: the recorder lost {ticks} ticks here"),
+        Flaw::Missing(ticks) => format!("gap: {ticks} ticks are missing here"),
         Flaw::Damaged(why) => format!("damaged: {why}"),
         Flaw::Cut => {
             "cut: the file ends before the end of the recording, which was killed, is still written, or was copied too early"

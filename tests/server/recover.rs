@@ -3,12 +3,12 @@
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
 
-use predicates::str::ends_with;
+use predicates::str::{ends_with, starts_with};
 
 use crate::process::*;
 
 #[test]
-fn a_recording_that_was_cut_off_becomes_a_whole_one() {
+fn what_can_be_read_of_a_recording_is_recovered_and_what_is_lost_stays_known() {
     let state = tempfile::tempdir().expect("a folder");
     let [run, cut, out, text] =
         ["run.mcap", "cut.mcap", "out.mcap", "text.mcap"].map(|name| state.path().join(name));
@@ -21,15 +21,32 @@ fn a_recording_that_was_cut_off_becomes_a_whole_one() {
     let run = |command, files: &[&std::path::Path]| {
         assert_cmd::Command::from_std(hbot()).arg(command).args(files).assert()
     };
-    run("recover", &[&cut, &out]).success().stdout(contains("had no end").and(contains("which is whole")));
+    run("recover", &[&cut, &out]).success().stdout(contains("had no end").and(contains("all ticks after ")));
     run("recover", &[&cut, &out]).failure().stderr(contains("exists already"));
-    run("replay", &[&out]).success().stdout(contains("every bit agrees").and(contains("cut").not()));
-    // What is left of a cut recording agrees, which is not all.
+    // What is left of a cut recording agrees, which is not all. Recovered it is not more.
     let missing = "the recording is not whole: the rest is missing (exit code 1)\n";
-    run("replay", &[&cut])
-        .code(1)
-        .stdout(contains("every bit agrees").and(ends_with(missing)))
-        .stderr(contains("note cut: "));
+    for file in [&cut, &out] {
+        run("replay", &[file])
+            .code(1)
+            .stdout(contains("every bit agrees").and(ends_with(missing)))
+            .stderr(contains("note cut: "));
+        run("explain", &[file]).code(1).stdout(
+            starts_with("all ticks after ").and(contains("nothing went wrong in what can be read: ")),
+        );
+    }
+    std::fs::remove_file(&out).expect("removed");
+    let mut damaged = bytes.clone();
+    damaged[bytes.len() / 2..][..16].fill(0xff);
+    std::fs::write(&cut, &damaged).expect("written");
+    run("recover", &[&cut, &out]).code(1).stdout(
+        contains(" of 2000 ticks (").and(contains("whole").not()).and(contains("ticks are missing (")),
+    );
+    for file in [&cut, &out] {
+        let known =
+            contains(" s): what happened in them is not known\n").and(contains("nothing went wrong in"));
+        run("explain", &[file]).code(1).stdout(known);
+        run("replay", &[file]).code(1).stdout(contains("differs").not()).stderr(contains("note damaged: "));
+    }
     std::fs::remove_file(&out).expect("removed");
     // Its metadata, and nothing of its first part.
     let head = bytes.len().min(15_000);

@@ -5,7 +5,8 @@
 //!   ([`exact`]).
 //! - [`client`] records what a client receives.
 //! - [`reader`] reads a recording, also one that is cut off or damaged.
-//! - [`told`] reads public messages back, and [`recover`] makes a whole file of a cut one.
+//! - [`told`] reads public messages back, [`recover`] makes a file with an end of a cut one, and
+//!   [`ticks`] finds the ticks that are missing.
 //! - [`flight`] writes and reads the file names of flight logs.
 //! - [`replay`] runs the recorded inputs through the control law and compares the outputs.
 //!
@@ -22,6 +23,7 @@ pub mod public;
 pub mod reader;
 pub mod recover;
 pub mod replay;
+pub mod ticks;
 pub mod told;
 pub mod topic;
 pub mod writer;

@@ -10,7 +10,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 use mcap::{MAGIC, McapError};
 
 use crate::index;
-use crate::writer::METADATA;
+use crate::writer::{LOST, METADATA};
 
 /// Largest record that is read, bytes. It is far above the chunks that [`Writer`](crate::Writer)
 /// writes, and keeps a damaged length from filling the memory.
@@ -66,6 +66,8 @@ pub struct Reader<R> {
     from: R,
     /// Check code of all bytes until here.
     sum: Hasher,
+    /// Number of bytes before the present record.
+    at: u64,
     /// The topic of each channel.
     channels: HashMap<u16, String>,
     /// Whether the channels of the index at the end are among them.
@@ -96,6 +98,7 @@ impl<R: Read + Seek> Reader<R> {
         Ok(Self {
             from,
             sum,
+            at: MAGIC.len() as u64,
             channels: HashMap::new(),
             indexed: false,
             waiting: VecDeque::new(),
@@ -128,7 +131,7 @@ impl<R: Read + Seek> Reader<R> {
         let [opcode, length @ ..] = head;
         let length = u64::from_le_bytes(length);
         if length > MAX_RECORD {
-            return Err(ReadError::Damaged(format!("a record of {length} bytes")));
+            return Err(ReadError::Damaged(format!("a record of {length} bytes at byte {}", self.at)));
         }
         let mut body = Vec::new();
         if (&mut self.from).take(length).read_to_end(&mut body)? as u64 != length {
@@ -162,22 +165,31 @@ impl<R: Read + Seek> Reader<R> {
                 Ok(())
             }
         };
-        if let Err(error) = read {
-            self.damaged(&error.to_string());
+        match read {
+            // The library's words are about itself.
+            Err(McapError::Io(_) | McapError::DecompressionError(_) | McapError::BadChunkCrc { .. }) => {
+                self.damaged("a part that cannot be unpacked");
+            }
+            Err(error) => self.damaged(&error.to_string()),
+            Ok(()) => {}
         }
+        self.at += head.len() as u64 + length;
         Ok(())
     }
 
     fn damaged(&mut self, why: &str) {
         self.damaged = true;
-        self.waiting.push_back(Item::Damaged(why.to_owned()));
+        self.waiting.push_back(Item::Damaged(format!("{why} (at byte {})", self.at)));
     }
 
     fn metadata(&mut self, body: &[u8]) -> Result<(), McapError> {
-        if let Record::Metadata(metadata) = parse_record(op::METADATA, body)?
-            && metadata.name == METADATA
-        {
-            self.waiting.push_back(Item::About(metadata.metadata));
+        let Record::Metadata(mut metadata) = parse_record(op::METADATA, body)? else { return Ok(()) };
+        match metadata.name.as_str() {
+            METADATA => self.waiting.push_back(Item::About(metadata.metadata)),
+            LOST => {
+                self.waiting.push_back(metadata.metadata.remove("damaged").map_or(Item::Cut, Item::Damaged))
+            }
+            _ => {}
         }
         Ok(())
     }

@@ -1,21 +1,24 @@
-//! Makes a whole file of a recording that was cut off or damaged.
+//! Makes a file with an index and an end of a recording that was cut off or damaged.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, Write};
 
 use mcap::McapError;
+use prost::Message as _;
 
+use crate::messages::hbot::State;
 use crate::reader::{Item, ReadError, Reader};
+use crate::ticks::Ticks;
 use crate::topic::Topic;
 use crate::writer::Writer;
 
 /// What was found in a recording and copied.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Recovered {
     /// Number of messages that were copied.
     pub messages: u64,
-    /// Unix times of the earliest and the latest message, ns. `None` without messages.
-    pub range: Option<(u64, u64)>,
+    /// The ticks that were copied, and those that are missing between them.
+    pub ticks: Ticks,
     /// Whether the file ended before the end of the recording.
     pub cut: bool,
     /// Parts that could not be read, each with the reason. Their messages are lost.
@@ -38,7 +41,7 @@ pub enum RecoverError {
 
 /// Copies everything of the recording `from` that can be read to a new one with an index and an
 /// end. Messages, their times and the metadata keep their bytes, so the new recording replays as
-/// far as the old one.
+/// far as the old one. Where something is lost, the new recording says so.
 ///
 /// # Errors
 /// Fails if `from` is no MCAP file or has nothing of a recording of hbot, or if `into` cannot be
@@ -49,6 +52,8 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
     // The metadata come first, unless they are damaged.
     let mut waiting = Some(into);
     let mut writer = None;
+    // What is to be noted as lost.
+    let mut lost: Vec<Option<String>> = Vec::new();
     loop {
         let item = match reader.next() {
             Ok(Some(item)) => item,
@@ -58,8 +63,15 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
             Err(error) => Item::Damaged(error.to_string()),
         };
         match item {
-            Item::Cut => found.cut = true,
-            Item::Damaged(why) => found.damaged.push(why),
+            Item::Cut => {
+                found.cut = true;
+                lost.push(None);
+            }
+            Item::Damaged(why) => {
+                found.ticks.damaged();
+                found.damaged.push(why.clone());
+                lost.push(Some(why));
+            }
             Item::About(about) => {
                 if let Some(into) = waiting.take() {
                     writer = Some(Writer::again(into, about)?);
@@ -67,7 +79,11 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
             }
             Item::Message { topic, log_time, data } => {
                 let Some(topic) = Topic::ALL.into_iter().find(|known| known.name() == topic) else {
-                    found.damaged.push(format!("a message of the unknown topic {topic:?}"));
+                    let why = format!("messages of the unknown topic {topic:?}");
+                    if !found.damaged.contains(&why) {
+                        lost.push(Some(why.clone()));
+                        found.damaged.push(why);
+                    }
                     continue;
                 };
                 if let Some(into) = waiting.take() {
@@ -75,10 +91,16 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
                 }
                 let Some(writer) = &mut writer else { continue };
                 writer.copy(topic, log_time, &data)?;
+                if topic == Topic::State
+                    && let Ok(state) = State::decode(data.as_slice())
+                {
+                    found.ticks.state(&state);
+                }
                 found.messages += 1;
-                let (first, last) = found.range.unwrap_or((log_time, log_time));
-                found.range = Some((first.min(log_time), last.max(log_time)));
             }
+        }
+        if let Some(writer) = &mut writer {
+            lost.drain(..).try_for_each(|why| writer.lost(why.as_deref()))?;
         }
     }
     writer.ok_or(RecoverError::Empty)?.finish()?;

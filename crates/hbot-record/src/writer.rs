@@ -16,6 +16,10 @@ use crate::topic::Topic;
 /// Name of the metadata record that says what a recording is of.
 pub const METADATA: &str = "hbot";
 
+/// Name of the metadata record that [`recover`](crate::recover) writes in the place of what it
+/// could not read. It has the reason as `damaged`, or nothing where the recording was cut off.
+pub(crate) const LOST: &str = "hbot.lost";
+
 /// Largest size of a chunk before compression, bytes. [`Writer::flush`] also ends a chunk.
 const CHUNK_BYTES: u64 = 1 << 20;
 
@@ -79,6 +83,15 @@ impl<W: Write + Seek> Writer<W> {
     /// Fails if the recording cannot be written. It is unusable then.
     pub(crate) fn copy(&mut self, topic: Topic, unix_ns: u64, data: &[u8]) -> Result<(), McapError> {
         self.put(topic, unix_ns, data)
+    }
+
+    /// Notes that a part of the other recording is lost here: the reason, or `None` for its end.
+    ///
+    /// # Errors
+    /// Fails if the recording cannot be written. It is unusable then.
+    pub(crate) fn lost(&mut self, damaged: Option<&str>) -> Result<(), McapError> {
+        let metadata = damaged.map(|why| ("damaged".to_owned(), why.to_owned())).into_iter().collect();
+        self.mcap.write_metadata(&Metadata { name: LOST.to_owned(), metadata })
     }
 
     /// Writes the state of a tick to the public topics of every tick. `unix_ns` is the Unix time of

@@ -19,6 +19,14 @@ const LEAST_TURNS: usize = 6;
 const SWING_S: f64 = 0.5;
 /// Below this rate, rad/s, a swing is noise.
 const NOISE: f64 = 0.05;
+/// So many peaks in succession that grow are a growing swing.
+const LEAST_PEAKS: usize = 3;
+/// A peak that is so many times the one before it did not grow out of it: something else came.
+const MOST_GROWTH: f64 = 4.0;
+/// A peak may be smaller than the one before it by this part, because it lies between two ticks.
+const BETWEEN_TICKS: f64 = 0.05;
+/// A swing grows or decays if it changes by this factor.
+const CHANGE: f64 = 1.5;
 
 /// Returns the findings about the states before a fault of `rig`. The last state is the first of
 /// the fault.
@@ -73,24 +81,41 @@ fn swings(before: &[State]) -> Option<String> {
             [state.t, x, y, z]
         })
         .collect();
-    let most = |axis: usize, part: &[[f64; 4]]| part.iter().map(|s| s[axis].abs()).fold(0.0, f64::max);
-    let axis = (1..4).max_by(|a, b| most(*a, &late).total_cmp(&most(*b, &late)))?;
-    let turns = late.windows(2).filter(|pair| pair[0][axis] * pair[1][axis] < 0.0).count();
-    let (first, second) = late.split_at(late.len() / 2);
-    let (early, now) = (most(axis, first), most(axis, second));
-    if turns < LEAST_TURNS || now < NOISE {
+    let most = |axis: usize| late.iter().map(|s| s[axis].abs()).fold(0.0, f64::max);
+    let axis = (1..4).max_by(|a, b| most(*a).total_cmp(&most(*b)))?;
+    // The time and the largest rate of each half swing.
+    let peaks: Vec<(f64, f64)> = late
+        .chunk_by(|a, b| a[axis] * b[axis] >= 0.0)
+        .filter_map(|half| half.iter().map(|s| (s[0], s[axis].abs())).max_by(|a, b| a.1.total_cmp(&b.1)))
+        .filter(|(_, rate)| *rate >= NOISE)
+        .collect();
+    let ((begin, first), (until, last)) = (*peaks.first()?, *peaks.last()?);
+    if peaks.len() <= LEAST_TURNS {
         return None;
     }
-    let duration = late.last()?[0] - late.first()?[0];
-    let grows = if now > 1.5 * early {
-        format!(", growing from {early:.2} to {now:.2} rad/s: the loop shook itself")
+    let rates: Vec<f64> = peaks.iter().map(|(_, rate)| *rate).collect();
+    let now = rates.iter().copied().fold(0.0, f64::max);
+    let how = if let Some(from) = grown(rates.iter().copied()).filter(|_| last > first) {
+        format!(", growing from {from:.2} to {now:.2} rad/s: the loop shook itself")
+    } else if grown(rates.iter().rev().copied()).is_some() {
+        format!(", decaying from {now:.2} to {last:.2} rad/s")
     } else {
         format!(", with {now:.2} rad/s")
     };
     Some(format!(
-        "about n{axis} at {:.0} Hz in the last {duration:.1} s{grows}",
-        turns as f64 / (2.0 * duration)
+        "about n{axis} at {:.0} Hz in the last {:.1} s{how}",
+        (peaks.len() - 1) as f64 / (2.0 * (until - begin)),
+        late.last()?[0] - late.first()?[0]
     ))
+}
+
+/// Returns the first of the successive peaks that grow, if there are enough of them, and they grow
+/// enough.
+fn grown(peaks: impl Iterator<Item = f64>) -> Option<f64> {
+    let peaks: Vec<f64> = peaks.collect();
+    let grows = |a: &f64, b: &f64| (1.0 - BETWEEN_TICKS..MOST_GROWTH).contains(&(b / a));
+    let runs = peaks.chunk_by(grows).filter(|run| run.len() >= LEAST_PEAKS);
+    runs.map(|run| (run[0], run[run.len() - 1])).find(|(from, to)| *to > CHANGE * from).map(|(from, _)| from)
 }
 
 fn torque(before: &[State], last: &State, limit: f64) -> Option<String> {
@@ -206,5 +231,21 @@ mod tests {
         assert!(told.starts_with("about n2 at 40 Hz in the last 0.5 s, growing from"), "{told}");
         let even = states(|t| 0.2 * (std::f64::consts::TAU * 40.0 * t).sin());
         assert_eq!(said(&even, "swings").unwrap(), "about n2 at 40 Hz in the last 0.5 s, with 0.20 rad/s");
+    }
+
+    /// A hand that lets go of a spring leaves a ring, which is no swing of the loop.
+    #[test]
+    fn a_ring_that_decays_does_not_grow() {
+        let ring = |decay: f64, hz: f64| {
+            states(move |t| {
+                let after = t - 0.85;
+                let noise = 0.04 * (std::f64::consts::TAU * 15.0 * t).sin();
+                let ring = 4.0 * (-decay * after).exp() * (std::f64::consts::TAU * hz * after).sin();
+                if after < 0.0 { noise } else { ring }
+            })
+        };
+        assert_eq!(said(&ring(12.0, 5.0), "swings"), None, "two peaks");
+        let told = said(&ring(12.0, 30.0), "swings").unwrap();
+        assert!(told.starts_with("about n2 at 30 Hz") && told.contains(", decaying from 3.6"), "{told}");
     }
 }

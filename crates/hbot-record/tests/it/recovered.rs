@@ -6,7 +6,7 @@ use hbot_config::SceneFile;
 use hbot_record::recover::{RecoverError, Recovered, recover};
 use hbot_record::replay::Flaw;
 
-use crate::made::{exact, record, replay};
+use crate::made::{exact, record, replay, written};
 
 fn recovered(recording: &[u8]) -> (Vec<u8>, Recovered) {
     let mut into = Cursor::new(Vec::new());
@@ -15,7 +15,7 @@ fn recovered(recording: &[u8]) -> (Vec<u8>, Recovered) {
 }
 
 #[test]
-fn a_cut_recording_becomes_a_whole_one_that_replays_and_that_every_reader_opens() {
+fn a_cut_recording_becomes_one_that_replays_and_that_every_reader_opens() {
     let (whole, _) = record(SceneFile::default_scene(), 2, |_| ());
     let cut = &whole[..whole.len() * 2 / 3];
     assert!(mcap::Summary::read(cut).is_err(), "a reader that looks for the index refuses it");
@@ -27,9 +27,8 @@ fn a_cut_recording_becomes_a_whole_one_that_replays_and_that_every_reader_opens(
     let summary = mcap::Summary::read(&file).unwrap().expect("an index");
     assert_eq!(summary.stats.expect("statistics").message_count, found.messages);
     assert_eq!(mcap::MessageStream::new(&file).unwrap().count() as u64, found.messages);
-    let after = replay(&file).unwrap();
-    assert_eq!((after.ticks, after.range, after.flaws.len()), (before.ticks, before.range, 0));
-    assert!(after.is_exact());
+    assert_eq!((replay(&file).unwrap(), found.ticks.missing()), (before, 0), "the cut is not forgotten");
+    assert_eq!(recovered(&file).1, found);
     assert_eq!(format!("{:?}", exact(&file)), format!("{:?}", exact(cut)), "records and their times");
 }
 
@@ -51,5 +50,14 @@ fn a_damaged_chunk_is_named_and_the_rest_is_kept() {
     recording[place] ^= 1;
     let (file, found) = recovered(&recording);
     assert_eq!(found.damaged.len(), 1, "{found:?}");
-    assert!(replay(&file).unwrap().ticks > 500);
+    assert!(found.damaged[0].starts_with("a part that cannot be unpacked (at byte "), "{found:?}");
+    assert_eq!((found.ticks.gaps.len(), found.ticks.states + found.ticks.missing()), (1, 2000));
+    let report = replay(&file).unwrap();
+    assert!(report.ticks > 500);
+    assert_eq!(report, replay(&recording).unwrap(), "what is lost is not forgotten");
+    assert_eq!(recovered(&file).1, found);
+    // An older version has left no note of it.
+    let report = replay(&written(&exact(&recording))).unwrap();
+    assert!(matches!(report.flaws[..], [Flaw::Missing(n), Flaw::Unknown(_)] if n == found.ticks.missing()));
+    assert_eq!(report.difference, None);
 }

@@ -109,9 +109,10 @@ impl Incidents {
         let stopped_before = matches!(before, Some(Mode::Fault | Mode::Estop));
         match (sample.state.mode, sample.state.cause) {
             (Mode::Fault | Mode::Estop, _) => {
-                let stop = self.present.take().filter(|before| before.mode == ApiMode::Estop);
                 let mut event = self.stopped(sample, end, flights, counts);
+                let first = self.present.take();
                 // Who stopped the rig may have a hand in it, whatever happened since.
+                let stop = first.as_ref().filter(|first| first.mode == ApiMode::Estop);
                 if let Some(FaultEvent { t, message, .. }) = stop.filter(|_| event.mode == ApiMode::Fault) {
                     let stop = format!("; before that, at {t:.1} s, the rig was {message}");
                     for text in [Some(&mut event.message), event.found.as_mut()].into_iter().flatten() {
@@ -120,8 +121,11 @@ impl Incidents {
                     let remedy = event.remedy.unwrap_or_default();
                     event.remedy = Some(format!("Make sure that nobody touches the sphere. {remedy}"));
                 }
-                self.present = Some(event);
-                self.present.clone()
+                // The log of a rig that is stopped already does not show what stopped it.
+                let first = first.and_then(|first| first.flight_log);
+                let flight_log = first.or_else(|| event.flight_log.clone());
+                self.present = Some(FaultEvent { flight_log, ..event.clone() });
+                Some(event)
             }
             (mode, _) if stopped_before => {
                 self.present = None;
@@ -305,5 +309,29 @@ mod tests {
         let stop = "; before that, at 0.0 s, the rig was stopped by client \"ann\" (session 1)";
         assert!(event.message.ends_with(stop) && event.found.expect("found").ends_with(stop));
         assert!(event.remedy.expect("told").starts_with("Make sure that nobody touches the sphere. "));
+    }
+
+    #[tokio::test]
+    async fn the_log_of_the_first_stop_shows_what_stopped_a_rig_that_fails_again() {
+        let (_loop_end, end) = bridge().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut flights =
+            Flights::new(Some(folder.path().to_owned()), 1_000_000, <_>::default(), <_>::default());
+        let mut incidents = Incidents::new(RigConfig::prototype().rig, false);
+        let mut log = |tick, mode, cause| {
+            let mut sample = crate::still::still(tick);
+            (sample.state.mode, sample.state.cause) = (mode, cause);
+            let told = incidents.look(&sample, &end, &mut flights, &mut StatsOk::default());
+            let present = incidents.present().and_then(|event| event.flight_log.clone());
+            (told.and_then(|event| event.flight_log), present)
+        };
+        log(1, Mode::Idle, None);
+        let (first, present) = log(2, Mode::Estop, None);
+        assert!(first.is_some() && present == first);
+        let (second, present) = log(3000, Mode::Fault, Some(Cause::LinkLost));
+        assert!(second.is_some() && second != first && present == first);
+        log(3001, Mode::Idle, None);
+        let (third, present) = log(6000, Mode::Estop, None);
+        assert!(third != first && present == third);
     }
 }
