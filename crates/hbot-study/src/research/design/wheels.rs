@@ -249,11 +249,12 @@ fn checks(report: &mut Report, counts: &[Count]) {
     );
     let rises = |of: fn(&Count) -> f64| counts.windows(2).all(|pair| of(&pair[1]) > of(&pair[0]));
     let gains = rises(|c| c.measures.torque)
+        && rises(|c| c.one_dead)
         && rises(|c| 1.0 / c.measures.load)
         && rises(|c| c.measures.inertia)
         && rises(|c| c.measures.gci);
     report.check(
-        "peak torque, torque before slip, conditioning, and apparent inertia grow with every wheel",
+        "peak torque, also where one wheel is dead, torque before slip, conditioning, and apparent inertia grow with every wheel",
         if gains { "they do" } else { "they do not" },
         gains,
     );

@@ -253,7 +253,7 @@ fn explain(report: &mut Report, known: &Known, wheels: &str, starts: [f64; 2]) {
     within("GCI, four motors, spectral, over the torus", four[0].spectral, [0.641, 0.651]);
     within("GCI, three motors, spectral, over SO(3)", three[1].spectral, [0.415, 0.430]);
     within("GCI, four motors, spectral, over SO(3)", four[1].spectral, [0.673, 0.687]);
-    within("GCI, three motors, Frobenius, over the torus", three[0].frobenius, [0.650, 0.670]);
+    within("GCI, three motors, Frobenius, over the torus", three[0].frobenius, [0.655, 0.665]);
     within("GMI, three motors, over the torus", gmi[0][0], [0.620, 0.630]);
     report.compare(
         "GCI (V.D)",

@@ -3,7 +3,6 @@
 
 mod axis;
 mod borders;
-mod felt;
 mod kinds;
 mod plane;
 mod wall;
@@ -28,7 +27,6 @@ pub(crate) fn study(context: &Context) -> Report {
     borders::study(context, &mut report);
     plane::study(context, &mut report);
     wall::study(context, &mut report);
-    felt::study(&mut report);
     kinds::study(context, &mut report);
     conclude(&mut report);
     report
