@@ -755,7 +755,7 @@ await look();
 // The box says another step first.
 assert.deepEqual(await next(), []);
 await page.click("#enable");
-await shows("#details", "Not enabled: op enable: the reference of effect \"spring\"");
+await shows("#details", "Not enabled: the reference of effect \"spring\"");
 await until("a refused Enable is off", () => page.locator("#enable").isDisabled());
 await load({ name: "As text", effect: [spring] });
 await shows("#distance", "The scene begins where the sphere is.");
